@@ -1,0 +1,1 @@
+"""Shared nouns and seams: messages, topics, buses, the process loop, geometry, inference."""

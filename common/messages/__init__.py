@@ -1,0 +1,48 @@
+"""The messages on the wire: frozen, typed, checked when made and when decoded."""
+
+from common.messages.base import F32, F64, U8, U16, Message, Span
+from common.messages.camera import (
+    CameraInfo,
+    CompressedRgbdFrame,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+)
+from common.messages.people import (
+    Crop,
+    Crops,
+    Detection,
+    Detections,
+    Embeddings,
+    Mask,
+    Track,
+    Tracks,
+    Truth,
+    TruthPerson,
+)
+from common.messages.status import Health
+
+__all__ = [
+    "F32",
+    "F64",
+    "U8",
+    "U16",
+    "CameraInfo",
+    "CompressedRgbdFrame",
+    "Crop",
+    "Crops",
+    "Detection",
+    "Detections",
+    "Embeddings",
+    "Health",
+    "Mask",
+    "Message",
+    "Odometry",
+    "RgbdFrame",
+    "Span",
+    "StaticTransform",
+    "Track",
+    "Tracks",
+    "Truth",
+    "TruthPerson",
+]

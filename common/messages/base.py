@@ -1,0 +1,98 @@
+"""What every message has, and the checks that messages share."""
+
+import re
+from typing import Any, ClassVar
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+
+U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+
+MAX_TRACE = 64
+
+
+class Span(msgspec.Struct, frozen=True, kw_only=True):
+    """One stage that a message passed, on the clock of the host named by its process."""
+
+    stage: str  # "<service>.<stage>", for example "detector.inference"
+    process: str  # instance that did the work, "<instance>@<host>"
+    start_ns: int  # [ns] wall clock (Unix epoch) when the stage began
+    end_ns: int  # [ns] wall clock (Unix epoch) when the stage ended
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True):
+    """Base of every message: when it was seen, its number, and the way it came."""
+
+    VERSION: ClassVar[int] = 1
+
+    stamp_ns: int  # [ns] acquisition time of the data (Unix epoch, or the recording's own clock)
+    sequence: int  # counts up by one per frame of a camera, else per message of its publisher
+    trace: tuple[Span, ...] = ()  # stages passed so far, oldest first
+
+    def __post_init__(self) -> None:
+        """Check the header.
+
+        Raises:
+            ValueError: The sequence is negative or the trace is too long.
+        """
+        if self.sequence < 0:
+            raise ValueError(f"sequence: expected >= 0, got {self.sequence}")
+        if len(self.trace) > MAX_TRACE:
+            raise ValueError(f"trace: expected at most {MAX_TRACE} stages, got {len(self.trace)}")
+
+
+def check_name(field: str, value: str) -> None:
+    """Check that a name can be one chunk of a key expression.
+
+    Args:
+        field: Name of the field, for the error.
+        value: The name.
+
+    Raises:
+        ValueError: The name is empty, too long or has other characters than A-Z a-z 0-9 _ . -
+    """
+    if not NAME.fullmatch(value):
+        raise ValueError(f"{field}: expected 1 to 64 of A-Z a-z 0-9 _ . -, got {value!r}")
+
+
+def check_shape(field: str, array: npt.NDArray[Any] | None, shape: tuple[int | None, ...]) -> None:
+    """Check the shape of an array; None stands for any length.
+
+    Args:
+        field: Name of the field, for the error.
+        array: The array; None passes.
+        shape: Expected lengths, None for any.
+
+    Raises:
+        ValueError: The number of axes or one of the lengths differs.
+    """
+    if array is None:
+        return
+    same_axes = array.ndim == len(shape)
+    if not same_axes or any(
+        want not in (None, got) for want, got in zip(shape, array.shape, strict=True)
+    ):
+        expected = "x".join("any" if n is None else str(n) for n in shape)
+        got = "x".join(map(str, array.shape)) or "a scalar"
+        raise ValueError(f"{field}: expected shape {expected}, got {got}")
+
+
+def check_finite(field: str, *values: npt.NDArray[Any] | float | None) -> None:
+    """Check that no value is NaN or infinite.
+
+    Args:
+        field: Name of the field, for the error.
+        values: Numbers or arrays; None passes.
+
+    Raises:
+        ValueError: A value is NaN or infinite.
+    """
+    for value in values:
+        if value is not None and not np.all(np.isfinite(value)):
+            raise ValueError(f"{field}: expected finite numbers, got NaN or infinity")

@@ -1,0 +1,197 @@
+"""Messages about people: detections, appearance, tracks and motion-capture truth."""
+
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from common.messages.base import (
+    F32,
+    F64,
+    U8,
+    Message,
+    check_finite,
+    check_name,
+    check_shape,
+)
+
+
+class Mask(msgspec.Struct, frozen=True, kw_only=True):
+    """Pixels of one person inside a window of the image."""
+
+    x_px: int  # [px] left edge of the window
+    y_px: int  # [px] top edge of the window
+    width: int  # [px] of the window
+    height: int  # [px] of the window
+    bits: bytes  # row-major, 1 bit a pixel, highest bit first, padded with 0 at the end
+
+    def __post_init__(self) -> None:
+        """Check that the window is filled exactly."""
+        if min(self.x_px, self.y_px) < 0 or min(self.width, self.height) < 1:
+            raise ValueError("mask: expected a window in the image, got a negative or empty one")
+        size = (self.width * self.height + 7) // 8
+        if len(self.bits) != size:
+            raise ValueError(f"bits: expected {size} bytes, got {len(self.bits)}")
+
+    @classmethod
+    def from_array(cls, window: U8, x_px: int = 0, y_px: int = 0) -> "Mask":
+        """Pack a window of pixels (HxW, non-zero = person)."""
+        height, width = window.shape
+        bits = np.packbits(window != 0).tobytes()
+        return cls(x_px=x_px, y_px=y_px, width=width, height=height, bits=bits)
+
+    def window(self) -> U8:
+        """Unpack to HxW, 1 = person."""
+        flat = np.unpackbits(np.frombuffer(self.bits, np.uint8), count=self.width * self.height)
+        return flat.reshape(self.height, self.width)
+
+
+class Detection(msgspec.Struct, frozen=True, kw_only=True):
+    """One person in one frame."""
+
+    box_xyxy_px: F32  # [px] 4: left, top, right, bottom; may reach beyond the image
+    score: float  # detection confidence, 0 to 1
+    keypoints: F32 | None = None  # [px] 17x3: u, v, confidence (0 to 1), COCO order; absent if none
+    mask: Mask | None = None  # instance mask; absent if the model gives none
+    position_m: F64 | None = None  # [m] 3, frame: camera optical; absent if depth gave none
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers."""
+        check_shape("box_xyxy_px", self.box_xyxy_px, (4,))
+        check_finite("box_xyxy_px", self.box_xyxy_px)
+        check_shape("keypoints", self.keypoints, (17, 3))
+        check_shape("position_m", self.position_m, (3,))
+        check_finite("keypoints, position_m", self.keypoints, self.position_m)
+        if not 0 <= self.score <= 1:
+            raise ValueError(f"score: expected 0 to 1, got {self.score}")
+
+
+class Detections(Message, frozen=True, kw_only=True):
+    """All people found in one frame; sent for empty frames too."""
+
+    camera: str  # name of the camera
+    frame_id: str  # optical frame that positions are in
+    model: str  # name of the model that found them
+    width: int  # [px] of the image
+    height: int  # [px] of the image
+    people: tuple[Detection, ...] = ()  # in no particular order; other messages refer by index
+
+    def __post_init__(self) -> None:
+        """Check names."""
+        super().__post_init__()
+        check_name("camera", self.camera)
+        check_name("frame_id", self.frame_id)
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"width, height: expected >= 1, got {self.width}, {self.height}")
+
+
+class Crop(msgspec.Struct, frozen=True, kw_only=True):
+    """The picture of one detected person."""
+
+    detection: int  # index into Detections.people of the same camera and stamp
+    rgb: U8  # HxWx3, red first, the box cut to the image
+    mask: U8 | None = None  # HxW, non-zero = person; absent if the model gives none
+    keypoints: F32 | None = None  # [px] 17x3 in the crop: u, v, confidence; absent if none
+
+    def __post_init__(self) -> None:
+        """Check shapes."""
+        check_shape("rgb", self.rgb, (None, None, 3))
+        check_shape("mask", self.mask, self.rgb.shape[:2])
+        check_shape("keypoints", self.keypoints, (17, 3))
+        if 0 in self.rgb.shape or self.detection < 0:
+            raise ValueError("crop: expected pixels and an index >= 0, got neither or one")
+
+
+class Crops(Message, frozen=True, kw_only=True):
+    """Pictures of the people of one frame, for re-identification; sent for empty frames too."""
+
+    camera: str  # name of the camera
+    people: tuple[Crop, ...] = ()  # one for each detection whose box meets the image
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        super().__post_init__()
+        check_name("camera", self.camera)
+
+
+class Embeddings(Message, frozen=True, kw_only=True):
+    """Appearance of the people of one frame."""
+
+    camera: str  # name of the camera
+    model: str  # name of the embedder; only embeddings of one model compare
+    detections: tuple[int, ...]  # N indices into Detections.people of the same camera and stamp
+    vectors: F32  # NxD, unit length; cosine distance is 1 - a.b
+
+    def __post_init__(self) -> None:
+        """Check that each detection has one vector."""
+        super().__post_init__()
+        check_name("camera", self.camera)
+        check_shape("vectors", self.vectors, (len(self.detections), None))
+        check_finite("vectors", self.vectors)
+
+
+class Track(msgspec.Struct, frozen=True, kw_only=True):
+    """One person over time, in the frame that Tracks names."""
+
+    id: int  # identity, >= 1, never reused by a running tracker
+    state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not seen in this frame
+    position_m: F64  # [m] 3, frame: Tracks.frame_id
+    velocity_mps: F64  # [m/s] 3, frame: Tracks.frame_id
+    covariance: F64  # [m, m/s] 6x6 of position and velocity, frame: Tracks.frame_id
+    yaw_rad: float | None  # [rad] heading, 0 = +x, counter-clockwise, (-pi, pi]; absent if standing
+    hits: int  # frames in which the person was matched
+    age: int  # frames since the track began
+    time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
+    detection: int | None  # index into Detections.people of this stamp; absent if not matched
+    score: float  # confidence of the last matched detection, 0 to 1
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers."""
+        check_shape("position_m", self.position_m, (3,))
+        check_shape("velocity_mps", self.velocity_mps, (3,))
+        check_shape("covariance", self.covariance, (6, 6))
+        check_finite("position_m, velocity_mps", self.position_m, self.velocity_mps)
+        check_finite("covariance, yaw_rad", self.covariance, self.yaw_rad)
+
+
+class Tracks(Message, frozen=True, kw_only=True):
+    """The people around the robot: one message for every frame, empty ones too."""
+
+    frame_id: str  # frame that people are in, "map" unless configured otherwise
+    tracker: str  # name of the tracking method
+    camera: str  # camera whose frame caused this message
+    people: tuple[Track, ...] = ()  # confirmed and lost tracks, and tentative ones if configured
+
+    def __post_init__(self) -> None:
+        """Check names."""
+        super().__post_init__()
+        check_name("frame_id", self.frame_id)
+        check_name("camera", self.camera)
+
+
+class TruthPerson(msgspec.Struct, frozen=True, kw_only=True):
+    """One person as motion capture sees them."""
+
+    id: str  # identity in the motion-capture system
+    position_m: F64  # [m] 3, torso, frame: Truth.frame_id
+    velocity_mps: F64 | None = None  # [m/s] 3, frame: Truth.frame_id; absent if unknown
+    yaw_rad: float | None = None  # [rad] of the chest, 0 = +x, counter-clockwise; absent if unknown
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers."""
+        check_shape("position_m", self.position_m, (3,))
+        check_shape("velocity_mps", self.velocity_mps, (3,))
+        check_finite("position_m, velocity_mps", self.position_m, self.velocity_mps)
+        check_finite("yaw_rad", self.yaw_rad)
+
+
+class Truth(Message, frozen=True, kw_only=True):
+    """People from motion capture."""
+
+    frame_id: str  # frame that positions are in
+    people: tuple[TruthPerson, ...] = ()  # people captured at this stamp
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        super().__post_init__()
+        check_name("frame_id", self.frame_id)

@@ -1,0 +1,29 @@
+"""Messages about the system itself."""
+
+from typing import Literal
+
+import msgspec
+
+from common.messages.base import Message, check_finite, check_name
+
+
+class Health(Message, frozen=True, kw_only=True):
+    """Heartbeat of one process."""
+
+    service: str  # name of the service, for example "detector"
+    instance: str  # name of this process, for example "detector-1"
+    host: str  # name of the machine it runs on
+    pid: int  # process number on that machine
+    state: Literal["starting", "ready", "degraded", "stalled", "stopping"]  # what it can do now
+    reason: str = ""  # why it is not ready, one sentence; empty when ready
+    counters: dict[str, int] = msgspec.field(default_factory=dict)  # events since start, by name
+    gauges: dict[str, float] = msgspec.field(
+        default_factory=dict
+    )  # [Hz] or [ms], of the last period
+
+    def __post_init__(self) -> None:
+        """Check names and numbers."""
+        super().__post_init__()
+        check_name("service", self.service)
+        check_name("instance", self.instance)
+        check_finite("gauges", *self.gauges.values())

@@ -1,0 +1,104 @@
+"""The table of streams, from which sockets, recorder, documentation and access rules derive."""
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from common.messages import (
+    CameraInfo,
+    CompressedRgbdFrame,
+    Crops,
+    Detections,
+    Embeddings,
+    Health,
+    Message,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+    Tracks,
+    Truth,
+)
+
+VERSION = "v1"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One stream.
+
+    Args:
+        name: What the command line and the documentation call it.
+        key: Key below people4d/v1/<robot>/; names in braces are fields of the message.
+        message: Type of its messages.
+        rate_hz: Expected rate of one publisher; 0 if sent once.
+        delivery: "newest": the newest message wins, older ones are dropped and counted;
+            "queue": kept in order up to depth; "latched": sent once, late joiners get the last.
+        depth: Messages that a subscriber keeps while it is busy.
+        producer: Service that publishes it.
+    """
+
+    name: str
+    key: str
+    message: type[Message]
+    rate_hz: float
+    delivery: Literal["newest", "queue", "latched"]
+    depth: int
+    producer: str
+
+    def key_of(self, message: Message, robot: str) -> str:
+        """Return the full key of a message."""
+        return f"{prefix(robot)}/{self.key.format_map(_Fields(message))}"
+
+    def key_expression(self, robot: str) -> str:
+        """Return the key expression that covers all keys of this topic."""
+        return f"{prefix(robot)}/{re.sub(r'{[^}]*}', '*', self.key)}"
+
+
+class _Fields(dict[str, str]):
+    """The fields of a message as str.format_map wants them."""
+
+    def __init__(self, message: Message) -> None:
+        super().__init__()
+        self.message = message
+
+    def __missing__(self, name: str) -> str:
+        return str(getattr(self.message, name))
+
+
+# fmt: off
+TOPICS: tuple[Topic, ...] = (
+    Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 2, "camera"),
+    Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 2, "camera"),
+    Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera"),
+    Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera"),
+    Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera"),
+    Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector"),
+    Topic("crops", "raw/{camera}/crops", Crops, 30, "queue", 8, "detector"),
+    Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid"),
+    Topic("people", "people", Tracks, 30, "queue", 64, "tracker"),
+    Topic("truth", "truth", Truth, 100, "queue", 256, "gt_bridge"),
+    Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, "every service"),
+)
+# fmt: on
+
+BY_MESSAGE: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS}
+BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}
+
+
+def prefix(robot: str) -> str:
+    """Return the key prefix of one robot."""
+    return f"people4d/{VERSION}/{robot}"
+
+
+def topic_of_key(key: str, robot: str = "*") -> Topic | None:
+    """Return the topic that a full key belongs to, None if to none.
+
+    Args:
+        key: Full key, for example people4d/v1/robot/people.
+        robot: Name of the robot that the key must belong to, "*" for any.
+    """
+    for topic in TOPICS:
+        pattern = re.escape(topic.key_expression(robot)).replace(r"\*", "[^/]+")
+        if re.fullmatch(pattern, key):
+            return topic
+    return None

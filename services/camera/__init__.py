@@ -1,0 +1,1 @@
+"""RGB-D sources behind one numpy interface."""

@@ -1,0 +1,1 @@
+"""RGB-D frame to people: box, score, keypoints or mask, 3D position, crop."""

@@ -1,0 +1,1 @@
+"""Motion-capture truth to the same shape as tracks."""

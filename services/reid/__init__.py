@@ -1,0 +1,1 @@
+"""Crops of people to unit-length embeddings."""

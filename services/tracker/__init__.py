@@ -1,0 +1,1 @@
+"""Detections and embeddings to tracks in `map`."""

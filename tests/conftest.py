@@ -1,0 +1,15 @@
+"""What several tests need."""
+
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Folder of reference inputs beside the repository; skips where it is absent."""
+    if not (SHARED / "data").is_dir():
+        pytest.skip("reference data (../shared) is not beside the repository")
+    return SHARED
