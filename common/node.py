@@ -11,8 +11,8 @@ from common.messages import Message
 class Status(msgspec.Struct, frozen=True, kw_only=True):
     """What a node says of itself in its heartbeat."""
 
-    state: Literal["starting", "ready", "degraded"] = "ready"
-    reason: str = ""  # why it is not ready, one sentence
+    state: Literal["starting", "ready", "degraded", "finished"] = "ready"
+    reason: str = ""  # why it is not ready, one sentence; finished: the process may end
     counters: dict[str, int] = msgspec.field(default_factory=dict)  # events, drops by cause
 
 
@@ -44,4 +44,8 @@ class Node(Protocol):
 
     def status(self) -> Status:
         """Return what the heartbeat shall say."""
+        ...
+
+    def close(self) -> None:
+        """Release devices and files; called once, when the process ends."""
         ...
