@@ -6,6 +6,8 @@ import msgspec
 
 from common.messages.base import Message, check_finite, check_name
 
+State = Literal["starting", "ready", "degraded", "stalled", "stopping"]
+
 
 class Health(Message, frozen=True, kw_only=True):
     """Heartbeat of one process."""
@@ -14,7 +16,7 @@ class Health(Message, frozen=True, kw_only=True):
     instance: str  # name of this process, for example "detector-1"
     host: str  # name of the machine it runs on
     pid: int  # process number on that machine
-    state: Literal["starting", "ready", "degraded", "stalled", "stopping"]  # what it can do now
+    state: State  # what it can do now
     reason: str = ""  # why it is not ready, one sentence; empty when ready
     counters: dict[str, int] = msgspec.field(default_factory=dict)  # events since start, by name
     gauges: dict[str, float] = msgspec.field(

@@ -1,0 +1,83 @@
+"""The few lines a planner needs: people as they are told, on any machine."""
+
+import threading
+import time
+from collections.abc import Iterator
+from typing import TypeVar
+
+from common.inbox import Inbox
+from common.messages import Message, Tracks
+from common.topics import BY_MESSAGE
+from common.zenoh_bus import ZenohBus, read_config
+
+M = TypeVar("M", bound=Message)
+
+
+class Client:
+    """Receives messages of a running system through its router.
+
+    Args:
+        connect: Endpoint of the router, for example "tcp/192.168.1.7:7447"; empty for
+            $PEOPLE4D_CONNECT, else the router on this host.
+        robot: Name of the robot.
+        timeout_s: Longest wait for the router in seconds.
+
+    Raises:
+        People4dError: No router answers, or it refuses the credentials.
+    """
+
+    def __init__(self, connect: str = "", robot: str = "robot", timeout_s: float = 3.0) -> None:
+        environment = {"PEOPLE4D_CONNECT": connect} if connect else None
+        config = read_config(None, "client", environment)
+        self.bus = ZenohBus(config, robot, connect_timeout_s=timeout_s)
+        self.inbox = Inbox()
+
+    def messages(self, *kinds: type[M], timeout_s: float | None = None) -> Iterator[M]:
+        """Yield messages as they come.
+
+        Args:
+            kinds: Types of message, for example Tracks.
+            timeout_s: End when no message came for so long; None: wait for ever.
+        """
+        for kind in kinds:
+            threading.Thread(target=self._receive, args=(kind,), daemon=True).start()
+        waited_since = time.monotonic()
+        while timeout_s is None or time.monotonic() - waited_since < timeout_s:
+            # Short waits let Ctrl-C through.
+            arrival = self.inbox.get(0.2 if timeout_s is None else min(timeout_s, 0.2))
+            if arrival and isinstance(arrival.message, kinds):
+                yield arrival.message
+                waited_since = time.monotonic()
+
+    def close(self) -> None:
+        """Leave the network."""
+        self.bus.close()
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _receive(self, kind: type[Message]) -> None:
+        topic = BY_MESSAGE[kind]
+        for key, payload in self.bus.subscribe(topic):
+            self.inbox.put(topic, key, payload)
+
+
+def subscribe(connect: str = "", robot: str = "robot") -> Iterator[Tracks]:
+    """Yield the people around a robot, one message for every camera frame.
+
+        for people in subscribe("tcp/192.168.1.7:7447"):
+            for person in people.people:
+                print(person.id, person.position_m, person.velocity_mps, person.yaw_rad)
+
+    Args:
+        connect: Endpoint of the router; empty for the one on this host.
+        robot: Name of the robot.
+
+    Raises:
+        People4dError: No router answers, or it refuses the credentials.
+    """
+    with Client(connect, robot) as client:
+        yield from client.messages(Tracks)

@@ -1,0 +1,130 @@
+"""Health of a process, told twice a second from a thread of its own."""
+
+import contextlib
+import logging
+import os
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from typing import Literal
+
+import psutil
+
+from common.bus import Bus
+from common.inbox import Inbox
+from common.messages import Health
+from common.messages.status import State
+from common.node import Node
+from common.place import Place
+
+PERIOD_S = 0.5
+STALLED_AFTER_S = 2.0
+
+log = logging.getLogger("people4d")
+
+
+class Work:
+    """What the threads of a loop are doing, and what they did."""
+
+    def __init__(self) -> None:
+        self.counters: Counter[str] = Counter()
+        self._since: dict[int, float] = {}
+        self._lock = threading.Lock()
+
+    def count(self, name: str) -> None:
+        """Count an event."""
+        with self._lock:
+            self.counters[name] += 1
+
+    @contextlib.contextmanager
+    def busy(self) -> Iterator[None]:
+        """Mark this thread as at work inside the block."""
+        me, start = threading.get_ident(), time.monotonic()
+        self._since[me] = start
+        try:
+            yield
+        finally:
+            del self._since[me]
+
+    def longest_s(self) -> float:
+        """Return how long the slowest thread has been at its present work."""
+        started = list(self._since.values())
+        return time.monotonic() - min(started) if started else 0.0
+
+
+class Heartbeat:
+    """Publishes Health until closed.
+
+    Args:
+        node: Whose status is told.
+        bus: Where to publish.
+        place: Which process this is.
+        inbox: Whose counters are told.
+        work: Whose counters are told, and which shows whether the process hangs.
+    """
+
+    def __init__(self, node: Node, bus: Bus, place: Place, inbox: Inbox, work: Work) -> None:
+        self._node, self._bus, self._place = node, bus, place
+        self._inbox, self._work = inbox, work
+        self._process = psutil.Process()
+        self._sequence = 0
+        self._before: tuple[float, Counter[str]] = (time.monotonic(), Counter())
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Tell that the process stops, and end."""
+        self._closed.set()
+        self._thread.join()
+        self._publish("stopping")
+
+    def _beat(self) -> None:
+        while not self._closed.is_set():
+            self._publish()
+            self._closed.wait(PERIOD_S)
+
+    def _publish(self, state: State | None = None) -> None:
+        try:
+            self._bus.publish(self._health(state))
+        except Exception:  # the heartbeat must outlive whatever it reports on
+            log.exception("no heartbeat")
+
+    def _health(self, state: State | None) -> Health:
+        status = self._node.status()
+        now: State | Literal["finished"] = status.state
+        reason = status.reason
+        stuck_s = self._work.longest_s()
+        if stuck_s > STALLED_AFTER_S:
+            now, reason = "stalled", f"busy with one message for {stuck_s:.0f} s"
+        elif not state and now == "ready" and self._inbox.last_error_is_fresh():
+            now, reason = "degraded", self._inbox.last_error
+        counters = Counter(status.counters) + self._inbox.counters + self._work.counters
+        self._sequence += 1
+        return Health(
+            stamp_ns=time.time_ns(),
+            sequence=self._sequence - 1,
+            service=self._place.service,
+            instance=self._place.instance,
+            host=self._place.host,
+            pid=os.getpid(),
+            state=state or ("stopping" if now == "finished" else now),
+            reason=reason,
+            counters=dict(counters),
+            gauges=self._gauges(counters),
+        )
+
+    def _gauges(self, counters: Counter[str]) -> dict[str, float]:
+        """Return rates of messages [Hz], processor share [%] and memory [MB]."""
+        now = time.monotonic()
+        then, before = self._before
+        self._before = (now, counters)
+        elapsed = max(now - then, 1e-3)
+        rates = {
+            f"{name}_hz": (count - before[name]) / elapsed
+            for name, count in counters.items()
+            if name.startswith(("received_", "sent_"))
+        }
+        memory_mb = self._process.memory_info().rss / 2**20
+        return rates | {"cpu_percent": self._process.cpu_percent(), "memory_mb": memory_mb}

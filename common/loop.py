@@ -1,0 +1,151 @@
+"""The run loop: messages from the bus to the node and back."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+import msgspec
+
+from common.bus import Bus, Subscription
+from common.heartbeat import Heartbeat, Work
+from common.inbox import Arrival, Inbox
+from common.messages import Message, Span
+from common.messages.base import MAX_TRACE
+from common.node import Node
+from common.place import Place
+from common.topics import BY_MESSAGE, Topic
+from common.trace import collect
+
+LONGEST_WAIT_S = 0.25
+
+log = logging.getLogger("people4d")
+
+
+class Loop:
+    """Runs a node on a bus until it is finished or told to stop.
+
+    Args:
+        node: What to run. If it has `set_wake`, it gets a callback that makes `tick` due at once,
+            for nodes that are fed by a thread of their own.
+        bus: Where messages come from and go to.
+        place: Which process this is.
+        workers: Threads that call `handle` at once; outputs keep the order of the inputs.
+    """
+
+    def __init__(self, node: Node, bus: Bus, place: Place, workers: int = 1) -> None:
+        self.inbox = Inbox()
+        self._node = node
+        self._bus = bus
+        self._place = place
+        self._workers = workers
+        self._work = Work()
+        self._stop = threading.Event()
+        self._turn = threading.Condition()
+        self._published = 0
+
+    def run(self) -> None:
+        """Handle messages until `stop` is called or the node is finished, then what still waits."""
+        set_wake: Callable[[Callable[[], None]], None] | None = getattr(
+            self._node, "set_wake", None
+        )
+        if set_wake:
+            set_wake(self.inbox.wake)
+        subscriptions = [self._subscribe(BY_MESSAGE[kind]) for kind in self._node.inputs]
+        helpers = [threading.Thread(target=self._serve) for _ in range(self._workers - 1)]
+        for helper in helpers:
+            helper.start()
+        heartbeat = Heartbeat(self._node, self._bus, self._place, self.inbox, self._work)
+        try:
+            self._serve_and_tick()
+        finally:
+            self.stop()
+            for subscription in subscriptions:
+                subscription.close()
+            self._drain()
+            for helper in helpers:
+                helper.join()
+            self._node.close()
+            heartbeat.close()
+
+    def stop(self) -> None:
+        """End `run`; may be called from a signal handler or another thread."""
+        self._stop.set()
+        self.inbox.wake()
+
+    def _subscribe(self, topic: Topic) -> Subscription:
+        subscription = self._bus.subscribe(topic)
+
+        def receive() -> None:
+            for key, payload in subscription:
+                self.inbox.put(topic, key, payload)
+
+        threading.Thread(target=receive, name=topic.name, daemon=True).start()
+        return subscription
+
+    def _serve(self) -> None:
+        while not self._stop.is_set():
+            arrival = self.inbox.get(LONGEST_WAIT_S)
+            if arrival:
+                self._handle(arrival)
+
+    def _serve_and_tick(self) -> None:
+        while not self._stop.is_set():
+            arrival = self.inbox.get(self._wait_s())
+            if arrival:
+                self._handle(arrival)
+            outputs, spans = self._ask(lambda: self._node.tick(time.monotonic_ns()))
+            self._publish(outputs, spans)
+            if self._node.status().state == "finished":
+                log.info("finished")
+                return
+
+    def _drain(self) -> None:
+        while arrival := self.inbox.get(0.0):
+            self._handle(arrival)
+
+    def _wait_s(self) -> float:
+        wake_ns = self._node.wake_ns()
+        if wake_ns is None:
+            return LONGEST_WAIT_S
+        return min(max((wake_ns - time.monotonic_ns()) / 1e9, 0.0), LONGEST_WAIT_S)
+
+    def _handle(self, arrival: Arrival) -> None:
+        picked_ns = time.time_ns()
+        outputs, spans = self._ask(lambda: self._node.handle(arrival.message, time.monotonic_ns()))
+        spans = spans or [self._span("handle", picked_ns, time.time_ns())]
+        spans.insert(0, self._span("receive", arrival.received_ns, arrival.decoded_ns))
+        spans.insert(1, self._span("queue", arrival.decoded_ns, picked_ns))
+        with self._turn:
+            self._turn.wait_for(lambda: self._published == arrival.ticket)
+        try:
+            self._publish(outputs, spans)
+        finally:
+            with self._turn:
+                self._published += 1
+                self._turn.notify_all()
+
+    def _ask(
+        self, question: Callable[[], Sequence[Message]]
+    ) -> tuple[Sequence[Message], list[Span]]:
+        with self._work.busy(), collect(self._place.service, self._place.process) as spans:
+            try:
+                return question(), spans
+            except Exception:  # a bug in a node must not end the stream
+                self._work.count("errors")
+                log.exception("the node failed")
+                return (), spans
+
+    def _publish(self, outputs: Iterable[Message], spans: list[Span]) -> None:
+        for message in outputs:
+            trace = (*message.trace, *spans)[:MAX_TRACE]
+            self._bus.publish(msgspec.structs.replace(message, trace=trace))
+            self._work.count(f"sent_{BY_MESSAGE[type(message)].name}")
+
+    def _span(self, stage: str, start_ns: int, end_ns: int) -> Span:
+        return Span(
+            stage=f"{self._place.service}.{stage}",
+            process=self._place.process,
+            start_ns=start_ns,
+            end_ns=end_ns,
+        )

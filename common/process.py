@@ -1,0 +1,116 @@
+"""The one way to run a node as a process: flags, configuration, bus, signals, exit code."""
+
+import argparse
+import logging
+import os
+import signal
+import socket
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import cv2
+import msgspec
+
+from common.config import load
+from common.errors import People4dError
+from common.loop import Loop
+from common.node import Node
+from common.place import Place
+from common.zenoh_bus import ZenohBus, read_config
+
+T = TypeVar("T", bound=msgspec.Struct)
+
+log = logging.getLogger("people4d")
+
+
+def main(
+    service: str,
+    kind: type[T],
+    build: Callable[[T], Node],
+    workers: int = 1,
+    mode: str = "peer",
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """Run one service until it is finished or told to stop (SIGTERM, SIGINT).
+
+    Args:
+        service: Name of the service and of its table in the configuration file.
+        kind: Record of its configuration.
+        build: Makes the node from the configuration.
+        workers: Threads that handle messages at once; more than one needs a thread-safe node.
+        mode: Shipped Zenoh configuration that is used when none is given.
+        arguments: Command line, None for the process's own.
+
+    Returns:
+        Exit code: 0 done, 1 a failure that was told in one sentence.
+    """
+    flags = _parser(service).parse_args(arguments)
+    logging.basicConfig(
+        level=logging.DEBUG if flags.debug else logging.INFO,
+        format=f"%(asctime)s {flags.instance} %(levelname)s %(message)s",
+        stream=sys.stderr,
+    )
+    cv2.setNumThreads(1)
+    try:
+        config = load(kind, service, flags.config, flags.set)
+        bus = ZenohBus(read_config(flags.zenoh, mode), flags.robot)
+        try:
+            node = build(config)
+            bus.announce(service, flags.instance)
+            loop = Loop(node, bus, Place(service, flags.instance, socket.gethostname()), workers)
+            _stop_on_signals(loop)
+            log.info("started")
+            loop.run()
+            log.info("stopped")
+        finally:
+            bus.close()
+    except People4dError as error:
+        log.error("%s", error, exc_info=flags.debug)
+        return 1
+    return 0
+
+
+def _stop_on_signals(loop: Loop) -> None:
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: loop.stop())
+
+
+def _parser(service: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=f"python -m services.{service}", description=f"Run the {service} service."
+    )
+    environment = os.environ
+    config = environment.get("PEOPLE4D_CONFIG")
+    parser.add_argument(
+        "--config",
+        type=Path,
+        default=Path(config) if config else None,
+        help=f"TOML file, table [{service}]; default $PEOPLE4D_CONFIG",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="FIELD=VALUE",
+        help="override one field of the configuration; may be repeated",
+    )
+    parser.add_argument(
+        "--robot",
+        default=environment.get("PEOPLE4D_ROBOT") or "robot",
+        help="name of the robot, part of every key; default $PEOPLE4D_ROBOT or robot",
+    )
+    parser.add_argument(
+        "--instance",
+        default=environment.get("PEOPLE4D_INSTANCE") or f"{service}-{os.getpid()}",
+        help="name of this process, unique on the robot; default $PEOPLE4D_INSTANCE",
+    )
+    parser.add_argument(
+        "--zenoh",
+        type=Path,
+        default=None,
+        help="Zenoh configuration (JSON5); default $PEOPLE4D_ZENOH or the shipped one",
+    )
+    parser.add_argument("--debug", action="store_true", help="show traces and debug messages")
+    return parser

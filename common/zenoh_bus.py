@@ -1,0 +1,158 @@
+"""The bus between processes: the only module that meets Zenoh."""
+
+import json
+import os
+import threading
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from common.codec import encode
+from common.errors import ConfigError, People4dError
+from common.messages import Message, RgbdFrame
+from common.topics import BY_MESSAGE, Topic, prefix
+
+CONFIGS = Path(__file__).resolve().parents[1] / "deploy" / "zenoh"
+
+
+def read_config(
+    file: Path | None, default: str, environment: Mapping[str, str] | None = None
+) -> zenoh.Config:
+    """Read a Zenoh configuration (Zenoh's own JSON5).
+
+    Args:
+        file: The file; None for $PEOPLE4D_ZENOH, else the shipped one.
+        default: Shipped one to fall back on: "peer", "router" or "client".
+        environment: PEOPLE4D_CONNECT and PEOPLE4D_LISTEN (endpoints, comma-separated) win over the
+            file, so that one file serves every host; None for the process's own environment.
+
+    Raises:
+        ConfigError: The file cannot be read or Zenoh refuses it.
+    """
+    environment = os.environ if environment is None else environment
+    path = file or Path(environment.get("PEOPLE4D_ZENOH") or CONFIGS / f"{default}.json5")
+    try:
+        config = zenoh.Config.from_file(str(path))
+        for name in ("connect", "listen"):
+            endpoints = environment.get(f"PEOPLE4D_{name.upper()}")
+            # A router must not call itself where the variable is set for all services of a host.
+            if endpoints and (name, default) != ("connect", "router"):
+                config.insert_json5(f"{name}/endpoints", json.dumps(endpoints.split(",")))
+    except zenoh.ZError as error:
+        raise ConfigError(f"Zenoh configuration {path} is not usable: {error}") from error
+    return config
+
+
+class ZenohSubscription:
+    """Payloads of one topic; iterate in a thread of its own."""
+
+    def __init__(self, subscriber: Any) -> None:
+        self._subscriber = subscriber
+        self._closed = False
+
+    def __iter__(self) -> Iterator[tuple[str, bytes]]:
+        """Yield key and payload until closed."""
+        while not self._closed:
+            try:
+                sample = self._subscriber.handler.recv()
+            except zenoh.ZError:
+                return
+            if sample.kind == zenoh.SampleKind.PUT:
+                yield str(sample.key_expr), sample.payload.to_bytes()
+
+    def close(self) -> None:
+        """End the iteration."""
+        if not self._closed:
+            self._closed = True
+            self._subscriber.undeclare()
+
+
+class ZenohBus:
+    """Publishes and subscribes through one Zenoh session.
+
+    Args:
+        config: Zenoh configuration.
+        robot: Name of the robot, third chunk of every key.
+        connect_timeout_s: Longest wait for a router in client mode.
+
+    Raises:
+        People4dError: No session: nobody listens at the endpoint, or it refuses the credentials.
+    """
+
+    def __init__(self, config: zenoh.Config, robot: str, connect_timeout_s: float = 0.0) -> None:
+        self.robot = robot
+        self._publishers: dict[str, Any] = {}
+        self._subscriptions: list[ZenohSubscription] = []
+        self._lock = threading.Lock()
+        zenoh.init_log_from_env_or("error")
+        if connect_timeout_s:
+            config.insert_json5("connect/timeout_ms", str(int(connect_timeout_s * 1000)))
+            config.insert_json5("connect/exit_on_failure", "true")
+        endpoints = config.get_json("connect/endpoints")
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise People4dError(
+                f"no Zenoh session with {endpoints} ({error})",
+                "Is the system up (people4d ps), the endpoint right (--connect), and do user, "
+                "password or certificates match the router's?",
+            ) from error
+
+    def publish(self, message: Message) -> None:
+        """Send a message on the key that the topic table gives it."""
+        topic = BY_MESSAGE[type(message)]
+        key = topic.key_of(message, self.robot)
+        lossless = isinstance(message, RgbdFrame) and message.lockstep
+        publisher = self._publisher(topic, key, lossless)
+        publisher.put(encode(message))
+
+    def subscribe(self, topic: Topic) -> ZenohSubscription:
+        """Receive a topic; of a latched one the last message of each key comes first."""
+        key = topic.key_expression(self.robot)
+        channel: Any = zenoh.handlers.RingChannel(topic.depth)
+        subscriber: Any
+        if topic.delivery == "latched":
+            history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
+            subscriber = zenoh.ext.declare_advanced_subscriber(
+                self._session, key, channel, history=history
+            )
+        else:
+            subscriber = self._session.declare_subscriber(key, channel)
+        subscription = ZenohSubscription(subscriber)
+        self._subscriptions.append(subscription)
+        return subscription
+
+    def announce(self, service: str, instance: str) -> None:
+        """Declare a liveliness token: it vanishes when this process does."""
+        key = f"{prefix(self.robot)}/alive/{service}/{instance}"
+        self._token = self._session.liveliness().declare_token(key)
+
+    def close(self) -> None:
+        """End all subscriptions and leave the network."""
+        for subscription in self._subscriptions:
+            subscription.close()
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def _publisher(self, topic: Topic, key: str, lossless: bool) -> Any:
+        name = f"{key}{'!' if lossless else ''}"
+        with self._lock:
+            if name not in self._publishers:
+                self._publishers[name] = self._declare(topic, key, lossless)
+            return self._publishers[name]
+
+    def _declare(self, topic: Topic, key: str, lossless: bool) -> Any:
+        # A slow link must not hold up live frames; everything else is small enough to wait for.
+        wait = lossless or topic.delivery != "newest"
+        control = zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP
+        if topic.delivery == "latched":
+            return zenoh.ext.declare_advanced_publisher(
+                self._session,
+                key,
+                congestion_control=control,
+                cache=zenoh.ext.CacheConfig(max_samples=1),
+                publisher_detection=True,
+            )
+        return self._session.declare_publisher(key, congestion_control=control, express=True)

@@ -1,0 +1,1 @@
+"""The meeting point of one host: a Zenoh session in router mode."""
