@@ -1,0 +1,1 @@
+"""Measured comparisons; each module prints its table and writes it beside itself."""

@@ -1,0 +1,49 @@
+"""Tables of measured figures, as Markdown."""
+
+import platform
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+
+def quantiles(values_ms: Sequence[float]) -> list[str]:
+    """Return p50, p95, p99 of durations in milliseconds, as text."""
+    return [f"{np.percentile(values_ms, q):.2f}" for q in (50, 95, 99)]
+
+
+def spread(values: Sequence[float], form: str = "{:.2f}") -> str:
+    """Return the median with minimum and maximum over rounds, as text."""
+    low, middle, high = min(values), float(np.median(values)), max(values)
+    return f"{form.format(middle)} ({form.format(low)} to {form.format(high)})"
+
+
+def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def machine() -> str:
+    """Return what the figures were measured on, in one line."""
+    model = platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        names = [x for x in cpuinfo.read_text().splitlines() if x.startswith("model name")]
+        model = names[0].partition(":")[2].strip() if names else model
+    return f"{model}, {psutil.cpu_count()} cores, Python {platform.python_version()}"
+
+
+def write(script: str, title: str, *parts: str) -> None:
+    """Print a report and write it beside its script.
+
+    Args:
+        script: `__file__` of the benchmark.
+        title: First line.
+        parts: Paragraphs and tables.
+    """
+    command = f"`python -m benchmarks.{Path(script).stem}`"
+    text = "\n\n".join([f"# {title}", f"Made by {command} on {machine()}.", *parts]) + "\n"
+    print(text)
+    Path(script).with_suffix(".md").write_text(text, encoding="utf-8")
