@@ -1,0 +1,92 @@
+"""Which detection belongs to which track: distances, gates and the assignment.
+
+In a cost matrix rows are tracks and columns detections; +inf marks a pair that may not be matched.
+"""
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from common.messages import F64
+
+T = TypeVar("T")
+D = TypeVar("D")
+
+
+def assign(cost: F64) -> list[tuple[int, int]]:
+    """Match as many admissible pairs as possible, at the least sum of costs (Hungarian method).
+
+    Args:
+        cost: NxM, +inf for inadmissible pairs.
+
+    Returns:
+        Matched pairs (row, column), ordered by row.
+    """
+    admissible = np.isfinite(cost)
+    if not admissible.any():
+        return []
+    least = cost[admissible].min()
+    spread = cost[admissible].max() - least
+    # Dearer than all pairs together, so that giving up an admissible pair never pays.
+    forbidden = (spread + 1.0) * (min(cost.shape) + 1)
+    rows, columns = linear_sum_assignment(np.where(admissible, cost - least, forbidden))
+    return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if admissible[i, j]]
+
+
+def associate(
+    cost: F64, tracks: Sequence[T], detections: Sequence[D]
+) -> tuple[list[tuple[T, D]], list[T], list[D]]:
+    """Return matched pairs, the tracks left over and the detections left over."""
+    pairs = assign(cost)
+    rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
+    return (
+        [(tracks[i], detections[j]) for i, j in pairs],
+        [track for i, track in enumerate(tracks) if i not in rows],
+        [detection for j, detection in enumerate(detections) if j not in columns],
+    )
+
+
+def distances(a_m: F64, b_m: F64) -> F64:
+    """Return the Euclidean distance (NxM, metres) of each of N points to each of M points."""
+    gap: F64 = np.linalg.norm(a_m[:, None] - b_m[None], axis=-1)
+    return gap
+
+
+def min_max(values: F64) -> F64:
+    """Scale values to 0 to 1; all 0 if they are equal or none (method book section 4)."""
+    if not values.size:
+        return values
+    least = values.min()
+    spread = values.max() - least
+    return (values - least) / spread if spread > 0 else np.zeros_like(values)
+
+
+def adaptive_gate(previous_m: F64, sigmas: float = 1.6) -> float:
+    """Return tau = mu + 1.6 sigma of the distances of the previous frame (method book section 4).
+
+    Args:
+        previous_m: All track-to-detection distances of the previous frame, metres.
+        sigmas: Standard deviations above the mean.
+
+    Returns:
+        Largest distance in metres; infinity if the previous frame had no pair.
+    """
+    return float(previous_m.mean() + sigmas * previous_m.std()) if previous_m.size else np.inf
+
+
+def cosine_distances(a: Sequence[F64 | None], b: Sequence[F64 | None]) -> F64:
+    """Return 1 - a.b (0 to 2) of each pair of embeddings, NaN where one is unknown.
+
+    Args:
+        a: N unit vectors of one length, None where unknown.
+        b: M unit vectors of the same length, None where unknown.
+    """
+    length = next((len(v) for v in (*a, *b) if v is not None), 0)
+    if not length:
+        return np.full((len(a), len(b)), np.nan)
+    unknown = np.full(length, np.nan)
+    left = np.array([unknown if v is None else v for v in a]).reshape(len(a), length)
+    right = np.array([unknown if v is None else v for v in b]).reshape(len(b), length)
+    return np.clip(1.0 - left @ right.T, 0.0, 2.0)

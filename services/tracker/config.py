@@ -1,0 +1,142 @@
+"""Configuration of the tracker service; every constant of the methods is here."""
+
+from typing import Any
+
+import msgspec
+
+CHI2_3DOF_95 = 7.8147
+
+
+def _expect(holds: bool, field: str, expected: str, got: object) -> None:
+    if not holds:
+        raise ValueError(f"{field}: expected {expected}, got {got}")
+
+
+def _expect_positive(record: msgspec.Struct, *fields: str) -> None:
+    for field in fields:
+        value = getattr(record, field)
+        _expect(0 < value < float("inf"), field, "a finite number > 0", value)
+
+
+def _expect_ratio(record: msgspec.Struct, *fields: str) -> None:
+    for field in fields:
+        value = getattr(record, field)
+        _expect(0 <= value <= 1, field, "0 to 1", value)
+
+
+class Sort3dConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """SORT-3D (method book section 4). Where no source is named the value is this project's."""
+
+    # association
+    iou_weight: float = 0.3  # a in c = a (1 - IoU) + (1 - a) d_n; section 4
+    iou_gate: bool = True  # refuse pairs with IoU < iou_min; section 4
+    iou_min: float = 0.3  # section 4 (default)
+    distance_gate: bool = True  # refuse pairs with d >= tau; section 4
+    distance_gate_sigmas: float = 1.6  # tau = mu + 1.6 sigma of the previous frame; section 4
+    # [m] tau is not taken below this. With one person sigma is 0 and tau the last distance itself,
+    # so that the plain rule refuses about every second match. 0 gives the plain rule.
+    distance_gate_floor_m: float = 0.5
+    # life cycle
+    min_hits: int = 3  # matches in a row, the first included, that confirm; section 4 (default)
+    t_lost: int = 30  # [frames] unmatched frames that delete; plain SORT has 1 (section 7)
+    # noise of the person
+    sigma_acceleration_mps2: float = 2.0  # [m/s^2] a walking person turning
+    sigma_measurement_m: float = 0.15  # [m]
+    sigma_start_velocity_mps: float = 2.0  # [m/s] of a new track: "large", section 4
+    # noise of the box
+    sigma_centre_px: float = 5.0  # [px] measured centre
+    sigma_acceleration_pxps2: float = 500.0  # [px/s^2] of the centre
+    sigma_start_centre_pxps: float = 300.0  # [px/s] of a new track
+    sigma_area_ratio: float = 0.1  # measured area, as a part of the area
+    sigma_acceleration_area_ratio: float = 2.0  # [1/s^2] of the area, as a part of the area
+    sigma_start_area_ratio_hz: float = 1.0  # [1/s] of the area of a new track, as a part of it
+    sigma_aspect: float = 0.1  # measured width over height
+    sigma_aspect_drift: float = 0.2  # [1/sqrt(s)] of width over height
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        _expect_ratio(self, "iou_weight", "iou_min")
+        for field in self.__struct_fields__:
+            if field.startswith("sigma"):
+                _expect_positive(self, field)
+        _expect_positive(self, "distance_gate_sigmas", "min_hits", "t_lost")
+        _expect(
+            self.distance_gate_floor_m >= 0,
+            "distance_gate_floor_m",
+            "a number >= 0",
+            self.distance_gate_floor_m,
+        )
+
+
+class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """StrongSORT-3D (section 5). Where no source is named the value is this project's."""
+
+    # round 1
+    motion_weight: float = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5
+    mahalanobis_max: float = CHI2_3DOF_95  # largest d_M^2: chi^2, 3 dof, 95 %; section 5
+    # C_cos, largest cosine distance by the name of the embedder; section 5 (default, per embedder)
+    cosine_distance_max: dict[str, float] = msgspec.field(
+        default_factory=lambda: {"histogram": 0.3, "osnet": 0.35}
+    )
+    cosine_distance_max_other: float = 0.3  # C_cos of an embedder that the table does not name
+    ema_alpha: float = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
+    # round 2
+    distance_max_m: float = 0.7  # [m] largest 3D distance; section 5 (default)
+    # life cycle
+    n_init: int = 3  # consecutive matches, the first included, that confirm; section 5 (default)
+    a_max: int = 30  # [frames] unmatched frames that delete; section 5 (default)
+    # noise
+    sigma_acceleration_mps2: float = 0.5  # [m/s^2] section 3
+    sigma_measurement_m: float = 0.5  # [m] section 3
+    sigma_start_velocity_mps: float = 2.0  # [m/s] of a new track
+    max_depth_m: float = 5.0  # [m] in R <- (1 + x / max_depth) R; section 3, eq. 4.11
+    nsa_floor: float = 0.05  # smallest factor 1 - score; 1.0 switches NSA off; section 3, eq. 3.4
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        _expect_ratio(self, "motion_weight", "ema_alpha")
+        _expect_positive(
+            self,
+            *("mahalanobis_max", "distance_max_m", "n_init", "a_max", "max_depth_m"),
+            *("sigma_acceleration_mps2", "sigma_measurement_m", "sigma_start_velocity_mps"),
+        )
+        _expect(0 < self.nsa_floor <= 1, "nsa_floor", "above 0, at most 1", self.nsa_floor)
+        limits = {**self.cosine_distance_max, "other embedders": self.cosine_distance_max_other}
+        for name, limit in limits.items():
+            _expect(0 < limit <= 2, f"cosine_distance_max of {name}", "above 0, at most 2", limit)
+
+
+class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """Configuration of the tracker service."""
+
+    tracker: str = "strongsort3d"  # sort3d, strongsort3d, or module:Class of your own
+    frame_id: str = "map"  # frame that tracks are in
+    # True: a frame without a transform from its camera is dropped. False: the camera is taken to
+    # stand at the origin and look along +x, which the status tells.
+    require_transform: bool = False
+    # output
+    publish_lost: bool = True  # publish people not seen in this frame, predicted; section 4: False
+    publish_tentative: bool = False  # publish people not yet confirmed
+    yaw_speed_min_mps: float = 0.2  # [m/s] below, a person has no heading
+    # time
+    max_lost_s: float = 5.0  # [s] without a match after which any track is deleted
+    clock_jump_s: float = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale
+    embedding_wait_s: float = 0.05  # [s] longest wait for the embeddings of a frame
+    embedding_patience: int = 3  # frames waited for in vain after which waiting stops
+    reorder_wait_s: float = 0.05  # [s] with several cameras, longest wait for the others' frames
+    predict_after_s: float = 0.2  # [s] without detections after which predictions are published
+    predict_hz: float = 10.0  # [Hz] rate of those predictions
+    # input
+    max_range_m: float = 100.0  # [m] positions farther from the camera are not believed
+    # methods
+    sort3d: Sort3dConfig = Sort3dConfig()
+    strongsort3d: StrongSort3dConfig = StrongSort3dConfig()
+    options: dict[str, Any] = msgspec.field(default_factory=dict)  # for a tracker of your own
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        _expect_positive(self, "max_lost_s", "clock_jump_s", "predict_after_s", "predict_hz")
+        _expect_positive(self, "embedding_patience", "max_range_m")
+        for field in ("embedding_wait_s", "reorder_wait_s", "yaw_speed_min_mps"):
+            value = getattr(self, field)
+            _expect(0 <= value < float("inf"), field, "a finite number >= 0", value)

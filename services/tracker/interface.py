@@ -1,0 +1,77 @@
+"""What every tracker takes and gives."""
+
+import enum
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+from common.messages import F32, F64, Track
+
+
+class Need(enum.Enum):
+    """A stream that a tracker uses beside the detections."""
+
+    EMBEDDINGS = "embeddings"
+    ODOMETRY = "odometry"
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One detected person as trackers see them: only detections with a 3D position come here."""
+
+    index: int  # index into Detections.people of the frame
+    box_xyxy_px: F32 | F64  # [px] 4, width and height > 0
+    score: float  # detection confidence, 0 to 1
+    position_m: F64  # [m] 3, frame: the one that tracks are in
+    forward_m: float  # [m] distance from the camera along its optical axis
+    embedding: F64 | None = None  # D, unit length; None if unknown
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """All that one frame told."""
+
+    stamp_ns: int  # [ns] acquisition time, never before that of the last observation
+    measurements: tuple[Measurement, ...] = ()  # in any order
+    camera: str = "camera"  # name of the camera that saw the frame
+    embedder: str = ""  # name of the model that made the embeddings; empty if there are none
+
+
+class Tracker(Protocol):
+    """People over time, from one observation to the next.
+
+    A tracker owns its identities: they start at 1 and are never used again, not even after `reset`.
+    """
+
+    needs: ClassVar[frozenset[Need]]
+
+    def update(self, observation: Observation) -> list[Track]:
+        """Take one frame, an empty one too, and return all tracks, ordered by id.
+
+        Args:
+            observation: The frame; the time step is measured from its stamp.
+
+        Raises:
+            ValueError: The stamp lies before that of the last observation.
+        """
+        ...
+
+    def predict(self, stamp_ns: int) -> list[Track]:
+        """Return the tracks as they should be at a later time; nothing is remembered of it.
+
+        Args:
+            stamp_ns: Time in nanoseconds, not before that of the last observation.
+        """
+        ...
+
+    def reset(self) -> None:
+        """Forget all people and times, but not which identities were given."""
+        ...
+
+
+def in_order(measurements: tuple[Measurement, ...]) -> list[Measurement]:
+    """Sort measurements by what the camera saw, so that the order of arrival decides nothing."""
+
+    def key(m: Measurement) -> tuple[float, ...]:
+        return (-m.score, *map(float, m.box_xyxy_px), m.forward_m)
+
+    return sorted(measurements, key=key)

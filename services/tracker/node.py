@@ -1,0 +1,241 @@
+"""Detections and embeddings in, tracks out."""
+
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import ClassVar
+
+import numpy as np
+
+from common.geometry import LINK_FROM_OPTICAL
+from common.messages import (
+    F64,
+    Detections,
+    Embeddings,
+    Message,
+    Span,
+    StaticTransform,
+    Track,
+    Tracks,
+)
+from common.node import Status
+from common.trace import span
+from services.tracker.config import TrackerConfig
+from services.tracker.interface import Need, Tracker
+from services.tracker.join import Frame, Join, Patience
+from services.tracker.observe import observe
+
+SLOW_FACTOR = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Last:
+    """The last frame tracked, from which predictions go on."""
+
+    detections: Detections
+    arrived_ns: int  # [ns] monotonic
+
+
+class TrackerNode:
+    """Joins the streams by camera and stamp, and tracks in one fixed frame.
+
+    Every Detections is answered by one Tracks of the same stamp, but for counted drops: `stale`
+    (older than what was tracked, or seen twice) and `no_transform`. When detections stop,
+    predictions are published until the tracks end; the tracker itself does not change by them.
+
+    Args:
+        config: The configuration.
+        tracker: The tracking method.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (Detections, Embeddings, StaticTransform)
+
+    def __init__(self, config: TrackerConfig, tracker: Tracker) -> None:
+        self._config = config
+        self._tracker = tracker
+        self._joins = Need.EMBEDDINGS in tracker.needs
+        self._join = Join(
+            Patience(
+                embedding_ns=int(config.embedding_wait_s * 1e9) if self._joins else 0,
+                embedding_frames=config.embedding_patience,
+                reorder_ns=int(config.reorder_wait_s * 1e9),
+            )
+        )
+        self._map_from: dict[str, F64] = {}
+        self._unplaced: set[str] = set()
+        self._last: _Last | None = None
+        self._last_of_camera: dict[str, int] = {}
+        self._intervals_ns: deque[int] = deque(maxlen=9)
+        self._predict_ns: int | None = None
+        self._showing = False
+        self._counters = Counter(dict.fromkeys(_COUNTERS, 0))
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        """Take one message and return the tracks that follow from it."""
+        flushed: list[Message] = []
+        if isinstance(message, Detections):
+            flushed = self._take_detections(message, now_ns)
+        elif isinstance(message, Embeddings) and self._joins:
+            self._join.add_embeddings(message, late=self._is_late(message))
+        elif isinstance(message, StaticTransform):
+            self._take_transform(message)
+        return [*flushed, *self._track_due(now_ns)]
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        """Return tracks of frames that have waited long enough, and predictions."""
+        return self._track_due(now_ns) or self._predict_due(now_ns)
+
+    def wake_ns(self) -> int | None:
+        """Return when a frame has waited long enough or a prediction is due."""
+        return self._join.wake_ns() if self._join.waiting else self._predict_ns
+
+    def status(self) -> Status:
+        """Tell what is missing and what was counted."""
+        reasons = []
+        if self._unplaced and not self._config.require_transform:
+            frames = ", ".join(sorted(self._unplaced))
+            reasons.append(
+                f"no transform {self._config.frame_id} <- {frames}: "
+                "the camera is taken to stand at the origin"
+            )
+        elif self._unplaced:
+            frames = ", ".join(sorted(self._unplaced))
+            reasons.append(f"no transform {self._config.frame_id} <- {frames}: frames are dropped")
+        if self._join.silent:
+            reasons.append("no embeddings come: people are matched by motion alone")
+        return Status(
+            state="degraded" if reasons else "ready",
+            reason="; ".join(reasons),
+            counters={**self._counters, **self._join.counters},
+        )
+
+    def close(self) -> None:
+        """Hold nothing that needs releasing."""
+
+    def _take_detections(self, detections: Detections, now_ns: int) -> list[Message]:
+        stamp_ns, flushed = detections.stamp_ns, list[Message]()
+        newest_ns = self._join.newest_ns(detections.camera)
+        if newest_ns is not None and newest_ns - stamp_ns > self._config.clock_jump_s * 1e9:
+            flushed = self._track_due(now_ns, flush=True)
+            self._restart(stamp_ns)
+        if self._is_stale(detections) or not self._join.add_detections(detections, now_ns):
+            self._counters["stale"] += 1
+        return flushed
+
+    def _restart(self, stamp_ns: int) -> None:
+        """Begin anew after a clock went back: a recording looped, or a camera was restarted."""
+        self._counters["clock_resets"] += 1
+        self._tracker.reset()
+        self._join.restart(stamp_ns)
+        self._last, self._predict_ns = None, None
+        self._last_of_camera.clear()
+        self._intervals_ns.clear()
+
+    def _is_stale(self, detections: Detections) -> bool:
+        if self._last and detections.stamp_ns < self._last.detections.stamp_ns:
+            return True
+        last_ns = self._last_of_camera.get(detections.camera)
+        return last_ns is not None and detections.stamp_ns <= last_ns
+
+    def _is_late(self, embeddings: Embeddings) -> bool:
+        last_ns = self._last_of_camera.get(embeddings.camera)
+        if last_ns is None:
+            return False
+        # Far behind is not late but the first of a time that begins anew.
+        return 0 <= last_ns - embeddings.stamp_ns <= self._config.clock_jump_s * 1e9
+
+    def _take_transform(self, transform: StaticTransform) -> None:
+        if transform.parent != self._config.frame_id:
+            return
+        child, matrix = transform.child, np.array(transform.matrix, np.float64)
+        before = LINK_FROM_OPTICAL if child in self._unplaced else self._map_from.get(child)
+        self._map_from[child] = matrix
+        self._unplaced.discard(child)
+        if before is not None and not np.array_equal(before, matrix):
+            # The people tracked so far stand where the camera was thought to be.
+            self._counters["transform_changes"] += 1
+            self._tracker.reset()
+
+    def _track_due(self, now_ns: int, flush: bool = False) -> list[Message]:
+        outputs: list[Message] = []
+        while frame := self._join.pop(now_ns, flush):
+            tracks = self._track(frame)
+            if tracks:
+                outputs.append(tracks)
+                self._remember(frame)
+        return outputs
+
+    def _track(self, frame: Frame) -> Tracks | None:
+        detections, embeddings = frame.detections, frame.embeddings
+        map_from_camera = self._map_from_camera(detections.frame_id)
+        if map_from_camera is None:
+            self._counters["no_transform"] += 1
+            return None
+        with span("track"):
+            observation = observe(
+                detections, embeddings, map_from_camera, self._config.max_range_m, self._counters
+            )
+            people = self._tracker.update(observation)
+        return self._publish(detections, people, (embeddings or detections).trace)
+
+    def _map_from_camera(self, frame_id: str) -> F64 | None:
+        matrix = self._map_from.get(frame_id)
+        if matrix is None:
+            self._unplaced.add(frame_id)
+            return None if self._config.require_transform else LINK_FROM_OPTICAL
+        return matrix
+
+    def _remember(self, frame: Frame) -> None:
+        if self._last:
+            self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
+        self._last = _Last(frame.detections, frame.arrived_ns)
+        self._last_of_camera[frame.detections.camera] = frame.detections.stamp_ns
+        # A playback slower than real time is no outage: wait longer where frames come slowly.
+        usual_ns = median(self._intervals_ns) if self._intervals_ns else 0
+        quiet_ns = max(self._config.predict_after_s * 1e9, SLOW_FACTOR * usual_ns)
+        self._predict_ns = frame.arrived_ns + int(quiet_ns)
+
+    def _predict_due(self, now_ns: int) -> list[Message]:
+        """Return predicted tracks if detections stopped; after the last track one empty message."""
+        last = self._last
+        if last is None or self._predict_ns is None or now_ns < self._predict_ns:
+            return []
+        was_showing = self._showing
+        stamp_ns = last.detections.stamp_ns + now_ns - last.arrived_ns
+        with span("predict"):
+            people = self._tracker.predict(stamp_ns)
+        tracks = self._publish(last.detections, people, (), stamp_ns)
+        if not was_showing and not tracks.people:
+            self._predict_ns = None
+            return []
+        self._predict_ns = now_ns + int(1e9 / self._config.predict_hz)
+        self._counters["predictions"] += 1
+        return [tracks]
+
+    def _publish(
+        self,
+        detections: Detections,
+        people: Sequence[Track],
+        trace: tuple[Span, ...],
+        stamp_ns: int | None = None,
+    ) -> Tracks:
+        shown = {"confirmed": True, "lost": self._config.publish_lost}
+        shown["tentative"] = self._config.publish_tentative
+        chosen = tuple(track for track in people if shown[track.state])
+        self._showing = bool(chosen)
+        return Tracks(
+            stamp_ns=detections.stamp_ns if stamp_ns is None else stamp_ns,
+            sequence=detections.sequence,
+            trace=trace,
+            frame_id=self._config.frame_id,
+            tracker=self._config.tracker,
+            camera=detections.camera,
+            people=chosen,
+        )
+
+
+_COUNTERS = (
+    *("stale", "no_transform", "clock_resets", "transform_changes", "predictions"),
+    *("without_position", "out_of_range", "empty_boxes", "bad_embeddings"),
+)

@@ -1,0 +1,67 @@
+"""From messages to what trackers take."""
+
+from collections import Counter
+
+import numpy as np
+
+from common.geometry import apply
+from common.messages import F64, Detections, Embeddings
+from services.tracker.interface import Measurement, Observation
+
+
+def observe(
+    detections: Detections,
+    embeddings: Embeddings | None,
+    map_from_camera: F64,
+    max_range_m: float,
+    counters: Counter[str],
+) -> Observation:
+    """Gather what a tracker can use of one frame; what it cannot use is counted.
+
+    Args:
+        detections: The people of the frame.
+        embeddings: Their appearance, None if unknown.
+        map_from_camera: 4x4, from the optical frame to the one that tracks are in.
+        max_range_m: Largest coordinate of a position, in metres, that is believed.
+        counters: Where detections and embeddings that cannot be used are counted.
+    """
+    vectors = _unit_vectors(embeddings, len(detections.people), counters) if embeddings else {}
+    measurements = []
+    for index, person in enumerate(detections.people):
+        left, top, right, bottom = map(float, person.box_xyxy_px)
+        if person.position_m is None:
+            counters["without_position"] += 1
+        elif np.abs(person.position_m).max() > max_range_m:
+            counters["out_of_range"] += 1
+        elif right - left < 1.0 or bottom - top < 1.0:
+            counters["empty_boxes"] += 1
+        else:
+            measurements.append(
+                Measurement(
+                    index=index,
+                    box_xyxy_px=person.box_xyxy_px,
+                    score=person.score,
+                    position_m=apply(map_from_camera, person.position_m),
+                    forward_m=float(person.position_m[2]),
+                    embedding=vectors.get(index),
+                )
+            )
+    return Observation(
+        stamp_ns=detections.stamp_ns,
+        measurements=tuple(measurements),
+        camera=detections.camera,
+        embedder=embeddings.model if embeddings else "",
+    )
+
+
+def _unit_vectors(embeddings: Embeddings, people: int, counters: Counter[str]) -> dict[int, F64]:
+    """Return the embeddings by index of their detection, at unit length."""
+    vectors: dict[int, F64] = {}
+    for index, vector in zip(embeddings.detections, embeddings.vectors, strict=True):
+        long_vector = vector.astype(np.float64)
+        length = float(np.linalg.norm(long_vector))
+        if 0 <= index < people and index not in vectors and length > 1e-6:
+            vectors[index] = long_vector / length
+        else:
+            counters["bad_embeddings"] += 1
+    return vectors

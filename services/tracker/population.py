@@ -1,0 +1,180 @@
+"""The people a tracker follows: identities, prediction, correction, birth and death."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from common.geometry import wrap
+from common.messages import F64, Track
+from services.tracker import kalman
+from services.tracker.interface import Measurement, Observation
+from services.tracker.motion import Motion
+
+
+@dataclass(slots=True)
+class Target:
+    """One person followed."""
+
+    id: int
+    x: F64  # state, see the motion model
+    P: F64  # its covariance
+    score: float  # of the last matched detection
+    camera: str  # that saw the person last
+    seen_ns: int  # [ns] stamp of the last match
+    detection: int | None  # index of the detection matched in this frame
+    confirmed: bool
+    embedding: F64 | None = None
+    hits: int = 1  # frames matched, the first included
+    streak: int = 1  # frames matched since the last miss
+    age: int = 1  # frames since the beginning, the first included
+    missed: int = 0  # frames since the last match, this one included until it is matched
+
+
+@dataclass(frozen=True, slots=True)
+class Survival:
+    """When a person is believed, and when given up.
+
+    Args:
+        confirm_hits: Matches in a row, the first sight included, that confirm a track.
+        tentative_frames: Unmatched frames after which a tentative track is deleted.
+        lost_frames: Unmatched frames after which a confirmed track is deleted.
+        lost_s: Seconds without a match after which any track is deleted.
+    """
+
+    confirm_hits: int
+    tentative_frames: int
+    lost_frames: int
+    lost_s: float
+
+    def ended(self, target: Target) -> bool:
+        """Tell whether too many frames have missed the person."""
+        limit = self.lost_frames if target.confirmed else self.tentative_frames
+        return target.missed >= limit
+
+    def expired(self, target: Target, stamp_ns: int) -> bool:
+        """Tell whether the person was not seen for too long to be predicted."""
+        return stamp_ns - target.seen_ns > self.lost_s * 1e9
+
+
+class Population:
+    """All people followed by one tracker.
+
+    A frame counts as missed only for people whom its own camera saw last: another camera may look
+    elsewhere. People seen by a camera that fell silent end by time.
+    """
+
+    def __init__(self, motion: Motion, survival: Survival, yaw_speed_min_mps: float) -> None:
+        self.targets: list[Target] = []
+        self._motion = motion
+        self._survival = survival
+        self._yaw_speed_min_mps = yaw_speed_min_mps
+        self._stamp_ns: int | None = None
+        self._ids = itertools.count(1)
+
+    def clear(self) -> None:
+        """Forget everyone and the time; identities go on counting."""
+        self.targets, self._stamp_ns = [], None
+
+    def advance(self, observation: Observation) -> None:
+        """Give up who was not seen for too long and predict the others to the frame's time."""
+        dt_s = self._seconds_to(observation.stamp_ns)
+        self._stamp_ns = observation.stamp_ns
+        self.targets = [
+            t for t in self.targets if not self._survival.expired(t, observation.stamp_ns)
+        ]
+        if not self.targets:
+            return
+        states, covariances = self._motion.predict(*stack(self.targets), dt_s)
+        for target, x, P in zip(self.targets, states, covariances, strict=True):
+            target.x, target.P = x, P
+            target.age += 1
+            target.detection = None
+            target.missed += target.camera == observation.camera
+
+    def match(self, pairs: Sequence[tuple[Target, Measurement]], observation: Observation) -> None:
+        """Correct people with the measurements matched to them."""
+        if not pairs:
+            return
+        targets, measurements = [t for t, _ in pairs], [m for _, m in pairs]
+        z, R = self._motion.measure(measurements), self._motion.noise(measurements)
+        states, covariances = kalman.update(*stack(targets), z, self._motion.H, R)
+        for (target, measurement), x, P in zip(pairs, states, covariances, strict=True):
+            target.x, target.P = x, P
+            target.score, target.detection = measurement.score, measurement.index
+            target.camera, target.seen_ns = observation.camera, observation.stamp_ns
+            target.hits += 1
+            target.streak += 1
+            target.missed = 0
+            target.confirmed |= target.streak >= self._survival.confirm_hits
+
+    def finish(self, newcomers: Sequence[Measurement], observation: Observation) -> list[Track]:
+        """Delete who is gone, begin a track for each newcomer and return all tracks."""
+        self.targets = [t for t in self.targets if not self._survival.ended(t)]
+        for target in self.targets:
+            if target.missed:
+                target.streak = 0
+        for measurement in newcomers:
+            x, P = self._motion.start(measurement)
+            self.targets.append(
+                Target(
+                    id=next(self._ids),
+                    x=x,
+                    P=P,
+                    score=measurement.score,
+                    camera=observation.camera,
+                    seen_ns=observation.stamp_ns,
+                    detection=measurement.index,
+                    confirmed=self._survival.confirm_hits <= 1,
+                    embedding=measurement.embedding,
+                )
+            )
+        return [self._track(t, t.x, t.P, observation.stamp_ns) for t in self.targets]
+
+    def predicted(self, stamp_ns: int) -> list[Track]:
+        """Return the tracks as they should be at a later time; nothing is remembered of it."""
+        present = [t for t in self.targets if not self._survival.expired(t, stamp_ns)]
+        if not present:
+            return []
+        states = self._motion.predict(*stack(present), self._seconds_to(stamp_ns))
+        return [
+            self._track(t, x, P, stamp_ns, seen=False)
+            for t, x, P in zip(present, *states, strict=True)
+        ]
+
+    def _seconds_to(self, stamp_ns: int) -> float:
+        if self._stamp_ns is None:
+            return 0.0
+        if stamp_ns < self._stamp_ns:
+            raise ValueError(f"stamp_ns: expected >= {self._stamp_ns}, got {stamp_ns}")
+        return (stamp_ns - self._stamp_ns) / 1e9
+
+    def _track(self, target: Target, x: F64, P: F64, stamp_ns: int, seen: bool = True) -> Track:
+        detection = target.detection if seen else None
+        velocity = x[self._motion.velocity]
+        places = self._motion.position + self._motion.velocity
+        slow = math.hypot(velocity[0], velocity[1]) < self._yaw_speed_min_mps
+        state: Literal["tentative", "confirmed", "lost"] = "tentative"
+        if target.confirmed:
+            state = "lost" if detection is None else "confirmed"
+        return Track(
+            id=target.id,
+            state=state,
+            position_m=x[self._motion.position],
+            velocity_mps=velocity,
+            covariance=P[np.ix_(places, places)],
+            yaw_rad=None if slow else wrap(math.atan2(velocity[1], velocity[0])),
+            hits=target.hits,
+            age=target.age,
+            time_since_update_s=(stamp_ns - target.seen_ns) / 1e9,
+            detection=detection,
+            score=target.score,
+        )
+
+
+def stack(targets: Sequence[Target]) -> tuple[F64, F64]:
+    """Return the states (Nxn) and covariances (Nxnxn) of N people."""
+    return np.array([t.x for t in targets]), np.array([t.P for t in targets])

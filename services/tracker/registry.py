@@ -1,0 +1,36 @@
+"""The tracking methods by name."""
+
+import importlib
+
+from common.errors import ConfigError
+from services.tracker.config import TrackerConfig
+from services.tracker.interface import Tracker
+
+TRACKERS: dict[str, str] = {
+    "sort3d": "services.tracker.sort3d:Sort3d",
+    "strongsort3d": "services.tracker.strongsort3d:StrongSort3d",
+}
+
+
+def make_tracker(config: TrackerConfig) -> Tracker:
+    """Build the configured tracker; its module is imported only now.
+
+    Args:
+        config: `tracker` is a name of TRACKERS or module:Class; the class is called with `config`.
+
+    Raises:
+        ConfigError: The name is unknown, or the module or class cannot be found.
+    """
+    place = TRACKERS.get(config.tracker, config.tracker)
+    module_name, separator, class_name = place.partition(":")
+    if not separator:
+        raise ConfigError(
+            f"tracker {config.tracker!r} is unknown",
+            f"Choose {', '.join(TRACKERS)}, or module:Class of your own.",
+        )
+    try:
+        kind = getattr(importlib.import_module(module_name), class_name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(f"tracker {config.tracker!r} cannot be loaded: {error}") from error
+    tracker: Tracker = kind(config)
+    return tracker
