@@ -1,0 +1,88 @@
+"""An image fitted into a network's input, and the way back.
+
+Positions are continuous: pixel i covers [i, i + 1), the image [0, width]. So a change of size is a
+plain factor, which is also what cv2.resize does with pixel areas. The index of a pixel, as
+cameras and OpenCV count, is the position of its centre less one half.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from common.messages import F64, U8
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """An image scaled with its aspect kept and centred between two bars."""
+
+    input_height: int  # [px] of the network's input
+    input_width: int  # [px]
+    height: int  # [px] of the scaled image
+    width: int  # [px]
+    top: int  # [px] bar above the scaled image
+    left: int  # [px] bar left of the scaled image
+    scale_x: float  # scaled width / image width: rounded to pixels, so not quite scale_y
+    scale_y: float  # scaled height / image height
+
+    @classmethod
+    def fit(cls, image_size: tuple[int, int], input_size: tuple[int, int]) -> "Letterbox":
+        """Find the largest place in the input that shows the whole image.
+
+        Args:
+            image_size: Height and width of the image in pixels, at least 1.
+            input_size: Height and width of the network's input in pixels.
+        """
+        image_height, image_width = image_size
+        input_height, input_width = input_size
+        scale = min(input_height / image_height, input_width / image_width)
+        height = max(1, round(image_height * scale))
+        width = max(1, round(image_width * scale))
+        return cls(
+            input_height=input_height,
+            input_width=input_width,
+            height=height,
+            width=width,
+            top=(input_height - height) // 2,
+            left=(input_width - width) // 2,
+            scale_x=width / image_width,
+            scale_y=height / image_height,
+        )
+
+    def place(self, rgb: U8, grey: int) -> U8:
+        """Return the network's input as bytes.
+
+        Args:
+            rgb: HxWx3 image of the size given to `fit`.
+            grey: Value of the bars, as the network saw them in training.
+        """
+        shape = (self.input_height, self.input_width, 3)
+        placed = np.full(shape, grey, np.uint8)
+        inside = placed[self.top : self.top + self.height, self.left : self.left + self.width]
+        if rgb.shape == inside.shape:
+            inside[:] = rgb
+        else:
+            way = cv2.INTER_AREA if self.scale_x < 1 else cv2.INTER_LINEAR
+            inside[:] = cv2.resize(rgb, (self.width, self.height), interpolation=way)
+        return placed
+
+    def to_image(self, positions: npt.ArrayLike) -> F64:
+        """Map positions in the network's input to the image.
+
+        Args:
+            positions: Nx2 (x, y) or Nx4 (xyxy) in pixels of the input.
+
+        Returns:
+            The same in pixels of the image, not clipped.
+        """
+        points = np.asarray(positions, np.float64)
+        pairs = (points.reshape(-1, 2) - (self.left, self.top)) / (self.scale_x, self.scale_y)
+        return pairs.reshape(points.shape)
+
+    def to_input(self, positions: npt.ArrayLike) -> F64:
+        """Map positions in the image to the network's input; undoes `to_image`."""
+        points = np.asarray(positions, np.float64)
+        pairs = points.reshape(-1, 2) * (self.scale_x, self.scale_y) + (self.left, self.top)
+        return pairs.reshape(points.shape)

@@ -1,0 +1,131 @@
+"""The image input of a network: its layout, size and number type."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.errors import ModelError
+from common.inference import Array, Session
+from common.messages import U8
+from services.detector.models.base import SIDE_STEP, ModelSettings
+from services.detector.models.letterbox import Letterbox
+
+
+@dataclass(frozen=True)
+class ImageInput:
+    """How a network wants its image."""
+
+    height: int  # [px]
+    width: int  # [px]
+    channels_first: bool  # 1x3xHxW, else 1xHxWx3
+    dtype: np.dtype[np.generic]  # uint8: bytes as they are; else a float type
+
+    @classmethod
+    def of(
+        cls, session: Session, settings: ModelSettings, default_size: tuple[int, int]
+    ) -> "ImageInput":
+        """Read what a network wants.
+
+        Args:
+            session: The network.
+            settings: May choose the size of a network that takes any.
+            default_size: Height and width for such a network when nothing is chosen.
+
+        Raises:
+            ModelError: The network takes no single colour image, or not of the size chosen.
+        """
+        shape = session.input_shape
+        channels_first = len(shape) == 4 and shape[1] == 3
+        if len(shape) != 4 or shape[0] not in (1, None) or 3 not in (shape[1], shape[3]):
+            raise ModelError(f"model input: expected 1x3xHxW or 1xHxWx3, got {_text(shape)}")
+        fixed = (shape[2], shape[3]) if channels_first else (shape[1], shape[2])
+        chosen = (settings.input_height, settings.input_width)
+        if not any(chosen):
+            chosen = default_size
+            chosen = (fixed[0] or chosen[0], fixed[1] or chosen[1])
+        if any(want not in (None, got) for want, got in zip(fixed, chosen, strict=True)):
+            raise ModelError(
+                f"model input: the file is made for {_text(fixed)}, got {_text(chosen)}",
+                "Leave input_height and input_width out, or export the model again.",
+            )
+        if any(side % SIDE_STEP for side in chosen):
+            raise ModelError(
+                f"model input: expected multiples of {SIDE_STEP}, got {_text(chosen)}",
+                "Export the model again with such a size.",
+            )
+        return cls(*chosen, channels_first, session.input_dtype)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width in pixels."""
+        return self.height, self.width
+
+    def prepare(self, rgb: U8, grey: int, highest: float) -> tuple[Letterbox, Array]:
+        """Fit an image into the network's input.
+
+        Args:
+            rgb: HxWx3 colour image of any size.
+            grey: Value of the bars beside it, as the network saw them in training.
+            highest: What the byte 255 becomes where the network takes floats.
+
+        Returns:
+            Where the image lies, and the array that the network takes.
+        """
+        letterbox = Letterbox.fit((rgb.shape[0], rgb.shape[1]), self.size)
+        return letterbox, self.tensor(letterbox.place(rgb, grey), highest)
+
+    def tensor(self, image: U8, highest: float) -> Array:
+        """Return the array that the network takes.
+
+        Args:
+            image: HxWx3 of this size.
+            highest: What the byte 255 becomes where the network takes floats.
+        """
+        planes = image.transpose(2, 0, 1) if self.channels_first else image
+        if self.dtype == np.uint8:
+            return np.ascontiguousarray(planes)[None]
+        out = np.empty((1, *planes.shape), np.float32)
+        np.multiply(planes, np.float32(highest / 255), out=out[0])
+        return out.astype(self.dtype, copy=False)
+
+    def try_out(self, session: Session, name: str) -> Mapping[str, Array]:
+        """Run a network once on a black image: its first run is slow, and shows its outputs.
+
+        Raises:
+            ModelError: The network cannot be run on one image.
+        """
+        black = np.zeros((self.height, self.width, 3), np.uint8)
+        try:
+            return session.run(self.tensor(black, highest=1.0))
+        except Exception as error:  # inference libraries raise types of their own
+            reason = (str(error).splitlines() or [""])[0][:200]
+            raise ModelError(f"{name}: cannot be run on an image: {reason}") from error
+
+
+def check_output(
+    outputs: Mapping[str, Array], name: str, shape: tuple[int | None, ...], model: str
+) -> None:
+    """Check one output of a network.
+
+    Args:
+        outputs: What a run gave.
+        name: Output to check.
+        shape: Expected lengths, None for any.
+        model: Name of the model, for the error.
+
+    Raises:
+        ModelError: The output is absent or of another shape.
+    """
+    array = outputs.get(name)
+    if array is None:
+        raise ModelError(f"{model}: expected an output {name}, got {', '.join(outputs)}")
+    same_axes = array.ndim == len(shape)
+    if not same_axes or any(
+        want not in (None, got) for want, got in zip(shape, array.shape, strict=True)
+    ):
+        raise ModelError(f"{model}: expected {name} of {_text(shape)}, got {_text(array.shape)}")
+
+
+def _text(shape: tuple[int | None, ...]) -> str:
+    return "x".join("any" if length is None else str(length) for length in shape)

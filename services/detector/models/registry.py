@@ -1,0 +1,100 @@
+"""The people models by kind, and loading one as configured."""
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Protocol
+
+from common import weights
+from common.errors import ConfigError, ModelError
+from common.inference import Array, OnnxSession, Session
+from services.detector.models.base import ModelSettings, PersonModel
+from services.detector.models.network import ImageInput
+
+MODELS: dict[str, str] = {
+    "movenet": "services.detector.models.movenet:MoveNet",
+    "yolov8-pose": "services.detector.models.yolo:YoloPose",
+    "yolov8-seg": "services.detector.models.yolo_seg:YoloSeg",
+}
+TRIAL_SIZE = (256, 320)  # [px] at which a network of unknown kind that takes any size is tried
+
+
+class Factory(Protocol):
+    """Builds a model of one kind around its network."""
+
+    def __call__(self, session: Session, settings: ModelSettings, name: str) -> PersonModel:
+        """Build it; raises ModelError if the network is not of this kind."""
+        ...
+
+
+def load_model(settings: ModelSettings) -> PersonModel:
+    """Find, check and load the configured model.
+
+    Args:
+        settings: `model` is a name of the manifest or the path of an .onnx file.
+
+    Raises:
+        ConfigError: The kind is unknown or cannot be loaded.
+        ModelError: The file is absent, altered or not a people model of its kind.
+    """
+    path = Path(settings.model).expanduser()
+    kind, name = settings.kind, ""
+    if path.suffix != ".onnx":
+        model = weights.choose(settings.model, weights.load_manifest())
+        path = weights.find(model, weights.folders(settings.folder))
+        weights.verify(path, model.sha256)
+        kind, name = settings.kind or model.kind, model.name
+    factory = find_factory(kind) if kind else None
+    session = OnnxSession(path, settings.threads)
+    if factory is None:
+        kind = recognise(session, settings, str(path))
+        factory = find_factory(kind)
+    return factory(session, settings, name or f"{kind}:{path.stem}")
+
+
+def find_factory(kind: str) -> Factory:
+    """Return what builds models of a kind; its module is imported only now.
+
+    Args:
+        kind: Name in MODELS, or "module:Class" of a class with the constructor of `Factory`.
+
+    Raises:
+        ConfigError: The kind is unknown or cannot be imported.
+    """
+    place = MODELS.get(kind, kind)
+    module, separator, name = place.partition(":")
+    if not separator:
+        raise ConfigError(
+            f"kind {kind!r} is no people model",
+            f"Choose {', '.join(MODELS)}, or module:Class of your own.",
+        )
+    try:
+        factory: Factory = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(f"people model {kind} cannot be imported: {error}") from error
+    return factory
+
+
+def recognise(session: Session, settings: ModelSettings, path: str) -> str:
+    """Tell a network's kind by the shapes of its outputs.
+
+    Raises:
+        ModelError: No kind has such outputs.
+    """
+    outputs = ImageInput.of(session, settings, TRIAL_SIZE).try_out(session, path)
+    kind = kind_of(outputs)
+    if not kind:
+        got = ", ".join(f"{name} {array.shape}" for name, array in outputs.items())
+        mend = f"Set kind to one of {', '.join(MODELS)}, or to module:Class of your own."
+        raise ModelError(f"model file {path} is of no known kind: its outputs are {got}", mend)
+    return kind
+
+
+def kind_of(outputs: Mapping[str, Array]) -> str:
+    """Return the kind that has such outputs, empty if none has."""
+    if {"center", "kpt_heatmap"} <= outputs.keys():
+        return "movenet"
+    rows = {array.ndim: array.shape[1] for array in outputs.values() if array.ndim in (3, 4)}
+    if rows == {3: 56}:
+        return "yolov8-pose"
+    return "yolov8-seg" if rows == {3: 116, 4: 32} else ""

@@ -1,0 +1,101 @@
+"""YOLOv8 in the layout that Ultralytics exports: picking people from the boxes, and the pose model.
+
+One column per box, in pixels of the network's input: centre x, y, width, height, the classes'
+scores, then 17 keypoints (x, y, confidence) or 32 mask coefficients.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.boxes import nms
+from common.inference import Array, Session
+from common.messages import F32, U8
+from common.trace import span
+from services.detector.models.base import Limits, ModelSettings, Person
+from services.detector.models.letterbox import Letterbox
+from services.detector.models.network import ImageInput, check_output
+
+GREY = 114  # of the bars that the networks were trained with
+DEFAULT_SIZE = (480, 640)
+SCORE_MIN = 0.25
+IOU_MAX = 0.6  # in crowded frames, pairs of boxes above it shared their keypoints: one person
+BOXES_PER_PERSON = 30  # columns that one person may fill before the best are taken
+
+POSE_ROWS = 4 + 1 + 17 * 3
+BOX_ROWS = 4
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """People in pixels of the network's input, best first, each once."""
+
+    scores: F32  # N
+    boxes: F32  # Nx4 xyxy
+    extras: F32  # NxE: keypoints or mask coefficients
+
+
+class YoloPose:
+    """YOLOv8-pose: one class, 17 keypoints.
+
+    Args:
+        session: The network.
+        settings: Thresholds and input size.
+        name: Name by which results say where they come from.
+
+    Raises:
+        ModelError: The network has not the outputs of YOLOv8-pose.
+    """
+
+    def __init__(
+        self, session: Session, settings: ModelSettings, name: str = "yolov8-pose"
+    ) -> None:
+        self.name = name
+        self._session = session
+        self._input = ImageInput.of(session, settings, DEFAULT_SIZE)
+        self._limits = Limits.of(settings, SCORE_MIN, IOU_MAX)
+        outputs = self._input.try_out(session, name)
+        self._output = next(iter(outputs), "")
+        check_output(outputs, self._output, (1, POSE_ROWS, None), name)
+
+    def detect(self, rgb: U8) -> list[Person]:
+        """Find people in an HxWx3 colour image, best score first."""
+        with span("preprocess"):
+            letterbox, image = self._input.prepare(rgb, GREY, highest=1.0)
+        outputs = self._session.run(image)
+        with span("postprocess"):
+            found = decode(outputs[self._output][0], 1, self._limits)
+            return [pose_person(found, index, letterbox) for index in range(len(found.scores))]
+
+
+def decode(columns: Array, classes: int, limits: Limits) -> Candidates:
+    """Pick the people from all boxes; the first class is "person".
+
+    Args:
+        columns: RxN, one column a box.
+        classes: Number of class rows.
+        limits: What counts as a person, and as the same one.
+    """
+    scores = columns[BOX_ROWS]
+    likely = np.flatnonzero(scores >= limits.score_min)
+    if classes > 1:
+        best = columns[BOX_ROWS : BOX_ROWS + classes, likely].max(axis=0)
+        likely = likely[scores[likely] >= best]
+    most = limits.max_people * BOXES_PER_PERSON
+    likely = likely[np.argsort(-scores[likely], kind="stable")[:most]]
+    rows = columns[:, likely].T.astype(np.float32)
+    half = rows[:, 2:4] / 2
+    boxes = np.hstack([rows[:, :2] - half, rows[:, :2] + half]).astype(np.float32)
+    kept = nms(boxes, rows[:, BOX_ROWS], limits.iou_max)[: limits.max_people]
+    return Candidates(rows[kept, BOX_ROWS], boxes[kept], rows[kept, BOX_ROWS + classes :])
+
+
+def pose_person(found: Candidates, index: int, letterbox: Letterbox) -> Person:
+    """Return a person with keypoints in pixels of the image."""
+    keypoints = found.extras[index].reshape(17, 3).copy()
+    keypoints[:, :2] = letterbox.to_image(keypoints[:, :2])
+    return Person(
+        score=float(found.scores[index]),
+        box_xyxy_px=letterbox.to_image(found.boxes[index]).astype(np.float32),
+        keypoints=keypoints,
+    )

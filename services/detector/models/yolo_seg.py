@@ -1,0 +1,145 @@
+"""YOLOv8-seg: a box and a mask per person.
+
+A mask is 32 coefficients; the sum of 32 prototype images with them is its logit, at a quarter of
+the input's size. Only the part under the box is computed, then drawn at the image's own size.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from common.errors import ModelError
+from common.inference import Array, Session
+from common.messages import F32, F64, U8
+from common.trace import span
+from services.detector.models.base import InstanceMask, Limits, ModelSettings, Person
+from services.detector.models.letterbox import Letterbox
+from services.detector.models.network import ImageInput, check_output
+from services.detector.models.yolo import (
+    BOX_ROWS,
+    DEFAULT_SIZE,
+    GREY,
+    IOU_MAX,
+    SCORE_MIN,
+    Candidates,
+    decode,
+)
+
+MASK_ROWS = 32
+
+
+class YoloSeg:
+    """YOLOv8-seg: classes with "person" as the first, and a mask per box.
+
+    Args:
+        session: The network.
+        settings: Thresholds and input size.
+        name: Name by which results say where they come from.
+
+    Raises:
+        ModelError: The network has not the outputs of YOLOv8-seg.
+    """
+
+    def __init__(self, session: Session, settings: ModelSettings, name: str = "yolov8-seg") -> None:
+        self.name = name
+        self._session = session
+        self._input = ImageInput.of(session, settings, DEFAULT_SIZE)
+        self._limits = Limits.of(settings, SCORE_MIN, IOU_MAX)
+        outputs = self._input.try_out(session, name)
+        self._boxes, self._prototypes = output_names(outputs, name)
+        check_output(outputs, self._boxes, (1, None, None), name)
+        check_output(outputs, self._prototypes, (1, MASK_ROWS, None, None), name)
+        self._classes = outputs[self._boxes].shape[1] - BOX_ROWS - MASK_ROWS
+        if self._classes < 1:
+            raise ModelError(f"{name}: expected {self._boxes} of 1x(4+classes+32)xN")
+
+    def detect(self, rgb: U8) -> list[Person]:
+        """Find people in an HxWx3 colour image, best score first."""
+        with span("preprocess"):
+            letterbox, image = self._input.prepare(rgb, GREY, highest=1.0)
+        outputs = self._session.run(image)
+        with span("postprocess"):
+            found = decode(outputs[self._boxes][0], self._classes, self._limits)
+            prototypes = outputs[self._prototypes][0].astype(np.float32, copy=False)
+            view = MaskView(letterbox, rgb.shape[0], rgb.shape[1], prototypes)
+            return [mask_person(found, index, view) for index in range(len(found.scores))]
+
+
+def output_names(outputs: Mapping[str, Array], name: str) -> tuple[str, str]:
+    """Return the names of the boxes (3 axes) and of the mask prototypes (4 axes)."""
+    by_axes = {array.ndim: output for output, array in outputs.items()}
+    if by_axes.keys() != {3, 4} or len(outputs) != 2:
+        got = ", ".join(f"{output} {array.shape}" for output, array in outputs.items())
+        raise ModelError(f"{name}: expected outputs 1x(4+classes+32)xN and 1x32xHxW, got {got}")
+    return by_axes[3], by_axes[4]
+
+
+@dataclass(frozen=True)
+class MaskView:
+    """What turns mask coefficients into pixels of the image."""
+
+    letterbox: Letterbox
+    image_height: int  # [px]
+    image_width: int  # [px]
+    prototypes: F32  # 32xHxW over the network's whole input
+
+
+def mask_person(found: Candidates, index: int, view: MaskView) -> Person:
+    """Return a person with a mask in pixels of the image."""
+    box = view.letterbox.to_image(found.boxes[index])
+    return Person(
+        score=float(found.scores[index]),
+        box_xyxy_px=box.astype(np.float32),
+        mask=draw_mask(box, found.extras[index], view),
+    )
+
+
+def draw_mask(box: F64, coefficients: F32, view: MaskView) -> InstanceMask | None:
+    """Return the pixels inside a box where the mask is more likely than not.
+
+    The logit is interpolated: it is 0 exactly where its sigmoid is one half.
+
+    Args:
+        box: xyxy in pixels of the image.
+        coefficients: 32 weights of the prototypes.
+        view: The prototypes and the image they are drawn to.
+
+    Returns:
+        The mask, None where the box shows no pixel of the image.
+    """
+    sides = [view.image_width, view.image_height] * 2
+    left, top, right, bottom = np.clip(np.round(box), 0, sides).astype(int)
+    if right <= left or bottom <= top:
+        return None
+    grid_from_image, offset = grid_mapping(view)
+    first = np.floor(grid_from_image * (left, top) + offset).astype(int)
+    last = np.ceil(grid_from_image * (right, bottom) + offset).astype(int)
+    height, width = view.prototypes.shape[1:]
+    x0, y0 = np.clip(first, 0, (width - 1, height - 1))
+    x1, y1 = np.clip(last, (x0, y0), (width - 1, height - 1)) + 1
+    part = view.prototypes[:, y0:y1, x0:x1]
+    logits = np.tensordot(coefficients, part, axes=1)
+    shift = grid_from_image * (left, top) + offset - (x0, y0)
+    matrix = np.column_stack([np.diag(grid_from_image), shift])
+    fine = cv2.warpAffine(
+        logits,
+        matrix,
+        (int(right - left), int(bottom - top)),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return InstanceMask((fine > 0).astype(np.uint8), int(left), int(top))
+
+
+def grid_mapping(view: MaskView) -> tuple[F64, F64]:
+    """Return factor and offset (x, y) from a pixel's index in the image to the prototypes' index.
+
+    Indices are positions of pixel centres less one half, on either side.
+    """
+    place = view.letterbox
+    height, width = view.prototypes.shape[1:]
+    cell = np.array([width / place.input_width, height / place.input_height])
+    factor = cell * (place.scale_x, place.scale_y)
+    return factor, 0.5 * factor + cell * (place.left, place.top) - 0.5
