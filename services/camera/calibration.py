@@ -1,0 +1,226 @@
+"""Calibration of an RGB-D camera, from configuration or from a file."""
+
+import json
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import scipy.io
+import yaml
+
+from common.errors import SourceError
+from common.messages import F64, CameraInfo, StaticTransform
+from services.camera.registration import Registration
+
+OPTICAL_FRAME = "camera_optical_frame"
+DISTORTION_MODELS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
+
+
+class Lens(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A pinhole with distortion."""
+
+    fx: float  # [px] focal length, horizontal
+    fy: float  # [px] focal length, vertical
+    cx: float  # [px] principal point, horizontal
+    cy: float  # [px] principal point, vertical
+    distortion: tuple[float, ...] = ()  # k1 k2 p1 p2 k3 k4 k5 k6; 0, 4, 5 or 8 of them
+    width: int = 0  # [px] of its images; 0: as they come
+    height: int = 0  # [px] of its images; 0: as they come
+
+
+class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is known of a camera; what is None is not known."""
+
+    colour: Lens | None = None  # the colour camera
+    depth: Lens | None = None  # the depth camera; None if depth is aligned to colour
+    rotation: tuple[tuple[float, float, float], ...] | None = None  # 3x3, colour_from_depth
+    translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] colour_from_depth
+    depth_offset_px: tuple[float, float] = (0.0, 0.0)  # [px] u, v, see Registration
+    parent: str = "map"  # frame of parent_from_optical
+    parent_from_optical: tuple[tuple[float, float, float, float], ...] | None = None  # [m] 4x4
+
+
+class MatNames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where a MATLAB file keeps what; dots go into structures, an empty name means absent."""
+
+    colour: str = "RGB_cam.K"  # 3x3 matrix of the colour camera
+    colour_distortion: str = "RGB_cam.DistCoef"  # its distortion
+    depth: str = "Depth_cam.K"  # 3x3 matrix of the depth camera
+    depth_distortion: str = "Depth_cam.DistCoef"  # its distortion
+    rotation: str = "R_d_to_rgb"  # 3x3, colour_from_depth
+    translation: str = "T_d_to_rgb"  # [m] 3, colour_from_depth
+
+
+def read_calibration(path: Path, names: MatNames) -> Calibration:
+    """Read a calibration file: .toml, .json, ROS camera_info .yaml, .npz or .mat.
+
+    Args:
+        path: The file.
+        names: Names inside a .mat file.
+
+    Raises:
+        SourceError: The file is absent, of an unknown kind or incomplete.
+    """
+    readers: dict[str, Callable[[], Calibration]] = {
+        ".toml": lambda: _from_table(tomllib.loads(path.read_text("utf-8"))),
+        ".json": lambda: _from_table(json.loads(path.read_text("utf-8"))),
+        ".yaml": lambda: _from_camera_info(yaml.safe_load(path.read_text("utf-8"))),
+        ".npz": lambda: _from_npz(path),
+        ".mat": lambda: _from_mat(path, names),
+    }
+    if path.suffix not in readers:
+        raise SourceError(f"calibration {path}: expected one of {', '.join(readers)}")
+    try:
+        return readers[path.suffix]()
+    except OSError as error:
+        raise SourceError(f"calibration {path} cannot be read: {error.strerror}") from error
+    except KeyError as error:
+        raise SourceError(f"calibration {path} has no {error}") from error
+    except Exception as error:  # parsers raise their own kinds, of no common base
+        raise SourceError(f"calibration {path} is not valid: {error}") from error
+
+
+def camera_info(lens: Lens, size: tuple[int, int], frame_id: str = OPTICAL_FRAME) -> CameraInfo:
+    """Return the calibration of a camera as a message.
+
+    Args:
+        lens: Its calibration.
+        size: Height and width of its images.
+        frame_id: Name of its optical frame.
+
+    Raises:
+        SourceError: The calibration is of another image size, or its numbers cannot be used.
+    """
+    height, width = size
+    if (lens.height or height, lens.width or width) != size:
+        raise SourceError(
+            f"calibration is for {lens.width}x{lens.height} pixels, images have {width}x{height}"
+        )
+    try:
+        return CameraInfo(
+            stamp_ns=0,
+            sequence=0,
+            camera="camera",
+            frame_id=frame_name(frame_id),
+            width=width,
+            height=height,
+            fx=lens.fx,
+            fy=lens.fy,
+            cx=lens.cx,
+            cy=lens.cy,
+            distortion_model=DISTORTION_MODELS.get(len(lens.distortion), "unknown"),
+            distortion=lens.distortion,
+        )
+    except ValueError as error:
+        raise SourceError(f"calibration cannot be used: {error}") from error
+
+
+def static_transform(parent: str, child: str, matrix: F64) -> StaticTransform:
+    """Return parent_from_child as a message.
+
+    Raises:
+        SourceError: The matrix is not a rigid transform.
+    """
+    try:
+        return StaticTransform(
+            stamp_ns=0,
+            sequence=0,
+            parent=frame_name(parent),
+            child=frame_name(child),
+            matrix=np.asarray(matrix, np.float64),
+        )
+    except ValueError as error:
+        raise SourceError(f"transform of {child} in {parent}: {error}") from error
+
+
+def registration(
+    calibration: Calibration, colour: CameraInfo, depth_size: tuple[int, int]
+) -> Registration | None:
+    """Return what registers depth to colour; None if the calibration says it is aligned."""
+    if calibration.depth is None:
+        return None
+    colour_from_depth = np.eye(4)
+    if calibration.rotation is not None:
+        colour_from_depth[:3, :3] = calibration.rotation
+    colour_from_depth[:3, 3] = calibration.translation_m
+    depth = camera_info(calibration.depth, depth_size, "depth")
+    static_transform("colour", "depth", colour_from_depth)  # refuses what is not rigid
+    return Registration(depth, colour, colour_from_depth, calibration.depth_offset_px)
+
+
+def frame_name(name: str) -> str:
+    """Return the name of a frame as messages allow it: no slashes, at most 64 characters."""
+    return re.sub(r"[^A-Za-z0-9_.-]", "_", name.strip("/"))[:64] or OPTICAL_FRAME
+
+
+def _from_table(table: Mapping[str, Any]) -> Calibration:
+    """Read [colour], [depth] and so on, or fx, fy, cx, cy of colour alone."""
+    if "fx" in table:
+        table = {"colour": table}
+    return msgspec.convert(table, Calibration)
+
+
+def _from_camera_info(table: Mapping[str, Any]) -> Calibration:
+    """Read the file that ROS's camera calibration writes."""
+    lens = {
+        "width": table["image_width"],
+        "height": table["image_height"],
+        "distortion": table["distortion_coefficients"]["data"],
+    }
+    return Calibration(colour=_lens(np.reshape(table["camera_matrix"]["data"], (3, 3)), **lens))
+
+
+def _from_npz(path: Path) -> Calibration:
+    """Read K and, if the camera stands still, T_world_cam."""
+    with np.load(path, allow_pickle=False) as arrays:
+        poses = arrays.get("T_world_cam")
+        colour = _lens(arrays["K"])
+        if poses is None:
+            return Calibration(colour=colour)
+        # A camera that moves sits on the base, which is at the origin when the sequence begins.
+        still = bool(np.allclose(poses, poses[:1], atol=1e-6))
+        rows = tuple(tuple(row) for row in poses[0].tolist())
+        return Calibration(
+            colour=colour, parent="map" if still else "base_link", parent_from_optical=rows
+        )
+
+
+def _from_mat(path: Path, names: MatNames) -> Calibration:
+    arrays = scipy.io.loadmat(path)
+    colour = _lens(_inside(arrays, names.colour), _inside(arrays, names.colour_distortion))
+    if not names.depth:
+        return Calibration(colour=colour)
+    x, y, z = _inside(arrays, names.translation).ravel().tolist()
+    return Calibration(
+        colour=colour,
+        depth=_lens(_inside(arrays, names.depth), _inside(arrays, names.depth_distortion)),
+        rotation=tuple(tuple(row) for row in _inside(arrays, names.rotation).tolist()),
+        translation_m=(x, y, z),
+    )
+
+
+def _inside(arrays: Mapping[str, Any], name: str) -> F64:
+    """Return the array of a dotted name; MATLAB wraps every structure in a 1x1 array."""
+    if not name:
+        return np.zeros(0)
+    first, *rest = name.split(".")
+    value = arrays[first]
+    for part in rest:
+        value = value[part].item() if value.size == 1 else value[part]
+    return np.asarray(value, np.float64)
+
+
+def _lens(matrix: F64, distortion: Any = (), width: int = 0, height: int = 0) -> Lens:
+    """Make a lens from a 3x3 matrix or from fx, fy, cx, cy."""
+    matrix = np.asarray(matrix, np.float64)
+    if matrix.shape == (3, 3):
+        matrix = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+    fx, fy, cx, cy = matrix.tolist()
+    numbers = tuple(float(k) for k in np.ravel(distortion))
+    return Lens(
+        fx=fx, fy=fy, cx=cx, cy=cy, distortion=numbers, width=int(width), height=int(height)
+    )

@@ -1,0 +1,162 @@
+"""Which files of a folder belong together, and when they were taken."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import SourceError
+from common.geometry import wrap
+from common.messages import F64, Odometry
+from services.camera.pairing import Pairing
+
+IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"}
+LAYOUTS = (("rgb/*", "depth/*"), ("color/*", "depth/*"), ("colour/*", "depth/*"), ("*", "*.mat"))
+LISTS = ("rgb.txt", "depth.txt")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The two files of one frame."""
+
+    stamp_ns: int
+    colour: Path
+    depth: Path
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The frames of a folder, and the files that found no partner."""
+
+    pairs: Sequence[Pair]
+    unpaired: int
+
+
+def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> Layout:
+    """Pair files by the last number in their names.
+
+    Args:
+        folder: The folder.
+        patterns: Of colour and of depth, relative to the folder; empty: try the usual ones.
+        stamps: Times of the frames in seconds, in the order of their numbers; or frames a second.
+
+    Raises:
+        SourceError: No pair was found, or there are fewer times than frames.
+    """
+    for colour, depth in [patterns] if any(patterns) else LAYOUTS:
+        colours = _by_number(_files(folder, colour, IMAGES))
+        depths = _by_number(_files(folder, depth, IMAGES | {".mat"}))
+        numbers = sorted(colours.keys() & depths.keys())
+        if numbers:
+            times_s = _times(stamps, len(numbers))
+            pairs = [
+                Pair(round(float(t) * 1e9), colours[n], depths[n])
+                for t, n in zip(times_s, numbers, strict=True)
+            ]
+            return Layout(pairs, len(colours) + len(depths) - 2 * len(numbers))
+    tried = [patterns] if any(patterns) else LAYOUTS
+    raise SourceError(
+        f"folder {folder} has no numbered pairs of colour and depth "
+        f"({' or '.join(f'{c} with {d}' for c, d in tried)})",
+        "Set options.colour and options.depth to patterns such as 'rgb/*.jpg'.",
+    )
+
+
+def listed(folder: Path, slop_s: float) -> Layout:
+    """Pair the files that rgb.txt and depth.txt list with their times, as TUM's data sets do.
+
+    Args:
+        folder: The folder.
+        slop_s: Largest distance in time of a pair, seconds.
+
+    Raises:
+        SourceError: A list cannot be read, or no pair was found.
+    """
+    pairing = Pairing[tuple[int, Path]](round(slop_s * 1e9))
+    entries = [
+        (stamp_ns, stream, folder / name)
+        for stream, file in zip(("colour", "depth"), LISTS, strict=True)
+        for stamp_ns, name in _read_list(folder / file)
+    ]
+    found: list[tuple[tuple[int, Path], tuple[int, Path]]] = []
+    for stamp_ns, stream, path in sorted(entries):
+        image = (stamp_ns, path)
+        found += pairing.add("colour" if stream == "colour" else "depth", stamp_ns, image)
+    found += pairing.flush()
+    if not found:
+        raise SourceError(
+            f"folder {folder}: no image of {LISTS[0]} is within {slop_s} s of one of {LISTS[1]}",
+            "Set options.sync_slop_s.",
+        )
+    pairs = [Pair(stamp_ns, colour, depth) for (stamp_ns, colour), (_, depth) in found]
+    return Layout(pairs, pairing.unpaired)
+
+
+def wheel_odometry(times_s: F64, poses: F64) -> list[Odometry]:
+    """Return odometry from arrays.
+
+    Args:
+        times_s: N times.
+        poses: Nx3: x, y in metres, heading in radians.
+
+    Raises:
+        SourceError: The shapes differ, or a number is not finite.
+    """
+    if poses.shape != (len(times_s), 3) or not np.all(np.isfinite(poses)):
+        raise SourceError(f"odom: expected {len(times_s)}x3 finite numbers, got {poses.shape}")
+    return [
+        Odometry(
+            stamp_ns=round(float(t) * 1e9),
+            sequence=index,
+            frame_id="odom",
+            child_frame_id="base_link",
+            x_m=float(x),
+            y_m=float(y),
+            theta_rad=wrap(float(theta)),
+        )
+        for index, (t, (x, y, theta)) in enumerate(zip(times_s, poses, strict=True))
+    ]
+
+
+def _times(stamps: F64 | float, count: int) -> F64:
+    if isinstance(stamps, (int, float)):
+        return np.arange(count) / stamps
+    if len(stamps) < count or not np.all(np.isfinite(stamps)):
+        raise SourceError(f"times: expected {count} finite numbers, got {len(stamps)}")
+    return np.asarray(stamps[:count], np.float64)
+
+
+def _files(folder: Path, pattern: str, suffixes: set[str]) -> Iterable[Path]:
+    if not pattern or Path(pattern).is_absolute():
+        raise SourceError(f"pattern: expected one below the folder, got {pattern!r}")
+    return (path for path in sorted(folder.glob(pattern)) if path.suffix.lower() in suffixes)
+
+
+def _by_number(files: Iterable[Path]) -> dict[int, Path]:
+    numbers = ((re.findall(r"\d+", path.stem), path) for path in files)
+    return {int(found[-1]): path for found, path in numbers if found}
+
+
+def _read_list(path: Path) -> list[tuple[int, str]]:
+    """Read lines of a time in seconds and a file name; '#' begins a comment."""
+    entries = []
+    try:
+        lines = path.read_text("utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SourceError(f"list {path} cannot be read: {error}") from error
+    for number, line in enumerate(lines, 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        try:
+            seconds, name = words[:2]
+            # Split, so that nanoseconds survive: a float holds only 16 digits.
+            whole, _, part = seconds.partition(".")
+            entries.append((int(whole) * 10**9 + int(f"{part[:9]:0<9}"), name))
+        except ValueError as error:
+            raise SourceError(
+                f"list {path}, line {number}: expected a time and a file name, got {line!r:.60}"
+            ) from error
+    return entries

@@ -1,0 +1,86 @@
+"""RGB-D frames from the project's own recordings."""
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from common.errors import DecodeError, SourceError
+from common.images import decompress
+from common.messages import (
+    CameraInfo,
+    CompressedRgbdFrame,
+    Message,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+)
+from common.recording import open_recording
+from services.camera.source import Capture, Source
+
+M = TypeVar("M", bound=Message)
+
+
+class RecordingOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What can be chosen in a recording."""
+
+    camera: str = ""  # name of the camera to play; may be empty where there is only one
+
+
+class RecordingSource(Source):
+    """Plays one camera of a recording, with its calibration, transforms and odometry.
+
+    Args:
+        path: The file.
+        options: Which camera.
+
+    Raises:
+        SourceError: The file is not a recording, or has no such camera.
+    """
+
+    def __init__(self, path: Path, options: RecordingOptions) -> None:
+        self.counters: Counter[str] = Counter()
+        self._recording = open_recording(path)
+        infos = {info.camera: info for info in self._all(CameraInfo)}
+        self._camera = options.camera or next(iter(infos), "")
+        if self._camera not in infos or (len(infos) > 1 and not options.camera):
+            names = ", ".join(infos) or "none"
+            raise SourceError(
+                f"recording {path}: expected the calibration of one camera, got {names}",
+                "Set options.camera to one of them." if infos else "Record camera_info too.",
+            )
+        self.info = infos[self._camera]
+        self.transforms = [
+            transform
+            for transform in self._all(StaticTransform)
+            if transform.child == self.info.frame_id
+        ][-1:]
+
+    def __iter__(self) -> Iterator[Capture | Odometry]:
+        """Yield frames and odometry in the order in which they were recorded."""
+        kinds = (CompressedRgbdFrame, RgbdFrame, Odometry)
+        for _, message in self._recording.messages(*kinds):
+            if isinstance(message, Odometry):
+                yield message
+            elif getattr(message, "camera", "") == self._camera:
+                capture = self._capture(message)
+                if capture:
+                    yield capture
+        self.counters["bad_messages"] = self._recording.bad_messages
+
+    def _capture(self, message: Message) -> Capture | None:
+        try:
+            frame = decompress(message) if isinstance(message, CompressedRgbdFrame) else message
+        except DecodeError:
+            self.counters["bad_images"] += 1
+            return None
+        if not isinstance(frame, RgbdFrame):
+            return None
+        return Capture(frame.rgb, frame.depth_mm, frame.stamp_ns)
+
+    def _all(self, kind: type[M]) -> Iterator[M]:
+        for _, message in self._recording.messages(kind):
+            if isinstance(message, kind):
+                yield message

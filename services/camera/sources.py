@@ -1,0 +1,142 @@
+"""The sources by name, and how one is found from a path."""
+
+import importlib
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from common.errors import ConfigError, SourceError
+from services.camera.source import Source
+
+T = TypeVar("T", bound=msgspec.Struct)
+
+Factory = Callable[[str, Mapping[str, Any]], Source]
+
+PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+
+
+def _recording(path: str, options: Mapping[str, Any]) -> Source:
+    from services.camera.recording import RecordingOptions, RecordingSource  # noqa: PLC0415
+
+    return RecordingSource(Path(path), read_options(RecordingOptions, options))
+
+
+def _rosbag(path: str, options: Mapping[str, Any]) -> Source:
+    from services.camera.ros_camera import RosbagOptions  # noqa: PLC0415
+    from services.camera.rosbag import RosbagSource  # noqa: PLC0415
+
+    return RosbagSource(Path(path), read_options(RosbagOptions, options))
+
+
+def _folder(path: str, options: Mapping[str, Any]) -> Source:
+    from services.camera.folder import FolderOptions, FolderSource  # noqa: PLC0415
+
+    return FolderSource(Path(path), read_options(FolderOptions, options))
+
+
+# Imported on use: a process that plays a folder does not pay for ROS bags.
+SOURCES: dict[str, Factory] = {"recording": _recording, "rosbag": _rosbag, "folder": _folder}
+
+
+def open_source(
+    source: str, kind: str = "auto", options: Mapping[str, Any] | None = None
+) -> Source:
+    """Open a recording, a bag, a folder or a plug-in camera.
+
+    Args:
+        source: Path, or `module:Class` of a plug-in camera.
+        kind: Name in SOURCES, "plugin", or "auto" to find it from the path.
+        options: What the kind of source takes; a plug-in gets them as keyword arguments.
+
+    Raises:
+        SourceError: There is no such source, or it cannot be read.
+        ConfigError: An option is unknown or wrong.
+    """
+    options = options or {}
+    if kind == "auto":
+        kind = kind_of(source)
+    if kind == "plugin":
+        return _plugin(source, options)
+    if kind not in SOURCES:
+        names = ", ".join(["auto", *SOURCES, "plugin"])
+        raise ConfigError(f"kind: expected one of {names}, got {kind!r}")
+    return SOURCES[kind](source, options)
+
+
+def kind_of(source: str) -> str:
+    """Return the kind of source that a path or `module:Class` names.
+
+    Raises:
+        SourceError: Nothing is there, or it is nothing that can be opened.
+    """
+    path = Path(source)
+    if not source or not path.exists():
+        if PLUGIN.fullmatch(source):
+            return "plugin"
+        raise SourceError(
+            f"source {source!r} does not exist",
+            "Give a recording, a ROS bag, a folder of images or module:Class.",
+        )
+    if path.is_dir():
+        bag = (path / "metadata.yaml").exists() or any(path.glob("*.db3"))
+        return "rosbag" if bag else "folder"
+    if path.suffix in (".bag", ".db3"):
+        return "rosbag"
+    if path.suffix == ".mcap":
+        return "rosbag" if _mcap_profile(path).startswith("ros") else "recording"
+    raise SourceError(
+        f"source {source} is no recording that is known",
+        "Known are .bag, .db3, .mcap, folders of a ROS 2 bag and folders of images.",
+    )
+
+
+def read_options(kind: type[T], options: Mapping[str, Any]) -> T:
+    """Build the options of a source.
+
+    Raises:
+        ConfigError: An option is unknown or wrong.
+    """
+    try:
+        return msgspec.convert(dict(options), kind, strict=False)
+    except msgspec.ValidationError as error:
+        names = ", ".join(kind.__struct_fields__)
+        raise ConfigError(f"options of the source: {error}", f"Options are {names}.") from error
+
+
+def _mcap_profile(path: Path) -> str:
+    """Return the profile that an MCAP file names at its start, empty if it has none."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(256)
+    except OSError as error:
+        raise SourceError(f"source {path} cannot be read: {error.strerror}") from error
+    if not head.startswith(MCAP_MAGIC) or len(head) < 21:
+        raise SourceError(f"source {path} is not an MCAP file", "It may be cut or of another kind.")
+    length = int.from_bytes(head[17:21], "little")  # after magic (8), opcode (1), length (8)
+    return head[21 : 21 + length].decode("utf-8", "replace")
+
+
+def _plugin(name: str, options: Mapping[str, Any]) -> Source:
+    module, _, kind = name.partition(":")
+    try:
+        factory = getattr(importlib.import_module(module), kind)
+    except (ImportError, AttributeError) as error:
+        raise SourceError(
+            f"camera {name} cannot be imported: {error}",
+            "Its folder must be on PYTHONPATH, its SDK installed in this environment.",
+        ) from error
+    try:
+        source: object = factory(**options)
+    except SourceError:
+        raise
+    except Exception as error:  # whatever a camera's SDK raises
+        raise SourceError(f"camera {name} cannot be opened: {error}") from error
+    if not isinstance(source, Source):
+        raise SourceError(
+            f"camera {name} is not a services.camera.source.Source", "Derive from it."
+        )
+    return source
