@@ -4,6 +4,8 @@ On the wire a message is one map: `message` (type), `version`, then its fields b
 is a map of `dtype` (numpy name, little-endian), `shape` and `data` (row-major bytes).
 """
 
+import itertools
+from collections.abc import Callable
 from typing import Any, get_args
 
 import msgpack
@@ -17,6 +19,8 @@ from common.topics import TOPICS
 
 MAX_BYTES = 64 * 2**20
 MAX_ITEMS = 4096
+MAX_CONTAINERS = 65536
+MAX_AXES = 4
 
 MESSAGES: dict[str, type[Message]] = {topic.message.__name__: topic.message for topic in TOPICS}
 
@@ -40,21 +44,14 @@ def decode(payload: bytes) -> Message:
     """
     if len(payload) > MAX_BYTES:
         raise DecodeError(f"message: expected at most {MAX_BYTES} bytes, got {len(payload)}")
-    try:
-        fields = msgpack.unpackb(
-            payload, max_array_len=MAX_ITEMS, max_map_len=MAX_ITEMS, max_ext_len=0
-        )
-    except (ValueError, msgpack.UnpackException) as error:
-        raise DecodeError(f"message: expected MessagePack, got {_short(error)}") from error
-    if not isinstance(fields, dict):
-        raise DecodeError(f"message: expected a map, got {type(fields).__name__}")
-    name = fields.get("message")
+    fields = _unpack(payload)
+    name, version = fields.pop("message", None), fields.pop("version", None)
     kind = MESSAGES.get(name) if isinstance(name, str) else None
     if kind is None:
-        raise DecodeError(f"message: expected one of {', '.join(MESSAGES)}, got {name!r:.80}")
-    if fields.get("version") != kind.VERSION:
+        raise DecodeError(f"message: expected one of {', '.join(MESSAGES)}, got {_told(name)}")
+    if type(version) is not int or version != kind.VERSION:
         raise DecodeError(
-            f"{name}: expected version {kind.VERSION}, got {fields.get('version')!r:.80}",
+            f"{name}: expected version {kind.VERSION}, got {_told(version)}",
             "Run the same people4d release on all machines.",
         )
     try:
@@ -63,7 +60,40 @@ def decode(payload: bytes) -> Message:
         raise DecodeError(f"{name}: {error}") from error
 
 
-def _array_to_map(value: Any) -> dict[str, Any]:
+def _unpack(payload: bytes) -> dict[str, Any]:
+    limit = _limit()
+    try:
+        fields = msgpack.unpackb(
+            payload,
+            max_array_len=MAX_ITEMS,
+            max_map_len=MAX_ITEMS,
+            max_ext_len=0,
+            object_hook=limit,
+            list_hook=limit,
+        )
+    except (ValueError, msgpack.UnpackException) as error:
+        reason = (str(error) or type(error).__name__)[:120]
+        raise DecodeError(f"message: expected MessagePack, got {reason}") from error
+    if not isinstance(fields, dict):
+        raise DecodeError(f"message: expected a map, got {type(fields).__name__}")
+    return fields
+
+
+def _limit() -> Callable[[Any], Any]:
+    """Return a hook that stops a small payload from growing into millions of empty maps."""
+    seen = itertools.count(1)
+
+    def hook(container: Any) -> Any:
+        if next(seen) > MAX_CONTAINERS:
+            raise ValueError(f"more than {MAX_CONTAINERS} lists and maps")
+        return container
+
+    return hook
+
+
+def _array_to_map(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
     if not isinstance(value, np.ndarray):
         raise NotImplementedError(f"cannot encode {type(value).__name__}")
     array = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
@@ -74,15 +104,18 @@ def _array_to_map(value: Any) -> dict[str, Any]:
 
 def _map_to_array(kind: Any, value: Any) -> npt.NDArray[Any]:
     want = np.dtype(get_args(get_args(kind)[1])[0])
-    if not isinstance(value, dict) or not {"dtype", "shape", "data"} <= value.keys():
+    if not isinstance(value, dict) or value.keys() != {"dtype", "shape", "data"}:
         raise ValueError(f"expected an array (dtype, shape, data), got {type(value).__name__}")
     shape, data = value["shape"], value["data"]
     if value["dtype"] != want.name:
-        raise ValueError(f"expected dtype {want.name}, got {value['dtype']!r:.40}")
-    if not isinstance(shape, list) or not all(type(n) is int and n >= 0 for n in shape):
-        raise ValueError(f"expected a shape of lengths >= 0, got {shape!r:.80}")
-    if len(shape) > 4 or not isinstance(data, bytes):
-        raise ValueError("expected at most 4 axes and bytes as data")
+        raise ValueError(f"expected dtype {want.name}, got {_told(value['dtype'])}")
+    if not isinstance(data, bytes):
+        raise ValueError(f"expected bytes as data, got {type(data).__name__}")
+    if not isinstance(shape, list) or len(shape) > MAX_AXES:
+        raise ValueError(f"expected a shape of at most {MAX_AXES} axes, got {_told(shape)}")
+    if not all(type(n) is int and 0 <= n <= MAX_BYTES for n in shape):
+        told = ", ".join(map(_told, shape))
+        raise ValueError(f"expected a shape of lengths from 0 to {MAX_BYTES}, got {told}")
     size = want.itemsize
     for n in shape:
         size *= n
@@ -91,5 +124,6 @@ def _map_to_array(kind: Any, value: Any) -> npt.NDArray[Any]:
     return np.frombuffer(data, want.newbyteorder("<")).reshape(shape)
 
 
-def _short(error: Exception) -> str:
-    return (str(error) or type(error).__name__)[:120]
+def _told(value: Any) -> str:
+    """Tell an untrusted value in few words; what is nested is told by its type only."""
+    return f"{value!r:.80}" if isinstance(value, str | int | float) else type(value).__name__

@@ -15,9 +15,10 @@ F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
 MAX_TRACE = 64
+MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
 
 
-class Span(msgspec.Struct, frozen=True, kw_only=True):
+class Span(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One stage that a message passed, on the clock of the host named by its process."""
 
     stage: str  # "<service>.<stage>", for example "detector.inference"
@@ -26,7 +27,7 @@ class Span(msgspec.Struct, frozen=True, kw_only=True):
     end_ns: int  # [ns] wall clock (Unix epoch) when the stage ended
 
 
-class Message(msgspec.Struct, frozen=True, kw_only=True):
+class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of every message: when it was seen, its number, and the way it came."""
 
     VERSION: ClassVar[int] = 1
@@ -39,10 +40,12 @@ class Message(msgspec.Struct, frozen=True, kw_only=True):
         """Check the header.
 
         Raises:
-            ValueError: The sequence is negative or the trace is too long.
+            ValueError: A number is out of range or the trace is too long.
         """
-        if self.sequence < 0:
-            raise ValueError(f"sequence: expected >= 0, got {self.sequence}")
+        if not 0 <= self.sequence <= MAX_SEQUENCE:
+            raise ValueError(f"sequence: expected 0 to {MAX_SEQUENCE}, got {self.sequence}")
+        if not -(2**63) <= self.stamp_ns < 2**63:
+            raise ValueError(f"stamp_ns: expected a signed 64-bit number, got {self.stamp_ns}")
         if len(self.trace) > MAX_TRACE:
             raise ValueError(f"trace: expected at most {MAX_TRACE} stages, got {len(self.trace)}")
 

@@ -12,8 +12,8 @@ class CameraInfo(Message, frozen=True, kw_only=True):
 
     camera: str  # name of the camera
     frame_id: str  # name of its optical frame: x right, y down, z forward
-    width: int  # [px]
-    height: int  # [px]
+    width: int  # [px] of the images
+    height: int  # [px] of the images
     fx: float  # [px] focal length, horizontal
     fy: float  # [px] focal length, vertical
     cx: float  # [px] principal point, horizontal
@@ -112,7 +112,7 @@ class Odometry(Message, frozen=True, kw_only=True):
     y_m: float  # [m] frame: frame_id, left at start
     theta_rad: float  # [rad] heading, counter-clockwise, in (-pi, pi]
     covariance: F64 | None = None  # [m, rad] 3x3 of x, y, theta; absent if unknown
-    twist: F64 | None = None  # [m/s, rad/s] vx, vy, omega, frame: child_frame_id; absent if unknown
+    twist: F64 | None = None  # [m/s, rad/s] 3: vx, vy, omega in child_frame_id; absent if unknown
 
     def __post_init__(self) -> None:
         """Check shapes and numbers."""

@@ -16,7 +16,7 @@ from common.messages.base import (
 )
 
 
-class Mask(msgspec.Struct, frozen=True, kw_only=True):
+class Mask(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Pixels of one person inside a window of the image."""
 
     x_px: int  # [px] left edge of the window
@@ -46,7 +46,7 @@ class Mask(msgspec.Struct, frozen=True, kw_only=True):
         return flat.reshape(self.height, self.width)
 
 
-class Detection(msgspec.Struct, frozen=True, kw_only=True):
+class Detection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One person in one frame."""
 
     box_xyxy_px: F32  # [px] 4: left, top, right, bottom; may reach beyond the image
@@ -85,7 +85,7 @@ class Detections(Message, frozen=True, kw_only=True):
             raise ValueError(f"width, height: expected >= 1, got {self.width}, {self.height}")
 
 
-class Crop(msgspec.Struct, frozen=True, kw_only=True):
+class Crop(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The picture of one detected person."""
 
     detection: int  # index into Detections.people of the same camera and stamp
@@ -99,7 +99,10 @@ class Crop(msgspec.Struct, frozen=True, kw_only=True):
         check_shape("mask", self.mask, self.rgb.shape[:2])
         check_shape("keypoints", self.keypoints, (17, 3))
         if 0 in self.rgb.shape or self.detection < 0:
-            raise ValueError("crop: expected pixels and an index >= 0, got neither or one")
+            raise ValueError(
+                f"crop: expected pixels and an index >= 0, got rgb of shape {self.rgb.shape} and "
+                f"index {self.detection}"
+            )
 
 
 class Crops(Message, frozen=True, kw_only=True):
@@ -126,11 +129,13 @@ class Embeddings(Message, frozen=True, kw_only=True):
         """Check that each detection has one vector."""
         super().__post_init__()
         check_name("camera", self.camera)
+        if min(self.detections, default=0) < 0:
+            raise ValueError(f"detections: expected indices >= 0, got {min(self.detections)}")
         check_shape("vectors", self.vectors, (len(self.detections), None))
         check_finite("vectors", self.vectors)
 
 
-class Track(msgspec.Struct, frozen=True, kw_only=True):
+class Track(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One person over time, in the frame that Tracks names."""
 
     id: int  # identity, >= 1, never reused by a running tracker
@@ -152,6 +157,14 @@ class Track(msgspec.Struct, frozen=True, kw_only=True):
         check_shape("covariance", self.covariance, (6, 6))
         check_finite("position_m, velocity_mps", self.position_m, self.velocity_mps)
         check_finite("covariance, yaw_rad", self.covariance, self.yaw_rad)
+        check_finite("time_since_update_s", self.time_since_update_s)
+        if self.id < 1 or min(self.hits, self.age, self.detection or 0) < 0:
+            raise ValueError(
+                "id, hits, age, detection: expected id >= 1 and no negative number, got "
+                f"{self.id}, {self.hits}, {self.age}, {self.detection}"
+            )
+        if not 0 <= self.score <= 1:
+            raise ValueError(f"score: expected 0 to 1, got {self.score}")
 
 
 class Tracks(Message, frozen=True, kw_only=True):
@@ -169,7 +182,7 @@ class Tracks(Message, frozen=True, kw_only=True):
         check_name("camera", self.camera)
 
 
-class TruthPerson(msgspec.Struct, frozen=True, kw_only=True):
+class TruthPerson(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One person as motion capture sees them."""
 
     id: str  # identity in the motion-capture system

@@ -19,9 +19,8 @@ class Health(Message, frozen=True, kw_only=True):
     state: State  # what it can do now
     reason: str = ""  # why it is not ready, one sentence; empty when ready
     counters: dict[str, int] = msgspec.field(default_factory=dict)  # events since start, by name
-    gauges: dict[str, float] = msgspec.field(
-        default_factory=dict
-    )  # [Hz] or [ms], of the last period
+    # of the last period, by name; its end tells the unit: _hz, _ms, _percent, _mb
+    gauges: dict[str, float] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
