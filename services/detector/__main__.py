@@ -1,0 +1,23 @@
+"""The detector as a process: python -m services.detector."""
+
+import sys
+
+from common import process
+from common.node import Node
+from services.detector.config import DetectorConfig
+from services.detector.models import load_model
+from services.detector.node import DetectorNode
+
+
+def build(config: DetectorConfig) -> Node:
+    """Make the detector; its model is loaded here, so that a missing one is told at start."""
+    return DetectorNode(load_model(config), config)
+
+
+def main() -> int:
+    """Run the detector; two threads, so that one prepares a frame while the other infers."""
+    return process.main("detector", DetectorConfig, build, workers=2)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

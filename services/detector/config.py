@@ -1,0 +1,57 @@
+"""Configuration of the detector."""
+
+from typing import Literal
+
+import msgspec
+
+from services.detector.models.base import ModelSettings
+from services.detector.position import KeypointRule
+from services.detector.silhouette import GrowthRule
+
+# Rules for models that need others than the paper's, by the start of the model's name. MoveNet is
+# less confident: a third of its good keypoints lie below 0.6. In the simulated room this rule takes
+# the standard deviation of the position from 0.071 to 0.048 m in depth and from 0.089 to 0.028 m in
+# height.
+KEYPOINT_RULES = {
+    "movenet": KeypointRule(confidence_min=0.3, window_px=5, torso_gap_max_m=0.6),
+}
+
+
+class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
+    """What the detector can be told, beside the settings of its model."""
+
+    # How a person's position is read from depth (method book section 2). "auto": at the mask's
+    # centroid if the model gives masks, else as the mean of the keypoints; "mask" and "keypoints":
+    # only so; "grown": at the centroid of a mask grown in depth from the keypoints (section 8.2),
+    # which is sent as the person's mask.
+    position: Literal["auto", "mask", "keypoints", "grown"] = "auto"
+    keypoint_confidence_min: float | None = None  # 0 to 1 (section 2: 0.6); absent: suits the model
+    keypoint_window_px: int | None = None  # [px] odd window of a keypoint's depth; absent: suits
+    torso_gap_max_m: float | None = None  # [m] keypoint to torso in depth; absent: suits the model
+    growth: GrowthRule = GrowthRule()  # how a "grown" mask grows (section 8.2)
+    crops: bool = True  # send the pictures of people that re-identification needs
+    crop_height_max_px: int = 256  # [px] higher crops are scaled down to this height
+
+    def __post_init__(self) -> None:
+        """Check ranges.
+
+        Raises:
+            ValueError: A value is out of range.
+        """
+        super().__post_init__()
+        self.keypoint_rule("")
+        if not 16 <= self.crop_height_max_px <= 4096:
+            raise ValueError(
+                f"crop_height_max_px: expected 16 to 4096, got {self.crop_height_max_px}"
+            )
+
+    def keypoint_rule(self, model: str) -> KeypointRule:
+        """Return which keypoints make a position: as told, else as suits the model of that name."""
+        rules = [rule for name, rule in KEYPOINT_RULES.items() if model.startswith(name)]
+        rule = rules[0] if rules else KeypointRule()
+        told = {
+            "confidence_min": self.keypoint_confidence_min,
+            "window_px": self.keypoint_window_px,
+            "torso_gap_max_m": self.torso_gap_max_m,
+        }
+        return msgspec.structs.replace(rule, **{k: v for k, v in told.items() if v is not None})

@@ -1,0 +1,174 @@
+"""RGB-D frames to people with positions, and their pictures."""
+
+import logging
+import threading
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+from common.messages import (
+    F64,
+    CameraInfo,
+    Crops,
+    Detection,
+    Detections,
+    Mask,
+    Message,
+    RgbdFrame,
+)
+from common.node import Status
+from common.trace import span
+from services.detector.config import DetectorConfig
+from services.detector.crops import crop_person
+from services.detector.models.base import Person, PersonModel
+from services.detector.position import keypoint_mean, mask_centroid
+from services.detector.silhouette import grow_mask
+
+log = logging.getLogger("people4d")
+
+
+class DetectorNode:
+    """Finds people in each frame and reads their positions from depth.
+
+    Cameras may be several; each frame needs the CameraInfo of its camera before it. `handle` may be
+    called from several threads at once if the model may.
+
+    Args:
+        model: Finds people in the colour image.
+        config: How positions are read and whether crops are sent.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
+
+    def __init__(self, model: PersonModel, config: DetectorConfig) -> None:
+        self._model = model
+        self._config = config
+        self._rule = config.keypoint_rule(model.name)
+        self._lock = threading.Lock()
+        self._calibrations: dict[str, CameraInfo] = {}
+        self._counters: Counter[str] = Counter()
+        self._faults: dict[str, str] = {}  # what is wrong with the newest frame, by camera
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Take a calibration, or a frame: return its Detections and, if configured, its Crops."""
+        if isinstance(message, CameraInfo):
+            with self._lock:
+                self._calibrations[message.camera] = message
+            return ()
+        if not isinstance(message, RgbdFrame):
+            return ()
+        info = self._calibration(message)
+        return () if info is None else self._detect(message, info)
+
+    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Return nothing: every output answers a frame."""
+        return ()
+
+    def wake_ns(self) -> int | None:
+        """Return None: the node never waits."""
+        return None
+
+    def status(self) -> Status:
+        """Return counters, and as the reason what is wrong with the newest frames."""
+        with self._lock:
+            reason = "; ".join(f"camera {camera}: {why}" for camera, why in self._faults.items())
+            counters = dict(self._counters)
+        return Status(state="degraded" if reason else "ready", reason=reason, counters=counters)
+
+    def close(self) -> None:
+        """Release nothing: the node holds no devices or files."""
+
+    def _calibration(self, frame: RgbdFrame) -> CameraInfo | None:
+        """Return the calibration of a frame; None, counted, if there is none that fits."""
+        with self._lock:
+            self._counters["frames"] += 1
+            info = self._calibrations.get(frame.camera)
+        height, width = frame.depth_mm.shape
+        if info is None:
+            self._fault(frame, "no_calibration", "no CameraInfo has come, its frames are dropped")
+        elif (info.height, info.width) != (height, width):
+            expected = f"{info.width}x{info.height}"
+            why = f"expected {expected} as in its CameraInfo, got {width}x{height}"
+            self._fault(frame, "wrong_size", f"frames are dropped: {why}")
+            return None
+        return info
+
+    def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
+        people = self._find(frame)
+        with span("depth"):
+            people = [self._with_mask(person, frame, info) for person in people]
+            detections = tuple(self._detection(person, frame, info) for person in people)
+        with self._lock:
+            self._counters["people"] += len(people)
+            self._counters["with_position"] += sum(d.position_m is not None for d in detections)
+        result = Detections(
+            stamp_ns=frame.stamp_ns,
+            sequence=frame.sequence,
+            trace=frame.trace,
+            camera=frame.camera,
+            frame_id=info.frame_id,
+            model=self._model.name,
+            width=info.width,
+            height=info.height,
+            people=detections,
+        )
+        return (result, self._crops(people, frame)) if self._config.crops else (result,)
+
+    def _find(self, frame: RgbdFrame) -> list[Person]:
+        """Return the people in the colour image; none, counted, if the model fails."""
+        try:
+            people = self._model.detect(frame.rgb)
+        except Exception as error:  # a model from outside may raise anything
+            log.debug("the model failed", exc_info=True)
+            self._fault(frame, "model_errors", f"the model failed: {error!r:.200}")
+            return []
+        if frame.depth_mm.any():
+            with self._lock:
+                self._faults.pop(frame.camera, None)
+        else:
+            self._fault(frame, "no_depth", "its depth image is empty, people have no positions")
+        return people
+
+    def _with_mask(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Person:
+        """Return the person with a mask grown in depth, if so configured."""
+        if self._config.position != "grown" or person.keypoints is None:
+            return person
+        return replace(person, mask=grow_mask(person, frame.depth_mm, info, self._config.growth))
+
+    def _detection(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Detection:
+        mask = person.mask
+        return Detection(
+            box_xyxy_px=person.box_xyxy_px,
+            score=person.score,
+            keypoints=person.keypoints,
+            mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),
+            position_m=self._position(person, frame, info),
+        )
+
+    def _position(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> F64 | None:
+        method = self._config.position
+        if method != "keypoints" and person.mask is not None:
+            return mask_centroid(person.mask, frame.depth_mm, info)
+        if method in ("auto", "keypoints") and person.keypoints is not None:
+            return keypoint_mean(person.keypoints, frame.depth_mm, info, self._rule)
+        return None
+
+    def _crops(self, people: Sequence[Person], frame: RgbdFrame) -> Crops:
+        with span("crops"):
+            crops = [
+                crop_person(index, person, frame.rgb, self._config.crop_height_max_px)
+                for index, person in enumerate(people)
+            ]
+        return Crops(
+            stamp_ns=frame.stamp_ns,
+            sequence=frame.sequence,
+            trace=frame.trace,
+            camera=frame.camera,
+            people=tuple(crop for crop in crops if crop is not None),
+        )
+
+    def _fault(self, frame: RgbdFrame, counter: str, reason: str) -> None:
+        with self._lock:
+            self._counters[counter] += 1
+            self._faults[frame.camera] = reason
