@@ -1,0 +1,156 @@
+"""Body-part colour histograms: an embedder that needs no weights.
+
+Head, torso and legs each have a hue-saturation histogram (method book section 8.1) with bins of
+grey beside it, because black, grey and white clothes have no hue. The square root of the shares
+makes the dot product of two vectors the Bhattacharyya coefficient, weighted by part.
+"""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from common.messages import F32, F64, U8, Crop
+from common.trace import span
+from services.reid.config import ReidConfig
+
+# C_cos of the method book's section 5: as benchmarks/reid_threshold.md finds it, drawn in a little
+# because people outside of the simulation dress more alike.
+COSINE_DISTANCE_MAX = 0.25
+HUES = 12
+SATURATIONS = 4
+GREYS = 8
+BINS = HUES * SATURATIONS + GREYS
+PART_WEIGHTS = (0.15, 0.5, 0.35)  # head, torso, legs
+PART_EDGES = (0.0, 0.18, 0.48, 1.0)  # of a standing person's height, from the top
+CHROMA_GREY, CHROMA_FULL = (
+    0.06,
+    0.2,
+)  # saturation x value below, above which a pixel is grey, is not
+PRIOR_SHARE = 0.05  # of the part's pixels, spread evenly: an unseen part resembles any other a bit
+HEIGHT_PX = 96  # crops are scaled down to this height
+CONFIDENCE_MIN = 0.3  # of keypoints that divide the body
+SIDE_SPREAD = 0.35  # of half the box: how far pixels count where nothing shows the body
+LIMB_WIDTH = 0.15  # of the torso's length; the head is twice as wide
+HEAD = [0, 1, 2, 3, 4]  # COCO
+TORSO = [5, 6, 12, 11]  # COCO, round the outline: left, right shoulder, right, left hip
+LIMBS = ((5, 7), (7, 9), (6, 8), (8, 10), (11, 13), (13, 15), (12, 14), (14, 16))
+
+
+def load(config: ReidConfig) -> "HistogramEmbedder":  # noqa: ARG001
+    """Make the embedder; it has no settings."""
+    return HistogramEmbedder()
+
+
+class HistogramEmbedder:
+    """Body-part hue-saturation histograms under the square root."""
+
+    name = "histogram"
+    dimension = len(PART_WEIGHTS) * BINS
+
+    def embed(self, crops: Sequence[Crop]) -> F32:
+        """Embed pictures; rows are of unit length."""
+        with span("embed"):
+            vectors = [_embed(crop) for crop in crops]
+        return np.array(vectors, np.float32).reshape(-1, self.dimension)
+
+
+def _embed(crop: Crop) -> F64:
+    """Return the vector of one picture."""
+    height = min(HEIGHT_PX, crop.rgb.shape[0])
+    width = max(1, round(crop.rgb.shape[1] * height / crop.rgb.shape[0]))
+    rgb = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_AREA)
+    weights = _body_weights(crop, (height, width))
+    bins, shares = _bins(np.asarray(rgb / np.float32(255), np.float32))
+    edges = np.rint(_part_edges(crop) * height).astype(int)
+    vector = []
+    for share, top, bottom in zip(PART_WEIGHTS, edges[:-1], edges[1:], strict=True):
+        counts = np.bincount(
+            bins[:, top:bottom].ravel(),
+            (shares[:, top:bottom] * weights[top:bottom]).ravel(),
+            minlength=BINS,
+        )
+        prior = max(PRIOR_SHARE * counts.sum(), 1e-6) / BINS
+        vector.append(np.sqrt(share * (counts + prior) / (counts + prior).sum()))
+    return np.concatenate(vector)
+
+
+def _body_weights(crop: Crop, shape: tuple[int, int]) -> F64:
+    """Return how much each pixel of the scaled crop (height, width) counts.
+
+    The mask if there is one, else the skeleton drawn thick, else less towards the sides of the box.
+    """
+    height, width = shape
+    if crop.mask is not None and crop.mask.any():
+        mask = (crop.mask != 0).astype(np.float32)
+        return np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA), float)
+    if crop.keypoints is not None and (crop.keypoints[TORSO, 2] > CONFIDENCE_MIN).all():
+        skeleton = _skeleton(crop.keypoints, height / crop.rgb.shape[0], shape)
+        if skeleton.any():
+            return skeleton.astype(np.float64)
+    across = (np.arange(width) + 0.5) / width * 2 - 1
+    weights: F64 = np.tile(np.exp(-0.5 * (across / SIDE_SPREAD) ** 2), (height, 1))
+    return weights
+
+
+def _skeleton(keypoints: F32, scale: float, shape: tuple[int, int]) -> U8:
+    """Return an image of a shape with torso, limbs, neck and head set to 1."""
+    # A wild coordinate must not overflow the integers of the drawing.
+    points = np.rint(np.clip(keypoints[:, :2] * scale, -9999, 9999)).astype(np.int32)
+    seen = keypoints[:, 2] > CONFIDENCE_MIN
+    shoulders, hips = points[TORSO[:2]].mean(axis=0), points[TORSO[2:]].mean(axis=0)
+    thick = max(1, round(float(np.linalg.norm(shoulders - hips)) * LIMB_WIDTH))
+    image = np.zeros(shape, np.uint8)
+    cv2.fillConvexPoly(image, points[TORSO], 1)
+    for a, b in LIMBS:
+        if seen[a] and seen[b]:
+            cv2.line(image, points[a].tolist(), points[b].tolist(), 1, min(thick, 255))
+    if seen[HEAD].any():
+        head = points[HEAD][seen[HEAD]].mean(axis=0)
+        top, neck = np.rint([head, shoulders]).astype(int).tolist()
+        cv2.line(image, top, neck, 1, min(2 * thick, 255))
+    return image
+
+
+def _part_edges(crop: Crop) -> F64:
+    """Return the upper edges of head, torso and legs and the lower end, 0 to 1 of the height."""
+    edges = np.array(PART_EDGES)
+    if crop.keypoints is None:
+        return edges
+    for index, pair in ((1, TORSO[:2]), (2, TORSO[2:])):
+        if (crop.keypoints[pair, 2] > CONFIDENCE_MIN).all():
+            edges[index] = crop.keypoints[pair, 1].mean() / crop.rgb.shape[0]
+    return np.maximum.accumulate(np.clip(edges, 0, 1))
+
+
+def _bins(rgb: F32) -> tuple[npt.NDArray[np.intp], F64]:
+    """Return the six bins that each pixel falls between, and its share in each.
+
+    Args:
+        rgb: HxWx3, 0 to 1.
+
+    Returns:
+        6xHxW bins and shares; a pixel's shares add up to 1. The first four are neighbours in hue
+        and saturation, the last two in grey.
+    """
+    hue, saturation, value = np.moveaxis(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV).astype(float), 2, 0)
+    chroma = np.clip((saturation * value - CHROMA_GREY) / (CHROMA_FULL - CHROMA_GREY), 0, 1)
+    h, h_rest = _split(hue / 360 * HUES)
+    s, s_rest = _split(saturation * (SATURATIONS - 1))
+    g, g_rest = _split(value * (GREYS - 1))
+    bins, shares = [], []
+    for dh, ds in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        row = np.minimum(s + ds, SATURATIONS - 1)
+        bins.append((h + dh) % HUES * SATURATIONS + row)
+        shares.append(chroma * np.abs(1 - dh - h_rest) * np.abs(1 - ds - s_rest))
+    for dg in (0, 1):
+        bins.append(HUES * SATURATIONS + np.minimum(g + dg, GREYS - 1))
+        shares.append((1 - chroma) * np.abs(1 - dg - g_rest))
+    return np.array(bins), np.array(shares)
+
+
+def _split(position: F64) -> tuple[npt.NDArray[np.intp], F64]:
+    """Return the whole and the fractional part."""
+    whole = np.floor(position)
+    return whole.astype(np.intp), position - whole

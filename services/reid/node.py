@@ -1,0 +1,74 @@
+"""Crops to embeddings."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from common.messages import Crops, Embeddings, Message
+from common.node import Status
+from services.reid.embedder import Embedder
+
+SIDE_MIN_PX = 8  # a smaller picture tells nothing about a person
+
+
+class ReidNode:
+    """Embeds the people of each frame; a frame without people gives no vectors, but a message.
+
+    Args:
+        embedder: Turns pictures into vectors.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (Crops,)
+
+    def __init__(self, embedder: Embedder) -> None:
+        self._embedder = embedder
+        self._counters: Counter[str] = Counter()
+        self._fault = ""
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Take the crops of a frame and return their Embeddings."""
+        if not isinstance(message, Crops):
+            return ()
+        crops = [crop for crop in message.people if min(crop.rgb.shape[:2]) >= SIDE_MIN_PX]
+        self._counters["frames"] += 1
+        self._counters["people"] += len(crops)
+        self._counters["too_small"] += len(message.people) - len(crops)
+        try:
+            vectors = self._embedder.embed(crops)
+            self._fault = ""
+        except Exception as error:  # an embedder from outside may raise anything
+            self._counters["embedder_errors"] += 1
+            self._fault = f"the embedder failed: {error!r:.200}"
+            crops, vectors = [], np.zeros((0, self._embedder.dimension), np.float32)
+        return (
+            Embeddings(
+                stamp_ns=message.stamp_ns,
+                sequence=message.sequence,
+                trace=message.trace,
+                camera=message.camera,
+                model=self._embedder.name,
+                detections=tuple(crop.detection for crop in crops),
+                vectors=vectors,
+            ),
+        )
+
+    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Return nothing: every output answers a message."""
+        return ()
+
+    def wake_ns(self) -> int | None:
+        """Return None: the node never waits."""
+        return None
+
+    def status(self) -> Status:
+        """Return counters, and as the reason whether the newest frame's embedding failed."""
+        return Status(
+            state="degraded" if self._fault else "ready",
+            reason=self._fault,
+            counters=dict(self._counters),
+        )
+
+    def close(self) -> None:
+        """Release nothing: the node holds no devices or files."""
