@@ -84,9 +84,9 @@ def cosine_distances(a: Sequence[F64 | None], b: Sequence[F64 | None]) -> F64:
         b: M unit vectors of the same length, None where unknown.
     """
     length = next((len(v) for v in (*a, *b) if v is not None), 0)
-    if not length:
-        return np.full((len(a), len(b)), np.nan)
-    unknown = np.full(length, np.nan)
-    left = np.array([unknown if v is None else v for v in a]).reshape(len(a), length)
-    right = np.array([unknown if v is None else v for v in b]).reshape(len(b), length)
-    return np.clip(1.0 - left @ right.T, 0.0, 2.0)
+    blank = np.zeros(length)
+    left = np.array([blank if v is None else v for v in a]).reshape(len(a), length)
+    right = np.array([blank if v is None else v for v in b]).reshape(len(b), length)
+    known = np.outer([v is not None for v in a], [v is not None for v in b])
+    apart: F64 = np.where(known, np.clip(1.0 - left @ right.T, 0.0, 2.0), np.nan)
+    return apart

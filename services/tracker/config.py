@@ -6,6 +6,9 @@ import msgspec
 
 CHI2_3DOF_95 = 7.8147
 
+# Measured: benchmarks/reid_threshold.md.
+COSINE_DISTANCE_MAX = {"histogram": 0.25, "osnet": 0.45}
+
 
 def _expect(holds: bool, field: str, expected: str, got: object) -> None:
     if not holds:
@@ -24,7 +27,7 @@ def _expect_ratio(record: msgspec.Struct, *fields: str) -> None:
         _expect(0 <= value <= 1, field, "0 to 1", value)
 
 
-class Sort3dConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Sort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
     """SORT-3D (method book section 4). Where no source is named the value is this project's."""
 
     # association
@@ -68,17 +71,16 @@ class Sort3dConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         )
 
 
-class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
     """StrongSORT-3D (section 5). Where no source is named the value is this project's."""
 
     # round 1
     motion_weight: float = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5
     mahalanobis_max: float = CHI2_3DOF_95  # largest d_M^2: chi^2, 3 dof, 95 %; section 5
-    # C_cos, largest cosine distance by the name of the embedder; section 5 (default, per embedder)
-    cosine_distance_max: dict[str, float] = msgspec.field(
-        default_factory=lambda: {"histogram": 0.3, "osnet": 0.35}
-    )
-    cosine_distance_max_other: float = 0.3  # C_cos of an embedder that the table does not name
+    # C_cos, largest cosine distance, by the name of the embedder (section 5: per embedder). What is
+    # not named here is taken from COSINE_DISTANCE_MAX, else it is cosine_distance_max_other.
+    cosine_distance_max: dict[str, float] = msgspec.field(default_factory=dict)
+    cosine_distance_max_other: float = 0.3
     ema_alpha: float = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: float = 0.7  # [m] largest 3D distance; section 5 (default)
@@ -104,6 +106,11 @@ class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
         limits = {**self.cosine_distance_max, "other embedders": self.cosine_distance_max_other}
         for name, limit in limits.items():
             _expect(0 < limit <= 2, f"cosine_distance_max of {name}", "above 0, at most 2", limit)
+
+    def cosine_limit(self, embedder: str) -> float:
+        """Return C_cos of an embedder."""
+        shipped = COSINE_DISTANCE_MAX.get(embedder, self.cosine_distance_max_other)
+        return self.cosine_distance_max.get(embedder, shipped)
 
 
 class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):

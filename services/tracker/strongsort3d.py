@@ -74,8 +74,7 @@ class StrongSort3d:
         d_cos = association.cosine_distances(
             [t.embedding for t in targets], [m.embedding for m in detections]
         )
-        c_cos = config.cosine_distance_max.get(embedder, config.cosine_distance_max_other)
-        return combined_cost(d_m2, d_cos, c_cos, config)
+        return combined_cost(d_m2, d_cos, config.cosine_limit(embedder), config)
 
     def _distance_cost(self, targets: Sequence[Target], detections: Sequence[Measurement]) -> F64:
         """Return the cost of round 2: the 3D distance."""

@@ -1,0 +1,43 @@
+"""People that tests put before a tracker."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from common.messages import F64
+from services.tracker.interface import Measurement, Observation
+
+FRAME_NS = 100_000_000
+FOCAL_PX = 600.0
+
+
+def person(
+    x: float,
+    y: float,
+    index: int = 0,
+    score: float = 0.9,
+    embedding: Sequence[float] | None = None,
+) -> Measurement:
+    """A person 1.7 m tall and 0.5 m wide, seen from the origin of the map along +x."""
+    u, v = 320.0 - FOCAL_PX * y / x, 240.0
+    half_width, half_height = FOCAL_PX * 0.25 / x, FOCAL_PX * 0.85 / x
+    return Measurement(
+        index=index,
+        box_xyxy_px=np.array([u - half_width, v - half_height, u + half_width, v + half_height]),
+        score=score,
+        position_m=np.array([x, y, 1.0]),
+        forward_m=x,
+        embedding=None if embedding is None else unit(embedding),
+    )
+
+
+def unit(vector: Sequence[float]) -> F64:
+    values = np.asarray(vector, np.float64)
+    return values / np.linalg.norm(values)
+
+
+def frame(number: int, *people: Measurement, camera: str = "camera") -> Observation:
+    """Frame 0, 1, 2, ... of ten a second."""
+    return Observation(
+        stamp_ns=number * FRAME_NS, measurements=people, camera=camera, embedder="histogram"
+    )

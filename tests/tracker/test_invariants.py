@@ -1,0 +1,222 @@
+"""What must hold for every tracker and every scene."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from common.geometry import rotation_from_rpy
+from common.messages import F64, Track
+from services.tracker.config import TrackerConfig
+from services.tracker.interface import Measurement, Observation, Tracker
+from services.tracker.registry import make_tracker
+from tests.tracker.scene import FRAME_NS, frame, person
+
+NAMES = ["sort3d", "strongsort3d"]
+both = pytest.mark.parametrize("name", NAMES)
+
+
+def make(name: str) -> Tracker:
+    return make_tracker(TrackerConfig(tracker=name))
+
+
+def scene(seed: int, frames: int = 25, people: int = 4) -> list[Observation]:
+    """People who walk at random, are missed at times, with noise and uneven time steps."""
+    rng = np.random.default_rng(seed)
+    places, speeds = rng.uniform([2, -1.5], [5, 1.5], (people, 2)), rng.normal(0, 0.8, (people, 2))
+    looks, stamp_ns, told = rng.normal(size=(people, 8)), 0, []
+    for _ in range(frames):
+        step_ns = int(rng.integers(0, 2 * FRAME_NS))
+        stamp_ns += step_ns
+        places = np.maximum(places + speeds * step_ns / 1e9, [1.0, -9.0])
+        noisy = places + rng.normal(0, 0.05, places.shape)
+        seen = [
+            person(
+                noisy[k, 0],
+                noisy[k, 1],
+                index=k,
+                score=float(rng.uniform(0.3, 1.0)),
+                embedding=looks[k] + rng.normal(0, 0.2, 8) if rng.random() < 0.9 else None,
+            )
+            for k in range(people)
+            if rng.random() < 0.85
+        ]
+        told.append(Observation(stamp_ns=stamp_ns, measurements=tuple(seen), embedder="histogram"))
+    return told
+
+
+def run(tracker: Tracker, observations: list[Observation]) -> list[list[Track]]:
+    return [tracker.update(observation) for observation in observations]
+
+
+def assert_same(a: list[list[Track]], b: list[list[Track]]) -> None:
+    for one, other in zip(a, b, strict=True):
+        for x, y in zip(one, other, strict=True):
+            for field in Track.__struct_fields__:
+                np.testing.assert_array_equal(getattr(x, field), getattr(y, field))
+
+
+@both
+def test_same_input_same_output(name: str) -> None:
+    assert_same(run(make(name), scene(3)), run(make(name), scene(3)))
+
+
+@both
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), data=st.data())
+def test_the_order_of_detections_decides_nothing(name: str, seed: int, data: st.DataObject) -> None:
+    straight = scene(seed, frames=10)
+    shuffled = [
+        dataclasses.replace(o, measurements=tuple(data.draw(st.permutations(o.measurements))))
+        for o in straight
+    ]
+    assert_same(run(make(name), straight), run(make(name), shuffled))
+
+
+def moved(measurement: Measurement, rotation: F64, shift: F64) -> Measurement:
+    return dataclasses.replace(measurement, position_m=rotation @ measurement.position_m + shift)
+
+
+@both
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    angles=st.tuples(*[st.floats(-3, 3)] * 3),
+    shift=st.tuples(*[st.floats(-20, 20)] * 3),
+)
+def test_tracks_move_with_the_world(
+    name: str, seed: int, angles: tuple[float, ...], shift: tuple[float, ...]
+) -> None:
+    rotation, offset = rotation_from_rpy(*angles), np.array(shift)
+    here = scene(seed, frames=10)
+    there = [
+        dataclasses.replace(
+            o, measurements=tuple(moved(m, rotation, offset) for m in o.measurements)
+        )
+        for o in here
+    ]
+    turn = np.kron(np.eye(2), rotation)
+    for one, other in zip(run(make(name), here), run(make(name), there), strict=True):
+        assert [(t.id, t.state, t.detection) for t in one] == [
+            (t.id, t.state, t.detection) for t in other
+        ]
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_allclose(rotation @ a.position_m + offset, b.position_m, atol=1e-8)
+            np.testing.assert_allclose(rotation @ a.velocity_mps, b.velocity_mps, atol=1e-8)
+            np.testing.assert_allclose(turn @ a.covariance @ turn.T, b.covariance, atol=1e-8)
+
+
+@both
+@settings(max_examples=40, deadline=None)
+@given(
+    steps_s=st.lists(st.floats(0, 4.9), min_size=1, max_size=12),
+    scores=st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=12, max_size=12),
+    seen=st.lists(st.booleans(), min_size=12, max_size=12),
+)
+def test_covariances_stay_symmetric_and_positive_definite(
+    name: str, steps_s: list[float], scores: list[float], seen: list[bool]
+) -> None:
+    tracker, stamp_ns = make(name), 0
+    for step_s, score, here in zip(steps_s, scores, seen, strict=False):
+        stamp_ns += int(step_s * 1e9)
+        people = (person(3, 0.5, score=score),) * here
+        for track in tracker.update(Observation(stamp_ns=stamp_ns, measurements=people)):
+            np.testing.assert_allclose(track.covariance, track.covariance.T, rtol=1e-9)
+            np.linalg.cholesky(track.covariance)
+
+
+@both
+def test_empty_frames(name: str) -> None:
+    tracker = make(name)
+    assert run(tracker, [frame(k) for k in range(5)]) == [[]] * 5
+    assert tracker.predict(10 * FRAME_NS) == []
+
+
+@both
+def test_zero_time_between_frames_adds_no_uncertainty(name: str) -> None:
+    tracker = make(name)
+    (before,) = tracker.update(frame(0, person(3, 0)))
+    (after,) = tracker.update(frame(0, person(3, 0)))
+    assert after.id == before.id
+    assert np.trace(after.covariance) < np.trace(before.covariance)
+
+
+@both
+def test_a_gap_of_two_seconds_keeps_a_standing_person(name: str) -> None:
+    tracker = make(name)
+    for number in range(5):
+        tracker.update(frame(number, person(3, 0)))
+    (track,) = tracker.update(frame(25, person(3, 0)))
+    assert (track.id, track.state) == (1, "confirmed")
+    assert np.all(np.isfinite(track.covariance))
+
+
+@both
+def test_a_gap_beyond_the_limit_begins_anew(name: str) -> None:
+    tracker = make(name)
+    for number in range(5):
+        tracker.update(frame(number, person(3, 0)))
+    (track,) = tracker.update(frame(10**9, person(3, 0)))
+    assert (track.id, track.state) == (2, "tentative")
+
+
+@both
+def test_a_stamp_from_the_past_is_refused(name: str) -> None:
+    tracker = make(name)
+    tracker.update(frame(5))
+    with pytest.raises(ValueError, match="stamp_ns: expected >= 500000000, got 400000000"):
+        tracker.update(frame(4))
+
+
+@both
+def test_reset_forgets_people_but_no_identity(name: str) -> None:
+    tracker = make(name)
+    tracker.update(frame(5, person(3, 0)))
+    tracker.reset()
+    assert [track.id for track in tracker.update(frame(0, person(3, 0)))] == [2]
+
+
+@both
+def test_identities_are_never_used_again(name: str) -> None:
+    tracker, began = make(name), dict[int, int]()
+    alive: set[int] = set()
+    gone: set[int] = set()
+    for number in range(3000):
+        here = number % 4 < 2  # two frames seen, two not: many short lives
+        tracks = tracker.update(frame(number * 17, *[person(3, 0)] * here))
+        now = {track.id for track in tracks}
+        gone |= alive - now
+        assert not now & gone
+        alive = now
+        for track in tracks:
+            began.setdefault(track.id, number)
+    assert sorted(began) == list(range(1, len(began) + 1))
+    assert len(began) > 700
+
+
+@both
+def test_predicting_changes_nothing(name: str) -> None:
+    observations = scene(11)
+    quiet, asked = make(name), make(name)
+    expected = run(quiet, observations)
+    told = []
+    for observation in observations:
+        told.append(asked.update(observation))
+        asked.predict(observation.stamp_ns + 3 * FRAME_NS)
+    assert_same(expected, told)
+
+
+@both
+def test_prediction_moves_on_and_grows_unsure_until_the_track_ends(name: str) -> None:
+    tracker = make(name)
+    for number in range(10):
+        (now,) = tracker.update(frame(number, person(3, 0.05 * number)))
+    (soon,) = tracker.predict(10 * FRAME_NS)
+    (later,) = tracker.predict(29 * FRAME_NS)
+    assert (soon.state, soon.detection) == ("lost", None)
+    np.testing.assert_allclose(later.position_m, now.position_m + 2.0 * now.velocity_mps)
+    assert later.time_since_update_s == pytest.approx(2.0)
+    assert now.covariance[0, 0] < soon.covariance[0, 0] < later.covariance[0, 0]
+    assert tracker.predict(60 * FRAME_NS) == []

@@ -1,0 +1,358 @@
+"""The tracker node: joining, waiting, drops, resets and predictions."""
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.geometry import LINK_FROM_OPTICAL, transform_from
+from common.messages import (
+    Detection,
+    Detections,
+    Embeddings,
+    Message,
+    Span,
+    StaticTransform,
+    Tracks,
+)
+from services.tracker.config import TrackerConfig
+from services.tracker.node import TrackerNode
+from services.tracker.registry import make_tracker
+
+MS = 1_000_000
+START_NS = 5_000 * MS  # stamp of frame 0
+FRAME_MS = 100
+SPAN = Span(stage="detector.inference", process="detector-1@robot", start_ns=1, end_ns=2)
+REID = Span(stage="reid.inference", process="reid-1@robot", start_ns=3, end_ns=4)
+
+MAP_FROM_CAMERA = transform_from([10.0, 0.0, 1.0], LINK_FROM_OPTICAL[:3, :3])
+TRANSFORM = StaticTransform(
+    stamp_ns=0, sequence=0, parent="map", child="camera_optical", matrix=MAP_FROM_CAMERA
+)
+
+
+def node(**fields: Any) -> TrackerNode:
+    config = TrackerConfig(**fields)
+    return TrackerNode(config, make_tracker(config))
+
+
+def person(x: float = 0.0, forward: float = 3.0) -> Detection:
+    left = 320 + 600 * x / forward
+    return Detection(
+        box_xyxy_px=np.array([left, 100, left + 100, 400], np.float32),
+        score=0.9,
+        position_m=np.array([x, 0.0, forward]),
+    )
+
+
+def seen(
+    number: int, people: Sequence[Detection] = (person(),), camera: str = "front", late_ms: int = 0
+) -> Detections:
+    return Detections(
+        stamp_ns=START_NS + (number * FRAME_MS + late_ms) * MS,
+        sequence=max(number, 0),
+        trace=(SPAN,),
+        camera=camera,
+        frame_id=f"{camera}_optical" if camera != "front" else "camera_optical",
+        model="movenet",
+        width=640,
+        height=480,
+        people=tuple(people),
+    )
+
+
+def looks(of: Detections, vectors: Sequence[Sequence[float]] = ((1.0, 0.0),)) -> Embeddings:
+    return Embeddings(
+        stamp_ns=of.stamp_ns,
+        sequence=of.sequence,
+        trace=(SPAN, REID),
+        camera=of.camera,
+        model="histogram",
+        detections=tuple(range(len(vectors))),
+        vectors=np.array(vectors, np.float32).reshape(-1, len(vectors[0]) if vectors else 2),
+    )
+
+
+def tracks(messages: Iterable[Message]) -> list[Tracks]:
+    told = []
+    for message in messages:
+        assert isinstance(message, Tracks)
+        told.append(message)
+    return told
+
+
+def feed(target: TrackerNode, messages: Sequence[Message], now_ns: int = 0) -> list[Tracks]:
+    return [t for m in messages for t in tracks(target.handle(m, now_ns))]
+
+
+def numbers(told: Iterable[Tracks]) -> list[int]:
+    return [(t.stamp_ns - START_NS) // (FRAME_MS * MS) for t in told]
+
+
+def test_a_frame_is_answered_once_its_embeddings_are_there() -> None:
+    target = node()
+    target.handle(TRANSFORM, 0)
+    frame = seen(0)
+    assert target.handle(frame, 0) == []
+    (told,) = tracks(target.handle(looks(frame), 10 * MS))
+    assert (told.stamp_ns, told.sequence, told.camera) == (frame.stamp_ns, 0, "front")
+    assert (told.frame_id, told.tracker) == ("map", "strongsort3d")
+    assert told.trace == (SPAN, REID)
+    assert target.status().state == "ready"
+
+
+def test_positions_are_told_in_the_map() -> None:
+    # Optical (x right 0.5, y down 0, z forward 3) is link (3, -0.5, 0); the camera stands at
+    # (10, 0, 1) in the map: (13, -0.5, 1).
+    target = node(publish_tentative=True)
+    frame = seen(0, [person(0.5)])
+    (told,) = feed(target, [TRANSFORM, frame, looks(frame)])
+    np.testing.assert_allclose(told.people[0].position_m, [13.0, -0.5, 1.0])
+
+
+def test_any_order_of_arrival_gives_the_same_tracks() -> None:
+    frames = [seen(k, [person(-0.5 + 0.02 * k), person(0.5 - 0.02 * k)]) for k in range(3)]
+    messages: list[Message] = [*frames, *(looks(f, [[1, 0], [0, 1]]) for f in frames)]
+
+    def run(order: Sequence[Message]) -> list[Any]:
+        target = node(publish_tentative=True)
+        return [
+            msgspec.to_builtins(t, enc_hook=np.ndarray.tolist)
+            for t in feed(target, [TRANSFORM, *order])
+        ]
+
+    expected = run([m for pair in zip(frames, messages[3:], strict=True) for m in pair])
+    assert len(expected) == 3
+    in_camera_order = [
+        order
+        for order in itertools.permutations(messages)
+        if [m for m in order if isinstance(m, Detections)] == frames
+    ]
+    assert len(in_camera_order) == 120
+    for order in in_camera_order:
+        assert run(order) == expected
+
+
+def test_an_empty_frame_waits_for_nothing() -> None:
+    (told,) = feed(node(), [TRANSFORM, seen(0, [])])
+    assert told.people == ()
+
+
+def test_sort3d_waits_for_no_embeddings() -> None:
+    (told,) = feed(node(tracker="sort3d"), [TRANSFORM, seen(0)])
+    assert told.trace == (SPAN,)
+
+
+def test_without_embeddings_a_frame_goes_on_when_its_time_is_up() -> None:
+    target = node()
+    target.handle(TRANSFORM, 0)
+    assert target.handle(seen(0), 1000 * MS) == []
+    assert target.wake_ns() == 1050 * MS
+    assert target.tick(1049 * MS) == []
+    (told,) = tracks(target.tick(1050 * MS))
+    assert told.trace == (SPAN,)
+    assert target.status().counters["embedding_timeouts"] == 1
+
+
+def test_a_dead_reid_delays_only_the_first_frames() -> None:
+    target = node()
+    target.handle(TRANSFORM, 0)
+    now = 0
+    for number in range(3):
+        assert target.handle(seen(number), now) == []
+        now += 100 * MS
+        assert len(target.tick(now)) == 1
+    assert len(target.handle(seen(3), now)) == 1  # no more waiting
+    status = target.status()
+    assert (status.state, status.reason) == (
+        "degraded",
+        "no embeddings come: people are matched by motion alone",
+    )
+    assert status.counters["embedding_timeouts"] == 3
+    assert status.counters["without_embeddings"] == 4
+    # One embedding, though late, and frames wait again.
+    assert target.handle(looks(seen(3)), now) == []
+    assert target.status().counters["late_embeddings"] == 1
+    assert target.handle(seen(4), now + 100 * MS) == []
+    assert target.status().state == "ready"
+
+
+def test_frames_are_tracked_by_stamp_while_they_wait() -> None:
+    target = node()
+    target.handle(TRANSFORM, 0)
+    first, second = seen(0), seen(1)
+    assert feed(target, [second, first, looks(second)]) == []  # the older one still waits
+    assert numbers(feed(target, [looks(first)])) == [0, 1]
+
+
+def test_a_stale_frame_is_dropped_and_counted() -> None:
+    target = node(tracker="sort3d")
+    assert numbers(feed(target, [TRANSFORM, seen(0), seen(2), seen(1), seen(2), seen(3)])) == [
+        *(0, 2, 3),
+    ]
+    assert target.status().counters["stale"] == 2
+
+
+def test_a_looped_recording_begins_anew_with_new_identities() -> None:
+    target = node(tracker="sort3d")
+    loop = [seen(k) for k in range(30)]
+    first = feed(target, [TRANSFORM, *loop])
+    second = feed(target, loop)
+    assert numbers(second) == list(range(30))
+    assert {p.id for t in first for p in t.people} == {1}
+    assert {p.id for t in second for p in t.people} == {2}
+    counters = target.status().counters
+    assert (counters["clock_resets"], counters["stale"]) == (1, 0)
+
+
+def test_frames_that_wait_when_the_clock_jumps_are_not_lost() -> None:
+    target = node()
+    target.handle(TRANSFORM, 0)
+    assert feed(target, [seen(50)]) == []
+    assert numbers(feed(target, [seen(0)])) == [50]
+    assert numbers(feed(target, [looks(seen(0))])) == [0]
+
+
+def test_detections_that_cannot_be_used_are_counted() -> None:
+    nowhere = msgspec.structs.replace(person(), position_m=None)
+    far = msgspec.structs.replace(person(), position_m=np.array([0.0, 0.0, 1e300]))
+    flat = msgspec.structs.replace(person(), box_xyxy_px=np.array([5, 5, 5, 90], np.float32))
+    target = node(tracker="sort3d", publish_tentative=True)
+    (told,) = feed(target, [TRANSFORM, seen(0, [nowhere, far, flat, person()])])
+    assert [p.detection for p in told.people] == [3]
+    counters = target.status().counters
+    assert [counters[n] for n in ("without_position", "out_of_range", "empty_boxes")] == [1, 1, 1]
+
+
+def test_embeddings_that_fit_no_detection_are_counted() -> None:
+    frame = seen(0)
+    target = node(publish_tentative=True)
+    odd = msgspec.structs.replace(
+        looks(frame, [[3.0, 4.0], [1.0, 0.0], [0.0, 0.0]]), detections=(0, 7, 0)
+    )
+    (told,) = feed(target, [TRANSFORM, frame, odd])
+    assert len(told.people) == 1
+    assert target.status().counters["bad_embeddings"] == 2
+
+
+def test_without_transform_the_camera_stands_at_the_origin() -> None:
+    target = node(tracker="sort3d", publish_tentative=True)
+    (told,) = feed(target, [seen(0, [person(0.5)])])
+    np.testing.assert_allclose(told.people[0].position_m, [3.0, -0.5, 0.0])
+    status = target.status()
+    assert status.state == "degraded"
+    assert status.reason.startswith("no transform map <- camera_optical")
+    # When the transform comes, people would jump by 10 m: they begin anew.
+    (told,) = feed(target, [TRANSFORM, seen(1, [person(0.5)])])
+    assert [p.id for p in told.people] == [2]
+    np.testing.assert_allclose(told.people[0].position_m, [13.0, -0.5, 1.0])
+    assert target.status().state == "ready"
+    assert target.status().counters["transform_changes"] == 1
+
+
+def test_the_same_transform_again_changes_nothing() -> None:
+    target = node(tracker="sort3d", publish_tentative=True)
+    told = feed(target, [TRANSFORM, seen(0), TRANSFORM, seen(1)])
+    assert [p.id for t in told for p in t.people] == [1, 1]
+
+
+def test_a_required_transform_is_waited_for() -> None:
+    target = node(tracker="sort3d", require_transform=True)
+    elsewhere = msgspec.structs.replace(TRANSFORM, parent="odom")
+    assert feed(target, [elsewhere, seen(0)]) == []
+    status = target.status()
+    assert (status.state, status.counters["no_transform"]) == ("degraded", 1)
+    assert numbers(feed(target, [TRANSFORM, seen(1)])) == [1]
+
+
+def test_what_is_published() -> None:
+    for lost, tentative in itertools.product([False, True], repeat=2):
+        target = node(tracker="sort3d", publish_lost=lost, publish_tentative=tentative)
+        told = feed(target, [TRANSFORM, seen(0), seen(1), seen(2), seen(3, [])])
+        assert [len(t.people) for t in told] == [tentative, tentative, 1, lost]
+
+
+def walk(target: TrackerNode, frames: int = 10, start: int = 0) -> list[Tracks]:
+    """Feed one frame each 100 ms, of a person who walks to the right at 0.5 m/s."""
+    told = []
+    for number in range(start, start + frames):
+        now_ns = number * FRAME_MS * MS
+        told += tracks(target.handle(seen(number, [person(0.05 * number)]), now_ns))
+        told += tracks(target.tick(now_ns))
+    return told
+
+
+def test_predictions_go_on_while_no_detections_come() -> None:
+    target = node(tracker="sort3d")
+    target.handle(TRANSFORM, 0)
+    walk(target)  # the last frame came at 900 ms; frames come every 100 ms
+    assert target.wake_ns() == 1200 * MS  # 3 usual intervals are longer than 0.2 s
+    assert target.tick(1199 * MS) == []
+    told = list[Tracks]()
+    while (wake_ns := target.wake_ns()) is not None:
+        told += tracks(target.tick(wake_ns))
+    assert [t.stamp_ns - START_NS for t in told[:3]] == [1200 * MS, 1300 * MS, 1400 * MS]
+    people = [t.people[0] for t in told[:-1]]
+    assert {(p.id, p.state, p.detection) for p in people} == {(1, "lost", None)}
+    steps = np.diff([p.position_m[1] for p in people])
+    np.testing.assert_allclose(steps, people[0].velocity_mps[1] * 0.1, atol=1e-9)
+    assert np.all(np.diff([p.covariance[0, 0] for p in people]) > 0)
+    assert people[-1].time_since_update_s <= 5.0
+    assert told[-1].people == ()  # one empty message tells that the track has ended
+    # 0.3, 0.4, ... 5.0 s after the last match are 48 predictions; then the empty message.
+    assert len(told) == 49
+
+
+def test_predictions_change_nothing_for_the_frames_that_follow() -> None:
+    quiet, asked = node(tracker="sort3d"), node(tracker="sort3d")
+    for target in (quiet, asked):
+        target.handle(TRANSFORM, 0)
+        walk(target)
+    assert len(asked.tick(2000 * MS)) == 1
+    assert len(asked.tick(2900 * MS)) == 1
+    expected, told = walk(quiet, start=30), walk(asked, start=30)
+    assert [msgspec.to_builtins(t, enc_hook=np.ndarray.tolist) for t in told] == [
+        msgspec.to_builtins(t, enc_hook=np.ndarray.tolist) for t in expected
+    ]
+
+
+def test_a_slow_playback_is_no_outage() -> None:
+    # Lock-step on a slow machine: a frame every second, recorded 100 ms apart.
+    target = node(tracker="sort3d")
+    target.handle(TRANSFORM, 0)
+    told = []
+    for number in range(10):
+        told += tracks(target.handle(seen(number), number * 1000 * MS))
+        told += tracks(target.tick(number * 1000 * MS + 900 * MS)) if number > 1 else []
+    assert numbers(told) == list(range(10))
+
+
+def test_two_cameras_are_tracked_in_one_order_of_stamps() -> None:
+    target = node(tracker="sort3d")
+    back = msgspec.structs.replace(TRANSFORM, child="back_optical")
+    assert len(feed(target, [TRANSFORM, back, seen(0, [])])) == 1
+    # The back camera's frames (50 and 150 ms) come before the front camera's (100 ms).
+    assert target.handle(seen(0, [], "back", late_ms=50), 10 * MS) == []
+    assert target.handle(seen(1, [], "back", late_ms=50), 20 * MS) == []
+    told = tracks(target.handle(seen(1, []), 30 * MS))
+    assert [(t.camera, t.stamp_ns - START_NS) for t in told] == [
+        ("back", 50 * MS),
+        ("front", 100 * MS),
+    ]
+    # The frame of 150 ms came at 20 ms and waits for the front camera at most 50 ms.
+    assert target.wake_ns() == 70 * MS
+    assert numbers(tracks(target.tick(70 * MS))) == [1]
+    assert target.status().counters["stale"] == 0
+
+
+@pytest.mark.parametrize("name", ["sort3d", "strongsort3d"])
+def test_lockstep_loses_no_frame(name: str) -> None:
+    target = node(tracker=name, embedding_wait_s=60.0)
+    messages: list[Message] = [TRANSFORM]
+    for number in range(50):
+        frame = seen(number, [person()] * (number % 3 != 0))
+        messages += [frame, looks(frame, [[1.0, 0.0]] * len(frame.people))]
+    assert numbers(feed(target, messages)) == list(range(50))
