@@ -5,7 +5,7 @@ import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
@@ -37,17 +37,20 @@ def load(
     for name in kind.__struct_fields__:
         value = environment.get(f"PEOPLE4D_{section}_{name}".upper(), "")
         if value:
-            values[name] = _parse(value)
+            values[name] = _parse(value, _hint(kind, [name]))
     for override in overrides:
-        path, separator, value = override.partition("=")
+        name, separator, value = override.partition("=")
         if not separator:
             raise ConfigError(f"setting {override!r} has no value", "Write field=value.")
-        _put(values, path.strip().split("."), _parse(value))
+        path = name.strip().split(".")
+        _put(values, path, _parse(value, _hint(kind, path)))
     _check_names(kind, section, values)
     try:
         return msgspec.convert(values, kind, strict=False)
     except (msgspec.ValidationError, ConfigError) as error:
-        raise ConfigError(f"configuration of {section}: {error}") from error
+        problem, _, place = str(error).partition(" - at `$.")
+        where = f"{section}.{place[:-1]}" if place else section
+        raise ConfigError(f"configuration of {where}: {problem}") from error
 
 
 def _read(file: Path, section: str) -> dict[str, Any]:
@@ -64,12 +67,31 @@ def _read(file: Path, section: str) -> dict[str, Any]:
     return table
 
 
-def _parse(text: str) -> Any:
+def _parse(text: str, hint: Any) -> Any:
     """Read a value as TOML where it is one (numbers, lists, tables), else as plain text."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
+    # A camera may be named 0 and a date may be a folder: fields of text take them as written.
+    takes_text = hint is str or str in get_args(hint)
+    return text if takes_text and not isinstance(value, str | list) else value
+
+
+def _hint(kind: Any, path: Sequence[str]) -> Any:
+    """Return the type of the field that a path leads to, None if it leads nowhere."""
+    for name in path:
+        table = _table(kind)
+        kind = get_type_hints(table).get(name) if table else None
+    return kind
+
+
+def _table(hint: Any) -> type[msgspec.Struct] | None:
+    """Return the record type of a field that is a table."""
+    for kind in (hint, *get_args(hint)):
+        if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            return kind
+    return None
 
 
 def _put(values: dict[str, Any], path: list[str], value: Any) -> None:
@@ -82,12 +104,15 @@ def _put(values: dict[str, Any], path: list[str], value: Any) -> None:
 
 
 def _check_names(kind: type[msgspec.Struct], section: str, values: Mapping[str, Any]) -> None:
-    for name in values:
+    for name, value in values.items():
         if name not in kind.__struct_fields__:
             near = difflib.get_close_matches(name, kind.__struct_fields__, 1)
             mend = f"Did you mean {near[0]}?" if near else ""
-            fields = ", ".join(kind.__struct_fields__)
+            fields = ", ".join(kind.__struct_fields__) or "none"
             raise ConfigError(
                 f"configuration of {section} has no field {name!r}",
                 mend or f"Its fields are {fields}.",
             )
+        below = _table(_hint(kind, [name]))
+        if below and isinstance(value, dict):
+            _check_names(below, f"{section}.{name}", value)
