@@ -107,6 +107,11 @@ class FolderSource(Source):
                 continue
             yield Capture(rgb, depth_mm, pair.stamp_ns)
 
+    @property
+    def has_odometry(self) -> bool:
+        """Whether the folder brings wheel odometry."""
+        return bool(self._odometry)
+
     def _first(self) -> tuple[U8, U16]:
         """Return the first pair that can be read; it tells the size."""
         for pair in self.pairs:

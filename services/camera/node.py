@@ -1,0 +1,226 @@
+"""The camera: frames from a source, at the pace that is wanted."""
+
+import platform
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+
+import msgspec
+import numpy as np
+
+from common.errors import ConfigError
+from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from common.messages import (
+    CameraInfo,
+    Detections,
+    Message,
+    RgbdFrame,
+    Span,
+    StaticTransform,
+    Tracks,
+)
+from common.node import Status
+from services.camera.calibration import OPTICAL_FRAME, static_transform
+from services.camera.config import CameraConfig
+from services.camera.pacing import AsTheyCome, Lockstep, Pacing, Recorded, is_jump
+from services.camera.playback import Selection, play
+from services.camera.prefetch import Prefetch, Reading
+from services.camera.source import Capture, Source
+
+FRAMES_AHEAD = 4
+POLL_NS = 2_000_000
+STOP_S = 2.0
+
+ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
+
+
+class CameraNode:
+    """Publishes calibration and transform once, then frames and odometry.
+
+    A thread reads and decodes ahead. It calls the callback given to `set_wake` when there is
+    news; without one, `wake_ns` asks for a look every 2 ms.
+
+    Args:
+        config: What to play and how.
+        source: Where frames come from; closed with the node.
+
+    Raises:
+        ConfigError: The playback does not suit the source.
+        SourceError: The mounting is not a rigid transform.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (Tracks, Detections)
+
+    def __init__(self, config: CameraConfig, source: Source) -> None:
+        self._config = config
+        self._source = source
+        self._lockstep = config.playback == "lockstep"
+        self._pacing = _pacing(config, source.live)
+        self._info = _info(config, source)
+        self._transforms = _transforms(config, source, self._info.frame_id)
+        selection = Selection(
+            start_s=config.start_s,
+            duration_s=config.duration_s,
+            max_frames=config.max_frames,
+            stride=config.stride,
+            loop=config.loop,
+        )
+        live = source.live or config.playback == "live"
+        self._prefetch = Prefetch(lambda: play(source, selection), FRAMES_AHEAD, live)
+        self._process = f"{config.camera}@{platform.node()}"
+        self._wake: Callable[[], None] | None = None
+        self._begin_ns: int | None = None  # when frames may go out
+        self._tick_ns = 0
+        self._stamp_ns: int | None = None
+        self._sequence = 0
+        self._counters: Counter[str] = Counter()
+
+    def set_wake(self, wake: Callable[[], None]) -> None:
+        """Take what makes `tick` due at once; it is called from another thread."""
+        self._wake = wake
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Take an answer to a frame; the tick that follows sends the next."""
+        answer = ANSWERS[self._config.answer]
+        if isinstance(message, answer) and getattr(message, "camera", "") == self._config.camera:
+            self._pacing.answered(message.stamp_ns)
+        return ()
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        """Return calibration first, then the frames and odometry that are due."""
+        self._tick_ns = now_ns
+        if self._begin_ns is None:
+            self._begin_ns = now_ns + int(self._config.start_delay_s * 1e9)
+            self._prefetch.start(self._wake or (lambda: None))
+            return [self._info, *self._transforms]
+        self._counters["unanswered"] += self._pacing.give_up(now_ns)
+        outputs: list[Message] = []
+        while self._is_due(now_ns):
+            outputs += self._message(self._prefetch.take(), now_ns)
+        return outputs
+
+    def wake_ns(self) -> int | None:
+        """Return when the next frame is due or an answer overdue."""
+        if self._begin_ns is None:
+            return self._tick_ns
+        if self._tick_ns < self._begin_ns:
+            return self._begin_ns
+        times = [self._pacing.wake_ns()]
+        item = self._prefetch.peek()
+        if item is not None:
+            times.append(self._pacing.due_ns(item.stamp_ns, self._tick_ns))
+        elif not self._wake and not self._prefetch.ended:
+            times.append(self._tick_ns + POLL_NS)
+        return min((time_ns for time_ns in times if time_ns is not None), default=None)
+
+    def status(self) -> Status:
+        """Say whether frames come, and what was dropped and why."""
+        counters = Counter(self._source.counters) + self._counters
+        counters += Counter(source_errors=self._prefetch.errors, skipped=self._prefetch.skipped)
+        reason = self._prefetch.reason
+        if self._is_finished():
+            if not self._sequence:
+                reason = reason or "the source had no frame that could be played"
+            return Status(state="finished", reason=reason, counters=counters)
+        if reason:
+            return Status(state="degraded", reason=reason, counters=counters)
+        return Status(state="ready" if self._sequence else "starting", counters=counters)
+
+    def close(self) -> None:
+        """Stop reading and close the source."""
+        self._prefetch.stop(STOP_S)
+        self._source.close()
+
+    def _is_finished(self) -> bool:
+        # Asked in this order: an item put before the end was noted is still seen.
+        ended = self._prefetch.ended
+        return ended and self._prefetch.peek() is None and self._pacing.wake_ns() is None
+
+    def _is_due(self, now_ns: int) -> bool:
+        item = self._prefetch.peek()
+        if item is None or now_ns < (self._begin_ns or 0):
+            return False
+        if not isinstance(item, Capture):
+            return True  # odometry follows the frame before it: consumers join it by stamp
+        due_ns = self._pacing.due_ns(item.stamp_ns, now_ns)
+        return due_ns is not None and due_ns <= now_ns
+
+    def _message(self, reading: Reading, now_ns: int) -> list[Message]:
+        capture = reading.item
+        if not isinstance(capture, Capture):
+            return [capture]
+        jumped = self._stamp_ns is not None and is_jump(capture.stamp_ns - self._stamp_ns)
+        self._counters["stamp_jumps"] += jumped
+        self._stamp_ns = capture.stamp_ns
+        frame = self._frame(reading, capture)
+        if frame is None:
+            return []
+        self._pacing.sent(capture.stamp_ns, now_ns)
+        self._sequence += 1
+        return [frame]
+
+    def _frame(self, reading: Reading, capture: Capture) -> RgbdFrame | None:
+        """Make the message; None, and counted, if the images do not fit."""
+        size = (self._info.height, self._info.width)
+        if capture.rgb.shape != (*size, 3) or capture.depth_mm.shape != size:
+            self._counters["wrong_size"] += 1
+            return None
+        if capture.rgb.dtype != np.uint8 or capture.depth_mm.dtype != np.uint16:
+            self._counters["wrong_type"] += 1
+            return None
+        span = Span(
+            stage="camera.capture",
+            process=self._process,
+            start_ns=reading.start_ns,
+            end_ns=reading.end_ns,
+        )
+        return RgbdFrame(
+            stamp_ns=capture.stamp_ns,
+            sequence=self._sequence,
+            trace=(span,),
+            camera=self._config.camera,
+            rgb=capture.rgb,
+            depth_mm=capture.depth_mm,
+            lockstep=self._lockstep,
+        )
+
+
+def _pacing(config: CameraConfig, live: bool) -> Pacing:
+    if live and config.playback in ("recorded", "lockstep"):
+        raise ConfigError(
+            f"playback: a live camera cannot be played {config.playback}",
+            "Leave playback on auto.",
+        )
+    if config.playback == "lockstep":
+        return Lockstep(config.window, int(config.answer_timeout_s * 1e9))
+    if live or config.playback == "live":
+        return AsTheyCome()
+    return Recorded(config.speed)
+
+
+def _info(config: CameraConfig, source: Source) -> CameraInfo:
+    # A source that knows no frame name must not share one with another camera.
+    unnamed = source.info.frame_id == OPTICAL_FRAME
+    return msgspec.structs.replace(
+        source.info,
+        stamp_ns=0,
+        sequence=0,
+        trace=(),
+        camera=config.camera,
+        frame_id=f"{config.camera}_optical_frame" if unnamed else source.info.frame_id,
+        max_depth_m=config.max_depth_m or source.info.max_depth_m,
+    )
+
+
+def _transforms(config: CameraConfig, source: Source, frame_id: str) -> list[StaticTransform]:
+    """Take the source's transforms, else the configured mount."""
+    if source.transforms:
+        known = source.info.frame_id
+        return [
+            msgspec.structs.replace(
+                transform, child=frame_id if transform.child == known else transform.child
+            )
+            for transform in source.transforms
+        ]
+    parent_from_link = transform_from(config.mount_xyz_m, rotation_from_rpy(*config.mount_rpy_rad))
+    return [static_transform(config.mount_parent, frame_id, parent_from_link @ LINK_FROM_OPTICAL)]

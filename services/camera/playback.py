@@ -1,0 +1,88 @@
+"""Which part of a source is played, and how often."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import msgspec
+
+from common.messages import Odometry
+from services.camera.source import Capture, Source
+
+Item = Capture | Odometry
+
+ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there is one frame only
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The part of a source that is played.
+
+    Args:
+        start_s: Seconds left out at the beginning.
+        duration_s: Seconds played; 0 plays all.
+        max_frames: Frames played, over all rounds; 0 plays all.
+        stride: Every n-th frame is played.
+        loop: Begin anew at the end.
+    """
+
+    start_s: float = 0.0
+    duration_s: float = 0.0
+    max_frames: int = 0
+    stride: int = 1
+    loop: bool = False
+
+
+def play(source: Source, selection: Selection) -> Iterator[Item]:
+    """Yield the selected part of a source, round after round if it loops.
+
+    In each round the stamps rise by the time from first to last frame and one frame more, so that
+    they never fall back.
+    """
+    sent, shift_ns = 0, 0
+    while True:
+        first_ns = last_ns = count = 0
+        for item in _one_round(source, selection):
+            yield _shifted(item, shift_ns)
+            if isinstance(item, Odometry):
+                continue
+            first_ns = min(first_ns, item.stamp_ns) if count else item.stamp_ns
+            last_ns = max(last_ns, item.stamp_ns) if count else item.stamp_ns
+            count += 1
+            sent += 1
+            if sent == selection.max_frames:
+                return
+        if not selection.loop or not count:
+            return
+        length_ns = last_ns - first_ns
+        shift_ns += length_ns + (length_ns // (count - 1) if count > 1 else ONE_FRAME_NS)
+
+
+def _one_round(source: Source, selection: Selection) -> Iterator[Item]:
+    start_ns, length_ns = int(selection.start_s * 1e9), int(selection.duration_s * 1e9)
+    origin_ns: int | None = None
+    started = False
+    index = 0
+    for item in source:
+        origin_ns = item.stamp_ns if origin_ns is None else origin_ns
+        elapsed_ns = item.stamp_ns - origin_ns
+        # Once started never again: after a clock jump the elapsed time means nothing.
+        started = started or elapsed_ns >= start_ns
+        if not started:
+            continue
+        if length_ns and elapsed_ns > start_ns + length_ns:
+            return
+        if isinstance(item, Odometry):
+            yield item
+            continue
+        if index % selection.stride == 0:
+            yield item
+        index += 1
+
+
+def _shifted(item: Item, shift_ns: int) -> Item:
+    if not shift_ns:
+        return item
+    stamp_ns = item.stamp_ns + shift_ns
+    if isinstance(item, Capture):
+        return replace(item, stamp_ns=stamp_ns)
+    return msgspec.structs.replace(item, stamp_ns=stamp_ns)

@@ -1,0 +1,128 @@
+"""A thread that reads ahead, so that decoding never holds up the node."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from services.camera.playback import Item
+from services.camera.source import Capture
+
+MAX_ITEMS = 1024  # with odometry, of which there may be much between two frames
+RETRY_S = 1.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read and when.
+
+    Args:
+        item: A capture or odometry.
+        start_ns: Wall clock when its reading began.
+        end_ns: Wall clock when it was ready.
+    """
+
+    item: Item
+    start_ns: int
+    end_ns: int
+
+
+class Prefetch:
+    """Reads items into a bounded queue.
+
+    Args:
+        play: Begins reading; called in the thread.
+        frames: Frames that may wait.
+        live: The newest frame pushes out one that still waits, and a device that fails is tried
+            again; else reading waits for room and an error ends it.
+    """
+
+    def __init__(self, play: Callable[[], Iterator[Item]], frames: int, live: bool) -> None:
+        self._play = play
+        self._room = frames
+        self._live = live
+        self._items: deque[Reading] = deque()
+        self._frames = 0
+        self._changed = threading.Condition()
+        self._stopped = threading.Event()
+        self._wake: Callable[[], None] = lambda: None
+        self._thread = threading.Thread(target=self._run, name="camera-prefetch", daemon=True)
+        self.ended = False  # nothing more will come
+        self.errors = 0  # times that reading failed
+        self.reason = ""  # of the last failure, empty while a live device delivers
+        self.skipped = 0  # frames pushed out by newer ones
+
+    def start(self, wake: Callable[[], None]) -> None:
+        """Begin to read; `wake` is called from the thread whenever there is news."""
+        self._wake = wake
+        self._thread.start()
+
+    def peek(self) -> Item | None:
+        """Return the oldest item without taking it, None if nothing waits."""
+        with self._changed:
+            return self._items[0].item if self._items else None
+
+    def take(self) -> Reading:
+        """Take the oldest item."""
+        with self._changed:
+            reading = self._items.popleft()
+            self._frames -= isinstance(reading.item, Capture)
+            self._changed.notify_all()
+            return reading
+
+    def stop(self, timeout_s: float) -> None:
+        """End reading and wait for the thread, at most for a time: a device may hang."""
+        self._stopped.set()
+        with self._changed:
+            self._changed.notify_all()
+        if self._thread.is_alive():
+            self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            try:
+                self._read()
+            except Exception as error:  # whatever a camera's SDK or a foreign file brings about
+                self.errors += 1
+                self.reason = str(error) or type(error).__name__
+            if not self._live:
+                break
+            self._wake()
+            self._stopped.wait(RETRY_S)
+        self.ended = True
+        self._wake()
+
+    def _read(self) -> None:
+        items = self._play()
+        while not self._stopped.is_set():
+            start_ns = time.time_ns()
+            item = next(items, None)
+            if item is None:
+                return
+            self._put(Reading(item, start_ns, time.time_ns()))
+
+    def _put(self, reading: Reading) -> None:
+        frame = isinstance(reading.item, Capture)
+        with self._changed:
+            if self._live:
+                self._make_room(frame)
+            else:
+                self._changed.wait_for(lambda: self._stopped.is_set() or self._has_room())
+            self._items.append(reading)
+            self._frames += frame
+        if self._live:
+            self.reason = ""
+        self._wake()
+
+    def _has_room(self) -> bool:
+        return self._frames < self._room and len(self._items) < MAX_ITEMS
+
+    def _make_room(self, frame: bool) -> None:
+        """Push out the frames that wait if a newer one comes, and the oldest of too many."""
+        if frame and self._frames:
+            kept = [r for r in self._items if not isinstance(r.item, Capture)]
+            self.skipped += self._frames
+            self._items, self._frames = deque(kept), 0
+        if len(self._items) >= MAX_ITEMS:
+            self._items.popleft()
