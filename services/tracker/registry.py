@@ -4,7 +4,7 @@ import importlib
 
 from common.errors import ConfigError
 from services.tracker.config import TrackerConfig
-from services.tracker.interface import Tracker
+from services.tracker.interface import Need, Tracker
 
 TRACKERS: dict[str, str] = {
     "sort3d": "services.tracker.sort3d:Sort3d",
@@ -19,7 +19,8 @@ def make_tracker(config: TrackerConfig) -> Tracker:
         config: `tracker` is a name of TRACKERS or module:Class; the class is called with `config`.
 
     Raises:
-        ConfigError: The name is unknown, or the module or class cannot be found.
+        ConfigError: The name is unknown, the module or class cannot be found, or the tracker needs
+            a stream that this service does not deliver.
     """
     place = TRACKERS.get(config.tracker, config.tracker)
     module_name, separator, class_name = place.partition(":")
@@ -33,4 +34,8 @@ def make_tracker(config: TrackerConfig) -> Tracker:
     except (ImportError, AttributeError) as error:
         raise ConfigError(f"tracker {config.tracker!r} cannot be loaded: {error}") from error
     tracker: Tracker = kind(config)
+    if Need.ODOMETRY in tracker.needs:
+        raise ConfigError(
+            f"tracker {config.tracker!r} needs odometry, which the service does not deliver"
+        )
     return tracker

@@ -71,12 +71,17 @@ def test_unknown_trackers_are_told() -> None:
 
 def test_a_tracker_of_your_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "own_tracker.py").write_text(
+        "from services.tracker.interface import Need\n"
         "class Nobody:\n"
         "    needs = frozenset()\n"
         "    def __init__(self, config):\n"
         "        self.options = config.options\n"
+        "class Driver(Nobody):\n"
+        "    needs = frozenset({Need.ODOMETRY})\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     tracker = make_tracker(config("tracker=own_tracker:Nobody", "options.speed=3"))
     assert vars(tracker) == {"options": {"speed": 3}}
+    with pytest.raises(ConfigError, match="needs odometry, which the service does not deliver"):
+        make_tracker(config("tracker=own_tracker:Driver"))
     del sys.modules["own_tracker"]

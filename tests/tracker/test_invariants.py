@@ -153,6 +153,15 @@ def test_a_gap_of_two_seconds_keeps_a_standing_person(name: str) -> None:
     assert np.all(np.isfinite(track.covariance))
 
 
+def test_a_walking_person_is_found_again_after_three_seconds_without_detector() -> None:
+    # 1 m/s sideways for 2 s, then nothing for 3 s: the prediction and its uncertainty carry on.
+    tracker = make("strongsort3d")
+    for number in range(20):
+        tracker.update(frame(number, person(4, -2.5 + 0.1 * number)))
+    (track,) = tracker.update(frame(49, person(4, 2.4)))
+    assert (track.id, track.state) == (1, "confirmed")
+
+
 @both
 def test_a_gap_beyond_the_limit_begins_anew(name: str) -> None:
     tracker = make(name)

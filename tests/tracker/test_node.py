@@ -356,3 +356,38 @@ def test_lockstep_loses_no_frame(name: str) -> None:
         frame = seen(number, [person()] * (number % 3 != 0))
         messages += [frame, looks(frame, [[1.0, 0.0]] * len(frame.people))]
     assert numbers(feed(target, messages)) == list(range(50))
+
+
+@pytest.mark.parametrize("name", ["sort3d", "strongsort3d"])
+def test_wild_input_is_answered_or_counted(name: str) -> None:
+    # Huge numbers, missing positions, clocks that jump, two cameras, embeddings that do not fit.
+    rng = np.random.default_rng(5)
+    target, now_ns, sent, answers = node(tracker=name, predict_after_s=1e6), 0, 0, list[Tracks]()
+    for number in range(600):
+        now_ns += int(rng.integers(0, 60 * MS))
+        wild = [_wild_person(rng) for _ in range(rng.integers(0, 4))]
+        frame = seen(number, wild, camera="front" if rng.random() < 0.9 else "back")
+        if rng.random() < 0.05:
+            frame = msgspec.structs.replace(frame, stamp_ns=int(rng.integers(-(2**62), 2**62)))
+        vectors = rng.normal(size=(int(rng.integers(0, 4)), int(rng.integers(2, 4)))) * 1e30
+        embeddings = msgspec.structs.replace(
+            looks(frame, vectors.tolist()), detections=tuple(rng.integers(0, 5, len(vectors)))
+        )
+        answers += feed(target, [frame, embeddings], now_ns) + tracks(target.tick(now_ns))
+        sent += 1
+    answers += tracks(target.tick(now_ns + 1000 * MS))
+    counters = target.status().counters
+    assert len(answers) + counters["stale"] == sent
+    assert counters["clock_resets"] > 0
+    assert counters["out_of_range"] > 0
+
+
+def _wild_person(rng: np.random.Generator) -> Detection:
+    corner = rng.uniform(-1, 1, 2) * 10.0 ** rng.choice([2, 2, 38])
+    box = np.concatenate([corner, corner + rng.uniform(-10, 200, 2)])
+    position = rng.normal(size=3) * 10.0 ** rng.choice([0, 0, 300])
+    return Detection(
+        box_xyxy_px=box.astype(np.float32),
+        score=float(rng.choice([0.0, 0.5, 1.0])),
+        position_m=position if rng.random() < 0.8 else None,
+    )
