@@ -1,0 +1,155 @@
+"""An annotated frame: people with their boxes, masks, skeletons and tracks."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from common.geometry import apply, project
+from common.messages import F32, F64, U8, CameraInfo, Detection, Detections, Mask, Track, Tracks
+from services.report.palette import GREY, WHITE, Colour, colour_of
+from services.report.strokes import put_label, put_path
+
+TINT = 0.38  # share of the colour in a mask
+SURE = 0.3  # confidence from which a keypoint is drawn
+ARROW_M = 0.5  # length of the heading arrow
+NEAREST_M = 0.2  # points nearer to the camera, or behind it, are not drawn
+
+# COCO: nose, eyes, ears, shoulders, elbows, wrists, hips, knees, ankles; left before right.
+LIMBS = (
+    *((0, 1), (0, 2), (1, 3), (2, 4), (5, 6), (5, 7), (7, 9), (6, 8), (8, 10)),
+    *((5, 11), (6, 12), (11, 12), (11, 13), (13, 15), (12, 14), (14, 16)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What it takes to draw a point of the tracks' frame into the image."""
+
+    info: CameraInfo
+    optical_from_map: F64  # 4x4; from the frame that tracks are in
+
+    def pixels(self, points_m: F64) -> F64 | None:
+        """Return the pixels (Nx2) of points (Nx3), None if one of them is not before the camera."""
+        points = apply(self.optical_from_map, points_m)
+        return project(points, self.info) if np.all(points[:, 2] > NEAREST_M) else None
+
+    def range_m(self, point_m: F64) -> float:
+        """Return the distance of a point from the camera."""
+        return float(np.linalg.norm(apply(self.optical_from_map, point_m)))
+
+
+def annotate(
+    rgb: U8, detections: Detections | None, tracks: Tracks | None, view: View | None
+) -> U8:
+    """Draw people into a copy of a frame.
+
+    Args:
+        rgb: HxWx3, red first; stays as it is.
+        detections: People found in the frame, None if unknown.
+        tracks: People tracked, None if unknown.
+        view: Where tracks lie in the image, None if unknown.
+
+    Returns:
+        HxWx3, red first.
+    """
+    image = rgb.copy()
+    people = detections.people if detections else ()
+    owners = {t.detection: t for t in (tracks.people if tracks else ()) if t.detection is not None}
+    colours = [colour_of(owners[k].id) if k in owners else GREY for k in range(len(people))]
+    for person, colour in zip(people, colours, strict=True):
+        _draw_body(image, person, colour)
+    for k, (person, colour) in enumerate(zip(people, colours, strict=True)):
+        label = _label(owners.get(k), person, view)
+        put_label(
+            image, label, (person.box_xyxy_px[0], person.box_xyxy_px[1]), _text(image), colour
+        )
+    for track in tracks.people if tracks else ():
+        _draw_track(image, track, view)
+    return image
+
+
+def _draw_body(image: U8, person: Detection, colour: Colour) -> None:
+    if person.mask is not None:
+        _tint(image, person.mask, colour)
+    left, top, right, bottom = np.clip(person.box_xyxy_px, -9999, 9999)
+    cv2.rectangle(
+        image,
+        (round(float(left)), round(float(top))),
+        (round(float(right)), round(float(bottom))),
+        colour,
+        _line(image),
+        cv2.LINE_AA,
+    )
+    if person.keypoints is not None:
+        _draw_skeleton(image, person.keypoints, colour)
+
+
+def _tint(image: U8, mask: Mask, colour: Colour) -> None:
+    rows = slice(mask.y_px, mask.y_px + mask.height)
+    window = image[rows, mask.x_px : mask.x_px + mask.width]
+    inside = mask.window()[: window.shape[0], : window.shape[1]] > 0
+    window[inside] = (window[inside] * (1 - TINT) + np.array(colour) * TINT).astype(np.uint8)
+
+
+def _draw_skeleton(image: U8, keypoints: F32, colour: Colour) -> None:
+    sure = keypoints[:, 2] >= SURE
+    points = np.clip(keypoints[:, :2], -9999, 9999)
+    for a, b in LIMBS:
+        if sure[a] and sure[b]:
+            put_path(image, points[[a, b]], colour, _line(image))
+    for u, v in np.round(points[sure]).astype(int):
+        cv2.circle(image, (int(u), int(v)), _line(image) + 1, WHITE, cv2.FILLED, cv2.LINE_AA)
+
+
+def _draw_track(image: U8, track: Track, view: View | None) -> None:
+    """Draw the heading as an arrow, and a lost person as a ring at the predicted place."""
+    here = view.pixels(track.position_m[None]) if view else None
+    if view is None or here is None or np.abs(here).max() > 9999:
+        return
+    colour = colour_of(track.id)
+    if track.detection is None:
+        u, v = (round(float(x)) for x in here[0])
+        cv2.circle(image, (u, v), 4 * _line(image), colour, _line(image), cv2.LINE_AA)
+        if track.state == "lost":
+            put_label(image, f"#{track.id} lost", (u, v), _text(image), colour)
+    if track.yaw_rad is not None:
+        tip = track.position_m + ARROW_M * np.array(
+            [np.cos(track.yaw_rad), np.sin(track.yaw_rad), 0.0]
+        )
+        ends = view.pixels(np.stack([track.position_m, tip]))
+        if ends is not None:
+            _draw_arrow(image, ends, colour)
+
+
+def _draw_arrow(image: U8, ends: F64, colour: Colour) -> None:
+    start, tip = np.clip(ends, -9999, 9999)
+    back = (start - tip) / max(float(np.linalg.norm(start - tip)), 1e-6) * 5 * _line(image)
+    side = np.array([-back[1], back[0]]) * 0.6
+    for path in ((start, tip), (tip + back + side, tip, tip + back - side)):
+        put_path(image, np.stack(path), WHITE, 3 * _line(image))
+    for path in ((start, tip), (tip + back + side, tip, tip + back - side)):
+        put_path(image, np.stack(path), colour, _line(image) + 1)
+
+
+def _label(track: Track | None, person: Detection, view: View | None) -> str:
+    if track is None:
+        return f"{person.score:.2f}"
+    words = [f"#{track.id}"]
+    if person.position_m is not None:
+        words.append(f"{np.linalg.norm(person.position_m):.2f} m")
+    elif view is not None:
+        words.append(f"{view.range_m(track.position_m):.2f} m")
+    return "  ".join([*words, f"{np.linalg.norm(track.velocity_mps):.1f} m/s"])
+
+
+def _line(image: U8) -> int:
+    """Return the width of lines that suits the image: 2 pixels at a width of 640."""
+    width: int = image.shape[1]
+    return max(1, round(width / 320))
+
+
+def _text(image: U8) -> float:
+    """Return the height of text that suits the image: 13 pixels at a width of 640."""
+    width: int = image.shape[1]
+    return max(9.0, width / 49)

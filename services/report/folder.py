@@ -1,0 +1,115 @@
+"""The files of the report."""
+
+import logging
+import sys
+from pathlib import Path
+
+import cv2
+import msgspec
+import numpy as np
+
+from common.errors import ConfigError
+from common.messages import U8
+from services.report.node import Picture
+from services.report.statistics import Summary
+from services.report.text import text
+
+MEASURED = 10  # frames from whose stamps the rate of a video is measured
+HZ_RANGE = 1.0, 120.0
+
+log = logging.getLogger("people4d")
+
+
+class Folder:
+    """Writes the report into a folder, and its summary to standard output.
+
+    Args:
+        path: The folder; it is made if it is not there.
+
+    Raises:
+        ConfigError: The folder cannot be made or written to.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._videos: dict[str, Video] = {}
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            (path / "summary.txt").write_text("The run has not ended yet.\n", encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(
+                f"folder {path} cannot be written: {error.strerror}", "Set folder to another one."
+            ) from error
+
+    def picture(self, picture: Picture) -> None:
+        """Append a frame to the video of its camera."""
+        if picture.camera not in self._videos:
+            self._videos[picture.camera] = Video(self._path / f"people_{picture.camera}.mp4")
+        self._videos[picture.camera].write(picture)
+
+    def finish(self, sheet: U8, summary: Summary) -> None:
+        """Write everything else."""
+        for video in self._videos.values():
+            video.close()
+        cv2.imwrite(str(self._path / "contact_sheet.png"), cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
+        json = msgspec.json.format(msgspec.json.encode(summary), indent=2)
+        (self._path / "summary.json").write_bytes(json + b"\n")
+        words = text(summary)
+        (self._path / "summary.txt").write_text(words, encoding="utf-8")
+        sys.stdout.write(words)
+        sys.stdout.flush()
+
+
+class Video:
+    """An MP4 whose rate comes from the stamps of its first frames.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._first: list[Picture] = []
+        self._writer: cv2.VideoWriter | None = None
+        self._size = (0, 0)
+
+    def write(self, picture: Picture) -> None:
+        """Append a frame; one of another size than the first is scaled to it."""
+        if self._writer is None:
+            self._first.append(picture)
+            if len(self._first) >= MEASURED:
+                self._open()
+            return
+        self._append(self._writer, picture.image)
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._writer is None and self._first:
+            self._open()
+        if self._writer is not None:
+            self._writer.release()
+
+    def _open(self) -> None:
+        height, width = self._first[0].image.shape[:2]
+        self._size = width, height
+        rate_hz = frame_rate_hz([picture.stamp_ns for picture in self._first])
+        code = cv2.VideoWriter.fourcc(*"mp4v")
+        self._writer = cv2.VideoWriter(str(self._path), code, rate_hz, self._size)
+        if not self._writer.isOpened():
+            log.warning("video %s cannot be written; the other files are", self._path)
+        for picture in self._first:
+            self._append(self._writer, picture.image)
+        self._first.clear()
+
+    def _append(self, writer: cv2.VideoWriter, image: U8) -> None:
+        bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+        if image.shape[1::-1] != self._size:
+            bgr = cv2.resize(bgr, self._size, interpolation=cv2.INTER_AREA)
+        writer.write(bgr)
+
+
+def frame_rate_hz(stamps_ns: list[int]) -> float:
+    """Return the rate of frames by the median of their intervals, 30 where there is none."""
+    intervals = np.diff(stamps_ns) / 1e9
+    rising = intervals[intervals > 0]
+    return float(np.clip(1 / np.median(rising), *HZ_RANGE)) if len(rising) else 30.0

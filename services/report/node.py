@@ -1,0 +1,134 @@
+"""Watches the pipeline, shows each frame as it comes, and the whole at the end."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+from common.geometry import invert
+from common.messages import (
+    U8,
+    CameraInfo,
+    Detections,
+    Health,
+    Message,
+    RgbdFrame,
+    StaticTransform,
+    Tracks,
+    Truth,
+)
+from common.node import Status
+from services.report.config import ReportConfig
+from services.report.draw import View, annotate
+from services.report.join import Join, Moment
+from services.report.sheet import Tile, contact_sheet, shrink
+from services.report.spread import Spread
+from services.report.statistics import Statistics, Summary
+from services.report.trails import Trails
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """One annotated frame."""
+
+    camera: str
+    stamp_ns: int
+    image: U8  # HxWx3, red first
+
+
+class Output(Protocol):
+    """Where the report goes."""
+
+    def picture(self, picture: Picture) -> None:
+        """Take the next frame of the video."""
+        ...
+
+    def finish(self, sheet: U8, summary: Summary) -> None:
+        """Take the contact sheet (HxWx3, red first) and the summary; called once."""
+        ...
+
+
+class ReportNode:
+    """Joins frames with what was made of them; memory is bounded however long the run.
+
+    Args:
+        config: The configuration.
+        output: Where pictures and the summary go.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (
+        RgbdFrame,
+        Detections,
+        Tracks,
+        Truth,
+        CameraInfo,
+        StaticTransform,
+        Health,
+    )
+
+    def __init__(self, config: ReportConfig, output: Output) -> None:
+        self._config = config
+        self._output = output
+        self._join = Join()
+        self._statistics = Statistics()
+        self._trails = Trails()
+        self._infos: dict[str, CameraInfo] = {}
+        self._tiles: Spread[Tile] = Spread(2 * config.sheet_frames)
+        self._first_ns: int | None = None
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        """Take a message; the report publishes nothing."""
+        self._statistics.add(message, now_ns)
+        if isinstance(message, CameraInfo):
+            self._infos[message.camera] = message
+        if isinstance(message, Tracks | Truth | StaticTransform):
+            self._trails.add(message)
+        if isinstance(message, RgbdFrame | Detections | Tracks):
+            for moment in self._join.add(message):
+                self._show(moment)
+        return ()
+
+    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Nothing is ever due."""
+        return ()
+
+    def wake_ns(self) -> int | None:
+        """Nothing is ever due."""
+        return None
+
+    def status(self) -> Status:
+        """Return what the heartbeat shall say."""
+        return Status(counters={"pictures": self._tiles.count})
+
+    def close(self) -> None:
+        """Finish the report."""
+        for moment in self._join.flush():
+            self._show(moment)
+        summary = self._statistics.summary()
+        tiles = self._tiles.pick(self._config.sheet_frames)
+        self._output.finish(contact_sheet(tiles, self._trails.walks(), summary), summary)
+
+    def _show(self, moment: Moment) -> None:
+        """Draw a frame if the video or the contact sheet wants it."""
+        self._statistics.settle(moment)
+        if moment.rgb is None or (moment.detections is None and moment.tracks is None):
+            return
+        if not self._config.video and not self._tiles.wants_next:
+            self._tiles.skip()
+            return
+        image = annotate(moment.rgb, moment.detections, moment.tracks, self._view(moment.camera))
+        if self._config.video:
+            self._output.picture(Picture(moment.camera, moment.stamp_ns, image))
+        if self._tiles.wants_next:
+            self._tiles.add(Tile(shrink(image, self._config.tile_width_px), self._caption(moment)))
+        else:
+            self._tiles.skip()
+
+    def _view(self, camera: str) -> View | None:
+        info = self._infos.get(camera)
+        pose = self._trails.map_from_optical(info.frame_id) if info else None
+        return View(info, invert(pose)) if info and pose is not None else None
+
+    def _caption(self, moment: Moment) -> str:
+        if self._first_ns is None:
+            self._first_ns = moment.stamp_ns
+        return f"{moment.camera}  {(moment.stamp_ns - self._first_ns) / 1e9:.2f} s"

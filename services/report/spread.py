@@ -1,0 +1,46 @@
+"""A bounded sample, evenly spread over a stream of unknown length."""
+
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Spread(Generic[T]):
+    """Keeps every k-th value; k doubles whenever twice the capacity is full.
+
+    Args:
+        capacity: Values that are kept at least, once as many came; at most twice as many.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self.values: list[T] = []
+        self.count = 0  # values offered
+        self._capacity = capacity
+        self._stride = 1
+
+    @property
+    def wants_next(self) -> bool:
+        """Whether the next value will be kept."""
+        return self.count % self._stride == 0
+
+    def add(self, value: T) -> None:
+        """Offer a value."""
+        if self.wants_next:
+            self.values.append(value)
+            if len(self.values) > 2 * self._capacity:
+                self.values = self.values[::2]
+                self._stride *= 2
+        self.count += 1
+
+    def skip(self) -> None:
+        """Pass over a value that is not wanted, so that it need not be made."""
+        self.count += 1
+
+    def pick(self, number: int) -> list[T]:
+        """Return at most so many of the kept values, evenly spread, first and last included."""
+        last = len(self.values) - 1
+        if last < number:
+            return list(self.values)
+        if number == 1:
+            return self.values[:1]
+        return [self.values[round(k * last / (number - 1))] for k in range(number)]

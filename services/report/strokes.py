@@ -1,0 +1,52 @@
+"""Text and lines on an image; these draw in place, see draw.py for pictures."""
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from common.messages import U8
+from services.report.palette import INK, Colour, ink_on
+
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+UNIT_PX = 22.0  # [px] height of a line of text at scale 1 of the font, about
+
+
+def text_width(text: str, height_px: float) -> int:
+    """Return the width in pixels of a text of some height."""
+    (width, _), _ = cv2.getTextSize(text, FONT, height_px / UNIT_PX, 1)
+    return width
+
+
+def put_text(
+    image: U8, text: str, left_base: tuple[float, float], height_px: float, colour: Colour = INK
+) -> None:
+    """Write text from the left end of its base line."""
+    at = round(left_base[0]), round(left_base[1])
+    cv2.putText(image, text, at, FONT, height_px / UNIT_PX, colour, 1, cv2.LINE_AA)
+
+
+def put_label(
+    image: U8, text: str, left_bottom: tuple[float, float], height_px: float, colour: Colour
+) -> None:
+    """Write text on a filled plate, kept inside the image.
+
+    Args:
+        image: HxWx3, changed.
+        text: The text.
+        left_bottom: Corner of the plate in pixels.
+        height_px: Height of the text in pixels.
+        colour: Of the plate.
+    """
+    pad = 0.3 * height_px
+    width, height = text_width(text, height_px) + 2 * pad, height_px + 2 * pad
+    left = min(max(left_bottom[0], 0), image.shape[1] - width)
+    bottom = min(max(left_bottom[1], height), image.shape[0])
+    corners = (round(left), round(bottom - height)), (round(left + width), round(bottom))
+    cv2.rectangle(image, *corners, colour, cv2.FILLED)
+    put_text(image, text, (left + pad, bottom - 1.5 * pad), height_px, ink_on(colour))
+
+
+def put_path(image: U8, points: npt.ArrayLike, colour: Colour, thickness: int = 2) -> None:
+    """Draw a polyline through Nx2 points in pixels."""
+    fixed = np.round(np.asarray(points, np.float64) * 16).astype(np.int32)  # 4 bits below a pixel
+    cv2.polylines(image, [fixed], False, colour, thickness, cv2.LINE_AA, 4)

@@ -1,0 +1,93 @@
+"""The summary in words, for the terminal, the text file and the contact sheet."""
+
+from collections.abc import Sequence
+
+from services.report.accuracy import Accuracy
+from services.report.statistics import Summary
+
+NONE = "none"
+
+
+def headline(summary: Summary) -> str:
+    """Return the summary in one line."""
+    words = f"{summary.frames_tracked} of {summary.frames} frames tracked, {summary.tracks} tracks"
+    whole = summary.latency.get("whole")
+    return f"{words}, latency {whole.p50_ms:.0f} ms" if whole else words
+
+
+def facts(summary: Summary) -> list[tuple[str, str]]:
+    """Return what was counted: pairs of a name and a sentence."""
+    return [
+        ("frames", _frames(summary)),
+        ("people", _people(summary)),
+        ("tracks", _tracks(summary)),
+        ("truth", _accuracy(summary.accuracy)),
+        *(_drops(summary)),
+        *([("missing", ", ".join(summary.missing))] if summary.missing else []),
+    ]
+
+
+def latency_table(summary: Summary) -> list[tuple[str, str, str, str]]:
+    """Return the latency as a table with a head; empty where nothing was measured."""
+    if not summary.latency:
+        return []
+    rows = [
+        (name, f"{p.p50_ms:.1f}", f"{p.p95_ms:.1f}", f"{p.p99_ms:.1f}")
+        for name, p in summary.latency.items()
+    ]
+    return [("latency in ms", "p50", "p95", "p99"), *rows]
+
+
+def text(summary: Summary) -> str:
+    """Return the whole summary as plain text."""
+    lines = [f"{name:<10} {sentence}" for name, sentence in facts(summary)]
+    table = latency_table(summary)
+    width = max((len(row[0]) for row in table), default=0)
+    lines += ["" for _ in table[:1]]
+    lines += [f"{name:<{width}} {a:>8} {b:>8} {c:>8}" for name, a, b, c in table]
+    return "\n".join(lines) + "\n"
+
+
+def _frames(s: Summary) -> str:
+    parts = [f"{s.frames} in, {s.frames_detected} detected, {s.frames_tracked} tracked"]
+    parts += [f"recorded at {s.recorded_hz:.1f} Hz"] if s.recorded_hz else []
+    parts += [f"processed at {s.processed_hz:.1f} Hz"] if s.processed_hz else []
+    return ", ".join(parts)
+
+
+def _people(s: Summary) -> str:
+    if s.people_per_frame is None:
+        return NONE
+    parts = [f"{s.people} detected by {s.model}", f"{s.people_per_frame:.2f} a frame"]
+    if s.position_share is not None:
+        parts.append(f"{s.position_share:.1%} with a 3D position")
+    return ", ".join(parts)
+
+
+def _tracks(s: Summary) -> str:
+    if s.track_length_mean is None or s.track_length_median is None:
+        return NONE
+    return (
+        f"{s.tracks} by {s.tracker}, length mean {s.track_length_mean:.1f}, "
+        f"median {s.track_length_median:.1f} frames"
+    )
+
+
+def _accuracy(a: Accuracy | None) -> str:
+    if a is None:
+        return NONE
+    parts = [f"{a.matched} of {a.truth_people} people matched"]
+    if a.position_median_m is not None:
+        parts.append(f"position median {a.position_median_m:.3f} m RMSE {a.position_rmse_m:.3f} m")
+    if a.velocity_rmse_mps is not None:
+        parts.append(f"velocity RMSE {a.velocity_rmse_mps:.2f} m/s")
+    return ", ".join([*parts, f"{a.id_switches} ID switches", f"{a.extra} extra"])
+
+
+def _drops(s: Summary) -> Sequence[tuple[str, str]]:
+    if not s.drops:
+        return [("drops", NONE)]
+    return [
+        ("drops", f"{instance}: {', '.join(f'{cause} {n}' for cause, n in causes.items())}")
+        for instance, causes in s.drops.items()
+    ]
