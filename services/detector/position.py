@@ -18,7 +18,7 @@ from services.detector.models.base import InstanceMask
 TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
 
 
-class KeypointRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class KeypointRule(msgspec.Struct, frozen=True, kw_only=True):
     """Which keypoints make a position; the defaults are the paper's."""
 
     confidence_min: float = 0.6  # keypoints must be more confident than this, 0 to 1
@@ -110,7 +110,7 @@ def read_depth(pixels: F64, depth_mm: U16, max_depth_m: float, window_px: int = 
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     readings_m = depth_mm[rows.clip(0, height - 1), columns.clip(0, width - 1)] / 1000.0
     readings_m[~inside | (readings_m == 0) | (readings_m > max_depth_m)] = np.nan
-    readings_m = readings_m.reshape(len(pixels), -1)
+    readings_m = readings_m.reshape(len(pixels), window_px**2)
     depth_m = np.full(len(pixels), np.nan)
     some = np.isfinite(readings_m).any(axis=1)
     depth_m[some] = np.nanmedian(readings_m[some], axis=1)

@@ -13,7 +13,7 @@ PULL = 0.3  # part of the way from a torso keypoint to the torso's centre: off t
 FLOOD = 4 | cv2.FLOODFILL_MASK_ONLY | 1 << 8  # 4 neighbours, write 1 into the mask
 
 
-class GrowthRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class GrowthRule(msgspec.Struct, frozen=True, kw_only=True):
     """How a mask grows; step_min_m is the paper's, the rest suits the noise of a stereo camera."""
 
     step_min_m: float = 0.01  # [m] neighbours whose depths differ by less belong together
@@ -44,8 +44,8 @@ def grow_mask(
         rule: How the mask grows.
 
     Returns:
-        The mask in the window of the box; None if no keypoint inside box and image is both confident
-        and validly read.
+        The mask in the window of the box; None if no keypoint inside box and image is confident and
+        validly read.
 
     Source:
         Method book section 8.2, with the component that holds the torso instead of the largest.

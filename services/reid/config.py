@@ -3,7 +3,7 @@
 import msgspec
 
 
-class ReidConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ReidConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Which embedder runs, and how."""
 
     embedder: str = "histogram"  # one of EMBEDDERS, or "module:Class" called with this record
