@@ -18,7 +18,7 @@ FRAME_NS = 33_333_333
 
 
 def observations(people: int, seed: int) -> list[Observation]:
-    """Return frames of people who walk to and fro across the image, with noise."""
+    """Return frames of people who walk back and forth across the image, with noise."""
     rng = np.random.default_rng(seed)
     looks = rng.normal(size=(people, DIMENSION))
     phase, forward_m = rng.uniform(0, 2 * np.pi, people), np.linspace(2.0, 5.0, people)

@@ -26,7 +26,11 @@ from services.tracker.interface import Need, Tracker
 from services.tracker.join import Frame, Join, Patience
 from services.tracker.observe import observe
 
-SLOW_FACTOR = 3
+SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
+COUNTERS = (
+    *("stale", "no_transform", "clock_resets", "transform_changes", "predictions"),
+    *("without_position", "out_of_range", "empty_boxes", "bad_embeddings"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +73,7 @@ class TrackerNode:
         self._intervals_ns: deque[int] = deque(maxlen=9)
         self._predict_ns: int | None = None
         self._showing = False
-        self._counters = Counter(dict.fromkeys(_COUNTERS, 0))
+        self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         """Take one message and return the tracks that follow from it."""
@@ -93,15 +97,11 @@ class TrackerNode:
     def status(self) -> Status:
         """Tell what is missing and what was counted."""
         reasons = []
-        if self._unplaced and not self._config.require_transform:
+        if self._unplaced:
             frames = ", ".join(sorted(self._unplaced))
-            reasons.append(
-                f"no transform {self._config.frame_id} <- {frames}: "
-                "the camera is taken to stand at the origin"
-            )
-        elif self._unplaced:
-            frames = ", ".join(sorted(self._unplaced))
-            reasons.append(f"no transform {self._config.frame_id} <- {frames}: frames are dropped")
+            dropped = self._config.require_transform
+            what = "frames are dropped" if dropped else "the camera is taken as the origin"
+            reasons.append(f"no transform {self._config.frame_id} <- {frames}: {what}")
         if self._join.silent:
             reasons.append("no embeddings come: people are matched by motion alone")
         return Status(
@@ -233,9 +233,3 @@ class TrackerNode:
             camera=detections.camera,
             people=chosen,
         )
-
-
-_COUNTERS = (
-    *("stale", "no_transform", "clock_resets", "transform_changes", "predictions"),
-    *("without_position", "out_of_range", "empty_boxes", "bad_embeddings"),
-)

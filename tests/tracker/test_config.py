@@ -19,9 +19,8 @@ def config(*overrides: str) -> TrackerConfig:
 def test_constants_of_the_method_book() -> None:
     defaults = config()
     sort, strong = defaults.sort3d, defaults.strongsort3d
-    assert (sort.iou_weight, sort.iou_min, sort.distance_gate_sigmas, sort.min_hits) == (
-        *(0.3, 0.3, 1.6, 3),
-    )
+    assert (sort.iou_weight, sort.iou_min) == (0.3, 0.3)
+    assert (sort.distance_gate_sigmas, sort.min_hits) == (1.6, 3)
     assert (strong.motion_weight, strong.mahalanobis_max, strong.ema_alpha) == (0.02, 7.8147, 0.9)
     assert (strong.n_init, strong.a_max, strong.max_depth_m) == (3, 30, 5.0)
     assert (strong.sigma_acceleration_mps2, strong.sigma_measurement_m) == (0.5, 0.5)

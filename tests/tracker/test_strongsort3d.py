@@ -112,7 +112,7 @@ def test_people_who_meet_and_turn_back_are_told_apart_by_appearance_only(seen: b
     # They walk towards each other, meet at y = 0 and go back: by motion they seem to pass.
     sort = tracker()
     for number in range(60):
-        y = abs(1.5 - 0.05 * number) - 0.0
+        y = abs(1.5 - 0.05 * number)
         red = person(3, y + 0.02, 0, embedding=RED if seen else None)
         blue = person(3, -y - 0.02, 1, embedding=BLUE if seen else None)
         tracks = sort.update(frame(number, red, blue))
