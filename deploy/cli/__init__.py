@@ -1,0 +1,112 @@
+"""The command line: people4d."""
+
+import importlib
+import importlib.metadata
+from typing import Annotated, Any
+
+import typer
+import typer.core
+from rich.console import Console
+
+from common.errors import People4dError
+
+# Command, its module below this package, its line in the help. A module is imported on use, so
+# that help and completion stay fast.
+COMMANDS = (
+    ("up", "up", "Start everything and watch it; Ctrl-C stops it."),
+    ("demo", "up", "Run the whole pipeline on the shipped recording and write a report."),
+    ("down", "down", "Stop everything."),
+    ("ps", "ps", "Show processes: state, health, rates, drops."),
+    ("logs", "logs", "Show what the processes wrote."),
+    ("listen", "listen", "Show the people around the robot, live."),
+    ("info", "info", "Tell what a recording, bag or folder holds."),
+    ("models", "models", "List models: present, verified, licence, how to get them."),
+    ("record", "record", "Record messages to a file."),
+    ("replay", "replay", "Publish recorded messages, to try one service alone."),
+    ("health", "health", "Exit with 0 once a service is healthy."),
+    ("run", "run", "Run one service in this terminal."),
+)
+
+
+class LazyCommand(typer.core.TyperCommand):
+    """Stands for a command in the help; the real one is imported when it is used.
+
+    Args:
+        name: Name of the command, and of its function in the module.
+        module: Module below deploy.cli.
+        line: Its line in the help.
+    """
+
+    def __init__(self, name: str, module: str, line: str) -> None:
+        super().__init__(name, help=line, short_help=line)
+        self._module = module
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Make the context of the real command, which then runs."""
+        module = importlib.import_module(f"deploy.cli.{self._module}")
+        app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        settings = getattr(module, "CONTEXT_SETTINGS", None)
+        app.command(self.name, context_settings=settings)(getattr(module, str(self.name)))
+        return typer.main.get_command(app).make_context(*args, **kwargs)
+
+
+class Commands(typer.core.TyperGroup):
+    """All commands; errors that a user can mend are told in one sentence."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.commands = {name: LazyCommand(name, module, line) for name, module, line in COMMANDS}
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        """Return the names in the order of use."""
+        return list(self.commands)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except People4dError as error:
+            if ctx.params["debug"]:
+                raise
+            tell(error)
+            raise typer.Exit(1) from error
+
+
+app = typer.Typer(
+    cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode="rich"
+)
+
+
+def tell(error: People4dError) -> None:
+    """Print an error to stderr, and the end of a log that belongs to it."""
+    console = Console(stderr=True, soft_wrap=True)
+    log = getattr(error, "tail", "")
+    if log:
+        console.print(log, style="dim", markup=False, highlight=False)
+    console.print("[bold red]error:[/]", end=" ")
+    console.print(str(error), markup=False, highlight=False)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"people4d {importlib.metadata.version('people4d')}")
+        raise typer.Exit
+
+
+@app.callback()
+def people4d(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the trace of an error.")] = False,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Where people are, how fast they move and which way they face, in real time."""
+    del debug, version  # read by Commands.invoke and _show_version
+
+
+def main() -> None:
+    """Run the command line."""
+    app(prog_name="people4d")

@@ -1,0 +1,67 @@
+"""people4d info."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from services.camera.describe import Description, describe
+
+
+def info(
+    recording: Annotated[Path, typer.Argument(help="Recording, ROS bag or folder of images.")],
+    json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Tell what a recording, bag or folder of images holds, and whether it can be played."""
+    description = describe(recording)
+    if json:
+        typer.echo(msgspec.json.encode(description).decode())
+        return
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(_facts(description))
+    if description.topics:
+        console.print(_topics(description))
+
+
+def _facts(description: Description) -> Table:
+    table = Table(box=None, show_header=False, pad_edge=False)
+    rate_hz = (description.frames - 1) / description.duration_s if description.duration_s else 0.0
+    rate = f", {rate_hz:.1f} a second" if rate_hz > 0 else ""
+    rows = {
+        "path": description.path,
+        "kind": description.kind,
+        "duration": f"{description.duration_s:.1f} s",
+        "frames": f"{description.frames}{rate}",
+        "camera": _camera(description),
+        "mounted in": description.mounted_in or "unknown: say it with camera.mount_xyz_m, _rpy_rad",
+        "odometry": "yes" if description.has_odometry else "no",
+        "truth": "yes" if description.has_truth else "no",
+        "can be played": f"no: {description.problem}" if description.problem else "yes",
+    }
+    for name, value in rows.items():
+        table.add_row(f"[bold]{name}[/]", value)
+    return table
+
+
+def _camera(description: Description) -> str:
+    info = description.calibration
+    if not info:
+        return "unknown"
+    moved = ", depth is moved into the view of colour" if description.registered else ""
+    return (
+        f"{info.width}x{info.height}, fx {info.fx:.1f} fy {info.fy:.1f} cx {info.cx:.1f} "
+        f"cy {info.cy:.1f}, distortion {info.distortion_model}{moved}"
+    )
+
+
+def _topics(description: Description) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("topic")
+    table.add_column("type")
+    table.add_column("messages", justify="right")
+    for topic in description.topics:
+        table.add_row(topic.name, topic.type, str(topic.count))
+    return table

@@ -1,0 +1,142 @@
+"""people4d ps."""
+
+import time
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from common.errors import People4dError
+from common.messages import Health
+from deploy.cli.options import Connect, Robot
+from deploy.launcher.health import Heartbeats
+from deploy.launcher.state import State
+from deploy.launcher.supervisor import Process, Supervisor
+
+LISTEN_S = 1.2  # two heartbeats
+COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan"}
+LOSSES = ("bad_", "dropped", "gaps_", "errors")
+
+
+class Row(msgspec.Struct, frozen=True, kw_only=True):
+    """One process."""
+
+    instance: str  # its name
+    process: str  # state in supervisord; empty if it runs elsewhere
+    health: str  # state in its heartbeat; empty if it sends none
+    reason: str  # why it is not ready
+    host: str  # machine
+    pid: int  # process number, 0 if it does not run
+    uptime_s: float  # [s] since its start, 0 if unknown
+    rates_hz: dict[str, float]  # [Hz] messages received and sent, by topic
+    losses: dict[str, int]  # messages lost and errors since its start, by cause
+    cpu_percent: float  # of one core
+    memory_mb: float  # resident
+
+
+def ps(
+    robot: Robot = "robot",
+    connect: Connect = "",
+    json: Annotated[bool, typer.Option("--json", help="One JSON list.")] = False,
+) -> None:
+    """Show processes: state, health, rates, losses.
+
+    Without --connect those that people4d up started here; with it all that send heartbeats.
+    """
+    state = State.of_robot(robot)
+    running = state.read()
+    if not (running or connect):
+        raise People4dError(
+            f"nothing runs here for {robot}",
+            "Start it with people4d up, or name the router of a system elsewhere with --connect.",
+        )
+    # Both ends may be named: what runs here is shown with its processes.
+    own = running if running and connect in ("", running.connect) else None
+    processes = Supervisor(state).processes() if own else {}
+    healths = _heartbeats(connect or (running.connect if running else ""), robot, bool(own))
+    names = [*processes, *(name for name in sorted(healths) if name not in processes)]
+    rows = [_row(name, processes.get(name), healths.get(name)) for name in names]
+    if json:
+        typer.echo(msgspec.json.encode(rows).decode())
+    else:
+        Console().print(_table(rows))
+
+
+def _heartbeats(connect: str, robot: str, optional: bool) -> dict[str, Health]:
+    """Listen for a moment; without a router there is nothing to hear from own processes."""
+    heartbeats = Heartbeats(connect, robot)
+    try:
+        heartbeats.connect(timeout_s=2.0)
+        deadline_s = time.monotonic() + LISTEN_S
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            heartbeats.wait(left_s)
+        return {health.instance: health for health in heartbeats.all()}
+    except People4dError:
+        if optional:
+            return {}
+        raise
+    finally:
+        heartbeats.close()
+
+
+def _row(name: str, process: Process | None, health: Health | None) -> Row:
+    gauges = health.gauges if health else {}
+    counters = health.counters if health else {}
+    return Row(
+        instance=name,
+        process=process.state if process else "",
+        health=health.state if health else "",
+        reason=(health.reason if health else "") or (process.problem if process else ""),
+        host=health.host if health else "",
+        pid=process.pid if process else health.pid if health else 0,
+        uptime_s=process.uptime_s if process else 0.0,
+        rates_hz={n.removesuffix("_hz"): v for n, v in gauges.items() if n.endswith("_hz")},
+        losses={n: v for n, v in counters.items() if n.startswith(LOSSES) and v},
+        cpu_percent=gauges.get("cpu_percent", 0.0),
+        memory_mb=gauges.get("memory_mb", 0.0),
+    )
+
+
+def _table(rows: list[Row]) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("process", "state", "health", "pid", "up", "cpu %", "MB"):
+        table.add_column(
+            title, justify="right" if title in ("pid", "up", "cpu %", "MB") else "left"
+        )
+    table.add_column("messages/s")
+    table.add_column("losses")
+    for row in rows:
+        colour = COLOURS.get(row.health, "red")
+        health = f"[{colour}]{row.health or 'silent'}[/]"
+        table.add_row(
+            row.instance,
+            row.process.lower() or row.host,
+            f"{health} {row.reason}".strip(),
+            str(row.pid or ""),
+            duration(row.uptime_s) if row.uptime_s else "",
+            f"{row.cpu_percent:.0f}",
+            f"{row.memory_mb:.0f}",
+            _rates(row.rates_hz),
+            ", ".join(f"{name} {count}" for name, count in sorted(row.losses.items())),
+        )
+    return table
+
+
+def _rates(rates_hz: dict[str, float]) -> str:
+    """Write "frames 30 > detections 30, crops 30": in, then out."""
+    parts = []
+    for way in ("received_", "sent_"):
+        shown = {n.removeprefix(way): v for n, v in rates_hz.items() if n.startswith(way)}
+        parts.append(", ".join(f"{name} {value:.0f}" for name, value in sorted(shown.items())))
+    return " > ".join(part for part in parts if part)
+
+
+def duration(seconds: float) -> str:
+    """Write a time as 12s, 3m05s or 2h03m."""
+    minutes, seconds = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours}h{minutes:02}m"
+    return f"{minutes}m{seconds:02}s" if minutes else f"{seconds}s"

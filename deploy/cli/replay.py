@@ -1,0 +1,73 @@
+"""people4d replay."""
+
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from common.errors import ConfigError
+from common.images import decompress
+from common.messages import CompressedRgbdFrame, Message, RgbdFrame
+from common.recording import Recording, open_recording
+from deploy.cli.options import Connect, Robot, open_client
+from deploy.cli.record import kinds_of
+
+MEET_S = 1.0
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(help="A people4d recording.")],
+    topics: Annotated[
+        str, typer.Option(help="Topics with commas between; frames come as recorded. All if none.")
+    ] = "",
+    speed: Annotated[float, typer.Option(min=0.01, help="Times the recorded rate.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Again and again, until Ctrl-C.")] = False,
+    hold_s: Annotated[
+        float, typer.Option("--hold", help="Seconds to stay at the end, for late joiners.")
+    ] = 1.0,
+    robot: Robot = "robot",
+    connect: Connect = "",
+) -> None:
+    """Publish recorded messages as their service would, so that another runs alone against them."""
+    recording = open_recording(file)
+    kinds = kinds_of(topics)
+    wanted = tuple(CompressedRgbdFrame if kind is RgbdFrame else kind for kind in kinds)
+    if not any(True for _ in recording.messages(*wanted)):
+        found = ", ".join(recording.summary.topics) or "nothing"
+        raise ConfigError(
+            f"{file} holds no message of {topics or 'any topic'}", f"It holds {found}."
+        )
+    sent = 0
+    with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
+        # Subscribers and this publisher need a moment to learn of each other.
+        time.sleep(MEET_S)
+        for _ in count() if loop else range(1):
+            for message in paced(recording, wanted, speed):
+                if isinstance(message, CompressedRgbdFrame) and (not kinds or RgbdFrame in kinds):
+                    message = decompress(message)
+                client.bus.publish(message)
+                sent += 1
+        time.sleep(hold_s)
+    typer.echo(f"Published {sent} messages.")
+
+
+def paced(
+    recording: Recording, kinds: tuple[type[Message], ...], speed: float
+) -> Iterator[Message]:
+    """Yield the messages of a recording when they are due.
+
+    Args:
+        recording: The recording.
+        kinds: Types wanted, all if none.
+        speed: 1 for the recorded rate, 2 for twice as fast.
+    """
+    start_ns, begin_s = None, time.monotonic()
+    for log_ns, message in recording.messages(*kinds):
+        start_ns = log_ns if start_ns is None else start_ns
+        due_s = begin_s + (log_ns - start_ns) / 1e9 / speed
+        time.sleep(max(0.0, due_s - time.monotonic()))
+        yield message

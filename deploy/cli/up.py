@@ -1,0 +1,211 @@
+"""people4d up and people4d demo."""
+
+import re
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+
+from common.errors import ConfigError, People4dError
+from deploy.cli.options import Robot
+from deploy.launcher.health import Heartbeats
+from deploy.launcher.launcher import Launcher, stop
+from deploy.launcher.plan import (
+    CAMERA,
+    COMPOSE_FILE,
+    HOST,
+    PORT,
+    REPORT,
+    Wish,
+    check_source,
+    plan,
+    setting,
+)
+from deploy.launcher.state import State
+
+DEMO = COMPOSE_FILE.parent / "demo" / "two_people.mcap"
+PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+DRAIN_TIMEOUT_S = 120.0
+GONE_TIMEOUT_S = 3.0
+POLL_S = 0.5
+START_TIMEOUT_S = 60.0
+
+console = Console(highlight=False, soft_wrap=True)
+
+
+def up(
+    source: Annotated[
+        str,
+        typer.Option(help="Recording, ROS bag, image folder, or module:Class of a camera."),
+    ] = "",
+    truth: Annotated[str, typer.Option(help="Motion capture: recording, bag or gt.npz.")] = "",
+    model: Annotated[str, typer.Option(help="Detection model, see people4d models.")] = "",
+    tracker: Annotated[str, typer.Option(help="Tracking method.")] = "",
+    embedder: Annotated[str, typer.Option(help="Appearance model.")] = "",
+    playback: Annotated[
+        Literal["", "recorded", "lockstep"],
+        typer.Option(help="At the recorded rate, or as fast as it goes without losing a frame."),
+    ] = "",
+    loop: Annotated[bool, typer.Option("--loop", help="Play the source again and again.")] = False,
+    set_: Annotated[
+        list[str], typer.Option("--set", metavar="SERVICE.FIELD=VALUE", help="Any other setting.")
+    ] = [],  # noqa: B006 (typer copies it)
+    scale: Annotated[
+        list[str], typer.Option(metavar="SERVICE=N", help="Number of equal processes.")
+    ] = [],  # noqa: B006
+    config: Annotated[
+        Path | None, typer.Option(help="TOML file with a table for each service.")
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Run to the end of the source, write a report to this folder, stop."),
+    ] = None,
+    robot: Robot = "robot",
+    host: Annotated[
+        str, typer.Option(help="Address of the router; 0.0.0.0 lets other machines connect.")
+    ] = HOST,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the router.")] = PORT,
+    detach: Annotated[bool, typer.Option("--detach", "-d", help="Return once all is up.")] = False,
+    timeout_s: Annotated[
+        float, typer.Option("--timeout", help="Seconds that a service may take to get ready.")
+    ] = START_TIMEOUT_S,
+    compose: Annotated[Path, typer.Option(help="Another compose file.")] = COMPOSE_FILE,
+) -> None:
+    """Start everything on this machine, in order, and watch it; Ctrl-C stops it.
+
+    Settings come from the configuration file, then PEOPLE4D_<SERVICE>_<FIELD> in the environment,
+    then these options.
+    """
+    if detach and report:
+        raise typer.BadParameter("a report needs the terminal until it is written; leave out -d")
+    texts = {
+        f"{CAMERA}.source": _resolve(source),
+        "gt_bridge.truth": _resolve(truth),
+        "detector.model": model,
+        "tracker.tracker": tracker,
+        "reid.embedder": embedder,
+        f"{CAMERA}.playback": playback,
+    }
+    settings = [setting(name, text) for name, text in texts.items() if text]
+    settings += [f"{CAMERA}.loop=true"] if loop else []
+    wish = Wish(
+        robot=robot,
+        host=host,
+        port=port,
+        config=config,
+        compose=compose,
+        settings=[*settings, *set_],
+        scale=scale,
+        report=report,
+    )
+    if compose == COMPOSE_FILE:
+        check_source(wish)
+    _launch(wish, timeout_s, detach)
+
+
+def demo(
+    report: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/demo"),
+    robot: Robot = "demo",
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the router.")] = PORT,
+) -> None:
+    """Run the whole pipeline on the shipped recording, frame by frame, and write a report."""
+    settings = [
+        setting(f"{CAMERA}.source", str(DEMO)),
+        setting(f"{CAMERA}.playback", "lockstep"),
+        setting("gt_bridge.truth", str(DEMO)),
+    ]
+    wish = Wish(robot=robot, port=port, settings=settings, report=report)
+    _launch(wish, START_TIMEOUT_S, detach=False)
+
+
+def _resolve(source: str) -> str:
+    """Make a path absolute; a camera of one's own stays module:Class."""
+    if not source or (PLUGIN.fullmatch(source) and not Path(source).exists()):
+        return source
+    path = Path(source)
+    if not path.exists():
+        raise ConfigError(f"source {source} does not exist", "Check the path.")
+    return str(path.absolute())
+
+
+def _launch(wish: Wish, timeout_s: float, detach: bool) -> None:
+    services = plan(wish)
+    state = State.of_robot(wish.robot)
+    heartbeats = Heartbeats(wish.connect, wish.robot)
+    launcher = Launcher(state, services, heartbeats, _progress)
+    with _signals_interrupt():
+        try:
+            launcher.start(wish.robot, wish.connect, timeout_s)
+            if detach:
+                console.print("Everything is up. See: people4d ps, listen, logs, down")
+                return
+            try:
+                _attend(launcher, wish)
+            finally:
+                stop(state)
+        except KeyboardInterrupt:
+            console.print("Stopped.")
+            raise typer.Exit(130 if wish.report else 0) from None
+        finally:
+            heartbeats.close()
+    if wish.report:
+        _print_summary(wish.report, state)
+
+
+def _attend(launcher: Launcher, wish: Wish) -> None:
+    if not wish.report:
+        console.print("Everything is up; Ctrl-C stops it. In another terminal: people4d listen")
+        _watch(launcher)
+        return
+    console.print("Running to the end of the source ...")
+    launcher.wait_finished(CAMERA)
+    launcher.drain(DRAIN_TIMEOUT_S)
+
+
+def _watch(launcher: Launcher) -> None:
+    """Tell of restarts until the system is stopped from elsewhere."""
+    while True:
+        try:
+            launcher.processes()
+        except People4dError:
+            if not launcher.state.was_stopped(GONE_TIMEOUT_S):
+                raise
+            console.print("Stopped by people4d down.")
+            return
+        time.sleep(POLL_S)
+
+
+def _print_summary(folder: Path, state: State) -> None:
+    summary = folder / "summary.txt"
+    if not summary.is_file():
+        raise People4dError(
+            f"no report was written to {folder}", f"See {state.log_of(f'{REPORT}-1')}"
+        )
+    console.print(summary.read_text(encoding="utf-8").rstrip(), markup=False)
+
+
+def _progress(name: str, what: str) -> None:
+    console.print(f"  [bold]{name:<12}[/] {what}")
+
+
+@contextmanager
+def _signals_interrupt() -> Iterator[None]:
+    """Let SIGTERM and a closed terminal end the block as Ctrl-C does."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def interrupt(*_: object) -> None:
+        for number in numbers:  # once is enough: what follows is the stop, which must not break off
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

@@ -1,0 +1,1 @@
+"""Runs the services of a compose file as local processes on supervisord."""

@@ -1,0 +1,156 @@
+"""From what the user asks for to the services that shall run."""
+
+import json
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from common.errors import ConfigError
+from deploy import compose
+from deploy.compose import Service
+
+COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
+CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
+REPORT = "report"  # profile and service that writes the report
+CAMERA = "camera"
+HOST = "127.0.0.1"
+PORT = 7447
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What the user asks for.
+
+    Args:
+        robot: Name of the robot.
+        host: Address at which the router listens; 0.0.0.0 lets other machines connect.
+        port: TCP port at which it listens.
+        config: TOML file with one table for each service; None for the shipped one.
+        compose: Compose file.
+        settings: "service.field=value", the last one of a field wins.
+        scale: "service=number".
+        report: Folder for a report, None for none.
+    """
+
+    robot: str = "robot"
+    host: str = HOST
+    port: int = PORT
+    config: Path | None = None
+    compose: Path = COMPOSE_FILE
+    settings: Sequence[str] = ()
+    scale: Sequence[str] = ()
+    report: Path | None = None
+    environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
+
+    @property
+    def connect(self) -> str:
+        """Endpoint of the router for processes on this machine."""
+        return f"tcp/{HOST if self.host == '0.0.0.0' else self.host}:{self.port}"
+
+
+def plan(wish: Wish) -> tuple[Service, ...]:
+    """Return the services of a wish, in an order in which they can be started.
+
+    Raises:
+        ConfigError: The wish names services that do not run, or files that cannot be read.
+    """
+    settings = list(wish.settings)
+    if wish.report:
+        settings.append(setting(f"{REPORT}.folder", str(wish.report.absolute())))
+    profiles = {REPORT} if wish.report else set()
+    services = compose.read(wish.compose, variables(wish), profiles)
+    arguments = _arguments(settings, services)
+    replicas = _replicas(wish.scale, services)
+    return tuple(_adapt(service, wish, arguments, replicas) for service in services)
+
+
+def setting(name: str, text: str) -> str:
+    """Write a setting whose value is text, whatever it looks like."""
+    # A JSON string without escapes above ASCII is a TOML string.
+    return f"{name}={json.dumps(text, ensure_ascii=False)}"
+
+
+def variables(wish: Wish) -> dict[str, str]:
+    """Return the values that the compose file's variables have on this machine."""
+    config = wish.config or Path(wish.environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
+    if not config.is_file():
+        raise ConfigError(f"configuration file {config} does not exist", "Check the path.")
+    local = {
+        "PEOPLE4D_ROUTER_LISTEN": f"tcp/{wish.host}:{wish.port}",
+        "PEOPLE4D_PEER_LISTEN": "tcp/127.0.0.1:0",
+    }
+    fixed = {
+        "PEOPLE4D_ROBOT": wish.robot,
+        "PEOPLE4D_CONFIG_INSIDE": str(config.absolute()),
+        "PEOPLE4D_CONNECT": wish.connect,
+    }
+    return local | dict(wish.environment) | fixed
+
+
+def check_source(wish: Wish) -> None:
+    """Check that a camera is named somewhere, before anything is started.
+
+    Raises:
+        ConfigError: Nowhere is a source.
+    """
+    named = any(text.startswith(f"{CAMERA}.source=") for text in wish.settings)
+    values = variables(wish)
+    if named or values.get("PEOPLE4D_CAMERA_SOURCE"):
+        return
+    try:
+        tables = tomllib.loads(Path(values["PEOPLE4D_CONFIG_INSIDE"]).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"configuration {values['PEOPLE4D_CONFIG_INSIDE']}: {error}") from error
+    if not tables.get(CAMERA, {}).get("source"):
+        raise ConfigError(
+            "no camera is named",
+            "Add --source PATH (recording, ROS bag, image folder, or module:Class of a camera), "
+            "or see it work with: people4d demo",
+        )
+
+
+def _arguments(settings: Sequence[str], services: Sequence[Service]) -> dict[str, list[str]]:
+    arguments: dict[str, list[str]] = {service.name: [] for service in services}
+    for text in settings:
+        path, separator, value = text.partition("=")
+        name, dot, field_name = path.strip().partition(".")
+        if not (separator and dot and field_name):
+            raise ConfigError(f"setting {text!r} is incomplete", "Write service.field=value.")
+        _known(name, arguments)
+        arguments[name] += ["--set", f"{field_name}={value}"]
+    return arguments
+
+
+def _replicas(scale: Sequence[str], services: Sequence[Service]) -> dict[str, int]:
+    replicas = {service.name: service.replicas for service in services}
+    for text in scale:
+        name, _, number = text.partition("=")
+        if not number.isdecimal():
+            raise ConfigError(f"scale {text!r} is incomplete", "Write service=number.")
+        _known(name, replicas)
+        replicas[name] = int(number)
+    return replicas
+
+
+def _known(name: str, services: Mapping[str, object]) -> None:
+    if name not in services:
+        raise ConfigError(f"there is no service {name!r}", f"Services are {', '.join(services)}.")
+
+
+def _adapt(
+    service: Service,
+    wish: Wish,
+    arguments: Mapping[str, list[str]],
+    replicas: Mapping[str, int],
+) -> Service:
+    # A report is on one pass over the recording: a camera that starts again would spoil it.
+    once = wish.report is not None and service.name == CAMERA
+    return replace(
+        service,
+        command=(*service.command, *arguments[service.name]),
+        replicas=replicas[service.name],
+        restart="no" if once else service.restart,
+        retries=0 if once else service.retries,
+    )

@@ -1,0 +1,152 @@
+"""The folder in which a running system keeps its socket, its logs and what it was started with."""
+
+import os
+import signal
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+import psutil
+
+from common.errors import ConfigError, People4dError
+from common.messages.base import check_name
+
+# A socket's path has 108 bytes; supervisord binds "<path>.<pid>" first, and a 0 ends it.
+LONGEST_SOCKET_PATH = 108 - 1 - len(".4194304")
+MARK = "PEOPLE4D_RUN"
+
+
+class Run(msgspec.Struct, frozen=True, kw_only=True):
+    """What a running system was started with."""
+
+    robot: str  # name of the robot
+    connect: str  # endpoint of its router, for example tcp/127.0.0.1:7447
+    services: tuple[str, ...]  # names, in the order of their start
+    pid: int  # process number of supervisord
+
+
+class State:
+    """Folder of one robot's system on this machine.
+
+    Args:
+        folder: The folder; `prepare` makes it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.socket = folder / "supervisor.sock"
+        self.config = folder / "supervisord.conf"
+        self.log = folder / "supervisord.log"
+        self.run_file = folder / "run.json"
+
+    @classmethod
+    def of_robot(cls, robot: str, environment: Mapping[str, str] = os.environ) -> "State":
+        """Return the state of a robot: $PEOPLE4D_STATE/<robot>, else under $XDG_STATE_HOME.
+
+        Raises:
+            ConfigError: The robot's name cannot be part of a key.
+        """
+        try:
+            check_name("robot", robot)
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        home = environment.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+        base = Path(environment.get("PEOPLE4D_STATE") or Path(home) / "people4d")
+        return cls(base.absolute() / robot)
+
+    def log_of(self, instance: str) -> Path:
+        """Return the log file of a process."""
+        return self.folder / f"{instance}.log"
+
+    def prepare(self) -> None:
+        """Make the folder, for its owner only.
+
+        Raises:
+            ConfigError: The path is too long for a socket, or the folder cannot be made.
+        """
+        length = len(os.fsencode(self.socket))
+        if length > LONGEST_SOCKET_PATH:
+            raise ConfigError(
+                f"socket path {self.socket} has {length} bytes, at most {LONGEST_SOCKET_PATH} work",
+                "Set PEOPLE4D_STATE to a folder with a shorter path.",
+            )
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        except OSError as error:
+            raise ConfigError(
+                f"state folder {self.folder} cannot be made: {error.strerror}",
+                "Set PEOPLE4D_STATE to a folder that you may write to.",
+            ) from error
+
+    def read(self) -> Run | None:
+        """Return what the running system was started with, None if none runs."""
+        try:
+            run = msgspec.json.decode(self.run_file.read_bytes(), type=Run)
+        except (OSError, msgspec.DecodeError):
+            return None
+        return run if _is_marked(run.pid, self.folder) else None
+
+    def write(self, run: Run) -> None:
+        """Note what the system was started with."""
+        self.run_file.write_bytes(msgspec.json.encode(run))
+
+    def was_stopped(self, timeout_s: float) -> bool:
+        """Return whether supervisord ended because it was told to, not because it was killed.
+
+        Args:
+            timeout_s: Time that the command which stops it may take to tidy up.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        while self.run_file.exists():
+            if self.read() or time.monotonic() > deadline_s:
+                return False
+            time.sleep(0.05)
+        return True
+
+    def clear(self) -> None:
+        """Forget the run; logs stay."""
+        self.run_file.unlink(missing_ok=True)
+        self.socket.unlink(missing_ok=True)
+
+    def leftovers(self) -> list[psutil.Process]:
+        """Return processes of this system that are still alive."""
+        return [p for p in psutil.process_iter() if _is_marked(p.pid, self.folder)]
+
+    def sweep(self, grace_s: float = 3.0) -> int:
+        """End processes that a killed supervisord left behind.
+
+        Args:
+            grace_s: Time between SIGTERM and SIGKILL.
+
+        Returns:
+            Number of processes ended.
+        """
+        leftovers = self.leftovers()
+        _signal(leftovers, signal.SIGTERM)
+        _, alive = psutil.wait_procs(leftovers, grace_s)
+        _signal(alive, signal.SIGKILL)
+        _, alive = psutil.wait_procs(alive, grace_s)
+        if alive:
+            raise People4dError(
+                f"processes {[p.pid for p in alive]} do not end", "End them by hand."
+            )
+        return len(leftovers)
+
+
+def _is_marked(pid: int, folder: Path) -> bool:
+    """Return whether a process belongs to the system whose state is in a folder."""
+    try:
+        process = psutil.Process(pid)
+        # Read before the environment: a zombie has none.
+        return process.environ().get(MARK) == str(folder)
+    except (psutil.Error, OSError):
+        return False
+
+
+def _signal(processes: list[psutil.Process], number: signal.Signals) -> None:
+    for process in processes:
+        try:
+            process.send_signal(number)
+        except psutil.NoSuchProcess:
+            continue

@@ -1,0 +1,247 @@
+"""Supervisord: its configuration, its start and its remote calls."""
+
+import contextlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import xmlrpc.client
+from collections.abc import Sequence
+from dataclasses import dataclass
+from http.client import HTTPException
+from typing import Any
+
+from supervisor.xmlrpc import SupervisorTransport
+
+from common.errors import ConfigError, People4dError
+from deploy.compose import Service
+from deploy.launcher.state import MARK, State
+
+SAFE = re.compile(r"[^\w@+=:,./-]", re.ASCII)
+LOG_BYTES = "10MB"
+
+HEAD = """\
+[unix_http_server]
+file={socket}
+chmod=0700
+
+[supervisord]
+logfile={log}
+logfile_maxbytes=1MB
+logfile_backups=1
+pidfile={folder}/supervisord.pid
+childlogdir={folder}
+
+[rpcinterface:supervisor]
+supervisor.rpcinterface_factory=supervisor.rpcinterface:make_main_rpcinterface
+"""
+
+PROGRAM = """
+[program:{instance}]
+command={command}
+priority={priority}
+autostart=false
+autorestart={autorestart}
+startsecs={startsecs}
+startretries={retries}
+exitcodes=0
+stopsignal=TERM
+stopwaitsecs={stop_grace_s}
+stopasgroup=true
+killasgroup=true
+redirect_stderr=true
+stdout_logfile={log}
+stdout_logfile_maxbytes={log_bytes}
+stdout_logfile_backups=1
+"""
+
+AUTORESTART = {
+    "no": "false",
+    "on-failure": "unexpected",
+    "always": "true",
+    "unless-stopped": "true",
+}
+
+
+@dataclass(frozen=True)
+class Process:
+    """What supervisord knows of one process.
+
+    Args:
+        name: Instance, for example detector-1.
+        state: STOPPED, STARTING, RUNNING, BACKOFF, STOPPING, EXITED, FATAL or UNKNOWN.
+        pid: Process number, 0 if it does not run.
+        uptime_s: Seconds since its start, 0 if it does not run.
+        exit_status: Of the last end; -1 for a signal.
+        problem: Why it could not be started, empty if it could.
+    """
+
+    name: str
+    state: str
+    pid: int
+    uptime_s: float
+    exit_status: int
+    problem: str
+
+    @property
+    def finished(self) -> bool:
+        """Whether it ended by itself and well."""
+        return self.state == "EXITED" and self.exit_status == 0
+
+    @property
+    def failed(self) -> bool:
+        """Whether it ended and will not be started again."""
+        return self.state in ("FATAL", "UNKNOWN") or (
+            self.state == "EXITED" and self.exit_status != 0
+        )
+
+
+def render(state: State, services: Sequence[Service]) -> str:
+    """Write supervisord's configuration.
+
+    Args:
+        state: Where socket and logs are.
+        services: In start order; supervisord stops them in the reverse of it.
+    """
+    folder = _text(str(state.folder))
+    parts = [HEAD.format(socket=_text(str(state.socket)), log=_text(str(state.log)), folder=folder)]
+    for priority, service in enumerate(services, start=1):
+        parts += [_program(state, service, name, priority) for name in service.instances]
+    return "".join(parts)
+
+
+def _program(state: State, service: Service, instance: str, priority: int) -> str:
+    variables = {**service.environment, MARK: str(state.folder), "PEOPLE4D_INSTANCE": instance}
+    # env(1) hands the variables over: supervisord's own syntax for them cannot hold every value.
+    env = [shutil.which("env") or "/usr/bin/env", *(f"{k}={v}" for k, v in variables.items())]
+    return PROGRAM.format(
+        instance=instance,
+        command=" ".join(map(quote, [*env, *local_command(service.command)])),
+        priority=priority,
+        autorestart=AUTORESTART[service.restart],
+        # A process that is never restarted may end well at once.
+        startsecs=0 if service.restart == "no" else 1,
+        retries=service.retries,
+        stop_grace_s=max(1, round(service.stop_grace_s)),
+        log=_text(str(state.log_of(instance))),
+        log_bytes=LOG_BYTES,
+    )
+
+
+def local_command(command: Sequence[str]) -> list[str]:
+    """Translate a container's command: python and people4d are those of this environment."""
+    program, *arguments = command
+    if program in ("python", "python3"):
+        return [sys.executable, *arguments]
+    if program == "people4d":
+        return [sys.executable, "-m", "deploy.cli", *arguments]
+    return [program, *arguments]
+
+
+def quote(argument: str) -> str:
+    r"""Quote one argument of a command for supervisord's configuration.
+
+    The file is cut at " #" and " ;" and fills in "%"; a backslash before every character that is
+    not plain keeps it whole, because no blank then stands before a comment sign.
+
+    Raises:
+        ConfigError: The argument has more than one line.
+    """
+    if "\n" in argument or "\r" in argument:
+        raise ConfigError(f"argument {argument!r:.60} has more than one line")
+    quoted = SAFE.sub(lambda match: "\\" + match[0], argument).replace("%", "%%")
+    # The pair of quotes keeps a blank from being the end of the line, where it would be cut.
+    return quoted + "''" if not quoted or argument[-1].isspace() else quoted
+
+
+def _text(path: str) -> str:
+    if re.search(r"\s[#;]|[\n\r]", path):
+        raise ConfigError(f"path {path!r} cannot be written into a configuration file")
+    return path.replace("%", "%%")
+
+
+class Supervisor:
+    """The supervisord of one system.
+
+    Args:
+        state: Its folder.
+    """
+
+    def __init__(self, state: State) -> None:
+        self.state = state
+
+    def spawn(self, services: Sequence[Service]) -> int:
+        """Start supervisord; it starts nothing by itself.
+
+        Args:
+            services: What it shall know, in start order.
+
+        Returns:
+            Its process number.
+
+        Raises:
+            People4dError: It does not come up.
+        """
+        self.state.config.write_text(render(self.state, services), encoding="utf-8")
+        # It leaves this process and its terminal once its socket is open.
+        done = subprocess.run(
+            [sys.executable, "-m", "supervisor.supervisord", "-c", str(self.state.config)],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            env={**os.environ, MARK: str(self.state.folder)},
+            check=False,
+        )
+        if done.returncode:
+            lines = (done.stdout + done.stderr).strip().splitlines() or ["it says nothing"]
+            raise People4dError(f"supervisord does not start: {lines[-1]}")
+        return int(self._call("supervisor.getPID"))
+
+    def start(self, instance: str) -> None:
+        """Start one process and return at once."""
+        with contextlib.suppress(xmlrpc.client.Fault):  # its state tells what went wrong
+            self._call("supervisor.startProcess", instance, False)
+
+    def stop(self, instance: str) -> None:
+        """Stop one process and return when it is gone."""
+        with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
+            self._call("supervisor.stopProcess", instance, True)
+
+    def processes(self) -> dict[str, Process]:
+        """Return all processes by name.
+
+        Raises:
+            People4dError: Supervisord does not answer.
+        """
+        found = (_process(info) for info in self._call("supervisor.getAllProcessInfo"))
+        return {process.name: process for process in found}
+
+    def shutdown(self) -> None:
+        """Ask supervisord to stop everything, last started first, and to end."""
+        self._call("supervisor.shutdown")
+
+    def _call(self, method: str, *arguments: str | bool) -> Any:
+        # A transport does not recover from a failed call, so each call gets its own.
+        transport = SupervisorTransport(None, None, serverurl=f"unix://{self.state.socket}")
+        server = xmlrpc.client.ServerProxy("http://localhost", transport=transport)
+        try:
+            with contextlib.closing(transport):
+                return getattr(server, method)(*arguments)
+        except (OSError, HTTPException, xmlrpc.client.ProtocolError) as error:
+            raise People4dError(
+                f"supervisord of {self.state.folder} does not answer ({error})",
+                "Run people4d down, then people4d up.",
+            ) from error
+
+
+def _process(info: dict[str, Any]) -> Process:
+    running = info["pid"] > 0
+    return Process(
+        name=info["name"],
+        state=info["statename"],
+        pid=info["pid"],
+        uptime_s=float(info["now"] - info["start"]) if running else 0.0,
+        exit_status=info["exitstatus"],
+        problem=info["spawnerr"],
+    )

@@ -1,0 +1,173 @@
+"""Compose files: what is read, what is passed over, what is refused."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from common.errors import ConfigError
+from deploy.compose import Dependency, Healthcheck, Service, interpolate, read
+from deploy.launcher.plan import COMPOSE_FILE
+
+
+def services_of(
+    tmp_path: Path, text: str, variables: Mapping[str, str] | None = None, *profiles: str
+) -> dict[str, Service]:
+    file = tmp_path / "compose.yaml"
+    file.write_text(text, encoding="utf-8")
+    return {s.name: s for s in read(file, variables or {}, set(profiles))}
+
+
+def test_every_used_field_is_read(tmp_path: Path) -> None:
+    text = """
+    x-env: &env {A: one, FLAG: true, N: 3, INHERITED: }
+    services:
+      first: {command: [run, "a b"], image: passed/over}
+      second:
+        command: run "a b" c
+        environment: {<<: *env, A: two}
+        depends_on: {first: {condition: service_healthy}}
+        healthcheck: {test: [CMD, check, it], interval: 1m30s, timeout: 500ms, retries: 3}
+        restart: on-failure:7
+        deploy: {replicas: "2"}
+        stop_grace_period: 1h2m3.5s
+        profiles: [extra]
+    """
+    second = services_of(tmp_path, text, {}, "extra")["second"]
+    assert second == Service(
+        name="second",
+        command=("run", "a b", "c"),
+        environment={"A": "two", "FLAG": "true", "N": "3"},
+        depends_on=(Dependency("first", "service_healthy", True),),
+        healthcheck=Healthcheck(("check", "it"), 90.0, 0.5),
+        restart="on-failure",
+        retries=7,
+        replicas=2,
+        stop_grace_s=3723.5,  # 3600 + 2 * 60 + 3.5
+        profiles=frozenset({"extra"}),
+    )
+    assert second.instances == ("second-1", "second-2")
+
+
+def test_a_shell_check_and_a_disabled_check(tmp_path: Path) -> None:
+    text = """
+    services:
+      shell: {command: [run], healthcheck: {test: "a | b"}}
+      without: {command: [run], healthcheck: {test: [CMD, a], disable: true}}
+    """
+    found = services_of(tmp_path, text)
+    assert found["shell"].healthcheck == Healthcheck(("sh", "-c", "a | b"), 30.0, 30.0)
+    assert found["without"].healthcheck is None
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("plain", "plain"),
+        ("$SET/${SET}", "v/v"),
+        ("${MISSING}", ""),
+        ("${MISSING:-d}", "d"),
+        ("${EMPTY:-d}", "d"),  # ":" counts empty as missing
+        ("${EMPTY-d}", ""),
+        ("${SET:-d}", "v"),
+        ("${SET:+other}", "other"),
+        ("${MISSING:+other}", ""),
+        ("$$SET $${SET}", "$SET ${SET}"),
+        ("${MISSING:-tcp/router:7447}", "tcp/router:7447"),
+        ("${RECURSIVE}", "${SET}"),  # values are not read again
+    ],
+)
+def test_variables(text: str, expected: str) -> None:
+    variables = {"SET": "v", "EMPTY": "", "RECURSIVE": "${SET}"}
+    assert interpolate({"k": [text]}, variables) == {"k": [expected]}
+
+
+@pytest.mark.parametrize("text", ["${", "a $ b", "${1X}", "${A:-${B}}", "${MISSING:?say it}"])
+def test_variables_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"expected|say it"):
+        interpolate(text, {})
+
+
+def test_start_order_follows_dependencies(tmp_path: Path) -> None:
+    text = """
+    services:
+      last: {command: [run], depends_on: [middle, first]}
+      middle: {command: [run], depends_on: [first]}
+      first: {command: [run]}
+    """
+    assert list(services_of(tmp_path, text)) == ["first", "middle", "last"]
+
+
+def test_profiles_choose_services_and_optional_dependencies_go_with_them(tmp_path: Path) -> None:
+    text = """
+    services:
+      extra: {command: [run], profiles: [extra]}
+      main:
+        command: [run]
+        depends_on: {extra: {condition: service_started, required: false}}
+    """
+    without = services_of(tmp_path, text)
+    assert list(without) == ["main"]
+    assert without["main"].depends_on == ()
+    with_it = services_of(tmp_path, text, {}, "extra")
+    assert list(with_it) == ["extra", "main"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("services: {a: {command: [x], depends_on: [b]}}", "a depends on b, which does not run"),
+        (
+            "services: {a: {command: [x], depends_on: [b]}, b: {command: [x], depends_on: [a]}}",
+            "services wait for each other: (a -> b -> a|b -> a -> b)",
+        ),
+        ("services: {a: {image: only}}", "a: expected a command"),
+        ("services: {a: {command: [x], env_file: f}}", "a.env_file: this field has no meaning"),
+        ("services: {a: {command: [x], deploy: {placement: {}}}}", "a.deploy.placement"),
+        ("include: [other.yaml]", "include: this field has no meaning"),
+        ("services: {a: {command: [x], restart: sometimes}}", "a.restart: expected one of"),
+        ("services: {a: {command: [x], restart: 'on-failure:x'}}", "a.restart: expected one of"),
+        ("services: {a: {command: [x], stop_grace_period: soon}}", "expected a duration"),
+        ("services: {a: {command: [x], stop_grace_period: ''}}", "expected a duration"),
+        ("services: {a: {command: [x], deploy: {replicas: many}}}", "replicas: expected a number"),
+        ("services: {a: {command: 3}}", "a.command: expected a list"),
+        ("services: [a]", "services: expected a map"),
+        ("services: {off: {command: [x]}}", "services: expected text as a name, got False"),
+        ("services: {a: {command: [x], environment: 3}}", "a.environment: expected a map"),
+        ("services: {a: {command: [x], healthcheck: {test: [RUN, x]}}}", "a.healthcheck.test"),
+        (
+            "services: {a: {command: [x], depends_on: {b: {condition: happy}}}}",
+            "a.depends_on.b: expected one of",
+        ),
+        ("services: {a: {command: [x]}", "is not YAML"),
+        ("just text", "file: expected a map"),
+    ],
+)
+def test_refused_files(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        services_of(tmp_path, text)
+
+
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot be read: No such file"):
+        read(tmp_path / "none.yaml", {}, set())
+
+
+def test_the_shipped_file_starts_the_camera_last() -> None:
+    """Nothing of a recording is lost only if all that listen are there before the camera."""
+    names = [service.name for service in read(COMPOSE_FILE, {}, {"report"})]
+    assert names[0] == "router"
+    assert names[-1] == "camera"
+    assert set(names) == {
+        *("router", "detector", "reid", "tracker", "gt_bridge", "report", "camera")
+    }
+    camera = read(COMPOSE_FILE, {}, {"report"})[-1]
+    assert {d.service for d in camera.depends_on if d.condition == "service_healthy"} == {
+        *("router", "detector", "reid", "tracker", "gt_bridge", "report")
+    }
+
+
+def test_every_shipped_service_has_a_health_check() -> None:
+    for service in read(COMPOSE_FILE, {}, {"report"}):
+        assert service.healthcheck is not None
+        assert service.healthcheck.test == ("people4d", "health", service.name, "--here")

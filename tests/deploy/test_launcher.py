@@ -1,0 +1,201 @@
+"""The launcher at work on tiny processes, with a real supervisord."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from common.errors import People4dError
+from deploy.compose import read
+from deploy.launcher.health import Heartbeats
+from deploy.launcher.launcher import Launcher, LaunchError, stop, tail
+from deploy.launcher.state import State
+from deploy.launcher.supervisor import Supervisor
+
+TIMEOUT_S = 10.0
+
+TOY = """
+services:
+  first:
+    command: [python, -c, "import pathlib, time; pathlib.Path('FOLDER/up').touch(); time.sleep(99)"]
+    restart: on-failure:3
+    healthcheck: {test: [CMD, test, -e, FOLDER/up], interval: 100ms}
+  second:
+    command: [sh, -c, "test -e FOLDER/up && echo first was there; sleep 99 & wait"]
+    depends_on: {first: {condition: service_healthy}}
+    deploy: {replicas: 2}
+"""
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> Iterator[State]:
+    state = State(tmp_path / "robot")
+    yield state
+    stop(state)
+
+
+def launcher(state: State, text: str) -> Launcher:
+    file = state.folder.parent / "compose.yaml"
+    file.write_text(text.replace("FOLDER", str(state.folder.parent)))
+    told: list[tuple[str, str]] = []
+    services = read(file, {}, set())
+    return Launcher(state, services, Heartbeats("", "robot"), lambda *what: told.append(what))
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline_s, "the awaited event did not come"
+        threading.Event().wait(0.02)
+
+
+def is_gone(process: psutil.Process) -> bool:
+    # A zombie has ended; it only waits for its parent, which may be this test.
+    return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+
+
+def test_start_in_order_restart_and_stop(state: State) -> None:
+    toy = launcher(state, TOY)
+    toy.start("robot", "tcp/127.0.0.1:1", TIMEOUT_S)
+    processes = toy.processes()
+    assert set(processes) == {"first-1", "second-1", "second-2"}
+    assert all(process.pid for process in processes.values())
+    wait_for(lambda: tail(state.log_of("second-2"), 1) == "first was there")
+
+    with pytest.raises(People4dError, match=r"runs already.*people4d down"):
+        launcher(state, TOY).start("robot", "", TIMEOUT_S)
+
+    # RUNNING first: supervisord backs off from what ends within its first second.
+    wait_for(lambda: toy.processes()["first-1"].state == "RUNNING")
+    killed = toy.processes()["first-1"].pid
+    os.kill(killed, signal.SIGKILL)
+    wait_for(lambda: toy.processes()["first-1"].pid not in (0, killed))
+
+    alive = state.leftovers()
+    assert len(alive) == 6  # supervisord, first, twice second and its sleep
+    assert stop(state)
+    assert all(map(is_gone, alive))
+    assert state.read() is None
+    assert not stop(state)
+
+
+def test_what_a_killed_supervisord_leaves_behind_is_ended(state: State) -> None:
+    toy = launcher(state, TOY)
+    toy.start("robot", "", TIMEOUT_S)
+    run = state.read()
+    assert run is not None
+    supervisord = psutil.Process(run.pid)
+    supervisord.kill()
+    wait_for(lambda: state.read() is None)
+    orphans = state.leftovers()
+    assert len(orphans) == 5
+    with pytest.raises(People4dError, match="does not answer"):
+        toy.processes()
+    again = launcher(state, TOY)
+    again.start("robot", "", TIMEOUT_S)  # finds the orphans and ends them first
+    assert all(map(is_gone, orphans))
+
+
+def test_a_service_that_cannot_start_is_named_with_its_log(state: State) -> None:
+    text = """
+    services:
+      good: {command: [sleep, "99"]}
+      bad: {command: [sh, -c, "echo no such model; exit 1"], restart: "on-failure:5"}
+    """
+    with pytest.raises(LaunchError, match="bad-1 ended before it was ready") as caught:
+        launcher(state, text).start("robot", "", TIMEOUT_S)
+    assert "no such model" in caught.value.tail
+    assert str(state.log_of("bad-1")) in caught.value.mend
+    assert state.leftovers() == []
+
+
+def test_a_service_that_is_never_healthy_is_named(state: State) -> None:
+    text = """
+    services:
+      slow: {command: [sleep, "99"], healthcheck: {test: [CMD, "false"], interval: 100ms}}
+    """
+    with pytest.raises(LaunchError, match="slow-1 is not ready after 1 s"):
+        launcher(state, text).start("robot", "", 1.0)
+    assert state.leftovers() == []
+
+
+def test_one_that_ends_well_is_finished_and_lets_others_start(state: State) -> None:
+    text = """
+    services:
+      once: {command: [sh, -c, "echo done"]}
+      after:
+        command: [sleep, "99"]
+        depends_on: {once: {condition: service_completed_successfully}}
+    """
+    toy = launcher(state, text)
+    toy.start("robot", "", TIMEOUT_S)
+    toy.wait_finished("once")
+    processes = toy.processes()
+    assert processes["once-1"].finished
+    assert processes["after-1"].pid
+
+
+def test_a_later_failure_ends_the_wait(state: State) -> None:
+    text = """
+    services:
+      fails: {command: [sh, -c, "read line < FOLDER/pipe; exit 3"]}
+      camera: {command: [sleep, "99"]}
+    """
+    os.mkfifo(state.folder.parent / "pipe")
+    toy = launcher(state, text)
+    toy.start("robot", "", TIMEOUT_S)
+    (state.folder.parent / "pipe").write_text("go\n")
+    with pytest.raises(LaunchError, match=r"fails-1 failed: .*3"):
+        toy.wait_finished("camera")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_people4d_up_stops_everything(tmp_path: Path, number: signal.Signals) -> None:
+    file = tmp_path / "compose.yaml"
+    file.write_text(TOY.replace("FOLDER", str(tmp_path)))
+    state = State(tmp_path / "robot")
+    command = [sys.executable, "-m", "deploy.cli", "up", "--compose", str(file)]
+    environment = {**os.environ, "PEOPLE4D_STATE": str(tmp_path)}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout
+        lines = iter(process.stdout.readline, "")
+        assert any("Everything is up" in line for line in lines)
+        assert len(state.leftovers()) == 6
+        process.send_signal(number)
+        assert process.wait(TIMEOUT_S) == 0
+    assert state.leftovers() == []
+    assert state.read() is None
+
+
+def test_people4d_up_notices_people4d_down(tmp_path: Path) -> None:
+    file = tmp_path / "compose.yaml"
+    file.write_text("services: {only: {command: [sleep, '99']}}")
+    environment = {**os.environ, "PEOPLE4D_STATE": str(tmp_path)}
+    people4d = [sys.executable, "-m", "deploy.cli"]
+    up = [*people4d, "up", "--compose", str(file)]
+    with subprocess.Popen(up, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout
+        assert any("Everything is up" in line for line in iter(process.stdout.readline, ""))
+        down = subprocess.run(
+            [*people4d, "down"], env=environment, capture_output=True, text=True, check=True
+        )
+        assert down.stdout == "Stopped.\n"
+        rest = process.stdout.read()
+        assert process.wait(TIMEOUT_S) == 0
+    assert "Stopped by people4d down." in rest
+
+
+def test_processes_are_told_by_supervisord_itself(state: State) -> None:
+    launcher(state, TOY).start("robot", "", TIMEOUT_S)
+    wait_for(lambda: Supervisor(state).processes()["first-1"].state == "RUNNING")
+    process = Supervisor(state).processes()["first-1"]
+    assert psutil.Process(process.pid).environ()["PEOPLE4D_INSTANCE"] == "first-1"
+    assert not process.failed
+    assert not process.finished

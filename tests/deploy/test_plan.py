@@ -1,0 +1,71 @@
+"""From options to services."""
+
+from pathlib import Path
+
+import pytest
+
+from common.errors import ConfigError
+from deploy.compose import Service
+from deploy.launcher.plan import Wish, check_source, plan, setting
+
+
+def planned(wish: Wish) -> dict[str, Service]:
+    return {service.name: service for service in plan(wish)}
+
+
+def test_settings_reach_their_service_in_order() -> None:
+    wish = Wish(settings=["tracker.sort3d.t_lost=5", "tracker.frame_id=odom"], environment={})
+    services = planned(wish)
+    assert services["tracker"].command[3:] == (
+        *("--set", "sort3d.t_lost=5"),
+        *("--set", "frame_id=odom"),
+    )
+    assert services["detector"].command[3:] == ()
+
+
+def test_text_stays_text_whatever_it_looks_like() -> None:
+    assert setting("camera.source", 'a "b" 7') == 'camera.source="a \\"b\\" 7"'
+    assert setting("camera.source", "2024") == 'camera.source="2024"'
+    assert setting("camera.source", "Straße") == 'camera.source="Straße"'
+
+
+def test_scale_and_endpoints() -> None:
+    services = planned(Wish(scale=["detector=2"], port=7555, host="0.0.0.0", environment={}))
+    assert services["detector"].instances == ("detector-1", "detector-2")
+    assert services["detector"].environment["PEOPLE4D_CONNECT"] == "tcp/127.0.0.1:7555"
+    assert services["detector"].environment["PEOPLE4D_LISTEN"] == "tcp/127.0.0.1:0"
+    assert services["router"].environment["PEOPLE4D_LISTEN"] == "tcp/0.0.0.0:7555"
+
+
+def test_a_report_adds_its_service_and_plays_the_source_once(tmp_path: Path) -> None:
+    services = planned(Wish(report=tmp_path, environment={}))
+    assert services["report"].command[-1] == setting("folder", str(tmp_path))
+    assert services["camera"].restart == "no"
+    assert "report" not in planned(Wish(environment={}))
+    assert planned(Wish(environment={}))["camera"].restart == "on-failure"
+
+
+@pytest.mark.parametrize(
+    ("wish", "message"),
+    [
+        (Wish(settings=["nobody.field=1"]), "there is no service 'nobody'"),
+        (Wish(settings=["tracker=1"]), "Write service.field=value"),
+        (Wish(settings=["tracker.field"]), "Write service.field=value"),
+        (Wish(scale=["detector"]), "Write service=number"),
+        (Wish(scale=["nobody=2"]), "there is no service 'nobody'"),
+        (Wish(config=Path("none.toml")), "none.toml does not exist"),
+    ],
+)
+def test_refused_wishes(wish: Wish, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        plan(wish)
+
+
+def test_a_camera_must_be_named_somewhere(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no camera is named.*--source"):
+        check_source(Wish(environment={}))
+    check_source(Wish(settings=["camera.source=x"], environment={}))
+    check_source(Wish(environment={"PEOPLE4D_CAMERA_SOURCE": "x"}))
+    file = tmp_path / "own.toml"
+    file.write_text('[camera]\nsource = "my.camera:Camera"\n')
+    check_source(Wish(config=file, environment={}))
