@@ -20,6 +20,7 @@ LIMBS = (
     *((0, 1), (0, 2), (1, 3), (2, 4), (5, 6), (5, 7), (7, 9), (6, 8), (8, 10)),
     *((5, 11), (6, 12), (11, 12), (11, 13), (13, 15), (12, 14), (14, 16)),
 )
+DOTTED = np.array([k not in (1, 2, 3, 4) for k in range(17)])  # dots would hide a small face
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,6 @@ def _draw_body(image: U8, person: Detection, colour: Colour) -> None:
         (round(float(right)), round(float(bottom))),
         colour,
         _line(image),
-        cv2.LINE_AA,
     )
     if person.keypoints is not None:
         _draw_skeleton(image, person.keypoints, colour)
@@ -98,7 +98,7 @@ def _draw_skeleton(image: U8, keypoints: F32, colour: Colour) -> None:
     for a, b in LIMBS:
         if sure[a] and sure[b]:
             put_path(image, points[[a, b]], colour, _line(image))
-    for u, v in np.round(points[sure]).astype(int):
+    for u, v in np.round(points[sure & DOTTED]).astype(int):
         cv2.circle(image, (int(u), int(v)), _line(image) + 1, WHITE, cv2.FILLED, cv2.LINE_AA)
 
 

@@ -105,7 +105,8 @@ def _draw_grid(image: U8, scale: _Scale) -> None:
             put_path(image, path, FAINT, 1)
             u, v = path[0] if axis else path[1]
             at = (u + 4, image.shape[0] - 6.0) if axis else (4.0, v - 4)
-            put_text(image, f"{metre} m", at, 11, GREY)
+            if at[1] > 14:  # else it would be cut at the upper edge
+                put_text(image, f"{metre} m", at, 11, GREY)
 
 
 def _draw_camera(image: U8, scale: _Scale, frame_from_optical: F64) -> None:

@@ -1,0 +1,178 @@
+"""The report as a whole, from messages to files."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from common.errors import ConfigError
+from common.messages import U8, Message
+from services.report.config import ReportConfig
+from services.report.folder import Folder, frame_rate_hz
+from services.report.join import Join
+from services.report.node import Picture, ReportNode
+from services.report.statistics import Summary
+from tests.report.builders import (
+    MS,
+    detection,
+    detections,
+    frame,
+    health,
+    info,
+    pose,
+    track,
+    tracks,
+    truth,
+)
+
+STEP = 100 * MS
+
+
+class Kept:
+    """Keeps what the report puts out."""
+
+    def __init__(self) -> None:
+        self.pictures: list[Picture] = []
+        self.sheets: list[U8] = []
+        self.summaries: list[Summary] = []
+
+    def picture(self, picture: Picture) -> None:
+        self.pictures.append(picture)
+
+    def finish(self, sheet: U8, summary: Summary) -> None:
+        self.sheets.append(sheet)
+        self.summaries.append(summary)
+
+
+def run(node: ReportNode, *messages: Message) -> None:
+    for k, message in enumerate(messages):
+        assert node.handle(message, k * MS) == ()
+    node.close()
+
+
+def stream(count: int, camera: str = "front") -> list[Message]:
+    """Frames with one person each, in the order in which the pipeline sends."""
+    messages: list[Message] = [info(camera), pose()]
+    for k in range(count):
+        found = detections(k * STEP, [detection()], camera)
+        walked = tracks(k * STEP, [track(1, 2.0 + 0.1 * k, detection_index=0)], camera)
+        messages += [frame(k * STEP, camera), found, truth(k * STEP, ("a", 2.0, 0.0)), walked]
+    return messages
+
+
+def test_every_frame_becomes_a_picture_in_order() -> None:
+    kept = Kept()
+    run(ReportNode(ReportConfig(), kept), *stream(20))
+    assert [p.stamp_ns for p in kept.pictures] == [k * STEP for k in range(20)]
+    (summary,) = kept.summaries
+    assert (summary.frames, summary.frames_detected, summary.frames_tracked) == (20, 20, 20)
+    assert summary.accuracy is not None
+    assert summary.accuracy.matched == 10  # 2.0 to 2.9 m are within 1 m of the truth at 2.0 m
+    assert kept.sheets[0].shape[1] == 4 * 488 + 8
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_order_within_a_stamp_changes_nothing(seed: int) -> None:
+    kept = Kept()
+    messages = stream(10)
+    calibration, rest = messages[:2], messages[2:]
+    order = np.random.default_rng(seed)
+    shuffled = [m for k in range(10) for m in order.permutation(np.array(rest[4 * k : 4 * k + 4]))]
+    run(ReportNode(ReportConfig(), kept), *calibration, *shuffled)
+    assert [p.stamp_ns for p in kept.pictures] == [k * STEP for k in range(10)]
+    assert kept.summaries[0].frames_tracked == 10
+
+
+@pytest.mark.parametrize("missing", range(7))
+def test_a_missing_stream_is_told_and_breaks_nothing(missing: int) -> None:
+    kinds = ReportNode.inputs
+    kept = Kept()
+    messages = [m for m in [*stream(8), health(errors=1)] if type(m) is not kinds[missing]]
+    run(ReportNode(ReportConfig(), kept), *messages)
+    told = kept.summaries[0].missing
+    name = kinds[missing].__name__
+    assert told == ((name,) if name not in ("CameraInfo", "StaticTransform") else ())
+
+
+def test_nothing_at_all_still_gives_a_sheet() -> None:
+    kept = Kept()
+    run(ReportNode(ReportConfig(), kept))
+    assert kept.sheets[0].size > 0
+
+
+def test_two_cameras_are_told_apart() -> None:
+    kept = Kept()
+    mixed = [m for pair in zip(stream(5), stream(5, "rear"), strict=True) for m in pair]
+    run(ReportNode(ReportConfig(), kept), *mixed)
+    assert kept.summaries[0].cameras == ("front", "rear")
+    assert kept.summaries[0].frames_tracked == 10
+    assert [p.stamp_ns // STEP for p in kept.pictures if p.camera == "rear"] == list(range(5))
+
+
+def test_without_video_only_the_sheet_is_drawn() -> None:
+    kept = Kept()
+    run(ReportNode(ReportConfig(video=False, sheet_frames=2), kept), *stream(30))
+    assert kept.pictures == []
+    assert kept.sheets[0].shape[0] == 60 + 600 + 8 + 368  # one row of tiles 480x360
+
+
+def test_join_gives_up_the_oldest_when_full() -> None:
+    join = Join(capacity=3)
+    released = [m for k in range(10) for m in join.add(frame(k))]
+    assert [m.stamp_ns for m in released] == [0, 1, 2, 3, 4, 5, 6]
+    assert [m.stamp_ns for m in join.flush()] == [7, 8, 9]
+
+
+def test_join_releases_what_came_before_a_complete_moment() -> None:
+    join = Join()
+    for message in (frame(1), frame(2), detections(2), frame(2, "rear")):
+        assert join.add(message) == []
+    released = join.add(tracks(2))
+    assert [(m.stamp_ns, m.complete) for m in released] == [(1, False), (2, True)]
+    assert [m.camera for m in join.flush()] == ["rear"]
+
+
+def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    node = ReportNode(ReportConfig(), Folder(tmp_path / "out"))
+    run(node, *stream(25))
+    out = tmp_path / "out"
+    assert sorted(p.name for p in out.iterdir()) == [
+        "contact_sheet.png",
+        "people_front.mp4",
+        "summary.json",
+        "summary.txt",
+    ]
+    video = cv2.VideoCapture(str(out / "people_front.mp4"))
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 25
+    assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
+    assert json.loads((out / "summary.json").read_text())["frames_tracked"] == 25
+    assert capsys.readouterr().out == (out / "summary.txt").read_text()
+    assert cv2.imread(str(out / "contact_sheet.png")) is not None
+
+
+def test_a_run_shorter_than_the_rate_takes_is_a_video_too(tmp_path: Path) -> None:
+    run(ReportNode(ReportConfig(), Folder(tmp_path)), *stream(3))
+    video = cv2.VideoCapture(str(tmp_path / "people_front.mp4"))
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 3
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot be written"):
+        Folder(tmp_path / "file")
+
+
+def test_frame_rate() -> None:
+    assert frame_rate_hz([0, STEP, 2 * STEP, 9 * STEP]) == pytest.approx(10.0)  # median 0.1 s
+    assert frame_rate_hz([5]) == 30.0
+    assert frame_rate_hz([5, 5]) == 30.0
+    assert frame_rate_hz([0, 1]) == 120.0
+
+
+@pytest.mark.parametrize("setting", [{"sheet_frames": 0}, {"tile_width_px": 10}])
+def test_settings_out_of_range(setting: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        ReportConfig(**setting)

@@ -1,0 +1,242 @@
+"""The figures of the summary, worked by hand."""
+
+import msgspec
+import pytest
+
+from common.messages import Detection
+from services.report.accuracy import TruthCheck, interpolate, match
+from services.report.join import Moment
+from services.report.latency import Latency
+from services.report.spread import Spread
+from services.report.statistics import Statistics, Summary
+from services.report.text import facts, latency_table, text
+from tests.report.builders import (
+    MS,
+    detection,
+    detections,
+    frame,
+    health,
+    span,
+    track,
+    tracks,
+    truth,
+)
+
+S = 10**9
+
+
+def test_percentiles() -> None:
+    latency = Latency()
+    for ms in range(101):  # 0, 1, ... 100 ms: percentile p is p ms
+        latency.add([span("detector.inference", 0, ms)])
+    got = latency.percentiles()["detector.inference"]
+    assert (got.p50_ms, got.p95_ms, got.p99_ms, got.count) == (50.0, 95.0, 99.0, 101)
+
+
+def test_latency_is_stages_and_ways_and_the_rest() -> None:
+    latency = Latency()
+    latency.add(
+        [
+            span("camera.read", 0, 4),  # 4 ms
+            span("detector.preprocess", 6, 9),  # 2 ms on the way, 3 ms
+            span("detector.inference", 10, 40),  # 1 ms between stages of a process, 30 ms
+            span("tracker.update", 45, 47),  # 5 ms on the way, 2 ms
+        ]
+    )
+    p50 = {name: p.p50_ms for name, p in latency.percentiles().items()}
+    assert p50 == {
+        "camera.read": 4,
+        "camera -> detector": 2,
+        "detector.preprocess": 3,
+        "detector.inference": 30,
+        "detector -> tracker": 5,
+        "tracker.update": 2,
+        "other": 1,
+        "whole": 47,
+    }
+    assert list(p50)[-1] == "whole"
+    assert sum(ms for name, ms in p50.items() if name != "whole") == p50["whole"]
+
+
+def test_two_replicas_of_a_service_are_one_stage() -> None:
+    latency = Latency()
+    for process, ms in (("detector-1", 10), ("detector-2", 30)):
+        latency.add([span("camera.read", 0, 1), span("detector.inference", 2, 2 + ms, process)])
+    assert latency.percentiles()["detector.inference"].p50_ms == 20  # mean of 10 and 30
+    assert latency.percentiles()["camera -> detector"].count == 2
+
+
+def test_a_message_without_trace_changes_nothing() -> None:
+    latency = Latency()
+    latency.add([])
+    assert latency.percentiles() == {}
+
+
+def test_truth_is_interpolated_between_its_stamps() -> None:
+    before, after = truth(0, ("a", 1.0, 0.0), ("gone", 0, 0)), truth(100 * MS, ("a", 2.0, 4.0))
+    (person,) = interpolate(before, after, 25 * MS).people  # a quarter of the way
+    assert person.position_m.tolist() == [1.25, 1.0, 1.0]
+
+
+def test_match_takes_the_least_sum_and_keeps_the_gate() -> None:
+    people = truth(0, ("a", 0.0, 0.0), ("b", 0.6, 0.0)).people
+    # Greedy would pair b with the track at 0.5 (0.1 m) and a with the one at 0.9 (0.9 m), 1.0 m
+    # in all; a-0.5 and b-0.9 are 0.5 + 0.3 = 0.8 m.
+    assert match(people, [track(1, 0.5), track(2, 0.9)]) == [(0, 0), (1, 1)]
+    assert match(people, [track(1, 1.7)]) == []  # 1.1 m from b
+    assert match(people, []) == []
+
+
+def test_a_pair_beyond_the_gate_displaces_none_within() -> None:
+    # a is 0.9 m from track 1, b 0.8 m; track 2 is far away: one pair, the nearer.
+    people = truth(0, ("a", 0.0, 0.0), ("b", 1.7, 0.0)).people
+    assert match(people, [track(1, 0.9), track(2, 50.0)]) == [(1, 0)]
+
+
+def test_accuracy_by_hand() -> None:
+    check = TruthCheck()
+    for k in range(4):
+        check.add(truth(k * 100 * MS, ("a", 0.0, 0.0), ("b", 5.0, 0.0)))
+    # Errors of a: 0.3, 0.4 and 0 m; b is matched once, 0.5 m off; the track at 9 m is nobody's.
+    check.add(tracks(0, [track(1, 0.3), track(2, 5.5)]))
+    check.add(tracks(100 * MS, [track(1, 0.0, 0.4), track(3, 9.0)]))
+    check.add(tracks(200 * MS, [track(7, 0.0)]))  # a is now 7: one switch
+    got = check.result()
+    assert got is not None
+    assert (got.frames, got.truth_people, got.matched, got.extra) == (3, 6, 4, 1)
+    assert got.position_median_m == pytest.approx(0.35)  # of 0, 0.3, 0.4, 0.5
+    assert got.position_rmse_m == pytest.approx((0.5 / 4) ** 0.5)  # 0 + 0.09 + 0.16 + 0.25 = 0.5
+    assert got.velocity_rmse_mps == 0.0
+    assert got.id_switches == 1
+
+
+@pytest.mark.parametrize(
+    ("ids", "switches"),
+    [
+        ((1, 1, 1, 1), 0),
+        ((1, 2, 2, 2), 1),
+        ((1, 2, 1, 1), 2),  # there and back
+        ((1, 0, 0, 1), 0),  # 0: not seen; the same one comes back
+        ((1, 0, 2, 2), 1),  # another one comes back
+    ],
+)
+def test_id_switches(ids: tuple[int, ...], switches: int) -> None:
+    check = TruthCheck()
+    for k, track_id in enumerate(ids):
+        check.add(truth(k * 100 * MS, ("a", 0.0, 0.0)))
+        check.add(tracks(k * 100 * MS, [track(track_id, 0.1)] if track_id else []))
+    got = check.result()
+    assert got is not None
+    assert got.id_switches == switches
+
+
+def test_only_confirmed_tracks_count() -> None:
+    check = TruthCheck()
+    check.add(truth(0, ("a", 0.0, 0.0)))
+    check.add(tracks(0, [track(1, 0.0, state="tentative"), track(2, 0.0, state="lost")]))
+    got = check.result()
+    assert got is not None
+    assert (got.matched, got.extra, got.position_median_m) == (0, 0, None)
+
+
+def test_tracks_wait_for_the_truth_after_them() -> None:
+    check = TruthCheck()
+    check.add(truth(0, ("a", 0.0, 0.0)))
+    check.add(tracks(50 * MS, [track(1, 0.0)]))
+    assert check.result() is None
+    check.add(truth(100 * MS, ("a", 1.0, 0.0)))
+    got = check.result()
+    assert got is not None
+    assert got.position_median_m == pytest.approx(0.5)  # truth half-way is at 0.5 m
+
+
+def test_a_gap_in_the_truth_is_not_interpolated() -> None:
+    check = TruthCheck()
+    check.add(tracks(500 * MS, [track(1, 0.0)]))
+    check.add(truth(0, ("a", 0.0, 0.0)))
+    check.add(truth(S, ("a", 1.0, 0.0)))
+    assert check.result() is None
+
+
+def summary_of_a_run() -> Summary:
+    """Four frames at 10 Hz, the last unanswered; 1, 2 and 0 people, one without a position."""
+    statistics = Statistics()
+    placed, unplaced = detection(), detection(position=False)
+    people: tuple[list[Detection], ...] = ([placed], [placed, unplaced], [])
+    for k in range(4):
+        statistics.add(frame(k * 100 * MS), 0)
+    for k in range(3):
+        stamp_ns, trace = k * 100 * MS, (span("camera.read", 0, 4), span("tracker.update", 5, 7))
+        found = detections(stamp_ns, people[k])
+        tracked = tracks(stamp_ns, [track(1, 1.0)] + [track(2, 3.0)] * (k == 1), trace=trace)
+        statistics.add(found, k * S)
+        statistics.add(tracked, k * S // 4)  # 4 Hz by the clock
+        statistics.settle(Moment("front", stamp_ns, frame(stamp_ns).rgb, found, tracked))
+    statistics.settle(Moment("front", 300 * MS, frame(0).rgb))
+    statistics.add(health(received_frames=4, dropped_frames=1, bad_frames=0), 0)
+    return statistics.summary()
+
+
+def test_summary_by_hand() -> None:
+    got = summary_of_a_run()
+    assert (got.frames, got.frames_detected, got.frames_tracked) == (4, 3, 3)
+    assert got.recorded_hz == pytest.approx(10.0)
+    assert got.processed_hz == pytest.approx(4.0)
+    assert (got.people, got.people_per_frame) == (3, 1.0)
+    assert got.position_share == pytest.approx(2 / 3)
+    assert got.tracks == 2
+    assert (got.track_length_mean, got.track_length_median) == (2.0, 2.0)  # 3 frames and 1
+    assert got.latency["whole"].p50_ms == 7.0
+    assert got.drops == {"detector-1": {"dropped_frames": 1}}
+    assert got.accuracy is None
+    assert got.missing == ("Truth",)
+
+
+def test_summary_in_words_and_json() -> None:
+    summary = summary_of_a_run()
+    words = text(summary)
+    assert "4 in, 3 detected, 3 tracked, recorded at 10.0 Hz, processed at 4.0 Hz" in words
+    assert "66.7% with a 3D position" in words
+    assert "detector-1: dropped_frames 1" in words
+    assert ("truth", "none") in facts(summary)
+    assert ("missing", "Truth") in facts(summary)
+    assert ("whole", "7.0", "7.0", "7.0") in latency_table(summary)
+    assert msgspec.json.decode(msgspec.json.encode(summary), type=Summary) == summary
+
+
+def test_nothing_came() -> None:
+    summary = Statistics().summary()
+    assert summary.missing == ("RgbdFrame", "Detections", "Tracks", "Truth", "Health")
+    assert summary.people_per_frame is None
+    assert "none" in text(summary)
+
+
+def test_the_last_word_of_each_process_counts() -> None:
+    statistics = Statistics()
+    for n in (1, 5):
+        statistics.add(health(errors=n), 0)
+    assert statistics.summary().drops == {"detector-1": {"errors": 5}}
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 4, 8, 9, 17, 1000])
+def test_spread_is_bounded_and_even(count: int) -> None:
+    spread: Spread[int] = Spread(4)
+    for k in range(count):
+        if spread.wants_next:
+            spread.add(k)
+        else:
+            spread.skip()
+    assert spread.count == count
+    assert min(count, 4) <= len(spread.values) <= 8
+    steps = {b - a for a, b in zip(spread.values, spread.values[1:], strict=False)}
+    assert len(steps) <= 1
+    assert spread.values[:1] == [0][:count]
+
+
+def test_pick_keeps_first_and_last() -> None:
+    spread: Spread[int] = Spread(10)
+    for k in range(11):
+        spread.add(k)
+    assert spread.pick(3) == [0, 5, 10]
+    assert spread.pick(1) == [0]
+    assert spread.pick(50) == list(range(11))
