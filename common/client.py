@@ -1,13 +1,15 @@
 """The few lines a planner needs: people as they are told, on any machine."""
 
+import os
 import threading
 import time
 from collections.abc import Iterator
 from typing import TypeVar
 
+from common.bus import Subscription
 from common.inbox import Inbox
 from common.messages import Message, Tracks
-from common.topics import BY_MESSAGE
+from common.topics import BY_MESSAGE, Topic
 from common.zenoh_bus import ZenohBus, read_config
 
 M = TypeVar("M", bound=Message)
@@ -27,27 +29,37 @@ class Client:
     """
 
     def __init__(self, connect: str = "", robot: str = "robot", timeout_s: float = 3.0) -> None:
-        environment = {"PEOPLE4D_CONNECT": connect} if connect else None
+        environment = dict(os.environ)
+        if connect:
+            environment["PEOPLE4D_CONNECT"] = connect
         config = read_config(None, "client", environment)
         self.bus = ZenohBus(config, robot, connect_timeout_s=timeout_s)
         self.inbox = Inbox()
 
     def messages(self, *kinds: type[M], timeout_s: float | None = None) -> Iterator[M]:
-        """Yield messages as they come.
+        """Subscribe, and yield messages as they come.
 
         Args:
             kinds: Types of message, for example Tracks.
             timeout_s: End when no message came for so long; None: wait for ever.
         """
-        for kind in kinds:
-            threading.Thread(target=self._receive, args=(kind,), daemon=True).start()
+        subscriptions = [self._subscribe(BY_MESSAGE[kind]) for kind in kinds]
+        return self._yield(kinds, timeout_s, subscriptions)
+
+    def _yield(
+        self, kinds: tuple[type[M], ...], timeout_s: float | None, subscriptions: list[Subscription]
+    ) -> Iterator[M]:
         waited_since = time.monotonic()
-        while timeout_s is None or time.monotonic() - waited_since < timeout_s:
-            # Short waits let Ctrl-C through.
-            arrival = self.inbox.get(0.2 if timeout_s is None else min(timeout_s, 0.2))
-            if arrival and isinstance(arrival.message, kinds):
-                yield arrival.message
-                waited_since = time.monotonic()
+        try:
+            while timeout_s is None or time.monotonic() - waited_since < timeout_s:
+                # Short waits let Ctrl-C through.
+                arrival = self.inbox.get(0.2 if timeout_s is None else min(timeout_s, 0.2))
+                if arrival and isinstance(arrival.message, kinds):
+                    yield arrival.message
+                    waited_since = time.monotonic()
+        finally:
+            for subscription in subscriptions:
+                subscription.close()
 
     def close(self) -> None:
         """Leave the network."""
@@ -59,10 +71,15 @@ class Client:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _receive(self, kind: type[Message]) -> None:
-        topic = BY_MESSAGE[kind]
-        for key, payload in self.bus.subscribe(topic):
-            self.inbox.put(topic, key, payload)
+    def _subscribe(self, topic: Topic) -> Subscription:
+        subscription = self.bus.subscribe(topic)
+
+        def receive() -> None:
+            for key, payload in subscription:
+                self.inbox.put(topic, key, payload)
+
+        threading.Thread(target=receive, name=topic.name, daemon=True).start()
+        return subscription
 
 
 def subscribe(connect: str = "", robot: str = "robot") -> Iterator[Tracks]:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,9 +14,14 @@ import zenoh.ext
 from common.codec import encode
 from common.errors import ConfigError, People4dError
 from common.messages import Message, RgbdFrame
+from common.messages.base import check_name
 from common.topics import BY_MESSAGE, Topic, prefix
 
+# What names the machine that Zenoh was built on tells a user nothing.
+BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")
+
 CONFIGS = Path(__file__).resolve().parents[1] / "deploy" / "zenoh"
+UNFIT = {("connect", "router"), ("listen", "client")}
 
 
 def read_config(
@@ -38,12 +44,43 @@ def read_config(
         config = zenoh.Config.from_file(str(path))
         for name in ("connect", "listen"):
             endpoints = environment.get(f"PEOPLE4D_{name.upper()}")
-            # A router must not call itself where the variable is set for all services of a host.
-            if endpoints and (name, default) != ("connect", "router"):
+            # Where the variables are set for all processes of a host, a router must not call
+            # itself and a client must not take the router's port.
+            if endpoints and (name, default) not in UNFIT:
                 config.insert_json5(f"{name}/endpoints", json.dumps(endpoints.split(",")))
     except zenoh.ZError as error:
-        raise ConfigError(f"Zenoh configuration {path} is not usable: {error}") from error
+        raise ConfigError(f"Zenoh configuration {path} is not usable: {_told(error)}") from error
     return config
+
+
+def _told(error: zenoh.ZError) -> str:
+    text = " ".join(BUILD_PATH.sub("", str(error)).split())
+    inner = re.search(r'Message { msg: "(.*)", location', text)
+    return inner[1] if inner else text
+
+
+def _check_chunk(field: str, name: str) -> None:
+    try:
+        check_name(field, name)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _open(config: zenoh.Config) -> zenoh.Session:
+    endpoints = config.get_json("connect/endpoints")
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        if "listener" in str(error):
+            raise People4dError(
+                f"Zenoh cannot listen ({_told(error)})",
+                "Does another router run on this host (people4d ps)? Else set PEOPLE4D_LISTEN.",
+            ) from error
+        raise People4dError(
+            f"no Zenoh session with {endpoints} ({_told(error)})",
+            "Is the system up (people4d ps), the endpoint right (--connect), and do user, "
+            "password or certificates match the router's?",
+        ) from error
 
 
 class ZenohSubscription:
@@ -79,10 +116,12 @@ class ZenohBus:
         connect_timeout_s: Longest wait for a router in client mode.
 
     Raises:
+        ConfigError: The name of the robot cannot be part of a key.
         People4dError: No session: nobody listens at the endpoint, or it refuses the credentials.
     """
 
     def __init__(self, config: zenoh.Config, robot: str, connect_timeout_s: float = 0.0) -> None:
+        _check_chunk("robot", robot)
         self.robot = robot
         self._publishers: dict[str, Any] = {}
         self._subscriptions: list[ZenohSubscription] = []
@@ -91,15 +130,7 @@ class ZenohBus:
         if connect_timeout_s:
             config.insert_json5("connect/timeout_ms", str(int(connect_timeout_s * 1000)))
             config.insert_json5("connect/exit_on_failure", "true")
-        endpoints = config.get_json("connect/endpoints")
-        try:
-            self._session = zenoh.open(config)
-        except zenoh.ZError as error:
-            raise People4dError(
-                f"no Zenoh session with {endpoints} ({error})",
-                "Is the system up (people4d ps), the endpoint right (--connect), and do user, "
-                "password or certificates match the router's?",
-            ) from error
+        self._session = _open(config)
 
     def publish(self, message: Message) -> None:
         """Send a message on the key that the topic table gives it."""
@@ -127,6 +158,7 @@ class ZenohBus:
 
     def announce(self, service: str, instance: str) -> None:
         """Declare a liveliness token: it vanishes when this process does."""
+        _check_chunk("instance", instance)
         key = f"{prefix(self.robot)}/alive/{service}/{instance}"
         self._token = self._session.liveliness().declare_token(key)
 
@@ -154,5 +186,9 @@ class ZenohBus:
                 congestion_control=control,
                 cache=zenoh.ext.CacheConfig(max_samples=1),
                 publisher_detection=True,
+                # Numbers its messages, since sessions do not stamp them.
+                sample_miss_detection=zenoh.ext.MissDetectionConfig(
+                    heartbeat=None, sporadic_heartbeat=None
+                ),
             )
         return self._session.declare_publisher(key, congestion_control=control, express=True)

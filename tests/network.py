@@ -1,0 +1,97 @@
+"""A router and sessions on the loopback interface, on a free port, without multicast."""
+
+import itertools
+import queue
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from common.inbox import Inbox
+from common.messages import Health, Message
+from common.topics import BY_MESSAGE, TOPICS
+from common.zenoh_bus import ZenohBus, read_config
+
+WAIT_S = 20.0
+
+M = TypeVar("M", bound=Message)
+_robots = itertools.count(1)
+
+
+def free_port() -> int:
+    """Return a port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Network:
+    """One router and the sessions opened through it; close ends them all."""
+
+    def __init__(self) -> None:
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.environment = {"PEOPLE4D_CONNECT": self.endpoint}
+        self._buses: list[ZenohBus] = []
+        self.start_router()
+
+    def start_router(self) -> None:
+        """Open the router."""
+        config = read_config(None, "router", {"PEOPLE4D_LISTEN": self.endpoint})
+        self._router = ZenohBus(config, "robot")
+
+    def stop_router(self) -> None:
+        """Close the router."""
+        self._router.close()
+
+    def robot(self) -> str:
+        """Return a name that keeps the keys of one test apart from all others."""
+        return f"robot{next(_robots)}"
+
+    def open(self, robot: str, mode: str = "client", timeout_s: float = 0.0) -> ZenohBus:
+        """Open a session."""
+        bus = ZenohBus(read_config(None, mode, self.environment), robot, timeout_s)
+        self._buses.append(bus)
+        return bus
+
+    def close(self) -> None:
+        """Close everything."""
+        for bus in self._buses:
+            bus.close()
+        self.stop_router()
+
+
+class Watcher:
+    """Keeps what comes on a bus, to be waited for."""
+
+    def __init__(self, bus: ZenohBus, *kinds: type[Message]) -> None:
+        self._arrived: queue.Queue[Message] = queue.Queue()
+        self.seen: list[Message] = []
+        self.inbox = Inbox()
+        for kind in kinds or tuple(topic.message for topic in TOPICS):
+            subscription = bus.subscribe(BY_MESSAGE[kind])
+            threading.Thread(target=self._receive, args=(subscription, kind), daemon=True).start()
+
+    def wait(self, kind: type[M], want: Callable[[M], Any] = lambda _: True) -> M:
+        """Return the next message of a type that is wanted; TimeoutError if none comes."""
+        end = time.monotonic() + WAIT_S
+        while True:
+            try:
+                message = self._arrived.get(timeout=max(end - time.monotonic(), 0.0))
+            except queue.Empty:
+                raise TimeoutError(f"no such {kind.__name__} among {self.seen[-5:]}") from None
+            self.seen.append(message)
+            if isinstance(message, kind) and want(message):
+                return message
+
+    def wait_for_counters(self, **counters: int) -> Health:
+        """Return the first heartbeat that tells at least these counters."""
+        return self.wait(
+            Health, lambda h: all(h.counters.get(n, -1) >= count for n, count in counters.items())
+        )
+
+    def _receive(self, subscription: Any, kind: type[Message]) -> None:
+        for key, payload in subscription:
+            self.inbox.put(BY_MESSAGE[kind], key, payload)
+            while arrival := self.inbox.get(0.0):
+                self._arrived.put(arrival.message)
