@@ -1,0 +1,96 @@
+"""Small real nodes that tests run."""
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import ClassVar, Literal
+
+from common.messages import Detections, Message, Tracks, Truth
+from common.node import Status
+from common.trace import span
+
+
+def detections(sequence: int, camera: str = "front") -> Detections:
+    """Make an empty message that is told apart by its number."""
+    return Detections(
+        stamp_ns=1000 + sequence,
+        sequence=sequence,
+        camera=camera,
+        frame_id="optical",
+        model="none",
+        width=640,
+        height=480,
+    )
+
+
+class Echo:
+    """Answers Detections with empty Tracks of the same stamp; a camera named "bad" raises."""
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (Detections,)
+
+    def __init__(self, hook: Callable[[Message], None] = lambda _: None) -> None:
+        self.hook = hook
+        self.handled: list[int] = []
+        self.state: Literal["starting", "ready", "degraded", "finished"] = "ready"
+        self.due: list[Message] = []
+        self.closed = False
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        self.handled.append(message.sequence)
+        assert isinstance(message, Detections)
+        with span("work"):
+            self.hook(message)
+        if message.camera == "bad":
+            raise RuntimeError("a bug in the node")
+        return [
+            Tracks(
+                stamp_ns=message.stamp_ns,
+                sequence=message.sequence,
+                trace=message.trace,
+                frame_id="map",
+                tracker="echo",
+                camera=message.camera,
+            )
+        ]
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        due, self.due = self.due, []
+        return due
+
+    def wake_ns(self) -> int | None:
+        return None
+
+    def status(self) -> Status:
+        return Status(state=self.state, counters={"handled": len(self.handled), "skipped": 0})
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Source:
+    """Sends a given number of Truth messages, one at each tick, then is finished."""
+
+    inputs: ClassVar[tuple[type[Message], ...]] = ()
+
+    def __init__(self, count: int) -> None:
+        self.left = count
+        self.sent = 0
+        self.closed = threading.Event()
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        raise AssertionError("it has no inputs")
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        if not self.left:
+            return []
+        self.left -= 1
+        self.sent += 1
+        return [Truth(stamp_ns=now_ns, sequence=self.sent - 1, frame_id="map")]
+
+    def wake_ns(self) -> int | None:
+        return 0 if self.left else None
+
+    def status(self) -> Status:
+        return Status(state="ready" if self.left else "finished")
+
+    def close(self) -> None:
+        self.closed.set()
