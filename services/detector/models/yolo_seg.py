@@ -113,24 +113,29 @@ def draw_mask(box: F64, coefficients: F32, view: MaskView) -> InstanceMask | Non
     left, top, right, bottom = np.clip(np.round(box), 0, sides).astype(int)
     if right <= left or bottom <= top:
         return None
-    grid_from_image, offset = grid_mapping(view)
-    first = np.floor(grid_from_image * (left, top) + offset).astype(int)
-    last = np.ceil(grid_from_image * (right, bottom) + offset).astype(int)
-    height, width = view.prototypes.shape[1:]
-    x0, y0 = np.clip(first, 0, (width - 1, height - 1))
-    x1, y1 = np.clip(last, (x0, y0), (width - 1, height - 1)) + 1
-    part = view.prototypes[:, y0:y1, x0:x1]
-    logits = np.tensordot(coefficients, part, axes=1)
-    shift = grid_from_image * (left, top) + offset - (x0, y0)
-    matrix = np.column_stack([np.diag(grid_from_image), shift])
+    factor, offset = grid_mapping(view)
+    first, last = factor * (left, top) + offset, factor * (right, bottom) + offset
+    logits, corner = logits_around(first, last, coefficients, view.prototypes)
     fine = cv2.warpAffine(
         logits,
-        matrix,
+        np.column_stack([np.diag(factor), first - corner]),
         (int(right - left), int(bottom - top)),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
     return InstanceMask((fine > 0).astype(np.uint8), int(left), int(top))
+
+
+def logits_around(
+    first: F64, last: F64, coefficients: F32, prototypes: F32
+) -> tuple[F32, tuple[int, int]]:
+    """Return the logits of the cells around a window, and the index (x, y) of the first one."""
+    height, width = prototypes.shape[1:]
+    end = (width - 1, height - 1)
+    x0, y0 = np.clip(np.floor(first).astype(int), 0, end)
+    x1, y1 = np.clip(np.ceil(last).astype(int), (x0, y0), end)
+    part = prototypes[:, y0 : y1 + 1, x0 : x1 + 1]
+    return np.tensordot(coefficients, part, axes=1), (int(x0), int(y0))
 
 
 def grid_mapping(view: MaskView) -> tuple[F64, F64]:
