@@ -1,0 +1,26 @@
+"""A network that is made of arrays."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from common.inference import Array
+
+
+class ArraySession:
+    """Gives the same outputs for every image, and keeps the last image it was given."""
+
+    def __init__(
+        self,
+        outputs: Mapping[str, Array],
+        input_shape: tuple[int | None, ...],
+        dtype: str = "float32",
+    ) -> None:
+        self.outputs = dict(outputs)
+        self.input_shape = input_shape
+        self.input_dtype: np.dtype[np.generic] = np.dtype(dtype)
+        self.image: Array = np.zeros(0)
+
+    def run(self, image: Array) -> Mapping[str, Array]:
+        self.image = image
+        return self.outputs
