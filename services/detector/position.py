@@ -111,10 +111,11 @@ def read_depth(pixels: F64, depth_mm: U16, max_depth_m: float, window_px: int = 
     readings_m = depth_mm[rows.clip(0, height - 1), columns.clip(0, width - 1)] / 1000.0
     readings_m[~inside | (readings_m == 0) | (readings_m > max_depth_m)] = np.nan
     readings_m = readings_m.reshape(len(pixels), window_px**2)
-    depth_m = np.full(len(pixels), np.nan)
-    some = np.isfinite(readings_m).any(axis=1)
-    depth_m[some] = np.nanmedian(readings_m[some], axis=1)
-    return depth_m
+    readings_m.sort(axis=1)  # NaN comes last
+    count, row = np.isfinite(readings_m).sum(axis=1), np.arange(len(pixels))
+    median_m: F64 = (readings_m[row, (count - 1) // 2] + readings_m[row, count // 2]) / 2
+    median_m[count == 0] = np.nan
+    return median_m
 
 
 def _torso_depth(depth_m: F64, used: npt.NDArray[np.bool_]) -> float:
