@@ -16,8 +16,9 @@ from services.report.topdown import Walks, draw_map
 COLUMNS = 4
 GAP = 8  # [px] between tiles
 HEAD = 60  # [px] height of the head line
-PANEL = 600  # [px] height of map and figures
+PANEL = 600  # [px] least height of map and figures
 LINE = 24  # [px] from one line of text to the next
+TABLE_LINE = 0.85  # of LINE
 TEXT = 14.0  # [px] height of text
 LEAST_WIDTH = 1440  # [px] so that the figures have room where there are few tiles
 TILE_EDGE: Colour = (60, 66, 74)
@@ -51,13 +52,15 @@ def contact_sheet(tiles: Sequence[Tile], walks: Walks, summary: Summary) -> U8:
     """
     grid = _grid(tiles)
     width = max(grid.shape[1], LEAST_WIDTH)
-    page = np.full((HEAD + grid.shape[0] + PANEL, width, 3), PAPER, np.uint8)
+    lines = 2 * len(facts(summary)) + TABLE_LINE * len(latency_table(summary))
+    panel = max(PANEL, round(LINE * (lines + 2)))
+    page = np.full((HEAD + grid.shape[0] + panel, width, 3), PAPER, np.uint8)
     put_text(page, "people4d", (GAP * 2, 38), 24, INK)
     put_text(page, headline(summary), (GAP * 2 + text_width("people4d", 24) + 24, 38), 18, GREY)
     page[HEAD : HEAD + grid.shape[0], : grid.shape[1]] = grid
     map_width = width * 2 // 5
     below = page[HEAD + grid.shape[0] :]
-    below[GAP:-GAP, GAP : GAP + map_width] = draw_map(walks, map_width, PANEL - 2 * GAP)
+    below[GAP:-GAP, GAP : GAP + map_width] = draw_map(walks, map_width, panel - 2 * GAP)
     _write_figures(below[:, map_width + 4 * GAP :], summary)
     return page
 
@@ -94,7 +97,7 @@ def _write_figures(area: U8, summary: Summary) -> None:
         for text, right in zip(row, (0, 380, 470, 560), strict=True):
             left = right - text_width(text, TEXT) if right else 0
             put_text(area, text, (left, base), TEXT, INK if k else GREY)
-        base += LINE * 0.85
+        base += LINE * TABLE_LINE
 
 
 def _wrap(sentence: str, width: int) -> list[str]:

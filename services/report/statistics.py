@@ -11,7 +11,9 @@ from services.report.accuracy import Accuracy, TruthCheck
 from services.report.join import Moment
 from services.report.latency import Latency, Percentiles
 
-NOT_DROPS = ("received_", "sent_")  # counters of what went well
+# Counters of what went well; every other one names a drop or another event by its cause.
+PROGRESS = {"frames", "people", "with_position", "odometry", "pictures", "predictions"}
+PROGRESS_PREFIXES = ("received_", "sent_")
 MAX_TRACKS = 100_000
 MAX_INSTANCES = 64
 
@@ -61,6 +63,7 @@ class Statistics:
     """Adds up messages in bounded memory."""
 
     def __init__(self) -> None:
+        self._now_ns = 0
         self._frames: dict[str, _Span] = {}
         self._processed = _Span()
         self._answered: Counter[str] = Counter()
@@ -79,6 +82,7 @@ class Statistics:
             message: Any of those the report listens to.
             now_ns: Monotonic time at which it came.
         """
+        self._now_ns = now_ns
         self._seen[type(message).__name__] += 1
         if isinstance(message, RgbdFrame):
             self._frames.setdefault(message.camera, _Span()).add(message.stamp_ns)
@@ -86,8 +90,6 @@ class Statistics:
             self._names["model"] = message.model
             self._people["all"] += len(message.people)
             self._people["placed"] += sum(p.position_m is not None for p in message.people)
-        elif isinstance(message, Tracks):
-            self._add_tracks(message, now_ns)
         elif isinstance(message, Truth):
             self._truth.add(message)
         elif isinstance(message, Health):
@@ -96,10 +98,12 @@ class Statistics:
                 self._health[message.instance] = message
 
     def settle(self, moment: Moment) -> None:
-        """Count which answers a frame got."""
+        """Count which answers a frame got; tracks predicted between frames do not count."""
         if moment.rgb is not None:
             self._answered["detected"] += moment.detections is not None
             self._answered["tracked"] += moment.tracks is not None
+        if moment.tracks is not None and (moment.rgb is not None or moment.detections is not None):
+            self._add_tracks(moment.tracks)
 
     def summary(self) -> Summary:
         """Return the figures so far."""
@@ -128,9 +132,9 @@ class Statistics:
             missing=self._missing(),
         )
 
-    def _add_tracks(self, message: Tracks, now_ns: int) -> None:
+    def _add_tracks(self, message: Tracks) -> None:
         self._names["tracker"] = message.tracker
-        self._processed.add(now_ns)
+        self._processed.add(self._now_ns)
         self._latency.add(message.trace)
         self._truth.add(message)
         for track in message.people:
@@ -143,7 +147,7 @@ class Statistics:
             name: {
                 cause: n
                 for cause, n in sorted(health.counters.items())
-                if n and not cause.startswith(NOT_DROPS)
+                if n and cause not in PROGRESS and not cause.startswith(PROGRESS_PREFIXES)
             }
             for name, health in sorted(self._health.items())
         }

@@ -173,7 +173,10 @@ def summary_of_a_run() -> Summary:
         statistics.add(tracked, k * S // 4)  # 4 Hz by the clock
         statistics.settle(Moment("front", stamp_ns, frame(stamp_ns).rgb, found, tracked))
     statistics.settle(Moment("front", 300 * MS, frame(0).rgb))
-    statistics.add(health(received_frames=4, dropped_frames=1, bad_frames=0), 0)
+    statistics.add(tracks(350 * MS, [track(1, 9.0)]), 9 * S)  # predicted between frames
+    statistics.settle(Moment("front", 350 * MS, tracks=tracks(350 * MS, [track(1, 9.0)])))
+    counters = {"received_frames": 4, "frames": 4, "dropped_frames": 1, "bad_frames": 0}
+    statistics.add(health(**counters), 0)
     return statistics.summary()
 
 
