@@ -100,7 +100,10 @@ class Heartbeat:
             now, reason = "stalled", f"busy with one message for {stuck_s:.0f} s"
         elif not state and now == "ready" and self._inbox.last_error_is_fresh():
             now, reason = "degraded", self._inbox.last_error
-        counters = Counter(status.counters) + self._inbox.counters + self._work.counters
+        # Copies, because other threads count on; zeros stay, they show what is counted.
+        counters = Counter(dict(status.counters))
+        counters.update(dict(self._inbox.counters))
+        counters.update(dict(self._work.counters))
         self._sequence += 1
         return Health(
             stamp_ns=time.time_ns(),

@@ -40,7 +40,7 @@ class Loop:
         self._place = place
         self._workers = workers
         self._work = Work()
-        self._stop = threading.Event()
+        self._stopped = False  # no Event: a signal may come while its lock is held
         self._turn = threading.Condition()
         self._published = 0
 
@@ -70,7 +70,7 @@ class Loop:
 
     def stop(self) -> None:
         """End `run`; may be called from a signal handler or another thread."""
-        self._stop.set()
+        self._stopped = True
         self.inbox.wake()
 
     def _subscribe(self, topic: Topic) -> Subscription:
@@ -84,13 +84,13 @@ class Loop:
         return subscription
 
     def _serve(self) -> None:
-        while not self._stop.is_set():
+        while not self._stopped:
             arrival = self.inbox.get(LONGEST_WAIT_S)
             if arrival:
                 self._handle(arrival)
 
     def _serve_and_tick(self) -> None:
-        while not self._stop.is_set():
+        while not self._stopped:
             arrival = self.inbox.get(self._wait_s())
             if arrival:
                 self._handle(arrival)
@@ -139,8 +139,12 @@ class Loop:
     def _publish(self, outputs: Iterable[Message], spans: list[Span]) -> None:
         for message in outputs:
             trace = (*message.trace, *spans)[:MAX_TRACE]
-            self._bus.publish(msgspec.structs.replace(message, trace=trace))
-            self._work.count(f"sent_{BY_MESSAGE[type(message)].name}")
+            try:
+                self._bus.publish(msgspec.structs.replace(message, trace=trace))
+                self._work.count(f"sent_{BY_MESSAGE[type(message)].name}")
+            except Exception:  # what cannot be sent must not end the thread that sends
+                self._work.count("errors")
+                log.exception("%s could not be sent", type(message).__name__)
 
     def _span(self, stage: str, start_ns: int, end_ns: int) -> Span:
         return Span(

@@ -178,6 +178,7 @@ def test_an_instance_is_announced_until_its_session_ends(network: Network) -> No
         _subscriber = session.liveliness().declare_subscriber(
             f"people4d/v1/{robot}/alive/**",
             lambda sample: (there if sample.kind == zenoh.SampleKind.PUT else gone).set(),
+            history=True,  # the token may be there before the subscription is
         )
         bus.announce("detector", "detector-1")
         assert there.wait(WAIT_S)
