@@ -13,6 +13,8 @@ from deploy.launcher.supervisor import Process, Supervisor
 POLL_S = 0.1
 STOP_TIMEOUT_S = 120.0
 QUIET_S = 2.0
+# What comes from frames. Health never rests, and predictions go on after the last frame.
+FROM_FRAMES = ("received_frames", "received_detections", "received_crops", "received_embeddings")
 TAIL_LINES = 12
 
 Progress = Callable[[str, str], None]
@@ -182,7 +184,7 @@ class Launcher:
             time.sleep(POLL_S)
 
     def drain(self, timeout_s: float) -> None:
-        """Wait until no service counts further messages.
+        """Wait until no service receives any more of what comes from frames.
 
         Args:
             timeout_s: Longest wait.
@@ -195,8 +197,13 @@ class Launcher:
             if now != before:
                 before, since_s = now, time.monotonic()
 
-    def _counts(self) -> dict[str, dict[str, int]]:
-        return {health.instance: health.counters for health in self.heartbeats.all()}
+    def _counts(self) -> dict[str, int]:
+        return {
+            f"{health.instance} {name}": health.counters[name]
+            for health in self.heartbeats.all()
+            for name in FROM_FRAMES
+            if name in health.counters
+        }
 
 
 def stop(state: State) -> bool:
