@@ -9,7 +9,7 @@ import msgspec
 class GtBridgeConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Where the truth comes from and how fast it goes out."""
 
-    truth: str = ""  # recording, ROS bag or gt.npz; empty: there is none, which is no error
+    truth: str = ""  # recording, ROS bag, gt.npz or its folder; empty: none, which is no error
     source: str = "auto"  # kind of file: auto, recording, rosbag, lab, or module:Class of your own
     topic: str = ""  # ROS topic of people_msgs/People; empty: the only one in the bag
     pace: Literal["frames", "recorded"] = "frames"  # with the pipeline, or by its own clock

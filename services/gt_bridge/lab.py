@@ -23,6 +23,7 @@ class LabTruth:
 
     def __init__(self, config: GtBridgeConfig) -> None:
         path = Path(config.truth)
+        path = path / "gt.npz" if path.is_dir() else path
         try:
             with np.load(path, allow_pickle=False) as file:
                 self._arrays = {name: self._read(file, name) for name in AXES}

@@ -45,11 +45,16 @@ def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:
 def _kind_of(path: Path) -> str:
     if not path.exists():
         raise SourceError(f"truth {path} does not exist", "Check the path.")
-    if path.suffix == ".npz":
+    if path.suffix == ".npz" or (path / "gt.npz").exists():
         return "lab"
     if path.suffix == ".mcap" and path.is_file():
         return "rosbag" if _is_ros(path) else "recording"
-    return "rosbag"
+    if path.suffix in (".bag", ".db3") or (path / "metadata.yaml").exists():
+        return "rosbag"
+    raise SourceError(
+        f"truth {path} is of no known kind",
+        "Give a recording, a ROS bag, gt.npz or its folder, or set source.",
+    )
 
 
 def _is_ros(path: Path) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from common.errors import ConfigError
 from common.messages import U8
-from services.report.node import Picture
+from services.report.output import Picture
 from services.report.statistics import Summary
 from services.report.text import text
 

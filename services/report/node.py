@@ -1,12 +1,10 @@
 """Watches the pipeline, shows each frame as it comes, and the whole at the end."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from common.geometry import invert
 from common.messages import (
-    U8,
     CameraInfo,
     Detections,
     Health,
@@ -20,31 +18,11 @@ from common.node import Status
 from services.report.config import ReportConfig
 from services.report.draw import View, annotate
 from services.report.join import Join, Moment
+from services.report.output import Output, Picture
 from services.report.sheet import Tile, contact_sheet, shrink
 from services.report.spread import Spread
-from services.report.statistics import Statistics, Summary
+from services.report.statistics import Statistics
 from services.report.trails import Trails
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """One annotated frame."""
-
-    camera: str
-    stamp_ns: int
-    image: U8  # HxWx3, red first
-
-
-class Output(Protocol):
-    """Where the report goes."""
-
-    def picture(self, picture: Picture) -> None:
-        """Take the next frame of the video."""
-        ...
-
-    def finish(self, sheet: U8, summary: Summary) -> None:
-        """Take the contact sheet (HxWx3, red first) and the summary; called once."""
-        ...
 
 
 class ReportNode:

@@ -125,6 +125,7 @@ def test_truth_of_the_lab(tmp_path: Path) -> None:
     assert [p.id for p in second.people] == ["0", "1"]
     assert second.people[1].position_m.tolist() == [9.0, 10.0, 11.0]
     assert second.people[1].yaw_rad == 3.0
+    assert read(tmp_path)[0].stamp_ns == first.stamp_ns  # by its folder
 
 
 @pytest.mark.parametrize(
@@ -147,6 +148,8 @@ def test_junk_is_told_in_one_sentence(name: str, content: bytes, tmp_path: Path)
 def test_absent_file_and_unknown_source(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="does not exist"):
         read(tmp_path / "none.bag")
+    with pytest.raises(SourceError, match="of no known kind"):
+        read(tmp_path)  # a folder with neither bag nor gt.npz
     with pytest.raises(ConfigError, match="source 'vicon' is unknown"):
         read(tmp_path, source="vicon")
     with pytest.raises(ConfigError, match="cannot be loaded"):

@@ -13,7 +13,8 @@ from common.messages import U8, Message
 from services.report.config import ReportConfig
 from services.report.folder import Folder, frame_rate_hz
 from services.report.join import Join
-from services.report.node import Picture, ReportNode
+from services.report.node import ReportNode
+from services.report.output import Picture
 from services.report.statistics import Summary
 from tests.report.builders import (
     MS,
