@@ -14,7 +14,7 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
     source: str = ""  # path of a recording, bag or folder, or module:Class of a plug-in camera
     kind: str = "auto"  # recording, rosbag, folder or plugin; auto: found from the path
     options: dict[str, Any] = msgspec.field(default_factory=dict)  # what the source takes
-    camera: str = "camera"  # name of the camera in keys and messages
+    camera: str = ""  # name in keys and messages; empty: the recording's, else "camera"
     max_depth_m: float | None = None  # [m] readings beyond are invalid; None: the source's, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
@@ -37,7 +37,8 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ValueError: A value is out of range.
         """
-        check_name("camera", self.camera)
+        if self.camera:
+            check_name("camera", self.camera)
         check_name("mount_parent", self.mount_parent)
         if not all(map(math.isfinite, (*self.mount_xyz_m, *self.mount_rpy_rad))):
             raise ValueError("mount_xyz_m, mount_rpy_rad: expected finite numbers")

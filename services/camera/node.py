@@ -67,7 +67,7 @@ class CameraNode:
         )
         live = source.live or config.playback == "live"
         self._prefetch = Prefetch(lambda: play(source, selection), FRAMES_AHEAD, live)
-        self._process = f"{config.camera}@{platform.node()}"
+        self._process = f"{self._info.camera}@{platform.node()}"
         self._wake: Callable[[], None] | None = None
         self._begin_ns: int | None = None  # when frames may go out
         self._tick_ns = 0
@@ -82,7 +82,7 @@ class CameraNode:
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take an answer to a frame; the tick that follows sends the next."""
         answer = ANSWERS[self._config.answer]
-        if isinstance(message, answer) and getattr(message, "camera", "") == self._config.camera:
+        if isinstance(message, answer) and getattr(message, "camera", "") == self._info.camera:
             self._pacing.answered(message.stamp_ns)
         return ()
 
@@ -178,7 +178,7 @@ class CameraNode:
             stamp_ns=capture.stamp_ns,
             sequence=self._sequence,
             trace=(span,),
-            camera=self._config.camera,
+            camera=self._info.camera,
             rgb=capture.rgb,
             depth_mm=capture.depth_mm,
             lockstep=self._lockstep,
@@ -199,6 +199,7 @@ def _pacing(config: CameraConfig, live: bool) -> Pacing:
 
 
 def _info(config: CameraConfig, source: Source) -> CameraInfo:
+    camera = config.camera or source.info.camera
     # A source that knows no frame name must not share one with another camera.
     unnamed = source.info.frame_id == OPTICAL_FRAME
     return msgspec.structs.replace(
@@ -206,8 +207,8 @@ def _info(config: CameraConfig, source: Source) -> CameraInfo:
         stamp_ns=0,
         sequence=0,
         trace=(),
-        camera=config.camera,
-        frame_id=f"{config.camera}_optical_frame" if unnamed else source.info.frame_id,
+        camera=camera,
+        frame_id=f"{camera}_optical_frame" if unnamed else source.info.frame_id,
         max_depth_m=config.max_depth_m or source.info.max_depth_m,
     )
 

@@ -90,10 +90,13 @@ class Registration:
 
     def _close_gaps(self, registered: U16) -> U16:
         """Fill gaps between neighbouring readings without growing surfaces outward."""
-        kernel = np.ones((self._gap_px + 1, self._gap_px + 1), np.uint8)
+        gap = self._gap_px
+        kernel = np.ones((gap + 1, gap + 1), np.uint8)
         seen = (registered < 65535).astype(np.uint8)
-        gaps = (cv2.morphologyEx(seen, cv2.MORPH_CLOSE, kernel) > 0) & (seen == 0)
-        nearest = cv2.erode(registered, np.ones((2 * self._gap_px + 1,) * 2, np.uint8))
+        # Opposite anchors: with one and the same, a kernel of even size would shift the surface.
+        closed = cv2.erode(cv2.dilate(seen, kernel, anchor=(0, 0)), kernel, anchor=(gap, gap))
+        gaps = (closed > 0) & (seen == 0)
+        nearest = cv2.erode(registered, np.ones((2 * gap + 1, 2 * gap + 1), np.uint8))
         return np.where(gaps, nearest, registered).astype(np.uint16)
 
 

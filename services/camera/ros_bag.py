@@ -105,7 +105,7 @@ def _told(path: Path, what: str) -> Iterator[None]:
     except (SourceError, GeneratorExit):
         raise
     except Exception as error:
-        reason = str(error) or type(error).__name__
+        reason = " ".join(str(error).split()) or type(error).__name__
         raise SourceError(
             f"bag {path} {what}: {reason[:200].rstrip('.')}",
             "Repair it with `rosbag reindex`, `ros2 bag reindex` or `mcap recover`.",

@@ -31,7 +31,7 @@ class Source(ABC):
     is used. A recording can be iterated more than once, from the start each time.
     """
 
-    info: CameraInfo  # calibration; `camera` and `max_depth_m` are overruled by the configuration
+    info: CameraInfo  # calibration; the configuration may overrule `camera` and `max_depth_m`
     transforms: Sequence[StaticTransform] = ()  # where the camera sits, if the source knows
     counters: Mapping[str, int] = MappingProxyType({})  # events since opening, drops by cause
     live: bool = False  # True: a device, whose newest capture matters; False: a recording

@@ -1,0 +1,49 @@
+"""A source in memory."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from common.messages import Odometry
+from services.camera.calibration import Lens, camera_info
+from services.camera.source import Capture, Source
+
+SIZE = (6, 8)
+
+
+def capture(
+    stamp_ms: int, size: tuple[int, int] = SIZE, depth_size: tuple[int, int] = SIZE
+) -> Capture:
+    rgb, depth_mm = np.zeros((*size, 3), np.uint8), np.zeros(depth_size, np.uint16)
+    return Capture(rgb, depth_mm, stamp_ms * 1_000_000)
+
+
+def odometry(stamp_ms: int) -> Odometry:
+    return Odometry(
+        stamp_ns=stamp_ms * 1_000_000,
+        sequence=0,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x_m=0.0,
+        y_m=0.0,
+        theta_rad=0.0,
+    )
+
+
+class MemorySource(Source):
+    """Yields a list; an exception in it is raised."""
+
+    def __init__(self, items: Sequence[Capture | Odometry | Exception], live: bool = False) -> None:
+        self.info = camera_info(Lens(fx=10, fy=10, cx=4, cy=3), SIZE)
+        self.live = live
+        self.items = items
+        self.closed = False
+
+    def __iter__(self) -> Iterator[Capture | Odometry]:
+        for item in self.items:
+            if isinstance(item, Exception):
+                raise item
+            yield item
+
+    def close(self) -> None:
+        self.closed = True

@@ -1,0 +1,103 @@
+"""Which part is played, and when."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from common.messages import Odometry
+from services.camera.pacing import Lockstep, Recorded
+from services.camera.playback import Selection, play
+from services.camera.source import Capture, Source
+from tests.camera.memory import MemorySource, capture, odometry
+
+MS = 1_000_000
+SECOND = 1_000_000_000
+
+
+def stamps_ms(source: Source, selection: Selection, limit: int = 100) -> list[int]:
+    items: Iterator[Capture | Odometry] = play(source, selection)
+    return [item.stamp_ns // MS for _, item in zip(range(limit), items, strict=False)]
+
+
+SOURCE = MemorySource([capture(5000 + 100 * k) for k in range(10)])
+
+
+def test_all() -> None:
+    assert stamps_ms(SOURCE, Selection()) == [5000 + 100 * k for k in range(10)]
+
+
+def test_start_duration_stride_and_count() -> None:
+    # From 0.25 s on the first frame is at 0.3; up to 0.25 + 0.5 s the last one is at 0.7.
+    assert stamps_ms(SOURCE, Selection(start_s=0.25, duration_s=0.5)) == [
+        5300,
+        5400,
+        5500,
+        5600,
+        5700,
+    ]
+    assert stamps_ms(SOURCE, Selection(stride=4)) == [5000, 5400, 5800]
+    assert stamps_ms(SOURCE, Selection(max_frames=2)) == [5000, 5100]
+
+
+def test_loop_keeps_the_rhythm_and_rises() -> None:
+    # Three frames at 0, 100, 200 ms: the next round begins at 300 ms.
+    source = MemorySource([capture(0), odometry(100), capture(100), capture(200)])
+    expected = [0, 100, 100, 200, 300, 400, 400, 500, 600]
+    assert stamps_ms(source, Selection(loop=True), limit=9) == expected
+    assert stamps_ms(source, Selection(loop=True, max_frames=4)) == [0, 100, 100, 200, 300]
+
+
+def test_loop_of_one_frame_and_of_none_at_all() -> None:
+    assert stamps_ms(MemorySource([capture(7)]), Selection(loop=True), limit=3) == [7, 40, 73]
+    assert stamps_ms(MemorySource([odometry(7)]), Selection(loop=True)) == [7]
+
+
+def test_loop_over_a_clock_that_jumps_back_still_rises_between_rounds() -> None:
+    # 1000, 1100, 0, 100: from least to most 1100 ms and one mean gap (1100 / 3 = 366) more.
+    source = MemorySource([capture(t) for t in (1000, 1100, 0, 100)])
+    assert stamps_ms(source, Selection(loop=True), limit=5) == [1000, 1100, 0, 100, 2466]
+
+
+def test_recorded_rate_and_speed() -> None:
+    pacing = Recorded(speed=2.0)
+    assert pacing.due_ns(7 * SECOND, 100) == 100
+    pacing.sent(7 * SECOND, 100)
+    # 50 ms of recording take 25 ms; sent late, the next is still due by the first.
+    assert pacing.due_ns(7 * SECOND + 50 * MS, 200) == 100 + 25 * MS
+    pacing.sent(7 * SECOND + 50 * MS, 100 + 31 * MS)
+    assert pacing.due_ns(7 * SECOND + 100 * MS, 100 + 31 * MS) == 100 + 50 * MS
+
+
+@pytest.mark.parametrize("jump_ns", [-5 * SECOND, 0, 11 * SECOND])
+def test_recorded_rate_does_not_wait_out_a_clock_jump(jump_ns: int) -> None:
+    pacing = Recorded(speed=1.0)
+    pacing.sent(20 * SECOND, 0)
+    pacing.sent(20 * SECOND + 40 * MS, 40 * MS)
+    after_ns = 20 * SECOND + 40 * MS + jump_ns
+    assert pacing.due_ns(after_ns, 40 * MS) == 80 * MS  # one ordinary gap
+    pacing.sent(after_ns, 80 * MS)
+    assert pacing.due_ns(after_ns + 40 * MS, 80 * MS) == 120 * MS
+
+
+def test_recorded_rate_does_not_rush_after_a_long_stop() -> None:
+    pacing = Recorded(speed=1.0)
+    pacing.sent(0, 0)
+    assert pacing.due_ns(33 * MS, 5 * SECOND) == 5 * SECOND
+    pacing.sent(33 * MS, 5 * SECOND)
+    assert pacing.due_ns(66 * MS, 5 * SECOND) == 5 * SECOND + 33 * MS
+
+
+def test_lockstep_window_and_time_out() -> None:
+    pacing = Lockstep(window=2, timeout_ns=100)
+    for stamp in (1, 2):
+        assert pacing.due_ns(stamp, 10 * stamp) == 10 * stamp
+        pacing.sent(stamp, 10 * stamp)
+    assert pacing.due_ns(3, 30) is None
+    pacing.answered(77)  # an answer to nothing
+    assert pacing.due_ns(3, 30) is None
+    pacing.answered(2)
+    assert pacing.due_ns(3, 30) == 30
+    assert pacing.wake_ns() == 110
+    assert pacing.give_up(109) == 0
+    assert pacing.give_up(110) == 1
+    assert pacing.wake_ns() is None
