@@ -1,0 +1,142 @@
+"""No bytes on any topic end a process, and what is good is handled after them."""
+
+import importlib
+import itertools
+import random
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, get_type_hints
+
+import numpy as np
+import pytest
+import zenoh
+
+from common import heartbeat
+from common.codec import encode
+from common.loop import Loop
+from common.messages import Health, Message, Odometry
+from common.node import Node
+from common.place import Place
+from common.topics import BY_MESSAGE, TOPICS, Topic
+from common.zenoh_bus import read_config
+from services.camera.calibration import Lens, camera_info
+from services.camera.source import Capture, Source
+from tests.common.nodes import Echo
+from tests.contract.examples import BY_NAME, FULL
+from tests.network import WAIT_S, Network, Watcher
+
+SIZE = (48, 64)
+
+
+class All(Echo):
+    """Takes every message there is, and tells how many of each came."""
+
+    inputs: ClassVar[tuple[type[Message], ...]] = tuple(topic.message for topic in TOPICS)
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        self.handled.append(message.sequence)
+        return ()
+
+
+class Blank(Source):
+    """A plug-in camera that sees nothing, for ever."""
+
+    def __init__(self) -> None:
+        self.info = camera_info(Lens(fx=60, fy=60, cx=32, cy=24), SIZE)
+
+    def __iter__(self) -> Iterator[Capture | Odometry]:
+        rgb, depth_mm = np.zeros((*SIZE, 3), np.uint8), np.zeros(SIZE, np.uint16)
+        for number in itertools.count():
+            yield Capture(rgb, depth_mm, number * 33_000_000)
+
+
+SERVICES: dict[str, dict[str, Any]] = {
+    "camera": {
+        "source": f"{__name__}:Blank",
+        "playback": "lockstep",
+        "answer_timeout_s": 1000.0,
+        "start_delay_s": 0.0,
+    },
+    "detector": {},
+    "reid": {},
+    "tracker": {},
+    "gt_bridge": {},
+    "report": {},
+}
+
+
+def node_of(service: str, folder: Path) -> Node:
+    """Build the node of a service as its process does."""
+    build: Callable[[Any], Node] = importlib.import_module(f"services.{service}.__main__").build
+    fields = SERVICES[service] | ({"folder": str(folder)} if service == "report" else {})
+    return build(get_type_hints(build)["config"](**fields))
+
+
+def bad_payloads(topic: Topic) -> list[bytes]:
+    """Return what may come where a message of a topic is expected."""
+    good, chance = encode(BY_NAME[topic.message.__name__]), random.Random(topic.name)
+    foreign = next(message for message in FULL if type(message) is not topic.message)
+    return [
+        b"",
+        good[: len(good) // 2],
+        good[:-1],
+        good + b"\x00",
+        good.replace(b"\xa7version\x01", b"\xa7version\x09"),
+        good.replace(b"\xa8sequence", b"\xa8sequenze"),
+        encode(foreign),
+        b"\x91" * 5000,
+        *(chance.randbytes(length) for length in (1, 100, 100_000)),
+    ]
+
+
+@pytest.fixture(scope="module")
+def network() -> Iterator[Network]:
+    network = Network()
+    yield network
+    network.close()
+
+
+@pytest.mark.parametrize("service", ["all", *SERVICES])
+def test_bad_payloads_are_counted_and_good_ones_handled_after_them(
+    network: Network, service: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(heartbeat, "PERIOD_S", 0.05)
+    node = All() if service == "all" else node_of(service, tmp_path)
+    robot = network.robot()
+    loop = Loop(node, network.open(robot), Place(service, f"{service}-1", "host"), workers=2)
+    watcher = Watcher(network.open(robot), Health)
+    running = threading.Thread(target=loop.run)
+    running.start()
+    topics = [BY_MESSAGE[kind] for kind in node.inputs]
+    try:
+        with zenoh.open(read_config(None, "client", network.environment)) as outside:
+            watcher.wait(Health)
+            told = send_all(outside, robot, topics, watcher)
+            assert told.reason
+            received = {f"received_{topic.name}": 1 for topic in topics}
+            for topic in topics:
+                message = BY_NAME[topic.message.__name__]
+                outside.put(topic.key_of(message, robot), encode(message))
+            told = watcher.wait_for_counters(**received)
+            assert told.counters.get("errors", 0) == 0
+    finally:
+        loop.stop()
+        running.join(WAIT_S)
+    assert not running.is_alive()
+    last = watcher.wait(Health, lambda health: health.state == "stopping")
+    assert last.counters.get("errors", 0) == 0
+    if isinstance(node, All):
+        assert set(node.handled) >= {message.sequence for message in FULL}
+
+
+def send_all(
+    outside: zenoh.Session, robot: str, topics: Sequence[Topic], watcher: Watcher
+) -> Health:
+    """Send every bad payload on every topic and wait until each was counted."""
+    for number, payloads in enumerate(zip(*map(bad_payloads, topics), strict=True), 1):
+        for topic, payload in zip(topics, payloads, strict=True):
+            outside.put(topic.key_of(BY_NAME[topic.message.__name__], robot), payload)
+        # One at a time: of frames the newest wins, bad ones too.
+        told = watcher.wait_for_counters(**{f"bad_{topic.name}": number for topic in topics})
+    return told
