@@ -1,0 +1,30 @@
+"""What a planner does with people: keep clear of where they will be in a second.
+
+Run it on any machine: `python docs/examples/planner.py tcp/192.168.1.7:7447`
+"""
+
+import sys
+from itertools import islice
+
+import numpy as np
+
+from common.client import subscribe
+
+AHEAD_S = 1.0
+CLEARANCE_M = 1.2
+
+
+def main() -> None:
+    """Say for every frame how close people will come to the robot, at the map's origin."""
+    endpoint = sys.argv[1] if len(sys.argv) > 1 else ""
+    frames = int(sys.argv[2]) if len(sys.argv) > 2 else None
+    for people in islice(subscribe(endpoint), frames):
+        for person in people.people:
+            soon_m = person.position_m + AHEAD_S * person.velocity_mps
+            distance_m = float(np.hypot(*soon_m[:2]))
+            advice = "slow down" if distance_m < CLEARANCE_M else "go on"
+            print(f"#{person.id} will be {distance_m:.2f} m away: {advice}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""The planner of the documentation, in a process of its own, through the router."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from common.messages import Track, Tracks
+from tests.network import Network
+
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "planner.py"
+
+
+@pytest.fixture
+def network() -> Iterator[Network]:
+    network = Network()
+    yield network
+    network.close()
+
+
+def people(sequence: int) -> Tracks:
+    """One person 3 m ahead who comes at 2 m/s: 1 m away in a second."""
+    track = Track(
+        id=7,
+        state="confirmed",
+        position_m=np.array([3.0, 0.0, 1.0]),
+        velocity_mps=np.array([-2.0, 0.0, 0.0]),
+        covariance=np.eye(6),
+        yaw_rad=np.pi,
+        hits=3,
+        age=3,
+        time_since_update_s=0.0,
+        detection=0,
+        score=0.9,
+    )
+    return Tracks(
+        stamp_ns=sequence,
+        sequence=sequence,
+        frame_id="map",
+        tracker="test",
+        camera="front",
+        people=(track,),
+    )
+
+
+def test_planner_slows_down_for_who_will_be_close(network: Network) -> None:
+    bus = network.open("robot", "peer")
+    command = [sys.executable, str(EXAMPLE), network.endpoint, "3"]
+    planner = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    sequence = 0
+    try:
+        while planner.poll() is None and sequence < 600:
+            bus.publish(people(sequence))
+            sequence += 1
+            try:
+                planner.wait(0.05)
+            except subprocess.TimeoutExpired:
+                continue
+        assert planner.wait(10) == 0
+        output, _ = planner.communicate()
+    finally:
+        planner.kill()
+    assert output.splitlines() == ["#7 will be 1.00 m away: slow down"] * 3
