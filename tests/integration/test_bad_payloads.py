@@ -1,32 +1,25 @@
 """No bytes on any topic end a process, and what is good is handled after them."""
 
-import importlib
-import itertools
 import random
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, get_type_hints
+from typing import ClassVar
 
-import numpy as np
 import pytest
 import zenoh
 
 from common import heartbeat
 from common.codec import encode
 from common.loop import Loop
-from common.messages import Health, Message, Odometry
-from common.node import Node
+from common.messages import Health, Message
 from common.place import Place
 from common.topics import BY_MESSAGE, TOPICS, Topic
 from common.zenoh_bus import read_config
-from services.camera.calibration import Lens, camera_info
-from services.camera.source import Capture, Source
 from tests.common.nodes import Echo
 from tests.contract.examples import BY_NAME, FULL
 from tests.network import WAIT_S, Network, Watcher
-
-SIZE = (48, 64)
+from tests.services import SERVICES, node_of
 
 
 class All(Echo):
@@ -37,40 +30,6 @@ class All(Echo):
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         self.handled.append(message.sequence)
         return ()
-
-
-class Blank(Source):
-    """A plug-in camera that sees nothing, for ever."""
-
-    def __init__(self) -> None:
-        self.info = camera_info(Lens(fx=60, fy=60, cx=32, cy=24), SIZE)
-
-    def __iter__(self) -> Iterator[Capture | Odometry]:
-        rgb, depth_mm = np.zeros((*SIZE, 3), np.uint8), np.zeros(SIZE, np.uint16)
-        for number in itertools.count():
-            yield Capture(rgb, depth_mm, number * 33_000_000)
-
-
-SERVICES: dict[str, dict[str, Any]] = {
-    "camera": {
-        "source": f"{__name__}:Blank",
-        "playback": "lockstep",
-        "answer_timeout_s": 1000.0,
-        "start_delay_s": 0.0,
-    },
-    "detector": {},
-    "reid": {},
-    "tracker": {},
-    "gt_bridge": {},
-    "report": {},
-}
-
-
-def node_of(service: str, folder: Path) -> Node:
-    """Build the node of a service as its process does."""
-    build: Callable[[Any], Node] = importlib.import_module(f"services.{service}.__main__").build
-    fields = SERVICES[service] | ({"folder": str(folder)} if service == "report" else {})
-    return build(get_type_hints(build)["config"](**fields))
 
 
 def bad_payloads(topic: Topic) -> list[bytes]:

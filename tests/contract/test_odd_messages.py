@@ -1,0 +1,32 @@
+"""No valid message, however strange, makes a node raise or answer with what cannot be decoded."""
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from common.codec import decode, encode
+from common.messages import Message
+from tests.contract.odd import in_order, out_of_order
+from tests.services import SERVICES, node_of
+
+TICK_NS = 10_000_000
+
+
+@pytest.fixture(scope="module")
+def messages() -> list[Message]:
+    """Each as it comes out of the codec: arrays that cannot be written to."""
+    return [decode(encode(message)) for message in itertools.chain(in_order(), out_of_order())]
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_strange_messages_do_not_make_a_node_raise(
+    service: str, messages: list[Message], tmp_path: Path
+) -> None:
+    node = node_of(service, tmp_path)
+    for now_ns, message in zip(itertools.count(0, TICK_NS), messages):
+        if isinstance(message, node.inputs):
+            for answer in (*node.handle(message, now_ns), *node.tick(now_ns)):
+                assert decode(encode(answer))
+            assert node.status().state != "finished"
+    node.close()

@@ -1,0 +1,57 @@
+"""The node of every service, made from its configuration as its process makes it."""
+
+import importlib
+import itertools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import numpy as np
+
+from common.messages import Odometry
+from common.node import Node
+from services.camera.calibration import Lens, camera_info
+from services.camera.source import Capture, Source
+
+SIZE = (48, 64)
+
+
+class Blank(Source):
+    """A plug-in camera that sees nothing, for ever."""
+
+    def __init__(self) -> None:
+        self.info = camera_info(Lens(fx=60, fy=60, cx=32, cy=24), SIZE)
+
+    def __iter__(self) -> Iterator[Capture | Odometry]:
+        rgb, depth_mm = np.zeros((*SIZE, 3), np.uint8), np.zeros(SIZE, np.uint16)
+        for number in itertools.count():
+            yield Capture(rgb, depth_mm, number * 33_000_000)
+
+
+SERVICES: dict[str, dict[str, Any]] = {
+    "camera": {
+        "source": f"{__name__}:Blank",
+        "playback": "lockstep",
+        "answer_timeout_s": 1000.0,
+        "start_delay_s": 0.0,
+    },
+    "detector": {},
+    "reid": {},
+    "tracker": {},
+    "tracker-sort3d": {"tracker": "sort3d"},
+    "gt_bridge": {},
+    "report": {"video": False, "sheet_frames": 2},
+}
+
+
+def node_of(name: str, folder: Path) -> Node:
+    """Build a node.
+
+    Args:
+        name: Key of SERVICES: a service, and after a dash what is special.
+        folder: Where it may write.
+    """
+    service = name.partition("-")[0]
+    build: Callable[[Any], Node] = importlib.import_module(f"services.{service}.__main__").build
+    fields = SERVICES[name] | ({"folder": str(folder)} if service == "report" else {})
+    return build(get_type_hints(build)["config"](**fields))
