@@ -76,21 +76,22 @@ def table_of(tracks: Tracks, now_ns: int) -> Table:
         now_ns: Wall clock, for the latency.
     """
     table = Table(title=_title(tracks, now_ns), title_justify="left", box=None, header_style="bold")
-    for column in ("id", "x m", "y m", "z m", "m/s", "heading", "score", "seen", "age"):
-        table.add_column(column, justify="right", min_width=6)
-    table.add_column("state")
+    table.add_column("id", justify="right")
+    table.add_column("state", min_width=9)
+    for column in ("x m", "y m", "z m", "m/s", "yaw °", "score", "unseen", "frames"):
+        table.add_column(column, justify="right", min_width=5)
     for person in sorted(tracks.people, key=lambda track: track.id):
         colour = COLOURS[person.state]
         unseen_s = person.time_since_update_s
         table.add_row(
             str(person.id),
+            f"[{colour}]{person.state}[/]",
             *(f"{value:.2f}" for value in person.position_m),
             f"{math.hypot(*person.velocity_mps):.2f}",
-            "-" if person.yaw_rad is None else f"{math.degrees(person.yaw_rad):.0f}°",
+            "-" if person.yaw_rad is None else f"{math.degrees(person.yaw_rad):.0f}",
             f"{person.score:.2f}",
-            f"-{unseen_s:.1f} s" if unseen_s else "now",
+            f"{unseen_s:.1f} s" if unseen_s else "",
             str(person.age),
-            f"[{colour}]{person.state}[/]",
         )
     return table
 
@@ -107,4 +108,4 @@ def _title(tracks: Tracks, now_ns: int) -> str:
         f"frame {tracks.sequence} of {tracks.camera}",
         tracks.tracker,
     ]
-    return " · ".join(parts + ([f"{latency:.0f} ms after its first stage"] if latency else []))
+    return " · ".join(parts + ([f"{latency:.0f} ms old"] if latency else []))

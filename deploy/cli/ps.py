@@ -16,7 +16,7 @@ from deploy.launcher.state import State
 from deploy.launcher.supervisor import Process, Supervisor
 
 LISTEN_S = 1.2  # two heartbeats
-COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan"}
+COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "exited": "dim"}
 LOSSES = ("bad_", "dropped", "gaps_", "errors")
 
 
@@ -61,7 +61,11 @@ def ps(
     if json:
         typer.echo(msgspec.json.encode(rows).decode())
     else:
-        Console().print(_table(rows))
+        console = Console()
+        console.print(_table(rows))
+        for row in rows:
+            if row.reason:
+                console.print(f"{row.instance}: {row.reason}", markup=False, highlight=False)
 
 
 def _heartbeats(connect: str, robot: str, optional: bool) -> dict[str, Health]:
@@ -101,36 +105,42 @@ def _row(name: str, process: Process | None, health: Health | None) -> Row:
 
 def _table(rows: list[Row]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("process", "state", "health", "pid", "up", "cpu %", "MB"):
-        table.add_column(
-            title, justify="right" if title in ("pid", "up", "cpu %", "MB") else "left"
-        )
-    table.add_column("messages/s")
-    table.add_column("losses")
+    for title in ("process", "state"):
+        table.add_column(title, no_wrap=True)
+    for title in ("pid", "up", "cpu%", "MB"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for title in ("in/s", "out/s"):
+        table.add_column(title, no_wrap=True)
+    table.add_column("losses", overflow="fold")
     for row in rows:
-        colour = COLOURS.get(row.health, "red")
-        health = f"[{colour}]{row.health or 'silent'}[/]"
+        state = _state(row)
         table.add_row(
             row.instance,
-            row.process.lower() or row.host,
-            f"{health} {row.reason}".strip(),
+            f"[{COLOURS.get(state, 'red')}]{state}[/]",
             str(row.pid or ""),
             duration(row.uptime_s) if row.uptime_s else "",
             f"{row.cpu_percent:.0f}",
             f"{row.memory_mb:.0f}",
-            _rates(row.rates_hz),
-            ", ".join(f"{name} {count}" for name, count in sorted(row.losses.items())),
+            _rates(row.rates_hz, "received_"),
+            _rates(row.rates_hz, "sent_"),
+            "\n".join(f"{name} {count}" for name, count in sorted(row.losses.items())),
         )
     return table
 
 
-def _rates(rates_hz: dict[str, float]) -> str:
-    """Write "frames 30 > detections 30, crops 30": in, then out."""
-    parts = []
-    for way in ("received_", "sent_"):
-        shown = {n.removeprefix(way): v for n, v in rates_hz.items() if n.startswith(way)}
-        parts.append(", ".join(f"{name} {value:.0f}" for name, value in sorted(shown.items())))
-    return " > ".join(part for part in parts if part)
+def _state(row: Row) -> str:
+    """Return what supervisord says of a process that does not run, else what itself says."""
+    if row.process not in ("", "RUNNING"):
+        return row.process.lower()
+    return row.health or "silent"
+
+
+def _rates(rates_hz: dict[str, float], way: str) -> str:
+    return "\n".join(
+        f"{name.removeprefix(way)} {rate:.0f}"
+        for name, rate in sorted(rates_hz.items())
+        if name.startswith(way) and rate >= 0.5
+    )
 
 
 def duration(seconds: float) -> str:

@@ -75,8 +75,8 @@ class Launcher:
                 f"people4d runs already for {robot} (supervisord has process number {running.pid})",
                 "Stop it with people4d down, or name another robot with --robot and --port.",
             )
-        self.state.prepare()
         swept = self.state.sweep()
+        self.state.prepare()
         if swept:
             self._progress("left over", f"{swept} processes of a killed run ended")
         names = tuple(service.name for service in self.services)
@@ -228,10 +228,12 @@ def stop(state: State) -> bool:
 
 def tail(file: Path, lines: int) -> str:
     """Return the last lines of a log, empty if there is none."""
+    if lines < 1:
+        return ""
     try:
         with file.open("rb") as log:
             log.seek(0, 2)
-            log.seek(max(0, log.tell() - 512 * max(lines, 1)))
+            log.seek(max(0, log.tell() - 512 * lines))
             text = log.read().decode(errors="replace")
     except OSError:
         return ""

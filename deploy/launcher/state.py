@@ -60,7 +60,7 @@ class State:
         return self.folder / f"{instance}.log"
 
     def prepare(self) -> None:
-        """Make the folder, for its owner only.
+        """Make the folder, for its owner only, and remove the logs of the run before.
 
         Raises:
             ConfigError: The path is too long for a socket, or the folder cannot be made.
@@ -73,6 +73,8 @@ class State:
             )
         try:
             self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            for log in self.folder.glob("*.log*"):
+                log.unlink()
         except OSError as error:
             raise ConfigError(
                 f"state folder {self.folder} cannot be made: {error.strerror}",

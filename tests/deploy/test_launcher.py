@@ -17,7 +17,6 @@ from deploy.compose import read
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop, tail
 from deploy.launcher.state import State
-from deploy.launcher.supervisor import Supervisor
 
 TIMEOUT_S = 10.0
 
@@ -75,6 +74,7 @@ def test_start_in_order_restart_and_stop(state: State) -> None:
     # RUNNING first: supervisord backs off from what ends within its first second.
     wait_for(lambda: toy.processes()["first-1"].state == "RUNNING")
     killed = toy.processes()["first-1"].pid
+    assert psutil.Process(killed).environ()["PEOPLE4D_INSTANCE"] == "first-1"
     os.kill(killed, signal.SIGKILL)
     wait_for(lambda: toy.processes()["first-1"].pid not in (0, killed))
 
@@ -156,8 +156,7 @@ def test_a_later_failure_ends_the_wait(state: State) -> None:
         toy.wait_finished("camera")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_to_people4d_up_stops_everything(tmp_path: Path, number: signal.Signals) -> None:
+def test_ctrl_c_stops_everything(tmp_path: Path) -> None:
     file = tmp_path / "compose.yaml"
     file.write_text(TOY.replace("FOLDER", str(tmp_path)))
     state = State(tmp_path / "robot")
@@ -168,7 +167,7 @@ def test_a_signal_to_people4d_up_stops_everything(tmp_path: Path, number: signal
         lines = iter(process.stdout.readline, "")
         assert any("Everything is up" in line for line in lines)
         assert len(state.leftovers()) == 6
-        process.send_signal(number)
+        process.send_signal(signal.SIGINT)
         assert process.wait(TIMEOUT_S) == 0
     assert state.leftovers() == []
     assert state.read() is None
@@ -190,12 +189,3 @@ def test_people4d_up_notices_people4d_down(tmp_path: Path) -> None:
         rest = process.stdout.read()
         assert process.wait(TIMEOUT_S) == 0
     assert "Stopped by people4d down." in rest
-
-
-def test_processes_are_told_by_supervisord_itself(state: State) -> None:
-    launcher(state, TOY).start("robot", "", TIMEOUT_S)
-    wait_for(lambda: Supervisor(state).processes()["first-1"].state == "RUNNING")
-    process = Supervisor(state).processes()["first-1"]
-    assert psutil.Process(process.pid).environ()["PEOPLE4D_INSTANCE"] == "first-1"
-    assert not process.failed
-    assert not process.finished

@@ -1,0 +1,165 @@
+"""Each service works alone against recorded messages: the commands of docs/running.md."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from common.messages import (
+    CompressedRgbdFrame,
+    Crops,
+    Detections,
+    Embeddings,
+    Message,
+    Tracks,
+    Truth,
+)
+from common.recording import RecordingWriter, open_recording
+from deploy.cli.up import DEMO
+
+PEOPLE4D = (sys.executable, "-m", "deploy.cli")
+TIMEOUT_S = 20.0
+FRAMES = 15
+
+
+@pytest.fixture(scope="module")
+def environment() -> Iterator[Mapping[str, str]]:
+    """A router of its own, on a free port, and the environment in which others find it."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    variables = {**os.environ, "PEOPLE4D_CONNECT": endpoint, "OMP_NUM_THREADS": "1"}
+    with service("router", {**variables, "PEOPLE4D_LISTEN": endpoint}):
+        yield variables
+
+
+@contextmanager
+def service(name: str, environment: Mapping[str, str], *arguments: str) -> Iterator[None]:
+    """Run one service, healthy inside the block."""
+    command = [*PEOPLE4D, "run", name, *arguments]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            people4d(environment, "health", name, "--timeout", str(TIMEOUT_S))
+            yield
+        finally:
+            process.send_signal(signal.SIGTERM)
+            _, errors = process.communicate(timeout=TIMEOUT_S)
+            assert process.returncode == 0, errors
+
+
+def people4d(environment: Mapping[str, str], *arguments: str) -> str:
+    done = subprocess.run(
+        [*PEOPLE4D, *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@contextmanager
+def recording(file: Path, topics: str, environment: Mapping[str, str]) -> Iterator[None]:
+    """Record what is published inside the block."""
+    command = [*PEOPLE4D, "record", str(file), "--topics", topics]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr
+        assert "Recording" in process.stderr.readline()
+        try:
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=TIMEOUT_S)
+
+
+def count(file: Path, kind: type[Message]) -> int:
+    return sum(1 for _ in open_recording(file).messages(kind))
+
+
+def people(file: Path, kind: type[Message]) -> list[Message]:
+    return [message for _, message in open_recording(file).messages(kind)]
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first second of the demo."""
+    file = tmp_path_factory.mktemp("demo") / "demo.mcap"
+    frames = 0
+    with RecordingWriter(file) as writer:
+        for log_ns, message in open_recording(DEMO).messages():
+            writer.write(message, log_ns)
+            frames += type(message).__name__ == "CompressedRgbdFrame"
+            if frames == FRAMES:
+                break
+    return file
+
+
+def test_each_stage_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
+    seen, known, tracked = (tmp_path / f"{name}.mcap" for name in ("seen", "known", "tracked"))
+
+    with ExitStack() as stack:
+        stack.enter_context(service("detector", environment))
+        stack.enter_context(recording(seen, "detections,crops,static_transforms", environment))
+        topics = "frames,camera_info,static_transforms"
+        people4d(environment, "replay", str(demo), "--topics", topics, "--hold", "0.3")
+    detections = [m for m in people(seen, Detections) if isinstance(m, Detections)]
+    # Frames are live here, so a busy machine may skip some.
+    assert len(detections) >= FRAMES // 3
+    assert count(seen, Crops) == len(detections)
+    assert all(person.position_m is not None for m in detections for person in m.people)
+    assert max(len(m.people) for m in detections) == 2
+
+    with ExitStack() as stack:
+        stack.enter_context(service("reid", environment))
+        stack.enter_context(recording(known, "embeddings", environment))
+        people4d(environment, "replay", str(seen), "--topics", "crops", "--hold", "0.3")
+    assert count(known, Embeddings) == len(detections)
+
+    with ExitStack() as stack:
+        stack.enter_context(service("tracker", environment))
+        stack.enter_context(recording(tracked, "people", environment))
+        topics = "detections,static_transforms"
+        people4d(environment, "replay", str(seen), "--topics", topics, "--hold", "0")
+    tracks = [m for m in people(tracked, Tracks) if isinstance(m, Tracks)]
+    assert len({m.stamp_ns for m in tracks} & {m.stamp_ns for m in detections}) == len(detections)
+    assert max(len(m.people) for m in tracks) == 2
+
+
+def test_the_camera_and_the_bridge_alone(
+    demo: Path, tmp_path: Path, environment: Mapping[str, str]
+) -> None:
+    played = tmp_path / "played.mcap"
+    with ExitStack() as stack:
+        bridge = ["--set", f'truth="{demo}"', "--set", "pace=recorded"]
+        stack.enter_context(recording(played, "frames,truth", environment))
+        stack.enter_context(service("gt_bridge", environment, *bridge))
+        people4d(environment, "run", "camera", "--set", f'source="{demo}"')
+    assert count(played, CompressedRgbdFrame) == FRAMES  # compressed by the recorder
+    assert count(played, Truth) > 0
+
+
+def test_the_report_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
+    with service("report", environment, "--set", f'folder="{tmp_path}"', "--set", "video=false"):
+        topics = "frames,camera_info,static_transforms,truth"
+        people4d(environment, "replay", str(demo), "--topics", topics, "--hold", "0.3")
+    assert (tmp_path / "summary.txt").stat().st_size > 0
+    assert (tmp_path / "contact_sheet.png").stat().st_size > 0
+
+
+def test_replay_says_what_a_recording_lacks(demo: Path) -> None:
+    done = subprocess.run(
+        [*PEOPLE4D, "replay", str(demo), "--topics", "crops"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "holds no message of crops. It holds camera/front/info" in done.stderr

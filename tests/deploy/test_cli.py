@@ -1,0 +1,197 @@
+"""The command line: help, errors in one sentence, tables."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from common.errors import ConfigError
+from common.messages import Health, Span, Track, Tracks
+from common.weights import ModelFile
+from deploy.cli import COMMANDS, app
+from deploy.cli.listen import latency_ms, table_of
+from deploy.cli.models import state_of
+from deploy.cli.ps import duration
+from deploy.cli.record import kinds_of
+from deploy.launcher.health import works
+from deploy.launcher.launcher import tail
+
+
+def run(*arguments: str, state: Path | None = None) -> tuple[int, str, str]:
+    environment = {"PEOPLE4D_STATE": str(state)} if state else {}
+    result = CliRunner().invoke(app, arguments, env=environment)
+    return result.exit_code, result.stdout, result.stderr
+
+
+@pytest.mark.parametrize("command", [name for name, _, _ in COMMANDS])
+def test_every_command_has_help(command: str) -> None:
+    status, output, _ = run(command, "--help")
+    assert status == 0
+    assert "Usage" in output
+
+
+def test_help_imports_nothing_heavy() -> None:
+    """Help and completion must stay fast: numpy, zenoh and the like are for commands."""
+    code = "import sys, deploy.cli; print({'numpy', 'zenoh', 'cv2'} & set(sys.modules))"
+    output = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert output.stdout == "set()\n"
+
+
+def test_version() -> None:
+    status, output, _ = run("--version")
+    assert (status, output.split()[0]) == (0, "people4d")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["ps"], "nothing runs here for robot. Start it with people4d up"),
+        (["logs"], "there is no log of any process"),
+        (["up"], "no camera is named. Add --source PATH"),
+        (["up", "--source", "/none.bag"], "source /none.bag does not exist. Check the path."),
+        (["up", "--source", "a.b:C", "--set", "x"], "setting 'x' is incomplete"),
+        (["run", "nobody"], "there is no service 'nobody'. Services are camera,"),
+        (["record", "/tmp/x.mcap", "--topics", "peeple"], "there is no topic 'peeple'"),
+        (["info", "/none"], "'/none' does not exist"),
+        (["listen", "--connect", "tcp/127.0.0.1:1"], "no Zenoh session"),
+    ],
+)
+def test_errors_are_one_sentence_with_the_mend(
+    arguments: list[str], message: str, tmp_path: Path
+) -> None:
+    status, output, errors = run(*arguments, state=tmp_path)
+    assert status == 1
+    assert output == ""
+    assert message in errors
+    assert errors.startswith("error: ")
+    assert "Traceback" not in errors
+
+
+def test_debug_shows_the_trace() -> None:
+    result = CliRunner().invoke(app, ["--debug", "up"])
+    assert isinstance(result.exception, ConfigError)
+
+
+@pytest.mark.parametrize("arguments", [["nonsense"], ["up", "--nonsense"], ["health"]])
+def test_wrong_usage_exits_with_2(arguments: list[str]) -> None:
+    status, _, errors = run(*arguments)
+    assert status == 2
+    assert "Usage" in errors
+
+
+def test_down_with_nothing_running(tmp_path: Path) -> None:
+    assert run("down", state=tmp_path) == (0, "Nothing runs for robot.\n", "")
+
+
+def test_logs_of_one_service(tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    (folder / "camera-1.log").write_text("one\ntwo [not markup]\n")
+    (folder / "detector-1.log").write_text("three\n")
+    status, output, _ = run("logs", "camera", "-n", "1", state=tmp_path)
+    assert status == 0
+    assert output.split() == ["camera-1", "two", "[not", "markup]"]
+    status, _, errors = run("logs", "reid", state=tmp_path)
+    assert status == 1
+    assert "There are camera-1, detector-1." in errors
+
+
+def test_models_tell_what_is_present(tmp_path: Path) -> None:
+    fields = {"name": "m", "kind": "k", "licence": "l", "input": "i", "get": "g"}
+    # sha256 of the three bytes "abc", FIPS 180-2 appendix B.1
+    digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    known = msgspec.convert({**fields, "file": "m.onnx", "sha256": digest}, ModelFile)
+    anything = msgspec.structs.replace(known, sha256="")
+    assert state_of(known, (tmp_path,), check=True) == "absent"
+    (tmp_path / "m.onnx").write_bytes(b"abc")
+    assert state_of(known, (tmp_path,), check=False) == "present"
+    assert state_of(known, (tmp_path,), check=True) == "verified"
+    assert state_of(anything, (tmp_path,), check=True) == "any export"
+    (tmp_path / "m.onnx").write_bytes(b"abd")
+    assert state_of(known, (tmp_path,), check=True) == "altered"
+
+
+def test_latency_is_counted_from_the_first_stage() -> None:
+    span = Span(stage="camera.capture", process="c@h", start_ns=1_000_000, end_ns=2_000_000)
+    tracks = Tracks(stamp_ns=0, sequence=0, frame_id="map", tracker="t", camera="c", trace=(span,))
+    assert latency_ms(tracks, 31_000_000) == 30.0  # (31 - 1) ms
+    assert latency_ms(msgspec.structs.replace(tracks, trace=()), 31_000_000) is None
+
+
+def test_kinds_of_topics() -> None:
+    assert kinds_of("people, health") == (Tracks, Health)
+    assert kinds_of("") == ()
+
+
+def test_which_health_works() -> None:
+    health = Health(
+        stamp_ns=0, sequence=0, service="s", instance="s-1", host="h", pid=1, state="ready"
+    )
+    assert works(health)
+    assert works(msgspec.structs.replace(health, state="degraded"))
+    assert not works(msgspec.structs.replace(health, state="starting"))
+    assert not works(msgspec.structs.replace(health, state="stalled"))
+    assert not works(None)
+
+
+@pytest.mark.parametrize(("seconds", "expected"), [(12.9, "12s"), (185, "3m05s"), (7380, "2h03m")])
+def test_durations(seconds: float, expected: str) -> None:
+    assert duration(seconds) == expected
+
+
+def test_tail(tmp_path: Path) -> None:
+    log = tmp_path / "x.log"
+    assert tail(log, 3) == ""
+    log.write_text("\n".join(str(n) for n in range(5000)))
+    assert tail(log, 2) == "4998\n4999"
+    assert tail(log, 0) == ""
+
+
+def test_completion_names_commands() -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", "deploy.cli"],
+        env={
+            **os.environ,
+            "_PEOPLE4D_COMPLETE": "complete_bash",
+            "COMP_WORDS": "people4d re",
+            "COMP_CWORD": "1",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.stdout.split() == ["record", "replay"]
+
+
+def test_a_table_of_people_can_be_drawn() -> None:
+    person = Track(
+        id=7,
+        state="confirmed",
+        position_m=np.array([1.0, -2.0, 0.5]),
+        velocity_mps=np.array([0.3, 0.4, 0.0]),
+        covariance=np.eye(6),
+        yaw_rad=None,
+        hits=3,
+        age=4,
+        time_since_update_s=0.0,
+        detection=0,
+        score=0.9,
+    )
+    tracks = Tracks(
+        stamp_ns=0, sequence=9, frame_id="map", tracker="sort3d", camera="front", people=(person,)
+    )
+    console = Console(width=100)
+    with console.capture() as capture:
+        console.print(table_of(tracks, 0))
+    title, _, row = (line.split() for line in capture.get().splitlines())
+    assert title[:4] == ["1", "people", "in", "map"]
+    # speed = sqrt(0.3^2 + 0.4^2) = 0.5; no heading while standing
+    assert row == ["7", "confirmed", "1.00", "-2.00", "0.50", "0.50", "-", "0.90", "4"]
