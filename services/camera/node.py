@@ -65,8 +65,7 @@ class CameraNode:
             stride=config.stride,
             loop=config.loop,
         )
-        live = source.live or config.playback == "live"
-        self._prefetch = Prefetch(lambda: play(source, selection), FRAMES_AHEAD, live)
+        self._prefetch = Prefetch(lambda: play(source, selection), FRAMES_AHEAD, source.live)
         self._process = f"{self._info.camera}@{platform.node()}"
         self._wake: Callable[[], None] | None = None
         self._begin_ns: int | None = None  # when frames may go out
@@ -186,16 +185,15 @@ class CameraNode:
 
 
 def _pacing(config: CameraConfig, live: bool) -> Pacing:
-    if live and config.playback in ("recorded", "lockstep"):
+    if config.playback not in ("auto", *(("live",) if live else ("recorded", "lockstep"))):
+        what = "live camera" if live else "recording"
         raise ConfigError(
-            f"playback: a live camera cannot be played {config.playback}",
-            "Leave playback on auto.",
+            f"playback: expected another for a {what}, got {config.playback}",
+            "Leave it on auto.",
         )
     if config.playback == "lockstep":
         return Lockstep(config.window, int(config.answer_timeout_s * 1e9))
-    if live or config.playback == "live":
-        return AsTheyCome()
-    return Recorded(config.speed)
+    return AsTheyCome() if live else Recorded(config.speed)
 
 
 def _info(config: CameraConfig, source: Source) -> CameraInfo:

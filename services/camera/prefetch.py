@@ -83,6 +83,7 @@ class Prefetch:
         while not self._stopped.is_set():
             try:
                 self._read()
+                break
             except Exception as error:  # whatever a camera's SDK or a foreign file brings about
                 self.errors += 1
                 self.reason = str(error) or type(error).__name__

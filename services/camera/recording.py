@@ -69,6 +69,7 @@ class RecordingSource(Source):
                 if capture:
                     yield capture
         self.counters["bad_messages"] = self._recording.bad_messages
+        self.counters["cut_short"] = int(self._recording.summary.truncated)
 
     def _capture(self, message: Message) -> Capture | None:
         try:

@@ -204,3 +204,15 @@ def test_registered_depth_edges_meet_colour_edges(shared: Path) -> None:
             v, u = np.nonzero(outline[:, 20:-20])
             score += [gradient[v, u + 20 + shift].sum() for shift in shifts]
     assert abs(shifts[np.argmax(score)]) <= 1
+
+
+def test_calibration_file_in_the_documentation(tmp_path: Path) -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs/cameras.md").read_text("utf-8")
+    block = text[text.index("    translation_m =") : text.index("A file with `fx`")]
+    file = tmp_path / "camera.toml"
+    file.write_text("\n".join(line[4:] for line in block.splitlines()))
+    calibration = read_calibration(file, MatNames())
+    assert calibration.colour is not None
+    assert calibration.depth is not None
+    assert (calibration.colour.fx, calibration.depth.fx) == (534.3, 567.9)
+    assert calibration.depth_offset_px == (9, 3)

@@ -278,19 +278,35 @@ def test_transform_of_the_source_wins_over_the_mount() -> None:
 
 
 def test_without_a_wake_callback_the_node_asks_to_be_polled() -> None:
-    node = CameraNode(START, MemorySource([], live=True))
+    gate = threading.Event()
+
+    class Slow(MemorySource):
+        def __iter__(self) -> Iterator[Capture | Odometry]:
+            gate.wait(5.0)
+            yield capture(0)
+
+    node = CameraNode(START, Slow([]))
     try:
         assert node.wake_ns() == 0
         node.tick(5)
         assert node.wake_ns() == 5 + 2 * MS
     finally:
+        gate.set()
         node.close()
 
 
-def test_a_live_camera_can_not_be_replayed() -> None:
+def test_a_live_camera_can_not_be_replayed_nor_a_recording_be_live() -> None:
     for playback in ("recorded", "lockstep"):
-        with pytest.raises(ConfigError, match="live camera"):
+        with pytest.raises(ConfigError, match="for a live camera"):
             CameraNode(with_(playback=playback), MemorySource([], live=True))
+    with pytest.raises(ConfigError, match="for a recording"):
+        CameraNode(with_(playback="live"), MemorySource([]))
+
+
+def test_live_camera_ends_after_the_frames_wanted() -> None:
+    with player(with_(max_frames=1), MemorySource([capture(0), capture(1)], live=True)) as p:
+        p.play()
+        assert [frame.stamp_ns for frame in p.frames()] == [0]
 
 
 @pytest.mark.parametrize(

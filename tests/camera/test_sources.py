@@ -64,6 +64,15 @@ def test_recording_gives_frames_calibration_and_odometry(tmp_path: Path) -> None
     assert abs(int(last.rgb[0, 0, 0]) - 90) < 4  # JPEG
 
 
+def test_recording_cut_short_plays_up_to_the_cut(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "a.mcap")
+    data = path.read_bytes()
+    path.write_bytes(data[: data.rindex(b"CompressedRgbdFrame") + 100])
+    source = open_source(str(path))
+    assert sum(isinstance(item, Capture) for item in source) == 2
+    assert source.counters["cut_short"] == 1
+
+
 def test_recording_of_two_cameras_needs_a_name(tmp_path: Path) -> None:
     path = str(recorded(tmp_path / "a.mcap", ("left", "right")))
     with pytest.raises(SourceError, match=r"got left, right. Set options.camera"):
