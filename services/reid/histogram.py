@@ -29,7 +29,7 @@ CHROMA_GREY, CHROMA_FULL = (
     0.2,
 )  # saturation x value below, above which a pixel is grey, is not
 PRIOR_SHARE = 0.05  # of the part's pixels, spread evenly: an unseen part resembles any other a bit
-HEIGHT_PX = 96  # crops are scaled down to this height
+HEIGHT_PX = 64  # crops are scaled down to this height
 CONFIDENCE_MIN = 0.3  # of keypoints that divide the body
 SIDE_SPREAD = 0.35  # of half the box: how far pixels count where nothing shows the body
 LIMB_WIDTH = 0.15  # of the torso's length; the head is twice as wide
@@ -60,7 +60,7 @@ def _embed(crop: Crop) -> F64:
     """Return the vector of one picture."""
     height = min(HEIGHT_PX, crop.rgb.shape[0])
     width = max(1, round(crop.rgb.shape[1] * height / crop.rgb.shape[0]))
-    rgb = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_AREA)
+    rgb = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_NEAREST)
     weights = _body_weights(crop, (height, width))
     bins, shares = _bins(np.asarray(rgb / np.float32(255), np.float32))
     edges = np.rint(_part_edges(crop) * height).astype(int)
@@ -84,7 +84,7 @@ def _body_weights(crop: Crop, shape: tuple[int, int]) -> F64:
     height, width = shape
     if crop.mask is not None and crop.mask.any():
         mask = (crop.mask != 0).astype(np.float32)
-        return np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA), float)
+        return np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_NEAREST), float)
     if crop.keypoints is not None and (crop.keypoints[TORSO, 2] > CONFIDENCE_MIN).all():
         skeleton = _skeleton(crop.keypoints, height / crop.rgb.shape[0], shape)
         if skeleton.any():
