@@ -135,6 +135,24 @@ def test_lockstep_sends_the_next_frame_on_the_answer() -> None:
         assert "unanswered" not in p.node.status().counters
 
 
+def test_reading_ahead_is_bounded() -> None:
+    # One frame sent, four wait, and one is in the hands of the thread that reads.
+    read: list[int] = []
+
+    class Counting(MemorySource):
+        def __iter__(self) -> Iterator[Capture | Odometry]:
+            for k in range(500):
+                read.append(k)
+                yield capture(k)
+
+    with player(with_(playback="lockstep", window=1), Counting([])) as p:
+        p.until(lambda: len(p.frames()) == 1)
+        while len(read) < 6:
+            p.tick()
+        p.node.close()  # waits for the thread: whatever it was about to read is read now
+        assert len(read) == 6
+
+
 def test_lockstep_goes_on_without_answers() -> None:
     source = MemorySource([capture(k) for k in range(3)])
     config = with_(playback="lockstep", window=1, answer_timeout_s=2.0)

@@ -67,17 +67,19 @@ def test_larger_colour_image_has_no_gaps() -> None:
 
 
 def test_lens_distortion_is_that_of_opencv() -> None:
-    k = (0.1, -0.05, 0.002, -0.003, 0.01, 0.02, 0.01, 0.005)
+    # Colour ten times as fine as depth, so that the sixth coefficient shows in the corners.
+    k = (0.1, -0.05, 0.002, -0.003, 0.01, 0.2, 0.1, 0.3)
+    v, u = np.mgrid[3:48:9, 2:64:9].reshape(2, -1)
+    depth = plane(0)
+    depth[v, u] = 2000
+    rays = np.column_stack([(u - 32) / 60, (v - 24) / 60, np.ones(len(u))])
+    matrix = np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]])
     for coefficients in (k[:4], k[:5], k):
-        colour = info(k=coefficients)
-        depth = plane(0)
-        depth[7, 9] = 2000
-        ray = np.array([[(9 - 32) / 60, (7 - 24) / 60, 1.0]]) * 2
-        matrix = np.array([[60.0, 0, 32], [0, 60, 24], [0, 0, 1]])
-        pixel, _ = cv2.projectPoints(ray, np.zeros(3), np.zeros(3), matrix, np.array(coefficients))
-        u, v = np.rint(pixel.ravel()).astype(int)
-        moved = Registration(info(), colour, IDENTITY)(depth)
-        assert [tuple(p) for p in np.argwhere(moved)] == [(v, u)]
+        register = Registration(info(), info(640, 480, 600.0, coefficients), IDENTITY)
+        seen, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.array(coefficients))
+        expected = {(y, x) for x, y in np.rint(seen[:, 0]).astype(int).tolist()}
+        inside = {(y, x) for y, x in expected if 0 <= y < 480 and 0 <= x < 640}
+        assert {(y, x) for y, x in np.argwhere(register(depth)).tolist()} == inside
 
 
 def test_distorted_depth_and_colour_of_one_lens_change_nothing() -> None:

@@ -62,3 +62,9 @@ def test_two_cameras_are_ambiguous() -> None:
 def test_wanted_topic_that_is_not_there_is_told_with_what_is() -> None:
     with pytest.raises(SourceError, match=r"no topic /x. It has /odom \(nav_msgs/Odometry\)"):
         find_topics({"/odom": ODOMETRY}, Topics("/x", "", "", "", ""))
+
+
+def test_the_only_calibration_serves_colour_wherever_it_is() -> None:
+    types = {"/rgb/image": IMAGE, "/depth/image": IMAGE, "/driver/camera_info": CAMERA_INFO}
+    topics = find_topics(types, NONE)
+    assert (topics.colour_info, topics.depth_info) == ("/driver/camera_info", "")
