@@ -72,6 +72,7 @@ class CameraNode:
         self._tick_ns = 0
         self._stamp_ns: int | None = None
         self._sequence = 0
+        self._ignored = False  # frames were given up and no answer came since
         self._counters: Counter[str] = Counter()
 
     def set_wake(self, wake: Callable[[], None]) -> None:
@@ -83,6 +84,7 @@ class CameraNode:
         answer = ANSWERS[self._config.answer]
         if isinstance(message, answer) and getattr(message, "camera", "") == self._info.camera:
             self._pacing.answered(message.stamp_ns)
+            self._ignored = False
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
@@ -92,7 +94,9 @@ class CameraNode:
             self._begin_ns = now_ns + int(self._config.start_delay_s * 1e9)
             self._prefetch.start(self._wake or (lambda: None))
             return [self._info, *self._transforms]
-        self._counters["unanswered"] += self._pacing.give_up(now_ns)
+        given_up = self._pacing.give_up(now_ns)
+        self._ignored = self._ignored or given_up > 0
+        self._counters["unanswered"] += given_up
         outputs: list[Message] = []
         while self._is_due(now_ns):
             outputs += self._message(self._prefetch.take(), now_ns)
@@ -117,6 +121,8 @@ class CameraNode:
         counters = Counter(self._source.counters) + self._counters
         counters += Counter(source_errors=self._prefetch.errors, skipped=self._prefetch.skipped)
         reason = self._prefetch.reason
+        if self._ignored and not reason:
+            reason = f"frames get no answer on {self._config.answer}"
         if self._is_finished():
             if not self._sequence:
                 reason = reason or "the source had no frame that could be played"

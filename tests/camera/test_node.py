@@ -161,6 +161,9 @@ def test_lockstep_goes_on_without_answers() -> None:
         assert [frame.stamp_ns for frame in p.frames()] == [0, MS, 2 * MS]
         assert p.now_ns == 6 * SECOND  # three frames given up after two seconds each
         assert p.node.status().counters["unanswered"] == 3
+        assert p.node.status().reason == "frames get no answer on people"
+        p.node.handle(answer(99), p.now_ns)
+        assert p.node.status().reason == ""
 
 
 def test_lockstep_may_be_answered_by_detections() -> None:
