@@ -2,6 +2,7 @@
 
 import re
 import signal
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,6 +28,7 @@ from deploy.launcher.plan import (
     setting,
 )
 from deploy.launcher.state import State
+from deploy.launcher.supervisor import SupervisorGoneError
 
 DEMO = COMPOSE_FILE.parent / "demo" / "two_people.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
@@ -111,7 +113,9 @@ def up(
 def demo(
     report: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/demo"),
     robot: Robot = "demo",
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the router.")] = PORT,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the router; 0 takes a free one.")
+    ] = 0,
 ) -> None:
     """Run the whole pipeline on the shipped recording, frame by frame, and write a report."""
     settings = [
@@ -119,8 +123,16 @@ def demo(
         setting(f"{CAMERA}.playback", "lockstep"),
         setting("gt_bridge.truth", str(DEMO)),
     ]
-    wish = Wish(robot=robot, port=port, settings=settings, report=report)
+    wish = Wish(robot=robot, port=port or _free_port(), settings=settings, report=report)
     _launch(wish, START_TIMEOUT_S, detach=False)
+
+
+def _free_port() -> int:
+    """Return a port that nobody uses now, so that a demo disturbs no running system."""
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        port: int = probe.getsockname()[1]
+    return port
 
 
 def _resolve(source: str) -> str:
@@ -172,7 +184,7 @@ def _watch(launcher: Launcher) -> None:
     while True:
         try:
             launcher.processes()
-        except People4dError:
+        except SupervisorGoneError:
             if not launcher.state.was_stopped(GONE_TIMEOUT_S):
                 raise
             console.print("Stopped by people4d down.")

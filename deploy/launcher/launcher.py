@@ -1,5 +1,6 @@
 """Starts a system in the order of its dependencies, watches it, and stops it."""
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -8,7 +9,7 @@ from common.errors import People4dError
 from deploy.compose import Dependency, Service
 from deploy.launcher.health import Heartbeats, check_of
 from deploy.launcher.state import Run, State
-from deploy.launcher.supervisor import Process, Supervisor
+from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 
 POLL_S = 0.1
 STOP_TIMEOUT_S = 120.0
@@ -51,11 +52,15 @@ class Launcher:
         self.supervisor = Supervisor(state)
         self._progress = progress
         self._by_name = {service.name: service for service in services}
+        self._never_again = {
+            name for service in services if service.restart == "no" for name in service.instances
+        }
         self._checks = {service.name: check_of(service, heartbeats) for service in services}
         self._started_s: dict[str, float] = {}
         self._reached: dict[str, str] = {}
         self._pids: dict[str, int] = {}
         self._restarted: set[str] = set()
+        self._finished: set[str] = set()
 
     def start(self, robot: str, connect: str, timeout_s: float) -> None:
         """Start every service once those it waits for are healthy.
@@ -153,16 +158,19 @@ class Launcher:
         )
 
     def processes(self) -> dict[str, Process]:
-        """Return all processes by name, and tell of those that came back.
+        """Return all processes by name, and tell of those that ended or came back.
 
         Raises:
             LaunchError: A process failed and is not started again.
         """
         processes = self.supervisor.processes()
         for process in processes.values():
-            if process.failed:
+            if process.gave_up or (process.ended_badly and process.name in self._never_again):
                 problem = process.problem or f"exit status {process.exit_status}"
                 raise self._failure(process.name, f"failed: {problem}")
+            if process.finished and process.name not in self._finished:
+                self._finished.add(process.name)
+                self._progress(process.name, "finished")
             before = self._pids.get(process.name, 0)
             if process.pid and before and process.pid != before:
                 self._restarted.add(process.name)
@@ -217,7 +225,8 @@ def stop(state: State) -> bool:
     """
     running = state.read()
     if running:
-        Supervisor(state).shutdown()
+        with contextlib.suppress(SupervisorGoneError):  # it stops already
+            Supervisor(state).shutdown()
         deadline_s = time.monotonic() + STOP_TIMEOUT_S
         while state.read() and time.monotonic() < deadline_s:
             time.sleep(POLL_S)

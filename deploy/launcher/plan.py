@@ -32,6 +32,7 @@ class Wish:
         settings: "service.field=value", the last one of a field wins.
         scale: "service=number".
         report: Folder for a report, None for none.
+        environment: The caller's environment variables.
     """
 
     robot: str = "robot"
@@ -84,7 +85,7 @@ def variables(wish: Wish) -> dict[str, str]:
     fixed = {
         "PEOPLE4D_ROBOT": wish.robot,
         "PEOPLE4D_CONFIG_INSIDE": str(config.absolute()),
-        "PEOPLE4D_CONNECT": wish.connect,
+        "PEOPLE4D_CONNECT_INSIDE": wish.connect,
     }
     return local | dict(wish.environment) | fixed
 

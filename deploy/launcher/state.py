@@ -94,14 +94,16 @@ class State:
         self.run_file.write_bytes(msgspec.json.encode(run))
 
     def was_stopped(self, timeout_s: float) -> bool:
-        """Return whether supervisord ended because it was told to, not because it was killed.
+        """Wait for a stop to end; return whether there was one, not a killed supervisord.
 
         Args:
-            timeout_s: Time that the command which stops it may take to tidy up.
+            timeout_s: Time that the command which stops it may take to tidy up afterwards.
         """
         deadline_s = time.monotonic() + timeout_s
         while self.run_file.exists():
-            if self.read() or time.monotonic() > deadline_s:
+            if self.read():
+                deadline_s = time.monotonic() + timeout_s
+            elif time.monotonic() > deadline_s:
                 return False
             time.sleep(0.05)
         return True

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from http.client import HTTPException
 from typing import Any
 
-from supervisor.xmlrpc import SupervisorTransport
+from supervisor.xmlrpc import Faults, SupervisorTransport
 
 from common.errors import ConfigError, People4dError
 from deploy.compose import Service
@@ -90,11 +90,14 @@ class Process:
         return self.state == "EXITED" and self.exit_status == 0
 
     @property
-    def failed(self) -> bool:
-        """Whether it ended and will not be started again."""
-        return self.state in ("FATAL", "UNKNOWN") or (
-            self.state == "EXITED" and self.exit_status != 0
-        )
+    def ended_badly(self) -> bool:
+        """Whether it ended with an error; supervisord may be about to start it again."""
+        return self.state == "EXITED" and self.exit_status != 0
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether supervisord starts it no more."""
+        return self.state in ("FATAL", "UNKNOWN")
 
 
 def render(state: State, services: Sequence[Service]) -> str:
@@ -161,6 +164,10 @@ def _text(path: str) -> str:
     return path.replace("%", "%%")
 
 
+class SupervisorGoneError(People4dError):
+    """Supervisord does not answer, or only to say that it stops."""
+
+
 class Supervisor:
     """The supervisord of one system.
 
@@ -212,7 +219,7 @@ class Supervisor:
         """Return all processes by name.
 
         Raises:
-            People4dError: Supervisord does not answer.
+            SupervisorGoneError: Supervisord does not answer.
         """
         found = (_process(info) for info in self._call("supervisor.getAllProcessInfo"))
         return {process.name: process for process in found}
@@ -228,8 +235,12 @@ class Supervisor:
         try:
             with contextlib.closing(transport):
                 return getattr(server, method)(*arguments)
+        except xmlrpc.client.Fault as fault:
+            if fault.faultCode == Faults.SHUTDOWN_STATE:
+                raise SupervisorGoneError(f"supervisord of {self.state.folder} stops") from fault
+            raise
         except (OSError, HTTPException, xmlrpc.client.ProtocolError) as error:
-            raise People4dError(
+            raise SupervisorGoneError(
                 f"supervisord of {self.state.folder} does not answer ({error})",
                 "Run people4d down, then people4d up.",
             ) from error

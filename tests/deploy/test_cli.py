@@ -115,7 +115,7 @@ def test_models_tell_what_is_present(tmp_path: Path) -> None:
     assert state_of(known, (tmp_path,), check=False) == "present"
     assert state_of(known, (tmp_path,), check=True) == "verified"
     assert state_of(anything, (tmp_path,), check=True) == "any export"
-    (tmp_path / "m.onnx").write_bytes(b"abd")
+    (tmp_path / "m.onnx").write_bytes(b"xyz")
     assert state_of(known, (tmp_path,), check=True) == "altered"
 
 

@@ -175,7 +175,9 @@ def test_ctrl_c_stops_everything(tmp_path: Path) -> None:
 
 def test_people4d_up_notices_people4d_down(tmp_path: Path) -> None:
     file = tmp_path / "compose.yaml"
-    file.write_text("services: {only: {command: [sleep, '99']}}")
+    # It takes a second to stop, so that `up` asks supervisord while that shuts down.
+    slow = "trap 'sleep 1; exit 0' TERM; while true; do sleep 0.1; done"
+    file.write_text(f'services: {{slow: {{command: [sh, -c, "{slow}"]}}}}')
     environment = {**os.environ, "PEOPLE4D_STATE": str(tmp_path)}
     people4d = [sys.executable, "-m", "deploy.cli"]
     up = [*people4d, "up", "--compose", str(file)]
