@@ -101,7 +101,7 @@ def stages(trace: Sequence[Span], now_ns: int) -> list[tuple[str, float]]:
         trace: Stages passed, oldest first.
         now_ns: When the subscriber had the message.
     """
-    parts = []
+    parts = [(trace[0].stage, (trace[0].end_ns - trace[0].start_ns) / 1e6)]
     before = trace[0]
     for span in trace[1:]:
         gap_ms = (span.start_ns - before.end_ns) / 1e6
@@ -112,7 +112,7 @@ def stages(trace: Sequence[Span], now_ns: int) -> list[tuple[str, float]]:
         parts.append((span.stage, (span.end_ns - span.start_ns) / 1e6))
         before = span
     parts.append(("to subscriber", (now_ns - before.end_ns) / 1e6))
-    whole_ms = (now_ns - trace[0].end_ns) / 1e6
+    whole_ms = (now_ns - trace[0].start_ns) / 1e6
     inference_ms = sum(ms for stage, ms in parts if stage == "detector.inference")
     return [*parts, ("whole", whole_ms), ("whole less inference", whole_ms - inference_ms)]
 
@@ -165,8 +165,8 @@ def main() -> None:
     write(
         __file__,
         "Pipeline: camera, detector, re-ID and tracker as processes, 640x480",
-        "The shipped recording (two people), one network thread. `whole` is from the decoded frame "
-        "in the camera process to the people in a subscriber's hands; `to X` is encoding, "
+        "The shipped recording (two people), one network thread. `whole` is from the frame being sent "
+        "by the camera to the people in a subscriber's hands; `to X` is encoding, "
         "transport and waking X.",
         *parts,
     )

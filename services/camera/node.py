@@ -20,6 +20,7 @@ from common.messages import (
     Tracks,
 )
 from common.node import Status
+from common.trace import span
 from services.camera.calibration import OPTICAL_FRAME, static_transform
 from services.camera.config import CameraConfig
 from services.camera.pacing import AsTheyCome, Lockstep, Pacing, Recorded, is_jump
@@ -98,8 +99,10 @@ class CameraNode:
         self._ignored = self._ignored or given_up > 0
         self._counters["unanswered"] += given_up
         outputs: list[Message] = []
-        while self._is_due(now_ns):
-            outputs += self._message(self._prefetch.take(), now_ns)
+        with span("send"):
+            # One frame at a time: each has its own time of sending.
+            while self._is_due(now_ns) and not any(isinstance(m, RgbdFrame) for m in outputs):
+                outputs += self._message(self._prefetch.take(), now_ns)
         return outputs
 
     def wake_ns(self) -> int | None:
@@ -173,7 +176,8 @@ class CameraNode:
         if capture.rgb.dtype != np.uint8 or capture.depth_mm.dtype != np.uint16:
             self._counters["wrong_type"] += 1
             return None
-        span = Span(
+        # Reading ahead from a file is no part of a frame's way.
+        capture_span = Span(
             stage="camera.capture",
             process=self._process,
             start_ns=reading.start_ns,
@@ -182,7 +186,7 @@ class CameraNode:
         return RgbdFrame(
             stamp_ns=capture.stamp_ns,
             sequence=self._sequence,
-            trace=(span,),
+            trace=(capture_span,) if self._source.live else (),
             camera=self._info.camera,
             rgb=capture.rgb,
             depth_mm=capture.depth_mm,
