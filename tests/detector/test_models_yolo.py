@@ -131,11 +131,25 @@ def test_two_people_and_a_dog() -> None:
         64,
         Box((20, 32, 20, 40), person=0.9),
         Box((24, 32, 20, 40), person=0.6, dog=0.1),  # 16 of 24 columns shared: IoU 0.667, the same
-        Box((36, 32, 20, 40), person=0.7),  # 4 of 36 columns: somebody else
+        Box((4, 32, 20, 40), person=0.7),  # 4 of 36 columns: somebody else
         Box((50, 50, 20, 20), person=0.4, dog=0.8),  # more of a dog than of a person
     )
     assert [round(person.score, 2) for person in people] == [0.9, 0.7]
     assert all(person.keypoints is None for person in people)
+
+
+def test_boxes_round_one_mask_are_one_person() -> None:
+    # A body whose legs are half hidden gives a long and a short box. Columns 4 to 28 of both are
+    # mask; rows 8 to 56 and 8 to 32: IoU 24 / 48 = 0.5 < 0.6, but the whole smaller mask is shared.
+    # Of the third, rows 48 to 64 (its box is cut at the image), 8 of 16 rows are shared: another.
+    people = segment(
+        64,
+        64,
+        Box((16, 32, 24, 48), person=0.9),
+        Box((16, 20, 24, 24), person=0.8),
+        Box((16, 57, 24, 18), person=0.7),
+    )
+    assert [round(person.score, 2) for person in people] == [0.9, 0.7]
 
 
 @pytest.mark.parametrize(("times", "end"), [(1, 31), (2, 63), (3, 94)])
