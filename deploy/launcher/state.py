@@ -15,6 +15,7 @@ from common.messages.base import check_name
 # A socket's path has 108 bytes; supervisord binds "<path>.<pid>" first, and a 0 ends it.
 LONGEST_SOCKET_PATH = 108 - 1 - len(".4194304")
 MARK = "PEOPLE4D_RUN"
+POLL_S = 0.05
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -105,7 +106,7 @@ class State:
                 deadline_s = time.monotonic() + timeout_s
             elif time.monotonic() > deadline_s:
                 return False
-            time.sleep(0.05)
+            time.sleep(POLL_S)
         return True
 
     def clear(self) -> None:
@@ -127,13 +128,15 @@ class State:
             Number of processes ended.
         """
         leftovers = self.leftovers()
-        _signal(leftovers, signal.SIGTERM)
-        _, alive = psutil.wait_procs(leftovers, grace_s)
-        _signal(alive, signal.SIGKILL)
-        _, alive = psutil.wait_procs(alive, grace_s)
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            _signal(self.leftovers(), number)
+            deadline_s = time.monotonic() + grace_s
+            # A zombie has no mark, so one that nobody buries does not count as alive.
+            while (alive := self.leftovers()) and time.monotonic() < deadline_s:
+                time.sleep(POLL_S)
         if alive:
             raise People4dError(
-                f"processes {[p.pid for p in alive]} do not end", "End them by hand."
+                f"processes {[process.pid for process in alive]} do not end", "End them by hand."
             )
         return len(leftovers)
 
@@ -142,7 +145,6 @@ def _is_marked(pid: int, folder: Path) -> bool:
     """Return whether a process belongs to the system whose state is in a folder."""
     try:
         process = psutil.Process(pid)
-        # Read before the environment: a zombie has none.
         return process.environ().get(MARK) == str(folder)
     except (psutil.Error, OSError):
         return False
