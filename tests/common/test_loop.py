@@ -34,6 +34,11 @@ def network() -> Iterator[Network]:
     network.close()
 
 
+@pytest.fixture(autouse=True)
+def quick_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("common.heartbeat.PERIOD_S", 0.05)
+
+
 class Running:
     """A loop in a thread, and the session of somebody who feeds and watches it."""
 

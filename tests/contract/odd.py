@@ -44,7 +44,7 @@ def infos() -> Iterator[CameraInfo]:
 
 def frames() -> Iterator[RgbdFrame]:
     """Frames: another size than calibrated, no depth at all, depth at its limit."""
-    for height, width in ((1, 1), (48, 64), (2, 300), (300, 2), (480, 640)):
+    for height, width in ((1, 1), (48, 64), (3, 90), (90, 3), (480, 640)):
         for depth in (0, 1, 65535):
             yield RgbdFrame(
                 stamp_ns=0,
