@@ -110,7 +110,8 @@ def _parser(service: str) -> argparse.ArgumentParser:
         "--zenoh",
         type=Path,
         default=None,
-        help="Zenoh configuration (JSON5); default $PEOPLE4D_ZENOH or the shipped one",
+        help="Zenoh configuration: a JSON5 file, or a folder with one for each role; "
+        "default $PEOPLE4D_ZENOH or the shipped ones",
     )
     parser.add_argument("--debug", action="store_true", help="show traces and debug messages")
     return parser

@@ -30,8 +30,9 @@ def read_config(
     """Read a Zenoh configuration (Zenoh's own JSON5).
 
     Args:
-        file: The file; None for $PEOPLE4D_ZENOH, else the shipped one.
-        default: Shipped one to fall back on: "peer", "router" or "client".
+        file: The file, or a folder of one for each role; None for $PEOPLE4D_ZENOH, else the
+            shipped ones.
+        default: Role, which names the file in a folder: "peer", "router" or "client".
         environment: PEOPLE4D_CONNECT and PEOPLE4D_LISTEN (endpoints, comma-separated) win over the
             file, so that one file serves every host; None for the process's own environment.
 
@@ -39,7 +40,8 @@ def read_config(
         ConfigError: The file cannot be read or Zenoh refuses it.
     """
     environment = os.environ if environment is None else environment
-    path = file or Path(environment.get("PEOPLE4D_ZENOH") or CONFIGS / f"{default}.json5")
+    path = file or Path(environment.get("PEOPLE4D_ZENOH") or CONFIGS)
+    path = path / f"{default}.json5" if path.is_dir() else path
     try:
         config = zenoh.Config.from_file(str(path))
         for name in ("connect", "listen"):

@@ -242,6 +242,17 @@ def test_the_file_is_the_given_one_else_that_of_the_environment(tmp_path: Path) 
     assert endpoints(read_config(None, "peer", environment), "connect") == ["tcp/b:1"]
 
 
+def test_a_folder_holds_one_file_for_each_role(tmp_path: Path) -> None:
+    for role in ("peer", "client"):
+        text = f'{{mode: "{role}", connect: {{endpoints: ["tcp/{role}:1"]}}}}'
+        (tmp_path / f"{role}.json5").write_text(text)
+    environment = {"PEOPLE4D_ZENOH": str(tmp_path)}
+    assert endpoints(read_config(None, "peer", environment), "connect") == ["tcp/peer:1"]
+    assert endpoints(read_config(None, "client", environment), "connect") == ["tcp/client:1"]
+    with pytest.raises(ConfigError, match=r"router\.json5 is not usable"):
+        read_config(None, "router", environment)
+
+
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
