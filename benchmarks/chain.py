@@ -1,0 +1,90 @@
+"""The nodes of the services in one process, frame by frame: same input, same output."""
+
+import threading
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from common.bus import MemoryBus
+from common.messages import Message, Span, Tracks
+from common.node import Node
+from common.trace import collect
+from services.camera.config import CameraConfig
+from services.camera.node import CameraNode
+from services.camera.sources import open_source
+from services.detector.config import DetectorConfig
+from services.detector.models import load_model
+from services.detector.node import DetectorNode
+from services.reid.config import ReidConfig
+from services.reid.embedders import load_embedder
+from services.reid.node import ReidNode
+from services.tracker.config import TrackerConfig
+from services.tracker.node import TrackerNode
+from services.tracker.registry import make_tracker
+
+PATIENCE_S = 20.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one frame brought about.
+
+    Args:
+        messages: All that was published, the frame first.
+        spans: Time of each stage, transport and codec left out.
+    """
+
+    messages: list[Message]
+    spans: list[Span]
+
+    @property
+    def duration_ms(self) -> float:
+        """Time of all stages in milliseconds."""
+        return sum(span.end_ns - span.start_ns for span in self.spans) / 1e6
+
+
+def pipeline(
+    detector: DetectorConfig, reid: ReidConfig | None = None, tracker: TrackerConfig | None = None
+) -> list[Node]:
+    """Return detector, re-identification and tracker, as their processes would build them."""
+    reid, tracker = reid or ReidConfig(), tracker or TrackerConfig()
+    return [
+        DetectorNode(load_model(detector), detector),
+        ReidNode(load_embedder(reid)),
+        TrackerNode(tracker, make_tracker(tracker)),
+    ]
+
+
+def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[Step]:
+    """Play a source in lock-step through nodes.
+
+    Args:
+        camera: What to play; its playback is "lockstep", its window 1 and its start_delay_s 0.
+        nodes: Detector and whatever follows.
+
+    Yields:
+        Calibration and transform, then one step a frame.
+    """
+    node = CameraNode(camera, open_source(camera.source, camera.kind, camera.options))
+    news = threading.Event()
+    node.set_wake(news.set)
+    bus = MemoryBus([node, *nodes])
+    try:
+        while node.status().state != "finished":
+            news.clear()
+            with collect("node", "chain") as spans:
+                messages = bus.advance()
+            bus.log.clear()
+            if messages:
+                yield Step(messages, spans)
+            elif not news.wait(PATIENCE_S):
+                raise TimeoutError(f"{camera.source} gave nothing for {PATIENCE_S} s")
+    finally:
+        node.close()
+
+
+def track_again(messages: Iterable[Message], config: TrackerConfig) -> list[Tracks]:
+    """Return what another tracker makes of the same detections and embeddings."""
+    node = TrackerNode(config, make_tracker(config))
+    taken = [message for message in messages if isinstance(message, node.inputs)]
+    outputs = [output for message in taken for output in node.handle(message, 0)]
+    return [output for output in outputs if isinstance(output, Tracks)]
