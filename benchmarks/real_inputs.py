@@ -6,7 +6,7 @@ annotated pictures go to out/real_inputs/ and stay there, since they show real p
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from benchmarks.by_eye import TORSO_MM, compare, match
 from benchmarks.chain import Step, pipeline, play, track_again
 from benchmarks.table import markdown, write
 from common.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Tracks
+from common.node import Node
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 from services.reid.config import ReidConfig
@@ -166,19 +167,21 @@ def _figures(played: Played, tracks: list[Tracks]) -> list[str]:
     ]
 
 
-def man_in_front(bag: Path, model: str) -> tuple[Detection | None, U8, dict[tuple[int, int], int]]:
+def man_in_front(
+    bag: Path, nodes: Sequence[Node]
+) -> tuple[Detection | None, U8, dict[tuple[int, int], int]]:
     """Find the man in front in a bag of one frame.
 
     Args:
         bag: One of the TUE bags.
-        model: Name in the manifest or path of an .onnx file.
+        nodes: The detector and whatever follows it.
 
     Returns:
         The man, None if not found; the annotated picture; the depth [mm] at the pixels picked by
         hand on his torso.
     """
     pixels = list(TORSO_MM[bag.stem])
-    steps = play(lockstep(bag), pipeline(DetectorConfig(model=model)))
+    steps = play(lockstep(bag), nodes)
     messages = [message for step in steps for message in step.messages]
     (frame,) = (m for m in messages if isinstance(m, RgbdFrame))
     (detections,) = (m for m in messages if isinstance(m, Detections))
@@ -193,11 +196,12 @@ def man_in_front(bag: Path, model: str) -> tuple[Detection | None, U8, dict[tupl
 def bag_rows(shared: Path) -> Iterator[list[str]]:
     """Yield a row for each bag: depth read by hand, and forward distance by each model."""
     pictures = []
+    chains = [pipeline(DetectorConfig(model=model)) for model in models(shared).values()]
     for stem in TORSO_MM:
         bag = shared / "data" / "rgbd" / "tue" / f"{stem}.bag"
         cells, readings = [], ""
-        for model in models(shared).values():
-            man, image, torso_mm = man_in_front(bag, model)
+        for nodes in chains:
+            man, image, torso_mm = man_in_front(bag, nodes)
             readings = ", ".join(f"{mm / 1000:.2f} at {u},{v}" for (u, v), mm in torso_mm.items())
             by_hand_m = float(np.median(list(torso_mm.values()))) / 1000
             placed = man is not None and man.position_m is not None
@@ -205,7 +209,7 @@ def bag_rows(shared: Path) -> Iterator[list[str]]:
             cells.append(f"{forward_m:.2f} ({forward_m - by_hand_m:+.2f})" if placed else "none")
             pictures.append(shrink(image, 480))
         yield [stem, readings, *cells]
-    columns = len(models(shared))
+    columns = len(chains)
     rows = [np.hstack(pictures[k : k + columns]) for k in range(0, len(pictures), columns)]
     save(OUT / "tue.png", np.vstack(rows))
 
