@@ -53,6 +53,7 @@ def main(
         stream=sys.stderr,
     )
     cv2.setNumThreads(1)
+    _on_stop_signals(lambda: sys.exit(0))  # until there is a loop to stop
     try:
         config = load(kind, service, flags.config, flags.set)
         bus = ZenohBus(read_config(flags.zenoh, mode), flags.robot)
@@ -60,7 +61,7 @@ def main(
             node = build(config)
             bus.announce(service, flags.instance)
             loop = Loop(node, bus, Place(service, flags.instance, socket.gethostname()), workers)
-            _stop_on_signals(loop)
+            _on_stop_signals(loop.stop)
             log.info("started")
             loop.run()
             log.info("stopped")
@@ -72,9 +73,9 @@ def main(
     return 0
 
 
-def _stop_on_signals(loop: Loop) -> None:
+def _on_stop_signals(stop: Callable[[], None]) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: loop.stop())
+        signal.signal(number, lambda *_: stop())
 
 
 def _parser(service: str) -> argparse.ArgumentParser:

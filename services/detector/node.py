@@ -113,7 +113,8 @@ class DetectorNode:
             height=info.height,
             people=detections,
         )
-        return (result, self._crops(people, frame)) if self._config.crops else (result,)
+        # Crops first: what the tracker waits for longest is on its way soonest.
+        return (self._crops(people, frame), result) if self._config.crops else (result,)
 
     def _find(self, frame: RgbdFrame) -> list[Person]:
         """Return the people in the colour image; none, counted, if the model fails."""
