@@ -118,7 +118,8 @@ def _draw_track(image: U8, track: Track, view: View | None) -> None:
             [np.cos(track.yaw_rad), np.sin(track.yaw_rad), 0.0]
         )
         ends = view.pixels(np.stack([track.position_m, tip]))
-        if ends is not None:
+        # Of a person right before the camera it would cross the whole picture.
+        if ends is not None and np.linalg.norm(ends[1] - ends[0]) < image.shape[1] / 3:
             _draw_arrow(image, ends, colour)
 
 

@@ -15,6 +15,7 @@ from services.report.topdown import Walks, draw_map
 
 COLUMNS = 4
 GAP = 8  # [px] between tiles
+TALLEST = 2  # times its width: a tile of a stranger image is squeezed
 HEAD = 60  # [px] height of the head line
 PANEL = 600  # [px] least height of map and figures
 LINE = 24  # [px] from one line of text to the next
@@ -34,7 +35,7 @@ class Tile:
 
 def shrink(image: U8, width: int) -> U8:
     """Return an image scaled to a width in pixels, its proportions kept."""
-    height = max(1, round(image.shape[0] * width / image.shape[1]))
+    height = min(max(1, round(image.shape[0] * width / image.shape[1])), TALLEST * width)
     small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.uint8)
 

@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.chain import pipeline, play
 from common.codec import encode
+from common.config import load
 from common.geometry import wrap
 from common.messages import (
     Detections,
@@ -34,11 +35,11 @@ from services.tracker.registry import make_tracker
 
 DEMO = Path(__file__).parents[2] / "deploy" / "demo" / "two_people.mcap"
 FRAMES = 75
-NOISE = {"sigma_acceleration_mps2": 3.0, "sigma_measurement_m": 0.3}  # less lag than the paper's
+SETTINGS = DEMO.parents[1] / "config" / "people4d.toml"  # what `people4d up` runs with
 
 
 def tracker_config() -> TrackerConfig:
-    return msgspec.convert({"strongsort3d": NOISE}, TrackerConfig)
+    return load(TrackerConfig, "tracker", SETTINGS, environment={})
 
 
 def run(max_frames: int = 0) -> list[Message]:
