@@ -1,7 +1,6 @@
 """The few lines a planner needs: people as they are told, on any machine."""
 
 import os
-import threading
 import time
 from collections.abc import Iterator
 from typing import TypeVar
@@ -73,12 +72,7 @@ class Client:
 
     def _subscribe(self, topic: Topic) -> Subscription:
         subscription = self.bus.subscribe(topic)
-
-        def receive() -> None:
-            for key, payload in subscription:
-                self.inbox.put(topic, key, payload)
-
-        threading.Thread(target=receive, name=topic.name, daemon=True).start()
+        self.inbox.follow(subscription, topic)
         return subscription
 
 

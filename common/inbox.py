@@ -6,6 +6,7 @@ import time
 from collections import Counter, deque
 from dataclasses import dataclass
 
+from common.bus import Subscription
 from common.codec import decode
 from common.errors import DecodeError
 from common.messages import Message, RgbdFrame
@@ -80,6 +81,15 @@ class Inbox:
                 self.counters[f"dropped_{topic.name}"] += 1
             queue.append(arrival)
             self._changed.notify()
+
+    def follow(self, subscription: Subscription, topic: Topic) -> None:
+        """Put what comes on a subscription, in a thread of its own, until that is closed."""
+
+        def receive() -> None:
+            for key, payload in subscription:
+                self.put(topic, key, payload)
+
+        threading.Thread(target=receive, name=topic.name, daemon=True).start()
 
     def get(self, timeout_s: float | None) -> Arrival | None:
         """Take the message that waits longest.

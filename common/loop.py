@@ -75,12 +75,7 @@ class Loop:
 
     def _subscribe(self, topic: Topic) -> Subscription:
         subscription = self._bus.subscribe(topic)
-
-        def receive() -> None:
-            for key, payload in subscription:
-                self.inbox.put(topic, key, payload)
-
-        threading.Thread(target=receive, name=topic.name, daemon=True).start()
+        self.inbox.follow(subscription, topic)
         return subscription
 
     def _serve(self) -> None:

@@ -21,6 +21,7 @@ from common.topics import BY_MESSAGE, Topic, prefix
 BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")
 
 CONFIGS = Path(__file__).resolve().parents[1] / "deploy" / "zenoh"
+CLOSE_S = 2.0
 UNFIT = {("connect", "router"), ("listen", "client")}
 
 
@@ -91,12 +92,14 @@ class ZenohSubscription:
     def __init__(self, subscriber: Any) -> None:
         self._subscriber = subscriber
         self._closed = False
+        self._receiving = threading.Lock()
 
     def __iter__(self) -> Iterator[tuple[str, bytes]]:
         """Yield key and payload until closed."""
         while not self._closed:
             try:
-                sample = self._subscriber.handler.recv()
+                with self._receiving:
+                    sample = self._subscriber.handler.recv()
             except zenoh.ZError:
                 return
             if sample.kind == zenoh.SampleKind.PUT:
@@ -107,6 +110,9 @@ class ZenohSubscription:
         if not self._closed:
             self._closed = True
             self._subscriber.undeclare()
+            # Python aborts if it ends while a thread is still inside of Zenoh.
+            if self._receiving.acquire(timeout=CLOSE_S):
+                self._receiving.release()
 
 
 class ZenohBus:
