@@ -3,6 +3,7 @@
 import struct
 from dataclasses import dataclass, field
 from io import BytesIO
+from pathlib import Path
 from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
@@ -10,7 +11,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header
 
-from common.errors import DecodeError
+from common.errors import DecodeError, SourceError
 
 MAGIC = b"\x89MCAP0\r\n"
 MAX_HEADER_BYTES = 2**20  # of a header or channel record
@@ -42,6 +43,23 @@ class Index:
     entries: list[Entry] = field(default_factory=list)
     truncated: bool = False  # the file is cut short or damaged; what lies before is there
     topics: dict[int, str] = field(default_factory=dict)  # by number of the channel
+
+
+def read_profile(path: Path) -> str:
+    """Return the profile that an MCAP file names at its start: "people4d", "ros2", empty if none.
+
+    Raises:
+        SourceError: The file cannot be read or is not an MCAP file.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(256)
+    except OSError as error:
+        raise SourceError(f"source {path} cannot be read: {error.strerror}") from error
+    if not head.startswith(MAGIC) or len(head) < 21:
+        raise SourceError(f"source {path} is not an MCAP file", "It may be cut or of another kind.")
+    length = int.from_bytes(head[17:21], "little")  # after magic (8), opcode (1), length (8)
+    return head[21 : 21 + length].decode("utf-8", "replace")
 
 
 def scan(file: BinaryIO) -> Index:

@@ -1,6 +1,5 @@
 """The sources by name, and how one is found from a path."""
 
-import importlib
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -8,7 +7,9 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from common import registry
 from common.errors import ConfigError, SourceError
+from common.mcap_index import read_profile
 from services.camera.source import Source
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -16,7 +17,6 @@ T = TypeVar("T", bound=msgspec.Struct)
 Factory = Callable[[str, Mapping[str, Any]], Source]
 
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 def _recording(path: str, options: Mapping[str, Any]) -> Source:
@@ -87,7 +87,7 @@ def kind_of(source: str) -> str:
     if path.suffix in (".bag", ".db3"):
         return "rosbag"
     if path.suffix == ".mcap":
-        return "rosbag" if _mcap_profile(path).startswith("ros") else "recording"
+        return "rosbag" if read_profile(path).startswith("ros") else "recording"
     raise SourceError(
         f"source {source} is no recording that is known",
         "Known are .bag, .db3, .mcap, folders of a ROS 2 bag and folders of images.",
@@ -107,26 +107,12 @@ def read_options(kind: type[T], options: Mapping[str, Any]) -> T:
         raise ConfigError(f"options of the source: {error}", f"Options are {names}.") from error
 
 
-def _mcap_profile(path: Path) -> str:
-    """Return the profile that an MCAP file names at its start, empty if it has none."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(256)
-    except OSError as error:
-        raise SourceError(f"source {path} cannot be read: {error.strerror}") from error
-    if not head.startswith(MCAP_MAGIC) or len(head) < 21:
-        raise SourceError(f"source {path} is not an MCAP file", "It may be cut or of another kind.")
-    length = int.from_bytes(head[17:21], "little")  # after magic (8), opcode (1), length (8)
-    return head[21 : 21 + length].decode("utf-8", "replace")
-
-
 def _plugin(name: str, options: Mapping[str, Any]) -> Source:
-    module, _, kind = name.partition(":")
     try:
-        factory = getattr(importlib.import_module(module), kind)
-    except (ImportError, AttributeError) as error:
+        factory = registry.find("camera", {}, name)
+    except ConfigError as error:
         raise SourceError(
-            f"camera {name} cannot be imported: {error}",
+            error.problem,
             "Its folder must be on PYTHONPATH, its SDK installed in this environment.",
         ) from error
     try:

@@ -1,7 +1,6 @@
 """The tracking methods by name."""
 
-import importlib
-
+from common import registry
 from common.errors import ConfigError
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Need, Tracker
@@ -22,18 +21,7 @@ def make_tracker(config: TrackerConfig) -> Tracker:
         ConfigError: The name is unknown, the module or class cannot be found, or the tracker needs
             a stream that this service does not deliver.
     """
-    place = TRACKERS.get(config.tracker, config.tracker)
-    module_name, separator, class_name = place.partition(":")
-    if not separator:
-        raise ConfigError(
-            f"tracker {config.tracker!r} is unknown",
-            f"Choose {', '.join(TRACKERS)}, or module:Class of your own.",
-        )
-    try:
-        kind = getattr(importlib.import_module(module_name), class_name)
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(f"tracker {config.tracker!r} cannot be loaded: {error}") from error
-    tracker: Tracker = kind(config)
+    tracker: Tracker = registry.find("tracker", TRACKERS, config.tracker)(config)
     if Need.ODOMETRY in tracker.needs:
         raise ConfigError(
             f"tracker {config.tracker!r} needs odometry, which the service does not deliver"

@@ -151,9 +151,9 @@ def test_plugin_gets_its_options() -> None:
         open_source(name, options={"count": -1})
     with pytest.raises(SourceError, match="unexpected keyword argument 'size'"):
         open_source(name, options={"size": 3})
-    with pytest.raises(SourceError, match="cannot be imported"):
+    with pytest.raises(SourceError, match="cannot be loaded"):
         open_source("no_such_module:Camera")
-    with pytest.raises(SourceError, match="cannot be imported"):
+    with pytest.raises(SourceError, match="cannot be loaded"):
         open_source(f"{__name__}:NoSuchClass")
     with pytest.raises(SourceError, match=r"is not a services.camera.source.Source"):
         open_source("builtins:dict")

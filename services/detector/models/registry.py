@@ -1,12 +1,11 @@
 """The people models by kind, and loading one as configured."""
 
-import importlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
-from common import weights
-from common.errors import ConfigError, ModelError
+from common import registry, weights
+from common.errors import ModelError
 from common.inference import Array, OnnxSession, Session
 from services.detector.models.base import ModelSettings, PersonModel
 from services.detector.models.network import ImageInput
@@ -61,17 +60,7 @@ def find_factory(kind: str) -> Factory:
     Raises:
         ConfigError: The kind is unknown or cannot be imported.
     """
-    place = MODELS.get(kind, kind)
-    module, separator, name = place.partition(":")
-    if not separator:
-        raise ConfigError(
-            f"kind {kind!r} is no people model",
-            f"Choose {', '.join(MODELS)}, or module:Class of your own.",
-        )
-    try:
-        factory: Factory = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(f"people model {kind} cannot be imported: {error}") from error
+    factory: Factory = registry.find("people model", MODELS, kind)
     return factory
 
 
