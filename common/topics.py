@@ -33,7 +33,8 @@ class Topic:
         rate_hz: Expected rate of one publisher; 0 if sent once.
         delivery: "newest": the newest message wins, older ones are dropped and counted;
             "queue": kept in order up to depth; "latched": sent once, late joiners get the last.
-        depth: Messages that a subscriber keeps while it is busy.
+        depth: Messages that a subscriber keeps while it is busy; of "newest" only those that must
+            not be skipped (lock-step), else one.
         producer: Service that publishes it.
     """
 
@@ -67,8 +68,8 @@ class _Fields(dict[str, str]):
 
 # fmt: off
 TOPICS: tuple[Topic, ...] = (
-    Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 2, "camera"),
-    Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 2, "camera"),
+    Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 32, "camera"),
+    Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 32, "camera"),
     Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera"),
     Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera"),
     Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera"),

@@ -22,6 +22,7 @@ BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")
 
 CONFIGS = Path(__file__).resolve().parents[1] / "deploy" / "zenoh"
 CLOSE_S = 2.0
+NEWEST = 2  # frames that Zenoh keeps for a reader; the inbox keeps what must not be skipped
 UNFIT = {("connect", "router"), ("listen", "client")}
 
 
@@ -77,7 +78,8 @@ def _open(config: zenoh.Config) -> zenoh.Session:
         if "listener" in str(error):
             raise People4dError(
                 f"Zenoh cannot listen ({_told(error)})",
-                "Does another router run on this host (people4d ps)? Else set PEOPLE4D_LISTEN.",
+                "Does another router run on this host (people4d ps)? Else take another port "
+                "(people4d up --port, or PEOPLE4D_LISTEN).",
             ) from error
         raise People4dError(
             f"no Zenoh session with {endpoints} ({_told(error)})",
@@ -151,7 +153,9 @@ class ZenohBus:
     def subscribe(self, topic: Topic) -> ZenohSubscription:
         """Receive a topic; of a latched one the last message of each key comes first."""
         key = topic.key_expression(self.robot)
-        channel: Any = zenoh.handlers.RingChannel(topic.depth)
+        channel: Any = zenoh.handlers.RingChannel(
+            NEWEST if topic.delivery == "newest" else topic.depth
+        )
         subscriber: Any
         if topic.delivery == "latched":
             history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)

@@ -12,10 +12,10 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
-from common.errors import ConfigError, People4dError
+from common.errors import ConfigError
 from deploy.cli.options import Robot
 from deploy.launcher.health import Heartbeats
-from deploy.launcher.launcher import Launcher, stop
+from deploy.launcher.launcher import TAIL_LINES, Launcher, LaunchError, stop, tail
 from deploy.launcher.plan import (
     CAMERA,
     COMPOSE_FILE,
@@ -30,6 +30,8 @@ from deploy.launcher.plan import (
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
 
+# In lock-step nobody waits for the result: the same recording gives the same tracks on any machine.
+PATIENCE = "tracker.embedding_wait_s=4.0"
 DEMO = COMPOSE_FILE.parent / "demo" / "two_people.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 DRAIN_TIMEOUT_S = 120.0
@@ -95,6 +97,7 @@ def up(
     }
     settings = [setting(name, text) for name, text in texts.items() if text]
     settings += [f"{CAMERA}.loop=true"] if loop else []
+    settings += [PATIENCE] if playback == "lockstep" else []
     wish = Wish(
         robot=robot,
         host=host,
@@ -121,6 +124,7 @@ def demo(
     settings = [
         setting(f"{CAMERA}.source", str(DEMO)),
         setting(f"{CAMERA}.playback", "lockstep"),
+        PATIENCE,
         setting("gt_bridge.truth", str(DEMO)),
     ]
     wish = Wish(robot=robot, port=port or _free_port(), settings=settings, report=report)
@@ -194,10 +198,10 @@ def _watch(launcher: Launcher) -> None:
 
 def _print_summary(folder: Path, state: State) -> None:
     summary = folder / "summary.txt"
-    if not summary.is_file():
-        raise People4dError(
-            f"no report was written to {folder}", f"See {state.log_of(f'{REPORT}-1')}"
-        )
+    if not (folder / "summary.json").is_file():  # written last
+        log = state.log_of(f"{REPORT}-1")
+        problem = f"the report in {folder} is not complete"
+        raise LaunchError(problem, f"The whole log: {log}", tail(log, TAIL_LINES))
     console.print(summary.read_text(encoding="utf-8").rstrip(), markup=False)
 
 

@@ -16,7 +16,7 @@ from common.codec import decode
 from common.errors import ConfigError, People4dError
 from common.messages import CameraInfo, Message, RgbdFrame, StaticTransform, Truth
 from common.topics import BY_NAME
-from common.zenoh_bus import ZenohBus, read_config
+from common.zenoh_bus import NEWEST, ZenohBus, read_config
 from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.network import WAIT_S, Network, Watcher, free_port
 
@@ -93,7 +93,7 @@ def test_of_frames_a_busy_subscriber_gets_the_newest(network: Network) -> None:
     camera.publish(EXAMPLES["Truth"])
     marks.wait(Truth)
     waiting = iter(frames)
-    got = [decode(next(waiting)[1]).sequence for _ in range(BY_NAME["frames"].depth)]
+    got = [decode(next(waiting)[1]).sequence for _ in range(NEWEST)]
     assert got == [8, 9]
 
 
