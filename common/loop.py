@@ -65,8 +65,10 @@ class Loop:
             self._drain()
             for helper in helpers:
                 helper.join()
-            self._node.close()
-            heartbeat.close()
+            try:
+                self._node.close()
+            finally:
+                heartbeat.close()
 
     def stop(self) -> None:
         """End `run`; may be called from a signal handler or another thread."""
@@ -91,8 +93,9 @@ class Loop:
                 self._handle(arrival)
             outputs, spans = self._ask(lambda: self._node.tick(time.monotonic_ns()))
             self._publish(outputs, spans)
-            if self._node.status().state == "finished":
-                log.info("finished")
+            status = self._node.status()
+            if status.state == "finished":
+                log.info("finished%s", f": {status.reason}" if status.reason else "")
                 return
 
     def _drain(self) -> None:

@@ -6,6 +6,7 @@ depth PNG already) and each is a record of its own, so that a crash costs at mos
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
@@ -36,6 +37,7 @@ class RecordingWriter:
     """
 
     def __init__(self, path: Path, quality: int = 90) -> None:
+        self._path = path
         self._quality = quality
         self._channels: dict[str, int] = {}
         try:
@@ -57,22 +59,43 @@ class RecordingWriter:
         Args:
             message: The message.
             log_time_ns: When it was received, on the clock that orders the recording.
+
+        Raises:
+            SourceError: The file cannot be written, for example because the disk is full.
         """
         if isinstance(message, RgbdFrame):
             message = compress(message, self._quality)
-        self._writer.add_message(
-            self._channel(message),
-            log_time=max(log_time_ns, 0),
-            data=encode(message),
-            publish_time=max(message.stamp_ns, 0),
-            sequence=message.sequence & 0xFFFFFFFF,
-        )
+        with self._told():
+            self._writer.add_message(
+                self._channel(message),
+                log_time=max(log_time_ns, 0),
+                data=encode(message),
+                publish_time=max(message.stamp_ns, 0),
+                sequence=message.sequence & 0xFFFFFFFF,
+            )
 
     def close(self) -> None:
-        """Finish and close the file."""
+        """Finish and close the file; does nothing after it could not be written.
+
+        Raises:
+            SourceError: The file cannot be written.
+        """
         if not self._file.closed:
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._file.close()
+            with self._told():
+                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._file.close()
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            with suppress(OSError):  # it is closed even if the rest cannot be written
+                self._file.close()
+            raise SourceError(
+                f"recording {self._path} cannot be written: {error.strerror}",
+                "What was written before can be read.",
+            ) from error
 
     def __enter__(self) -> Self:
         return self

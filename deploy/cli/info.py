@@ -39,11 +39,17 @@ def _facts(description: Description) -> Table:
         "mounted in": description.mounted_in or "unknown: say it with camera.mount_xyz_m, _rpy_rad",
         "odometry": "yes" if description.has_odometry else "no",
         "truth": "yes" if description.has_truth else "no",
-        "can be played": f"no: {description.problem}" if description.problem else "yes",
+        "can be played": _playable(description),
     }
     for name, value in rows.items():
         table.add_row(f"[bold]{name}[/]", value)
     return table
+
+
+def _playable(description: Description) -> str:
+    if description.problem:
+        return f"no: {description.problem}"
+    return "up to where it is cut short" if description.cut_short else "yes"
 
 
 def _camera(description: Description) -> str:

@@ -170,7 +170,9 @@ class Launcher:
                 raise self._failure(process.name, f"failed: {problem}")
             if process.finished and process.name not in self._finished:
                 self._finished.add(process.name)
-                self._progress(process.name, "finished")
+                last = self.heartbeats.of_instance(process.name)
+                why = f": {last.reason}" if last and last.reason else ""
+                self._progress(process.name, f"finished{why}")
             before = self._pids.get(process.name, 0)
             if process.pid and before and process.pid != before:
                 self._restarted.add(process.name)

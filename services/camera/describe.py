@@ -46,6 +46,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     mounted_in: str = ""  # frame that the camera's place is given in; empty if unknown
     has_odometry: bool = False
     has_truth: bool = False  # motion capture, or the virtual lab's
+    cut_short: bool = False  # True: it ends without its end mark; what lies before is there
     problem: str = ""  # why it cannot be played; empty if it can
 
 
@@ -77,6 +78,7 @@ def _recording(path: Path) -> Description:
             frames=sum(t.count for t in topics if t.type in FRAMES),
             has_odometry="odometry" in summary.topics,
             has_truth="truth" in summary.topics,
+            cut_short=summary.truncated,
             problem=problem,
         ),
         source,

@@ -127,8 +127,12 @@ class CameraNode:
         if self._ignored and not reason:
             reason = f"frames get no answer on {self._config.answer}"
         if self._is_finished():
+            if counters["cut_short"]:
+                reason = reason or "the recording is cut short, what lies before was played"
             if not self._sequence:
+                left_out = ", ".join(f"{name} {count}" for name, count in counters.items() if count)
                 reason = reason or "the source had no frame that could be played"
+                reason += f" ({left_out})" if left_out else ""
             return Status(state="finished", reason=reason, counters=counters)
         if reason:
             return Status(state="degraded", reason=reason, counters=counters)

@@ -8,12 +8,13 @@ import cv2
 import msgspec
 import numpy as np
 
-from common.errors import ConfigError
+from common.errors import ConfigError, People4dError
 from common.messages import U8
 from services.report.output import Picture
 from services.report.statistics import Summary
 from services.report.text import text
 
+COMPLETE = "summary.json"  # written last and whole: where it is, the report is complete
 MEASURED = 10  # frames from whose stamps the rate of a video is measured
 HZ_RANGE = 1.0, 120.0
 
@@ -36,6 +37,7 @@ class Folder:
         try:
             path.mkdir(parents=True, exist_ok=True)
             (path / "summary.txt").write_text("The run has not ended yet.\n", encoding="utf-8")
+            (path / COMPLETE).unlink(missing_ok=True)
         except OSError as error:
             raise ConfigError(
                 f"folder {path} cannot be written: {error.strerror}", "Set folder to another one."
@@ -48,14 +50,27 @@ class Folder:
         self._videos[picture.camera].write(picture)
 
     def finish(self, sheet: U8, summary: Summary) -> None:
-        """Write everything else."""
+        """Write everything else.
+
+        Raises:
+            People4dError: A file cannot be written, for example because the disk is full.
+        """
         for video in self._videos.values():
             video.close()
-        cv2.imwrite(str(self._path / "contact_sheet.png"), cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
-        json = msgspec.json.format(msgspec.json.encode(summary), indent=2)
-        (self._path / "summary.json").write_bytes(json + b"\n")
         words = text(summary)
-        (self._path / "summary.txt").write_text(words, encoding="utf-8")
+        json = msgspec.json.format(msgspec.json.encode(summary), indent=2)
+        _, png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
+        try:
+            (self._path / "contact_sheet.png").write_bytes(png.tobytes())
+            (self._path / "summary.txt").write_text(words, encoding="utf-8")
+            part = self._path / f"{COMPLETE}.part"
+            part.write_bytes(json + b"\n")
+            part.replace(self._path / COMPLETE)
+        except OSError as error:
+            raise People4dError(
+                f"the report cannot be written to {self._path}: {error.strerror}",
+                "What lies there is not complete.",
+            ) from error
         sys.stdout.write(words)
         sys.stdout.flush()
 

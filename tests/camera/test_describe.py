@@ -65,3 +65,11 @@ def test_lab(shared: Path) -> None:
     found = describe(shared / "data/lab/two")
     assert (found.frames, found.mounted_in, found.has_truth) == (150, "map", True)
     assert found.duration_s == pytest.approx(149 / 30, abs=1e-3)
+
+
+def test_recording_that_is_cut_short(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "a.mcap")
+    assert not describe(file).cut_short
+    data = file.read_bytes()
+    file.write_bytes(data[: data.rindex(b"CompressedRgbdFrame") + 100])
+    assert describe(file).cut_short

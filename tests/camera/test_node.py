@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -352,3 +353,13 @@ def test_live_camera_ends_after_the_frames_wanted() -> None:
 def test_configuration_is_checked(settings: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="expected"):
         with_(**settings)
+
+
+def test_frames_that_all_have_another_size_are_told_at_the_end() -> None:
+    # The source's calibration says another size than its one capture has.
+    source = MemorySource([capture(0)])
+    source.info = msgspec.structs.replace(source.info, width=source.info.width + 1)
+    with player(START, source) as p:
+        p.play()
+        reason = p.node.status().reason
+    assert reason == "the source had no frame that could be played (wrong_size 1)"

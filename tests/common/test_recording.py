@@ -262,3 +262,15 @@ def test_the_demo_recording() -> None:
     assert set(frames) <= truth
     assert np.allclose(np.diff(frames) / S, 1 / 15, atol=1e-6)
     assert recording.bad_messages == 0
+
+
+def test_a_full_disk_is_told_in_one_sentence() -> None:
+    writer = RecordingWriter(Path("/dev/full"))
+    with pytest.raises(SourceError, match="recording /dev/full cannot be written: No space left"):
+        write_all(writer, 10_000)  # more than any buffer holds
+    writer.close()  # what cannot be written is told once
+
+
+def write_all(writer: RecordingWriter, count: int) -> None:
+    for k in range(count):
+        writer.write(odometry(k), k)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from common.errors import ConfigError
+from common.errors import ConfigError, People4dError
 from common.messages import U8, Message
 from services.report.config import ReportConfig
 from services.report.folder import Folder, frame_rate_hz
@@ -177,3 +177,15 @@ def test_frame_rate() -> None:
 def test_settings_out_of_range(setting: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="expected"):
         ReportConfig(**setting)
+
+
+def test_a_full_disk_ends_in_one_sentence_and_leaves_no_summary_that_looks_complete(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "summary.json").write_text("{}")  # of the run before
+    node = ReportNode(ReportConfig(video=False), Folder(tmp_path))
+    (tmp_path / "summary.txt").unlink()
+    (tmp_path / "summary.txt").symlink_to("/dev/full")
+    with pytest.raises(People4dError, match=r"cannot be written to .*: No space left on device"):
+        run(node, *stream(3))
+    assert not (tmp_path / "summary.json").exists()

@@ -1,0 +1,106 @@
+"""The whole system as people4d up starts it, on the shipped recording, to be broken by tests."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from common.messages import Health, Tracks
+from common.zenoh_bus import ZenohBus, read_config
+from deploy.cli.up import DEMO
+from deploy.launcher.launcher import stop
+from deploy.launcher.state import State
+from deploy.launcher.supervisor import Supervisor
+from tests.network import Watcher, free_port
+
+ROBOT = "broken"
+START_TIMEOUT_S = 60.0
+
+
+class System:
+    """A running system and what is heard of it through its router.
+
+    Args:
+        state: Its folder.
+        connect: Endpoint of its router.
+    """
+
+    def __init__(self, state: State, connect: str) -> None:
+        self.connect = connect
+        self._supervisor = Supervisor(state)
+        self._bus = ZenohBus(read_config(None, "client", {"PEOPLE4D_CONNECT": connect}), ROBOT, 5.0)
+
+    def watch(self, *kinds: type) -> Watcher:
+        """Listen from now on."""
+        return Watcher(self._bus, *kinds)
+
+    def pid(self, service: str) -> int:
+        """Return the process number of a service, 0 while it does not run."""
+        return self._supervisor.processes()[f"{service}-1"].pid
+
+    def signal(self, service: str, number: signal.Signals) -> int:
+        """Send a signal to a service and return the process number that it went to."""
+        pid = self.pid(service)
+        os.kill(pid, number)
+        return pid
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._bus.close()
+
+
+def up(folder: Path, port: int, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run people4d up until it returns."""
+    command = [sys.executable, "-m", "deploy.cli", "up", "--detach"]
+    return subprocess.run(
+        [*command, "--robot", ROBOT, "--port", str(port), "--source", str(DEMO), *arguments],
+        env={**os.environ, "PEOPLE4D_STATE": str(folder), "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=START_TIMEOUT_S,
+        check=False,
+    )
+
+
+@contextmanager
+def running(folder: Path) -> Iterator[System]:
+    """Start the system, playing in a loop; everything has ended after the block."""
+    port, state = free_port(), State(folder / ROBOT)
+    try:
+        done = up(folder, port, "--loop")
+        assert done.returncode == 0, done.stderr
+        system = System(state, f"tcp/127.0.0.1:{port}")
+        try:
+            yield system
+        finally:
+            system.close()
+    finally:
+        stop(state)
+
+
+def seconds(wait: Callable[[], object]) -> float:
+    """Return how long a wait took [s]."""
+    begin_s = time.monotonic()
+    wait()
+    return time.monotonic() - begin_s
+
+
+def seen(tracks: Tracks) -> bool:
+    """Return whether a message shows someone who was seen in its frame."""
+    return any(person.state == "confirmed" for person in tracks.people)
+
+
+def predicted(tracks: Tracks) -> bool:
+    """Return whether a message was made without a frame and shows someone."""
+    return not any(person.state == "confirmed" for person in tracks.people) and any(
+        person.time_since_update_s > 0 for person in tracks.people
+    )
+
+
+def works_again(service: str, pid: int) -> Callable[[Health], bool]:
+    """Return the test whether a heartbeat is of a service that works and has another process."""
+    return lambda h: (h.service, h.state) == (service, "ready") and h.pid != pid

@@ -1,0 +1,166 @@
+"""What docs/faults.md says happens when parts of a running system fail."""
+
+import random
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from common.codec import encode
+from common.messages import Detections, Embeddings, Health, Tracks
+from common.topics import TOPICS
+from common.zenoh_bus import read_config
+from deploy.launcher.state import State
+from tests.contract.examples import BY_NAME
+from tests.integration.system import (
+    ROBOT,
+    System,
+    predicted,
+    running,
+    seconds,
+    seen,
+    up,
+    works_again,
+)
+from tests.network import free_port
+
+# docs/faults.md has the measured times; on a busy machine they may be this much longer.
+BACK_S = 10.0
+
+INPUTS = {
+    "camera": ("people", "detections"),
+    "detector": ("frames", "camera_info"),
+    "reid": ("crops",),
+    "tracker": ("detections", "embeddings", "static_transforms"),
+}
+
+
+def test_up_names_what_is_set_up_wrongly_and_leaves_nothing_running(tmp_path: Path) -> None:
+    done = up(tmp_path, free_port(), "--model", "/none.onnx")
+    assert done.returncode == 1
+    assert "model file /none.onnx does not exist. See: people4d models." in done.stderr
+    assert "error: detector-1 ended before it was ready." in done.stderr
+    assert State(tmp_path / ROBOT).leftovers() == []
+
+
+def test_up_says_that_its_port_is_taken(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        done = up(tmp_path, other.getsockname()[1])
+    assert done.returncode == 1
+    assert "Address already in use" in done.stderr
+    assert "Else take another port (people4d up --port" in done.stderr
+    assert "error: router-1 ended before it was ready." in done.stderr
+    assert State(tmp_path / ROBOT).leftovers() == []
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    with running(tmp_path_factory.mktemp("state")) as started:
+        yield started
+
+
+@pytest.fixture
+def working(system: System) -> System:
+    """The system once people are seen."""
+    system.watch(Tracks).wait(Tracks, seen)
+    return system
+
+
+def told_of_all(service: str, topics: tuple[str, ...]) -> Callable[[Health], bool]:
+    """Return the test whether a service tells that it got bad bytes on all of its topics."""
+    return lambda h: (
+        (h.service, h.state) == (service, "degraded")
+        and all(h.counters.get(f"bad_{topic}") for topic in topics)
+    )
+
+
+def test_bad_bytes_on_every_topic_are_counted_and_people_keep_coming(working: System) -> None:
+    watcher = working.watch(Health, Tracks)
+    chance = random.Random(0)
+    environment = {"PEOPLE4D_CONNECT": working.connect}
+    with zenoh.open(read_config(None, "client", environment)) as outside:
+        watcher.wait(Tracks, seen)
+        for topic in TOPICS:
+            example = BY_NAME[topic.message.__name__]
+            good = encode(example)
+            # A topic that nobody here takes must do no harm either.
+            for payload in (good[: len(good) // 2], chance.randbytes(1000)):
+                outside.put(topic.key_of(example, ROBOT), payload)
+        for service, topics in INPUTS.items():
+            told = working.watch(Health).wait(Health, told_of_all(service, topics))
+            assert told.counters.get("errors", 0) == 0
+            assert "expected" in told.reason
+    watcher.wait(Tracks, seen)
+
+
+def test_a_killed_detector_is_replaced_while_predictions_go_on(working: System) -> None:
+    watcher = working.watch(Tracks, Detections, Health)
+    killed = working.signal("detector", signal.SIGKILL)
+    watcher.wait(Tracks, predicted)
+    tracker = working.pid("tracker")
+    assert seconds(lambda: watcher.wait(Health, works_again("detector", killed))) < BACK_S
+    working.watch(Detections).wait(Detections)
+    watcher.wait(Tracks, seen)
+    assert working.pid("tracker") == tracker
+
+
+def test_without_reid_people_are_tracked_by_motion(working: System) -> None:
+    watcher = working.watch(Tracks, Health)
+    killed = working.signal("reid", signal.SIGKILL)
+    reason = "no embeddings come: people are matched by motion alone"
+    watcher.wait(
+        Health, lambda h: (h.service, h.state, h.reason) == ("tracker", "degraded", reason)
+    )
+    watcher.wait(Tracks, lambda m: seen(m) and not any("reid" in s.stage for s in m.trace))
+    assert seconds(lambda: watcher.wait(Health, works_again("reid", killed))) < BACK_S
+    working.watch(Embeddings).wait(Embeddings)
+    watcher.wait(Tracks, lambda m: seen(m) and any("reid" in s.stage for s in m.trace))
+
+
+def test_a_killed_tracker_begins_its_identities_anew(working: System) -> None:
+    working.signal("tracker", signal.SIGKILL)
+    watcher = working.watch(Tracks)
+    # Its first people need three frames in a row: until then messages are empty.
+    watcher.wait(Tracks, lambda m: not m.people)
+    first = watcher.wait(Tracks, seen)
+    assert min(person.id for person in first.people) == 1
+
+
+def test_a_killed_camera_plays_from_the_beginning(working: System) -> None:
+    watcher = working.watch(Tracks, Detections)
+    before = watcher.wait(Detections)
+    working.signal("camera", signal.SIGKILL)
+    watcher.wait(Tracks, predicted)
+    again = watcher.wait(Detections, lambda m: m.sequence < before.sequence)
+    watcher.wait(Tracks, lambda m: seen(m) and m.stamp_ns >= again.stamp_ns)
+
+
+def test_a_hung_detector_is_silent_and_goes_on_when_it_can(working: System) -> None:
+    watcher = working.watch(Tracks)
+    hung = working.signal("detector", signal.SIGSTOP)
+    try:
+        watcher.wait(Tracks, predicted)
+    finally:
+        working.signal("detector", signal.SIGCONT)
+    working.watch(Detections).wait(Detections)
+    watcher.wait(Tracks, seen)
+    assert working.pid("detector") == hung
+
+
+def test_a_subscriber_hears_people_again_after_the_router_was_killed(working: System) -> None:
+    watcher = working.watch(Tracks, Health)
+    before = watcher.wait(Health, lambda h: h.service == "tracker")
+    killed = working.signal("router", signal.SIGKILL)
+    assert seconds(lambda: watcher.wait(Health, works_again("router", killed))) < BACK_S
+    # The services talk on among themselves: none was started anew, none stood still.
+    after = watcher.wait(
+        Health, lambda h: h.service == "tracker" and h.stamp_ns > before.stamp_ns + 2 * 10**9
+    )
+    assert after.pid == before.pid
+    elapsed_s = (after.stamp_ns - before.stamp_ns) / 1e9
+    sent = after.counters["sent_people"] - before.counters["sent_people"]
+    assert sent / elapsed_s > 5  # 15 frames a second come
+    working.watch(Tracks).wait(Tracks, seen)
