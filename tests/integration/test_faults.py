@@ -120,13 +120,11 @@ def test_without_reid_people_are_tracked_by_motion(working: System) -> None:
     watcher.wait(Tracks, lambda m: seen(m) and any("reid" in s.stage for s in m.trace))
 
 
-def test_a_killed_tracker_begins_its_identities_anew(working: System) -> None:
-    working.signal("tracker", signal.SIGKILL)
-    watcher = working.watch(Tracks)
-    # Its first people need three frames in a row: until then messages are empty.
-    watcher.wait(Tracks, lambda m: not m.people)
-    first = watcher.wait(Tracks, seen)
-    assert min(person.id for person in first.people) == 1
+def test_a_killed_tracker_is_replaced_and_finds_the_people_again(working: System) -> None:
+    watcher = working.watch(Tracks, Health)
+    killed = working.signal("tracker", signal.SIGKILL)
+    assert seconds(lambda: watcher.wait(Health, works_again("tracker", killed))) < BACK_S
+    working.watch(Tracks).wait(Tracks, seen)
 
 
 def test_a_killed_camera_plays_from_the_beginning(working: System) -> None:
