@@ -1,7 +1,6 @@
 """One RGB-D frame from camera to detector: our bus beside pyzmq, same codec, same run."""
 
 import multiprocessing
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ import zmq
 from benchmarks.table import markdown, quantiles, spread, write
 from common.codec import decode, encode
 from common.messages import RgbdFrame
+from common.ports import free_port
 from common.topics import BY_MESSAGE
 from common.zenoh_bus import ZenohBus, read_config
 
@@ -111,9 +111,7 @@ def measure(name: str) -> tuple[list[float], int]:
     Returns:
         Time from before encoding to after decoding of each frame [ms], and the frames lost.
     """
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     here, there = multiprocessing.Pipe()
     sender = multiprocessing.Process(target=camera, args=(name, port, there), daemon=True)
     sender.start()

@@ -3,7 +3,6 @@
 import contextlib
 import itertools
 import queue
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from typing import Any, TypeVar
 from common.codec import decode
 from common.errors import DecodeError
 from common.messages import Health, Message
+from common.ports import free_port
 from common.topics import BY_MESSAGE, TOPICS
 from common.zenoh_bus import ZenohBus, read_config
 
@@ -19,13 +19,6 @@ WAIT_S = 10.0
 
 M = TypeVar("M", bound=Message)
 _robots = itertools.count(1)
-
-
-def free_port() -> int:
-    """Return a port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Network:

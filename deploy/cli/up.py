@@ -2,7 +2,6 @@
 
 import re
 import signal
-import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ import typer
 from rich.console import Console
 
 from common.errors import ConfigError
+from common.ports import free_port
 from deploy.cli.options import Robot
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import TAIL_LINES, Launcher, LaunchError, stop, tail
@@ -127,16 +127,8 @@ def demo(
         PATIENCE,
         setting("gt_bridge.truth", str(DEMO)),
     ]
-    wish = Wish(robot=robot, port=port or _free_port(), settings=settings, report=report)
+    wish = Wish(robot=robot, port=port or free_port(), settings=settings, report=report)
     _launch(wish, START_TIMEOUT_S, detach=False)
-
-
-def _free_port() -> int:
-    """Return a port that nobody uses now, so that a demo disturbs no running system."""
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 def _resolve(source: str) -> str:

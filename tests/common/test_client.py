@@ -9,8 +9,9 @@ import pytest
 from common.client import Client, subscribe
 from common.errors import ConfigError, People4dError
 from common.messages import Health, Message, Tracks, Truth
+from common.ports import free_port
 from tests.contract.examples import BY_NAME
-from tests.network import Network, free_port
+from tests.network import Network
 
 
 @pytest.fixture(scope="module")

@@ -19,10 +19,11 @@ from common.messages import Health, Message, Tracks, Truth
 from common.messages.base import MAX_TRACE
 from common.node import Node
 from common.place import Place
+from common.ports import free_port
 from services.router.__main__ import RouterConfig, build
 from tests.common.nodes import Echo, Source, detections
 from tests.contract.examples import SPAN
-from tests.network import WAIT_S, Network, Watcher, free_port
+from tests.network import WAIT_S, Network, Watcher
 
 PLACE = Place("echo", "echo-1", "robot")
 

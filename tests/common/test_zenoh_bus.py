@@ -15,10 +15,11 @@ import zenoh
 from common.codec import decode
 from common.errors import ConfigError, People4dError
 from common.messages import CameraInfo, Message, RgbdFrame, StaticTransform, Truth
+from common.ports import free_port
 from common.topics import BY_NAME
 from common.zenoh_bus import NEWEST, ZenohBus, read_config
 from tests.contract.examples import BY_NAME as EXAMPLES
-from tests.network import WAIT_S, Network, Watcher, free_port
+from tests.network import WAIT_S, Network, Watcher
 
 
 @pytest.fixture(scope="module")

@@ -12,26 +12,15 @@ from common.bus import MemoryBus
 from common.config import load
 from common.errors import ConfigError, ModelError
 from common.geometry import apply, invert
-from common.messages import U8, CameraInfo, Crops, Detections, Message, RgbdFrame, Span
+from common.messages import U8, Crops, Detections, Message, RgbdFrame, Span
 from services.detector.__main__ import build
 from services.detector.config import DetectorConfig
 from services.detector.models import InstanceMask, Person
 from services.detector.node import DetectorNode
 from services.detector.position import KeypointRule
+from tests.detector.cameras import INFO, lab_info
 
 M = TypeVar("M", bound=Message)
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=40,
-    height=60,
-    fx=50.0,
-    fy=50.0,
-    cx=20.0,
-    cy=30.0,
-)
 
 
 @dataclass
@@ -272,19 +261,7 @@ def test_the_default_model_places_people_of_the_simulated_room(shared: Path) -> 
     # Measured over all frames: 0.105 m median, nearly all of it the distance from surface to axis.
     folder = shared / "data" / "lab" / "two"
     truth = np.load(folder / "gt.npz")
-    fx, fy, cx, cy = map(float, truth["K"])
-    info = CameraInfo(
-        stamp_ns=0,
-        sequence=0,
-        camera="lab",
-        frame_id="lab",
-        width=640,
-        height=480,
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-    )
+    info = lab_info(truth["K"])
     bus = MemoryBus([build(DetectorConfig(crops=False))])
     bus.publish(info)
     errors, expected = [], 0

@@ -8,6 +8,7 @@ from common.geometry import apply, invert
 from common.messages import F32, F64, U8, CameraInfo
 from services.detector.models import InstanceMask
 from services.detector.position import KeypointRule, keypoint_mean, mask_centroid, read_depth
+from tests.detector.cameras import lab_info
 
 # X = (u - 2) Z / 2, Y = (v - 2) Z / 2
 INFO = CameraInfo(
@@ -161,19 +162,7 @@ def test_positions_in_the_simulated_room_lie_on_the_surface(shared: Path) -> Non
     # camera; that no error is far beyond says that frames, units and axes agree.
     folder = shared / "data" / "lab" / "two"
     truth = np.load(folder / "gt.npz")
-    fx, fy, cx, cy = map(float, truth["K"])
-    info = CameraInfo(
-        stamp_ns=0,
-        sequence=0,
-        camera="lab",
-        frame_id="lab",
-        width=640,
-        height=480,
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-    )
+    info = lab_info(truth["K"])
     errors = []
     for frame in range(0, 150, 15):
         depth = np.asarray(cv2.imread(str(folder / "depth" / f"{frame:05d}.png"), -1), np.uint16)

@@ -4,22 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from common.messages import F32, U8, U16, CameraInfo
+from common.messages import F32, U8, U16
 from services.detector.models import InstanceMask, Person
 from services.detector.silhouette import GrowthRule, fill_holes, grow_mask
+from tests.detector.cameras import INFO
 
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=40,
-    height=60,
-    fx=50.0,
-    fy=50.0,
-    cx=20.0,
-    cy=30.0,
-)
 FIXED = GrowthRule(step_per_m2=0.0)  # the paper's 10 mm at any distance
 
 

@@ -10,12 +10,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from common.messages import Health, Tracks
+from common.ports import free_port
 from common.zenoh_bus import ZenohBus, read_config
 from deploy.cli.up import DEMO
 from deploy.launcher.launcher import stop
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
-from tests.network import Watcher, free_port
+from tests.network import Watcher
 
 ROBOT = "broken"
 START_TIMEOUT_S = 60.0

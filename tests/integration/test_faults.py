@@ -11,6 +11,7 @@ import zenoh
 
 from common.codec import encode
 from common.messages import Detections, Embeddings, Health, Tracks
+from common.ports import free_port
 from common.topics import TOPICS
 from common.zenoh_bus import read_config
 from deploy.launcher.state import State
@@ -25,7 +26,6 @@ from tests.integration.system import (
     up,
     works_again,
 )
-from tests.network import free_port
 
 # docs/faults.md has the measured times; on a busy machine they may be this much longer.
 BACK_S = 10.0
