@@ -1,0 +1,1 @@
+"""A virtual motion-capture lab: RGB-D video of walking people with exact truth."""
