@@ -189,13 +189,14 @@ class TruthPerson(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     position_m: F64  # [m] 3, torso, frame: Truth.frame_id
     velocity_mps: F64 | None = None  # [m/s] 3, frame: Truth.frame_id; absent if unknown
     yaw_rad: float | None = None  # [rad] of the chest, 0 = +x, counter-clockwise; absent if unknown
+    path_yaw_rad: float | None = None  # [rad] of the way walked, likewise; absent if unknown
 
     def __post_init__(self) -> None:
         """Check shapes and numbers."""
         check_shape("position_m", self.position_m, (3,))
         check_shape("velocity_mps", self.velocity_mps, (3,))
         check_finite("position_m, velocity_mps", self.position_m, self.velocity_mps)
-        check_finite("yaw_rad", self.yaw_rad)
+        check_finite("yaw_rad, path_yaw_rad", self.yaw_rad, self.path_yaw_rad)
 
 
 class Truth(Message, frozen=True, kw_only=True):
