@@ -1,5 +1,6 @@
 """Truth from people_msgs/People in ROS 1 and ROS 2 bags."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -100,11 +101,22 @@ def _truth(message: Any, sequence: int) -> Truth:
                 id=person.name,
                 position_m=_vector(person.position),
                 velocity_mps=_vector(person.velocity),
+                yaw_rad=_yaw_rad(person),
             )
             for person in message.people
             if np.all(np.isfinite([_vector(person.position), _vector(person.velocity)]))
         ),
     )
+
+
+def _yaw_rad(person: Any) -> float | None:
+    """Return the yaw from the tag that exported recordings have, None if there is none."""
+    tags = dict(zip(person.tagnames, person.tags, strict=False))
+    try:
+        yaw_rad = float(tags.get("yaw_rad", "nan"))
+    except ValueError:
+        return None
+    return yaw_rad if math.isfinite(yaw_rad) else None
 
 
 def _vector(point: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
