@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
+from common.drawing.people import View, annotate
+from common.drawing.tiles import Tile, shrink
 from common.geometry import invert
 from common.messages import (
     CameraInfo,
@@ -16,10 +18,9 @@ from common.messages import (
 )
 from common.node import Status
 from services.report.config import ReportConfig
-from services.report.draw import View, annotate
 from services.report.join import Join, Moment
 from services.report.output import Output, Picture
-from services.report.sheet import Tile, contact_sheet, shrink
+from services.report.sheet import contact_sheet
 from services.report.spread import Spread
 from services.report.statistics import Statistics
 from services.report.trails import Trails

@@ -4,9 +4,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from common.drawing.topdown import Walks
 from common.messages import F64, StaticTransform, Tracks, Truth
 from services.report.spread import Spread
-from services.report.topdown import Walks
 
 K = TypeVar("K")
 

@@ -4,14 +4,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from common.drawing.palette import INK, PAPER, PEOPLE, WHITE, colour_of, ink_on
+from common.drawing.people import View, annotate
+from common.drawing.tiles import Tile, shrink
+from common.drawing.topdown import Walks, draw_map
 from common.geometry import invert
 from common.messages import U8
-from services.report.draw import View, annotate
 from services.report.join import Moment
-from services.report.palette import INK, PAPER, PEOPLE, WHITE, colour_of, ink_on
-from services.report.sheet import Tile, contact_sheet, shrink
+from services.report.sheet import contact_sheet
 from services.report.statistics import Statistics
-from services.report.topdown import Walks, draw_map
 from tests.report.builders import (
     MAP_FROM_OPTICAL,
     detection,

@@ -1,4 +1,4 @@
-"""Colours of the report, red first."""
+"""Colours of all pictures, red first."""
 
 Colour = tuple[int, int, int]
 

@@ -1,11 +1,11 @@
-"""Text and lines on an image; these draw in place, see draw.py for pictures."""
+"""Text and lines on an image; these draw in place, see people.py for pictures."""
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from common.drawing.palette import INK, Colour, ink_on
 from common.messages import U8
-from services.report.palette import INK, Colour, ink_on
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 UNIT_PX = 22.0  # [px] height of a line of text at scale 1 of the font, about

@@ -1,0 +1,53 @@
+"""Small pictures in rows, each with a caption."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from common.drawing.palette import PAPER, Colour
+from common.drawing.strokes import put_label
+from common.messages import U8
+
+GAP = 8  # [px] between tiles
+TALLEST = 2  # times its width: a tile of a stranger image is squeezed
+EDGE: Colour = (60, 66, 74)
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """One annotated frame, already as small as it is shown."""
+
+    image: U8  # HxWx3, red first
+    caption: str
+
+
+def shrink(image: U8, width: int) -> U8:
+    """Return an image scaled to a width in pixels, its proportions kept."""
+    height = min(max(1, round(image.shape[0] * width / image.shape[1])), TALLEST * width)
+    small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.uint8)
+
+
+def grid(tiles: Sequence[Tile], columns: int) -> U8:
+    """Lay tiles out in rows; the tallest sets the height of all.
+
+    Args:
+        tiles: At least one, all of one width.
+        columns: Tiles in a row, at most.
+
+    Returns:
+        HxWx3, red first.
+    """
+    columns = min(columns, len(tiles))
+    rows = -(-len(tiles) // columns)
+    height, width = max(t.image.shape[0] for t in tiles), tiles[0].image.shape[1]
+    shape = rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3
+    page = np.full(shape, PAPER, np.uint8)
+    for k, tile in enumerate(tiles):
+        top, left = (GAP + k // columns * (height + GAP)), (GAP + k % columns * (width + GAP))
+        place = page[top : top + tile.image.shape[0], left : left + width]
+        place[:] = tile.image[:, :width]
+        put_label(place, tile.caption, (0, place.shape[0]), 11, EDGE)
+    return page
