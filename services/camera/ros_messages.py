@@ -157,13 +157,13 @@ class RosMessages:
         return self.transforms([moved], odometry.stamp_ns)
 
     def truth(self, truth: Truth) -> Any:
-        """Return motion capture as people_msgs/People; the tag yaw_rad tells the yaw."""
+        """Return motion capture as people_msgs/People; tags tell the yaw of chest and way."""
         people = [
             self._person(
                 person.id,
                 (person.position_m, person.velocity_mps),
                 1.0,
-                {} if person.yaw_rad is None else {"yaw_rad": repr(person.yaw_rad)},
+                _tags(yaw_rad=person.yaw_rad, path_yaw_rad=person.path_yaw_rad),
             )
             for person in truth.people
         ]
@@ -176,8 +176,7 @@ class RosMessages:
                 str(track.id),
                 (track.position_m, track.velocity_mps),
                 track.score,
-                {"state": track.state}
-                | ({} if track.yaw_rad is None else {"yaw_rad": repr(track.yaw_rad)}),
+                {"state": track.state} | _tags(yaw_rad=track.yaw_rad),
             )
             for track in tracks.people
         ]
@@ -230,3 +229,8 @@ class RosMessages:
     def _vector(self, kind: str, values: npt.ArrayLike) -> Any:
         x, y, z = np.asarray(values, np.float64).tolist()
         return self._make(f"geometry_msgs/msg/{kind}", x=x, y=y, z=z)
+
+
+def _tags(**numbers: float | None) -> dict[str, str]:
+    """Write the numbers that are known, exactly."""
+    return {name: repr(float(value)) for name, value in numbers.items() if value is not None}

@@ -101,7 +101,8 @@ def _truth(message: Any, sequence: int) -> Truth:
                 id=person.name,
                 position_m=_vector(person.position),
                 velocity_mps=_vector(person.velocity),
-                yaw_rad=_yaw_rad(person),
+                yaw_rad=_angle(person, "yaw_rad"),
+                path_yaw_rad=_angle(person, "path_yaw_rad"),
             )
             for person in message.people
             if np.all(np.isfinite([_vector(person.position), _vector(person.velocity)]))
@@ -109,14 +110,14 @@ def _truth(message: Any, sequence: int) -> Truth:
     )
 
 
-def _yaw_rad(person: Any) -> float | None:
-    """Return the yaw from the tag that exported recordings have, None if there is none."""
+def _angle(person: Any, tag: str) -> float | None:
+    """Return an angle from a tag that exported recordings have, None if there is none."""
     tags = dict(zip(person.tagnames, person.tags, strict=False))
     try:
-        yaw_rad = float(tags.get("yaw_rad", "nan"))
+        angle_rad = float(tags.get(tag, "nan"))
     except ValueError:
         return None
-    return yaw_rad if math.isfinite(yaw_rad) else None
+    return angle_rad if math.isfinite(angle_rad) else None
 
 
 def _vector(point: Any) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -77,6 +77,7 @@ def truth(k: int) -> Truth:
         position_m=np.array([3.0, 0.1 * k, 1.2]),
         velocity_mps=np.array([0.0, 1.0, 0.0]),
         yaw_rad=1.0 / 3.0,
+        path_yaw_rad=-0.1,
     )
     return Truth(stamp_ns=START_NS + k * S // 100, sequence=k, frame_id="map", people=(walker,))
 
@@ -197,6 +198,7 @@ def test_truth_comes_back_with_its_yaw(recording: Path, tmp_path: Path) -> None:
         assert (got.stamp_ns, got.frame_id) == (want.stamp_ns, want.frame_id)
         assert got.people[0].id == "anna"
         assert got.people[0].yaw_rad == want.people[0].yaw_rad
+        assert got.people[0].path_yaw_rad == want.people[0].path_yaw_rad
         assert np.array_equal(got.people[0].position_m, want.people[0].position_m)
         assert np.array_equal(got.people[0].velocity_mps, want.people[0].velocity_mps)  # type: ignore[arg-type]
 
