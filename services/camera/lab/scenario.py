@@ -138,3 +138,17 @@ def load_scenario(name: str) -> Scenario:
         raise ConfigError(f"there is no scenario {name}", f"There are {names}.") from error
     except (OSError, ValueError) as error:
         raise ConfigError(f"scenario {path}: {error}") from error
+
+
+def split_seed(name: str) -> tuple[str, int | None]:
+    """Split the name or path of a scenario from the seed that may follow it, NAME@SEED.
+
+    Raises:
+        ConfigError: What follows is no seed.
+    """
+    scenario, separator, seed = name.rpartition("@")
+    if not separator:
+        return name, None
+    if not seed.isdecimal():
+        raise ConfigError(f"scenario {name}: expected a whole number after @, got {seed!r}")
+    return scenario, int(seed)
