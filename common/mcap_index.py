@@ -9,14 +9,15 @@ from typing import BinaryIO
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header
+from mcap.records import Channel, Header, Metadata
 
 from common.errors import DecodeError, SourceError
 
 MAGIC = b"\x89MCAP0\r\n"
-MAX_HEADER_BYTES = 2**20  # of a header or channel record
+MAX_HEADER_BYTES = 2**20  # of a header, channel or metadata record
 MAX_MESSAGES = 10_000_000  # 90 hours of frames at 30 Hz; bounds the memory of the index
 MAX_CHANNELS = 4096
+MAX_NOTES = 256
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -43,6 +44,7 @@ class Index:
     entries: list[Entry] = field(default_factory=list)
     truncated: bool = False  # the file is cut short or damaged; what lies before is there
     topics: dict[int, str] = field(default_factory=dict)  # by number of the channel
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
 
 
 def read_profile(path: Path) -> str:
@@ -103,7 +105,7 @@ def _record(file: BinaryIO, position: int, end: int, index: Index) -> int | None
     if start + size > end or opcode not in _OPCODES:
         index.truncated = True
         return None
-    if opcode in (Opcode.HEADER, Opcode.CHANNEL):
+    if opcode in (Opcode.HEADER, Opcode.CHANNEL, Opcode.METADATA):
         _describe(opcode, _small(file, size), index)
     elif opcode == Opcode.MESSAGE:
         _message(file, start, size, index)
@@ -127,6 +129,12 @@ def _describe(opcode: int, record: ReadDataStream, index: Index) -> None:
     if opcode == Opcode.HEADER:
         index.profile = Header.read(record).profile
         return
+    if opcode == Opcode.METADATA:
+        note = Metadata.read(record)
+        index.notes[note.name] = note.metadata
+        if len(index.notes) > MAX_NOTES:
+            raise DecodeError(f"it has more than {MAX_NOTES} metadata records")
+        return
     channel = Channel.read(record)
     index.topics[channel.id] = channel.topic
     if len(index.topics) > MAX_CHANNELS:
@@ -135,7 +143,9 @@ def _describe(opcode: int, record: ReadDataStream, index: Index) -> None:
 
 def _small(file: BinaryIO, size: int) -> ReadDataStream:
     if size > MAX_HEADER_BYTES:
-        raise DecodeError(f"it has a header of {size} bytes, more than {MAX_HEADER_BYTES}")
+        raise DecodeError(
+            f"it has a header or metadata of {size} bytes, more than {MAX_HEADER_BYTES}"
+        )
     return ReadDataStream(BytesIO(file.read(size)))
 
 

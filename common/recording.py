@@ -5,7 +5,7 @@ that a recording replays under any robot's name. Messages are not compressed (co
 depth PNG already) and each is a record of its own, so that a crash costs at most the last one.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -73,6 +73,19 @@ class RecordingWriter:
                 publish_time=max(message.stamp_ns, 0),
                 sequence=message.sequence & 0xFFFFFFFF,
             )
+
+    def note(self, name: str, values: Mapping[str, str]) -> None:
+        """Write down what holds for the whole recording, best before the first message.
+
+        Args:
+            name: What the note is about; a later note of the same name replaces it.
+            values: Text by name.
+
+        Raises:
+            SourceError: The file cannot be written.
+        """
+        with self._told():
+            self._writer.add_metadata(name, dict(values))
 
     def close(self) -> None:
         """Finish and close the file; does nothing after it could not be written.
@@ -152,6 +165,11 @@ class Recording:
             duration_s=(last.log_time_ns - first.log_time_ns) / 1e9 if first and last else 0.0,
             truncated=self._index.truncated,
         )
+
+    @property
+    def notes(self) -> Mapping[str, Mapping[str, str]]:
+        """What was noted for the whole recording, by name (the file's metadata records)."""
+        return self._index.notes
 
     def messages(self, *types: type[Message]) -> Iterator[tuple[int, Message]]:
         """Iterate over messages in the order of their log time.

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from services.camera.describe import Description, describe
+from services.camera.lab.note import LabNote
 
 
 def info(
@@ -41,9 +42,18 @@ def _facts(description: Description) -> Table:
         "truth": "yes" if description.has_truth else "no",
         "can be played": _playable(description),
     }
+    if description.lab:
+        rows["simulated"] = _simulated(description.lab)
     for name, value in rows.items():
         table.add_row(f"[bold]{name}[/]", value)
     return table
+
+
+def _simulated(note: LabNote) -> str:
+    depth = "stored clean, the sensor's errors are added on playing"
+    if note.depth == "measured":
+        depth = "with the sensor's errors"
+    return f"scenario {note.scenario}, seed {note.seed}; depth {depth}"
 
 
 def _playable(description: Description) -> str:

@@ -7,14 +7,16 @@ from itertools import count
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
 from common.errors import ConfigError
-from common.images import decompress
-from common.messages import CompressedRgbdFrame, Message, RgbdFrame
+from common.images import decompress, encode_png16
+from common.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
 from common.recording import Recording, open_recording
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.record import kinds_of
+from services.camera.lab.note import CleanDepth, read_note
 
 MEET_S = 1.0
 
@@ -24,6 +26,10 @@ def replay(
     topics: Annotated[
         str, typer.Option(help="Topics with commas between; frames come as recorded. All if none.")
     ] = "",
+    clean_depth: Annotated[
+        bool,
+        typer.Option("--clean-depth", help="Simulated depth as stored, without a sensor's errors."),
+    ] = False,
     speed: Annotated[float, typer.Option(min=0.01, help="Times the recorded rate.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Again and again, until Ctrl-C.")] = False,
     hold_s: Annotated[
@@ -41,18 +47,53 @@ def replay(
         raise ConfigError(
             f"{file} holds no message of {topics or 'any topic'}", f"It holds {found}."
         )
+    sensors = {} if clean_depth else clean_cameras(recording)
     sent = 0
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
         # Subscribers and this publisher need a moment to learn of each other.
         time.sleep(MEET_S)
         for _ in count() if loop else range(1):
             for message in paced(recording, wanted, speed):
-                if isinstance(message, CompressedRgbdFrame) and (not kinds or RgbdFrame in kinds):
-                    message = decompress(message)
+                if isinstance(message, CompressedRgbdFrame):
+                    pixels = not kinds or RgbdFrame in kinds
+                    message = frame_of(message, sensors.get(message.camera), pixels)
                 client.bus.publish(message)
                 sent += 1
         time.sleep(hold_s)
     typer.echo(f"Published {sent} messages.")
+
+
+def clean_cameras(recording: Recording) -> dict[str, CleanDepth]:
+    """Return what reads the clean depth of each camera; none if depth is not clean.
+
+    Raises:
+        SourceError: The recording's note of its simulation is damaged.
+    """
+    note = read_note(recording)
+    if note is None or note.depth != "clean":
+        return {}
+    infos = [info for _, info in recording.messages(CameraInfo) if isinstance(info, CameraInfo)]
+    return {info.camera: CleanDepth(note, info) for info in infos}
+
+
+def frame_of(message: CompressedRgbdFrame, clean: CleanDepth | None, pixels: bool) -> Message:
+    """Return a recorded frame as it is to be published.
+
+    Args:
+        message: As recorded.
+        clean: Reads its depth as a sensor would; None if depth is as a sensor read it.
+        pixels: Whether it goes out with its pixels, or compressed.
+
+    Raises:
+        DecodeError: An image is corrupt.
+    """
+    if clean is None:
+        return decompress(message) if pixels else message
+    frame = decompress(message)
+    depth_mm = clean.measure(frame.depth_mm, frame.stamp_ns)
+    if pixels:
+        return msgspec.structs.replace(frame, depth_mm=depth_mm)
+    return msgspec.structs.replace(message, depth_png=encode_png16(depth_mm))
 
 
 def paced(

@@ -11,6 +11,7 @@ from common.messages import CameraInfo
 from common.recording import open_recording
 from common.topics import prefix, topic_of_key
 from services.camera.folder import TRACK, FolderOptions, FolderSource
+from services.camera.lab.note import LabNote
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros_bag import open_bag
 from services.camera.ros_camera import RosbagOptions
@@ -46,6 +47,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     mounted_in: str = ""  # frame that the camera's place is given in; empty if unknown
     has_odometry: bool = False
     has_truth: bool = False  # motion capture, or the virtual lab's
+    lab: LabNote | None = None  # of a simulated recording: scenario, seed, depth sensor
     cut_short: bool = False  # True: it ends without its end mark; what lies before is there
     problem: str = ""  # why it cannot be played; empty if it can
 
@@ -78,6 +80,7 @@ def _recording(path: Path) -> Description:
             frames=sum(t.count for t in topics if t.type in FRAMES),
             has_odometry="odometry" in summary.topics,
             has_truth="truth" in summary.topics,
+            lab=source.note if source else None,
             cut_short=summary.truncated,
             problem=problem,
         ),

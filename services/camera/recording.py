@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, Literal, TypeVar
 
 import msgspec
 
@@ -18,6 +18,7 @@ from common.messages import (
     StaticTransform,
 )
 from common.recording import open_recording
+from services.camera.lab.note import CleanDepth, read_note
 from services.camera.source import Capture, Source
 
 M = TypeVar("M", bound=Message)
@@ -27,6 +28,10 @@ class RecordingOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     """What can be chosen in a recording."""
 
     camera: str = ""  # name of the camera to play; may be empty where there is only one
+    # Simulated recordings hold depth without errors. auto: the errors of a depth sensor are added,
+    # those that the recording names; off: depth comes as stored.
+    depth_sensor: Literal["auto", "off"] = "auto"
+    sensor: dict[str, Any] = {}  # errors to change, see lab.depth_config.DepthSensorConfig
 
 
 class RecordingSource(Source):
@@ -34,10 +39,12 @@ class RecordingSource(Source):
 
     Args:
         path: The file.
-        options: Which camera.
+        options: Which camera, and what becomes of simulated depth.
 
     Raises:
-        SourceError: The file is not a recording, or has no such camera.
+        SourceError: The file is not a recording, or has no such camera, or is simulated and its
+            note of that is damaged.
+        ConfigError: The errors of the depth sensor cannot be changed so.
     """
 
     def __init__(self, path: Path, options: RecordingOptions) -> None:
@@ -52,6 +59,10 @@ class RecordingSource(Source):
                 "Set options.camera to one of them." if infos else "Record camera_info too.",
             )
         self.info = infos[self._camera]
+        self.note = read_note(self._recording) if options.depth_sensor == "auto" else None
+        self._clean = None
+        if self.note and self.note.depth == "clean":
+            self._clean = CleanDepth(self.note, self.info, options.sensor)
         self.transforms = [
             transform
             for transform in self._all(StaticTransform)
@@ -74,12 +85,15 @@ class RecordingSource(Source):
     def _capture(self, message: Message) -> Capture | None:
         try:
             frame = decompress(message) if isinstance(message, CompressedRgbdFrame) else message
+            if not isinstance(frame, RgbdFrame):
+                return None
+            depth_mm = frame.depth_mm
+            if self._clean:
+                depth_mm = self._clean.measure(depth_mm, frame.stamp_ns)
         except DecodeError:
             self.counters["bad_images"] += 1
             return None
-        if not isinstance(frame, RgbdFrame):
-            return None
-        return Capture(frame.rgb, frame.depth_mm, frame.stamp_ns)
+        return Capture(frame.rgb, depth_mm, frame.stamp_ns)
 
     def _all(self, kind: type[M]) -> Iterator[M]:
         for _, message in self._recording.messages(kind):

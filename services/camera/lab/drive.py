@@ -97,7 +97,8 @@ class BasePath:
     def pose(self, t_s: float) -> tuple[float, float, float]:
         """Return x and y in metres and the heading in (-pi, pi], frame: map."""
         x, y = self._start_m + self._place(t_s)
-        return float(x), float(y), wrap(self._yaw_rad + self.travel(np.array([t_s]))[0, 1])
+        turned_rad = float(self.travel(np.array([t_s]))[0, 1])
+        return float(x), float(y), wrap(self._yaw_rad + turned_rad)
 
     def twist(self, t_s: float) -> tuple[float, float]:
         """Return the forward speed in m/s and the turn rate in rad/s, counter-clockwise."""
