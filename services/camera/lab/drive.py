@@ -46,7 +46,7 @@ class Profile:
 
     def speed(self, t_s: F64) -> F64:
         """Return the speed at times."""
-        speed = np.full(len(t_s), self.first)
+        speed = np.full(len(t_s), self.first, np.float64)
         for step, middle_s, length_s in self._ramps():
             speed += step * (1 - np.cos(np.pi * _done(t_s, middle_s, length_s))) / 2
         return speed
