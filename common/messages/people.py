@@ -54,6 +54,8 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     keypoints: F32 | None = None  # [px] 17x3: u, v, confidence (0 to 1), COCO order; absent if none
     mask: Mask | None = None  # instance mask; absent if the model gives none
     position_m: F64 | None = None  # [m] 3, frame: camera optical; absent if depth gave none
+    heading: F64 | None = None  # 3, unit, frame: camera optical; way the chest faces, or absent
+    heading_sigma_rad: float | None = None  # [rad] standard deviation about the vertical, or absent
 
     def __post_init__(self) -> None:
         """Check shapes and numbers."""
@@ -62,6 +64,12 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         check_shape("keypoints", self.keypoints, (17, 3))
         check_shape("position_m", self.position_m, (3,))
         check_finite("keypoints, position_m", self.keypoints, self.position_m)
+        check_shape("heading", self.heading, (3,))
+        check_finite("heading, heading_sigma_rad", self.heading, self.heading_sigma_rad)
+        if self.heading is not None and abs(np.linalg.norm(self.heading) - 1) > 1e-3:
+            raise ValueError(f"heading: expected unit length, got {np.linalg.norm(self.heading)}")
+        if self.heading_sigma_rad is not None and self.heading_sigma_rad <= 0:
+            raise ValueError(f"heading_sigma_rad: expected > 0, got {self.heading_sigma_rad}")
         if not 0 <= self.score <= 1:
             raise ValueError(f"score: expected 0 to 1, got {self.score}")
 
@@ -143,7 +151,7 @@ class Track(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     position_m: F64  # [m] 3, frame: Tracks.frame_id
     velocity_mps: F64  # [m/s] 3, frame: Tracks.frame_id
     covariance: F64  # [m, m/s] 6x6 of position and velocity, frame: Tracks.frame_id
-    yaw_rad: float | None  # [rad] heading, 0 = +x, counter-clockwise, (-pi, pi]; absent if standing
+    yaw_rad: float | None  # [rad] way faced, 0 = +x, counter-clockwise, (-pi, pi]; absent: unknown
     hits: int  # frames in which the person was matched
     age: int  # frames since the track began
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame

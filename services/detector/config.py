@@ -5,6 +5,7 @@ from typing import Literal
 import msgspec
 
 from services.detector.models.base import ModelSettings
+from services.detector.orientation import FaceRule, OrientationRule
 from services.detector.position import KeypointRule
 from services.detector.silhouette import GrowthRule
 
@@ -15,6 +16,10 @@ from services.detector.silhouette import GrowthRule
 KEYPOINT_RULES = {
     "movenet": KeypointRule(confidence_min=0.3, window_px=5, torso_gap_max_m=0.6),
 }
+
+# MoveNet is as confident of a hidden ear as of one it sees: by visibility it tells the side of 370
+# views in the simulated room no better than a coin does, by the nose in 96 of 100 views.
+FACE_RULES = {"movenet": FaceRule(cue="nose", confidence_min=0.3)}
 
 
 class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
@@ -28,6 +33,7 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     keypoint_confidence_min: float | None = None  # 0 to 1 (section 2: 0.6); absent: suits the model
     keypoint_window_px: int | None = None  # [px] odd window of a keypoint's depth; absent: suits
     torso_gap_max_m: float | None = None  # [m] keypoint to torso in depth; absent: suits the model
+    orientation: OrientationRule = OrientationRule()  # way the chest faces (section 6)
     growth: GrowthRule = GrowthRule()  # how a "grown" mask grows (section 8.2)
     crops: bool = True  # send the pictures of people that re-identification needs
     crop_height_max_px: int = 256  # [px] higher crops are scaled down to this height
@@ -55,3 +61,9 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
             "torso_gap_max_m": self.torso_gap_max_m,
         }
         return msgspec.structs.replace(rule, **{k: v for k, v in told.items() if v is not None})
+
+    def orientation_rule(self, model: str) -> OrientationRule:
+        """Return how the way a person faces is read; the face as told, else as suits the model."""
+        rules = [rule for name, rule in FACE_RULES.items() if model.startswith(name)]
+        face = self.orientation.face or (rules[0] if rules else FaceRule())
+        return msgspec.structs.replace(self.orientation, face=face)

@@ -1,4 +1,4 @@
-"""RGB-D frames to people with positions, and their pictures."""
+"""RGB-D frames to people with positions and headings, and their pictures."""
 
 import logging
 import threading
@@ -22,6 +22,7 @@ from common.trace import span
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person
 from services.detector.models.base import Person, PersonModel
+from services.detector.orientation import Angle, heading_vector, orientation
 from services.detector.position import keypoint_mean, mask_centroid
 from services.detector.silhouette import grow_mask
 
@@ -29,14 +30,14 @@ log = logging.getLogger("people4d")
 
 
 class DetectorNode:
-    """Finds people in each frame and reads their positions from depth.
+    """Finds people in each frame and reads from depth where they are and which way they face.
 
     Cameras may be several; each frame needs the CameraInfo of its camera before it. `handle` may be
     called from several threads at once if the model may.
 
     Args:
         model: Finds people in the colour image.
-        config: How positions are read and whether crops are sent.
+        config: How positions and headings are read and whether crops are sent.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
@@ -45,6 +46,7 @@ class DetectorNode:
         self._model = model
         self._config = config
         self._rule = config.keypoint_rule(model.name)
+        self._orientation = config.orientation_rule(model.name)
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
         self._counters: Counter[str] = Counter()
@@ -102,6 +104,7 @@ class DetectorNode:
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
+            self._counters["with_heading"] += sum(d.heading is not None for d in detections)
         result = Detections(
             stamp_ns=frame.stamp_ns,
             sequence=frame.sequence,
@@ -138,14 +141,22 @@ class DetectorNode:
         return replace(person, mask=grow_mask(person, frame.depth_mm, info, self._config.growth))
 
     def _detection(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Detection:
-        mask = person.mask
+        mask, facing = person.mask, self._facing(person, frame, info)
         return Detection(
             box_xyxy_px=person.box_xyxy_px,
             score=person.score,
             keypoints=person.keypoints,
             mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),
             position_m=self._position(person, frame, info),
+            heading=None if facing is None else heading_vector(facing.rad),
+            heading_sigma_rad=None if facing is None else facing.sigma_rad,
         )
+
+    def _facing(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Angle | None:
+        if person.keypoints is None:
+            return None
+        rule = self._orientation
+        return orientation(person.keypoints, frame.depth_mm, info, rule, self._rule).fused
 
     def _position(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> F64 | None:
         method = self._config.position

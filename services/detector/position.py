@@ -79,15 +79,23 @@ def keypoint_mean(
     Source:
         Method book section 2, pose method.
     """
-    pixels = keypoints[:, :2].astype(np.float64)
-    depth_m = read_depth(pixels, depth_mm, info.max_depth_m, rule.window_px)
+    depth_m = keypoint_depth(keypoints, depth_mm, info, rule)
+    used = np.isfinite(depth_m)
+    if not used.any():
+        return None
+    mean: F64 = deproject(keypoints[used, :2], depth_m[used], info).mean(axis=0)
+    return mean
+
+
+def keypoint_depth(keypoints: F32, depth_mm: U16, info: CameraInfo, rule: KeypointRule) -> F64:
+    """Return the depth read at each keypoint: 17 in metres, NaN where the rule refuses it."""
+    depth_m = read_depth(
+        keypoints[:, :2].astype(np.float64), depth_mm, info.max_depth_m, rule.window_px
+    )
     used = (keypoints[:, 2] > rule.confidence_min) & np.isfinite(depth_m)
     if used.any():
         used &= np.abs(depth_m - _torso_depth(depth_m, used)) <= rule.torso_gap_max_m
-    if not used.any():
-        return None
-    mean: F64 = deproject(pixels[used], depth_m[used], info).mean(axis=0)
-    return mean
+    return np.where(used, depth_m, np.nan)
 
 
 def read_depth(pixels: F64, depth_mm: U16, max_depth_m: float, window_px: int = 1) -> F64:

@@ -152,6 +152,7 @@ def test_frames_before_the_calibration_are_dropped_and_said() -> None:
         "no_calibration": 1,
         "people": 1,
         "with_position": 1,
+        "with_heading": 1,
     }
 
 
@@ -175,7 +176,13 @@ def test_without_depth_people_are_sent_without_positions() -> None:
     detections = only(Detections, MemoryBus([detector]).publish(INFO, frame(depth_mm=0)))
     assert [found.position_m for found in detections.people] == [None, None]
     status = detector.status()
-    assert status.counters == {"frames": 1, "no_depth": 1, "people": 2, "with_position": 0}
+    assert status.counters == {
+        "frames": 1,
+        "no_depth": 1,
+        "people": 2,
+        "with_position": 0,
+        "with_heading": 0,
+    }
     assert (status.state, "depth image is empty" in status.reason) == ("degraded", True)
 
 
@@ -216,7 +223,12 @@ def test_threads_may_share_the_node() -> None:
     with ThreadPoolExecutor(4) as pool:
         sequences = list(pool.map(work, range(0, 200, 50)))
     assert set().union(*sequences) == set(range(200))
-    assert detector.status().counters == {"frames": 200, "people": 200, "with_position": 200}
+    assert detector.status().counters == {
+        "frames": 200,
+        "people": 200,
+        "with_position": 200,
+        "with_heading": 200,
+    }
 
 
 def test_keypoint_rule_suits_the_model_unless_told() -> None:
