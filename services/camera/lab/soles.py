@@ -1,0 +1,42 @@
+"""The skeleton of a dressed body: joints as baked, heel, ball and toe on the shoe's sole."""
+
+import numpy as np
+
+from common.messages import F64
+from services.camera.lab.figure import Figure
+from services.camera.lab.materials import Material
+from services.camera.lab.mesh import I32
+from services.camera.lab.posture import Skeleton
+
+BALL = 0.69  # of the way from heel to toe, where the foot rolls
+
+
+def make_skeleton(figure: Figure, vertices: F64, faces: I32, material: I32) -> Skeleton:
+    """Return the joints in the neutral posture.
+
+    Args:
+        figure: The baked body.
+        vertices: Vx3 of the dressed body.
+        faces: Fx3.
+        material: F.
+    """
+    joints = figure.joints_m
+    shoes = vertices[np.unique(faces[material == Material.SHOE])]
+    soles = shoes[shoes[:, 2] < shoes[:, 2].min() + 0.003]
+    heel, toe = np.empty((2, 3)), np.empty((2, 3))
+    for row, left in enumerate((1.0, -1.0)):
+        sole = soles[soles[:, 1] * left > 0]
+        heel[row], toe[row] = sole[sole[:, 0].argmin()], sole[sole[:, 0].argmax()]
+    return Skeleton(
+        hip=joints["hip"],
+        knee=joints["knee"],
+        ankle=joints["ankle"],
+        heel=heel,
+        ball=heel + BALL * (toe - heel),
+        toe=toe,
+        waist=joints["waist"],
+        shoulder=joints["shoulder"],
+        elbow=joints["elbow"],
+        wrist=joints["wrist"],
+        stature_m=float(np.ptp(vertices[:, 2])),
+    )
