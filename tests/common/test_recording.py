@@ -70,6 +70,25 @@ def write_mcap(
     return path
 
 
+def test_notes_come_back(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "x.mcap") as writer:
+        writer.note("lab", {"seed": "1"})
+        writer.write(odometry(1), S)
+        writer.note("lab", {"seed": "2", "größe": ""})
+        writer.note("place", {})
+    recording = open_recording(tmp_path / "x.mcap")
+    assert recording.notes == {"lab": {"seed": "2", "größe": ""}, "place": {}}
+    assert (len(list(recording.messages())), recording.summary.truncated) == (1, False)
+
+
+def test_too_many_notes_are_refused(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "x.mcap") as writer:
+        for k in range(257):
+            writer.note(str(k), {})
+    with pytest.raises(SourceError, match="more than 256 metadata records"):
+        open_recording(tmp_path / "x.mcap")
+
+
 def test_messages_come_back_by_log_time(tmp_path: Path) -> None:
     path = write(
         tmp_path / "sub/x.mcap",
