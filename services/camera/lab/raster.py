@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from common.messages import F32, F64, CameraInfo
+from common.messages import F32, F64
 from services.camera.lab.bands import in_bands
 from services.camera.lab.mesh import I32
 
@@ -42,19 +42,17 @@ class Raster:
             return np.float32(1.0) / self.inverse_depth
 
 
-def homogeneous_pixels(points_m: F64, optical_from_points: F64, info: CameraInfo) -> F64:
-    """Return the corners q of triangles for `rasterise`; lens distortion is not drawn.
+def homogeneous(points_m: F64, pixels_from_points: F64) -> F64:
+    """Return the corners q of triangles for `rasterise`.
 
     Args:
         points_m: Nx3 in any frame.
-        optical_from_points: 4x4.
-        info: Calibration.
+        pixels_from_points: 3x4 projection, the camera matrix times the transform to its frame.
 
     Returns:
         Nx3: (u z, v z, z) of each point.
     """
-    camera = np.array([[info.fx, 0.0, info.cx], [0.0, info.fy, info.cy], [0.0, 0.0, 1.0]])
-    matrix = camera @ optical_from_points[:3]
+    matrix = pixels_from_points
     return np.ascontiguousarray(points_m @ matrix[:, :3].T + matrix[:, 3])
 
 
@@ -62,7 +60,7 @@ def rasterise(corners: F64, faces: I32, size: tuple[int, int], threads: int = 1)
     """Draw triangles; both sides of each are seen.
 
     Args:
-        corners: Vx3, see `homogeneous_pixels`; pixel (u, v) has its centre at whole numbers.
+        corners: Vx3, see `homogeneous`; pixel (u, v) has its centre at whole numbers.
         faces: Fx3 indices of corners.
         size: Height and width of the image.
         threads: Number of threads.

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from common.geometry import deproject, project
+from common.geometry import camera_matrix, deproject, project
 from common.messages import F64, CameraInfo
 from services.camera.lab.mesh import Mesh
-from services.camera.lab.raster import barycentrics, homogeneous_pixels, rasterise
+from services.camera.lab.raster import barycentrics, homogeneous, rasterise
 from services.camera.lab.renderer import body_extents, draw_depth
 
 INFO = CameraInfo(
@@ -160,7 +160,7 @@ def test_threads_do_not_change_the_result() -> None:
 
 def test_barycentrics_give_the_point_seen() -> None:
     triangle = mesh([[[-0.9, -0.7, 2.0], [1.1, -0.5, 3.0], [0.1, 1.0, 2.5]]])
-    corners = homogeneous_pixels(triangle.vertices_m, np.eye(4), INFO)
+    corners = homogeneous(triangle.vertices_m, camera_matrix(INFO) @ np.eye(4)[:3])
     depth = rasterise(corners, triangle.faces, SIZE).depth_m()
     b, c = barycentrics(corners, triangle.faces[0], 40.0, 30.0)
     point = np.array([1 - b - c, b, c]) @ triangle.vertices_m

@@ -1,0 +1,91 @@
+"""Shadow maps: how far each light sees, and how much of it a point sees."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+
+from common.messages import F32, F64
+from services.camera.lab.materials import Material
+from services.camera.lab.mesh import Mesh
+from services.camera.lab.raster import homogeneous, rasterise
+from services.camera.lab.rooms import Light, Room
+
+SIDE_PX = 768  # of a map
+HALF_VIEW_RAD = math.radians(66)  # of a map, both ways
+BIAS_M = 0.025  # a surface casts no shadow on itself
+TAPS = 12  # readings of the map for a point at the rim of a shadow
+CASTS_NONE = (Material.PAINT, Material.LAMP)  # walls have nothing behind them
+
+# Offsets of the readings, on a spiral that fills the unit disc evenly.
+_TURN = np.arange(TAPS) * (math.pi * (3 - math.sqrt(5)))
+SPIRAL: F64 = np.sqrt((np.arange(TAPS) + 0.5) / TAPS)[:, None] * np.column_stack(
+    [np.cos(_TURN), np.sin(_TURN)]
+)
+
+
+def pixels_from_map(light: Light) -> F64:
+    """Return the 3x4 projection into a light's map; it looks where the light shines."""
+    forward = light.towards
+    right = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
+    right /= np.linalg.norm(right)
+    rotation = np.array([right, np.cross(forward, right), forward])
+    focal_px, centre_px = SIDE_PX / 2 / math.tan(HALF_VIEW_RAD), (SIDE_PX - 1) / 2
+    camera = np.array([[focal_px, 0, centre_px], [0, focal_px, centre_px], [0, 0, 1.0]])
+    projection: F64 = camera @ np.column_stack([rotation, -rotation @ light.position_m])
+    return projection
+
+
+def shadow_map(meshes: Sequence[Mesh], projection: F64, threads: int = 1) -> F32:
+    """Return the inverse distance [1/m] to the nearest surface along a light's axis; 0: none."""
+    nearest = np.zeros((SIDE_PX, SIDE_PX), np.float32)
+    for mesh in meshes:
+        corners = homogeneous(mesh.vertices_m, projection)
+        drawn = rasterise(corners, mesh.faces, nearest.shape, threads).inverse_depth
+        np.maximum(nearest, drawn, out=nearest)
+    return nearest
+
+
+def room_shadow_maps(room: Room) -> F32:
+    """Return LxSxS maps of the room without people."""
+    casting = ~np.isin(room.mesh.material, CASTS_NONE)
+    faces = np.ascontiguousarray(room.mesh.faces[casting])
+    maps = [
+        rasterise(
+            homogeneous(room.mesh.vertices_m, pixels_from_map(light)), faces, (SIDE_PX, SIDE_PX)
+        ).inverse_depth
+        for light in room.lights
+    ]
+    return np.stack(maps)
+
+
+@njit(cache=True, nogil=True)
+def lit_share(
+    inverse: F32, u: float, v: float, depth_m: float, radius_px: float, turn: float
+) -> float:
+    """Return how much of a light a point sees, 0 to 1.
+
+    Args:
+        inverse: SxS map of the light.
+        u: Column of the point in the map.
+        v: Row of the point.
+        depth_m: Of the point along the light's axis.
+        radius_px: Over which the rim of a shadow is soft.
+        turn: Rotation [rad] of the readings, so that neighbours do not make the same error.
+    """
+    size = inverse.shape[0]
+    limit = 1.0 / (depth_m - BIAS_M)
+    ca, sa = math.cos(turn) * radius_px, math.sin(turn) * radius_px
+    hidden, count = 0, 0
+    for i in range(TAPS):
+        x, y = SPIRAL[i, 0], SPIRAL[i, 1]
+        column, row = int(u + ca * x - sa * y + 0.5), int(v + sa * x + ca * y + 0.5)
+        if 0 <= column < size and 0 <= row < size:
+            count += 1
+            if inverse[row, column] > limit:
+                hidden += 1
+        # The first readings are spread over the disc: all alike, it is not the rim.
+        if i == 4 and (hidden == 0 or hidden == 5):
+            break
+    return 1.0 - hidden / count if count else 1.0
