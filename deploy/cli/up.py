@@ -34,6 +34,8 @@ from deploy.launcher.supervisor import SupervisorGoneError
 PATIENCE = "tracker.embedding_wait_s=4.0"
 DEMO = COMPOSE_FILE.parent / "demo" / "two_people.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+LAB = "lab:"  # before the name of a scenario of the virtual lab
+LAB_TRUTH = "services.camera.lab.truth:LabTruth"
 DRAIN_TIMEOUT_S = 120.0
 GONE_TIMEOUT_S = 3.0
 POLL_S = 0.5
@@ -45,7 +47,9 @@ console = Console(highlight=False, soft_wrap=True)
 def up(
     source: Annotated[
         str,
-        typer.Option(help="Recording, ROS bag, image folder, or module:Class of a camera."),
+        typer.Option(
+            help="Recording, ROS bag, image folder, lab:SCENARIO, or module:Class of a camera."
+        ),
     ] = "",
     truth: Annotated[str, typer.Option(help="Motion capture: recording, bag or gt.npz.")] = "",
     model: Annotated[str, typer.Option(help="Detection model, see people4d models.")] = "",
@@ -89,13 +93,15 @@ def up(
         raise typer.BadParameter("a report needs the terminal until it is written; leave out -d")
     texts = {
         f"{CAMERA}.source": _resolve(source),
-        "gt_bridge.truth": _resolve(truth),
+        "gt_bridge.truth": _resolve(truth or _truth_of(source)),
         "detector.model": model,
         "tracker.tracker": tracker,
         "reid.embedder": embedder,
         f"{CAMERA}.playback": playback,
     }
     settings = [setting(name, text) for name, text in texts.items() if text]
+    if (truth or source).startswith(LAB):
+        settings.append(setting("gt_bridge.source", LAB_TRUTH))
     settings += [f"{CAMERA}.loop=true"] if loop else []
     settings += [PATIENCE] if playback == "lockstep" else []
     wish = Wish(
@@ -131,14 +137,29 @@ def demo(
     _launch(wish, START_TIMEOUT_S, detach=False)
 
 
+def _truth_of(source: str) -> str:
+    """Return the source if its truth is known: of a scenario of the virtual lab it is."""
+    return source if source.startswith(LAB) else ""
+
+
 def _resolve(source: str) -> str:
-    """Make a path absolute; a camera of one's own stays module:Class."""
+    """Make a path absolute; a scenario by name and a camera of one's own stay as they are."""
+    if source.startswith(LAB):
+        return LAB + _resolve_scenario(source.removeprefix(LAB))
     if not source or (PLUGIN.fullmatch(source) and not Path(source).exists()):
         return source
     path = Path(source)
     if not path.exists():
         raise ConfigError(f"source {source} does not exist", "Check the path.")
     return str(path.absolute())
+
+
+def _resolve_scenario(name: str) -> str:
+    from services.camera.lab.scenario import load_scenario, split_seed  # noqa: PLC0415
+
+    scenario, _ = split_seed(name)
+    load_scenario(scenario)  # an unknown one is told before anything is started
+    return str(Path(name).absolute()) if Path(scenario).is_file() else name
 
 
 def _launch(wish: Wish, timeout_s: float, detach: bool) -> None:

@@ -107,8 +107,8 @@ def check_source(wish: Wish) -> None:
     if not tables.get(CAMERA, {}).get("source"):
         raise ConfigError(
             "no camera is named",
-            "Add --source PATH (recording, ROS bag, image folder, or module:Class of a camera), "
-            "or see it work with: people4d demo",
+            "Add --source PATH (recording, ROS bag, image folder, lab:SCENARIO, or module:Class of "
+            "a camera), or see it work with: people4d demo",
         )
 
 

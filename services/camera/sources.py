@@ -16,6 +16,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 Factory = Callable[[str, Mapping[str, Any]], Source]
 
+LAB = "lab:"  # before the name of a scenario
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 
@@ -38,17 +39,28 @@ def _folder(path: str, options: Mapping[str, Any]) -> Source:
     return FolderSource(Path(path), read_options(FolderOptions, options))
 
 
+def _lab(name: str, options: Mapping[str, Any]) -> Source:
+    from services.camera.lab.source import LabOptions, LabSource  # noqa: PLC0415
+
+    return LabSource(name.removeprefix(LAB), read_options(LabOptions, options))
+
+
 # Imported on use: a process that plays a folder does not pay for ROS bags.
-SOURCES: dict[str, Factory] = {"recording": _recording, "rosbag": _rosbag, "folder": _folder}
+SOURCES: dict[str, Factory] = {
+    "recording": _recording,
+    "rosbag": _rosbag,
+    "folder": _folder,
+    "lab": _lab,
+}
 
 
 def open_source(
     source: str, kind: str = "auto", options: Mapping[str, Any] | None = None
 ) -> Source:
-    """Open a recording, a bag, a folder or a plug-in camera.
+    """Open a recording, a bag, a folder, a scenario of the virtual lab or a plug-in camera.
 
     Args:
-        source: Path, or `module:Class` of a plug-in camera.
+        source: Path, `lab:NAME` of a scenario, or `module:Class` of a plug-in camera.
         kind: Name in SOURCES, "plugin", or "auto" to find it from the path.
         options: What the kind of source takes; a plug-in gets them as keyword arguments.
 
@@ -68,18 +80,20 @@ def open_source(
 
 
 def kind_of(source: str) -> str:
-    """Return the kind of source that a path or `module:Class` names.
+    """Return the kind of source that a path, `lab:NAME` or `module:Class` names.
 
     Raises:
         SourceError: Nothing is there, or it is nothing that can be opened.
     """
     path = Path(source)
     if not source or not path.exists():
+        if source.startswith(LAB):
+            return "lab"
         if PLUGIN.fullmatch(source):
             return "plugin"
         raise SourceError(
             f"source {source!r} does not exist",
-            "Give a recording, a ROS bag, a folder of images or module:Class.",
+            "Give a recording, a ROS bag, a folder of images, lab:SCENARIO or module:Class.",
         )
     if path.is_dir():
         bag = (path / "metadata.yaml").exists() or any(path.glob("*.db3"))

@@ -1,0 +1,62 @@
+"""The virtual lab as a camera: frames are drawn when they are wanted."""
+
+import heapq
+import os
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import msgspec
+
+from services.camera.lab.depth_config import DepthSensorConfig
+from services.camera.lab.film import Film, FilmSettings, odometry, transforms
+from services.camera.lab.note import with_errors
+from services.camera.lab.scenario import load_scenario, split_seed
+from services.camera.lab.world import World
+from services.camera.playback import Item
+from services.camera.source import Source
+
+
+class LabOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What can be chosen in a scenario."""
+
+    mode: Literal["colour", "depth"] = (
+        "colour"  # depth: people in one colour each, ten times as fast
+    )
+    threads: int = 0  # that draw; 0: one for each core
+    samples: int = 2  # along each side of a pixel, 1 or 2; 1 is quicker, with ragged edges
+    depth: Literal["measured", "clean"] = "measured"  # clean: without the errors of a sensor
+    sensor: dict[str, Any] = msgspec.field(default_factory=dict)  # changes of DepthSensorConfig
+
+
+class LabSource(Source):
+    """Films a scenario. It is a recording in nature: the same frames every time, at any speed.
+
+    Args:
+        name: Scenario that ships or path of a scenario's file, with @SEED for a seed of one's own.
+        options: How it is filmed.
+
+    Raises:
+        ConfigError: There is no such scenario, or an option is out of range.
+    """
+
+    def __init__(self, name: str, options: LabOptions) -> None:
+        scenario, seed = split_seed(name)
+        self._world = World(load_scenario(scenario), seed)
+        self._film = Film(self._world, _settings(options))
+        self.info = self._world.info
+        self.transforms = transforms(self._world)
+
+    def __iter__(self) -> Iterator[Item]:
+        """Yield frames and odometry by their stamps."""
+        frames: Iterator[Item] = map(self._film.capture, range(self._world.frame_count))
+        yield from heapq.merge(odometry(self._world), frames, key=lambda item: item.stamp_ns)
+
+
+def _settings(options: LabOptions) -> FilmSettings:
+    sensor = with_errors(DepthSensorConfig(), options.sensor)
+    return FilmSettings(
+        colour="drawn" if options.mode == "colour" else "flat",
+        sensor=sensor if options.depth == "measured" else None,
+        samples=options.samples,
+        threads=options.threads or len(os.sched_getaffinity(0)),
+    )
