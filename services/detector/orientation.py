@@ -232,7 +232,7 @@ def heading_vector(yaw_rad: float) -> F64:
 
     It is d turned about the camera's upward axis. If d is level, then the horizontal part of that
     vector has the direction of the person at any tilt and roll of the camera: the part that the
-    tilt adds is vertical. psi_2 knows no tilt: from 20 deg above, the torso looks 6 % shorter, which
-    costs psi_2 about 2 deg in general and up to 20 deg near 0 and pi, where arccos is steep.
+    tilt adds is vertical. psi_2 knows no tilt: from 20 deg above, the torso looks 6 % shorter,
+    which costs about 2 deg in general and up to 20 deg near 0 and pi, where arccos is steep.
     """
     return np.array([-math.sin(yaw_rad), 0.0, math.cos(yaw_rad)])

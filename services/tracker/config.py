@@ -1,6 +1,6 @@
 """Configuration of the tracker service; every constant of the methods is here."""
 
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -113,6 +113,24 @@ class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
         return self.cosine_distance_max.get(embedder, shipped)
 
 
+class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """The filter of the yaw from keypoints (section 6); its values are this project's."""
+
+    sigma_acceleration_radps2: float = 6.0  # [rad/s^2] a walking person turning
+    sigma_measurement_rad: float = 0.35  # [rad] of every measurement
+    # True: each measurement counts by its own standard deviation, where the detector told one.
+    measured_sigma: bool = False
+    sigma_start_rate_radps: float = 1.0  # [rad/s] of a person seen for the first time
+    # [s] time constant with which an unmeasured turn dies out; inf: constant velocity, section 6
+    rate_decay_s: float = float("inf")
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        _expect_positive(self, "sigma_acceleration_radps2", "sigma_measurement_rad")
+        _expect_positive(self, "sigma_start_rate_radps")
+        _expect(self.rate_decay_s > 0, "rate_decay_s", "a number > 0", self.rate_decay_s)
+
+
 class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Configuration of the tracker service."""
 
@@ -124,7 +142,11 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     # output
     publish_lost: bool = True  # publish people not seen in this frame, predicted; section 4: False
     publish_tentative: bool = False  # publish people not yet confirmed
-    yaw_speed_min_mps: float = 0.2  # [m/s] below, a person has no heading
+    # Which way a person faces. "keypoints": as the detector measured it, filtered (section 6);
+    # "velocity": the way they walk (section 4, eq. 4.9); "none": not told.
+    yaw: Literal["keypoints", "velocity", "none"] = "velocity"
+    yaw_speed_min_mps: float = 0.2  # [m/s] slower people have no yaw from velocity; section 4: 0
+    yaw_filter: YawFilterConfig = YawFilterConfig()  # of "keypoints"
     # time
     max_lost_s: float = 5.0  # [s] without a match after which any track is deleted
     clock_jump_s: float = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale

@@ -24,6 +24,8 @@ class Measurement:
     position_m: F64  # [m] 3, frame: the one that tracks are in
     forward_m: float  # [m] distance from the camera along its optical axis
     embedding: F64 | None = None  # D, unit length; None if unknown
+    yaw_rad: float | None = None  # [rad] way faced, in the frame that tracks are in; None: unknown
+    yaw_sigma_rad: float | None = None  # [rad] its standard deviation; None if unknown
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """From messages to what trackers take."""
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -7,6 +8,8 @@ import numpy as np
 from common.geometry import apply
 from common.messages import F64, Detections, Embeddings
 from services.tracker.interface import Measurement, Observation
+
+LEVEL_MIN = 0.2  # a heading whose level part is shorter than this (steeper than 78 deg) has no yaw
 
 
 def observe(
@@ -44,6 +47,8 @@ def observe(
                     position_m=apply(map_from_camera, person.position_m),
                     forward_m=float(person.position_m[2]),
                     embedding=vectors.get(index),
+                    yaw_rad=yaw_of(person.heading, map_from_camera),
+                    yaw_sigma_rad=person.heading_sigma_rad,
                 )
             )
     return Observation(
@@ -52,6 +57,19 @@ def observe(
         camera=detections.camera,
         embedder=embeddings.model if embeddings else "",
     )
+
+
+def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:
+    """Return the yaw in the map of a heading in the camera's frame: its level part's direction.
+
+    Args:
+        heading: 3, unit vector in the optical frame; None if unknown.
+        map_from_camera: 4x4, from the optical frame to a frame whose z is up.
+    """
+    if heading is None:
+        return None
+    x, y, _ = map_from_camera[:3, :3] @ heading
+    return math.atan2(y, x) if math.hypot(x, y) >= LEVEL_MIN else None
 
 
 def _unit_vectors(embeddings: Embeddings, people: int, counters: Counter[str]) -> dict[int, F64]:

@@ -1,18 +1,17 @@
 """The people a tracker follows: identities, prediction, correction, birth and death."""
 
 import itertools
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from common.geometry import wrap
 from common.messages import F64, Track
 from services.tracker import kalman
 from services.tracker.interface import Measurement, Observation
 from services.tracker.motion import Motion
+from services.tracker.yaw import Yaw, YawState
 
 
 @dataclass(slots=True)
@@ -28,6 +27,7 @@ class Target:
     detection: int | None  # index of the detection matched in this frame
     confirmed: bool
     embedding: F64 | None = None
+    yaw: YawState | None = None
     hits: int = 1  # frames matched, the first included
     streak: int = 1  # frames matched since the last miss
     age: int = 1  # frames since the beginning, the first included
@@ -67,11 +67,11 @@ class Population:
     elsewhere. People seen by a camera that fell silent end by time.
     """
 
-    def __init__(self, motion: Motion, survival: Survival, yaw_speed_min_mps: float) -> None:
+    def __init__(self, motion: Motion, survival: Survival, yaw: Yaw) -> None:
         self.targets: list[Target] = []
         self._motion = motion
         self._survival = survival
-        self._yaw_speed_min_mps = yaw_speed_min_mps
+        self._yaw = yaw
         self._stamp_ns: int | None = None
         self._ids = itertools.count(1)
 
@@ -89,8 +89,9 @@ class Population:
         if not self.targets:
             return
         states, covariances = self._motion.predict(*stack(self.targets), dt_s)
-        for target, x, P in zip(self.targets, states, covariances, strict=True):
-            target.x, target.P = x, P
+        yaws = self._yaw.predict([t.yaw for t in self.targets], dt_s)
+        for target, x, P, yaw in zip(self.targets, states, covariances, yaws, strict=True):
+            target.x, target.P, target.yaw = x, P, yaw
             target.age += 1
             target.detection = None
             target.missed += target.camera == observation.camera
@@ -102,8 +103,9 @@ class Population:
         targets, measurements = [t for t, _ in pairs], [m for _, m in pairs]
         z, R = self._motion.measure(measurements), self._motion.noise(measurements)
         states, covariances = kalman.update(*stack(targets), z, self._motion.H, R)
-        for (target, measurement), x, P in zip(pairs, states, covariances, strict=True):
-            target.x, target.P = x, P
+        yaws = self._yaw.update([t.yaw for t in targets], measurements)
+        for (target, measurement), x, P, yaw in zip(pairs, states, covariances, yaws, strict=True):
+            target.x, target.P, target.yaw = x, P, yaw
             target.score, target.detection = measurement.score, measurement.index
             target.camera, target.seen_ns = observation.camera, observation.stamp_ns
             target.hits += 1
@@ -117,7 +119,8 @@ class Population:
         for target in self.targets:
             if target.missed:
                 target.streak = 0
-        for measurement in newcomers:
+        yaws = self._yaw.update([None] * len(newcomers), newcomers)
+        for measurement, yaw in zip(newcomers, yaws, strict=True):
             x, P = self._motion.start(measurement)
             self.targets.append(
                 Target(
@@ -130,19 +133,22 @@ class Population:
                     detection=measurement.index,
                     confirmed=self._survival.confirm_hits <= 1,
                     embedding=measurement.embedding,
+                    yaw=yaw,
                 )
             )
-        return [self._track(t, t.x, t.P, observation.stamp_ns) for t in self.targets]
+        return [self._track(t, observation.stamp_ns) for t in self.targets]
 
     def predicted(self, stamp_ns: int) -> list[Track]:
         """Return the tracks as they should be at a later time; nothing is remembered of it."""
         present = [t for t in self.targets if not self._survival.expired(t, stamp_ns)]
         if not present:
             return []
-        states = self._motion.predict(*stack(present), self._seconds_to(stamp_ns))
+        dt_s = self._seconds_to(stamp_ns)
+        states, covariances = self._motion.predict(*stack(present), dt_s)
+        yaws = self._yaw.predict([t.yaw for t in present], dt_s)
         return [
-            self._track(t, x, P, stamp_ns, seen=False)
-            for t, x, P in zip(present, *states, strict=True)
+            self._track(replace(t, x=x, P=P, yaw=yaw, detection=None), stamp_ns)
+            for t, x, P, yaw in zip(present, states, covariances, yaws, strict=True)
         ]
 
     def _seconds_to(self, stamp_ns: int) -> float:
@@ -152,25 +158,23 @@ class Population:
             raise ValueError(f"stamp_ns: expected >= {self._stamp_ns}, got {stamp_ns}")
         return (stamp_ns - self._stamp_ns) / 1e9
 
-    def _track(self, target: Target, x: F64, P: F64, stamp_ns: int, seen: bool = True) -> Track:
-        detection = target.detection if seen else None
-        velocity = x[self._motion.velocity]
-        places = self._motion.position + self._motion.velocity
-        slow = math.hypot(velocity[0], velocity[1]) < self._yaw_speed_min_mps
+    def _track(self, target: Target, stamp_ns: int) -> Track:
+        x, motion = target.x, self._motion
+        places = motion.position + motion.velocity
         state: Literal["tentative", "confirmed", "lost"] = "tentative"
         if target.confirmed:
-            state = "lost" if detection is None else "confirmed"
+            state = "lost" if target.detection is None else "confirmed"
         return Track(
             id=target.id,
             state=state,
-            position_m=x[self._motion.position],
-            velocity_mps=velocity,
-            covariance=P[np.ix_(places, places)],
-            yaw_rad=None if slow else wrap(math.atan2(velocity[1], velocity[0])),
+            position_m=x[motion.position],
+            velocity_mps=x[motion.velocity],
+            covariance=target.P[np.ix_(places, places)],
+            yaw_rad=self._yaw.read(target.yaw, x[motion.velocity]),
             hits=target.hits,
             age=target.age,
             time_since_update_s=(stamp_ns - target.seen_ns) / 1e9,
-            detection=detection,
+            detection=target.detection,
             score=target.score,
         )
 

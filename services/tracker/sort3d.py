@@ -12,6 +12,7 @@ from services.tracker.config import TrackerConfig
 from services.tracker.interface import Measurement, Need, Observation, in_order
 from services.tracker.motion import BoxMotion
 from services.tracker.population import Population, Survival, Target, stack
+from services.tracker.yaw import make_yaw
 
 
 class Sort3d:
@@ -32,7 +33,7 @@ class Sort3d:
             lost_frames=self._config.t_lost,
             lost_s=config.max_lost_s,
         )
-        self._people = Population(self._motion, survival, config.yaw_speed_min_mps)
+        self._people = Population(self._motion, survival, make_yaw(config))
         self._tau_m = np.inf
 
     def update(self, observation: Observation) -> list[Track]:

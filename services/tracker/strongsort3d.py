@@ -11,6 +11,7 @@ from services.tracker.config import StrongSort3dConfig, TrackerConfig
 from services.tracker.interface import Measurement, Need, Observation, in_order
 from services.tracker.motion import PointMotion
 from services.tracker.population import Population, Survival, Target, stack
+from services.tracker.yaw import make_yaw
 
 Pairs = list[tuple[Target, Measurement]]
 
@@ -32,7 +33,7 @@ class StrongSort3d:
             lost_frames=self._config.a_max,
             lost_s=config.max_lost_s,
         )
-        self._people = Population(self._motion, survival, config.yaw_speed_min_mps)
+        self._people = Population(self._motion, survival, make_yaw(config))
         self._embedder = ("", 0)
 
     def update(self, observation: Observation) -> list[Track]:
