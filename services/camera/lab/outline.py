@@ -13,7 +13,7 @@ BOOL = npt.NDArray[np.bool_]
 NEAREST_M = 0.1  # to the camera's plane that a keypoint may come
 APART_M = 0.1  # a point is hidden by what is nearer by more than this
 BEHIND_M = -0.04  # parts of the face may lie this far behind the middle of the head
-EARS, TORSO = [3, 4], [5, 6, 11, 12]
+EARS, TORSO = [3, 4], [5, 6, 11, 12]  # COCO
 
 # Two keypoints (COCO order) and the radius [m] of the capsule about them.
 CAPSULES = (
@@ -36,10 +36,13 @@ CAPSULES = (
 BEGIN, END = np.array([c[:2] for c in CAPSULES]).T
 RADIUS_M: F64 = np.array([c[2] for c in CAPSULES])
 
-# [m] how far the body reaches beyond each keypoint: crown, hands and feet have none of their own.
-REACH_M: F64 = np.array(
-    [0.10, 0.1, 0.1, 0.13, 0.13, *[0.09] * 4, 0.12, 0.12, *[0.12] * 4, 0.1, 0.1]
-)
+# [m] how far the body reaches beyond keypoints, sideways and upright: crown, hands and feet have
+# none of their own.
+FACE, SHOULDER, ELBOW, HAND = (0.05, 0.05), (0.06, 0.06), (0.05, 0.05), (0.06, 0.10)
+HIP, KNEE, FOOT = (0.08, 0.10), (0.06, 0.06), (0.07, 0.13)
+EAR = (0.05, 0.14)
+BY_KEYPOINT = (*[FACE] * 3, EAR, EAR, *[SHOULDER] * 2, *[ELBOW] * 2, *[HAND] * 2)
+REACH_M: F64 = np.array([*BY_KEYPOINT, *[HIP] * 2, *[KNEE] * 2, *[FOOT] * 2])
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Outline:
     Args:
         keypoints_m: 17x3, frame: optical.
         keypoints_px: 17x2.
-        visible: 17, True: in the image and hidden by nobody, nor by the person's own head.
+        visible: 17, True: in the image and hidden by nobody, nor by the person's own body.
         box_xyxy_px: 4, of the whole body, not cut to the image.
         visible_share: Part of the body that is seen, 0 to 1.
     """
@@ -85,21 +88,22 @@ def _outline(keypoints_m: F64, others_m: list[F64], info: CameraInfo) -> Outline
     for other_m in others_m:
         seen &= ~hidden(points_m, pixels, other_m, info)
     keypoints_px = pixels[:17]
-    reach_px = REACH_M[:, None] * info.fx / keypoints_m[:, 2:]
+    reach_px = REACH_M * (info.fx, info.fy) / keypoints_m[:, 2:]
     box = np.concatenate(
         [(keypoints_px - reach_px).min(axis=0), (keypoints_px + reach_px).max(axis=0)]
     )
     visible = seen[:17] & _faces_camera(keypoints_m)
+    visible &= ~hidden(keypoints_m, keypoints_px, keypoints_m, info)
     return Outline(keypoints_m, keypoints_px, visible, box, float(seen.mean()))
 
 
 def hidden(points_m: F64, pixels: F64, other_m: F64, info: CameraInfo) -> BOOL:
-    """Return which points another person hides.
+    """Return which points a person hides: another, or their own.
 
     Args:
         points_m: Nx3, frame: optical.
         pixels: Nx2, where they are seen.
-        other_m: 17x3 keypoints of the other person, frame: optical.
+        other_m: 17x3 keypoints of the person who hides them, frame: optical.
         info: Calibration.
 
     Returns:
@@ -121,12 +125,25 @@ def hidden(points_m: F64, pixels: F64, other_m: F64, info: CameraInfo) -> BOOL:
 
 
 def _faces_camera(keypoints_m: F64) -> BOOL:
-    """Return which keypoints the person's own head does not hide: those of the face may be."""
+    """Return which keypoints the back of the head does not hide: those of the face may be."""
     head_m = keypoints_m[EARS].mean(axis=0)
     towards_camera = -head_m / np.linalg.norm(head_m)
     faces = np.ones(17, np.bool_)
     faces[:5] = (keypoints_m[:5] - head_m) @ towards_camera > BEHIND_M
     return faces
+
+
+def facing(keypoints_m: F64, up: F64) -> F64:
+    """Return the level direction that a chest faces, 3, unit length.
+
+    Args:
+        keypoints_m: 17x3.
+        up: 3, away from the floor, unit length, same frame as the keypoints.
+    """
+    to_left = keypoints_m[5] - keypoints_m[6] + keypoints_m[11] - keypoints_m[12]
+    forward = np.cross(to_left, up)
+    length: float = max(float(np.linalg.norm(forward)), 1e-9)
+    return forward / length
 
 
 def sideways(keypoints_m: F64) -> float:

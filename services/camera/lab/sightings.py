@@ -14,12 +14,13 @@ import numpy as np
 from common.geometry import deproject
 from common.messages import F32, F64, CameraInfo, Detection, Detections
 from services.camera.lab.noise import Drift, Persistence
-from services.camera.lab.outline import TORSO, Outline, outlines, sideways
+from services.camera.lab.outline import TORSO, Outline, facing, outlines, sideways
 from services.camera.lab.sighting_config import SightingConfig
 
 KEY = 0x5169  # sets these random numbers apart from others of the same seed
 ERRORS, MISSES, FALSE_ALARMS = range(3)
-ANKLES = [15, 16]
+SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]
+SURE_RAD = 0.01  # smallest standard deviation that is told
 MODEL = "geometry"
 
 
@@ -50,8 +51,9 @@ class Sightings:
             sequence: Of the frame.
         """
         stamp_s = stamp_ns / 1e9
+        up = optical_from_map[:3, 2]
         found = [
-            self._detection(outline, _Errors(self._drift(ERRORS, person).at(stamp_s)))
+            self._detection(outline, up, _Errors(self._drift(ERRORS, person).at(stamp_s)))
             for person, outline in outlines(list(people), optical_from_map, self._info).items()
             if self._is_found(person, outline, stamp_s)
         ]
@@ -75,7 +77,7 @@ class Sightings:
         chance = config.recall * self._clearness(outline)
         return NormalDist().cdf(float(self._drift(MISSES, person).at(stamp_s)[0])) < chance
 
-    def _detection(self, outline: Outline, errors: "_Errors") -> Detection:
+    def _detection(self, outline: Outline, up: F64, errors: "_Errors") -> Detection:
         config = self._config
         height_px = outline.box_xyxy_px[3] - outline.box_xyxy_px[1]
         box = outline.box_xyxy_px + errors.box * config.box_share * height_px
@@ -88,11 +90,14 @@ class Sightings:
         keypoints = np.column_stack([outline.keypoints_px + moved_px, confidence])
         worst, best = config.score_none, config.score_full
         score = worst + (best - worst) * self._clearness(outline)
+        heading = self._heading(outline, up, errors)
         return Detection(
             box_xyxy_px=box.clip(0, self._edges()).astype(np.float32),
             score=float(np.clip(score + errors.score * config.score_sigma, 0.01, 0.99)),
             keypoints=keypoints.astype(np.float32),
             position_m=self._position_m(outline, moved_px[TORSO].mean(axis=0), errors),
+            heading=heading,
+            heading_sigma_rad=None if heading is None else max(config.heading_rad, SURE_RAD),
         )
 
     def _position_m(self, outline: Outline, moved_px: F64, errors: "_Errors") -> F64 | None:
@@ -116,6 +121,17 @@ class Sightings:
         across_m = moved_px / (self._info.fx, self._info.fy) * z_read_m
         position_m: F64 = torso_m * (z_read_m / z_m) + (*across_m, 0.0)
         return position_m
+
+    def _heading(self, outline: Outline, up: F64, errors: "_Errors") -> F64 | None:
+        """Return the way the chest faces, None if neither shoulders nor hips are seen."""
+        if not (outline.visible[SHOULDERS].all() or outline.visible[HIPS].all()):
+            return None
+        forward = facing(outline.keypoints_m, up)
+        error_rad = errors.heading * self._config.heading_rad
+        if NormalDist().cdf(errors.reversal) < self._config.reversals:
+            error_rad += math.pi
+        heading: F64 = forward * math.cos(error_rad) + np.cross(up, forward) * math.sin(error_rad)
+        return heading
 
     def _clearness(self, outline: Outline) -> float:
         """Return how well a person is seen: 0 not at all, 1 from `share_full` on."""
@@ -162,10 +178,11 @@ class Sightings:
 class _Errors:
     """Standard normal numbers of one person in one frame, by what they make wrong."""
 
-    COUNT = 17 * 3 + 4 + 3
+    COUNT = 17 * 3 + 4 + 5
 
     def __init__(self, values: F32) -> None:
         self.keypoints = values[:34].reshape(17, 2).astype(np.float64)
         self.confidences = values[34:51].astype(np.float64)
         self.box = values[51:55].astype(np.float64)
         self.score, self.depth, self.no_position = map(float, values[55:58])
+        self.heading, self.reversal = map(float, values[58:60])

@@ -70,9 +70,9 @@ def test_faultless_detection_of_one_person() -> None:
     # Left shoulder: the person faces the camera, so their left (0.18 m) is on the image's right:
     # u = 319.5 + 615 * 0.18 / 4 = 347.2, v = 239.5 - 615 * (1.40 - 1.15) / 4 = 201.1.
     assert found.keypoints[5] == pytest.approx([347.175, 201.0625, 0.92], abs=1e-3)
-    # Crown 0.13 m above the ears: v = 239.5 - 615 * 0.58 / 4 = 150.3.
-    # Soles 0.1 m below the ankles: v = 239.5 + 615 * 1.16 / 4 = 417.9.
-    assert found.box_xyxy_px[[1, 3]] == pytest.approx([150.3, 417.9], abs=0.5)
+    # Crown 0.14 m above the ears: v = 239.5 - 615 * 0.59 / 4 = 148.8.
+    # Soles 0.13 m below the ankles: v = 239.5 + 615 * 1.19 / 4 = 422.5.
+    assert found.box_xyxy_px[[1, 3]] == pytest.approx([148.8, 422.5], abs=0.1)
     assert found.score == pytest.approx(0.9)
 
 
@@ -81,6 +81,25 @@ def test_position_lies_on_the_surface_that_faces_the_camera() -> None:
     for yaw_deg, thick_m in ((180, 0.12), (0, 0.12), (90, 0.17)):
         (found,) = seen([person(4.0, 0.0, yaw_deg)], config)
         assert found.position_m == pytest.approx([0, -0.01, 4.0 - thick_m], abs=1e-3)
+
+
+def test_heading_of_the_chest() -> None:
+    # Optical frame: x right, y down, z forward. Facing the camera: -z; image-left (+90 deg): -x.
+    for yaw_deg, heading in ((180, [0, 0, -1]), (0, [0, 0, 1]), (120, [-0.8660254, 0, -0.5])):
+        (found,) = seen([person(4.0, 0.0, yaw_deg)])
+        assert found.heading == pytest.approx(heading, abs=1e-6)
+    config = SightingConfig(false_alarms=0, recall=1, heading_rad=0.2, reversals=0.1)
+    sightings = Sightings(config, INFO, 5)
+    errors = []
+    for k in range(1500):
+        (found,) = sightings.at([person(4.0, 0.0)], OPTICAL_FROM_MAP, k * 300_000_000).people
+        assert found.heading is not None
+        assert found.heading_sigma_rad == 0.2
+        errors.append(math.atan2(found.heading[0], -found.heading[2]))
+    turned = np.abs(errors) > math.pi / 2
+    # 1500 at 0.1: standard deviation 0.0077; 0.2 rad over 1350: 0.004.
+    assert turned.mean() == pytest.approx(0.1, abs=0.03)
+    assert np.array(errors)[~turned].std() == pytest.approx(0.2, abs=0.016)
 
 
 def test_faces_hide_themselves() -> None:
@@ -157,9 +176,10 @@ def test_keypoint_noise_grows_with_the_person_and_lasts() -> None:
         assert found.keypoints is not None
         errors.append(found.keypoints[5:15, :2] - outline.keypoints_px[5:15])
     track = np.stack(errors)
-    # 0.009 of the height of the box, which is (1.73 + 0.01) m * 615 px / 3 m = 357 px: 3.2 px.
+    # The box reaches from the soles, 0.13 m below the ankles, to the crown, 0.14 m above the ears:
+    # (1.60 + 0.14 - 0.09 + 0.13) m * 615 px / 3 m = 364.9 px. 0.009 of it: 3.3 px.
     height_px = outline.box_xyxy_px[3] - outline.box_xyxy_px[1]
-    assert height_px == pytest.approx(357, abs=3)
+    assert height_px == pytest.approx(364.9)
     assert track.std() == pytest.approx(0.009 * height_px, rel=0.1)
     # One knot of 0.2 s apart: 1 / pi, see noise.Persistence.
     assert np.mean(track[4:] * track[:-4]) / np.mean(track**2) == pytest.approx(
