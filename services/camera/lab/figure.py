@@ -22,6 +22,7 @@ class Figure:
         weights: VxB shares of the bones, rows sum to 1.
         bones: B names.
         faces: Triangles of each part: body, tights, skirt, hair, eyes.
+        masks: How far vertices belong to regions of the skin, 0 to 1: lips, ears, eyelids.
         joints_m: Joint -> 2x3 (left, right) or 3.
         keypoint_forms: 17xBx4; a keypoint is the sum over bones of map_from_rest (3x4) @ form (4).
     """
@@ -30,6 +31,7 @@ class Figure:
     weights: F64
     bones: tuple[str, ...]
     faces: dict[str, I32]
+    masks: dict[str, F64]
     joints_m: dict[str, F64]
     keypoint_forms: F64
 
@@ -63,13 +65,14 @@ def load_figure(name: str) -> Figure:
         kind: {
             key.removeprefix(kind): value for key, value in asset.items() if key.startswith(kind)
         }
-        for kind in ("faces_", "joint_")
+        for kind in ("faces_", "joint_", "mask_")
     }
     return Figure(
         vertices_m=own * float(asset["step_m"].astype(np.float64)),
         weights=weights,
         bones=bones,
         faces={key: value.astype(np.int32) for key, value in prefixed["faces_"].items()},
+        masks={key: value / 255.0 for key, value in prefixed["mask_"].items()},
         joints_m={
             key: value[person].astype(np.float64) for key, value in prefixed["joint_"].items()
         },

@@ -1,111 +1,156 @@
 """Clothes, cut from the helper meshes that follow every body."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
+import numpy.typing as npt
 
 from common.messages import F64
 from services.camera.lab.cast import Legwear, Person, Shirt, Shoes
 from services.camera.lab.colours import linear
 from services.camera.lab.figure import Figure
 from services.camera.lab.materials import Material, Pattern
-from services.camera.lab.surface import Surface, cut, smoothed
+from services.camera.lab.skinning import normals
+from services.camera.lab.surface import Surface, border, cut, smoothed
 
-SOLE_M = 0.012  # [m] of the sole, below the bare foot
-SKIN_UNDER_M = 0.04  # [m] that skin goes on under a hem
+CLOSE_M = 0.004  # least distance of cloth from the helper mesh, which itself is off the skin
+SOLE_M = 0.022  # thickness of a sole below the bare foot
+WELT_M = 0.006  # height of its upper edge above the bare foot's sole
 
 
+@dataclass(frozen=True)
 class Levels:
     """Heights at which clothes end, pelvis frame, in metres.
 
     Args:
-        figure: Who wears them.
-        person: What they wear.
+        collar: Neckline behind.
+        sleeve: End of the sleeves when the arms hang.
+        hem: Lower end of the shirt.
+        waist: Upper end of what the legs wear.
+        legs: Its lower end.
+        shoe: Upper end of the shoes.
+        floor: Bare soles.
     """
 
-    def __init__(self, figure: Figure, person: Person) -> None:
-        joints = figure.joints_m
-        elbow, wrist = joints["elbow"][0, 2], joints["wrist"][0, 2]
-        knee, ankle = joints["knee"][0, 2], joints["ankle"][0, 2]
-        upper_arm_m = joints["shoulder"][0, 2] - elbow
-        self.neck = joints["neck"][2]
-        self.sleeve = wrist if person.shirt.sleeves == "long" else elbow + 0.22 * upper_arm_m
-        self.hem = joints["hip"][0, 2] - 0.02
-        self.waist = joints["waist"][2]
-        self.floor = figure.vertices_m[np.unique(figure.faces["tights"])][:, 2].min()
-        self.shoe = ankle + 0.005
-        hems = {
-            "trousers": ankle - 0.025,
-            "shorts": knee + 0.05,
-            "skirt": knee,
-        }
-        self.legs = hems[person.legs.kind]
+    collar: float
+    sleeve: float
+    hem: float
+    waist: float
+    legs: float
+    shoe: float
+    floor: float
 
 
-def arm_shares(figure: Figure) -> F64:
-    """Return how far each vertex belongs to an arm, 0 to 1."""
-    return shares(figure, ("upper_arm", "elbow", "forearm"))
+def measure(figure: Figure, person: Person) -> Levels:
+    """Return where this person's clothes end."""
+    joints = figure.joints_m
+    (hip, knee, ankle, shoulder, elbow, wrist) = (
+        float(joints[name][0, 2]) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+    )
+    leg_ends = {"trousers": ankle - 0.03, "shorts": knee + 0.05, "skirt": knee + 0.02}
+    waist = float(joints["waist"][2])
+    return Levels(
+        collar=float(joints["neck"][2]) + 0.012,
+        sleeve=wrist + 0.005
+        if person.shirt.sleeves == "long"
+        else elbow + 0.25 * (shoulder - elbow),
+        hem=hip - 0.03,
+        waist=hip + 0.02 if person.legs.kind == "skirt" else waist,
+        legs=leg_ends[person.legs.kind],
+        shoe=ankle - 0.005,
+        floor=float(figure.vertices_m[np.unique(figure.faces["tights"])][:, 2].min()),
+    )
 
 
-def shares(figure: Figure, kinds: tuple[str, ...]) -> F64:
-    """Return how far each vertex belongs to bones whose names begin so, 0 to 1."""
+def on_arm(figure: Figure) -> npt.NDArray[np.bool_]:
+    """Return which vertices belong to an arm."""
+    kinds = ("upper_arm", "elbow", "forearm")
     columns = [index for index, name in enumerate(figure.bones) if name.startswith(kinds)]
-    total: F64 = figure.weights[:, columns].sum(axis=1)
-    return total
+    return np.asarray(figure.weights[:, columns].sum(axis=1) > 0.5)
+
+
+def collar_field(figure: Figure, collar: float) -> F64:
+    """Return how far vertices lie below a neckline that is lower in front than behind, in metres."""
+    x, _, z = figure.vertices_m.T
+    below: F64 = collar - 0.45 * (x - figure.joints_m["neck"][0]) - z
+    return below
 
 
 def cloth(figure: Figure, part: str, colour: str, material: Material) -> Surface:
     """Return a whole helper mesh as plain cloth."""
-    vertices = figure.vertices_m
     return Surface(
-        vertices_m=vertices,
+        vertices_m=figure.vertices_m,
         weights=figure.weights,
-        colour=np.tile(linear(colour), (len(vertices), 1)),
+        colour=np.tile(linear(colour), (len(figure.vertices_m), 1)),
         faces=figure.faces[part],
         material=material,
     )
 
 
+def loosened(piece: Surface, distance_m: F64, rounds: int) -> Surface:
+    """Return cloth that hangs smoothly at a distance, nowhere closer than CLOSE_M.
+
+    Args:
+        piece: Close-fitting cloth.
+        distance_m: V distances from it.
+        rounds: Of smoothing, which takes out the body's small forms.
+    """
+    outward = normals(piece.vertices_m, piece.faces)
+    loose = smoothed(piece.moved(outward * distance_m[:, None]), rounds)
+    gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
+    return loose.moved(outward * np.maximum(CLOSE_M - gap, 0.0)[:, None])
+
+
 def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
     """Return the shirt."""
-    x, _, z = figure.vertices_m.T
-    # The collar lies lower in front than behind.
-    collar = levels.neck + 0.012 - 0.45 * (x - figure.joints_m["neck"][0])
-    trunk = np.minimum(z - levels.hem, collar - z)
-    is_arm = arm_shares(figure) > 0.5
+    z = figure.vertices_m[:, 2]
+    trunk = np.minimum(z - levels.hem, collar_field(figure, levels.collar))
     whole = cloth(figure, "tights", shirt.colour, Material.SHIRT)
-    piece = cut(whole, np.where(is_arm, z - levels.sleeve, trunk))
-    return drape(piece, figure, shirt.loose_m, levels.neck)
-
-
-def drape(piece: Surface, figure: Figure, loose_m: float, neck: float) -> Surface:
-    """Return cloth that is wider the further it hangs below the neck."""
-    below = np.clip((neck - piece.vertices_m[:, 2]) / 0.45, 0, 1)
-    return smoothed(piece.inflated(0.004 + loose_m * below), 4)
+    piece = cut(whole, np.where(on_arm(figure), z - levels.sleeve, trunk))
+    below = np.clip((levels.collar - 0.05 - piece.vertices_m[:, 2]) / 0.3, 0, 1)
+    loose = loosened(piece, 0.004 + shirt.loose_m * below, 4)
+    return replace(loose, pattern=Pattern[shirt.pattern.upper()])
 
 
 def make_legwear(figure: Figure, legs: Legwear, levels: Levels) -> Surface:
     """Return trousers, shorts or a skirt."""
     z = figure.vertices_m[:, 2]
     part = "skirt" if legs.kind == "skirt" else "tights"
-    whole = cloth(figure, part, legs.colour, Material.TROUSERS)
     field = np.minimum(levels.waist - z, z - levels.legs)
-    piece = cut(whole, np.where(arm_shares(figure) > 0.5, -1.0, field))
-    below = np.clip(-piece.vertices_m[:, 2] / 0.8, 0, 1)
-    return smoothed(piece.inflated(0.004 + legs.loose_m * below), 4)
+    whole = cloth(figure, part, legs.colour, Material.TROUSERS)
+    piece = cut(whole, np.where(on_arm(figure), -1.0, field))
+    below = np.clip((levels.waist - piece.vertices_m[:, 2]) / 0.7, 0, 1)
+    return loosened(piece, 0.003 + legs.loose_m * below, 4)
 
 
-def make_shoes(figure: Figure, shoes: Shoes, levels: Levels) -> Surface:
-    """Return both shoes, with flat soles."""
+def make_shoes(figure: Figure, shoes: Shoes, levels: Levels) -> list[Surface]:
+    """Return the uppers of both shoes, and their flat soles."""
     z = figure.vertices_m[:, 2]
-    whole = cloth(figure, "tights", shoes.colour, Material.SHOE)
-    piece = smoothed(cut(whole, levels.shoe - z).inflated(0.010), 2)
-    height = piece.vertices_m[:, 2] - levels.floor
-    lifted = np.where(height < 0.015, -SOLE_M, height)
-    colour = np.where((height < 0.018)[:, None], linear(shoes.sole), piece.colour)
+    foot = cut(cloth(figure, "tights", shoes.colour, Material.SHOE), levels.shoe - z)
+    shoe = loosened(foot, np.full(len(foot.vertices_m), 0.007), 1)
+    height = shoe.vertices_m[:, 2] - levels.floor
+    upper = cut(shoe, height - WELT_M)
+    sole = cut(shoe, WELT_M + 1e-9 - height)
+    return [upper, slab(sole, levels.floor - SOLE_M, linear(shoes.sole))]
+
+
+def slab(piece: Surface, bottom_m: float, colour: F64) -> Surface:
+    """Return a piece pressed flat, with upright walls to where its border was.
+
+    Args:
+        piece: What lies under the welt.
+        bottom_m: Height of the sole.
+        colour: Of the slab.
+    """
+    count = len(piece.vertices_m)
+    flat = piece.vertices_m.copy()
+    flat[:, 2] = bottom_m
+    a, b = border(piece.faces).T
+    walls = np.concatenate([np.c_[a, a + count, b], np.c_[b, a + count, b + count]])
     return Surface(
-        vertices_m=np.c_[piece.vertices_m[:, :2], lifted + levels.floor],
-        weights=piece.weights,
-        colour=colour,
-        faces=piece.faces,
+        vertices_m=np.concatenate([piece.vertices_m, flat]),
+        weights=np.tile(piece.weights, (2, 1)),
+        colour=np.tile(colour, (2 * count, 1)),
+        faces=np.concatenate([piece.faces + np.int32(count), walls.astype(np.int32)]),
         material=Material.SHOE,
-        pattern=Pattern.PLAIN,
-    )
+    ).compact()

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from common.messages import F64
 from services.camera.lab.materials import Material, Pattern
 from services.camera.lab.mesh import I32
+from services.camera.lab.skinning import normals
 
 
 @dataclass(frozen=True)
@@ -53,19 +54,7 @@ class Surface:
     def inflated(self, distance_m: npt.ArrayLike) -> "Surface":
         """Return it with vertices moved outwards by one distance or V distances."""
         distances = np.broadcast_to(np.asarray(distance_m, np.float64), len(self.vertices_m))
-        return self.moved(vertex_normals(self.vertices_m, self.faces) * distances[:, None])
-
-
-def vertex_normals(vertices: F64, faces: I32) -> F64:
-    """Return unit normals, each the area-weighted mean of its triangles'."""
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    areas = np.cross(b - a, c - a)
-    sums = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(sums, faces[:, corner], areas)
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    normals: F64 = sums / np.maximum(lengths, 1e-12)
-    return normals
+        return self.moved(normals(self.vertices_m, self.faces) * distances[:, None])
 
 
 def cut(surface: Surface, field: F64) -> Surface:
@@ -135,17 +124,31 @@ def stack(surfaces: Sequence[Surface]) -> tuple[F64, F64, F64, I32, I32, I32]:
     )
 
 
+def border(faces: I32) -> I32:
+    """Return the edges that only one triangle has, Ex2, in the direction of that triangle."""
+    directed = np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)])
+    _, place, count = np.unique(
+        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    return directed[count[place.reshape(-1)] == 1]
+
+
 def smoothed(surface: Surface, rounds: int) -> Surface:
     """Return it with each inner vertex drawn towards its neighbours; rims stay."""
-    directed = np.concatenate([surface.faces[:, [i, (i + 1) % 3]] for i in range(3)])
-    edges, count = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
+    edges = np.sort(np.concatenate([surface.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
+    edges = np.unique(edges, axis=0)
     free = np.ones(len(surface.vertices_m), bool)
-    free[edges[count == 1]] = False
+    free[border(surface.faces)] = False
     both = np.concatenate([edges, edges[:, ::-1]])
     degree = np.bincount(both[:, 0], minlength=len(free))[:, None]
     vertices = surface.vertices_m.copy()
     for _ in range(rounds):
-        sums = np.zeros_like(vertices)
-        np.add.at(sums, both[:, 0], vertices[both[:, 1]])
+        sums = np.stack(
+            [
+                np.bincount(both[:, 0], vertices[both[:, 1], axis], minlength=len(free))
+                for axis in range(3)
+            ],
+            axis=1,
+        )
         vertices[free] = 0.5 * (vertices + sums / np.maximum(degree, 1))[free]
     return replace(surface, vertices_m=vertices)
