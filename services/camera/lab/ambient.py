@@ -11,8 +11,8 @@ from services.camera.lab.rooms import Room
 DIRECTIONS: F64 = np.vstack([np.diag([-1.0] * 3), np.eye(3)])[[0, 3, 1, 4, 2, 5]]  # -x +x -y +y ...
 PATCHES = 10  # along each edge of a wall
 TERMS = 7  # of the polynomial 1 x y z x^2 y^2 z^2
-REACH_M = 0.35  # of what darkens a corner
-PAIRS = 7  # of readings around a pixel
+REACH_M = 0.45  # of what darkens a corner
+PAIRS = 8  # of readings around a pixel
 COARSE = 2  # a corner's darkness is computed for every second pixel both ways
 
 
@@ -133,8 +133,8 @@ def corner_light(
                 # On a plane the inverse depth is linear in the image: no false darkness.
                 rise = (0.5 * (one + other) - middle) * depth * depth
                 if 0.004 < rise < 1.5 * REACH_M:
-                    hollow += min(1.0, rise * 25) * (1 - rise / (1.5 * REACH_M))
-            result[row, column] = max(0.25, 1.0 - 1.1 * hollow / PAIRS)
+                    hollow += min(1.0, rise * 14) * (1 - rise / (1.5 * REACH_M))
+            result[row, column] = max(0.25, 1.0 - 1.0 * hollow / PAIRS)
 
 
 @njit(cache=True, nogil=True)

@@ -11,10 +11,13 @@ from services.camera.lab.bands import in_bands
 
 KEY_GRAIN, KEY_PLACE = 311, 312  # of the random numbers
 GRAIN_PX = 1024  # of the pattern that all frames' noise is cut from
-READ_NOISE = 0.006  # of the sensor, in parts of the picture's range
-SHOT_NOISE = 0.010  # more where it is dark, since gamma spreads what is dark
+READ_NOISE = 0.005  # of the sensor, in parts of the picture's range
+SHOT_NOISE = 0.008  # more where it is dark, since gamma spreads what is dark
 VIGNETTE = 0.22  # loss of light in the corners
-SATURATION = 0.9
+SATURATION = 0.86
+STRAY = 0.002  # light that strays in the lens, in parts of white
+WHITE_POINT = 1.8  # radiance that is just white
+CONTRAST = 1.22
 LENS = (0.06, 0.88)  # weights of the neighbours and of the pixel itself, each way
 TONES = 4096  # of the film curve
 TOP = 8.0  # brightest radiance of the film curve
@@ -23,12 +26,13 @@ TOP = 8.0  # brightest radiance of the film curve
 def film_curve() -> F32:
     """Return the picture's brightness (0 to 1, gamma applied) for TONES radiances from 0 to TOP.
 
-    A curve with a soft shoulder (Hable, Filmic tonemapping operators, 2010, as fitted by
-    Narkowicz, 2015), then the gamma of sRGB.
+    A straight middle with a soft shoulder, so that windows are bright but not burnt out at once,
+    and a little light that strays in the lens, so that black is not quite black.
     """
     # Radiances are spaced by their root, since the eye sees differences of what is dark.
-    x = 0.6 * TOP * np.linspace(0, 1, TONES) ** 2
-    film = np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0)
+    x = TOP * np.linspace(0, 1, TONES) ** 2
+    film = STRAY + (1 - STRAY) * x * (1 + x / WHITE_POINT**2) / (1 + x)
+    film = np.clip(film, 0.0, 1.0) ** CONTRAST
     low = film <= 0.0031308
     curve = np.where(low, 12.92 * film, 1.055 * film ** (1 / 2.4) - 0.055)
     return curve.astype(np.float32)

@@ -96,7 +96,7 @@ def _lab(rng: np.random.Generator, stools: Seats) -> Room:
     lights = (
         Light(np.array([1.3, 0.0, 2.55]), down, warm * 3.2, 0.3),
         Light(np.array([4.1, 0.0, 2.55]), down, warm * 3.2, 0.3),
-        Light(np.array([3.25, 1.80, 1.60]), inward, sky * 3.0, 0.5),
+        Light(np.array([3.25, 1.64, 1.60]), inward, sky * 3.0, 0.5),
     )
     return Room(join(parts), lights, np.array(low), np.array(high), walls, rng.uniform(0.85, 1.15))
 
@@ -140,8 +140,8 @@ def _hall(rng: np.random.Generator, stools: Seats) -> Room:
     lights = (
         Light(np.array([2.2, 0.0, 2.58]), down, warm * 3.6, 0.3),
         Light(np.array([6.0, 0.0, 2.58]), down, warm * 3.6, 0.3),
-        Light(np.array([1.8, 4.1, 1.9]), inward, sky * 9.0, 0.8),
-        Light(np.array([5.8, 4.1, 1.9]), inward, sky * 9.0, 0.8),
+        Light(np.array([1.8, 3.88, 1.9]), inward, sky * 9.0, 0.8),
+        Light(np.array([5.8, 3.88, 1.9]), inward, sky * 9.0, 0.8),
     )
     return Room(join(parts), lights, np.array(low), np.array(high), walls, rng.uniform(0.8, 1.1))
 

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from common.messages import F32, F64
-from services.camera.lab.ambient import TERMS, smoothed
+from services.camera.lab.ambient import smoothed
 from services.camera.lab.materials import Material
 from services.camera.lab.mesh import I32
 from services.camera.lab.raster import barycentrics
@@ -18,6 +18,7 @@ SKIN, HAIR, SHIRT = int(Material.SKIN), int(Material.HAIR), int(Material.SHIRT)
 TROUSERS, EYE, LAMP = int(Material.TROUSERS), int(Material.EYE), int(Material.LAMP)
 SHIRT_FOLDS, TROUSER_FOLDS = 0.050, 0.040  # [m] depth of the folds, about
 WRAP = 0.22  # light that passes under the skin reaches beyond the shadow's edge
+TURNS: F64 = np.array([[math.cos(a), math.sin(a)] for a in np.arange(64) * (math.pi / 32)])
 BRIGHTEST = 6.0  # radiance of one sample, so that a lamp's edge is smooth
 
 
@@ -189,20 +190,21 @@ def _from_walls(
     light: Lighting, place: tuple[float, float, float], normal: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Return the irradiance that comes from the walls, see `ambient.bounce_light`."""
-    terms = np.empty(TERMS)
-    terms[0] = 1.0
-    for axis in range(3):
-        share = (place[axis] - light.room[0, axis]) / light.room[1, axis]
-        terms[1 + axis], terms[4 + axis] = share, share * share
+    x = (place[0] - light.room[0, 0]) / light.room[1, 0]
+    y = (place[1] - light.room[0, 1]) / light.room[1, 1]
+    z = (place[2] - light.room[0, 2]) / light.room[1, 2]
     red, green, blue = 0.0, 0.0, 0.0
     for axis in range(3):
-        side = 2 * axis + (1 if normal[axis] > 0 else 0)
-        weight = normal[axis] * normal[axis]
-        for term in range(TERMS):
-            value = weight * terms[term]
-            red += value * light.bounce[side, 0, term]
-            green += value * light.bounce[side, 1, term]
-            blue += value * light.bounce[side, 2, term]
+        c = light.bounce[2 * axis + (1 if normal[axis] > 0 else 0)]
+        w = normal[axis] * normal[axis]
+        a, b, d = w * x, w * y, w * z
+        e, f, g = a * x, b * y, d * z
+        red += w * c[0, 0] + a * c[0, 1] + b * c[0, 2] + d * c[0, 3]
+        red += e * c[0, 4] + f * c[0, 5] + g * c[0, 6]
+        green += w * c[1, 0] + a * c[1, 1] + b * c[1, 2] + d * c[1, 3]
+        green += e * c[1, 4] + f * c[1, 5] + g * c[1, 6]
+        blue += w * c[2, 0] + a * c[2, 1] + b * c[2, 2] + d * c[2, 3]
+        blue += e * c[2, 4] + f * c[2, 5] + g * c[2, 6]
     return red, green, blue
 
 
@@ -219,6 +221,7 @@ def _from_lights(
     `surface` is the sharpness of its gloss, a random number per pixel, and 1 for skin.
     """
     sharpness, random, skin = surface
+    turn = TURNS[int(random * (len(TURNS) - 1))]
     red, green, blue, shine = 0.0, 0.0, 0.0, 0.0
     for index in range(len(light.lights)):
         lamp = light.lights[index]
@@ -244,7 +247,7 @@ def _from_lights(
             u = (q[0, 0] * sx + q[0, 1] * sy + q[0, 2] * sz + q[0, 3]) / depth
             v = (q[1, 0] * sx + q[1, 1] * sy + q[1, 2] * sz + q[1, 3]) / depth
             radius = 12.0 * lamp[9]
-            power *= lit_share(light.maps[index], u, v, depth, radius, 6.2832 * random)
+            power *= lit_share(light.maps[index], u, v, depth, radius * turn[0], radius * turn[1])
         red += power * wrapped * lamp[6]
         green += (
             power * (wrapped if skin == 0 else 0.4 * wrapped + 0.6 * max(falling, 0.0)) * lamp[7]
@@ -254,6 +257,8 @@ def _from_lights(
             hx, hy, hz = x + eye[0], y + eye[1], z + eye[2]
             length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
             peak = (normal[0] * hx + normal[1] * hy + normal[2] * hz) / length
-            if peak > 0.6:
-                shine += power * lamp[7] * peak**sharpness * (sharpness + 8) / 12
+            if peak > 0.7:
+                # Schlick's stand-in for peak ** sharpness (A customizable reflectance model, 1993).
+                peak /= sharpness - (sharpness - 1.0) * peak
+                shine += power * lamp[7] * peak * (sharpness + 8.0) / 12.0
     return red, green, blue, shine

@@ -61,9 +61,7 @@ def room_shadow_maps(room: Room) -> F32:
 
 
 @njit(cache=True, nogil=True)
-def lit_share(
-    inverse: F32, u: float, v: float, depth_m: float, radius_px: float, turn: float
-) -> float:
+def lit_share(inverse: F32, u: float, v: float, depth_m: float, ca: float, sa: float) -> float:
     """Return how much of a light a point sees, 0 to 1.
 
     Args:
@@ -71,12 +69,12 @@ def lit_share(
         u: Column of the point in the map.
         v: Row of the point.
         depth_m: Of the point along the light's axis.
-        radius_px: Over which the rim of a shadow is soft.
-        turn: Rotation [rad] of the readings, so that neighbours do not make the same error.
+        ca: Cosine of the turn of the readings, times the radius [px] of a shadow's soft rim;
+            neighbours take different turns, so that they do not make the same error.
+        sa: Its sine, times the radius.
     """
     size = inverse.shape[0]
     limit = 1.0 / (depth_m - BIAS_M)
-    ca, sa = math.cos(turn) * radius_px, math.sin(turn) * radius_px
     hidden, count = 0, 0
     for i in range(TAPS):
         x, y = SPIRAL[i, 0], SPIRAL[i, 1]

@@ -102,7 +102,7 @@ def body_texel(
     if material == SHOE:
         k = 0.85 + 0.25 * noise(x * 70, y * 70, z * 70)
         return r * k, g * k, b * k, 0.09, 25.0
-    return r, g, b, 0.5, 90.0
+    return r, g, b, 0.2, 90.0
 
 
 @njit(cache=True, nogil=True)
@@ -126,7 +126,7 @@ def _patterned(
         if inside < 1.0 and noise(y * 42, z * 42, 3.0) > 0.42:
             return light, light * 0.95, light * 0.85
     if pattern == PLACKET:
-        k = 0.8 if (y * 55.0) % 1.0 < 0.2 else 1.0
+        k = 0.93 if (y * 55.0) % 1.0 < 0.2 else 1.0
         if x > 0.0 and abs(y) < 0.018:
             k = 0.45 if abs(y) < 0.005 and (z * 11.0) % 1.0 < 0.12 else 0.88
         return r * k, g * k, b * k
@@ -209,24 +209,40 @@ def _planks(x: float, y: float, blur_m: float) -> float:
 @njit(cache=True, nogil=True)
 def _picture(u: float, v: float, number: float) -> tuple[float, float, float]:
     """Return the colour of a printed picture; u and v from 0 to 1, the number picks one."""
-    pick = int(number)
+    pick = int(number + 0.5)
     if u < 0.05 or u > 0.95 or v < 0.04 or v > 0.96:
         return 0.75, 0.74, 0.71
     if v < 0.2:  # lines of print
         line = (v * 45) % 1.0
         inked = line < 0.45 and u > 0.1 and u < 0.55 + 0.4 * hashed(math.floor(v * 45), 7, pick)
         return (0.12, 0.12, 0.13) if inked else (0.75, 0.74, 0.71)
-    hills = 0.42 + 0.22 * noise(u * 3.2, 0.5, number) + 0.05 * noise(u * 14, 1.5, number)
-    far = 0.62 + 0.16 * noise(u * 2.3, 7.5, number)
+    if hashed(pick, 4, 5) < 0.45:
+        return _blocks(u, v, pick)
+    hills = 0.42 + 0.26 * (noise(u * 3.2, 0.0, pick) - 0.5) + 0.05 * noise(u * 14, 1.0, pick)
+    far = 0.64 + 0.2 * (noise(u * 2.3, 7.0, pick) - 0.5)
     hue, shade = hashed(pick, 1, 5), hashed(pick, 2, 5)
     if v < hills:
-        k = 0.08 + 0.1 * noise(u * 40, v * 40, number)
-        return k * (0.6 + hue), k * 1.1, k * (1.2 - 0.7 * hue)
+        k = 0.06 + 0.1 * noise(u * 40, v * 40, pick)
+        return k * (0.5 + hue), k * 1.1, k * (1.2 - 0.8 * hue)
     if v < far:
-        k = 0.18 + 0.05 * noise(u * 20, v * 20, number)
-        return k * (0.8 + 0.5 * hue), k, k * (1.4 - 0.5 * hue)
-    sky = (v - far) / (1.01 - far)
-    return 0.62 - 0.4 * sky * shade, 0.50 - 0.22 * sky, 0.36 + 0.22 * sky * (1 - hue)
+        k = 0.18 + 0.05 * noise(u * 20, v * 20, pick)
+        return k * (0.7 + 0.6 * hue), k, k * (1.5 - 0.7 * hue)
+    sky = (v - far) / (1.0 - far)
+    return 0.62 - 0.5 * sky * shade, 0.56 - 0.3 * sky * shade, 0.38 + 0.3 * hue * sky
+
+
+@njit(cache=True, nogil=True)
+def _blocks(u: float, v: float, pick: int) -> tuple[float, float, float]:
+    """Return the colour of a picture of overlapping discs and bars."""
+    r, g, b = 0.68, 0.64, 0.56
+    for i in range(5):
+        du, dv = u - hashed(i, 1, pick), (v - 0.2 - 0.8 * hashed(i, 2, pick)) * 1.3
+        size = 0.1 + 0.2 * hashed(i, 3, pick)
+        disc = hashed(i, 4, pick) < 0.6
+        if (du * du + dv * dv < size * size) if disc else (abs(du) < 0.4 * size):
+            tint = hashed(i, 5, pick)
+            r, g, b = 0.1 + 0.45 * tint, 0.1 + 0.3 * hashed(i, 6, pick), 0.45 - 0.4 * tint
+    return r, g, b
 
 
 @njit(cache=True, nogil=True)
@@ -243,9 +259,7 @@ def _spine(across_m: float, shelves: float) -> tuple[float, float, float]:
     k = 0.5 if edge < 0.07 else 1.0
     if abs(height - 0.75 * top) < 0.04:
         k *= 1.5
-    grey = 0.06 + 0.35 * hashed(book, shelf, 2) ** 2
-    return (
-        k * (grey + 0.16 * hashed(book, shelf, 1) ** 2),
-        k * (grey + 0.08 * (hashed(book, shelf, 3) - 0.4)),
-        k * (grey + 0.12 * (hashed(book, shelf, 4) - 0.4)),
-    )
+    grey = 0.03 + 0.3 * hashed(book, shelf, 2) ** 2
+    tint, strength = hashed(book, shelf, 1), 0.7 * hashed(book, shelf, 3)
+    warm, cold = 1 + strength * (2 * tint - 1), 1 - strength * (2 * tint - 1)
+    return k * grey * warm, k * grey * (1 - 0.3 * strength), k * grey * cold
