@@ -29,6 +29,7 @@ from deploy.launcher.plan import (
 )
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
+from deploy.presets import PRESETS, preset_settings
 
 # In lock-step nobody waits for the result: the same recording gives the same tracks on any machine.
 PATIENCE = "tracker.embedding_wait_s=4.0"
@@ -41,6 +42,10 @@ GONE_TIMEOUT_S = 3.0
 POLL_S = 0.5
 START_TIMEOUT_S = 60.0
 
+Preset = Annotated[
+    str, typer.Option(help=f"Method with its settings: {', '.join(PRESETS)}, or a TOML file.")
+]
+
 console = Console(highlight=False, soft_wrap=True)
 
 
@@ -52,6 +57,7 @@ def up(
         ),
     ] = "",
     truth: Annotated[str, typer.Option(help="Motion capture: recording, bag or gt.npz.")] = "",
+    preset: Preset = "",
     model: Annotated[str, typer.Option(help="Detection model, see people4d models.")] = "",
     tracker: Annotated[str, typer.Option(help="Tracking method.")] = "",
     embedder: Annotated[str, typer.Option(help="Appearance model.")] = "",
@@ -87,7 +93,7 @@ def up(
     """Start everything on this machine, in order, and watch it; Ctrl-C stops it.
 
     Settings come from the configuration file, then PEOPLE4D_<SERVICE>_<FIELD> in the environment,
-    then these options.
+    then the preset, then the other options.
     """
     if detach and report:
         raise typer.BadParameter("a report needs the terminal until it is written; leave out -d")
@@ -99,7 +105,8 @@ def up(
         "reid.embedder": embedder,
         f"{CAMERA}.playback": playback,
     }
-    settings = [setting(name, text) for name, text in texts.items() if text]
+    settings = preset_settings(preset)
+    settings += [setting(name, text) for name, text in texts.items() if text]
     if (truth or source).startswith(LAB):
         settings.append(setting("gt_bridge.source", LAB_TRUTH))
     settings += [f"{CAMERA}.loop=true"] if loop else []
@@ -120,6 +127,7 @@ def up(
 
 
 def demo(
+    preset: Preset = "",
     report: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/demo"),
     robot: Robot = "demo",
     port: Annotated[
@@ -128,6 +136,7 @@ def demo(
 ) -> None:
     """Run the whole pipeline on the shipped recording, frame by frame, and write a report."""
     settings = [
+        *preset_settings(preset),
         setting(f"{CAMERA}.source", str(DEMO)),
         setting(f"{CAMERA}.playback", "lockstep"),
         PATIENCE,

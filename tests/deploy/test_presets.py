@@ -1,0 +1,154 @@
+"""Presets: every one loads, says what the method book says, and gives way to flags."""
+
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from common.config import load
+from common.errors import ConfigError
+from deploy.cli import app
+from deploy.launcher.plan import CONFIG_FILE, Wish, plan
+from deploy.presets import FOLDER, PRESETS, preset_settings
+from services.detector.config import DetectorConfig
+from services.detector.orientation import FaceRule, OrientationRule
+from services.detector.position import KeypointRule
+from services.reid.config import ReidConfig
+from services.tracker.config import StrongSort3dConfig, TrackerConfig
+
+T = TypeVar("T", bound=msgspec.Struct)
+
+
+def config_of(kind: type[T], service: str, preset: str) -> T:
+    """Return the record that a service runs with under `people4d up --preset`."""
+    texts = [text.partition(".") for text in preset_settings(preset)]
+    overrides = [field for name, _, field in texts if name == service]
+    return load(kind, service, CONFIG_FILE, overrides, {})
+
+
+def test_each_preset_has_its_file_and_each_file_its_line() -> None:
+    assert {file.stem for file in FOLDER.glob("*.toml")} == PRESETS.keys()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_each_preset_loads_into_every_service(name: str) -> None:
+    services = {text.partition(".")[0] for text in preset_settings(name)}
+    assert services <= {"detector", "reid", "tracker"}
+    config_of(DetectorConfig, "detector", name)
+    config_of(ReidConfig, "reid", name)
+    config_of(TrackerConfig, "tracker", name)
+
+
+@pytest.mark.parametrize("suffix", ["", "-movenet"])
+def test_the_first_method_is_section_4(suffix: str) -> None:
+    detector = config_of(DetectorConfig, "detector", f"seg-sort{suffix}")
+    tracker = config_of(TrackerConfig, "tracker", f"seg-sort{suffix}")
+    assert detector.position == ("grown" if suffix else "mask")
+    assert (tracker.tracker, tracker.yaw, tracker.yaw_speed_min_mps) == ("sort3d", "velocity", 0.0)
+    assert not tracker.publish_lost
+    sort = tracker.sort3d
+    assert (sort.iou_weight, sort.iou_min, sort.min_hits) == (0.3, 0.3, 3)
+    assert sort.iou_gate
+    assert sort.distance_gate
+    assert (sort.distance_gate_sigmas, sort.distance_gate_floor_m) == (1.6, 0.0)
+
+
+@pytest.mark.parametrize("suffix", ["", "-movenet"])
+@pytest.mark.parametrize("method", ["seg-strongsort", "pose-strongsort"])
+def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -> None:
+    tracker = config_of(TrackerConfig, "tracker", method + suffix)
+    assert tracker.tracker == "strongsort3d"
+    assert not tracker.publish_lost
+    assert tracker.strongsort3d == StrongSort3dConfig(
+        motion_weight=0.02,
+        mahalanobis_max=7.8147,
+        ema_alpha=0.9,
+        n_init=3,
+        a_max=30,
+        sigma_acceleration_mps2=0.5,
+        sigma_measurement_m=0.5,
+        max_depth_m=5.0,
+    )
+    assert tracker.yaw == ("keypoints" if method.startswith("pose") else "velocity")
+    reid = config_of(ReidConfig, "reid", method + suffix)
+    assert reid.embedder == ("histogram" if suffix else "osnet")
+    assert config_of(DetectorConfig, "detector", method + suffix).crops
+
+
+def test_the_third_method_measures_by_sections_2_and_6() -> None:
+    detector = config_of(DetectorConfig, "detector", "pose-strongsort")
+    assert detector.model == "yolov8n-pose"
+    assert detector.keypoint_rule(detector.model) == KeypointRule(confidence_min=0.6)
+    rule = OrientationRule(face=FaceRule(cue="visible"))
+    assert detector.orientation_rule(detector.model) == rule
+    assert (rule.baseline_min_m, rule.shoulder_ratio_max, rule.hip_ratio_max) == (0.1, 0.90, 0.66)
+    twin = config_of(DetectorConfig, "detector", "pose-strongsort-movenet")
+    assert twin.keypoint_rule(twin.model) == KeypointRule(confidence_min=0.3)
+    assert twin.orientation_rule(twin.model).face == FaceRule(cue="nose", confidence_min=0.3)
+
+
+def test_a_later_setting_wins_over_the_preset() -> None:
+    settings = [*preset_settings("seg-sort"), "detector.model=mine.onnx"]
+    (detector,) = (s for s in plan(Wish(settings=settings, environment={})) if s.name == "detector")
+    arguments = detector.command[3:]
+    overrides = [value for flag, value in zip(arguments[::2], arguments[1::2], strict=True) if flag]
+    assert load(DetectorConfig, "detector", None, overrides, {}).model == "mine.onnx"
+
+
+def test_a_file_of_ones_own_extends_a_preset(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text(
+        'extends = "seg-sort-movenet"\n[tracker.sort3d]\nt_lost = 5\n[reid]\nembedder = "a b"\n'
+    )
+    settings = preset_settings(str(mine))
+    assert settings[-1] == 'reid.embedder="a b"'
+    assert "tracker.sort3d.t_lost=5" in settings
+    assert 'detector.model="movenet-multipose"' in settings  # of seg-sort-movenet, not seg-sort
+    assert sum(text.startswith("detector.model=") for text in settings) == 1
+    assert preset_settings("") == []
+
+
+def test_infinity_and_truth_values_stay_what_they_are() -> None:
+    settings = preset_settings("pose-strongsort")
+    assert "detector.torso_gap_max_m=inf" in settings
+    assert "tracker.publish_lost=false" in settings
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ('extends = "mine.toml"', "extends itself"),
+        ('extends = "seg-sorted"', "there is no preset 'seg-sorted'. Did you mean seg-sort?"),
+        ("detector = 3", "detector is not a table"),
+        ("[detector", "is not TOML"),
+    ],
+)
+def test_refused_files(
+    text: str, problem: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text(text)
+    with pytest.raises(ConfigError, match=problem):
+        preset_settings("mine.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("nonsense", "there is no preset 'nonsense'. There are seg-sort,"),
+        ("none.toml", "none.toml cannot be read: No such file"),
+    ],
+)
+@pytest.mark.parametrize("command", ["up", "demo"])
+def test_an_unknown_preset_is_told(command: str, name: str, problem: str) -> None:
+    result = CliRunner().invoke(app, [command, "--preset", name])
+    assert result.exit_code == 1
+    assert problem in result.stderr
+
+
+@pytest.mark.parametrize("command", ["up", "demo"])
+def test_help_lists_the_presets(command: str) -> None:
+    text = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "300"}).stdout
+    assert all(name in text for name in PRESETS)
