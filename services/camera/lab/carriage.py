@@ -15,7 +15,7 @@ from services.camera.lab.rotations import about_x, about_y, about_z, turn
 from services.camera.lab.walker import STEP_S
 
 PERSON_KEY = 7100
-BLEND_S = 0.12  # between walking and standing
+BLEND_S = 0.2  # between walking and standing
 STAND_LOW_M = 0.008  # standing people do not lock their knees
 WALK_LOW_M = 0.022  # mean height of the pelvis in walking at 1.3 m/s, below standing
 ANTICIPATION_S = 0.5  # the head turns to where the way leads then
@@ -133,7 +133,8 @@ def _pace(track: Track, steps: Steps, person: Person) -> Pace:
     stature_m = person.skeleton.stature_m
     stepping = gaussian_filter1d(steps.stepping, soft, mode="nearest")
     stride = step_length_m(speed, stature_m) / step_length_m(REFERENCE_MPS, stature_m)
-    return Pace(steps.phase, stepping, stride * stepping, speed / REFERENCE_MPS * stepping)
+    phase = gaussian_filter1d(steps.phase, soft / 2, mode="nearest")
+    return Pace(phase, stepping, stride * stepping, speed / REFERENCE_MPS * stepping)
 
 
 def _trunk(

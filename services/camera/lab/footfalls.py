@@ -21,8 +21,9 @@ MOVING_MPS, TURNING_RADPS = 0.03, 0.08  # slower than that, feet stay where they
 TURN_STEP_RAD = 0.8  # turned with each step on the spot
 SLOWEST_STEPS_HZ = 1.2
 PAUSE_S = 0.6  # shorter stops are stepped through
-BEFORE_S, AFTER_S = 0.1, 0.25  # steps begin before the body moves and end after it
-MIDSTANCE = 0.45  # part of the stance after which the body is above the foot
+SHORTEST_S = 0.3  # less is no time for two steps: the feet stay
+DELAY_S, AFTER_S = 0.15, 0.25  # steps begin after the body moves and end after it rests
+MIDSTANCE = 0.365  # part of the stance after which the body is above the foot
 WALKING_HALF_WIDTH_M = 0.055  # of the base of support, ankle to the middle
 TOE_OUT_RAD = math.radians(7.0)
 
@@ -148,9 +149,10 @@ def _bouts(track: Track) -> list[tuple[int, int]]:
     bouts = []
     for bout in range(1, count + 1):
         inside = np.flatnonzero(marks == bout)
-        begin = max(0, int(inside[0] - round(BEFORE_S / STEP_S)))
+        begin = int(inside[0] + round(DELAY_S / STEP_S))
         end = min(len(moving), int(inside[-1] + round(AFTER_S / STEP_S)))
-        bouts.append((begin, end))
+        if (end - begin) * STEP_S > SHORTEST_S:
+            bouts.append((begin, end))
     return bouts
 
 

@@ -41,9 +41,9 @@ def step_length_m(speed_mps: npt.ArrayLike, stature_m: float) -> F64:
 def swing_share(speed_mps: npt.ArrayLike) -> F64:
     """Return the part of the gait cycle for which a foot is in the air.
 
-    0.38 at 1.3 m/s, less in slow walking (Murray et al., Am. J. Phys. Med. 45 (1966) 8-24).
+    0.39 at 1.3 m/s, less in slow walking (Murray et al., Am. J. Phys. Med. 45 (1966) 8-24).
     """
-    return np.asarray(np.clip(0.28 + 0.077 * np.asarray(speed_mps, np.float64), 0.3, 0.4))
+    return np.asarray(np.clip(0.295 + 0.077 * np.asarray(speed_mps, np.float64), 0.3, 0.41))
 
 
 class Gait:

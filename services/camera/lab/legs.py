@@ -13,10 +13,12 @@ from services.camera.lab.rotations import about_y, about_z, along, turn
 
 FLAT = 0.25  # phase at which the whole sole is on the floor
 REFERENCE_STRIDE_M = 1.40  # of the table's foot pitch
-CLEARANCE_M = 0.025  # of the lowest point of the sole in mid-swing
+CLEARANCE_M = 0.03  # of the lowest point of the sole, most in the first half of the swing
+TOE_BEND_RAD, TOE_STIFFENING_RAD = 0.4, 0.12  # then the foot rolls over the tip of the toes
+PUSH_SHARE = 0.4  # of the swing's mean velocity, that push-off adds to the rolling foot's
 LEAST_PITCH_SHARE = 0.3  # of the table's foot pitch even in the smallest step
 REACH = 0.997  # of the straight leg: the knee stays bent by 9 degrees
-SMOOTH_STEPS = 6  # over which the pelvis is lowered when a foot is out of reach
+SMOOTH_STEPS = 4  # over which the pelvis is lowered when a foot is out of reach
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,9 @@ def foot_path(feet: Feet, skeleton: Skeleton, side: int, gait: Gait, times_s: F6
     ease = part * part * (3.0 - 2.0 * part)
     yaw = feet.place[now, 2] + ease * (feet.place[after, 2] - feet.place[now, 2])
     ankle = np.where(in_swing[:, None], _swinging_ankle(feet, skeleton, side, gait, times_s), stand)
-    ankle[:, 2] = _ankle_height(pitch, skeleton, side, np.where(in_swing, part, 0.0))
+    part = np.where(in_swing, part, 0.0)
+    clearance_m = CLEARANCE_M * np.minimum(after_share[now], 1.0) * np.sin(np.pi * part**0.6) ** 2
+    ankle[:, 2] = clearance_m + _ankle_height(pitch, skeleton, side, part)
     return FootPath(ankle, about_z(yaw) @ about_y(-pitch))
 
 
@@ -91,22 +95,36 @@ def _sole(skeleton: Skeleton, side: int) -> tuple[F64, F64]:
 def _standing_ankle(place: F64, pitch: F64, skeleton: Skeleton, side: int) -> F64:
     """Return the ankle of a foot that rolls over heel or ball where it stands."""
     heel, ball = _sole(skeleton, side)
+    toes = _toes(skeleton, side)
     pivot = np.where((pitch > 0.0)[:, None], heel, ball)
-    flat = pivot - turn(about_y(-pitch), pivot)  # of the ankle, in the frame of the flat foot
+    rise = toes - turn(about_y(_toe_roll(pitch)), toes)  # of the ball, about the tip of the toes
+    flat = pivot - turn(about_y(-pitch), pivot) + rise  # the ankle, in the frame of the flat foot
     ankle = turn(about_z(place[:, 2]), flat)
     ankle[:, :2] += place[:, :2]
     ankle[:, 2] -= pivot[:, 2]
     return ankle
 
 
+def _toes(skeleton: Skeleton, side: int) -> F64:
+    """Return the tip of the toes from the ball, standing, along the floor."""
+    return np.asarray((skeleton.toe[side] - skeleton.ball[side]) * (1.0, 0.0, 0.0))
+
+
+def _toe_roll(pitch: F64) -> F64:
+    """Return how far the toes leave the floor when they bend no further, radians."""
+    over = (-pitch - TOE_BEND_RAD) / TOE_STIFFENING_RAD
+    return np.asarray(TOE_STIFFENING_RAD * np.logaddexp(0.0, over))
+
+
 def _ankle_height(pitch: F64, skeleton: Skeleton, side: int, part: F64) -> F64:
-    """Return the height at which the lowest point of the sole clears the floor as it should."""
+    """Return the height of the ankle at which the sole touches the floor."""
     heel, ball = (turn(about_y(-pitch), point)[:, 2] for point in _sole(skeleton, side))
     # In the swing heel and ball change roles while the foot turns: rounded, not with a kink.
     roundness_m = 1e-6 + 0.03 * np.sin(np.pi * part) ** 2
     half = np.sqrt((heel - ball) ** 2 / 4.0 + roundness_m**2)
     lowest = (heel + ball) / 2.0 - half
-    return np.asarray(CLEARANCE_M * np.sin(np.pi * part**0.8) ** 2 - lowest)
+    rise = np.sin(_toe_roll(pitch)) * _toes(skeleton, side)[0]
+    return np.asarray(rise - lowest)
 
 
 def _swinging_ankle(feet: Feet, skeleton: Skeleton, side: int, gait: Gait, times_s: F64) -> F64:
@@ -128,7 +146,7 @@ def _swinging_ankle(feet: Feet, skeleton: Skeleton, side: int, gait: Gait, times
         s = ((times_s[inside] - begin_s) / (end_s - begin_s))[:, None]
         ankle[inside] = (
             (2 * s**3 - 3 * s**2 + 1) * leave[0]
-            + (s**3 - 2 * s**2 + s) * leave[1] * pace
+            + (s**3 - 2 * s**2 + s) * (leave[1] * pace + PUSH_SHARE * (meet[0] - leave[0]))
             + (3 * s**2 - 2 * s**3) * meet[0]
             + (s**3 - s**2) * meet[1] * pace
         )

@@ -18,7 +18,7 @@ from services.camera.lab.posture import SEGMENTS, Posture, Skeleton
 from services.camera.lab.scenario import PersonPlan
 from services.camera.lab.walker import STEP_S, Walker
 
-MARGIN_S = 1.5  # simulated before the start and after the end
+BEFORE_S, AFTER_S = 1.5, 3.5  # simulated before the start; after the end, to plan whole steps
 SMOOTH_S = 0.08  # nobody's body follows its plan without inertia
 
 
@@ -97,6 +97,7 @@ def simulate(
     duration_s: float,
     seed: int,
     obstacle: Place | None = None,
+    area_m: F64 | None = None,
 ) -> tuple[Motion, ...]:
     """Return the motions of people who go their ways and avoid each other.
 
@@ -107,13 +108,17 @@ def simulate(
         seed: Of the small differences between people and of sway.
         obstacle: Place of a thing to keep clear of, such as the robot, at a time from -2 s on:
             x, y and maybe more in metres, frame: map.
+        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map.
     """
-    steps = round((duration_s + 2 * MARGIN_S) / STEP_S) + 1
-    times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - MARGIN_S
+    steps = round((duration_s + BEFORE_S + AFTER_S) / STEP_S) + 1
+    times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - BEFORE_S
     walkers = [
         Walker(plan, skeleton.stature_m) for plan, skeleton in zip(people, skeletons, strict=True)
     ]
-    paths = simulate_paths(walkers, times_s, _bounds(people), obstacle)
+    bounds_m = _bounds(people)
+    if area_m is not None:
+        bounds_m = np.clip(bounds_m, area_m[0], area_m[1])
+    paths = simulate_paths(walkers, times_s, bounds_m, obstacle)
     return tuple(_motion(paths, index, skeleton, seed) for index, skeleton in enumerate(skeletons))
 
 
