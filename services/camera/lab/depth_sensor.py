@@ -4,9 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from common.messages import F32, U16, CameraInfo
+from services.camera.lab.compiled import compiled
 from services.camera.lab.depth_config import DepthSensorConfig
 from services.camera.lab.noise import Field, Persistence, threshold
 
@@ -142,7 +142,7 @@ def _right(depth_m: F32, right_depth_m: F32 | None, stereo: Stereo) -> F32:
     return disparity
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _reproject(depth_m: F32, focal_baseline: float, disparity: F32) -> None:
     """Draw the left view into the right one; the nearest surface, of largest disparity, stays."""
     height, width = depth_m.shape
@@ -158,7 +158,7 @@ def _reproject(depth_m: F32, focal_baseline: float, disparity: F32) -> None:
                 disparity[v, column] = max(disparity[v, column], d)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _match(depth_m: F32, right: F32, stereo: Stereo, matched: F32) -> None:
     """Keep the depth of what both imagers see, else 0."""
     height, width = depth_m.shape
@@ -177,7 +177,7 @@ def _match(depth_m: F32, right: F32, stereo: Stereo, matched: F32) -> None:
             matched[v, u] = z
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _read(matched: F32, noise: Fields, numbers: Numbers, reading: U16) -> None:
     height, width = matched.shape
     for v in range(height):
@@ -205,7 +205,7 @@ def _read(matched: F32, noise: Fields, numbers: Numbers, reading: U16) -> None:
                 reading[v, u] = round(z * 1000)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _is_hole(matched: F32, y: int, x: int, edge: float, hole: float, numbers: Numbers) -> bool:
     height, width = matched.shape
     z = matched[y, x]

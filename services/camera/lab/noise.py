@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from numba import njit
 
 from common.messages import F32
+from services.camera.lab.compiled import compiled
 
 FROZEN = 0  # the part that never changes
 RUNNING = 1  # the part that changes from knot to knot
@@ -135,7 +135,7 @@ class Field:
         return image
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _spread(grid: F32, weights: F32, image: F32) -> None:
     """Fill an image from the knots; row i of weights is for the i-th pixel of a cell."""
     cell, width = len(weights), image.shape[1]
