@@ -42,7 +42,8 @@ class Shoes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """What the feet wear."""
 
     colour: str = "#2b2a2c"
-    sole: str = "#d8d6d0"
+    sole: str = "#b9b6ae"
+    socks: str = "#4a4a4e"
 
 
 class Person(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -65,7 +66,7 @@ class Person(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             ValueError: One is not #rrggbb.
         """
         parts = (self.hair, self.shirt, self.legs, self.shoes)
-        for colour in (self.skin, self.eyes, self.shoes.sole, *(part.colour for part in parts)):
+        for colour in (self.skin, self.eyes, self.shoes.sole, self.shoes.socks, *(part.colour for part in parts)):
             if not COLOUR.fullmatch(colour):
                 raise ValueError(f"colour: expected #rrggbb, got {colour}")
 

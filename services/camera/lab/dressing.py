@@ -15,6 +15,7 @@ from services.camera.lab.garments import (
     make_legwear,
     make_shirt,
     make_shoes,
+    make_socks,
     measure,
     on_arm,
 )
@@ -40,6 +41,7 @@ def dress(figure: Figure, person: Person, seed: int) -> list[Surface]:
         *make_hair(figure, person.hair),
         make_shirt(figure, person.shirt, levels),
         make_legwear(figure, person.legs, levels),
+        make_socks(figure, person.shoes, levels),
         *make_shoes(figure, person.shoes, levels),
     ]
     shades = np.random.default_rng([seed, KEY_SHADE]).uniform(-SHADE, SHADE, 16)

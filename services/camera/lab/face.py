@@ -13,7 +13,7 @@ from services.camera.lab.materials import Material
 from services.camera.lab.surface import Surface
 from services.camera.lab.tubes import tubes
 
-LIPS = np.array([0.86, 0.56, 0.55])  # times the skin's colour
+LIPS = np.array([0.90, 0.64, 0.62])  # times the skin's colour
 CHEEKS = np.array([1.04, 0.90, 0.88])
 IRIS_M, PUPIL_M = 0.0068, 0.0030
 
@@ -36,7 +36,7 @@ def paint_face(skin: Surface, figure: Figure, person: Person) -> Surface:
     colour = tint(colour, 0.35 * socket, colour * 0.6)
     colour = tint(colour, figure.masks["lips"], colour * LIPS)
     arch = above - 0.165 - 0.10 * np.sin(np.clip((beside - 0.10) / 0.42, 0, 1) * 2.4)
-    brow = front * bump(arch, 0.075) * ((beside > 0.11) & (beside < 0.50))
+    brow = front * bump(arch, 0.06) * ((beside > 0.11) & (beside < 0.50))
     return replace(skin, colour=tint(colour, 0.9 * brow, 0.8 * linear(person.hair.colour)))
 
 
@@ -79,7 +79,7 @@ def make_glasses(figure: Figure) -> Surface:
     lines = [*rims(head), *bars(head)]
     weights = np.zeros(len(figure.bones))
     weights[figure.bones.index("head")] = 1.0
-    return tubes(lines, 0.0022, weights, Material.SHOE)
+    return tubes(lines, 0.0015, weights, Material.SHOE)
 
 
 def rims(head: Head) -> list[F64]:
@@ -87,7 +87,7 @@ def rims(head: Head) -> list[F64]:
     angle = np.linspace(0, 2 * np.pi, 17)
     centre = head.eye + (0.026, 0.0, -0.004)
     rim = centre + np.stack(
-        [-0.004 * np.abs(np.cos(angle)), 0.026 * np.cos(angle), 0.020 * np.sin(angle)], axis=1
+        [-0.004 * np.abs(np.cos(angle)), 0.023 * np.cos(angle), 0.018 * np.sin(angle)], axis=1
     )
     return [rim, rim * (1.0, -1.0, 1.0)]
 
@@ -96,7 +96,7 @@ def bars(head: Head) -> list[F64]:
     """Return the lines of bridge and temples."""
     x, y, z = head.eye
     side = head.ear[1] + 0.004
-    bridge = np.array([[x + 0.026, y - 0.026, z], [x + 0.026, 0.026 - y, z]])
+    bridge = np.array([[x + 0.026, y - 0.023, z], [x + 0.026, 0.023 - y, z]])
     hinge = (x + 0.014, side - 0.008, z + 0.004)
-    temple = np.array([(x + 0.022, y + 0.026, z), hinge, (head.ear[0], side, z + 0.002)])
+    temple = np.array([(x + 0.022, y + 0.023, z), hinge, (head.ear[0], side, z + 0.002)])
     return [bridge, temple, temple * (1.0, -1.0, 1.0)]

@@ -13,8 +13,9 @@ from services.camera.lab.materials import Material, Pattern
 from services.camera.lab.skinning import normals
 from services.camera.lab.surface import Surface, border, cut, smoothed
 
-CLOSE_M = 0.004  # least distance of cloth from the helper mesh, which itself is off the skin
-SOLE_M = 0.022  # thickness of a sole below the bare foot
+BREAK_M = 0.05  # by which trousers hang over the ankle
+SOCK_M = 0.03  # height of socks above the shoe
+SOLE_M = 0.018  # thickness of a sole below the bare foot
 WELT_M = 0.006  # height of its upper edge above the bare foot's sole
 
 
@@ -30,6 +31,7 @@ class Levels:
         legs: Its lower end.
         shoe: Upper end of the shoes.
         floor: Bare soles.
+        tucked: Whether the shirt is worn inside what the legs wear.
     """
 
     collar: float
@@ -39,6 +41,7 @@ class Levels:
     legs: float
     shoe: float
     floor: float
+    tucked: bool
 
 
 def measure(figure: Figure, person: Person) -> Levels:
@@ -47,18 +50,21 @@ def measure(figure: Figure, person: Person) -> Levels:
     (hip, knee, ankle, shoulder, elbow, wrist) = (
         float(joints[name][0, 2]) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
     )
-    leg_ends = {"trousers": ankle - 0.03, "shorts": knee + 0.05, "skirt": knee + 0.02}
-    waist = float(joints["waist"][2])
+    skirt = person.legs.kind == "skirt"
+    leg_ends = {"trousers": ankle + 0.025, "shorts": knee + 0.05, "skirt": knee + 0.02}
+    # A shirt hangs over trousers and is tucked into a skirt.
+    waist = float(joints["waist"][2]) - 0.01 if skirt else hip + 0.02
     return Levels(
         collar=float(joints["neck"][2]) + 0.012,
         sleeve=wrist + 0.005
         if person.shirt.sleeves == "long"
         else elbow + 0.25 * (shoulder - elbow),
-        hem=hip - 0.03,
-        waist=hip + 0.02 if person.legs.kind == "skirt" else waist,
+        hem=waist - 0.05 if skirt else hip - 0.03,
+        waist=waist,
         legs=leg_ends[person.legs.kind],
-        shoe=ankle - 0.005,
+        shoe=ankle + 0.005,
         floor=float(figure.vertices_m[np.unique(figure.faces["tights"])][:, 2].min()),
+        tucked=skirt,
     )
 
 
@@ -88,7 +94,7 @@ def cloth(figure: Figure, part: str, colour: str, material: Material) -> Surface
 
 
 def loosened(piece: Surface, distance_m: F64, rounds: int) -> Surface:
-    """Return cloth that hangs smoothly at a distance, nowhere closer than CLOSE_M.
+    """Return cloth that hangs smoothly, hardly closer than asked.
 
     Args:
         piece: Close-fitting cloth.
@@ -98,7 +104,7 @@ def loosened(piece: Surface, distance_m: F64, rounds: int) -> Surface:
     outward = normals(piece.vertices_m, piece.faces)
     loose = smoothed(piece.moved(outward * distance_m[:, None]), rounds)
     gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
-    return loose.moved(outward * np.maximum(CLOSE_M - gap, 0.0)[:, None])
+    return loose.moved(outward * np.maximum(0.7 * distance_m - gap, 0.0)[:, None])
 
 
 def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
@@ -107,8 +113,12 @@ def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
     trunk = np.minimum(z - levels.hem, collar_field(figure, levels.collar))
     whole = cloth(figure, "tights", shirt.colour, Material.SHIRT)
     piece = cut(whole, np.where(on_arm(figure), z - levels.sleeve, trunk))
-    below = np.clip((levels.collar - 0.05 - piece.vertices_m[:, 2]) / 0.3, 0, 1)
-    loose = loosened(piece, 0.004 + shirt.loose_m * below, 4)
+    height = piece.vertices_m[:, 2]
+    below = np.clip((levels.collar - 0.05 - height) / 0.3, 0, 1)
+    distance = 0.005 + shirt.loose_m * below
+    if levels.tucked:
+        distance *= np.clip((height - levels.waist) / 0.08, 0.1, 1)
+    loose = loosened(piece, distance, 4)
     return replace(loose, pattern=Pattern[shirt.pattern.upper()])
 
 
@@ -120,14 +130,47 @@ def make_legwear(figure: Figure, legs: Legwear, levels: Levels) -> Surface:
     whole = cloth(figure, part, legs.colour, Material.TROUSERS)
     piece = cut(whole, np.where(on_arm(figure), -1.0, field))
     below = np.clip((levels.waist - piece.vertices_m[:, 2]) / 0.7, 0, 1)
-    return loosened(piece, 0.003 + legs.loose_m * below, 4)
+    least = 0.009 if levels.tucked else 0.003
+    loose = loosened(piece, least + legs.loose_m * below, 4)
+    return lengthened(loose, levels.legs, BREAK_M) if legs.kind == "trousers" else loose
+
+
+def lengthened(piece: Surface, end_m: float, by_m: float) -> Surface:
+    """Return a piece with its lower hem drawn straight down, over the shoe.
+
+    Args:
+        piece: Trousers.
+        end_m: Height of the hem.
+        by_m: By how much.
+    """
+    a, b = border(piece.faces).T
+    low = (piece.vertices_m[a, 2] < end_m + 0.03) & (piece.vertices_m[b, 2] < end_m + 0.03)
+    a, b = a[low], b[low]
+    count = len(piece.vertices_m)
+    walls = np.concatenate([np.c_[a, a + count, b], np.c_[b, a + count, b + count]])
+    return Surface(
+        vertices_m=np.concatenate([piece.vertices_m, piece.vertices_m - (0.0, 0.0, by_m)]),
+        weights=np.tile(piece.weights, (2, 1)),
+        colour=np.tile(piece.colour, (2, 1)),
+        faces=np.concatenate([piece.faces, walls.astype(np.int32)]),
+        material=piece.material,
+    ).compact()
+
+
+def make_socks(figure: Figure, shoes: Shoes, levels: Levels) -> Surface:
+    """Return short socks."""
+    z = figure.vertices_m[:, 2]
+    whole = cloth(figure, "tights", shoes.socks, Material.TROUSERS)
+    field = np.minimum(levels.shoe + SOCK_M - z, z - levels.floor - 0.02)
+    return cut(whole, field).inflated(0.0015)
 
 
 def make_shoes(figure: Figure, shoes: Shoes, levels: Levels) -> list[Surface]:
     """Return the uppers of both shoes, and their flat soles."""
     z = figure.vertices_m[:, 2]
     foot = cut(cloth(figure, "tights", shoes.colour, Material.SHOE), levels.shoe - z)
-    shoe = loosened(foot, np.full(len(foot.vertices_m), 0.007), 1)
+    deep = np.clip((levels.shoe - foot.vertices_m[:, 2]) / 0.03, 0, 1)
+    shoe = foot.inflated(0.003 + 0.005 * deep)
     height = shoe.vertices_m[:, 2] - levels.floor
     upper = cut(shoe, height - WELT_M)
     sole = cut(shoe, WELT_M + 1e-9 - height)

@@ -32,7 +32,8 @@ CURTAIN_END = {
     "bob": np.array([[70.0, -0.85], [110.0, -1.05], [180.0, -1.10]]),
     "long": np.array([[70.0, -1.05], [115.0, -1.30], [140.0, -1.75], [180.0, -2.25]]),
 }
-CURTAIN_FROM_DEG = 68.0  # from the front; the face is free
+AXIS = -0.10  # place of a curtain's axis before the ears
+CURTAIN_FROM_DEG = 76.0  # from the front; the face is free
 
 
 def make_hair(figure: Figure, hair: Hair) -> list[Surface]:
@@ -72,6 +73,8 @@ def scalp_hair(figure: Figure, hair: Hair) -> Surface:
     _, beside, above = head.coordinates(shell.vertices_m)
     # Shorter at the sides than on the crown.
     long = np.clip(0.45 + 0.6 * above, 0.3, 1.0)
+    if hair.style == "balding":
+        long = long * np.clip((BALD_ABOVE - above) / 0.25, 0, 1)
     return smoothed(shell.inflated(0.0025 + hair.thickness_m * depth * long), 3)
 
 
@@ -81,7 +84,7 @@ def hair_field(head: Head, vertices_m: F64) -> F64:
     line = np.interp(before, *HAIRLINE.T)
     # Receding at the temples, and not drawn with a ruler.
     line = line + 0.10 * np.exp(-(((beside - 0.42) / 0.16) ** 2)) * (before > 0.45)
-    field: F64 = above - line + 0.015 * np.sin(40 * beside + 9 * before)
+    field: F64 = above - line + 0.006 * np.sin(31 * beside + 9 * before)
     return field
 
 
@@ -94,12 +97,12 @@ def curtain(figure: Figure, hair: Hair) -> Surface:
     down = np.linspace(0, 1, 25)[:, None]
     above = 0.42 + (end - 0.42) * down
     angle = np.radians(angle_deg)[None]
-    radius = curtain_radius(head, above, angle)
+    radius = curtain_radius(figure, head, above, angle)
     # Ends and the edges beside the face turn inwards; strands make it uneven.
     edge = np.clip((from_front - CURTAIN_FROM_DEG) / 14, 0, 1)
-    inward = 0.10 * (1 - edge) ** 2 + 0.10 * np.clip((down - 0.88) / 0.12, 0, 1) ** 2
+    inward = 0.03 * (1 - edge) ** 2 + 0.10 * np.clip((down - 0.88) / 0.12, 0, 1) ** 2
     radius = radius * (1 - inward) + 0.022 * down * np.sin(11 * angle + 3 * down) * edge
-    places = head.place_m(radius * np.cos(angle) - 0.10, radius * np.sin(angle), above)
+    places = head.place_m(radius * np.cos(angle) + AXIS, radius * np.sin(angle), above)
     vertices = clear_of_back(figure, places.reshape(-1, 3))
     return Surface(
         vertices_m=vertices,
@@ -110,14 +113,16 @@ def curtain(figure: Figure, hair: Hair) -> Surface:
     )
 
 
-def curtain_radius(head: Head, above: F64, angle: F64) -> F64:
+def curtain_radius(figure: Figure, head: Head, above: F64, angle: F64) -> F64:
     """Return the distance of a curtain from the head's axis, in units: an ellipse past the ears."""
-    beside = head.ear[1] / head.unit_m + 0.13
-    behind = 0.98
+    back = figure.vertices_m[on_head(figure)][:, 0].min()
+    beside = head.ear[1] / head.unit_m + 0.16
+    behind = (head.ear[0] - back) / head.unit_m + AXIS + 0.06
     ellipse = 1 / np.hypot(np.sin(angle) / beside, np.cos(angle) / behind)
-    # Under the shell where it begins.
-    tucked = 1 - 0.16 * np.clip((above - 0.05) / 0.37, 0, 1) ** 2
-    radius: F64 = ellipse * tucked
+    # It comes out from under the shell.
+    up = np.clip(above, 0, 1)
+    hidden = np.sqrt(1 - (up / 1.1) ** 2) * (1 - 0.12 * np.clip(up / 0.45, 0, 1))
+    radius: F64 = ellipse * hidden
     return radius
 
 
