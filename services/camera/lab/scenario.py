@@ -3,15 +3,31 @@
 import math
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
 from common.errors import ConfigError
+from common.messages.base import check_name
+from services.camera.lab.cast import cast_names
 
 FOLDER = Path(__file__).parent / "scenarios"
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+
+# [m] lower and upper corner of the floor that is free in each room, for the middle of a person.
+WALKABLE_M = {
+    "lab": ((-0.3, -1.45), (4.7, 1.45)),
+    "hall": ((-0.6, -2.4), (8.4, 2.4)),
+}
+SPEEDS_MPS = (0.4, 1.4)  # in which the walk is true to life
+MAX_PEOPLE = 100  # the image that says who owns each pixel has room for 255
+
+
+def _check(field: str, value: float, least: float, most: float) -> None:
+    if not least <= value <= most:
+        raise ValueError(f"{field}: expected {least} to {most}, got {value}")
 
 
 class Waypoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -23,6 +39,12 @@ class Waypoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     face_deg: float | None = None  # [deg] to face while there, 0 = +x; None: as arrived
     sit: bool = False  # sit down while there (on a stool, which the scenario places there)
     look_around: bool = False  # turn the head while there
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if self.speed_mps is not None:
+            _check("speed_mps", self.speed_mps, *SPEEDS_MPS)
+        _check("stop_s", self.stop_s, 0, math.inf)
 
 
 class PersonPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -36,6 +58,13 @@ class PersonPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     path: tuple[Waypoint, ...] = ()  # in order; empty: stands all the time
     repeat: bool = False  # begin the path anew at its end
 
+    def __post_init__(self) -> None:
+        """Check name and numbers."""
+        if self.body not in cast_names():
+            raise ValueError(f"body: expected one of {', '.join(cast_names())}, got {self.body!r}")
+        _check("speed_mps", self.speed_mps, *SPEEDS_MPS)
+        _check("wait_s", self.wait_s, 0, math.inf)
+
 
 class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A stretch of the robot's way; speed and turn change smoothly from one to the next."""
@@ -43,6 +72,12 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     for_s: float  # [s]
     speed_mps: float = 0.0  # [m/s] forward
     turn_dps: float = 0.0  # [deg/s] counter-clockwise
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check("for_s", self.for_s, 0.05, math.inf)
+        _check("speed_mps", self.speed_mps, -2, 2)
+        _check("turn_dps", self.turn_dps, -360, 360)
 
 
 class WheelPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -53,10 +88,18 @@ class WheelPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     track_m: float = 0.30  # [m] between the wheels
     ticks_per_turn: int = 4096  # of a wheel
     scale_error: float = 0.01  # relative error of the radius, both wheels alike
-    track_error: float = (
-        0.01  # relative error of the wheel track: turns come out too small or large
-    )
+    track_error: float = 0.01  # relative error of the wheel track: turns come out too large
     slip: float = 0.02  # standard deviation of each wheel's relative slip, drawn anew every second
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check("rate_hz", self.rate_hz, 1, 1000)
+        _check("radius_m", self.radius_m, 0.005, 1)
+        _check("track_m", self.track_m, 0.01, 5)
+        _check("ticks_per_turn", self.ticks_per_turn, 1, 10**6)
+        _check("scale_error", self.scale_error, -0.5, 0.5)
+        _check("track_error", self.track_error, -0.5, 0.5)
+        _check("slip", self.slip, 0, 0.5)
 
 
 class CameraPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -74,6 +117,16 @@ class CameraPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     drive: tuple[Drive, ...] = ()  # the robot's way; empty: the camera stands still
     wheels: WheelPlan = WheelPlan()
 
+    def __post_init__(self) -> None:
+        """Check name and numbers."""
+        check_name("name", self.name)
+        _check("width", self.width, 16, 4096)
+        _check("height", self.height, 16, 4096)
+        _check("focal_px", self.focal_px, 10, 10000)
+        _check("fps", self.fps, 1, 120)
+        _check("exposure_s", self.exposure_s, 0, 1 / self.fps)
+        _check("pitch_deg", self.pitch_deg, -80, 80)
+
 
 class CapturePlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The motion-capture system."""
@@ -84,6 +137,14 @@ class CapturePlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     dropout: float = 0.0  # share of time a person is not captured, in gaps of `dropout_s`
     dropout_s: float = 0.5  # [s] mean length of a gap
     clock_offset_s: float = 0.0  # [s] its clock minus the camera's
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check("rate_hz", self.rate_hz, 1, 1000)
+        _check("noise_m", self.noise_m, 0, 1)
+        _check("yaw_noise_deg", self.yaw_noise_deg, 0, 180)
+        _check("dropout", self.dropout, 0, 0.99)
+        _check("dropout_s", self.dropout_s, 0.01, 3600)
 
 
 class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -99,23 +160,36 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     people: tuple[PersonPlan, ...]
 
     def __post_init__(self) -> None:
-        """Check numbers.
+        """Check numbers and places.
 
         Raises:
             ValueError: A value is out of range.
         """
-        if not 0 < self.duration_s <= 3600:
-            raise ValueError(f"duration_s: expected up to 3600, got {self.duration_s}")
-        if not 1 <= self.camera.fps <= 120 or self.camera.focal_px <= 0:
-            raise ValueError(f"camera.fps: expected 1 to 120, got {self.camera.fps}")
-        for person in self.people:
-            for speed in (person.speed_mps, *(w.speed_mps for w in person.path)):
-                if speed is not None and not 0.4 <= speed <= 1.4:
-                    raise ValueError(f"speed_mps: expected 0.4 to 1.4, got {speed}")
-            if not all(
-                map(math.isfinite, [*person.start, *(v for w in person.path for v in w.to)])
-            ):
-                raise ValueError("start, to: expected finite numbers")
+        for field, value in _numbers("", msgspec.to_builtins(self)):
+            if not math.isfinite(value):
+                raise ValueError(f"{field}: expected a finite number, got {value}")
+        _check("duration_s", self.duration_s, 0.05, 3600)
+        _check("seed", self.seed, 0, 2**63 - 1)
+        _check("number of people", len(self.people), 0, MAX_PEOPLE)
+        (left, low), (right, high) = WALKABLE_M[self.room]
+        for k, person in enumerate(self.people):
+            for x, y in (person.start, *(waypoint.to for waypoint in person.path)):
+                if not (left <= x <= right and low <= y <= high):
+                    raise ValueError(
+                        f"people[{k}]: expected places with x {left} to {right} and y {low} to "
+                        f"{high}, where the {self.room} is free, got [{x}, {y}]"
+                    )
+
+
+def _numbers(field: str, value: Any) -> Iterator[tuple[str, float]]:
+    """Yield all numbers of a tree of dictionaries and lists with their names."""
+    if isinstance(value, float):
+        yield field, value
+    items = value.items() if isinstance(value, dict) else ()
+    for name, part in items:
+        yield from _numbers(f"{field}.{name}".lstrip("."), part)
+    for index, part in enumerate(value if isinstance(value, list | tuple) else ()):
+        yield from _numbers(f"{field}[{index}]", part)
 
 
 def scenario_names() -> list[str]:
@@ -136,8 +210,11 @@ def load_scenario(name: str) -> Scenario:
     except FileNotFoundError as error:
         names = ", ".join(scenario_names())
         raise ConfigError(f"there is no scenario {name}", f"There are {names}.") from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"scenario {path}: {error}") from error
+    except OSError as error:
+        raise ConfigError(f"scenario {path} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        mend = f"Compare it with those that ship, in {FOLDER}."
+        raise ConfigError(f"scenario {path}: {error}", mend) from error
 
 
 def split_seed(name: str) -> tuple[str, int | None]:

@@ -12,7 +12,7 @@ from services.camera.lab.mesh import Mesh
 from services.camera.lab.motion import Motion, simulate
 from services.camera.lab.posture import Posture
 from services.camera.lab.rooms import Room, room_mesh
-from services.camera.lab.scenario import CameraPlan, Scenario
+from services.camera.lab.scenario import WALKABLE_M, CameraPlan, Scenario
 
 EPOCH_NS = 1_767_225_600 * 10**9  # 2026-01-01 00:00 UTC: scenarios begin then, so runs are alike
 MAX_DEPTH_M = 5.0  # method book 1
@@ -42,10 +42,14 @@ class World:
     @cached_property
     def motions(self) -> tuple[Motion, ...]:
         """What the people do, in the order of the scenario; they keep clear of the camera."""
-        skeletons = [body.skeleton for body in self.bodies]
         scenario = self.scenario
         return simulate(
-            scenario.people, skeletons, scenario.duration_s, self.seed, self._camera_place
+            scenario.people,
+            [body.skeleton for body in self.bodies],
+            scenario.duration_s,
+            self.seed,
+            obstacle=self._camera_place,
+            area_m=np.array(WALKABLE_M[scenario.room]),
         )
 
     @cached_property
