@@ -12,7 +12,15 @@ from services.report.join import Moment
 from services.report.latency import Latency, Percentiles
 
 # Counters of what went well; every other one names a drop or another event by its cause.
-PROGRESS = {"frames", "people", "with_position", "odometry", "pictures", "predictions"}
+PROGRESS = {
+    "frames",
+    "people",
+    "with_position",
+    "with_heading",
+    "odometry",
+    "pictures",
+    "predictions",
+}
 PROGRESS_PREFIXES = ("received_", "sent_")
 MAX_TRACKS = 100_000
 MAX_INSTANCES = 64
