@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
 
 from common.messages import F32, F64
+from services.camera.lab.compiled import compiled
 from services.camera.lab.rooms import Room
 
 DIRECTIONS: F64 = np.vstack([np.diag([-1.0] * 3), np.eye(3)])[[0, 3, 1, 4, 2, 5]]  # -x +x -y +y ...
@@ -92,7 +92,7 @@ PAIR_OFFSETS: F64 = np.sqrt((np.arange(PAIRS) + 0.6) / PAIRS)[:, None] * np.colu
 )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def corner_light(
     inverse: F32, step: int, focal_px: float, first: int, last: int, result: F32
 ) -> None:
@@ -137,7 +137,7 @@ def corner_light(
             result[row, column] = max(0.25, 1.0 - 1.0 * hollow / PAIRS)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def smoothed(coarse: F32, inverse: F32, step: int, v: int, u: int) -> float:
     """Return the corner light at pixel (u, v) of the image, from coarse pixels of like depth."""
     height, width = coarse.shape

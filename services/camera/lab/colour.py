@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from common.messages import F32, U8
 from services.camera.lab.bands import in_bands
+from services.camera.lab.compiled import compiled
 
 KEY_GRAIN, KEY_PLACE = 311, 312  # of the random numbers
 GRAIN_PX = 1024  # of the pattern that all frames' noise is cut from
@@ -70,7 +70,7 @@ def develop(
     return picture
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _develop(
     radiance: F32,
     exposure: float,

@@ -15,10 +15,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from common.messages import F32, F64
 from services.camera.lab.bands import in_bands
+from services.camera.lab.compiled import compiled
 from services.camera.lab.mesh import I32
 
 NEAR_M = 0.05  # nothing nearer is seen
@@ -78,7 +78,7 @@ def rasterise(corners: F64, faces: I32, size: tuple[int, int], threads: int = 1)
     return Raster(inverse_depth, triangle)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def barycentrics(corners: F64, face: I32, u: float, v: float) -> tuple[float, float]:
     """Return the weights of the second and third corner where pixel (u, v) sees a face."""
     a0, a1, a2 = corners[face[0]]
@@ -91,7 +91,7 @@ def barycentrics(corners: F64, face: I32, u: float, v: float) -> tuple[float, fl
     return wb / total, wc / total
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _draw(
     corners: F64, faces: I32, first: int, last: int, inverse_depth: F32, triangle: I32
 ) -> None:
@@ -149,7 +149,7 @@ def _draw(
                         triangle[v, u] = t
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _span(slope: float, offset: float, start: int, end: int) -> tuple[int, int]:
     """Narrow a row to where slope u + offset >= 0, with a pixel to spare for rounding."""
     if slope == 0.0:
@@ -160,7 +160,7 @@ def _span(slope: float, offset: float, start: int, end: int) -> tuple[int, int]:
     return start, min(end, math.ceil(zero))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _bounds(corners: F64, face: I32) -> tuple[float, float, float, float]:
     """Return the least and greatest u and v of the part of a face beyond the near plane."""
     u_min, u_max, v_min, v_max = np.inf, -np.inf, np.inf, -np.inf

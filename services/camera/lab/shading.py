@@ -4,10 +4,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from common.messages import F32, F64
 from services.camera.lab.ambient import smoothed
+from services.camera.lab.compiled import compiled
 from services.camera.lab.materials import Material
 from services.camera.lab.mesh import I32
 from services.camera.lab.raster import barycentrics
@@ -69,7 +69,7 @@ class Samples(NamedTuple):
     step: int
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def shade_rows(
     scene: Scene, light: Lighting, samples: Samples, first: int, last: int, image: F32
 ) -> None:
@@ -94,7 +94,7 @@ def shade_rows(
             image[row, column, 2] = blue / count
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _one_surface(scene: Scene, samples: Samples, v: int, u: int) -> bool:
     """Return whether the samples of a pixel see neighbouring places on one smooth surface."""
     first = samples.triangle[v, u]
@@ -117,7 +117,7 @@ def _one_surface(scene: Scene, samples: Samples, v: int, u: int) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _shade(
     scene: Scene, light: Lighting, samples: Samples, v: int, u: int
 ) -> tuple[float, float, float]:
@@ -172,7 +172,7 @@ def _shade(
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _mixed(
     values: F64 | F32, corner: I32, wa: float, wb: float, wc: float
 ) -> tuple[float, float, float]:
@@ -185,7 +185,7 @@ def _mixed(
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _from_walls(
     light: Lighting, place: tuple[float, float, float], normal: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -208,7 +208,7 @@ def _from_walls(
     return red, green, blue
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _from_lights(
     light: Lighting,
     place: tuple[float, float, float],

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from common.messages import F32, F64
+from services.camera.lab.compiled import compiled
 from services.camera.lab.materials import Material
 from services.camera.lab.mesh import Mesh
 from services.camera.lab.raster import homogeneous, rasterise
@@ -60,7 +60,7 @@ def room_shadow_maps(room: Room) -> F32:
     return np.stack(maps)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def lit_share(inverse: F32, u: float, v: float, depth_m: float, ca: float, sa: float) -> float:
     """Return how much of a light a point sees, 0 to 1.
 

@@ -6,8 +6,7 @@ with the body. Noise is value noise on a lattice of hashed whole numbers.
 
 import math
 
-from numba import njit
-
+from services.camera.lab.compiled import compiled
 from services.camera.lab.materials import Material, Pattern
 
 # Kernels compare plain numbers.
@@ -26,7 +25,7 @@ MASK = 0xFFFFFFFF
 Texel = tuple[float, float, float, float, float]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def hashed(i: int, j: int, k: int) -> float:
     """Return a number from 0 to 1 that looks random."""
     n = (i * 374761393 + j * 668265263 + k * 2147483647) & MASK
@@ -34,13 +33,13 @@ def hashed(i: int, j: int, k: int) -> float:
     return ((n ^ (n >> 16)) & 0xFFFF) / 65535.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def noise(x: float, y: float, z: float) -> float:
     """Return smooth noise from 0 to 1 with features of size 1."""
     return noise_slope(x, y, z)[0]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def noise_slope(x: float, y: float, z: float) -> tuple[float, float, float, float]:
     """Return smooth noise and its derivatives along x, y and z."""
     i, j, k = math.floor(x), math.floor(y), math.floor(z)
@@ -59,7 +58,7 @@ def noise_slope(x: float, y: float, z: float) -> tuple[float, float, float, floa
     return low + (high - low) * uz, dx, dy, dz
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fold_slope(x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return the slope of the folds of cloth: long ones that hang, and small creases across."""
     bend = 1.7 * noise(x * 4, y * 4, z * 4)
@@ -68,7 +67,7 @@ def fold_slope(x: float, y: float, z: float) -> tuple[float, float, float]:
     return 6.7 * ax + 3.0 * bx, 6.7 * ay + 3.0 * by, 2.6 * az + 4.4 * bz
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def body_texel(
     material: int, pattern: int, x: float, y: float, z: float, colour: tuple[float, float, float]
 ) -> Texel:
@@ -105,7 +104,7 @@ def body_texel(
     return r, g, b, 0.2, 90.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _patterned(
     pattern: int, x: float, y: float, z: float, colour: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -135,7 +134,7 @@ def _patterned(
     return r, g, b
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def room_texel(
     material: int, x: float, y: float, z: float, colour: tuple[float, float, float], blur_m: float
 ) -> Texel:
@@ -187,7 +186,7 @@ def room_texel(
     return r * k, g * k, b * k, gloss, sharpness
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _planks(x: float, y: float, blur_m: float) -> float:
     """Return the brightness of a floor of boards along x, each with its own tone and grain."""
     length, width = PLANK_M
@@ -206,7 +205,7 @@ def _planks(x: float, y: float, blur_m: float) -> float:
     return tone * (0.84 + 0.30 * grain) * dark
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _picture(u: float, v: float, number: float) -> tuple[float, float, float]:
     """Return the colour of a printed picture; u and v from 0 to 1, the number picks one."""
     pick = int(number + 0.5)
@@ -231,7 +230,7 @@ def _picture(u: float, v: float, number: float) -> tuple[float, float, float]:
     return 0.62 - 0.5 * sky * shade, 0.56 - 0.3 * sky * shade, 0.38 + 0.3 * hue * sky
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _blocks(u: float, v: float, pick: int) -> tuple[float, float, float]:
     """Return the colour of a picture of overlapping discs and bars."""
     r, g, b = 0.68, 0.64, 0.56
@@ -245,7 +244,7 @@ def _blocks(u: float, v: float, pick: int) -> tuple[float, float, float]:
     return r, g, b
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _spine(across_m: float, shelves: float) -> tuple[float, float, float]:
     """Return the colour of books that stand on shelves; a dark gap above each."""
     shelf = math.floor(shelves)
