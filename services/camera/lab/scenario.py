@@ -96,7 +96,7 @@ class WheelPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         _check("rate_hz", self.rate_hz, 1, 1000)
         _check("radius_m", self.radius_m, 0.005, 1)
         _check("track_m", self.track_m, 0.01, 5)
-        _check("ticks_per_turn", self.ticks_per_turn, 1, 10**6)
+        _check("ticks_per_turn", self.ticks_per_turn, 1, 2**31)
         _check("scale_error", self.scale_error, -0.5, 0.5)
         _check("track_error", self.track_error, -0.5, 0.5)
         _check("slip", self.slip, 0, 0.5)
