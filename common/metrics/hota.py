@@ -1,0 +1,121 @@
+"""HOTA, higher order tracking accuracy (Luiten et al. 2020)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from common.messages import F64
+from common.metrics.counts import Counts, ratios
+from common.metrics.matching import ROUNDING, Matching
+from common.metrics.record import I64
+
+ALPHAS: F64 = np.arange(1.0, 20.0) * 0.05  # localisation thresholds 0.05 to 0.95
+
+
+def _zeros() -> F64:
+    return np.zeros(len(ALPHAS))
+
+
+@dataclass(frozen=True)
+class HotaCounts(Counts):
+    """What HOTA counts, each for all thresholds of ALPHAS; each property is per threshold, too."""
+
+    tp: F64 = field(default_factory=_zeros)
+    fn: F64 = field(default_factory=_zeros)
+    fp: F64 = field(default_factory=_zeros)
+    similarity: F64 = field(default_factory=_zeros)  # sum over TP
+    association: F64 = field(default_factory=_zeros)  # sum over TP of A(c)
+    association_recall: F64 = field(default_factory=_zeros)  # sum over TP of TPA / (TPA + FNA)
+    association_precision: F64 = field(default_factory=_zeros)  # sum of TPA / (TPA + FPA)
+
+    @property
+    def hota(self) -> F64:
+        """Geometric mean of detection and association accuracy."""
+        return np.sqrt(self.det_a * self.ass_a)
+
+    @property
+    def det_a(self) -> F64:
+        """Detection accuracy TP / (TP + FN + FP)."""
+        return ratios(self.tp, self.tp + self.fn + self.fp)
+
+    @property
+    def det_re(self) -> F64:
+        """Detection recall."""
+        return ratios(self.tp, self.tp + self.fn)
+
+    @property
+    def det_pr(self) -> F64:
+        """Detection precision."""
+        return ratios(self.tp, self.tp + self.fp)
+
+    @property
+    def ass_a(self) -> F64:
+        """Association accuracy: mean of A(c) = TPA / (TPA + FNA + FPA) over TP."""
+        return ratios(self.association, self.tp)
+
+    @property
+    def ass_re(self) -> F64:
+        """Association recall."""
+        return ratios(self.association_recall, self.tp)
+
+    @property
+    def ass_pr(self) -> F64:
+        """Association precision."""
+        return ratios(self.association_precision, self.tp)
+
+    @property
+    def loc_a(self) -> F64:
+        """Mean similarity over TP; 1 where there is none, as TrackEval has it."""
+        return np.where(self.tp > 0, ratios(self.similarity, self.tp), 1.0)
+
+
+def count_hota(matching: Matching) -> HotaCounts:
+    """Match each frame for the best overall alignment of identities, then count."""
+    shape = len(matching.persons), len(matching.tracks)
+    alignment, person_frames, track_frames = _align(matching, shape)
+    persons, tracks, similarity = _pairs(matching, alignment)
+    columns = []
+    for alpha in ALPHAS:
+        hit = similarity >= alpha - ROUNDING
+        together = np.zeros(shape)  # TPA of each pair of identities
+        np.add.at(together, (persons[hit], tracks[hit]), 1.0)
+        either = person_frames[:, None] + track_frames[None] - together
+        columns.append(
+            (
+                np.count_nonzero(hit),
+                similarity[hit].sum(),
+                (together * ratios(together, either)).sum(),
+                (together**2 / np.maximum(person_frames, 1.0)[:, None]).sum(),
+                (together**2 / np.maximum(track_frames, 1.0)[None]).sum(),
+            )
+        )
+    tp, *sums = np.array(columns, np.float64).T
+    return HotaCounts(tp, person_frames.sum() - tp, track_frames.sum() - tp, *sums)
+
+
+def _align(matching: Matching, shape: tuple[int, int]) -> tuple[F64, F64, F64]:
+    """Return the Jaccard alignment of each pair of identities, and the frames of each."""
+    together, person_frames, track_frames = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape[1])
+    for step in matching.steps:
+        persons, tracks, similarity = step.judged
+        either = similarity.sum(0, keepdims=True) + similarity.sum(1, keepdims=True) - similarity
+        together[np.ix_(persons, tracks)] += ratios(similarity, either)
+        person_frames[persons] += 1
+        track_frames[tracks] += 1
+    either = person_frames[:, None] + track_frames[None] - together
+    return ratios(together, either), person_frames, track_frames
+
+
+def _pairs(matching: Matching, alignment: F64) -> tuple[I64, I64, F64]:
+    """Return person, track and similarity of the pairs assigned in all frames."""
+    found: list[tuple[I64, I64, F64]] = []
+    for step in matching.steps:
+        persons, tracks, similarity = step.judged
+        worth = alignment[np.ix_(persons, tracks)] * similarity
+        rows, columns = linear_sum_assignment(worth, maximize=True)
+        found.append((persons[rows], tracks[columns], similarity[rows, columns]))
+    if not found:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    persons, tracks, similarity = (np.concatenate(column) for column in zip(*found, strict=True))
+    return persons, tracks, similarity

@@ -1,0 +1,47 @@
+"""Identity measures (Ristani et al. 2016): how long people are called by their right name."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from common.metrics.counts import Counts, ratio
+from common.metrics.matching import ROUNDING, Matching
+
+
+@dataclass(frozen=True)
+class IdentityCounts(Counts):
+    """What the identity measures count, under the best one-to-one naming of tracks."""
+
+    idtp: int = 0  # people in frames matched by their own track
+    idfn: int = 0  # people in frames without it
+    idfp: int = 0  # tracks in frames without their own person
+
+    @property
+    def idf1(self) -> float:
+        """2 IDTP / (2 IDTP + IDFP + IDFN)."""
+        return ratio(2 * self.idtp, 2 * self.idtp + self.idfp + self.idfn)
+
+    @property
+    def idp(self) -> float:
+        """Precision: share of the tracks under the right name."""
+        return ratio(self.idtp, self.idtp + self.idfp)
+
+    @property
+    def idr(self) -> float:
+        """Recall: share of the people under the right name."""
+        return ratio(self.idtp, self.idtp + self.idfn)
+
+
+def count_identity(matching: Matching) -> IdentityCounts:
+    """Give each person at most one track, for the most frames in which the two could match."""
+    together = np.zeros((len(matching.persons), len(matching.tracks)), np.int64)
+    truths = tracked = 0
+    for step in matching.steps:
+        persons, tracks, similarity = step.judged
+        rows, columns = np.nonzero(similarity >= matching.threshold - ROUNDING)
+        together[persons[rows], tracks[columns]] += 1
+        truths, tracked = truths + len(persons), tracked + len(tracks)
+    # Fewest IDFN + IDFP is most IDTP: each frame together saves one of both.
+    idtp = int(together[linear_sum_assignment(together, maximize=True)].sum())
+    return IdentityCounts(idtp=idtp, idfn=truths - idtp, idfp=tracked - idtp)

@@ -1,0 +1,195 @@
+"""Text files of the MOT-Challenge: one box a line, comma-separated.
+
+frame, id, left, top, width, height, confidence, x, y, z: frames count from 1, boxes are in pixels,
+id is -1 in detections. In ground truth, confidence 0 marks a box that is not to be judged.
+"""
+
+import configparser
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import DecodeError
+from common.messages import F64
+from common.metrics.record import BOOL, I64, Frame, Sequence, TrackedPeople, TruePeople
+
+LAYOUT = "frame,id,left,top,width,height,confidence and up to three more numbers"
+
+
+@dataclass(frozen=True)
+class MotRows:
+    """The lines of a file, ordered by frame."""
+
+    frames: I64  # N, from 1
+    ids: I64  # N, -1 in detections
+    boxes_xyxy_px: F64  # [px] Nx4: left, top, right, bottom
+    confidences: F64  # N, score of a detection; flag (0 or 1) of ground truth
+
+    def of(self, frame: int) -> "MotRows":
+        """Return the lines of one frame."""
+        start, end = np.searchsorted(self.frames, [frame, frame + 1])
+        return self._select(slice(start, end))
+
+    def judged(self) -> "MotRows":
+        """Return the lines whose flag is not 0."""
+        return self._select(self.confidences != 0)
+
+    def _select(self, rows: slice | BOOL) -> "MotRows":
+        return MotRows(
+            self.frames[rows], self.ids[rows], self.boxes_xyxy_px[rows], self.confidences[rows]
+        )
+
+
+@dataclass(frozen=True)
+class MotInfo:
+    """What seqinfo.ini tells."""
+
+    name: str
+    rate_hz: float
+    frames: int
+    width: int  # [px] of the images
+    height: int  # [px] of the images
+
+
+def read_rows(path: Path) -> MotRows:
+    """Read detections, ground truth or tracks.
+
+    Args:
+        path: Text file.
+
+    Returns:
+        Its lines, ordered by frame.
+
+    Raises:
+        DecodeError: A line is not as expected, or an identity comes twice in a frame.
+    """
+    rows: list[list[float]] = []
+    seen: dict[tuple[float, float], int] = {}
+    for number, line in enumerate(_text(path).splitlines(), start=1):
+        if not line.strip():
+            continue
+        row = _parse(line, f"{path}, line {number}")
+        frame_id = (row[0], row[1])
+        if row[1] >= 0 and frame_id in seen:
+            raise DecodeError(
+                f"{path}, line {number}: expected each id once in a frame, got id {row[1]:.0f} "
+                f"of frame {row[0]:.0f} again (first in line {seen[frame_id]})"
+            )
+        seen[frame_id] = number
+        rows.append(row)
+    table = np.array(rows).reshape(-1, 7)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    corners = np.hstack([table[:, 2:4], table[:, 2:4] + table[:, 4:6]])
+    return MotRows(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), corners, table[:, 6])
+
+
+def read_info(path: Path) -> MotInfo:
+    """Read seqinfo.ini.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Name, rate and sizes.
+
+    Raises:
+        DecodeError: The file has no section [Sequence], or one of its values is absent or wrong.
+    """
+    parser = configparser.ConfigParser()
+    try:
+        parser.read_string(_text(path))
+        section = parser["Sequence"]
+        info = MotInfo(
+            name=section["name"],
+            rate_hz=float(section["frameRate"]),
+            frames=int(section["seqLength"]),
+            width=int(section["imWidth"]),
+            height=int(section["imHeight"]),
+        )
+        if not 0 < info.rate_hz < math.inf:
+            raise ValueError(f"frameRate {info.rate_hz}")
+    except (configparser.Error, KeyError, ValueError) as error:
+        raise DecodeError(
+            f"{path}: expected [Sequence] with name, frameRate, seqLength, imWidth and imHeight, "
+            f"got {type(error).__name__}: {error}"
+        ) from error
+    return info
+
+
+def tracks_by_frame(rows: MotRows) -> dict[int, TrackedPeople]:
+    """Return the people that a tracker's result file tells of, by frame number.
+
+    Args:
+        rows: Lines with identities.
+
+    Returns:
+        Tracked people of each frame that has any.
+
+    Raises:
+        ValueError: An identity comes twice in a frame; detections have none.
+    """
+    frames = {int(number): rows.of(int(number)) for number in np.unique(rows.frames)}
+    return {
+        number: TrackedPeople(ids=tuple(part.ids.tolist()), boxes_xyxy_px=part.boxes_xyxy_px)
+        for number, part in frames.items()
+    }
+
+
+def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, TrackedPeople]) -> Sequence:
+    """Put ground truth and tracks together; boxes flagged 0 are dropped, as TrackEval does.
+
+    Args:
+        info: Name, rate and number of frames.
+        truth: Ground truth.
+        tracks: Tracked people by frame number, from 1; frames without any may be absent.
+
+    Returns:
+        The sequence, with boxes.
+    """
+    judged = truth.judged()
+    return Sequence(
+        info.name,
+        tuple(
+            Frame(
+                stamp_ns=round((number - 1) * 1e9 / info.rate_hz),
+                truth=_people(judged.of(number)),
+                tracked=tracks.get(number, TrackedPeople()),
+            )
+            for number in range(1, info.frames + 1)
+        ),
+    )
+
+
+def _people(rows: MotRows) -> TruePeople:
+    return TruePeople(ids=tuple(rows.ids.tolist()), boxes_xyxy_px=rows.boxes_xyxy_px)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DecodeError(f"{path}: expected a readable text file, got {error}") from error
+
+
+def _parse(line: str, where: str) -> list[float]:
+    fields = line.strip().rstrip(",").split(",")
+    if not 7 <= len(fields) <= 10:
+        raise DecodeError(f"{where}: expected {LAYOUT}, got {len(fields)} fields")
+    try:
+        row = [float(field) for field in fields]
+    except ValueError as error:
+        raise DecodeError(f"{where}: expected {LAYOUT}, got {line.strip()!r}") from error
+    if not all(map(math.isfinite, row)):
+        raise DecodeError(f"{where}: expected finite numbers, got {line.strip()!r}")
+    if row[0] < 1 or row[0] % 1 or row[1] % 1:
+        raise DecodeError(
+            f"{where}: expected a frame from 1 and a whole id, got {fields[0]} and {fields[1]}"
+        )
+    if row[4] <= 0 or row[5] <= 0:
+        raise DecodeError(
+            f"{where}: expected width and height > 0, got {fields[4]} and {fields[5]}"
+        )
+    return row[:7]

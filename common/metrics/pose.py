@@ -1,0 +1,144 @@
+"""Errors of position, velocity and orientation over the matched people (method book section 9)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from common.messages import F64
+from common.metrics.matching import Matching, Step
+from common.metrics.record import BOOL, Frame
+
+POSITION_LIMITS_M = (0.15, 0.3, 0.5)
+VELOCITY_LIMITS_MPS = (0.15, 0.3, 0.5)
+YAW_LIMITS_DEG = (30, 45, 90)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseErrors:
+    """Estimate minus truth of K matches; what is unknown is NaN and left out of the figures."""
+
+    position_m: F64  # [m] Kx2: x, y
+    velocity_mps: F64  # [m/s] Kx2: x, y
+    yaw_true_rad: F64  # [rad] K
+    yaw_told_rad: F64  # [rad] K
+    camera_axis: F64  # Kx2, unit: where the camera looks, on the ground
+    predicted: BOOL  # K, told without being seen in this frame
+    occluded: BOOL  # K, the true person was hidden
+
+    def __add__(self, other: "PoseErrors") -> "PoseErrors":
+        """Pool the matches of both."""
+        return pool([self, other])
+
+    def select(self, wanted: BOOL) -> "PoseErrors":
+        """Return some of the matches (mask of K)."""
+        return PoseErrors(**{f.name: getattr(self, f.name)[wanted] for f in fields(self)})
+
+    @property
+    def yaw_error_rad(self) -> F64:
+        """Orientation error (K), 0 to pi: min(|e|, 2 pi - |e|)."""
+        error = np.abs(self.yaw_told_rad - self.yaw_true_rad) % (2 * np.pi)
+        return np.minimum(error, 2 * np.pi - error)
+
+    def along_across(self, errors: F64) -> F64:
+        """Turn errors (Kx2: x, y) to the camera's axis: along it, and across to its left."""
+        ax, ay = self.camera_axis.T
+        return np.column_stack(
+            [errors[:, 0] * ax + errors[:, 1] * ay, errors[:, 1] * ax - errors[:, 0] * ay]
+        )
+
+    def yaw_correlation(self) -> float | None:
+        """Mardia's circular correlation: both roots are the number of matches, so mean cos(e)."""
+        known = _known(self.yaw_error_rad)
+        return float(np.cos(known).mean()) if len(known) else None
+
+    def row(self) -> dict[str, float | None]:
+        """Return all figures; None where no match has the quantity."""
+        yaw_error_deg = np.degrees(self.yaw_error_rad)
+        row: dict[str, float | None] = {"poses": len(self.position_m)}
+        for errors, unit in ((self.position_m, "m"), (self.velocity_mps, "mps")):
+            name = {"m": "position", "mps": "velocity"}[unit]
+            axes = np.column_stack([errors, self.along_across(errors)])
+            for axis, values in zip(("x", "y", "along", "across"), axes.T, strict=True):
+                row[f"{name}_rmse_{axis}_{unit}"] = rmse(values)
+        row["yaw_rmse_deg"] = rmse(yaw_error_deg)
+        row["yaw_correlation"] = self.yaw_correlation()
+        row["yaw_told"] = within(np.isnan(self.yaw_told_rad).astype(np.float64), 0.0)
+        position_m = np.linalg.norm(self.position_m, axis=1)
+        velocity_mps = np.linalg.norm(self.velocity_mps, axis=1)
+        row |= {f"position_within_{n}_m": within(position_m, n) for n in POSITION_LIMITS_M}
+        row |= {f"velocity_within_{n}_mps": within(velocity_mps, n) for n in VELOCITY_LIMITS_MPS}
+        return row | {f"yaw_within_{n}_deg": within(yaw_error_deg, n) for n in YAW_LIMITS_DEG}
+
+
+def rmse(errors: F64) -> float | None:
+    """Return the root mean square of the known errors, None if there is none."""
+    known = _known(errors)
+    return float(np.sqrt(np.mean(known**2))) if len(known) else None
+
+
+def within(errors: F64, limit: float) -> float | None:
+    """Return the share of the known errors (>= 0) up to a limit, None if there is none."""
+    known = _known(errors)
+    return float(np.mean(known <= limit)) if len(known) else None
+
+
+def pose_errors(matching: Matching) -> PoseErrors:
+    """Collect the errors of all matches whose person was in view and both positions are known."""
+    parts = [
+        _frame_errors(frame, step)
+        for frame, step in zip(matching.sequence.frames, matching.steps, strict=True)
+        if frame.truth.positions_m is not None and frame.tracked.positions_m is not None
+    ]
+    return pool(parts)
+
+
+def pool(parts: Sequence[PoseErrors]) -> PoseErrors:
+    """Put the matches of several parts together; none gives an empty record."""
+    two, one, no = np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_)
+    empty = PoseErrors(
+        position_m=two,
+        velocity_mps=two,
+        yaw_true_rad=one,
+        yaw_told_rad=one,
+        camera_axis=two,
+        predicted=no,
+        occluded=no,
+    )
+    names = [field.name for field in fields(PoseErrors)]
+    return PoseErrors(
+        **{n: np.concatenate([getattr(p, n) for p in (empty, *parts)]) for n in names}
+    )
+
+
+def _frame_errors(frame: Frame, step: Step) -> PoseErrors:
+    truth, tracked = frame.truth, frame.tracked
+    seen = truth.in_view[step.rows]
+    i, j = step.rows[seen], step.columns[seen]
+    n, m = len(truth.ids), len(tracked.ids)
+    told = _rows(tracked.positions_m, m, 3)[j] - _rows(truth.positions_m, n, 3)[i]
+    moved = _rows(tracked.velocities_mps, m, 3)[j] - _rows(truth.velocities_mps, n, 3)[i]
+    return PoseErrors(
+        position_m=told[:, :2],
+        velocity_mps=moved[:, :2],
+        yaw_true_rad=_rows(truth.yaws_rad, n)[i],
+        yaw_told_rad=_rows(tracked.yaws_rad, m)[j],
+        camera_axis=np.tile(_axis(frame.map_from_camera), (len(i), 1)),
+        predicted=tracked.was_predicted[j],
+        occluded=~truth.counted[i],
+    )
+
+
+def _axis(map_from_camera: F64 | None) -> F64:
+    """Return the optical axis on the ground, NaN if unknown or straight up or down."""
+    axis = np.zeros(2) if map_from_camera is None else map_from_camera[:2, 2]
+    length = float(np.linalg.norm(axis))
+    return axis / length if length > 1e-6 else np.full(2, np.nan)
+
+
+def _rows(column: F64 | None, n: int, *width: int) -> F64:
+    return np.full((n, *width), np.nan) if column is None else column
+
+
+def _known(values: F64) -> F64:
+    return values[np.isfinite(values)]

@@ -1,0 +1,143 @@
+"""What was true and what was told, frame by frame: the one input of every metric."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from common.messages import F64
+from common.messages.base import check_finite, check_shape
+
+BOOL = npt.NDArray[np.bool_]
+I64 = npt.NDArray[np.int64]
+Id: TypeAlias = int | str
+
+
+@dataclass(frozen=True, kw_only=True)
+class People:
+    """The people of one frame, one row each; a column that nobody knows is absent."""
+
+    ids: tuple[Id, ...] = ()  # identities, each at most once
+    boxes_xyxy_px: F64 | None = None  # [px] Nx4: left, top, right, bottom
+    positions_m: F64 | None = None  # [m] Nx3, z up, one frame for truth and tracks
+    velocities_mps: F64 | None = None  # [m/s] Nx3, same frame; NaN where unknown
+    yaws_rad: F64 | None = None  # [rad] N, 0 = +x, counter-clockwise; NaN where unknown
+
+    def __post_init__(self) -> None:
+        """Check that the columns belong together.
+
+        Raises:
+            ValueError: A shape differs, an identity comes twice, a box or position is not finite.
+        """
+        n = len(self.ids)
+        if len(set(self.ids)) < n:
+            raise ValueError(f"ids: expected each at most once in a frame, got {self.ids}")
+        check_shape("boxes_xyxy_px", self.boxes_xyxy_px, (n, 4))
+        check_shape("positions_m", self.positions_m, (n, 3))
+        check_shape("velocities_mps", self.velocities_mps, (n, 3))
+        check_shape("yaws_rad", self.yaws_rad, (n,))
+        check_finite("boxes_xyxy_px, positions_m", self.boxes_xyxy_px, self.positions_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TruePeople(People):
+    """The people who were there.
+
+    Whoever is out of view or occluded is neither miss nor match, and the track matched to them is
+    no false alarm. Errors on the occluded are kept, but apart.
+    """
+
+    out_of_view: BOOL | None = None  # N: outside of the image or the depth range; absent: nobody
+    occluded: BOOL | None = None  # N: in the view, but hidden by something; absent: nobody
+
+    def __post_init__(self) -> None:
+        """Check the marks, too."""
+        super().__post_init__()
+        check_shape("out_of_view", self.out_of_view, (len(self.ids),))
+        check_shape("occluded", self.occluded, (len(self.ids),))
+
+    @property
+    def in_view(self) -> BOOL:
+        """Who is in the view, hidden or not."""
+        return ~_marks(self.out_of_view, len(self.ids))
+
+    @property
+    def counted(self) -> BOOL:
+        """Who has to be found."""
+        return self.in_view & ~_marks(self.occluded, len(self.ids))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackedPeople(People):
+    """The hypotheses: the people that a tracker told of."""
+
+    predicted: BOOL | None = None  # N: told without being seen in this frame; absent: nobody
+
+    def __post_init__(self) -> None:
+        """Check the marks, too."""
+        super().__post_init__()
+        check_shape("predicted", self.predicted, (len(self.ids),))
+
+    @property
+    def was_predicted(self) -> BOOL:
+        """Who was told without being seen."""
+        return _marks(self.predicted, len(self.ids))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """Truth and tracks at one stamp."""
+
+    stamp_ns: int  # [ns] acquisition time
+    truth: TruePeople = TruePeople()
+    tracked: TrackedPeople = TrackedPeople()
+    map_from_camera: F64 | None = None  # 4x4, map from optical frame; absent: no camera axis
+
+    def __post_init__(self) -> None:
+        """Check the camera's pose."""
+        check_shape("map_from_camera", self.map_from_camera, (4, 4))
+        check_finite("map_from_camera", self.map_from_camera)
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """One recording, frame by frame."""
+
+    name: str
+    frames: tuple[Frame, ...]
+
+    def __post_init__(self) -> None:
+        """Check the order of time.
+
+        Raises:
+            ValueError: A frame is not later than the one before.
+        """
+        for before, after in pairwise(self.frames):
+            if after.stamp_ns <= before.stamp_ns:
+                raise ValueError(
+                    f"frames of {self.name}: expected rising stamps, "
+                    f"got {after.stamp_ns} after {before.stamp_ns}"
+                )
+
+    @cached_property
+    def stamps_s(self) -> F64:
+        """Seconds of each frame since the first."""
+        start_ns = self.frames[0].stamp_ns if self.frames else 0
+        return np.array([(frame.stamp_ns - start_ns) / 1e9 for frame in self.frames])
+
+    @cached_property
+    def periods_s(self) -> F64:
+        """Seconds that each frame stands for: until the next; the last one the median of these.
+
+        Their sum is the duration: 1800 frames at 30 Hz are one minute. One frame lasts 0 s.
+        """
+        until_next = np.diff(self.stamps_s)
+        last = float(np.median(until_next)) if len(until_next) else 0.0
+        return np.append(until_next, last)[: len(self.frames)]
+
+
+def _marks(marks: BOOL | None, n: int) -> BOOL:
+    return np.zeros(n, np.bool_) if marks is None else marks

@@ -1,0 +1,63 @@
+"""How alike a true person and a track are, 0 to 1; 0.5 is as little as a match may have."""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from common.boxes import iou_xyxy
+from common.messages import F64
+from common.metrics.record import TrackedPeople, TruePeople
+
+Similarity: TypeAlias = Callable[[TruePeople, TrackedPeople], F64]
+
+
+def box_overlap(truth: TruePeople, tracked: TrackedPeople) -> F64:
+    """Return the intersection over union of the boxes in the image.
+
+    Args:
+        truth: N people with boxes.
+        tracked: M people with boxes.
+
+    Returns:
+        NxM, 0 to 1.
+
+    Raises:
+        ValueError: There are people without boxes.
+    """
+    boxes = _column("boxes_xyxy_px", truth.boxes_xyxy_px, len(truth.ids), 4)
+    return iou_xyxy(boxes, _column("boxes_xyxy_px", tracked.boxes_xyxy_px, len(tracked.ids), 4))
+
+
+def ground_distance(max_m: float = 1.0) -> Similarity:
+    """Make a similarity from the distance on the ground plane: 1 - d / (2 max_m), at least 0.
+
+    A match may be max_m apart at most, where the similarity is 0.5; HOTA's thresholds 0.05 to 0.95
+    stand for 1.9 to 0.1 times max_m.
+
+    Args:
+        max_m: Largest distance of a match, usually 0.5 to 1 m.
+
+    Returns:
+        The similarity: N and M people with positions to NxM.
+
+    Raises:
+        ValueError: The distance is not positive; when called, there are people without positions.
+    """
+    if not max_m > 0:
+        raise ValueError(f"max_m: expected > 0, got {max_m}")
+
+    def similarity(truth: TruePeople, tracked: TrackedPeople) -> F64:
+        a = _column("positions_m", truth.positions_m, len(truth.ids), 3)[:, None, :2]
+        b = _column("positions_m", tracked.positions_m, len(tracked.ids), 3)[None, :, :2]
+        distance_m = np.linalg.norm(a - b, axis=-1)
+        alike: F64 = np.maximum(0.0, 1.0 - distance_m / (2.0 * max_m))
+        return alike
+
+    return similarity
+
+
+def _column(name: str, values: F64 | None, n: int, width: int) -> F64:
+    if values is None and n:
+        raise ValueError(f"{name}: expected one for each of {n} people, got none")
+    return np.zeros((0, width)) if values is None else values

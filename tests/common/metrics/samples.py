@@ -1,0 +1,69 @@
+"""Inputs of the parity tests: a simple tracker on the MOT15 detections, and drawn sequences."""
+
+from pathlib import Path
+
+import numpy as np
+
+from common.boxes import iou_xyxy
+from common.messages import F64
+from common.metrics import Frame, Sequence, TrackedPeople, TruePeople
+from common.metrics.mot_text import MotRows, read_info, read_rows, sequence
+
+MOT15 = ("ADL-Rundle-6", "ETH-Bahnhof", "KITTI-17", "TUD-Campus", "TUD-Stadtmitte")
+SEEDS = (0, 1, 2, 3)
+
+
+def greedy_tracks(detections: MotRows, frames: int) -> dict[int, TrackedPeople]:
+    """Link each box to the box of the frame before that overlaps it most, from 0.3 up."""
+    tracks: dict[int, TrackedPeople] = {}
+    ids, boxes, unused = np.zeros(0, np.int64), np.zeros((0, 4)), 1
+    for number in range(1, frames + 1):
+        found = detections.of(number).boxes_xyxy_px
+        overlap, linked = iou_xyxy(boxes, found), np.zeros(len(found), np.int64)
+        while overlap.size and overlap.max() >= 0.3:
+            i, j = np.unravel_index(overlap.argmax(), overlap.shape)
+            linked[j] = ids[i]
+            overlap[i], overlap[:, j] = 0.0, 0.0
+        for j in np.flatnonzero(linked == 0):
+            linked[j], unused = unused, unused + 1
+        ids, boxes = linked, found
+        tracks[number] = TrackedPeople(ids=tuple(ids.tolist()), boxes_xyxy_px=boxes)
+    return tracks
+
+
+def mot15(folder: Path) -> Sequence:
+    """Put the ground truth of one MOT15 sequence and its greedy tracks together."""
+    info = read_info(folder / "seqinfo.ini")
+    tracks = greedy_tracks(read_rows(folder / "det" / "det.txt"), info.frames)
+    return sequence(info, read_rows(folder / "gt" / "gt.txt"), tracks)
+
+
+def drawn(seed: int) -> Sequence:
+    """Draw five people who walk for 60 frames, with pauses, and an untidy tracker's tracks."""
+    random = np.random.default_rng(seed)
+    start_m, step_m = random.uniform(0, 4, (5, 3)), random.normal(0, 0.05, (5, 3))
+    names = random.permutation(5) + 10
+    frames = []
+    for index in range(60):
+        here = random.random(5) < (0.0 if index % 20 == 7 else 0.9)
+        if random.random() < 0.1:  # a swap
+            a, b = random.choice(5, 2, replace=False)
+            names[[a, b]] = names[[b, a]]
+        if random.random() < 0.2:  # a new name
+            names[random.integers(5)] = 100 + index
+        told = random.random(5) < (0.0 if index % 20 == 13 else 0.85)
+        truth_m = start_m + index * step_m
+        told_m = truth_m + random.normal(0, 0.25, (5, 3))
+        frames.append(_drawn_frame(index, truth_m[here], told_m[told], (here, names[told])))
+    return Sequence(f"drawn {seed}", tuple(frames))
+
+
+def _drawn_frame(
+    index: int, truth_m: F64, told_m: F64, who: tuple[np.ndarray, np.ndarray]
+) -> Frame:
+    here, names = who
+    return Frame(
+        stamp_ns=index * 40_000_000,
+        truth=TruePeople(ids=tuple(np.flatnonzero(here).tolist()), positions_m=truth_m),
+        tracked=TrackedPeople(ids=tuple(names.tolist()), positions_m=told_m),
+    )

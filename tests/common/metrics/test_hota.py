@@ -1,0 +1,60 @@
+"""HOTA worked on paper (Luiten et al. 2020; method book section 9)."""
+
+import numpy as np
+import pytest
+
+from common.metrics import ALPHAS, HotaCounts, Sequence, ground_distance, match
+from common.metrics.hota import count_hota
+from tests.common.metrics.worlds import sequence, truth
+
+
+def count(recording: Sequence) -> HotaCounts:
+    return count_hota(match(recording, ground_distance(0.5)))
+
+
+def test_thresholds() -> None:
+    assert pytest.approx([0.05 * n for n in range(1, 20)]) == ALPHAS
+
+
+def test_a_name_changed_at_half_time() -> None:
+    # Four frames, all found exactly: DetA = 1. Each match has TPA = 2, FNA = 2 (A under the other
+    # name), FPA = 0: A(c) = 2/4, recall 2/4, precision 2/2. HOTA = sqrt(1 x 0.5), for every alpha.
+    counts = count(sequence(*[({"A": 0}, {1: 0})] * 2, *[({"A": 0}, {2: 0})] * 2))
+    assert counts.det_a == pytest.approx(np.ones(19))
+    assert counts.ass_a == pytest.approx(np.full(19, 0.5))
+    assert counts.ass_re == pytest.approx(np.full(19, 0.5))
+    assert counts.ass_pr == pytest.approx(np.ones(19))
+    assert counts.hota == pytest.approx(np.full(19, 0.5**0.5))
+
+
+def test_misses_and_false_alarms() -> None:
+    # Four truths, three found by track 1; track 9 is with nobody: TP = 3, FN = 1, FP = 1:
+    # DetA = 3/5, DetRe = DetPr = 3/4. TPA = 3, FNA = 1, FPA = 0: AssA = 3/4. HOTA = sqrt(0.45).
+    counts = count(sequence(*[({"A": 0}, {1: 0})] * 3, ({"A": 0}, {9: 5})))
+    assert counts.det_a == pytest.approx(np.full(19, 0.6))
+    assert counts.det_re == pytest.approx(np.full(19, 0.75))
+    assert counts.det_pr == pytest.approx(np.full(19, 0.75))
+    assert counts.hota == pytest.approx(np.full(19, 0.45**0.5))
+
+
+def test_places_decide_up_to_which_threshold() -> None:
+    # 0.4 m apart: similarity 1 - 0.4 / 1 = 0.6, a match for alpha 0.05 to 0.60: 12 of 19.
+    counts = count(sequence(({"A": 0}, {1: 0.4})))
+    assert counts.tp.tolist() == [1.0] * 12 + [0.0] * 7
+    assert counts.hota.mean() == pytest.approx(12 / 19)
+    # Localisation is 0.6 there; where nothing matches it is 1 by definition.
+    assert counts.loc_a == pytest.approx([0.6] * 12 + [1.0] * 7)
+
+
+def test_matches_follow_the_identities_of_the_whole_sequence() -> None:
+    # Track 1 is A's in three frames. In the fourth track 2 is a little nearer, but the alignment
+    # of A and 2 is small: (1 frame shared by halves) against 1's: the pair A-1 is taken.
+    counts = count(sequence(*[({"A": 0}, {1: 0})] * 3, ({"A": 0}, {1: 0.1, 2: 0.05})))
+    assert counts.tp[0] == 4
+    assert counts.ass_a[0] == pytest.approx(1.0)
+    assert counts.loc_a[0] == pytest.approx((3 + 0.9) / 4)
+
+
+def test_who_need_not_be_found_has_no_part() -> None:
+    counts = count(sequence(({"A": 0}, {1: 0}), (truth({"A": 0}, out="A"), {2: 0})))
+    assert counts.hota == pytest.approx(np.ones(19))

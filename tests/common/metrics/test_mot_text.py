@@ -1,0 +1,79 @@
+"""Text files of the MOT-Challenge, good and bad."""
+
+from pathlib import Path
+
+import pytest
+
+from common.errors import DecodeError
+from common.metrics import box_overlap, score
+from common.metrics.mot_text import MotInfo, read_info, read_rows, sequence, tracks_by_frame
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "gt.txt"
+    path.write_text(text)
+    return path
+
+
+def test_lines_are_ordered_by_frame_and_boxes_have_corners(tmp_path: Path) -> None:
+    rows = read_rows(written(tmp_path, "2,7,10,20,30,40,1,-1,-1,-1\n\n1,7,0,0,5.5,6,0.5\n"))
+    assert rows.frames.tolist() == [1, 2]
+    assert rows.ids.tolist() == [7, 7]
+    assert rows.boxes_xyxy_px.tolist() == [[0, 0, 5.5, 6], [10, 20, 40, 60]]
+    assert rows.of(2).confidences.tolist() == [1.0]
+    assert rows.of(3).ids.tolist() == []
+
+
+def test_detections_have_no_identity(tmp_path: Path) -> None:
+    rows = read_rows(written(tmp_path, "1,-1,0,0,5,6,0.9,-1,-1,-1\n1,-1,9,0,5,6,0.8,-1,-1,-1\n"))
+    assert rows.ids.tolist() == [-1, -1]
+
+
+def test_an_empty_file_has_no_lines(tmp_path: Path) -> None:
+    assert len(read_rows(written(tmp_path, "")).frames) == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("1,2,3", "line 2: expected frame,id,left,top,width,height,confidence .*, got 3 fields"),
+        ("1,8,0,0,5,x,1", "line 2: expected frame,id.*, got '1,8,0,0,5,x,1'"),
+        ("1,8,0,0,nan,6,1", "line 2: expected finite numbers"),
+        ("0,8,0,0,5,6,1", "line 2: expected a frame from 1 and a whole id, got 0 and 8"),
+        ("1,8.5,0,0,5,6,1", "line 2: expected a frame from 1 and a whole id, got 1 and 8.5"),
+        ("1,8,0,0,-5,6,1", "line 2: expected width and height > 0, got -5 and 6"),
+        ("1,7,0,0,5,6,1", r"line 2: .*got id 7 of frame 1 again \(first in line 1\)"),
+    ],
+)
+def test_a_bad_line_is_named(tmp_path: Path, line: str, message: str) -> None:
+    with pytest.raises(DecodeError, match=message):
+        read_rows(written(tmp_path, f"1,7,0,0,5,6,1\n{line}\n"))
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(DecodeError, match=r"det\.txt: expected a readable text file"):
+        read_rows(tmp_path / "det.txt")
+
+
+def test_info(tmp_path: Path) -> None:
+    text = "[Sequence]\nname=walk\nframeRate=25\nseqLength=3\nimWidth=640\nimHeight=480\n"
+    assert read_info(written(tmp_path, text)) == MotInfo("walk", 25.0, 3, 640, 480)
+    for bad in (text.replace("25", "fast"), text.replace("name=walk", ""), "", "name=walk"):
+        with pytest.raises(DecodeError, match="with name, frameRate, seqLength"):
+            read_info(written(tmp_path, bad))
+
+
+def test_a_rate_must_be_positive(tmp_path: Path) -> None:
+    text = "[Sequence]\nname=walk\nframeRate=0\nseqLength=3\nimWidth=640\nimHeight=480\n"
+    with pytest.raises(DecodeError, match="frameRate"):
+        read_info(written(tmp_path, text))
+
+
+def test_flagged_truth_is_dropped_and_frames_have_stamps(tmp_path: Path) -> None:
+    truth = read_rows(written(tmp_path, "1,7,0,0,10,10,1\n1,8,50,0,10,10,0\n3,7,0,0,10,10,1\n"))
+    tracks = tracks_by_frame(read_rows(written(tmp_path, "1,1,0,0,10,10,0.9,-1,-1,-1\n")))
+    recording = sequence(MotInfo("walk", 25.0, 3, 640, 480), truth, tracks)
+    assert [frame.stamp_ns for frame in recording.frames] == [0, 40_000_000, 80_000_000]
+    assert [frame.truth.ids for frame in recording.frames] == [(7,), (), (7,)]
+    counts = score(recording, box_overlap).clear
+    assert (counts.matches, counts.misses, counts.false_alarms) == (1, 1, 0)

@@ -1,0 +1,114 @@
+"""The same figures as TrackEval and motmetrics (reference.json, made by make_reference.py)."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from common.metrics import Matching, Scores, Step, box_overlap, combine, ground_distance, match
+from common.metrics.clear import count_clear
+from common.metrics.scores import score_matching
+from tests.common.metrics.samples import MOT15, SEEDS, drawn, mot15
+
+DRAWN = tuple(f"drawn {seed}" for seed in SEEDS)
+REFERENCE: dict[str, dict[str, Any]] = json.loads(
+    (Path(__file__).parent / "reference.json").read_text()
+)
+
+
+@cache
+def matched_mot15(folder: Path) -> Matching:
+    return match(mot15(folder), box_overlap)
+
+
+def matched(name: str, shared: Path) -> Matching:
+    if name in MOT15:
+        return matched_mot15(shared / "data" / "mot15" / name)
+    return match(drawn(int(name.split()[1])), ground_distance(0.5))
+
+
+def under_trackevals_names(scores: Scores) -> dict[str, Any]:
+    c, i, h = scores.clear, scores.identity, scores.hota
+    row: dict[str, Any] = {"CLR_TP": c.matches, "CLR_FN": c.misses, "CLR_FP": c.false_alarms}
+    row |= {"IDSW": c.id_switches, "MT": c.mostly_tracked, "PT": c.partly_tracked}
+    row |= {"ML": c.mostly_lost, "MOTA": c.mota, "MOTP": c.motp}
+    row |= {"CLR_Re": c.recall, "CLR_Pr": c.precision}
+    row |= {"IDTP": i.idtp, "IDFN": i.idfn, "IDFP": i.idfp}
+    row |= {"IDF1": i.idf1, "IDP": i.idp, "IDR": i.idr}
+    row |= {"HOTA": h.hota, "DetA": h.det_a, "AssA": h.ass_a, "LocA": h.loc_a}
+    row |= {"DetRe": h.det_re, "DetPr": h.det_pr, "AssRe": h.ass_re, "AssPr": h.ass_pr}
+    return row
+
+
+def assert_like_trackeval(scores: Scores, name: str) -> None:
+    ours = under_trackevals_names(scores)
+    theirs = {key: value for key, value in REFERENCE[name].items() if key != "motmetrics"}
+    assert ours.keys() == theirs.keys()
+    for key, value in theirs.items():  # HOTA's eight for each of 19 thresholds
+        assert np.asarray(ours[key]) == pytest.approx(np.array(value), abs=1e-8), key
+
+
+@pytest.mark.parametrize("name", MOT15 + DRAWN)
+def test_trackeval(name: str, shared: Path) -> None:
+    assert_like_trackeval(score_matching(matched(name, shared)), name)
+
+
+@pytest.mark.parametrize(("pool", "names"), [("MOT15", MOT15), ("drawn", DRAWN)])
+def test_trackeval_pooled(pool: str, names: tuple[str, ...], shared: Path) -> None:
+    assert_like_trackeval(combine(score_matching(matched(name, shared)) for name in names), pool)
+
+
+@pytest.mark.parametrize("name", MOT15 + DRAWN)
+def test_motmetrics_identity(name: str, shared: Path) -> None:
+    identity, theirs = score_matching(matched(name, shared)).identity, REFERENCE[name]["motmetrics"]
+    for key in ("idf1", "idp", "idr"):
+        assert getattr(identity, key) == pytest.approx(theirs[key], abs=1e-8)
+
+
+@pytest.mark.parametrize("name", MOT15 + DRAWN)
+def test_motmetrics_clear(name: str, shared: Path) -> None:
+    # motmetrics keeps a person's last track for ever, also after frames without a match and though
+    # the track has been another person's since; TrackEval, and we, keep pairs of the previous frame
+    # only. Given its pairs we count what it counts, to the last fragmentation.
+    matching = kept_for_ever(matched(name, shared))
+    counts, theirs = count_clear(matching), REFERENCE[name]["motmetrics"]
+    assert counts.matches == theirs["num_detections"]
+    assert counts.misses == theirs["num_misses"]
+    assert counts.false_alarms == theirs["num_false_positives"]
+    assert counts.id_switches == theirs["num_switches"]
+    assert counts.fragmentations == theirs["num_fragmentations"]
+    assert counts.mota == pytest.approx(theirs["mota"], abs=1e-8)
+    assert counts.motp == pytest.approx(1.0 - theirs["motp"], abs=1e-8)  # there a mean distance
+    # Mostly tracked is at least 80 % there, and more than 80 % in TrackEval.
+    shares = np.array([history.matched.mean() for history in matching.histories])
+    assert np.sum(shares >= 0.8) == theirs["mostly_tracked"]
+    assert counts.mostly_lost == theirs["mostly_lost"]
+
+
+def kept_for_ever(matching: Matching) -> Matching:
+    """Match again by the rule of motmetrics."""
+    last = dict.fromkeys(range(len(matching.persons)), -1)
+    steps = []
+    for step in matching.steps:
+        kept = np.zeros(step.similarity.shape, np.bool_)
+        for row, person in enumerate(step.persons.tolist()):
+            for column in np.flatnonzero(step.tracks == last[person]):
+                kept[row, column] = (
+                    step.similarity[row, column] >= 0.5 and not kept[:, column].any()
+                )
+        steps.append(rematched(step, kept))
+        pairs = zip(steps[-1].rows, steps[-1].columns, strict=True)
+        last |= {int(step.persons[i]): int(step.tracks[j]) for i, j in pairs}
+    return replace(matching, steps=tuple(steps))
+
+
+def rematched(step: Step, kept: np.ndarray) -> Step:
+    worth = np.where(step.similarity >= 0.5, 1000.0 * kept + 1.0 + step.similarity, 0.0)
+    rows, columns = linear_sum_assignment(worth, maximize=True)
+    valid = worth[rows, columns] > 0
+    return replace(step, rows=rows[valid], columns=columns[valid])

@@ -1,0 +1,44 @@
+"""Small sequences written by hand: everybody stands on the x axis."""
+
+from collections.abc import Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from common.metrics import Frame, Id, Sequence, TrackedPeople, TruePeople
+
+Places: TypeAlias = Mapping[Any, float]  # id -> x in metres
+
+
+def truth(places: Places, out: str = "", hidden: str = "") -> TruePeople:
+    """Put people to x; those named in `out` and `hidden` are out of view and occluded."""
+    return TruePeople(
+        ids=tuple(places),
+        positions_m=np.array([(x, 0.0, 0.0) for x in places.values()]).reshape(-1, 3),
+        out_of_view=np.array([str(i) in out for i in places], np.bool_),
+        occluded=np.array([str(i) in hidden for i in places], np.bool_),
+    )
+
+
+def tracked(places: Places, predicted: tuple[Id, ...] = ()) -> TrackedPeople:
+    """Put tracks to x; some of them only predicted."""
+    return TrackedPeople(
+        ids=tuple(places),
+        positions_m=np.array([(x, 0.0, 0.0) for x in places.values()]).reshape(-1, 3),
+        predicted=np.array([i in predicted for i in places], np.bool_),
+    )
+
+
+def sequence(*frames: tuple[Places | TruePeople, Places | TrackedPeople]) -> Sequence:
+    """Put frames together at 2 Hz."""
+    return Sequence(
+        "hand-made",
+        tuple(
+            Frame(
+                stamp_ns=index * 500_000_000,
+                truth=people if isinstance(people, TruePeople) else truth(people),
+                tracked=told if isinstance(told, TrackedPeople) else tracked(told),
+            )
+            for index, (people, told) in enumerate(frames)
+        ),
+    )
