@@ -11,7 +11,7 @@ from services.camera.lab.drive import base_path
 from services.camera.lab.scenario import CameraPlan, Drive, WheelPlan
 from services.camera.lab.wheels import DeadReckoning, tick_m, wheel_odometry, wheel_ticks
 
-PERFECT = WheelPlan(scale_error=0, track_error=0, slip=0, ticks_per_turn=2**24)
+PERFECT = WheelPlan(scale_error=0, track_error=0, slip=0, ticks_per_turn=10**6)
 DRIVES = (
     Drive(for_s=5, speed_mps=0.4),
     Drive(for_s=6, speed_mps=0.3, turn_dps=25),
@@ -99,17 +99,15 @@ def test_errors_stay_within_the_covariance_that_is_told() -> None:
     # The mean of e^T P^-1 e over many runs is 3 if the covariance is right. The constant errors
     # are drawn here as a robot's maker would: normal, with the size that is told.
     generator = np.random.default_rng(4)
+    told = WheelPlan(rate_hz=10)
+    path = base_path(CameraPlan(drive=DRIVES), 20)
+    covariance = wheel_odometry(CameraPlan(drive=DRIVES, wheels=told), path, 20, 0)[-1].covariance
+    assert covariance is not None
     distances = []
     for seed in range(100):
         scale, track = generator.normal(0, 0.01, 2)
-        plan = CameraPlan(
-            drive=DRIVES, wheels=WheelPlan(rate_hz=10, scale_error=scale, track_error=track)
-        )
-        path = base_path(plan, 20)
-        last = wheel_odometry(plan, path, 20, seed)[-1]
-        told = CameraPlan(drive=DRIVES, wheels=WheelPlan(rate_hz=10))
-        covariance = wheel_odometry(told, path, 20, seed)[-1].covariance
-        assert covariance is not None
+        wheels = WheelPlan(rate_hz=10, scale_error=scale, track_error=track)
+        last = wheel_odometry(CameraPlan(drive=DRIVES, wheels=wheels), path, 20, seed)[-1]
         error = pose(last) - path.pose(20.0)
         error[2] = wrap(error[2])
         distances.append(error @ np.linalg.solve(covariance, error))
