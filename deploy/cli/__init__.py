@@ -20,6 +20,7 @@ COMMANDS = (
     ("logs", "logs", "Show what the processes wrote."),
     ("listen", "listen", "Show the people around the robot, live."),
     ("info", "info", "Tell what a recording, bag or folder holds."),
+    ("lab", "lab", "Film simulated people: list scenarios, render, preview, export to ROS 2."),
     ("models", "models", "List models: present, verified, licence, how to get them."),
     ("record", "record", "Record messages to a file."),
     ("replay", "replay", "Publish recorded messages, to try one service alone."),
@@ -44,6 +45,8 @@ class LazyCommand(typer.core.TyperCommand):
     def make_context(self, *args: Any, **kwargs: Any) -> Any:
         """Make the context of the real command, which then runs."""
         module = importlib.import_module(f"deploy.cli.{self._module}")
+        if hasattr(module, "group"):  # it has commands of its own
+            return typer.main.get_command(module.group()).make_context(*args, **kwargs)
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         settings = getattr(module, "CONTEXT_SETTINGS", None)
         app.command(self.name, context_settings=settings)(getattr(module, str(self.name)))

@@ -164,11 +164,11 @@ def _resolve(source: str) -> str:
 
 
 def _resolve_scenario(name: str) -> str:
-    from services.camera.lab.scenario import load_scenario, split_seed  # noqa: PLC0415
+    from services.camera.lab.scenario import NAME, load_scenario, split_seed  # noqa: PLC0415
 
     scenario, _ = split_seed(name)
     load_scenario(scenario)  # an unknown one is told before anything is started
-    return str(Path(name).absolute()) if Path(scenario).is_file() else name
+    return name if NAME.fullmatch(scenario) else str(Path(name).absolute())
 
 
 def _launch(wish: Wish, timeout_s: float, detach: bool) -> None:

@@ -20,7 +20,7 @@ from services.camera.source import Capture
 
 BLURRED = 5  # moments that a picture with blurred motion is the mean of
 FAR_M = 8.0  # from which on the flat picture is darkest
-DARK = 0.25  # of its brightness there
+DARK = 0.4  # of its brightness there
 ROOM: Colour = (120, 124, 130)
 
 

@@ -1,0 +1,255 @@
+"""people4d lab."""
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from common.errors import ConfigError
+from services.camera.lab.scenario import Scenario, load_scenario, scenario_names
+
+# What draws is imported on use: compiled code takes a second to load.
+
+ScenarioName = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="Name from people4d lab list, or a .toml file.")
+]
+Seed = Annotated[
+    int | None,
+    typer.Option(min=0, help="Another light, motion and noise; else the scenario's own."),
+]
+Report = Callable[[str, float], None]
+
+
+def list_() -> None:
+    """List the scenarios and the people that can be in them."""
+    from services.camera.lab.body import cast_names  # noqa: PLC0415
+
+    console = Console(highlight=False, soft_wrap=True)
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("scenario", style="bold")
+    table.add_column("people", justify="right")
+    table.add_column("length", justify="right")
+    for title in ("room", "camera", "about"):
+        table.add_column(title)
+    for name in scenario_names():
+        table.add_row(name, *_row(load_scenario(name)))
+    console.print(table)
+    console.print(f"\n[bold]people[/]  {', '.join(cast_names())}")
+    console.print("\nLook at one: people4d lab preview SCENARIO")
+    console.print("Let the pipeline see it: people4d up --source lab:SCENARIO")
+
+
+def _row(scenario: Scenario) -> tuple[str, str, str, str, str]:
+    camera = scenario.camera
+    moves = "drives" if camera.drive else "stands"
+    return (
+        str(len(scenario.people)),
+        f"{scenario.duration_s:g} s",
+        scenario.room,
+        f"{moves}, {camera.fps:g} Hz",
+        scenario.about,
+    )
+
+
+def render(
+    scenario: ScenarioName,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder, or name of the recording; else here, named as the scenario."),
+    ] = None,
+    seed: Seed = None,
+    speed: Annotated[
+        Literal["geometry", "depth", "colour"],
+        typer.Option(
+            help="geometry: detections in place of frames. depth: people in flat colours."
+        ),
+    ] = "colour",
+    format_: Annotated[
+        Literal["recording", "ros2", "both"],
+        typer.Option("--format", help="The project's own recording, a ROS 2 bag, or both."),
+    ] = "recording",
+    jobs: Annotated[
+        int, typer.Option(min=0, help="Processes that draw at once; 0: one for each core.")
+    ] = 0,
+    quality: Annotated[int, typer.Option(min=1, max=100, help="JPEG quality of colour.")] = 90,
+    samples: Annotated[
+        int, typer.Option(min=1, max=2, help="Along each side of a pixel; 1: ragged edges, quick.")
+    ] = 2,
+    depth: Annotated[
+        Literal["clean", "measured"],
+        typer.Option(help="clean: small; the sensor's errors are added whenever it is played."),
+    ] = "clean",
+    truth_per_frame: Annotated[
+        bool,
+        typer.Option(
+            "--truth-per-frame", help="Write keypoints, boxes and visibility to NAME.truth.npz."
+        ),
+    ] = False,
+) -> None:
+    """Film a scenario into a recording; interrupted and called again, it goes on."""
+    from services.camera.lab import render as job  # noqa: PLC0415
+    from services.camera.lab.studio import Order  # noqa: PLC0415
+
+    if speed == "geometry" and format_ != "recording":
+        raise ConfigError(
+            "--speed geometry: there are no images for a ROS bag", "Leave --format on recording."
+        )
+    plan = load_scenario(scenario)
+    order = Order(
+        scenario=plan,
+        seed=plan.seed if seed is None else seed,
+        speed=speed,
+        depth=depth,
+        quality=quality,
+        samples=samples,
+        truth_per_frame=truth_per_frame,
+    )
+    stem = _stem(plan, seed)
+    file = out if out and out.suffix == ".mcap" else (out or Path()) / f"{stem}.mcap"
+    outputs = job.Outputs(
+        recording=None if format_ == "ros2" else file,
+        bag=None if format_ == "recording" else file.with_name(f"{file.stem}_ros2"),
+        truth=file.with_suffix(".truth.npz") if truth_per_frame else None,
+    )
+    kept = f"What is done is kept in {outputs.shelf}: the same command goes on."
+    with _interruptible(kept), _progress() as report:
+        job.render(order, outputs, jobs or _cores(), report)
+    for path in outputs.paths:
+        typer.echo(f"Wrote {path}")
+    typer.echo(f"Look at it: people4d info {outputs.paths[0]}")
+
+
+def preview(
+    scenario: ScenarioName,
+    out: Annotated[
+        Path | None, typer.Option(help="A .png or .mp4 file; else a .png named as the scenario.")
+    ] = None,
+    seed: Seed = None,
+    every_s: Annotated[
+        float | None,
+        typer.Option("--every", min=0.0, help="Seconds from picture to picture."),
+    ] = None,
+    speed: Annotated[
+        Literal["depth", "colour"], typer.Option(help="depth: people in flat colours, quick.")
+    ] = "colour",
+) -> None:
+    """Draw a scenario with skeletons, boxes, depth, masks and a map, as one page or a video."""
+    from services.camera.lab.film import Film, FilmSettings  # noqa: PLC0415
+    from services.camera.lab.preview import Preview, write_sheet, write_video  # noqa: PLC0415
+    from services.camera.lab.world import World  # noqa: PLC0415
+
+    plan = load_scenario(scenario)
+    path = out or Path(f"{_stem(plan, seed)}.png")
+    writers = {".png": write_sheet, ".mp4": write_video}
+    if path.suffix not in writers:
+        raise ConfigError(f"--out: expected a .png or .mp4 file, got {path}")
+    if path.exists():
+        raise ConfigError(f"{path} exists already", "Remove it, or give another --out.")
+    settings = FilmSettings(colour="drawn" if speed == "colour" else "flat", threads=_cores())
+    shown = Preview(Film(World(plan, seed), settings))
+    frames = shown.frames(every_s) if path.suffix == ".mp4" else shown.few_frames(every_s)
+    with _interruptible("The preview is not complete."), _progress() as report:
+        writers[path.suffix](shown, frames, path, partial(report, "drawing"))
+    typer.echo(f"Wrote {path}")
+
+
+def export(
+    recording: Annotated[Path, typer.Argument(help="A people4d recording, simulated or real.")],
+    out: Annotated[Path, typer.Argument(help="Folder of the ROS 2 bag.")],
+    storage: Annotated[
+        Literal["mcap", "sqlite3"], typer.Option(help="What the bag is stored as.")
+    ] = "mcap",
+    compressed: Annotated[
+        bool, typer.Option("--compressed", help="JPEG colour and PNG depth, ten times smaller.")
+    ] = False,
+    namespace: Annotated[str, typer.Option(help="First part of the image topics.")] = "camera",
+    camera: Annotated[str, typer.Option(help="Which camera, if there are several.")] = "",
+) -> None:
+    """Write a recording as a ROS 2 bag with the topics of a RealSense driver."""
+    from services.camera import ros_export  # noqa: PLC0415
+
+    layout = ros_export.Layout(storage=storage, compressed=compressed, namespace=namespace)
+    with _interruptible("Nothing was written."), _progress() as report:
+        counts = ros_export.export(recording, out, layout, camera, partial(report, "writing"))
+    for topic, count in sorted(counts.items()):
+        typer.echo(f"{count:>8} {topic}")
+    typer.echo(f"Wrote {out}")
+
+
+def _stem(plan: Scenario, seed: int | None) -> str:
+    return plan.name if seed is None else f"{plan.name}-{seed}"
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+@contextmanager
+def _progress() -> Iterator[Report]:
+    """Show a bar for each thing that is being done; call what it gives with its share."""
+    columns = (
+        TextColumn("{task.description:<18}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def report(what: str, share: float) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(what, total=1.0)
+            bars.update(tasks[what], completed=share)
+
+        yield report
+
+
+@contextmanager
+def _interruptible(told: str) -> Iterator[None]:
+    """End the block on Ctrl-C, SIGTERM and a closed terminal, and say what there is."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    numbers = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield
+    except KeyboardInterrupt:
+        typer.echo(f"Interrupted. {told}", err=True)
+        raise typer.Exit(130) from None
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "list": list_,
+    "render": render,
+    "preview": preview,
+    "export": export,
+}
+
+
+def group() -> typer.Typer:
+    """Return the command with its sub-commands."""
+    app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+    for name, command in COMMANDS.items():
+        app.command(name)(command)
+    return app

@@ -1,0 +1,122 @@
+"""people4d lab."""
+
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from common.errors import ConfigError
+from common.recording import open_recording
+from deploy.cli import app
+from deploy.cli.up import _resolve, _truth_of
+from services.camera.lab.scenario import scenario_names
+from tests.camera.lab.scenarios import FRAMES, write_scenario
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, ["lab", *map(str, arguments)])
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_list_shows_scenarios_and_people() -> None:
+    status, output, _ = run("list")
+    assert status == 0
+    for name in (*scenario_names(), "adam", "twin_a", "twin_b"):
+        assert name in output
+
+
+@pytest.mark.parametrize("command", ["list", "render", "preview", "export"])
+def test_every_command_has_help(command: str) -> None:
+    status, output, _ = run(command, "--help")
+    assert status == 0
+    assert "Usage: people4d lab" in output.replace("root", "people4d")
+
+
+def test_render_preview_and_export(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path)
+    status, output, errors = run(
+        "render", scenario, "--speed", "depth", "--out", tmp_path, "--jobs", 1, "--format", "both"
+    )
+    assert (status, "Wrote" in output) == (0, True), errors
+    assert open_recording(tmp_path / "walk.mcap").summary.topics["raw/front/compressed"] == FRAMES
+    assert (tmp_path / "walk_ros2" / "metadata.yaml").is_file()
+    status, output, _ = run("export", tmp_path / "walk.mcap", tmp_path / "small", "--compressed")
+    assert status == 0
+    assert f"{FRAMES:>8} /camera/color/image_raw/compressed" in output
+    status, _, _ = run(
+        "preview", scenario, "--speed", "depth", "--out", tmp_path / "p.png", "--every", 0.6
+    )
+    assert status == 0
+    assert (tmp_path / "p.png").is_file()
+
+
+def test_a_seed_of_ones_own_is_in_the_name(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path)
+    status, _, _ = run("render", scenario, "--speed", "geometry", "--out", tmp_path, "--seed", 7)
+    assert status == 0
+    assert (tmp_path / "walk-7.mcap").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["render", "nothing"], "there is no scenario nothing. There are "),
+        (["preview", "nothing"], "there is no scenario nothing. There are "),
+        (["preview", "two_easy", "--out", "p.gif"], "--out: expected a .png or .mp4 file"),
+        (["render", "two_easy", "--speed", "geometry", "--format", "ros2"], "no images for a ROS"),
+        (["export", "/none.mcap", "/tmp/none"], "recording /none.mcap cannot be read"),
+    ],
+)
+def test_errors_are_one_sentence_with_the_mend(arguments: list[str], message: str) -> None:
+    status, _, errors = run(*arguments)
+    assert status == 1
+    assert message in errors
+    assert "Traceback" not in errors
+
+
+def test_an_output_that_exists_says_so(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path)
+    (tmp_path / "walk.mcap").write_text("precious")
+    status, _, errors = run("render", scenario, "--out", tmp_path)
+    assert status == 1
+    assert "walk.mcap exists already. Remove it, or give another --out" in errors
+
+
+def test_a_stopped_rendering_tells_how_to_go_on(tmp_path: Path) -> None:
+    """SIGTERM while frames are drawn; the same command then finishes the recording."""
+    scenario = write_scenario(tmp_path, camera="exposure_s = 0.02")
+    command = [sys.executable, "-m", "deploy.cli", "lab", "render", str(scenario)]
+    command += ["--out", str(tmp_path), "--jobs", "1", "--samples", "1"]
+    environment = os.environ | {"TERM": "dumb"}
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+    )
+    shelf = tmp_path / "walk.mcap.part"
+    while process.poll() is None and not any(shelf.glob("*.new")):
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(0.05)
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert f"What is done is kept in {shelf}" in errors
+    assert (shelf / "key").is_file()
+    assert run("render", scenario, "--out", tmp_path, "--jobs", 1, "--samples", 1)[0] == 0
+    assert not shelf.exists()
+
+
+def test_up_takes_scenarios_and_knows_their_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert _resolve("lab:two_easy@3") == "lab:two_easy@3"
+    assert _truth_of("lab:two_easy@3") == "lab:two_easy@3"
+    assert _truth_of("walk.mcap") == ""
+    path = write_scenario(tmp_path)
+    monkeypatch.chdir(tmp_path)  # services run elsewhere
+    assert _resolve("lab:walk.toml@3") == f"lab:{path}@3"
+    with pytest.raises(ConfigError, match="there is no scenario nothing"):
+        _resolve("lab:nothing")
