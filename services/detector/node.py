@@ -156,7 +156,8 @@ class DetectorNode:
         if person.keypoints is None:
             return None
         rule = self._orientation
-        return orientation(person.keypoints, frame.depth_mm, info, rule, self._rule).fused
+        found = orientation(person.keypoints, frame.depth_mm, info, rule, self._rule)
+        return found.fused(rule.weighted)
 
     def _position(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> F64 | None:
         method = self._config.position

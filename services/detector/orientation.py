@@ -51,8 +51,8 @@ class OrientationRule(msgspec.Struct, frozen=True, kw_only=True):
     shoulder_ratio_max: float = 0.90  # largest shoulder width over torso height; section 6
     hip_ratio_max: float = 0.66  # largest hip width over torso height; section 6
     torso_min_px: float = 8.0  # [px] a lower torso has no readable proportions; this project's
-    # How sure a measurement is; it weighs nothing in the method itself. Measured in the simulated
-    # room, this project's.
+    weighted: bool = False  # psi_1 and psi_2 count by 1 / sigma^2, else equally; section 6: False
+    # How sure a measurement is, from the simulated room; this project's.
     sigma_point_m: float = 0.05  # [m] each point of the pair, across the pair
     sigma_ratio: float = 0.18  # ratio over the largest ratio
 
@@ -83,14 +83,23 @@ class Orientation:
     vector: Angle | None  # psi_1
     ratio: Angle | None  # psi_2, the bearing added
 
-    @property
-    def fused(self) -> Angle | None:
-        """The circular mean of what was measured (eq. 4.18); None of opposite angles."""
+    def fused(self, weighted: bool = False) -> Angle | None:
+        """Return the circular mean of what was measured (eq. 4.18); None of opposite angles.
+
+        Args:
+            weighted: Each angle counts by 1 / sigma^2; else equally.
+        """
         psi = [angle for angle in (self.vector, self.ratio) if angle is not None]
-        sines, cosines = sum(math.sin(a.rad) for a in psi), sum(math.cos(a.rad) for a in psi)
-        if math.hypot(sines, cosines) < 1e-6:
+        weights = [angle.sigma_rad**-2 if weighted else 1.0 for angle in psi]
+        sines = sum(w * math.sin(a.rad) for w, a in zip(weights, psi, strict=True))
+        cosines = sum(w * math.cos(a.rad) for w, a in zip(weights, psi, strict=True))
+        if math.hypot(sines, cosines) <= 1e-6 * sum(weights):
             return None
-        sigma_rad = math.hypot(*(a.sigma_rad for a in psi)) / len(psi)
+        parts = [w * a.sigma_rad for w, a in zip(weights, psi, strict=True)]
+        sigma_rad = math.hypot(*parts) / sum(weights)
+        if len(psi) == 2:  # two that differ by more than their sigmas explain are less sure
+            apart_rad = abs(wrap(psi[0].rad - psi[1].rad))
+            sigma_rad *= max(1.0, apart_rad / math.hypot(*(a.sigma_rad for a in psi)))
         return Angle(wrap(math.atan2(sines, cosines)), sigma_rad)
 
 
