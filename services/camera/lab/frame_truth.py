@@ -1,6 +1,7 @@
 """What is true about the people in one frame, for tests of what sees them."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +11,32 @@ import numpy.typing as npt
 from common.geometry import apply, project
 from common.messages import F64, CameraInfo
 from services.camera.lab.mesh import Mesh
-from services.camera.lab.renderer import Extent, body_extents
+from services.camera.lab.outline import Outline, outlines
+from services.camera.lab.renderer import body_extents
 from services.camera.lab.truth import capture, person_id, velocity_mps
 from services.camera.lab.views import DepthView, PersonView
 from services.camera.lab.world import World
 
 NEAR_M = 0.1  # points nearer to the camera's plane have no pixel
-INSIDE_M = 0.16  # joints lie this deep inside the body, seen from where nothing hides them
+# [m] how deep keypoints (COCO order) may lie behind the skin or cloth in front of them: a little
+# more than the greatest depths of twelve people seen from the sides where their own body does not
+# hide the point, less than where it does.
+NOSE, EYE, EAR, SHOULDER, ELBOW, WRIST = 0.04, 0.04, 0.05, 0.12, 0.08, 0.065
+HIP, KNEE, ANKLE = 0.16, 0.11, 0.09
+PAIRS = (EYE, EAR, SHOULDER, ELBOW, WRIST, HIP, KNEE, ANKLE)
+INSIDE_M: F64 = np.array([NOSE, *np.repeat(PAIRS, 2)])
 BEFORE_M = 0.02  # other things hide a point when they are nearer by more than this
 
 Arrays = dict[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What of a person is seen; fields as in `PersonView`."""
+
+    visible: npt.NDArray[np.bool_]
+    box_xyxy_px: F64
+    share: float
 
 
 def person_views(
@@ -30,33 +47,26 @@ def person_views(
     Args:
         world: What is before the camera.
         t_s: Time of the frame.
-        view: What the camera sees then. Without it nothing is hidden and boxes are those of the
-            keypoints, which takes no drawing.
+        view: What the camera sees then. Without it, which takes no drawing, only people hide
+            people, and bodies are capsules about their keypoints, see `outline`.
         meshes: The bodies at that time, if they are at hand.
     """
-    if view is not None and meshes is None:
-        meshes = world.meshes(t_s)
-    return tuple(
-        _person_view(world, t_s, k, view, meshes[k] if meshes else None)
-        for k in range(len(world.bodies))
-    )
-
-
-def _person_view(
-    world: World, t_s: float, k: int, view: DepthView | None, mesh: Mesh | None
-) -> PersonView:
     optical_from_map = world.optical_from_map(t_s)
-    keypoints_m = world.bodies[k].keypoints_m(world.motions[k].at(t_s))
-    points_m = apply(optical_from_map, keypoints_m)
-    pixels = project_visible(points_m, world.info)
-    inside = in_image(pixels, world.info)
-    if view is None or mesh is None:
-        visible, box, share = inside, _around(pixels, world.info), float(inside.any())
+    postures = world.postures(t_s)
+    keypoints = [b.keypoints_m(p) for b, p in zip(world.bodies, postures, strict=True)]
+    if view is None:
+        found = outlines(keypoints, optical_from_map, world.info)
+        seen = [_outlined(found.get(k), world.info) for k in range(len(keypoints))]
     else:
-        visible = inside & ~hidden(pixels, points_m[:, 2], view, k + 1, inside)
-        extent = body_extents(mesh, optical_from_map, world.info)
-        box, share = extent.box_xyxy_px, _share(view, k + 1, extent)
+        meshes = world.meshes(t_s) if meshes is None else meshes
+        pairs = zip(keypoints, meshes, strict=True)
+        seen = [_drawn(points, mesh, view, optical_from_map, world.info) for points, mesh in pairs]
+    return tuple(_person_view(world, t_s, k, points, seen[k]) for k, points in enumerate(keypoints))
+
+
+def _person_view(world: World, t_s: float, k: int, keypoints_m: F64, seen: _Seen) -> PersonView:
     now = capture(world, k, t_s)
+    points_m = apply(world.optical_from_map(t_s), keypoints_m)
     return PersonView(
         id=person_id(k),
         position_m=now.position_m,
@@ -64,11 +74,39 @@ def _person_view(
         yaw_rad=now.yaw_rad,
         path_yaw_rad=now.path_yaw_rad,
         keypoints_m=keypoints_m,
-        keypoints_px=pixels,
-        visible=visible.astype(np.uint8),
-        box_xyxy_px=box,
-        visible_share=share,
+        keypoints_px=project_visible(points_m, world.info),
+        visible=seen.visible.astype(np.uint8),
+        box_xyxy_px=seen.box_xyxy_px,
+        visible_share=seen.share,
     )
+
+
+def _drawn(
+    keypoints_m: F64, mesh: Mesh, view: DepthView, optical_from_map: F64, info: CameraInfo
+) -> _Seen:
+    """Return what an image shows of a body."""
+    points_m = apply(optical_from_map, keypoints_m)
+    pixels = project_visible(points_m, info)
+    visible = in_image(pixels, info)
+    owner = int(mesh.owner[0])
+    visible[visible] &= ~hidden(
+        pixels[visible], points_m[visible, 2], view, owner, INSIDE_M[visible]
+    )
+    extent = body_extents(mesh, optical_from_map, info)
+    pixels_seen = int(np.count_nonzero(view.owners == owner))
+    share = min(1.0, pixels_seen / extent.pixels) if extent.pixels else 0.0
+    return _Seen(visible, extent.box_xyxy_px, share)
+
+
+def _outlined(outline: Outline | None, info: CameraInfo) -> _Seen:
+    """Return what is seen of a body of capsules."""
+    box = np.full(4, np.nan)
+    if outline is None:
+        return _Seen(np.zeros(17, np.bool_), box, 0.0)
+    cut = outline.box_xyxy_px.clip(0, [info.width, info.height] * 2)
+    if np.all(cut[:2] < cut[2:]):
+        box = cut
+    return _Seen(outline.visible, box, outline.visible_share)
 
 
 def project_visible(points_m: F64, info: CameraInfo) -> F64:
@@ -86,37 +124,20 @@ def in_image(pixels: F64, info: CameraInfo) -> npt.NDArray[np.bool_]:
 
 
 def hidden(
-    pixels: F64, depth_m: F64, view: DepthView, owner: int, inside: npt.NDArray[np.bool_]
+    pixels: F64, depth_m: F64, view: DepthView, owner: int, inside_m: F64
 ) -> npt.NDArray[np.bool_]:
     """Tell which points of a body something hides, its own limbs included.
 
     Args:
-        pixels: Nx2.
+        pixels: Nx2, in the image.
         depth_m: N, of the points.
         view: What the camera sees.
         owner: Number of the body.
-        inside: N, whether the pixel is in the image; others count as hidden.
+        inside_m: N, how deep each point may lie behind the body's surface.
     """
-    column, row = np.rint(np.where(inside[:, None], pixels, 0)).astype(int).T
-    depth_there = view.depth_m[row, column]
-    allowed_m = np.where(view.owners[row, column] == owner, INSIDE_M, BEFORE_M)
-    return np.asarray(~inside | (depth_there < depth_m - allowed_m))
-
-
-def _share(view: DepthView, owner: int, extent: Extent) -> float:
-    if not extent.pixels:
-        return 0.0
-    return min(1.0, int(np.count_nonzero(view.owners == owner)) / extent.pixels)
-
-
-def _around(pixels: F64, info: CameraInfo) -> F64:
-    """Return the box of the pixels, cut to the image; NaN if it lies outside."""
-    known = pixels[np.isfinite(pixels[:, 0])]
-    if not len(known):
-        return np.full(4, np.nan)
-    low = np.maximum(known.min(axis=0), 0)
-    high = np.minimum(known.max(axis=0), (info.width, info.height))
-    return np.concatenate([low, high]) if np.all(low < high) else np.full(4, np.nan)
+    column, row = np.rint(pixels).astype(int).T
+    allowed_m = np.where(view.owners[row, column] == owner, inside_m, BEFORE_M)
+    return np.asarray(view.depth_m[row, column] < depth_m - allowed_m)
 
 
 def frame_arrays(world: World, index: int, people: Sequence[PersonView], view: DepthView) -> Arrays:
