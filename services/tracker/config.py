@@ -121,6 +121,10 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
     # True: each measurement counts by its own standard deviation, where the detector told one.
     measured_sigma: bool = False
     sigma_start_rate_radps: float = 1.0  # [rad/s] of a person seen for the first time
+    # A measurement farther off counts only as if it were so many standard deviations off: one that
+    # is turned round, or of a neighbour, bends the yaw a little instead of taking it over. inf: all
+    # measurements count alike, section 6
+    outlier_sigmas: float = float("inf")
     # [s] time constant with which an unmeasured turn dies out; inf: constant velocity, section 6
     rate_decay_s: float = float("inf")
 
@@ -128,7 +132,8 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
         """Check ranges."""
         _expect_positive(self, "sigma_acceleration_radps2", "sigma_measurement_rad")
         _expect_positive(self, "sigma_start_rate_radps")
-        _expect(self.rate_decay_s > 0, "rate_decay_s", "a number > 0", self.rate_decay_s)
+        for field in ("outlier_sigmas", "rate_decay_s"):
+            _expect(getattr(self, field) > 0, field, "a number > 0", getattr(self, field))
 
 
 class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):

@@ -111,9 +111,9 @@ class KeypointYaw:
         if known:
             x, P = _stack([state for _, state, _ in known])
             psi = x[:, :1]
-            z = psi + _wrap(np.array([[m.yaw_rad] for _, _, m in known]) - psi)
-            R = np.array([[[self._variance(m)]] for _, _, m in known])
-            corrected = _unstack(*kalman.update(x, P, z, self._H, R))
+            y = _wrap(np.array([[m.yaw_rad] for _, _, m in known]) - psi)
+            R = self._damped(y[:, 0], P[:, 0, 0], np.array([self._variance(m) for *_, m in known]))
+            corrected = _unstack(*kalman.update(x, P, psi + y, self._H, R[:, None, None]))
             for (index, _, _), state in zip(known, corrected, strict=True):
                 after[index] = state
         return after
@@ -131,6 +131,16 @@ class KeypointYaw:
     def _noise(self, dt_s: float) -> F64:
         pp, pv, vv = acceleration_noise(dt_s, self._config.sigma_acceleration_radps2)
         return np.array([[pp, pv], [pv, vv]])
+
+    def _damped(self, y: F64, variance: F64, R: F64) -> F64:
+        """Return R (N), raised where it takes that to keep y within outlier_sigmas of sqrt(S).
+
+        Args:
+            y: N innovations.
+            variance: N variances of the predictions.
+            R: N variances of the measurements.
+        """
+        return np.maximum(R, np.square(y / self._config.outlier_sigmas) - variance)
 
     def _start(self, measurement: Measurement) -> YawState:
         """Begin as measured, turning nowhere but not sure of it."""

@@ -144,6 +144,25 @@ def test_a_measurement_counts_by_its_own_sigma_where_so_configured() -> None:
     assert update(state(0.0), facing(1.0), weighing).x[0] == pytest.approx(0.5)
 
 
+def test_a_measurement_turned_round_bends_the_yaw_a_little() -> None:
+    # y = pi, S = 0.25 + 0.25: 4.4 sigma. At 2 sigma S must be (pi / 2)^2 = 2.467:
+    # K = 0.25 / 2.467 = 0.1013, the yaw moves by 0.318 rad instead of pi / 2.
+    robust = KeypointYaw(msgspec.structs.replace(CONFIG, outlier_sigmas=2.0))
+    after = update(state(0.0), facing(math.pi), robust)
+    assert abs(after.x[0]) == pytest.approx(0.3183, abs=1e-3)
+    assert abs(update(state(0.0), facing(math.pi)).x[0]) == pytest.approx(math.pi / 2)
+    # 1 rad is 1.4 sigma: as ever.
+    assert update(state(0.0), facing(1.0), robust).x[0] == pytest.approx(0.5)
+
+
+def test_a_person_who_does_turn_round_is_believed_in_the_end() -> None:
+    robust = KeypointYaw(msgspec.structs.replace(CONFIG, outlier_sigmas=2.0))
+    turned = update(None, facing(0.0), robust)
+    for _ in range(60):
+        turned = update(predict(turned, 1 / 30, robust), facing(2.8), robust)
+    assert turned.x[0] == pytest.approx(2.8, abs=0.1)
+
+
 def test_people_in_a_stack_do_not_mix() -> None:
     crowd = [state(0.1), None, state(3.0, -1.0), None]
     seen = [facing(0.5), facing(None), facing(None), facing(-1.0)]
@@ -294,6 +313,7 @@ def test_a_heading_straight_up_has_no_yaw() -> None:
         ("yaw=nose", "yaw"),
         ("yaw_filter.sigma_measurement_rad=0", "sigma_measurement_rad: expected a finite number"),
         ("yaw_filter.rate_decay_s=0", "rate_decay_s: expected a number > 0"),
+        ("yaw_filter.outlier_sigmas=0", "outlier_sigmas: expected a number > 0"),
         ("yaw_filter.rate_decay_s=nan", "rate_decay_s: expected a number > 0"),
     ],
 )
