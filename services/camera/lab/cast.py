@@ -66,7 +66,13 @@ class Person(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             ValueError: One is not #rrggbb.
         """
         parts = (self.hair, self.shirt, self.legs, self.shoes)
-        for colour in (self.skin, self.eyes, self.shoes.sole, self.shoes.socks, *(part.colour for part in parts)):
+        for colour in (
+            self.skin,
+            self.eyes,
+            self.shoes.sole,
+            self.shoes.socks,
+            *(part.colour for part in parts),
+        ):
             if not COLOUR.fullmatch(colour):
                 raise ValueError(f"colour: expected #rrggbb, got {colour}")
 

@@ -14,6 +14,7 @@ from services.camera.lab.surface import Surface
 from services.camera.lab.tubes import tubes
 
 LIPS = np.array([0.90, 0.64, 0.62])  # times the skin's colour
+LIDS = np.array([0.42, 0.36, 0.34])
 CHEEKS = np.array([1.04, 0.90, 0.88])
 IRIS_M, PUPIL_M = 0.0068, 0.0030
 
@@ -35,9 +36,13 @@ def paint_face(skin: Surface, figure: Figure, person: Person) -> Surface:
     socket = front * bump(np.hypot(beside - 0.28, (above + 0.02) * 1.6), 0.24)
     colour = tint(colour, 0.35 * socket, colour * 0.6)
     colour = tint(colour, figure.masks["lips"], colour * LIPS)
+    colour = tint(colour, figure.masks["eyelids"], colour * LIDS)
+    under = skin.vertices_m - head.nose - (-0.012, 0.0, -0.013)
+    nostrils = bump(np.linalg.norm(under / (0.014, 0.020, 0.008), axis=1), 1.0)
+    colour = tint(colour, nostrils, colour * LIDS)
     arch = above - 0.165 - 0.10 * np.sin(np.clip((beside - 0.10) / 0.42, 0, 1) * 2.4)
     brow = front * bump(arch, 0.06) * ((beside > 0.11) & (beside < 0.50))
-    return replace(skin, colour=tint(colour, 0.9 * brow, 0.8 * linear(person.hair.colour)))
+    return replace(skin, colour=tint(colour, 0.75 * brow, 0.9 * linear(person.hair.colour)))
 
 
 def bump(distance: F64, width: float) -> F64:
@@ -85,7 +90,7 @@ def make_glasses(figure: Figure) -> Surface:
 def rims(head: Head) -> list[F64]:
     """Return the lines of both rims, closed."""
     angle = np.linspace(0, 2 * np.pi, 17)
-    centre = head.eye + (0.026, 0.0, -0.004)
+    centre = head.eye + np.array([0.026, 0.0, -0.004])
     rim = centre + np.stack(
         [-0.004 * np.abs(np.cos(angle)), 0.023 * np.cos(angle), 0.018 * np.sin(angle)], axis=1
     )

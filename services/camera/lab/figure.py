@@ -72,7 +72,7 @@ def load_figure(name: str) -> Figure:
         weights=weights,
         bones=bones,
         faces={key: value.astype(np.int32) for key, value in prefixed["faces_"].items()},
-        masks={key: value / 255.0 for key, value in prefixed["mask_"].items()},
+        masks={key: value.astype(np.float64) / 255 for key, value in prefixed["mask_"].items()},
         joints_m={
             key: value[person].astype(np.float64) for key, value in prefixed["joint_"].items()
         },

@@ -68,15 +68,21 @@ def measure(figure: Figure, person: Person) -> Levels:
     )
 
 
-def on_arm(figure: Figure) -> npt.NDArray[np.bool_]:
-    """Return which vertices belong to an arm."""
+def arm_share(figure: Figure, weights: F64) -> F64:
+    """Return how far vertices of these weights belong to an arm, 0 to 1."""
     kinds = ("upper_arm", "elbow", "forearm")
     columns = [index for index, name in enumerate(figure.bones) if name.startswith(kinds)]
-    return np.asarray(figure.weights[:, columns].sum(axis=1) > 0.5)
+    share: F64 = weights[:, columns].sum(axis=1)
+    return share
+
+
+def on_arm(figure: Figure) -> npt.NDArray[np.bool_]:
+    """Return which vertices belong to an arm."""
+    return np.asarray(arm_share(figure, figure.weights) > 0.5)
 
 
 def collar_field(figure: Figure, collar: float) -> F64:
-    """Return how far vertices lie below a neckline that is lower in front than behind, in metres."""
+    """Return how far vertices lie below a neckline that is lower in front, in metres."""
     x, _, z = figure.vertices_m.T
     below: F64 = collar - 0.45 * (x - figure.joints_m["neck"][0]) - z
     return below
@@ -115,7 +121,8 @@ def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
     piece = cut(whole, np.where(on_arm(figure), z - levels.sleeve, trunk))
     height = piece.vertices_m[:, 2]
     below = np.clip((levels.collar - 0.05 - height) / 0.3, 0, 1)
-    distance = 0.005 + shirt.loose_m * below
+    # Sleeves are narrower than the trunk.
+    distance = 0.004 + shirt.loose_m * below * (1 - 0.6 * arm_share(figure, piece.weights))
     if levels.tucked:
         distance *= np.clip((height - levels.waist) / 0.08, 0.1, 1)
     loose = loosened(piece, distance, 4)

@@ -29,11 +29,11 @@ BEARD_TOP = np.array([[0.05, 0.1], [0.25, -0.30], [0.60, -0.66], [0.80, -0.55], 
 BEARD_END = np.array([[0.10, -0.60], [0.40, -1.05], [0.55, -1.25]])
 # Lower end of a curtain (units above the eyes) over the angle from the front.
 CURTAIN_END = {
-    "bob": np.array([[70.0, -0.85], [110.0, -1.05], [180.0, -1.10]]),
-    "long": np.array([[70.0, -1.05], [115.0, -1.30], [140.0, -1.75], [180.0, -2.25]]),
+    "bob": np.array([[64.0, -0.85], [110.0, -1.05], [180.0, -1.10]]),
+    "long": np.array([[64.0, -1.05], [115.0, -1.30], [140.0, -1.75], [180.0, -2.25]]),
 }
 AXIS = -0.10  # place of a curtain's axis before the ears
-CURTAIN_FROM_DEG = 76.0  # from the front; the face is free
+CURTAIN_FROM_DEG = 64.0  # from the front; the face is free
 
 
 def make_hair(figure: Figure, hair: Hair) -> list[Surface]:
@@ -70,7 +70,7 @@ def scalp_hair(figure: Figure, hair: Hair) -> Surface:
     field = np.where(on_head(figure), field, -1.0)
     shell = cut(strands(figure, hair), np.minimum(field, 0.3 - figure.masks["ears"]))
     depth = np.clip(hair_field(head, shell.vertices_m) / 0.45, 0, 1)
-    _, beside, above = head.coordinates(shell.vertices_m)
+    _, _, above = head.coordinates(shell.vertices_m)
     # Shorter at the sides than on the crown.
     long = np.clip(0.45 + 0.6 * above, 0.3, 1.0)
     if hair.style == "balding":
@@ -100,7 +100,7 @@ def curtain(figure: Figure, hair: Hair) -> Surface:
     radius = curtain_radius(figure, head, above, angle)
     # Ends and the edges beside the face turn inwards; strands make it uneven.
     edge = np.clip((from_front - CURTAIN_FROM_DEG) / 14, 0, 1)
-    inward = 0.03 * (1 - edge) ** 2 + 0.10 * np.clip((down - 0.88) / 0.12, 0, 1) ** 2
+    inward = 0.08 * (1 - edge) ** 2 + 0.10 * np.clip((down - 0.88) / 0.12, 0, 1) ** 2
     radius = radius * (1 - inward) + 0.022 * down * np.sin(11 * angle + 3 * down) * edge
     places = head.place_m(radius * np.cos(angle) + AXIS, radius * np.sin(angle), above)
     vertices = clear_of_back(figure, places.reshape(-1, 3))

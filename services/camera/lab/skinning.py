@@ -2,16 +2,16 @@
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from common.messages import F64
+from services.camera.lab.compiled import compiled
 from services.camera.lab.mesh import I32
 
 INFLUENCES = 4
 
 
 def strongest(weights: F64) -> tuple[I32, F64]:
-    """Return the strongest bones of each vertex and their shares, which sum to 1; both VxINFLUENCES."""
+    """Return the strongest bones of each vertex and their shares, which sum to 1."""
     bones = np.argsort(-weights, axis=1, kind="stable")[:, :INFLUENCES]
     shares = np.take_along_axis(weights, bones, axis=1)
     return bones.astype(np.int32), np.ascontiguousarray(shares / shares.sum(axis=1, keepdims=True))
@@ -38,7 +38,7 @@ def normals(vertices: F64, faces: I32) -> F64:
     return result
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _skin(
     vertices: F64, bones: I32, shares: F64, transforms: F64, moved: npt.NDArray[np.float64]
 ) -> None:
@@ -58,7 +58,7 @@ def _skin(
         moved[v, 2] = sz
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _normals(vertices: F64, faces: I32, sums: F64) -> None:
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]

@@ -35,7 +35,7 @@ class Surface:
     def compact(self) -> "Surface":
         """Return it without the vertices that no triangle uses."""
         used, faces = np.unique(self.faces, return_inverse=True)
-        return self.take(used, faces.reshape(-1, 3).astype(np.int32))
+        return self.take(used.astype(np.intp), faces.reshape(-1, 3).astype(np.int32))
 
     def take(self, vertices: npt.NDArray[np.intp], faces: I32) -> "Surface":
         """Return the vertices of these indices under new triangles."""
@@ -130,7 +130,8 @@ def border(faces: I32) -> I32:
     _, place, count = np.unique(
         np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
     )
-    return directed[count[place.reshape(-1)] == 1]
+    single: I32 = directed[count[place.reshape(-1)] == 1]
+    return single
 
 
 def smoothed(surface: Surface, rounds: int) -> Surface:
