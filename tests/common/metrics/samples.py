@@ -39,19 +39,19 @@ def mot15(folder: Path) -> Sequence:
 
 
 def drawn(seed: int) -> Sequence:
-    """Draw five people who walk for 60 frames, with pauses, and an untidy tracker's tracks."""
-    random = np.random.default_rng(seed)
-    start_m, step_m = random.uniform(0, 4, (5, 3)), random.normal(0, 0.05, (5, 3))
+    """Draw five people in a crowd for 60 frames, with pauses, and an untidy tracker's tracks."""
+    random = np.random.RandomState(seed)  # its draws never change, unlike a Generator's
+    start_m, step_m = random.uniform(0, 1.2, (5, 3)), random.normal(0, 0.01, (5, 3))
     names = random.permutation(5) + 10
     frames = []
     for index in range(60):
-        here = random.random(5) < (0.0 if index % 20 == 7 else 0.9)
-        if random.random() < 0.1:  # a swap
+        here = random.random_sample(5) < (0.0 if index % 20 == 7 else 0.9)
+        if random.random_sample() < 0.1:  # a swap
             a, b = random.choice(5, 2, replace=False)
             names[[a, b]] = names[[b, a]]
-        if random.random() < 0.2:  # a new name
-            names[random.integers(5)] = 100 + index
-        told = random.random(5) < (0.0 if index % 20 == 13 else 0.85)
+        if random.random_sample() < 0.2:  # a new name
+            names[random.randint(5)] = 100 + index
+        told = random.random_sample(5) < (0.0 if index % 20 == 13 else 0.85)
         truth_m = start_m + index * step_m
         told_m = truth_m + random.normal(0, 0.25, (5, 3))
         frames.append(_drawn_frame(index, truth_m[here], told_m[told], (here, names[told])))

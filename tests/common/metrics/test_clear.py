@@ -107,6 +107,13 @@ def test_a_pair_is_not_kept_beyond_the_largest_distance() -> None:
     assert (counts.id_switches, counts.false_alarms) == (1, 1)
 
 
+def test_a_pair_outlives_an_empty_frame_but_no_other_miss() -> None:
+    # As in TrackEval: only a frame with both people and tracks replaces the pairs to keep.
+    first, both = ({"A": 0}, {1: 0}), ({"A": 0}, {1: 0.3, 2: 0.1})
+    assert count(sequence(first, ({"A": 0}, {}), both)).id_switches == 0
+    assert count(sequence(first, ({"A": 0}, {9: 20}), both)).id_switches == 1
+
+
 def test_two_matches_are_better_than_a_nearer_one() -> None:
     # A-1 alone is 0 m apart, but leaves B (0.4 m) without a track; A-2 and B-1 match both.
     counts = count(sequence(({"A": 0, "B": 0.4}, {1: 0.0, 2: -0.45})))

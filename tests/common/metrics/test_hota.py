@@ -47,8 +47,9 @@ def test_places_decide_up_to_which_threshold() -> None:
 
 
 def test_matches_follow_the_identities_of_the_whole_sequence() -> None:
-    # Track 1 is A's in three frames. In the fourth track 2 is a little nearer, but the alignment
-    # of A and 2 is small: (1 frame shared by halves) against 1's: the pair A-1 is taken.
+    # Track 1 is A's in three frames. In the fourth the similarities are 0.9 (1) and 0.95 (2): they
+    # share A by 0.9/1.85 = 0.486 and 0.95/1.85 = 0.514. Alignment of A and 1: 3.486 frames together
+    # of 4 + 4 - 3.486: 0.772; of A and 2: 0.514 of 4 + 1 - 0.514: 0.114. 0.772 x 0.9 wins.
     counts = count(sequence(*[({"A": 0}, {1: 0})] * 3, ({"A": 0}, {1: 0.1, 2: 0.05})))
     assert counts.tp[0] == 4
     assert counts.ass_a[0] == pytest.approx(1.0)

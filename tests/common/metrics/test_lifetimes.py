@@ -86,6 +86,11 @@ def test_each_visit_is_judged_for_itself() -> None:
         ({"A": 0}, {1: 0}), *[GONE] * 4, ({"A": 0}, {2: 0}), *[GONE] * 4, ({"A": 0}, {2: 0})
     )
     assert [one.reidentified for one in find_returns(match(recording, NEAR))] == [False, True]
+    # 1, away, 2, away, 1 for longer: the last visit says nothing about the one before.
+    recording = sequence(
+        ({"A": 0}, {1: 0}), *[GONE] * 4, ({"A": 0}, {2: 0}), *[GONE] * 4, *[({"A": 0}, {1: 0})] * 3
+    )
+    assert [one.reidentified for one in find_returns(match(recording, NEAR))] == [False, False]
 
 
 def test_what_is_no_return() -> None:

@@ -26,9 +26,19 @@ def matched_mot15(folder: Path) -> Matching:
     return match(mot15(folder), box_overlap)
 
 
-def matched(name: str, shared: Path) -> Matching:
-    if name in MOT15:
-        return matched_mot15(shared / "data" / "mot15" / name)
+@pytest.fixture(params=MOT15 + DRAWN)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def matching(name: str, request: pytest.FixtureRequest) -> Matching:
+    if name in DRAWN:
+        return matched_drawn(name)
+    return matched_mot15(request.getfixturevalue("shared") / "data" / "mot15" / name)
+
+
+def matched_drawn(name: str) -> Matching:
     return match(drawn(int(name.split()[1])), ground_distance(0.5))
 
 
@@ -53,29 +63,30 @@ def assert_like_trackeval(scores: Scores, name: str) -> None:
         assert np.asarray(ours[key]) == pytest.approx(np.array(value), abs=1e-8), key
 
 
-@pytest.mark.parametrize("name", MOT15 + DRAWN)
-def test_trackeval(name: str, shared: Path) -> None:
-    assert_like_trackeval(score_matching(matched(name, shared)), name)
+def test_trackeval(name: str, matching: Matching) -> None:
+    assert_like_trackeval(score_matching(matching), name)
 
 
-@pytest.mark.parametrize(("pool", "names"), [("MOT15", MOT15), ("drawn", DRAWN)])
-def test_trackeval_pooled(pool: str, names: tuple[str, ...], shared: Path) -> None:
-    assert_like_trackeval(combine(score_matching(matched(name, shared)) for name in names), pool)
+def test_trackeval_pooled() -> None:
+    assert_like_trackeval(combine(score_matching(matched_drawn(name)) for name in DRAWN), "drawn")
 
 
-@pytest.mark.parametrize("name", MOT15 + DRAWN)
-def test_motmetrics_identity(name: str, shared: Path) -> None:
-    identity, theirs = score_matching(matched(name, shared)).identity, REFERENCE[name]["motmetrics"]
+def test_trackeval_pooled_mot15(shared: Path) -> None:
+    folders = (shared / "data" / "mot15" / name for name in MOT15)
+    assert_like_trackeval(combine(score_matching(matched_mot15(f)) for f in folders), "MOT15")
+
+
+def test_motmetrics_identity(name: str, matching: Matching) -> None:
+    identity, theirs = score_matching(matching).identity, REFERENCE[name]["motmetrics"]
     for key in ("idf1", "idp", "idr"):
         assert getattr(identity, key) == pytest.approx(theirs[key], abs=1e-8)
 
 
-@pytest.mark.parametrize("name", MOT15 + DRAWN)
-def test_motmetrics_clear(name: str, shared: Path) -> None:
+def test_motmetrics_clear(name: str, matching: Matching) -> None:
     # motmetrics keeps a person's last track for ever, also after frames without a match and though
     # the track has been another person's since; TrackEval, and we, keep pairs of the previous frame
     # only. Given its pairs we count what it counts, to the last fragmentation.
-    matching = kept_for_ever(matched(name, shared))
+    matching = kept_for_ever(matching)
     counts, theirs = count_clear(matching), REFERENCE[name]["motmetrics"]
     assert counts.matches == theirs["num_detections"]
     assert counts.misses == theirs["num_misses"]
