@@ -48,7 +48,7 @@ class World:
             [body.skeleton for body in self.bodies],
             scenario.duration_s,
             self.seed,
-            obstacle=self._camera_place,
+            obstacle=self.path.place,
             area_m=np.array(WALKABLE_M[scenario.room]),
         )
 
@@ -92,9 +92,6 @@ class World:
     def optical_from_map(self, t_s: float) -> F64:
         """Return the map seen from the camera, 4x4."""
         return invert(self.path.map_from_optical(t_s))
-
-    def _camera_place(self, t_s: float) -> F64:
-        return np.array(self.path.pose(t_s)[:2])
 
 
 def stamp_ns(t_s: float) -> int:
