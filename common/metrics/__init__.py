@@ -13,13 +13,14 @@ from common.metrics.pose import PoseErrors
 from common.metrics.record import Frame, Id, Sequence, TrackedPeople, TruePeople
 from common.metrics.returns import Return, find_returns
 from common.metrics.scores import Row, Scores, combine, score, score_matching
-from common.metrics.similarity import Similarity, box_overlap, ground_distance
+from common.metrics.similarity import GroundDistance, Similarity, box_overlap
 from common.metrics.spread import Spread, summarise
 
 __all__ = [
     "ALPHAS",
     "ClearCounts",
     "Frame",
+    "GroundDistance",
     "History",
     "HotaCounts",
     "Id",
@@ -40,7 +41,6 @@ __all__ = [
     "box_overlap",
     "combine",
     "find_returns",
-    "ground_distance",
     "id_switches",
     "match",
     "score",

@@ -114,7 +114,7 @@ def score(sequence: Sequence, similarity: Similarity, threshold: float = 0.5) ->
 
     Args:
         sequence: Truth and tracks.
-        similarity: How alike two people are, for example `ground_distance(1.0)`.
+        similarity: How alike two people are, for example `GroundDistance(1.0)`.
         threshold: Least similarity of a match.
 
     Returns:

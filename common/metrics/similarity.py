@@ -1,6 +1,7 @@
 """How alike a true person and a track are, 0 to 1; 0.5 is as little as a match may have."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -29,32 +30,43 @@ def box_overlap(truth: TruePeople, tracked: TrackedPeople) -> F64:
     return iou_xyxy(boxes, _column("boxes_xyxy_px", tracked.boxes_xyxy_px, len(tracked.ids), 4))
 
 
-def ground_distance(max_m: float = 1.0) -> Similarity:
-    """Make a similarity from the distance on the ground plane: 1 - d / (2 max_m), at least 0.
+@dataclass(frozen=True)
+class GroundDistance:
+    """Similarity by the distance on the ground plane: 1 - d / (2 max_m), at least 0.
 
     A match may be max_m apart at most, where the similarity is 0.5; HOTA's thresholds 0.05 to 0.95
     stand for 1.9 to 0.1 times max_m.
-
-    Args:
-        max_m: Largest distance of a match, usually 0.5 to 1 m.
-
-    Returns:
-        The similarity: N and M people with positions to NxM.
-
-    Raises:
-        ValueError: The distance is not positive; when called, there are people without positions.
     """
-    if not max_m > 0:
-        raise ValueError(f"max_m: expected > 0, got {max_m}")
 
-    def similarity(truth: TruePeople, tracked: TrackedPeople) -> F64:
+    max_m: float = 1.0  # [m] largest distance of a match, usually 0.5 to 1
+
+    def __post_init__(self) -> None:
+        """Check the distance.
+
+        Raises:
+            ValueError: It is not positive.
+        """
+        if not self.max_m > 0:
+            raise ValueError(f"max_m: expected > 0, got {self.max_m}")
+
+    def __call__(self, truth: TruePeople, tracked: TrackedPeople) -> F64:
+        """Return the similarity.
+
+        Args:
+            truth: N people with positions.
+            tracked: M people with positions.
+
+        Returns:
+            NxM, 0 to 1.
+
+        Raises:
+            ValueError: There are people without positions.
+        """
         a = _column("positions_m", truth.positions_m, len(truth.ids), 3)[:, None, :2]
         b = _column("positions_m", tracked.positions_m, len(tracked.ids), 3)[None, :, :2]
         distance_m = np.linalg.norm(a - b, axis=-1)
-        alike: F64 = np.maximum(0.0, 1.0 - distance_m / (2.0 * max_m))
+        alike: F64 = np.maximum(0.0, 1.0 - distance_m / (2.0 * self.max_m))
         return alike
-
-    return similarity
 
 
 def _column(name: str, values: F64 | None, n: int, width: int) -> F64:

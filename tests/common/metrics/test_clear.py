@@ -6,19 +6,19 @@ import pytest
 from common.metrics import (
     ClearCounts,
     Frame,
+    GroundDistance,
     IdSwitch,
     Sequence,
     TrackedPeople,
     TruePeople,
     box_overlap,
-    ground_distance,
     id_switches,
     match,
 )
 from common.metrics.clear import count_clear
 from tests.common.metrics.worlds import sequence, tracked, truth
 
-NEAR = ground_distance(0.5)
+NEAR = GroundDistance(0.5)
 
 
 def count(recording: Sequence) -> ClearCounts:

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from common.metrics import ALPHAS, HotaCounts, Sequence, ground_distance, match
+from common.metrics import ALPHAS, GroundDistance, HotaCounts, Sequence, match
 from common.metrics.hota import count_hota
 from tests.common.metrics.worlds import sequence, truth
 
 
 def count(recording: Sequence) -> HotaCounts:
-    return count_hota(match(recording, ground_distance(0.5)))
+    return count_hota(match(recording, GroundDistance(0.5)))
 
 
 def test_thresholds() -> None:

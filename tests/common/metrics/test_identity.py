@@ -1,12 +1,12 @@
 """Identity measures worked on paper (Ristani et al. 2016; method book section 9)."""
 
-from common.metrics import IdentityCounts, Sequence, ground_distance, match
+from common.metrics import GroundDistance, IdentityCounts, Sequence, match
 from common.metrics.identity import count_identity
 from tests.common.metrics.worlds import sequence, truth
 
 
 def count(recording: Sequence) -> IdentityCounts:
-    return count_identity(match(recording, ground_distance(0.5)))
+    return count_identity(match(recording, GroundDistance(0.5)))
 
 
 def test_the_longest_track_gives_the_name() -> None:

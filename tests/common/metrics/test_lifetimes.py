@@ -2,11 +2,11 @@
 
 import pytest
 
-from common.metrics import Lifetimes, Return, Sequence, find_returns, ground_distance, match, score
+from common.metrics import GroundDistance, Lifetimes, Return, Sequence, find_returns, match, score
 from common.metrics.lifetimes import count_lifetimes
 from tests.common.metrics.worlds import sequence, tracked, truth
 
-NEAR = ground_distance(0.5)
+NEAR = GroundDistance(0.5)
 GONE = (truth({"A": 0}, out="A"), tracked({}))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from common.metrics import Matching, Scores, Step, box_overlap, combine, ground_distance, match
+from common.metrics import GroundDistance, Matching, Scores, Step, box_overlap, combine, match
 from common.metrics.clear import count_clear
 from common.metrics.scores import score_matching
 from tests.common.metrics.samples import MOT15, SEEDS, drawn, mot15
@@ -39,7 +39,7 @@ def matching(name: str, request: pytest.FixtureRequest) -> Matching:
 
 
 def matched_drawn(name: str) -> Matching:
-    return match(drawn(int(name.split()[1])), ground_distance(0.5))
+    return match(drawn(int(name.split()[1])), GroundDistance(0.5))
 
 
 def under_trackevals_names(scores: Scores) -> dict[str, Any]:

@@ -9,12 +9,12 @@ from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from common.messages import F64
 from common.metrics import (
     Frame,
+    GroundDistance,
     PoseErrors,
     Scores,
     Sequence,
     TrackedPeople,
     TruePeople,
-    ground_distance,
     score,
 )
 
@@ -57,7 +57,7 @@ def scores(*frames: Frame) -> Scores:
         )
         for i, frame in enumerate(frames)
     )
-    return score(Sequence("hand-made", tuple(later)), ground_distance(1.0))
+    return score(Sequence("hand-made", tuple(later)), GroundDistance(1.0))
 
 
 def errors(*frames: Frame) -> PoseErrors:

@@ -5,11 +5,11 @@ import pytest
 
 from common.metrics import (
     Frame,
+    GroundDistance,
     Sequence,
     TrackedPeople,
     TruePeople,
     box_overlap,
-    ground_distance,
     match,
 )
 
@@ -52,9 +52,9 @@ def test_a_similarity_needs_its_column() -> None:
     with pytest.raises(ValueError, match="boxes_xyxy_px: expected one for each of 1 people, got"):
         box_overlap(person, TrackedPeople())
     with pytest.raises(ValueError, match="positions_m: expected one for each of 1 people, got"):
-        ground_distance(1.0)(person, TrackedPeople(ids=(1,)))
+        GroundDistance(1.0)(person, TrackedPeople(ids=(1,)))
     with pytest.raises(ValueError, match="max_m: expected > 0, got 0"):
-        ground_distance(0)
+        GroundDistance(0)
 
 
 def test_a_similarity_of_ones_own_is_checked() -> None:

@@ -7,20 +7,20 @@ import pytest
 
 from common.metrics import (
     Frame,
+    GroundDistance,
     Scores,
     Sequence,
     Spread,
     TrackedPeople,
     TruePeople,
     combine,
-    ground_distance,
     score,
     summarise,
 )
 from tests.common.metrics.samples import SEEDS, drawn
 from tests.common.metrics.worlds import sequence
 
-NEAR = ground_distance(0.5)
+NEAR = GroundDistance(0.5)
 IDEAL = (
     *("mota", "motp", "recall", "precision", "idf1", "idp", "idr", "coverage"),
     *("hota", "det_a", "ass_a", "loc_a", "det_re", "det_pr", "ass_re", "ass_pr"),
