@@ -58,19 +58,8 @@ def play(source: Source, selection: Selection) -> Iterator[Item]:
 
 
 def _one_round(source: Source, selection: Selection) -> Iterator[Item]:
-    start_ns, length_ns = int(selection.start_s * 1e9), int(selection.duration_s * 1e9)
-    origin_ns: int | None = None
-    started = False
     index = 0
-    for item in source:
-        origin_ns = item.stamp_ns if origin_ns is None else origin_ns
-        elapsed_ns = item.stamp_ns - origin_ns
-        # Once started never again: after a clock jump the elapsed time means nothing.
-        started = started or elapsed_ns >= start_ns
-        if not started:
-            continue
-        if length_ns and elapsed_ns > start_ns + length_ns:
-            return
+    for item in source.part(selection.start_s, selection.duration_s):
         if isinstance(item, Odometry):
             yield item
             continue

@@ -40,6 +40,28 @@ class Source(ABC):
     def __iter__(self) -> Iterator[Capture | Odometry]:
         """Yield what the camera saw, oldest first."""
 
+    def part(self, start_s: float, duration_s: float) -> Iterator[Capture | Odometry]:
+        """Yield what came from a time since the first item on, for some time.
+
+        A source that need not make what is left out has a method of its own.
+
+        Args:
+            start_s: Seconds left out at the beginning.
+            duration_s: Seconds yielded; 0 for all.
+        """
+        start_ns, length_ns = int(start_s * 1e9), int(duration_s * 1e9)
+        origin_ns: int | None = None
+        started = False
+        for item in self:
+            origin_ns = item.stamp_ns if origin_ns is None else origin_ns
+            elapsed_ns = item.stamp_ns - origin_ns
+            # Once started never again: after a clock jump the elapsed time means nothing.
+            started = started or elapsed_ns >= start_ns
+            if started and length_ns and elapsed_ns > start_ns + length_ns:
+                return
+            if started:
+                yield item
+
     def close(self) -> None:
         """Release the device or the file; the base class has nothing to release."""
         return

@@ -15,6 +15,8 @@ from services.camera.lab.world import World
 from services.camera.playback import Item
 from services.camera.source import Source
 
+MAX_NS = 2**63 - 1  # later than any stamp
+
 
 class LabOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What can be chosen in a scenario."""
@@ -48,8 +50,21 @@ class LabSource(Source):
 
     def __iter__(self) -> Iterator[Item]:
         """Yield frames and odometry by their stamps."""
-        frames: Iterator[Item] = map(self._film.capture, range(self._world.frame_count))
-        yield from heapq.merge(odometry(self._world), frames, key=lambda item: item.stamp_ns)
+        return self.part(0.0, 0.0)
+
+    def part(self, start_s: float, duration_s: float) -> Iterator[Item]:
+        """Yield frames and odometry of some time; what is left out is not drawn."""
+        world = self._world
+        first_ns = world.stamp_ns(0) + int(start_s * 1e9)
+        last_ns = first_ns + int(duration_s * 1e9) if duration_s else MAX_NS
+        indices = [
+            index
+            for index in range(world.frame_count)
+            if first_ns <= world.stamp_ns(index) <= last_ns
+        ]
+        frames: Iterator[Item] = map(self._film.capture, indices)
+        told = [m for m in odometry(world) if first_ns <= m.stamp_ns <= last_ns]
+        return heapq.merge(told, frames, key=lambda item: item.stamp_ns)
 
 
 def _settings(options: LabOptions) -> FilmSettings:

@@ -21,7 +21,11 @@ from common.messages import (
 )
 from common.node import Status
 from services.camera.config import CameraConfig
+from services.camera.lab.film import Film
 from services.camera.lab.source import LabSource
+from services.camera.lab.views import DepthView
+from services.camera.playback import Selection
+from services.camera.playback import play as play_source
 from services.camera.source import Capture
 from services.camera.sources import kind_of, open_source
 from tests.camera.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
@@ -119,6 +123,24 @@ def test_blurred_motion_is_between_that_before_and_after(tmp_path: Path) -> None
     assert a.rgb.std() > 20  # a picture, not a plane
     assert not np.array_equal(a.rgb, b.rgb)
     assert np.array_equal(a.depth_mm, b.depth_mm)
+
+
+def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = opened(write_scenario(tmp_path, DRIVE))
+    everything = list(source)
+    drawn: list[int] = []
+    draw = Film.view
+
+    def counting(film: Film, index: int) -> DepthView:
+        drawn.append(index)
+        return draw(film, index)
+
+    monkeypatch.setattr(Film, "view", counting)
+    late = list(play_source(source, Selection(start_s=0.75, duration_s=0.3)))
+    assert drawn == [8, 9, 10]  # at 0.8, 0.9 and 1.0 s
+    wanted = [item for item in everything if 75 <= (item.stamp_ns - EPOCH_NS) / 10**7 <= 105]
+    assert [item.stamp_ns for item in late] == [item.stamp_ns for item in wanted]
+    assert [type(item) for item in late] == [type(item) for item in wanted]
 
 
 class Detector:
