@@ -121,6 +121,9 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
     # True: each measurement counts by its own standard deviation, where the detector told one.
     measured_sigma: bool = False
     sigma_start_rate_radps: float = 1.0  # [rad/s] of a person seen for the first time
+    # [rad] of the way a person walks as a second measurement; inf: it is none, section 6
+    sigma_walk_rad: float = float("inf")
+    walk_speed_min_mps: float = 0.5  # [m/s] slower people do not walk
     # A measurement farther off counts only as if it were so many standard deviations off: one that
     # is turned round, or of a neighbour, bends the yaw a little instead of taking it over. inf: all
     # measurements count alike, section 6
@@ -132,7 +135,7 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
         """Check ranges."""
         _expect_positive(self, "sigma_acceleration_radps2", "sigma_measurement_rad")
         _expect_positive(self, "sigma_start_rate_radps")
-        for field in ("outlier_sigmas", "rate_decay_s"):
+        for field in ("sigma_walk_rad", "walk_speed_min_mps", "outlier_sigmas", "rate_decay_s"):
             _expect(getattr(self, field) > 0, field, "a number > 0", getattr(self, field))
 
 

@@ -103,7 +103,8 @@ class Population:
         targets, measurements = [t for t, _ in pairs], [m for _, m in pairs]
         z, R = self._motion.measure(measurements), self._motion.noise(measurements)
         states, covariances = kalman.update(*stack(targets), z, self._motion.H, R)
-        yaws = self._yaw.update([t.yaw for t in targets], measurements)
+        velocities = states[:, self._motion.velocity]
+        yaws = self._yaw.update([t.yaw for t in targets], measurements, velocities)
         for (target, measurement), x, P, yaw in zip(pairs, states, covariances, yaws, strict=True):
             target.x, target.P, target.yaw = x, P, yaw
             target.score, target.detection = measurement.score, measurement.index
@@ -119,7 +120,8 @@ class Population:
         for target in self.targets:
             if target.missed:
                 target.streak = 0
-        yaws = self._yaw.update([None] * len(newcomers), newcomers)
+        at_rest = np.zeros((len(newcomers), 3))
+        yaws = self._yaw.update([None] * len(newcomers), newcomers, at_rest)
         for measurement, yaw in zip(newcomers, yaws, strict=True):
             x, P = self._motion.start(measurement)
             self.targets.append(

@@ -23,6 +23,14 @@ class YawState:
     P: F64  # 2x2 covariance
 
 
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One measured angle."""
+
+    rad: float | None  # [rad] None if there is none
+    variance: float  # [rad^2]
+
+
 States = Sequence[YawState | None]  # one for each person, None: nothing is known
 
 
@@ -33,8 +41,16 @@ class Yaw(Protocol):
         """Move states ahead by dt_s seconds."""
         ...
 
-    def update(self, states: States, measurements: Sequence[Measurement]) -> list[YawState | None]:
-        """Correct each state with one measurement, which may tell nothing of the yaw."""
+    def update(
+        self, states: States, measurements: Sequence[Measurement], velocities_mps: F64
+    ) -> list[YawState | None]:
+        """Correct each state with one measurement, which may tell nothing of the yaw.
+
+        Args:
+            states: N states.
+            measurements: N measurements.
+            velocities_mps: Nx3, how the people move.
+        """
         ...
 
     def read(self, state: YawState | None, velocity_mps: F64) -> float | None:
@@ -67,6 +83,7 @@ class VelocityYaw:
         self,
         states: States,
         measurements: Sequence[Measurement],  # noqa: ARG002
+        velocities_mps: F64,  # noqa: ARG002
     ) -> list[YawState | None]:
         """Keep the states: the velocity is all that counts."""
         return list(states)
@@ -82,11 +99,13 @@ class VelocityYaw:
 class KeypointYaw:
     """A Kalman filter on psi and dpsi, constant velocity, wrapped innovation (section 6).
 
-    The first measurement begins the state; without one the state is predicted.
+    The first measurement begins the state; without one the state is predicted. Where so configured,
+    the way a person walks is a second, weaker measurement.
     """
 
     def __init__(self, config: YawFilterConfig) -> None:
         self._config = config
+        self._walk = VelocityYaw(config.walk_speed_min_mps)
         self._H = np.eye(1, 2)
 
     def predict(self, states: States, dt_s: float) -> list[YawState | None]:
@@ -98,21 +117,33 @@ class KeypointYaw:
         moved = iter(_unstack(x, P))
         return [None if state is None else next(moved) for state in states]
 
-    def update(self, states: States, measurements: Sequence[Measurement]) -> list[YawState | None]:
+    def update(
+        self, states: States, measurements: Sequence[Measurement], velocities_mps: F64
+    ) -> list[YawState | None]:
         """Correct who was measured, begin who was measured for the first time."""
-        after, known = list(states), list[tuple[int, YawState, Measurement]]()
-        for index, (state, measurement) in enumerate(zip(states, measurements, strict=True)):
-            if measurement.yaw_rad is None or not math.isfinite(measurement.yaw_rad):
+        seen = [Reading(m.yaw_rad, self._variance(m)) for m in measurements]
+        after = self._correct(states, seen)
+        variance = self._config.sigma_walk_rad**2
+        if variance == math.inf:
+            return after
+        walks = [Reading(self._walk.read(None, v), variance) for v in velocities_mps]
+        return self._correct(after, walks)
+
+    def _correct(self, states: States, readings: Sequence[Reading]) -> list[YawState | None]:
+        after, known = list(states), list[tuple[int, YawState, Reading]]()
+        for index, (state, reading) in enumerate(zip(states, readings, strict=True)):
+            if reading.rad is None or not math.isfinite(reading.rad):
                 continue
             if state is None:
-                after[index] = self._start(measurement)
+                after[index] = self._start(reading.rad, reading.variance)
             else:
-                known.append((index, state, measurement))
+                known.append((index, state, reading))
         if known:
             x, P = _stack([state for _, state, _ in known])
             psi = x[:, :1]
-            y = _wrap(np.array([[m.yaw_rad] for _, _, m in known]) - psi)
-            R = self._damped(y[:, 0], P[:, 0, 0], np.array([self._variance(m) for *_, m in known]))
+            y = _wrap(np.array([[reading.rad] for *_, reading in known]) - psi)
+            R = np.array([reading.variance for *_, reading in known])
+            R = self._damped(y[:, 0], P[:, 0, 0], R)
             corrected = _unstack(*kalman.update(x, P, psi + y, self._H, R[:, None, None]))
             for (index, _, _), state in zip(known, corrected, strict=True):
                 after[index] = state
@@ -142,11 +173,10 @@ class KeypointYaw:
         """
         return np.maximum(R, np.square(y / self._config.outlier_sigmas) - variance)
 
-    def _start(self, measurement: Measurement) -> YawState:
+    def _start(self, psi_rad: float, variance: float) -> YawState:
         """Begin as measured, turning nowhere but not sure of it."""
         rate = self._config.sigma_start_rate_radps**2
-        psi = _wrap(np.array([measurement.yaw_rad, 0.0]))
-        return YawState(psi, np.diag([self._variance(measurement), rate]))
+        return YawState(_wrap(np.array([psi_rad, 0.0])), np.diag([variance, rate]))
 
     def _variance(self, measurement: Measurement) -> float:
         """Return R: one constant, or the measurement's own variance."""

@@ -10,7 +10,7 @@ import pytest
 from common.config import load
 from common.errors import ConfigError
 from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from, wrap
-from common.messages import Detection, Detections, Message, StaticTransform, Track, Tracks
+from common.messages import F64, Detection, Detections, Message, StaticTransform, Track, Tracks
 from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
 from services.tracker.interface import Measurement
 from services.tracker.node import TrackerNode
@@ -50,8 +50,13 @@ def predict(before: YawState, dt_s: float, filter_: KeypointYaw = FILTER) -> Yaw
     return after
 
 
-def update(before: YawState | None, seen: Measurement, filter_: KeypointYaw = FILTER) -> YawState:
-    (after,) = filter_.update([before], [seen])
+def update(
+    before: YawState | None,
+    seen: Measurement,
+    filter_: KeypointYaw = FILTER,
+    velocity_mps: F64 = AT_REST,
+) -> YawState:
+    (after,) = filter_.update([before], [seen], velocity_mps[None])
     assert after is not None
     return after
 
@@ -65,7 +70,7 @@ def test_the_first_measurement_begins_the_state() -> None:
     np.testing.assert_allclose(begun.P, np.diag([0.25, 1.0]))
     assert FILTER.read(begun, AT_REST) == pytest.approx(7.0 - 2 * math.pi)
     assert FILTER.read(None, np.ones(3)) is None
-    assert FILTER.update([None], [facing(None)]) == [None]
+    assert FILTER.update([None], [facing(None)], np.ones((1, 3))) == [None]
 
 
 def test_prediction_by_hand() -> None:
@@ -123,7 +128,8 @@ def test_two_seconds_without_a_measurement() -> None:
 
 def test_a_measurement_that_is_no_number_is_refused() -> None:
     before = state(0.3)
-    assert FILTER.update([before, None], [facing(math.nan), facing(math.inf)]) == [before, None]
+    seen = [facing(math.nan), facing(math.inf)]
+    assert FILTER.update([before, None], seen, np.zeros((2, 3))) == [before, None]
 
 
 def test_a_turn_dies_out_where_so_configured() -> None:
@@ -163,10 +169,23 @@ def test_a_person_who_does_turn_round_is_believed_in_the_end() -> None:
     assert turned.x[0] == pytest.approx(2.8, abs=0.1)
 
 
+def test_the_way_walked_is_a_weaker_measurement_where_so_configured() -> None:
+    # After the keypoints P = 0.25 * 0.25 / 0.5 = 0.125; R = 0.375: K = 0.25 of 2 rad is 0.5 rad.
+    walking = KeypointYaw(msgspec.structs.replace(CONFIG, sigma_walk_rad=math.sqrt(0.375)))
+    v = np.array([math.cos(2.0), math.sin(2.0), 0.0])
+    assert update(state(0.0), facing(0.0), walking, v).x[0] == pytest.approx(0.5)
+    assert update(state(0.0), facing(0.0), walking, 0.4 * v).x[0] == pytest.approx(0.0)
+    assert update(state(0.0), facing(0.0), FILTER, v).x[0] == pytest.approx(0.0)
+    # It tells something where the keypoints tell nothing.
+    begun = update(None, facing(None), walking, v)
+    np.testing.assert_allclose(begun.x, [2.0, 0.0])
+    np.testing.assert_allclose(begun.P, np.diag([0.375, 1.0]))
+
+
 def test_people_in_a_stack_do_not_mix() -> None:
     crowd = [state(0.1), None, state(3.0, -1.0), None]
     seen = [facing(0.5), facing(None), facing(None), facing(-1.0)]
-    after = FILTER.update(crowd, seen)
+    after = FILTER.update(crowd, seen, np.zeros((4, 3)))
     assert after[1] is None
     assert after[2] is crowd[2]
     assert after[0] is not None
