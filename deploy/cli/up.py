@@ -13,6 +13,7 @@ from rich.console import Console
 
 from common.errors import ConfigError
 from common.ports import free_port
+from deploy.cli import scenarios
 from deploy.cli.options import Robot
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import TAIL_LINES, Launcher, LaunchError, stop, tail
@@ -35,8 +36,6 @@ from deploy.presets import PRESETS, preset_settings
 PATIENCE = "tracker.embedding_wait_s=4.0"
 DEMO = COMPOSE_FILE.parent / "demo" / "two_people.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-LAB = "lab:"  # before the name of a scenario of the virtual lab
-LAB_TRUTH = "services.camera.lab.truth:LabTruth"
 DRAIN_TIMEOUT_S = 120.0
 GONE_TIMEOUT_S = 3.0
 POLL_S = 0.5
@@ -97,9 +96,11 @@ def up(
     """
     if detach and report:
         raise typer.BadParameter("a report needs the terminal until it is written; leave out -d")
+    if scenarios.is_scenario(source):
+        truth = truth or source
     texts = {
         f"{CAMERA}.source": _resolve(source),
-        "gt_bridge.truth": _resolve(truth or _truth_of(source)),
+        "gt_bridge.truth": _resolve(truth),
         "detector.model": model,
         "tracker.tracker": tracker,
         "reid.embedder": embedder,
@@ -107,8 +108,8 @@ def up(
     }
     settings = preset_settings(preset)
     settings += [setting(name, text) for name, text in texts.items() if text]
-    if (truth or source).startswith(LAB):
-        settings.append(setting("gt_bridge.source", LAB_TRUTH))
+    if scenarios.is_scenario(truth):
+        settings += scenarios.truth_settings(truth, loop)
     settings += [f"{CAMERA}.loop=true"] if loop else []
     settings += [PATIENCE] if playback == "lockstep" else []
     wish = Wish(
@@ -146,29 +147,16 @@ def demo(
     _launch(wish, START_TIMEOUT_S, detach=False)
 
 
-def _truth_of(source: str) -> str:
-    """Return the source if its truth is known: of a scenario of the virtual lab it is."""
-    return source if source.startswith(LAB) else ""
-
-
 def _resolve(source: str) -> str:
     """Make a path absolute; a scenario by name and a camera of one's own stay as they are."""
-    if source.startswith(LAB):
-        return LAB + _resolve_scenario(source.removeprefix(LAB))
+    if scenarios.is_scenario(source):
+        return scenarios.resolve(source)
     if not source or (PLUGIN.fullmatch(source) and not Path(source).exists()):
         return source
     path = Path(source)
     if not path.exists():
         raise ConfigError(f"source {source} does not exist", "Check the path.")
     return str(path.absolute())
-
-
-def _resolve_scenario(name: str) -> str:
-    from services.camera.lab.scenario import NAME, load_scenario, split_seed  # noqa: PLC0415
-
-    scenario, _ = split_seed(name)
-    load_scenario(scenario)  # an unknown one is told before anything is started
-    return name if NAME.fullmatch(scenario) else str(Path(name).absolute())
 
 
 def _launch(wish: Wish, timeout_s: float, detach: bool) -> None:

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from common.errors import ConfigError
 from common.recording import open_recording
 from deploy.cli import app
-from deploy.cli.up import _resolve, _truth_of
+from deploy.cli.scenarios import is_scenario, resolve, truth_settings
 from services.camera.lab.scenario import scenario_names
 from tests.camera.lab.scenarios import FRAMES, write_scenario
 
@@ -112,11 +112,15 @@ def test_a_stopped_rendering_tells_how_to_go_on(tmp_path: Path) -> None:
 def test_up_takes_scenarios_and_knows_their_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert _resolve("lab:two_easy@3") == "lab:two_easy@3"
-    assert _truth_of("lab:two_easy@3") == "lab:two_easy@3"
-    assert _truth_of("walk.mcap") == ""
+    assert is_scenario("lab:two_easy")
+    assert not is_scenario("lab/two_easy.mcap")
+    assert resolve("lab:two_easy@3") == "lab:two_easy@3"
     path = write_scenario(tmp_path)
     monkeypatch.chdir(tmp_path)  # services run elsewhere
-    assert _resolve("lab:walk.toml@3") == f"lab:{path}@3"
+    assert resolve("lab:walk.toml@3") == f"lab:{path}@3"
     with pytest.raises(ConfigError, match="there is no scenario nothing"):
-        _resolve("lab:nothing")
+        resolve("lab:nothing")
+    source = 'gt_bridge.source="services.camera.lab.truth:LabTruth"'
+    assert truth_settings(f"lab:{path}@3", loop=False) == [source]
+    # 1.2 s at 10 Hz are 12 frames: the next round begins 1.2 s later.
+    assert truth_settings(f"lab:{path}@3", loop=True) == [source, "gt_bridge.loop_s=1.2"]
