@@ -79,16 +79,16 @@ def rasterise(corners: F64, faces: I32, size: tuple[int, int], threads: int = 1)
 
 
 @compiled
-def barycentrics(corners: F64, face: I32, u: float, v: float) -> tuple[float, float]:
-    """Return the weights of the second and third corner where pixel (u, v) sees a face."""
-    a0, a1, a2 = corners[face[0]]
-    b0, b1, b2 = corners[face[1]]
-    c0, c1, c2 = corners[face[2]]
+def barycentrics(corners: F64, i: int, j: int, k: int, u: float, v: float) -> tuple[float, float]:
+    """Return the weights of corners j and k of face (i, j, k) where pixel (u, v) sees it."""
+    a0, a1, a2 = corners[i, 0], corners[i, 1], corners[i, 2]
+    b0, b1, b2 = corners[j, 0], corners[j, 1], corners[j, 2]
+    c0, c1, c2 = corners[k, 0], corners[k, 1], corners[k, 2]
     wa = (b1 * c2 - b2 * c1) * u + ((b2 * c0 - b0 * c2) * v + (b0 * c1 - b1 * c0))
     wb = (c1 * a2 - c2 * a1) * u + ((c2 * a0 - c0 * a2) * v + (c0 * a1 - c1 * a0))
     wc = (a1 * b2 - a2 * b1) * u + ((a2 * b0 - a0 * b2) * v + (a0 * b1 - a1 * b0))
-    total = wa + wb + wc
-    return wb / total, wc / total
+    scale = 1.0 / (wa + wb + wc)
+    return wb * scale, wc * scale
 
 
 @compiled

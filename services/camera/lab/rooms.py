@@ -98,7 +98,7 @@ def _lab(rng: np.random.Generator, stools: Seats) -> Room:
         Light(np.array([4.1, 0.0, 2.55]), down, warm * 3.2, 0.3),
         Light(np.array([3.25, 1.64, 1.60]), inward, sky * 3.0, 0.5),
     )
-    return Room(join(parts), lights, np.array(low), np.array(high), walls, rng.uniform(0.85, 1.15))
+    return Room(join(parts), lights, np.array(low), np.array(high), walls, rng.uniform(0.9, 1.25))
 
 
 def _hall(rng: np.random.Generator, stools: Seats) -> Room:
@@ -140,10 +140,10 @@ def _hall(rng: np.random.Generator, stools: Seats) -> Room:
     lights = (
         Light(np.array([2.2, 0.0, 2.58]), down, warm * 3.6, 0.3),
         Light(np.array([6.0, 0.0, 2.58]), down, warm * 3.6, 0.3),
-        Light(np.array([1.8, 3.88, 1.9]), inward, sky * 9.0, 0.8),
-        Light(np.array([5.8, 3.88, 1.9]), inward, sky * 9.0, 0.8),
+        Light(np.array([0.6, 3.88, 1.9]), inward, sky * 9.0, 0.8),
+        Light(np.array([4.4, 3.88, 1.9]), inward, sky * 9.0, 0.8),
     )
-    return Room(join(parts), lights, np.array(low), np.array(high), walls, rng.uniform(0.8, 1.1))
+    return Room(join(parts), lights, np.array(low), np.array(high), walls, rng.uniform(0.95, 1.25))
 
 
 KINDS: dict[str, Callable[[np.random.Generator, Seats], Room]] = {"lab": _lab, "hall": _hall}

@@ -11,14 +11,15 @@ from services.camera.lab.compiled import compiled
 from services.camera.lab.materials import Material
 from services.camera.lab.mesh import I32
 from services.camera.lab.raster import barycentrics
-from services.camera.lab.shadows import lit_share
+from services.camera.lab.shadows import BIAS_M, FOCAL_PX, lit_share
 from services.camera.lab.textures import body_texel, fold_slope, hashed, room_texel
 
 SKIN, HAIR, SHIRT = int(Material.SKIN), int(Material.HAIR), int(Material.SHIRT)
 TROUSERS, EYE, LAMP = int(Material.TROUSERS), int(Material.EYE), int(Material.LAMP)
-SHIRT_FOLDS, TROUSER_FOLDS = 0.050, 0.040  # [m] depth of the folds, about
+SHIRT_FOLDS, TROUSER_FOLDS = 0.038, 0.034  # [m] depth of the folds, about
 WRAP = 0.22  # light that passes under the skin reaches beyond the shadow's edge
 TURNS: F64 = np.array([[math.cos(a), math.sin(a)] for a in np.arange(64) * (math.pi / 32)])
+SOFT_PX = 12.0  # radius of a shadow's rim in the map for a light of 1 m
 BRIGHTEST = 6.0  # radiance of one sample, so that a lamp's edge is smooth
 
 
@@ -109,8 +110,8 @@ def _one_surface(scene: Scene, samples: Samples, v: int, u: int) -> bool:
             if abs(near - far) > 0.015 * near:
                 return False
             p, q = scene.faces[first, 0], scene.faces[other, 0]
-            n, m = scene.normals[p], scene.normals[q]
-            if n[0] * m[0] + n[1] * m[1] + n[2] * m[2] < 0.7:
+            n = scene.normals
+            if n[p, 0] * n[q, 0] + n[p, 1] * n[q, 1] + n[p, 2] * n[q, 2] < 0.7:
                 return False
             if abs(scene.colour[p, 1] - scene.colour[q, 1]) > 0.1:
                 return False
@@ -125,13 +126,13 @@ def _shade(
     face = samples.triangle[v, u]
     if face < 0:
         return 0.0, 0.0, 0.0
-    corner = scene.faces[face]
-    wb, wc = barycentrics(scene.corners, corner, float(u), float(v))
-    wa = 1.0 - wb - wc
-    px, py, pz = _mixed(scene.vertices, corner, wa, wb, wc)
-    nx, ny, nz = _mixed(scene.normals, corner, wa, wb, wc)
-    tx, ty, tz = _mixed(scene.texture, corner, wa, wb, wc)
-    colour = _mixed(scene.colour, corner, wa, wb, wc)
+    i, j, k = scene.faces[face, 0], scene.faces[face, 1], scene.faces[face, 2]
+    wb, wc = barycentrics(scene.corners, i, j, k, float(u), float(v))
+    corner, weights = (i, j, k), (1.0 - wb - wc, wb, wc)
+    px, py, pz = _mixed(scene.vertices, corner, weights)
+    nx, ny, nz = _mixed(scene.normals, corner, weights)
+    tx, ty, tz = _mixed(scene.texture, corner, weights)
+    colour = _mixed(scene.colour, corner, weights)
     material = scene.material[face]
     if material == LAMP:
         return colour
@@ -154,13 +155,8 @@ def _shade(
     normal = (nx / length, ny / length, nz / length)
     open_share = smoothed(light.corners, samples.inverse, samples.step, v, u)
     ar, ag, ab = _from_walls(light, (px, py, pz), normal)
-    dr, dg, db, shine = _from_lights(
-        light,
-        (px, py, pz),
-        normal,
-        (ex, ey, ez),
-        (sharpness, hashed(v, u, 3), 1.0 if material == SKIN else 0.0),
-    )
+    surface = (gloss, sharpness, hashed(v, u, 3), 1.0 if material == SKIN else 0.0)
+    dr, dg, db, shine = _from_lights(light, (px, py, pz), normal, (ex, ey, ez), surface)
     direct = 0.35 + 0.65 * open_share
     glow = gloss * shine * direct
     # Grazing light is thrown back more: walls show faintly in floors, cheeks have a bright rim.
@@ -174,14 +170,15 @@ def _shade(
 
 @compiled
 def _mixed(
-    values: F64 | F32, corner: I32, wa: float, wb: float, wc: float
+    values: F64 | F32, corner: tuple[int, int, int], weights: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Return the mean of the rows of three corners with weights."""
-    i, j, k = corner[0], corner[1], corner[2]
+    """Return the mean of three rows with weights."""
+    i, j, k = corner
+    a, b, c = weights
     return (
-        wa * values[i, 0] + wb * values[j, 0] + wc * values[k, 0],
-        wa * values[i, 1] + wb * values[j, 1] + wc * values[k, 1],
-        wa * values[i, 2] + wb * values[j, 2] + wc * values[k, 2],
+        a * values[i, 0] + b * values[j, 0] + c * values[k, 0],
+        a * values[i, 1] + b * values[j, 1] + c * values[k, 1],
+        a * values[i, 2] + b * values[j, 2] + c * values[k, 2],
     )
 
 
@@ -195,16 +192,16 @@ def _from_walls(
     z = (place[2] - light.room[0, 2]) / light.room[1, 2]
     red, green, blue = 0.0, 0.0, 0.0
     for axis in range(3):
-        c = light.bounce[2 * axis + (1 if normal[axis] > 0 else 0)]
+        c, n = light.bounce, 2 * axis + (1 if normal[axis] > 0 else 0)
         w = normal[axis] * normal[axis]
         a, b, d = w * x, w * y, w * z
         e, f, g = a * x, b * y, d * z
-        red += w * c[0, 0] + a * c[0, 1] + b * c[0, 2] + d * c[0, 3]
-        red += e * c[0, 4] + f * c[0, 5] + g * c[0, 6]
-        green += w * c[1, 0] + a * c[1, 1] + b * c[1, 2] + d * c[1, 3]
-        green += e * c[1, 4] + f * c[1, 5] + g * c[1, 6]
-        blue += w * c[2, 0] + a * c[2, 1] + b * c[2, 2] + d * c[2, 3]
-        blue += e * c[2, 4] + f * c[2, 5] + g * c[2, 6]
+        red += w * c[n, 0, 0] + a * c[n, 0, 1] + b * c[n, 0, 2] + d * c[n, 0, 3]
+        red += e * c[n, 0, 4] + f * c[n, 0, 5] + g * c[n, 0, 6]
+        green += w * c[n, 1, 0] + a * c[n, 1, 1] + b * c[n, 1, 2] + d * c[n, 1, 3]
+        green += e * c[n, 1, 4] + f * c[n, 1, 5] + g * c[n, 1, 6]
+        blue += w * c[n, 2, 0] + a * c[n, 2, 1] + b * c[n, 2, 2] + d * c[n, 2, 3]
+        blue += e * c[n, 2, 4] + f * c[n, 2, 5] + g * c[n, 2, 6]
     return red, green, blue
 
 
@@ -214,51 +211,64 @@ def _from_lights(
     place: tuple[float, float, float],
     normal: tuple[float, float, float],
     eye: tuple[float, float, float],
-    surface: tuple[float, float, float],
+    surface: tuple[float, float, float, float],
 ) -> tuple[float, float, float, float]:
     """Return the irradiance from all lights and the light they mirror into the eye.
 
-    `surface` is the sharpness of its gloss, a random number per pixel, and 1 for skin.
+    `surface` is its gloss, how sharp that is, a random number per pixel, and 1 for skin.
     """
-    sharpness, random, skin = surface
-    turn = TURNS[int(random * (len(TURNS) - 1))]
+    gloss, sharpness, random, skin = surface
+    step = int(random * (len(TURNS) - 1))
+    turn = (TURNS[step, 0], TURNS[step, 1])
     red, green, blue, shine = 0.0, 0.0, 0.0, 0.0
     for index in range(len(light.lights)):
-        lamp = light.lights[index]
-        x, y, z = lamp[0] - place[0], lamp[1] - place[1], lamp[2] - place[2]
+        lamp = light.lights
+        x, y, z = lamp[index, 0] - place[0], lamp[index, 1] - place[1], lamp[index, 2] - place[2]
         squared = x * x + y * y + z * z
         distance = math.sqrt(squared)
-        x, y, z = x / distance, y / distance, z / distance
+        near = 1.0 / distance
+        x, y, z = x * near, y * near, z * near
         falling = normal[0] * x + normal[1] * y + normal[2] * z
-        emitted = -(x * lamp[3] + y * lamp[4] + z * lamp[5])
+        emitted = -(x * lamp[index, 3] + y * lamp[index, 4] + z * lamp[index, 5])
         wrapped = (falling + WRAP) / (1 + WRAP) if skin > 0 else falling
         if wrapped <= 0.0 or emitted <= 0.0:
             continue
-        power = emitted / (squared + lamp[9] * lamp[9])
-        q = light.projections[index]
+        power = emitted / (squared + lamp[index, 9] * lamp[index, 9])
+        q = light.projections
         # The point is moved off its surface, so that it does not shadow itself.
         sx, sy, sz = (
             place[0] + 0.01 * normal[0],
             place[1] + 0.01 * normal[1],
             place[2] + 0.01 * normal[2],
         )
-        depth = q[2, 0] * sx + q[2, 1] * sy + q[2, 2] * sz + q[2, 3]
+        depth = q[index, 2, 0] * sx + q[index, 2, 1] * sy + q[index, 2, 2] * sz + q[index, 2, 3]
         if depth > 0.05:
-            u = (q[0, 0] * sx + q[0, 1] * sy + q[0, 2] * sz + q[0, 3]) / depth
-            v = (q[1, 0] * sx + q[1, 1] * sy + q[1, 2] * sz + q[1, 3]) / depth
-            radius = 12.0 * lamp[9]
-            power *= lit_share(light.maps[index], u, v, depth, radius * turn[0], radius * turn[1])
-        red += power * wrapped * lamp[6]
+            scale = 1.0 / depth
+            u = (
+                q[index, 0, 0] * sx + q[index, 0, 1] * sy + q[index, 0, 2] * sz + q[index, 0, 3]
+            ) * scale
+            v = (
+                q[index, 1, 0] * sx + q[index, 1, 1] * sy + q[index, 1, 2] * sz + q[index, 1, 3]
+            ) * scale
+            radius = SOFT_PX * lamp[index, 9]
+            # A slanted surface is nearer to the light on one side of the readings.
+            slant = math.sqrt(max(1.0 - falling * falling, 0.0)) / max(falling, 0.12)
+            bias = BIAS_M + 0.7 * depth * radius / FOCAL_PX * slant
+            around = (radius * turn[0], radius * turn[1])
+            power *= lit_share(light.maps, index, (u, v), 1.0 / (depth - bias), around)
+        red += power * wrapped * lamp[index, 6]
         green += (
-            power * (wrapped if skin == 0 else 0.4 * wrapped + 0.6 * max(falling, 0.0)) * lamp[7]
+            power
+            * (wrapped if skin == 0 else 0.4 * wrapped + 0.6 * max(falling, 0.0))
+            * lamp[index, 7]
         )
-        blue += power * (wrapped if skin == 0 else max(falling, 0.0)) * lamp[8]
-        if falling > 0.0:
+        blue += power * (wrapped if skin == 0 else max(falling, 0.0)) * lamp[index, 8]
+        if falling > 0.0 and gloss > 0.0:
             hx, hy, hz = x + eye[0], y + eye[1], z + eye[2]
             length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
             peak = (normal[0] * hx + normal[1] * hy + normal[2] * hz) / length
             if peak > 0.7:
                 # Schlick's stand-in for peak ** sharpness (A customizable reflectance model, 1993).
                 peak /= sharpness - (sharpness - 1.0) * peak
-                shine += power * lamp[7] * peak * (sharpness + 8.0) / 12.0
+                shine += power * lamp[index, 7] * peak * (sharpness + 8.0) / 12.0
     return red, green, blue, shine

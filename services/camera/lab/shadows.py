@@ -14,6 +14,7 @@ from services.camera.lab.rooms import Light, Room
 
 SIDE_PX = 768  # of a map
 HALF_VIEW_RAD = math.radians(66)  # of a map, both ways
+FOCAL_PX = SIDE_PX / 2 / math.tan(HALF_VIEW_RAD)
 BIAS_M = 0.025  # a surface casts no shadow on itself
 TAPS = 12  # readings of the map for a point at the rim of a shadow
 CASTS_NONE = (Material.PAINT, Material.LAMP)  # walls have nothing behind them
@@ -31,8 +32,8 @@ def pixels_from_map(light: Light) -> F64:
     right = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
     right /= np.linalg.norm(right)
     rotation = np.array([right, np.cross(forward, right), forward])
-    focal_px, centre_px = SIDE_PX / 2 / math.tan(HALF_VIEW_RAD), (SIDE_PX - 1) / 2
-    camera = np.array([[focal_px, 0, centre_px], [0, focal_px, centre_px], [0, 0, 1.0]])
+    centre_px = (SIDE_PX - 1) / 2
+    camera = np.array([[FOCAL_PX, 0, centre_px], [0, FOCAL_PX, centre_px], [0, 0, 1.0]])
     projection: F64 = camera @ np.column_stack([rotation, -rotation @ light.position_m])
     return projection
 
@@ -61,27 +62,29 @@ def room_shadow_maps(room: Room) -> F32:
 
 
 @compiled
-def lit_share(inverse: F32, u: float, v: float, depth_m: float, ca: float, sa: float) -> float:
+def lit_share(
+    maps: F32, light: int, place: tuple[float, float], limit: float, turn: tuple[float, float]
+) -> float:
     """Return how much of a light a point sees, 0 to 1.
 
     Args:
-        inverse: SxS map of the light.
-        u: Column of the point in the map.
-        v: Row of the point.
-        depth_m: Of the point along the light's axis.
-        ca: Cosine of the turn of the readings, times the radius [px] of a shadow's soft rim;
-            neighbours take different turns, so that they do not make the same error.
-        sa: Its sine, times the radius.
+        maps: LxSxS maps.
+        light: Index of the light.
+        place: Column and row of the point in the map.
+        limit: Inverse distance [1/m] along the light's axis; what is nearer hides the light.
+        turn: Cosine and sine of the turn of the readings, times the radius [px] of a shadow's
+            soft rim; neighbours take different turns, so that they do not make the same error.
     """
-    size = inverse.shape[0]
-    limit = 1.0 / (depth_m - BIAS_M)
+    size = maps.shape[1]
+    ca, sa = turn
     hidden, count = 0, 0
     for i in range(TAPS):
         x, y = SPIRAL[i, 0], SPIRAL[i, 1]
-        column, row = int(u + ca * x - sa * y + 0.5), int(v + sa * x + ca * y + 0.5)
+        column = int(place[0] + ca * x - sa * y + 0.5)
+        row = int(place[1] + sa * x + ca * y + 0.5)
         if 0 <= column < size and 0 <= row < size:
             count += 1
-            if inverse[row, column] > limit:
+            if maps[light, row, column] > limit:
                 hidden += 1
         # The first readings are spread over the disc: all alike, it is not the rim.
         if i == 4 and (hidden == 0 or hidden == 5):

@@ -93,11 +93,11 @@ def body_texel(
     if material == SHIRT:
         r, g, b = _patterned(pattern, x, y, z, (r, g, b))
         k = 0.93 + 0.12 * noise(x * 260, y * 260, z * 260)
-        return r * k, g * k, b * k, 0.012, 6.0
+        return r * k, g * k, b * k, 0.0, 6.0
     if material == TROUSERS:
         worn = noise(x * 9, y * 9, z * 4)
         k = 0.84 + 0.2 * worn + 0.14 * (noise(x * 330, y * 330, z * 330) - 0.5)
-        return r * k, g * k, b * k, 0.012, 6.0
+        return r * k, g * k, b * k, 0.0, 6.0
     if material == SHOE:
         k = 0.85 + 0.25 * noise(x * 70, y * 70, z * 70)
         return r * k, g * k, b * k, 0.09, 25.0
@@ -152,8 +152,8 @@ def room_texel(
     k, gloss, sharpness = 1.0, 0.0, 10.0
     if material == PAINT:
         k = 0.95 + 0.06 * noise(x * 1.7, y * 1.7, z * 1.7)
-        k += 0.04 * noise(x * 90, y * 90, z * 90) * min(1.0, 0.008 / blur_m)
-        gloss, sharpness = 0.012, 5.0
+        if blur_m < 0.012:  # roughness is seen from near only
+            k += 0.04 * (noise(x * 90, y * 90, z * 90) - 0.5) * (1.0 - blur_m / 0.012)
     elif material == PLANKS:
         k, gloss, sharpness = _planks(x, y, blur_m), 0.10, 26.0
         warm = 0.04 * (hashed(math.floor(y / PLANK_M[1]), 5, 9) - 0.5)

@@ -162,7 +162,7 @@ def test_barycentrics_give_the_point_seen() -> None:
     triangle = mesh([[[-0.9, -0.7, 2.0], [1.1, -0.5, 3.0], [0.1, 1.0, 2.5]]])
     corners = homogeneous(triangle.vertices_m, camera_matrix(INFO) @ np.eye(4)[:3])
     depth = rasterise(corners, triangle.faces, SIZE).depth_m()
-    b, c = barycentrics(corners, triangle.faces[0], 40.0, 30.0)
+    b, c = barycentrics(corners, 0, 1, 2, 40.0, 30.0)
     point = np.array([1 - b - c, b, c]) @ triangle.vertices_m
     expected = deproject([[40, 30]], [depth[30, 40]], INFO)[0]
     np.testing.assert_allclose(point, expected, atol=1e-6)
