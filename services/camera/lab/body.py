@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from common.errors import ConfigError
 from common.messages import F32, F64
 from services.camera.lab.bones import joint_positions, map_from_rest
 from services.camera.lab.cast import cast_names, load_cast
@@ -28,9 +29,11 @@ def load_body(name: str, seed: int = 0) -> "Body":
         seed: Of the small differences, as in the shade of colours.
 
     Raises:
-        KeyError: There is none of that name.
+        ConfigError: There is none of that name.
     """
-    person = load_cast()[name]
+    person = load_cast().get(name)
+    if person is None:
+        raise ConfigError(f"there is no person {name}", f"There are {', '.join(cast_names())}.")
     figure = load_figure(person.figure)
     return Body(name, figure, dress(figure, person, seed))
 

@@ -61,6 +61,8 @@ def load_figure(name: str) -> Figure:
     weights = np.zeros((len(own), len(bones)))
     shares = asset["vertex_shares"].astype(np.float64) / 255
     np.put_along_axis(weights, asset["vertex_bones"].astype(np.int64), shares, axis=1)
+    # Half the digits are stored; the parts of a point must sum to 1 all the same.
+    forms = asset["keypoint_forms"][person].astype(np.float64)
     prefixed = {
         kind: {
             key.removeprefix(kind): value for key, value in asset.items() if key.startswith(kind)
@@ -76,5 +78,5 @@ def load_figure(name: str) -> Figure:
         joints_m={
             key: value[person].astype(np.float64) for key, value in prefixed["joint_"].items()
         },
-        keypoint_forms=asset["keypoint_forms"][person].astype(np.float64),
+        keypoint_forms=forms / forms[:, :, 3].sum(axis=1)[:, None, None],
     )
