@@ -26,7 +26,7 @@ class LabOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     )
     threads: int = 0  # that draw; 0: one for each core
     samples: int = 2  # along each side of a pixel, 1 or 2; 1 is quicker, with ragged edges
-    depth: Literal["measured", "clean"] = "measured"  # clean: without the errors of a sensor
+    depth_sensor: Literal["auto", "off"] = "auto"  # off: depth without the errors of a sensor
     sensor: dict[str, Any] = msgspec.field(default_factory=dict)  # changes of DepthSensorConfig
 
 
@@ -71,7 +71,7 @@ def _settings(options: LabOptions) -> FilmSettings:
     sensor = with_errors(DepthSensorConfig(), options.sensor)
     return FilmSettings(
         colour="drawn" if options.mode == "colour" else "flat",
-        sensor=sensor if options.depth == "measured" else None,
+        sensor=sensor if options.depth_sensor == "auto" else None,
         samples=options.samples,
         threads=options.threads or len(os.sched_getaffinity(0)),
     )

@@ -79,7 +79,7 @@ def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(tmp_path: Path)
     clean = rendered(tmp_path, order(tmp_path))
     measured = rendered(tmp_path, order(tmp_path, depth="measured"), "measured.mcap")
     source = LabSource(
-        str(tmp_path / "walk.toml"), LabOptions(mode="depth", depth="clean", threads=1)
+        str(tmp_path / "walk.toml"), LabOptions(mode="depth", depth_sensor="off", threads=1)
     )
     taken = [item for item in source if isinstance(item, Capture)]
     frames = [m for _, m in open_recording(clean).messages(CompressedRgbdFrame)]

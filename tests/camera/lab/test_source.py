@@ -83,7 +83,7 @@ def test_the_seed_changes_the_noise(tmp_path: Path) -> None:
 
 def test_the_sensor_can_be_changed_or_left_out(tmp_path: Path) -> None:
     path = write_scenario(tmp_path)
-    clean = captures(opened(path, depth="clean"))[0].depth_mm.astype(int)
+    clean = captures(opened(path, depth_sensor="off"))[0].depth_mm.astype(int)
     usual = captures(opened(path))[0].depth_mm.astype(int)
     noisy = captures(opened(path, sensor={"noise_px": 0.7}))[0].depth_mm.astype(int)
     assert (clean > 5000).any()  # the far wall, which no sensor sees
