@@ -16,12 +16,12 @@ from services.camera.lab.walker import STEP_S
 
 PERSON_KEY = 7100
 BLEND_S = 0.2  # between walking and standing
-STAND_LOW_M = 0.008  # standing people do not lock their knees
+STAND_LOW_M = 0.005  # standing people do not lock their knees
 WALK_LOW_M = 0.022  # mean height of the pelvis in walking at 1.3 m/s, below standing
 ANTICIPATION_S = 0.5  # the head turns to where the way leads then
 MOST_GAZE_RAD = 0.7
 GAZE_OF_CHEST = 0.25  # part of a look to the side that the chest turns along
-ABDUCTION_RAD, ELBOW_INWARD_RAD = 0.13, 0.30
+ABDUCTION_RAD, ELBOW_INWARD_RAD = 0.13, 0.25
 HANGING_ELBOW_DEG, HANGING_SHOULDER_DEG = 14.0, 0.0
 
 

@@ -21,7 +21,7 @@ COMFORT_M = 0.95  # centre to centre; people deviate to pass no nearer
 PERSONAL_M = 0.62  # nearer than that they would rather stop
 ROBOT_EXTRA_M = 0.15  # more distance from a robot
 STOOL_LESS_M = 0.2  # less distance from a stool
-BOUND_MARGIN_M = 0.5  # how far people leave the area of their places
+BOUND_MARGIN_M = 1.0  # how far people leave the area of their places
 
 # Candidates: turned away from the goal to either side, and shares of the free speed.
 _OFFSETS = np.radians([0, 8, -8, 16, -16, 26, -26, 38, -38, 52, -52, 70, -70, 90, -90, 115, -115])
@@ -78,6 +78,7 @@ def simulate_paths(
     """
     record = np.full((7, len(walkers), len(times_s)), np.nan)
     choices = [(walker.yaw_rad, 0.0) for walker in walkers]
+    robot: tuple[F64, F64] | None = None
     for step, time_s in enumerate(times_s.tolist()):
         for walker in walkers:
             walker.decide(time_s)
@@ -91,7 +92,7 @@ def simulate_paths(
             heading, speed = choices[i]
             if walker.goal_m is None:
                 heading, speed = walker.bearing_rad(), 0.0
-            walker.move(heading, min(speed, _safe_speed(walker, walkers)))
+            walker.move(heading, min(speed, _safe_speed(walker, walkers, robot)))
             stool = walker.stool_m if walker.seated > 0 and walker.stool_m else (math.nan,) * 2
             record[:, i, step] = (
                 *(walker.x_m, walker.y_m, walker.yaw_rad),
@@ -169,17 +170,16 @@ def _nearness(here: F64, velocities: F64, around: Obstacles, horizon_s: float) -
     return np.asarray(np.where(leaving, 0.0, cost).sum(axis=-1))
 
 
-def _safe_speed(walker: Walker, walkers: Sequence[Walker]) -> float:
-    """Return the speed at which a walker can still stop before whoever is right ahead."""
+def _safe_speed(walker: Walker, walkers: Sequence[Walker], robot: tuple[F64, F64] | None) -> float:
+    """Return the speed at which a walker can still stop before whatever is right ahead."""
+    places = [(other.x_m, other.y_m, PERSONAL_M) for other in walkers if other is not walker]
+    if robot is not None:
+        places.append((*robot[0].tolist(), PERSONAL_M + ROBOT_EXTRA_M))
+    ahead_x, ahead_y = math.cos(walker.yaw_rad), math.sin(walker.yaw_rad)
     safe = math.inf
-    for other in walkers:
-        away_x, away_y = other.x_m - walker.x_m, other.y_m - walker.y_m
+    for x, y, keep in places:
+        away_x, away_y = x - walker.x_m, y - walker.y_m
         distance = math.hypot(away_x, away_y)
-        if other is walker or distance > 1.5:
-            continue
-        ahead = (away_x * math.cos(walker.yaw_rad) + away_y * math.sin(walker.yaw_rad)) / max(
-            distance, 1e-9
-        )
-        if ahead > 0.5:
-            safe = min(safe, math.sqrt(2.0 * max(distance - PERSONAL_M, 0.0)))
+        if distance < 1.5 and away_x * ahead_x + away_y * ahead_y > 0.5 * distance:
+            safe = min(safe, math.sqrt(2.0 * max(distance - keep, 0.0)))
     return safe

@@ -15,9 +15,10 @@ FLAT = 0.25  # phase at which the whole sole is on the floor
 REFERENCE_STRIDE_M = 1.40  # of the table's foot pitch
 CLEARANCE_M = 0.03  # of the lowest point of the sole, most in the first half of the swing
 TOE_BEND_RAD, TOE_STIFFENING_RAD = 0.4, 0.12  # then the foot rolls over the tip of the toes
+LANDING = 3.0  # times the clearance: how steeply the heel comes down
 PUSH_SHARE = 0.4  # of the swing's mean velocity, that push-off adds to the rolling foot's
 LEAST_PITCH_SHARE = 0.3  # of the table's foot pitch even in the smallest step
-REACH = 0.997  # of the straight leg: the knee stays bent by 9 degrees
+REACH = 0.9985  # of the straight leg: the knee stays bent by 6 degrees
 SMOOTH_STEPS = 4  # over which the pelvis is lowered when a foot is out of reach
 
 
@@ -79,7 +80,9 @@ def foot_path(feet: Feet, skeleton: Skeleton, side: int, gait: Gait, times_s: F6
     yaw = feet.place[now, 2] + ease * (feet.place[after, 2] - feet.place[now, 2])
     ankle = np.where(in_swing[:, None], _swinging_ankle(feet, skeleton, side, gait, times_s), stand)
     part = np.where(in_swing, part, 0.0)
-    clearance_m = CLEARANCE_M * np.minimum(after_share[now], 1.0) * np.sin(np.pi * part**0.6) ** 2
+    # Most in the first half; at the end the heel still comes down.
+    profile = np.sin(np.pi * part**0.6) ** 2 + LANDING * part**2 * (1.0 - part)
+    clearance_m = CLEARANCE_M * np.minimum(after_share[now], 1.0) * profile
     ankle[:, 2] = clearance_m + _ankle_height(pitch, skeleton, side, part)
     return FootPath(ankle, about_z(yaw) @ about_y(-pitch))
 

@@ -108,16 +108,15 @@ def simulate(
         seed: Of the small differences between people and of sway.
         obstacle: Place of a thing to keep clear of, such as the robot, at a time from -2 s on:
             x, y and maybe more in metres, frame: map.
-        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map.
+        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map;
+            unless told the surroundings of all places.
     """
     steps = round((duration_s + BEFORE_S + AFTER_S) / STEP_S) + 1
     times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - BEFORE_S
     walkers = [
         Walker(plan, skeleton.stature_m) for plan, skeleton in zip(people, skeletons, strict=True)
     ]
-    bounds_m = _bounds(people)
-    if area_m is not None:
-        bounds_m = np.clip(bounds_m, area_m[0], area_m[1])
+    bounds_m = _bounds(people) if area_m is None else area_m
     paths = simulate_paths(walkers, times_s, bounds_m, obstacle)
     return tuple(_motion(paths, index, skeleton, seed) for index, skeleton in enumerate(skeletons))
 

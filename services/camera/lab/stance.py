@@ -16,7 +16,7 @@ SWAY_M = np.array([0.0040, 0.0030, 0.0022, 0.0014, 0.0008])
 SIDEWAYS = 0.6
 BREATH_HZ, BREATH_RAD = 0.25, 0.006
 
-RESTING_SHOULDER_DEG, RESTING_ELBOW_DEG = 18.0, 62.0  # hands on the thighs
+RESTING_SHOULDER_DEG, RESTING_ELBOW_DEG = 14.0, 48.0  # hands on the thighs
 LOOK_RAD = 0.95
 HIP_ABOVE_SEAT = 0.050  # of the stature: from the seat to the hip joints of a seated person
 
