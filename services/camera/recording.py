@@ -63,11 +63,11 @@ class RecordingSource(Source):
         self._clean = None
         if self.note and self.note.depth == "clean":
             self._clean = CleanDepth(self.note, self.info, options.sensor)
-        self.transforms = [
-            transform
-            for transform in self._all(StaticTransform)
-            if transform.child == self.info.frame_id
-        ][-1:]
+        placed = {transform.child: transform for transform in self._all(StaticTransform)}
+        own = placed.pop(self.info.frame_id, None)
+        cameras = {info.frame_id for info in infos.values()}
+        rest = [transform for child, transform in placed.items() if child not in cameras]
+        self.transforms = [own, *rest] if own else []
 
     def __iter__(self) -> Iterator[Capture | Odometry]:
         """Yield frames and odometry in the order in which they were recorded."""

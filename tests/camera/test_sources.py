@@ -118,7 +118,8 @@ def test_the_path_tells_the_kind(tmp_path: Path) -> None:
     assert kind_of(str(tmp_path)) == "folder"
     assert kind_of("package.module:Class") == "plugin"
     assert isinstance(open_source(str(folder)), RosbagSource)
-    assert set(SOURCES) == {"recording", "rosbag", "folder"}
+    assert kind_of("lab:two_easy") == "lab"
+    assert set(SOURCES) == {"recording", "rosbag", "folder", "lab"}
 
 
 @pytest.mark.parametrize(

@@ -160,6 +160,8 @@ def test_a_robot_brings_its_odometry(tmp_path: Path) -> None:
     assert parents == [("base_link", "front_optical_frame"), ("map", "odom")]
     stamps = [m.stamp_ns for m in messages]
     assert stamps == sorted(stamps)
+    played = RecordingSource(path, RecordingOptions()).transforms
+    assert [(t.parent, t.child) for t in played] == parents
 
 
 def test_geometry_gives_detections_in_place_of_frames(tmp_path: Path) -> None:
