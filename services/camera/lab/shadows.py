@@ -1,7 +1,7 @@
 """Shadow maps: how far each light sees, and how much of it a point sees."""
 
 import math
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,27 +38,17 @@ def pixels_from_map(light: Light) -> F64:
     return projection
 
 
-def shadow_map(meshes: Sequence[Mesh], projection: F64, threads: int = 1) -> F32:
+def shadow_map(mesh: Mesh, projection: F64) -> F32:
     """Return the inverse distance [1/m] to the nearest surface along a light's axis; 0: none."""
-    nearest = np.zeros((SIDE_PX, SIDE_PX), np.float32)
-    for mesh in meshes:
-        corners = homogeneous(mesh.vertices_m, projection)
-        drawn = rasterise(corners, mesh.faces, nearest.shape, threads).inverse_depth
-        np.maximum(nearest, drawn, out=nearest)
-    return nearest
+    corners = homogeneous(mesh.vertices_m, projection)
+    return rasterise(corners, mesh.faces, (SIDE_PX, SIDE_PX)).inverse_depth
 
 
 def room_shadow_maps(room: Room) -> F32:
     """Return LxSxS maps of the room without people."""
     casting = ~np.isin(room.mesh.material, CASTS_NONE)
-    faces = np.ascontiguousarray(room.mesh.faces[casting])
-    maps = [
-        rasterise(
-            homogeneous(room.mesh.vertices_m, pixels_from_map(light)), faces, (SIDE_PX, SIDE_PX)
-        ).inverse_depth
-        for light in room.lights
-    ]
-    return np.stack(maps)
+    solid = replace(room.mesh, faces=np.ascontiguousarray(room.mesh.faces[casting]))
+    return np.stack([shadow_map(solid, pixels_from_map(light)) for light in room.lights])
 
 
 @compiled
