@@ -40,8 +40,8 @@ def paint_face(skin: Surface, figure: Figure, person: Person) -> Surface:
     under = skin.vertices_m - head.nose - (-0.012, 0.0, -0.013)
     nostrils = bump(np.linalg.norm(under / (0.014, 0.020, 0.008), axis=1), 1.0)
     colour = tint(colour, nostrils, colour * LIDS)
-    arch = above - 0.165 - 0.10 * np.sin(np.clip((beside - 0.10) / 0.42, 0, 1) * 2.4)
-    brow = front * bump(arch, 0.06) * ((beside > 0.11) & (beside < 0.50))
+    arch = above - 0.175 - 0.06 * np.sin(np.clip((beside - 0.10) / 0.42, 0, 1) * 2.4)
+    brow = front * bump(arch, 0.085) * ((beside > 0.11) & (beside < 0.50))
     return replace(skin, colour=tint(colour, 0.75 * brow, 0.9 * linear(person.hair.colour)))
 
 

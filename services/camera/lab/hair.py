@@ -1,6 +1,7 @@
 """Hair: a shell over the scalp, a curtain behind it if long, a beard."""
 
 import numpy as np
+import numpy.typing as npt
 
 from common.messages import F64
 from services.camera.lab.cast import Hair
@@ -30,8 +31,12 @@ BEARD_END = np.array([[0.10, -0.60], [0.40, -1.05], [0.55, -1.25]])
 # Lower end of a curtain (units above the eyes) over the angle from the front.
 CURTAIN_END = {
     "bob": np.array([[64.0, -0.85], [110.0, -1.05], [180.0, -1.10]]),
-    "long": np.array([[64.0, -1.05], [115.0, -1.30], [140.0, -1.75], [180.0, -2.25]]),
+    "long": np.array(
+        [[64.0, -1.05], [110.0, -1.25], [125.0, -1.80], [150.0, -2.15], [180.0, -2.30]]
+    ),
 }
+BACK_DEG = 105.0  # from the front; hair beyond lies on the back
+OFF_BACK_M = 0.024  # of long hair from the close-fitting suit
 AXIS = -0.10  # place of a curtain's axis before the ears
 CURTAIN_FROM_DEG = 64.0  # from the front; the face is free
 
@@ -103,7 +108,8 @@ def curtain(figure: Figure, hair: Hair) -> Surface:
     inward = 0.08 * (1 - edge) ** 2 + 0.10 * np.clip((down - 0.88) / 0.12, 0, 1) ** 2
     radius = radius * (1 - inward) + 0.022 * down * np.sin(11 * angle + 3 * down) * edge
     places = head.place_m(radius * np.cos(angle) + AXIS, radius * np.sin(angle), above)
-    vertices = clear_of_back(figure, places.reshape(-1, 3))
+    behind = np.broadcast_to(from_front > BACK_DEG, above.shape).ravel()
+    vertices = clear_of_back(figure, places.reshape(-1, 3), behind)
     return Surface(
         vertices_m=vertices,
         weights=hanging(figure, vertices),
@@ -126,14 +132,21 @@ def curtain_radius(figure: Figure, head: Head, above: F64, angle: F64) -> F64:
     return radius
 
 
-def clear_of_back(figure: Figure, vertices: F64) -> F64:
-    """Return vertices moved backwards to lie outside clothes on the back."""
+def clear_of_back(figure: Figure, vertices: F64, behind: npt.NDArray[np.bool_]) -> F64:
+    """Return vertices moved backwards to lie outside clothes on the back.
+
+    Args:
+        figure: Who wears them.
+        vertices: Vx3 in metres.
+        behind: V, which may be moved.
+    """
     suit = figure.vertices_m[np.unique(figure.faces["tights"])]
     moved = vertices.copy()
-    for row, (x, y, z) in enumerate(vertices):
+    for row in np.flatnonzero(behind):
+        x, y, z = vertices[row]
         near = suit[(np.abs(suit[:, 1] - y) < 0.03) & (np.abs(suit[:, 2] - z) < 0.03)]
         if len(near):
-            moved[row, 0] = min(x, near[:, 0].min() - 0.016)
+            moved[row, 0] = min(x, near[:, 0].min() - OFF_BACK_M)
     return moved
 
 

@@ -246,7 +246,8 @@ def test_same_bytes_again() -> None:
 def shirt_colour(body: Body) -> F64:
     mesh = body.mesh(neutral(), 1)
     used = np.unique(mesh.faces[mesh.material == Material.SHIRT])
-    return mesh.colour[used].mean(axis=0).astype(np.float64)
+    mean: F64 = mesh.colour[used].mean(axis=0).astype(np.float64)
+    return mean
 
 
 def test_seed_changes_shades_a_little() -> None:
