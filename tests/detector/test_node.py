@@ -94,6 +94,28 @@ def test_position_by_keypoints() -> None:
     np.testing.assert_allclose(position, [-0.22, 0.0, 2.0], atol=1e-12)
 
 
+def test_heading_by_keypoints() -> None:
+    # The right shoulder is 5 px left of the left one, at 2 m: d = (0, 0.2, 0), psi_1 = 180 deg.
+    # Ratios -5/20 over 0.9 and 0.66: arccos 106.13 and 112.26, mean 109.19; the ray to u = 14.5
+    # adds atan(5.5/50) = 6.28: psi_2 = 115.47, its sign from psi_1. Mean of the two: 147.74 deg.
+    found = only(Detections, MemoryBus([node(person())]).publish(INFO, frame())).people[0]
+    assert found.heading is not None
+    yaw_rad = np.radians(147.735)
+    expected = [-np.sin(yaw_rad), 0.0, np.cos(yaw_rad)]
+    np.testing.assert_allclose(found.heading, expected, atol=1e-4)
+    assert found.heading_sigma_rad is not None
+    assert found.heading_sigma_rad > 0
+
+
+def test_heading_needs_keypoints_and_a_method() -> None:
+    masked = person(mask=True, keypoints=False)
+    off = {"orientation.vector": "false", "orientation.ratio": "false"}
+    for detector in (node(masked), node(person(), **off)):
+        found = only(Detections, MemoryBus([detector]).publish(INFO, frame())).people[0]
+        assert (found.heading, found.heading_sigma_rad) == (None, None)
+        assert found.position_m is not None
+
+
 def test_position_by_mask_goes_before_keypoints() -> None:
     # Centroid of columns 10 to 20 is 15, of rows 10 to 49 is 29.5: X = -5 * 2 / 50 = -0.2,
     # Y = -0.5 * 2 / 50 = -0.02.
