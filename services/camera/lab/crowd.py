@@ -15,12 +15,14 @@ import numpy as np
 from common.messages import F64
 from services.camera.lab.walker import Walker
 
+Place = Callable[[float], F64]
+
 DECIDE_EVERY = 10  # steps of the simulation
 HORIZON_S = 3.0
 COMFORT_M = 0.95  # centre to centre; people deviate to pass no nearer
 PERSONAL_M = 0.62  # nearer than that they would rather stop
 ROBOT_EXTRA_M = 0.15  # more distance from a robot
-STOOL_LESS_M = 0.2  # less distance from a stool
+STOOL_LESS_M, OWN_STOOL_LESS_M = 0.2, 0.35  # less distance from a stool, and from one's own
 BOUND_MARGIN_M = 1.0  # how far people leave the area of their places
 
 # Candidates: turned away from the goal to either side, and shares of the free speed.
@@ -30,8 +32,6 @@ OFFSETS, SHARES = (grid.ravel() for grid in np.meshgrid(_OFFSETS, _SHARES, index
 # A little is added for the left, so that two who meet head-on both pass on the right.
 DETOUR_COST = (1.0 - np.cos(OFFSETS)) + 0.02 * (OFFSETS > 0) + 0.9 * (1.0 - SHARES) ** 2
 NEAR_COST, PERSONAL_COST, BOUND_COST, CHANGE_COST = 2.5, 6.0, 4.0, 0.15
-
-Place = Callable[[float], F64]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,6 @@ class Paths:
         yaw_rad: Not wrapped.
         seated: 0 standing to 1 seated.
         looking: 1 while looking around.
-        stool_m: NxTx2, NaN for those who are not seated.
     """
 
     times_s: F64
@@ -53,7 +52,21 @@ class Paths:
     yaw_rad: F64
     seated: F64
     looking: F64
-    stool_m: F64
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Where people walk.
+
+    Args:
+        bounds_m: 2x2, lower and upper corner of where people go, frame: map.
+        stools_m: Places of stools, x and y in the map.
+        obstacle: Place of a moving thing, such as a robot, at a time: x, y and maybe more.
+    """
+
+    bounds_m: F64
+    stools_m: Sequence[tuple[float, float]] = ()
+    obstacle: Place | None = None
 
 
 @dataclass(frozen=True)
@@ -65,27 +78,24 @@ class Obstacles:
     extra_m: F64
 
 
-def simulate_paths(
-    walkers: Sequence[Walker], times_s: F64, bounds_m: F64, obstacle: Place | None = None
-) -> Paths:
+def simulate_paths(walkers: Sequence[Walker], times_s: F64, around: Surroundings) -> Paths:
     """Let the walkers follow their agendas.
 
     Args:
         walkers: N, at the first time; they are used up.
         times_s: T, in steps of STEP_S.
-        bounds_m: 2x2, lower and upper corner of where people go, frame: map.
-        obstacle: Place of a moving thing, such as a robot, at a time: x, y and maybe more.
+        around: Where they walk.
     """
-    record = np.full((7, len(walkers), len(times_s)), np.nan)
+    record = np.empty((5, len(walkers), len(times_s)))
     choices = [(walker.yaw_rad, 0.0) for walker in walkers]
     robot: tuple[F64, F64] | None = None
     for step, time_s in enumerate(times_s.tolist()):
         for walker in walkers:
             walker.decide(time_s)
         if step % DECIDE_EVERY == 0:
-            robot = None if obstacle is None else _moving(obstacle, time_s)
+            robot = None if around.obstacle is None else _moving(around.obstacle, time_s)
             choices = [
-                _choose(walker, _around(walkers, i, robot), bounds_m, choices[i])
+                _choose(walker, _obstacles(walkers, i, around, robot), around.bounds_m, choices[i])
                 for i, walker in enumerate(walkers)
             ]
         for i, walker in enumerate(walkers):
@@ -93,13 +103,10 @@ def simulate_paths(
             if walker.goal_m is None:
                 heading, speed = walker.bearing_rad(), 0.0
             walker.move(heading, min(speed, _safe_speed(walker, walkers, robot)))
-            stool = walker.stool_m if walker.seated > 0 and walker.stool_m else (math.nan,) * 2
-            record[:, i, step] = (
-                *(walker.x_m, walker.y_m, walker.yaw_rad),
-                *(walker.seated, walker.looking, *stool),
-            )
-    x, y, yaw, seated, looking = record[:5]
-    return Paths(times_s, x, y, yaw, seated, looking, np.moveaxis(record[5:], 0, -1))
+            pose = walker.x_m, walker.y_m, walker.yaw_rad
+            record[:, i, step] = (*pose, walker.seated, walker.looking)
+    x, y, yaw, seated, looking = record
+    return Paths(times_s, x, y, yaw, seated, looking)
 
 
 def _moving(place: Place, time_s: float) -> tuple[F64, F64]:
@@ -108,28 +115,22 @@ def _moving(place: Place, time_s: float) -> tuple[F64, F64]:
     return now, (now - before) / 0.1
 
 
-def _around(walkers: Sequence[Walker], me: int, robot: tuple[F64, F64] | None) -> Obstacles:
-    """Return what a walker keeps clear of: the others, stools in use, the robot."""
-    places, velocities, extras = [], [], []
+def _obstacles(
+    walkers: Sequence[Walker], me: int, around: Surroundings, robot: tuple[F64, F64] | None
+) -> Obstacles:
+    """Return what a walker keeps clear of: the others, stools, the robot."""
+    rows = []
     for i, other in enumerate(walkers):
-        if i == me:
-            continue
-        places.append((other.x_m, other.y_m))
-        velocities.append(
-            (other.speed_mps * math.cos(other.yaw_rad), other.speed_mps * math.sin(other.yaw_rad))
-        )
-        extras.append(0.0)
-        if other.stool_m is not None:
-            places.append(other.stool_m)
-            velocities.append((0.0, 0.0))
-            extras.append(-STOOL_LESS_M)
+        if i != me:
+            cos, sin = math.cos(other.yaw_rad), math.sin(other.yaw_rad)
+            rows.append((other.x_m, other.y_m, other.speed_mps * cos, other.speed_mps * sin, 0.0))
+    for stool in around.stools_m:
+        less_m = OWN_STOOL_LESS_M if stool == walkers[me].stool_m else STOOL_LESS_M
+        rows.append((*stool, 0.0, 0.0, -less_m))
     if robot is not None:
-        places.append((float(robot[0][0]), float(robot[0][1])))
-        velocities.append((float(robot[1][0]), float(robot[1][1])))
-        extras.append(ROBOT_EXTRA_M)
-    return Obstacles(
-        np.array(places).reshape(-1, 2), np.array(velocities).reshape(-1, 2), np.array(extras)
-    )
+        rows.append((*robot[0].tolist(), *robot[1].tolist(), ROBOT_EXTRA_M))
+    table = np.array(rows).reshape(-1, 5)
+    return Obstacles(table[:, :2], table[:, 2:4], table[:, 4])
 
 
 def _choose(

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from common.geometry import transform_from
 from common.messages import F64
 from services.camera.lab.carriage import Person, posture_arrays
-from services.camera.lab.crowd import BOUND_MARGIN_M, Paths, Place, simulate_paths
+from services.camera.lab.crowd import BOUND_MARGIN_M, Paths, Place, Surroundings, simulate_paths
 from services.camera.lab.footfalls import Track
 from services.camera.lab.posture import SEGMENTS, Posture, Skeleton
 from services.camera.lab.scenario import PersonPlan
@@ -117,7 +117,8 @@ def simulate(
         Walker(plan, skeleton.stature_m) for plan, skeleton in zip(people, skeletons, strict=True)
     ]
     bounds_m = _bounds(people) if area_m is None else area_m
-    paths = simulate_paths(walkers, times_s, bounds_m, obstacle)
+    stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
+    paths = simulate_paths(walkers, times_s, Surroundings(bounds_m, stools_m, obstacle))
     return tuple(_motion(paths, index, skeleton, seed) for index, skeleton in enumerate(skeletons))
 
 

@@ -100,3 +100,24 @@ def test_people_stay_on_the_free_floor() -> None:
     for motion in motions:
         y = motion.path(np.arange(0.0, 10.0, 0.05))[:, 1]
         assert np.abs(y).max() < 0.75
+
+
+def test_a_stool_is_walked_round_also_by_whoever_sits_on_it() -> None:
+    # The stool stands between the person and where they stand before sitting down: in front of it.
+    sitter = PersonPlan(
+        body="adam",
+        start=(0, 0),
+        face_deg=0,
+        path=(Waypoint(to=(3, 0), sit=True, stop_s=6, face_deg=0), Waypoint(to=(0, 0))),
+    )
+    passer = PersonPlan(
+        body="adam", start=(5.5, 0.2), wait_s=16, path=(Waypoint(to=(0.8, 0.9)),), speed_mps=1.2
+    )
+    motions = simulate([sitter, passer], [skeleton(1.75)] * 2, 25.0, 0)
+    times_s = np.arange(0.0, 25.0, 0.02)
+    for motion in motions:
+        way = motion.path(times_s)[:, :2]
+        assert np.linalg.norm(way - (3.0, 0.0), axis=-1).min() > 0.28
+    # Seated after 8 s: the pelvis is above the stool.
+    assert motions[0].at(9.0).map_from_pelvis[:2, 3] == pytest.approx((3.0, 0.0), abs=0.13)
+    assert motions[0].path([25.0])[0, :2] == pytest.approx((0.0, 0.0), abs=0.2)
