@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 PROGRAM = (
     "from services.camera.lab.noise import Field, Persistence; "
@@ -23,3 +24,24 @@ def test_without_a_folder_to_keep_them_in() -> None:
         check=False,
     )
     assert (done.stdout, done.returncode) == ("(4, 4)\n", 0), done.stderr
+
+
+def test_a_change_in_a_called_function_in_another_file_is_seen(tmp_path: Path) -> None:
+    # Numba alone asks only for the caller's file, and would go on with the old code.
+    head = "from services.camera.lab.compiled import compiled\n"
+    called = head + "@compiled\ndef low(x):\n    return x + {}\n"
+    caller = head + "from low import low\n@compiled\ndef high(x):\n    return 10 * low(x)\n"
+    (tmp_path / "high.py").write_text(caller)
+    results = []
+    for added in (1, 2):
+        (tmp_path / "low.py").write_text(called.format(added))
+        done = subprocess.run(
+            [sys.executable, "-c", "from high import high; print(high(1))"],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        results.append((done.stdout, done.stderr))
+    assert results == [("20\n", ""), ("30\n", "")]
