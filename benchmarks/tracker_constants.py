@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.by_eye import compare
-from benchmarks.chain import pipeline, play, track_again
 from benchmarks.real_inputs import ROOT, Played, filinha, gather, lockstep, models
 from benchmarks.table import markdown, write
 from common.geometry import wrap
 from common.messages import Tracks, Truth
+from deploy.evaluation.chain import pipeline, play, track_again
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources import open_truth

@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from benchmarks.chain import pipeline, play
 from common.codec import encode
 from common.config import load
 from common.geometry import wrap
@@ -24,6 +23,7 @@ from common.messages import (
     TruthPerson,
 )
 from common.node import Node
+from deploy.evaluation.chain import pipeline, play
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from benchmarks.by_eye import CROSSING, TORSO_MM, match
-from benchmarks.chain import pipeline, play
 from benchmarks.real_inputs import Played, filinha, gather, man_in_front, models
 from common.geometry import apply
 from common.messages import StaticTransform
+from deploy.evaluation.chain import pipeline, play
 from services.detector.config import DetectorConfig
 
 MODELS = ("movenet-multipose", "yolov8n-pose", "yolov8n-seg")

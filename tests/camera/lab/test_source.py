@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from benchmarks.chain import play
 from common.errors import ConfigError
 from common.messages import (
     CameraInfo,
@@ -20,6 +19,7 @@ from common.messages import (
     StaticTransform,
 )
 from common.node import Status
+from deploy.evaluation.chain import play
 from services.camera.config import CameraConfig
 from services.camera.lab.film import Film
 from services.camera.lab.source import LabSource

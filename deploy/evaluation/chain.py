@@ -1,25 +1,22 @@
 """The nodes of the services in one process, frame by frame: same input, same output."""
 
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from common.bus import MemoryBus
+from common.errors import SourceError
 from common.messages import Message, Span, Tracks
 from common.node import Node
 from common.trace import collect
+from services.camera.__main__ import build as build_camera
 from services.camera.config import CameraConfig
-from services.camera.node import CameraNode
-from services.camera.sources import open_source
+from services.detector.__main__ import build as build_detector
 from services.detector.config import DetectorConfig
-from services.detector.models import load_model
-from services.detector.node import DetectorNode
+from services.reid.__main__ import build as build_reid
 from services.reid.config import ReidConfig
-from services.reid.embedders import load_embedder
-from services.reid.node import ReidNode
+from services.tracker.__main__ import build as build_tracker
 from services.tracker.config import TrackerConfig
-from services.tracker.node import TrackerNode
-from services.tracker.registry import make_tracker
 
 PATIENCE_S = 20.0
 
@@ -46,11 +43,10 @@ def pipeline(
     detector: DetectorConfig, reid: ReidConfig | None = None, tracker: TrackerConfig | None = None
 ) -> list[Node]:
     """Return detector, re-identification and tracker, as their processes would build them."""
-    reid, tracker = reid or ReidConfig(), tracker or TrackerConfig()
     return [
-        DetectorNode(load_model(detector), detector),
-        ReidNode(load_embedder(reid)),
-        TrackerNode(tracker, make_tracker(tracker)),
+        build_detector(detector),
+        build_reid(reid or ReidConfig()),
+        build_tracker(tracker or TrackerConfig()),
     ]
 
 
@@ -63,10 +59,15 @@ def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[Step]:
 
     Yields:
         Calibration and transform, then one step a frame.
+
+    Raises:
+        SourceError: The source cannot be opened, or gives nothing for long.
     """
-    node = CameraNode(camera, open_source(camera.source, camera.kind, camera.options))
+    node = build_camera(camera)
     news = threading.Event()
-    node.set_wake(news.set)
+    set_wake: Callable[[Callable[[], None]], None] | None = getattr(node, "set_wake", None)
+    if set_wake:
+        set_wake(news.set)
     bus = MemoryBus([node, *nodes])
     try:
         while node.status().state != "finished":
@@ -77,14 +78,14 @@ def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[Step]:
             if messages:
                 yield Step(messages, spans)
             elif not news.wait(PATIENCE_S):
-                raise TimeoutError(f"{camera.source} gave nothing for {PATIENCE_S} s")
+                raise SourceError(f"{camera.source} gave nothing for {PATIENCE_S:g} s")
     finally:
         node.close()
 
 
 def track_again(messages: Iterable[Message], config: TrackerConfig) -> list[Tracks]:
     """Return what another tracker makes of the same detections and embeddings."""
-    node = TrackerNode(config, make_tracker(config))
+    node = build_tracker(config)
     taken = [message for message in messages if isinstance(message, node.inputs)]
     outputs = [output for message in taken for output in node.handle(message, 0)]
     return [output for output in outputs if isinstance(output, Tracks)]
