@@ -100,7 +100,7 @@ def shape(model: Any, person: Mapping[str, float], weights: F64) -> dict[str, F6
     """Return vertices and joints of a person in the neutral posture, pelvis frame."""
     names = [str(label) for label in model.bone_labels]
     rest, heads = sized(model, person)
-    rotations = neutral_rotations(names, heads)
+    rotations = neutral_rotations(names, heads, half_width(names, rest, heads, weights))
     transforms = chain(rotations, names, [int(p) for p in model.bone_parents], heads)
     posed = np.einsum("bij,bj->bi", transforms[:, :, :3], heads) + transforms[:, :, 3]
     at = dict(zip(names, posed, strict=True))
@@ -113,6 +113,14 @@ def shape(model: Any, person: Mapping[str, float], weights: F64) -> dict[str, F6
     origin = joints["hip"].mean(axis=0)
     vertices = pose(rest, weights, transforms)
     return {"vertices": vertices - origin, **{name: at - origin for name, at in joints.items()}}
+
+
+def half_width(names: list[str], rest: F64, heads: F64, weights: F64) -> float:
+    """Return how far the hips reach to the left, about the height of the hip joints."""
+    hip_z = heads[names.index("upperleg01.L")][2]
+    legs = [i for i, name in enumerate(names) if name.startswith(("root", "pelvis", "upperleg"))]
+    near = (weights[:, legs].sum(axis=1) > 0.5) & (np.abs(rest[:, 2] - hip_z) < 0.10)
+    return float(rest[:SKIN_VERTICES][near[:SKIN_VERTICES], 1].max())
 
 
 def sized(model: Any, person: Mapping[str, float]) -> tuple[F64, F64]:

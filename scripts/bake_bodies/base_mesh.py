@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import numpy.typing as npt
-from PIL import Image  # type: ignore[import-not-found]
 
 I32 = npt.NDArray[np.int32]
 F64 = npt.NDArray[np.float64]
@@ -50,7 +50,10 @@ def read_masks(mesh: Path, textures: Path, names: tuple[str, ...]) -> dict[str, 
     places = texture_places(mesh)
     masks = {}
     for name in names:
-        image = np.asarray(Image.open(textures / f"mpfb_{name}.jpg").convert("L")) / 255
+        read = cv2.imread(str(textures / f"mpfb_{name}.jpg"), cv2.IMREAD_GRAYSCALE)
+        if read is None:
+            raise FileNotFoundError(f"there is no mask {name} in {textures}")
+        image = read / 255
         rows = np.clip((1 - places[:, 1]) * len(image), 0, len(image) - 1).astype(int)
         columns = np.clip(places[:, 0] * image.shape[1], 0, image.shape[1] - 1).astype(int)
         masks[name] = image[rows, columns]

@@ -8,6 +8,8 @@ import numpy.typing as npt
 F64 = npt.NDArray[np.float64]
 
 # anny: x left, y backward, z up. Lab: x forward, y left, z up.
+CLEAR_M = 0.045  # of the wrists from the hips
+LEAN = (0.05, 0.25)  # least and largest slope of hanging arms
 LAB_FROM_ANNY: F64 = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -26,17 +28,18 @@ def align(source: F64, target: F64) -> F64:
     return np.eye(3) if sine < 1e-12 else turn(axis, float(np.arctan2(sine, source @ target)))
 
 
-def neutral_rotations(names: Sequence[str], heads: F64) -> Mapping[str, F64]:
+def neutral_rotations(names: Sequence[str], heads: F64, hips_m: float) -> Mapping[str, F64]:
     """Return the rotation of each bone that does not keep its rest orientation.
 
     Args:
         names: Of the bones, anny's.
         heads: Bx3 rest positions of the bones' heads in metres, lab axes.
+        hips_m: Half the width of the hips, which the arms hang beside.
     """
     at = dict(zip(names, heads, strict=True))
     rotations: dict[str, F64] = {}
     for side, left in (("L", 1.0), ("R", -1.0)):
-        limbs = limb_rotations(at, side, left)
+        limbs = limb_rotations(at, side, hips_m)
         for name in names:
             if name.endswith("." + side):
                 kind = next((kind for kind in limbs if name.startswith(kind)), None)
@@ -46,14 +49,21 @@ def neutral_rotations(names: Sequence[str], heads: F64) -> Mapping[str, F64]:
     return rotations
 
 
-def limb_rotations(at: Mapping[str, F64], side: str, left: float) -> dict[str, F64]:
+def limb_rotations(at: Mapping[str, F64], side: str, hips_m: float) -> dict[str, F64]:
     """Return the rotations of one side by the beginning of the bones' names."""
 
     def along(a: str, b: str) -> F64:
         return at[f"{b}.{side}"] - at[f"{a}.{side}"]
 
-    upper_arm = align(along("upperarm01", "lowerarm01"), np.array([-0.03, left * 0.06, -1.0]))
-    forearm = align(along("lowerarm01", "wrist"), np.array([0.14, left * 0.03, -1.0]))
+    shoulder_y = at[f"upperarm01.{side}"][1]
+    reach_m = sum(
+        float(np.linalg.norm(along(*bone)))
+        for bone in (("upperarm01", "lowerarm01"), ("lowerarm01", "wrist"))
+    )
+    lean = (hips_m + CLEAR_M - abs(shoulder_y)) / reach_m
+    outward = np.sign(shoulder_y) * np.clip(lean, *LEAN)
+    upper_arm = align(along("upperarm01", "lowerarm01"), np.array([-0.03, outward, -1.0]))
+    forearm = align(along("lowerarm01", "wrist"), np.array([0.14, 0.8 * outward, -1.0]))
     thigh, shank = along("upperleg01", "lowerleg01"), along("lowerleg01", "foot")
     foot = along("foot", "toe2-1")
     straight = np.array([1.0, 0.0, 1.0])  # without the sideways part

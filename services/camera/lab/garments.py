@@ -8,6 +8,7 @@ import numpy.typing as npt
 from common.messages import F64
 from services.camera.lab.cast import Legwear, Person, Shirt, Shoes
 from services.camera.lab.colours import linear
+from services.camera.lab.drape import hung
 from services.camera.lab.figure import Figure
 from services.camera.lab.materials import Material, Pattern
 from services.camera.lab.skinning import normals
@@ -109,8 +110,14 @@ def loosened(piece: Surface, distance_m: F64, rounds: int) -> Surface:
     """
     outward = normals(piece.vertices_m, piece.faces)
     loose = smoothed(piece.moved(outward * distance_m[:, None]), rounds)
+    return kept_off(loose, piece, 0.7 * distance_m)
+
+
+def kept_off(loose: Surface, piece: Surface, distance_m: F64) -> Surface:
+    """Return loose cloth moved to be nowhere closer to the close-fitting piece than V distances."""
+    outward = normals(piece.vertices_m, piece.faces)
     gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
-    return loose.moved(outward * np.maximum(0.7 * distance_m - gap, 0.0)[:, None])
+    return loose.moved(outward * np.maximum(distance_m - gap, 0.0)[:, None])
 
 
 def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
@@ -126,6 +133,11 @@ def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
     if levels.tucked:
         distance *= np.clip((height - levels.waist) / 0.08, 0.1, 1)
     loose = loosened(piece, distance, 4)
+    if not levels.tucked:
+        armpit = figure.joints_m["shoulder"][0, 2] - 0.13
+        free = np.clip((armpit - height) / 0.06, 0, 1) * (arm_share(figure, piece.weights) < 0.3)
+        hanging = smoothed(hung(loose, figure.joints_m["waist"][0], free), 2)
+        loose = kept_off(hanging, piece, 0.8 * distance)
     return replace(loose, pattern=Pattern[shirt.pattern.upper()])
 
 
@@ -137,7 +149,7 @@ def make_legwear(figure: Figure, legs: Legwear, levels: Levels) -> Surface:
     whole = cloth(figure, part, legs.colour, Material.TROUSERS)
     piece = cut(whole, np.where(on_arm(figure), -1.0, field))
     below = np.clip((levels.waist - piece.vertices_m[:, 2]) / 0.7, 0, 1)
-    least = 0.009 if levels.tucked else 0.003
+    least = 0.009 if levels.tucked else 0.001
     loose = loosened(piece, least + legs.loose_m * below, 4)
     return lengthened(loose, levels.legs, BREAK_M) if legs.kind == "trousers" else loose
 

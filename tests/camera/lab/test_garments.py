@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 from services.camera.lab.cast import Person, cast_names, load_cast
 from services.camera.lab.colours import linear
+from services.camera.lab.drape import SECTORS, hanging_outline
 from services.camera.lab.dressing import dress
 from services.camera.lab.figure import Figure, load_figure
 from services.camera.lab.garments import arm_share, make_legwear, make_shirt, make_shoes, measure
@@ -74,6 +75,16 @@ def test_smoothing_moves_inner_vertices_only() -> None:
     assert_allclose(soft.vertices_m[:4], tent.vertices_m[:4])
     assert_allclose(soft.vertices_m[4], [0.5, 0.5, 0.5])
     assert len(border(tent.faces)) == 4
+
+
+def test_cloth_hangs_from_what_stands_out() -> None:
+    # 0.20 m at the top; each row of 15 mm below may come back by 0.22 * 15 = 3.3 mm. The body is
+    # 0.10 m below but for a seat of 0.25 m in row 3, from which the cloth falls again.
+    around, row = np.meshgrid(np.arange(SECTORS), np.arange(6))
+    radius = np.where(row == 0, 0.20, 0.10) + 0.15 * (row == 3)
+    outline = hanging_outline(around.ravel() + 0.0, row.ravel() + 0.0, radius.ravel())
+    expected = [0.20, 0.1967, 0.1934, 0.25, 0.2467, 0.2434]
+    assert_allclose(outline[:6], np.tile(expected, (SECTORS, 1)).T)
 
 
 def test_srgb_to_linear() -> None:
