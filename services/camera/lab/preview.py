@@ -36,6 +36,7 @@ class Preview:
         self._film = film
         self._world = film.world
         self._trails = _trails(film.world)
+        self._way = _camera_trail(film.world)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -69,7 +70,7 @@ class Preview:
         depth = depth_picture(film.depth_mm(index, view), info.max_depth_m)
         walks = Walks(
             tracks={k + 1: way[: 1 + round(t_s / TRAIL_S)] for k, way in enumerate(self._trails)},
-            truth={str(k): way for k, way in enumerate(self._trails)},
+            truth={str(k): way for k, way in enumerate([*self._trails, self._way])},
             cameras=[world.map_from_optical(t_s)],
         )
         panels = [colour, depth, flat(view), draw_map(walks, info.width, info.height)]
@@ -189,3 +190,9 @@ def _trails(world: World) -> list[F64]:
         np.array([motion.at(t_s).map_from_pelvis[:2, 3] for t_s in times])
         for motion in world.motions
     ]
+
+
+def _camera_trail(world: World) -> F64:
+    """Return the way of the camera, Nx2; with it the map keeps its scale all the time."""
+    times = np.arange(0, world.scenario.duration_s + TRAIL_S, TRAIL_S)
+    return np.array([world.map_from_optical(t_s)[:2, 3] for t_s in times])

@@ -13,6 +13,7 @@ from common.messages import (
     Detections,
     Odometry,
     StaticTransform,
+    Tracks,
     Truth,
 )
 from common.recording import open_recording
@@ -30,6 +31,9 @@ from services.camera.source import Capture
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.recording import RecordingTruth
 from services.gt_bridge.rosbag import RosbagTruth
+from services.tracker.config import TrackerConfig
+from services.tracker.node import TrackerNode
+from services.tracker.registry import make_tracker
 from tests.camera.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 
 
@@ -174,6 +178,16 @@ def test_geometry_gives_detections_in_place_of_frames(tmp_path: Path) -> None:
     # Both are seen all the time; a detector misses one in a hundred.
     people = [len(m.people) for m in found if isinstance(m, Detections)]
     assert np.median(people) == 2
+    # A tracker finds them without any picture, where motion capture sees them.
+    config = TrackerConfig(tracker="sort3d")
+    tracker = TrackerNode(config, make_tracker(config))
+    messages = [m for _, m in recording.messages(StaticTransform, Detections)]
+    told = [t for m in messages for t in tracker.handle(m, 0) if isinstance(t, Tracks)]
+    tracks = [t for t in told if t.people][-1].people
+    *_, truth = (m for _, m in recording.messages(Truth) if isinstance(m, Truth))
+    for person in truth.people:
+        off_m = [np.hypot(*(t.position_m - person.position_m)[:2]) for t in tracks]
+        assert min(off_m) < 0.3
 
 
 def test_a_second_of_colour(tmp_path: Path) -> None:
