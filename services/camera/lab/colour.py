@@ -18,7 +18,7 @@ SATURATION = 0.86
 STRAY = 0.002  # light that strays in the lens, in parts of white
 WHITE_POINT = 1.8  # radiance that is just white
 CONTRAST = 1.22
-LENS = (0.06, 0.88)  # weights of the neighbours and of the pixel itself, each way
+BLUR = 0.06  # share of a pixel's light that falls on each of its four neighbours
 TONES = 4096  # of the film curve
 TOP = 8.0  # brightest radiance of the film curve
 
@@ -83,7 +83,6 @@ def _develop(
 ) -> None:
     """Write rows of the picture."""
     height, width = radiance.shape[:2]
-    side, middle = LENS
     scale = (TONES - 1) / math.sqrt(TOP)
     corner = 1.0 / (0.25 * (height * height + width * width))
     pixel = np.empty(3)
@@ -96,9 +95,8 @@ def _develop(
             for k in range(3):
                 cross = radiance[above, column, k] + radiance[below, column, k]
                 cross += radiance[row, left, k] + radiance[row, right, k]
-                pixel[k] = gain * (
-                    (middle - 2 * side + 0.0) * radiance[row, column, k] + side * cross
-                )
+                own = radiance[row, column, k]
+                pixel[k] = gain * (own + BLUR * (cross - 4.0 * own))
             grey = 0.3 * pixel[0] + 0.6 * pixel[1] + 0.1 * pixel[2]
             for k in range(3):
                 value = max(grey + SATURATION * (pixel[k] - grey), 0.0)

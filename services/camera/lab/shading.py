@@ -14,8 +14,9 @@ from services.camera.lab.raster import barycentrics
 from services.camera.lab.shadows import BIAS_M, FOCAL_PX, lit_share
 from services.camera.lab.textures import body_texel, fold_slope, hashed, room_texel
 
-SKIN, HAIR, SHIRT = int(Material.SKIN), int(Material.HAIR), int(Material.SHIRT)
-TROUSERS, EYE, LAMP = int(Material.TROUSERS), int(Material.EYE), int(Material.LAMP)
+# Compiled functions compare plain numbers.
+SKIN, SHIRT, TROUSERS = int(Material.SKIN), int(Material.SHIRT), int(Material.TROUSERS)
+EYE, LAMP = int(Material.EYE), int(Material.LAMP)
 SHIRT_FOLDS, TROUSER_FOLDS = 0.038, 0.034  # [m] depth of the folds, about
 WRAP = 0.22  # light that passes under the skin reaches beyond the shadow's edge
 TURNS: F64 = np.array([[math.cos(a), math.sin(a)] for a in np.arange(64) * (math.pi / 32)])
@@ -24,12 +25,9 @@ BRIGHTEST = 6.0  # radiance of one sample, so that a lamp's edge is smooth
 
 
 class Scene(NamedTuple):
-    """The triangles as the camera sees them; see `Mesh`.
+    """The triangles as the camera sees them; the arrays of `Mesh`."""
 
-    Fields: corners Vx3 (see `raster.homogeneous`), the mesh's arrays, and the camera's place (3).
-    """
-
-    corners: F64
+    corners: F64  # Vx3, see `raster.homogeneous`, in samples
     vertices: F64
     normals: F64
     texture: F32
@@ -37,37 +35,28 @@ class Scene(NamedTuple):
     faces: I32
     material: I32
     pattern: I32
-    eye: F64
+    eye: F64  # [m] 3, place of the camera, frame: map
 
 
 class Lighting(NamedTuple):
-    """What lights the scene.
+    """What lights the scene."""
 
-    Fields: Lx10 lights (place, direction, intensity, radius), Lx3x4 projections into their maps,
-    LxSxS maps, 6x3xTERMS light from the walls, 2x3 middle and half size of the room, and HxW
-    coarse corner light.
-    """
-
-    lights: F64
-    projections: F64
-    maps: F32
-    bounce: F64
-    room: F64
-    corners: F32
+    lights: F64  # Lx10: place 3, direction 3, intensity 3, radius
+    projections: F64  # Lx3x4 into the lights' maps, see `shadows.pixels_from_map`
+    maps: F32  # [1/m] LxSxS, see `shadows.shadow_map`
+    bounce: F64  # see `ambient.bounce_light`
+    room: F64  # [m] 2x3: middle and half size
+    corners: F32  # coarse image, see `ambient.corner_light`
 
 
 class Samples(NamedTuple):
-    """What the rasteriser saw; `side` samples per pixel both ways.
+    """What the rasteriser saw, more than once per pixel."""
 
-    Fields: inverse depth and triangle per sample, side, focal length in samples, samples per
-    pixel of the coarse corner light.
-    """
-
-    inverse: F32
+    inverse: F32  # [1/m] see `raster.Raster`
     triangle: I32
-    side: int
-    focal: float
-    step: int
+    side: int  # samples per pixel both ways
+    focal: float  # [samples] focal length
+    step: int  # samples per pixel of the coarse corner light, both ways
 
 
 @compiled

@@ -9,13 +9,12 @@ import math
 from services.camera.lab.compiled import compiled
 from services.camera.lab.materials import Material, Pattern
 
-# Kernels compare plain numbers.
-SKIN, HAIR, SHIRT, TROUSERS = (int(m) for m in list(Material)[:4])
-SHOE, EYE = int(Material.SHOE), int(Material.EYE)
+# Compiled functions compare plain numbers.
+SKIN, HAIR, SHIRT = int(Material.SKIN), int(Material.HAIR), int(Material.SHIRT)
+TROUSERS, SHOE, METAL = int(Material.TROUSERS), int(Material.SHOE), int(Material.METAL)
 PLANKS, PAINT, WOOD = int(Material.PLANKS), int(Material.PAINT), int(Material.WOOD)
-POSTER, LAMP, BOOKS = int(Material.POSTER), int(Material.LAMP), int(Material.BOOKS)
-FABRIC, CARPET = int(Material.FABRIC), int(Material.CARPET)
-CONCRETE, METAL = int(Material.CONCRETE), int(Material.METAL)
+POSTER, BOOKS, FABRIC = int(Material.POSTER), int(Material.BOOKS), int(Material.FABRIC)
+CARPET, CONCRETE = int(Material.CARPET), int(Material.CONCRETE)
 STRIPES, PLAID, PRINT = int(Pattern.STRIPES), int(Pattern.PLAID), int(Pattern.PRINT)
 PLACKET, BLOCKS = int(Pattern.PLACKET), int(Pattern.BLOCKS)
 
