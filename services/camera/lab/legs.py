@@ -14,7 +14,7 @@ from services.camera.lab.rotations import about_y, about_z, along, turn
 FLAT = 0.25  # phase at which the whole sole is on the floor
 REFERENCE_STRIDE_M = 1.40  # of the table's foot pitch
 CLEARANCE_M = 0.03  # of the lowest point of the sole, most in the first half of the swing
-TOE_BEND_RAD, TOE_STIFFENING_RAD = 0.4, 0.12  # then the foot rolls over the tip of the toes
+TOE_BEND_RAD, TOE_STIFFENING_RAD = 0.25, 0.1  # then the foot rolls over the tip of the toes
 LANDING = 3.0  # times the clearance: how steeply the heel comes down
 PUSH_SHARE = 0.4  # of the swing's mean velocity, that push-off adds to the rolling foot's
 LEAST_PITCH_SHARE = 0.3  # of the table's foot pitch even in the smallest step

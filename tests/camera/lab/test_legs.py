@@ -77,7 +77,7 @@ def test_no_foot_sinks_into_the_floor(name: str) -> None:
     assert body.heel[..., 2].min() > -0.003
     assert body.ball[..., 2].min() > -0.003
     # The tip of the shoe bends, which a stiff foot segment cannot show.
-    assert body.toe[..., 2].min() > -0.04
+    assert body.toe[..., 2].min() > -0.025
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -112,8 +112,12 @@ def test_hip_and_knee_follow_the_published_curves() -> None:
     times_s = np.arange(2.5, 6.0, 0.01)
     body = joints(found, BODY, times_s)
     forward = np.zeros_like(times_s)
+    # Angles count from the neutral posture, in which knee and ankle are a little out of line.
     thigh = pitch_deg(body.hip[:, 0], body.knee[:, 0], forward)
-    knee = thigh - pitch_deg(body.knee[:, 0], body.ankle[:, 0], forward)
+    thigh -= pitch_deg(BODY.hip, BODY.knee, np.zeros(2))[0]
+    shank = pitch_deg(body.knee[:, 0], body.ankle[:, 0], forward)
+    shank -= pitch_deg(BODY.knee, BODY.ankle, np.zeros(2))[0]
+    knee = thigh - shank
     down = (body.heel[1:, 0, 2] < 0.002) & (speeds(body.heel[:, 0], times_s) < 0.3)
     contacts = times_s[1:-1][down[1:] & ~down[:-1]]
     assert len(contacts) >= 2
@@ -124,7 +128,7 @@ def test_hip_and_knee_follow_the_published_curves() -> None:
 
     # People differ by 5 to 8 degrees (one standard deviation) from these means themselves.
     assert rms(thigh, THIGH_DEG) < 8.0
-    assert rms(knee, KNEE_DEG) < 12.0
+    assert rms(knee, KNEE_DEG) < 10.0
     assert 55.0 < knee.max() < 75.0
 
 

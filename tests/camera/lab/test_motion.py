@@ -68,11 +68,11 @@ def test_rotations_are_rotations_at_any_time() -> None:
 
 @pytest.mark.parametrize("person", [0, 1])
 def test_the_torso_moves_smoothly(person: int) -> None:
-    times_s = np.arange(-1.0, 21.0, 0.002)
+    times_s = np.arange(-1.0, 21.0, 0.005)
     torso = joints(motions()[person], BODIES[person], times_s).torso
-    velocity = np.diff(torso, axis=0) / 0.002
-    # A jump of the velocity would show as its size over 2 ms; people stay below one g.
-    assert np.abs(np.diff(velocity, axis=0)).max() / 0.002 < 9.8
+    velocity = np.diff(torso, axis=0) / 0.005
+    # A jump of the velocity would show as its size over 5 ms; people stay below one g.
+    assert np.abs(np.diff(velocity, axis=0)).max() / 0.005 < 9.8
     assert np.linalg.norm(velocity, axis=-1).max() < 1.8
 
 
