@@ -83,7 +83,11 @@ class World:
     def meshes(self, t_s: float) -> tuple[Mesh, ...]:
         """Return the bodies at a time; the owner of person k is k + 1."""
         held = zip(self.bodies, self.postures(t_s), strict=True)
-        return tuple(body.mesh(posture, k + 1) for k, (body, posture) in enumerate(held))
+        meshes = tuple(body.mesh(posture, k + 1) for k, (body, posture) in enumerate(held))
+        for mesh in meshes:
+            # Feet are stiff: as one rolls over its ball, the toes would sink into the floor.
+            np.maximum(mesh.vertices_m[:, 2], 0.0, out=mesh.vertices_m[:, 2])
+        return meshes
 
     def map_from_optical(self, t_s: float) -> F64:
         """Return the pose of the camera's optical frame, 4x4."""

@@ -64,16 +64,14 @@ def test_depth_of_the_wall_ahead_is_its_distance() -> None:
 
 def test_feet_stay_where_they_stand() -> None:
     # Vertices of the shoes that are on the floor at two samples 10 ms apart do not slide; the
-    # person walks at 1 m/s, a swinging foot moves at 3 m/s. A foot is one stiff piece, so as it
-    # rolls over its ball, the toes of 8 to 10 cm at up to 20 degrees dip below the floor.
+    # person walks at 1 m/s, a swinging foot moves at 3 m/s.
     of = world("short_walk")
-    body, motion = of.bodies[0], of.motions[0]
-    first = body.mesh(motion.at(0.8), 1)
+    (first,) = of.meshes(0.8)
     shoes = np.unique(first.faces[first.material == Material.SHOE])
-    soles = [body.mesh(motion.at(t), 1).vertices_m[shoes] for t in np.arange(0.8, 2.4, 0.01)]
+    soles = [of.meshes(t)[0].vertices_m[shoes] for t in np.arange(0.8, 2.4, 0.01)]
     speeds = []
     for before, after in pairwise(soles):
-        assert -0.035 < before[:, 2].min() < 0.002
+        assert 0 <= before[:, 2].min() < 0.002
         on_floor = (np.abs(before[:, 2]) < 0.004) & (np.abs(after[:, 2]) < 0.004)
         speeds.append(np.linalg.norm((after - before)[on_floor, :2], axis=1) / 0.01)
     speed = np.concatenate(speeds)
