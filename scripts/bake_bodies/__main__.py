@@ -21,7 +21,7 @@ from anny.keypoints import KeypointsRegressor  # type: ignore[import-not-found]
 
 from scripts.bake_bodies.base_mesh import read_masks, read_parts
 from scripts.bake_bodies.neutral import LAB_FROM_ANNY, chain, neutral_rotations, pose
-from scripts.bake_bodies.people import PEOPLE
+from scripts.bake_bodies.people import PEOPLE, Shape
 from scripts.bake_bodies.rig import BONES, fold_weights, strongest
 
 F64 = npt.NDArray[np.float64]
@@ -96,7 +96,7 @@ def bake(model: Any) -> dict[str, npt.NDArray[Any]]:
     }
 
 
-def shape(model: Any, person: Mapping[str, float], weights: F64) -> dict[str, F64]:
+def shape(model: Any, person: Shape, weights: F64) -> dict[str, F64]:
     """Return vertices and joints of a person in the neutral posture, pelvis frame."""
     names = [str(label) for label in model.bone_labels]
     rest, heads = sized(model, person)
@@ -123,22 +123,22 @@ def half_width(names: list[str], rest: F64, heads: F64, weights: F64) -> float:
     return float(rest[:SKIN_VERTICES][near[:SKIN_VERTICES], 1].max())
 
 
-def sized(model: Any, person: Mapping[str, float]) -> tuple[F64, F64]:
+def sized(model: Any, person: Shape) -> tuple[F64, F64]:
     """Return rest vertices and bone heads, the height parameter found by bisection; lab axes."""
     low, high = 0.0, 1.0
     for _ in range(14):
         middle = (low + high) / 2
         rest, heads = evaluate(model, person, middle)
-        if np.ptp(rest[:SKIN_VERTICES, 2]) < person["stature_m"]:
+        if np.ptp(rest[:SKIN_VERTICES, 2]) < person.stature_m:
             low = middle
         else:
             high = middle
     return rest, heads
 
 
-def evaluate(model: Any, person: Mapping[str, float], height: float) -> tuple[F64, F64]:
+def evaluate(model: Any, person: Shape, height: float) -> tuple[F64, F64]:
     """Return rest vertices and bone heads for one value of the height parameter; lab axes."""
-    values = {"proportions": 0.5, **person, "height": height}
+    values = {**person._asdict(), "height": height}
     del values["stature_m"]
     out = model(
         phenotype_kwargs={

@@ -9,7 +9,7 @@ F64 = npt.NDArray[np.float64]
 
 # anny: x left, y backward, z up. Lab: x forward, y left, z up.
 CLEAR_M = 0.045  # of the wrists from the hips
-LEAN = (0.05, 0.25)  # least and largest slope of hanging arms
+LEAN = (0.04, 0.25)  # least and largest slope of hanging arms
 LAB_FROM_ANNY: F64 = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 

@@ -1,18 +1,39 @@
 """The people to bake: shape parameters of anny and the stature they shall have."""
 
-# gender 0 = male, 1 = female; age 1/3 = child, 2/3 = young adult, 1 = old; the others 0 to 1.
-# The height parameter follows from the stature [m] without shoes.
-PEOPLE: dict[str, dict[str, float]] = {
-    "adam": {"stature_m": 1.80, "gender": 0.0, "age": 0.68, "muscle": 0.52, "weight": 0.50},
-    "bea": {"stature_m": 1.67, "gender": 1.0, "age": 0.68, "muscle": 0.52, "weight": 0.45},
-    "carlos": {"stature_m": 1.73, "gender": 0.0, "age": 0.78, "muscle": 0.50, "weight": 0.80},
-    "dana": {"stature_m": 1.60, "gender": 1.0, "age": 0.72, "muscle": 0.48, "weight": 0.58},
-    "erik": {"stature_m": 1.94, "gender": 0.0, "age": 0.66, "muscle": 0.48, "weight": 0.38},
-    "fumiko": {"stature_m": 1.54, "gender": 1.0, "age": 0.96, "muscle": 0.38, "weight": 0.50},
-    "george": {"stature_m": 1.72, "gender": 0.0, "age": 0.97, "muscle": 0.42, "weight": 0.58},
-    "hana": {"stature_m": 1.58, "gender": 1.0, "age": 0.53, "muscle": 0.48, "weight": 0.40},
-    "ivo": {"stature_m": 1.45, "gender": 0.0, "age": 0.40, "muscle": 0.50, "weight": 0.45},
-    "joy": {"stature_m": 1.70, "gender": 1.0, "age": 0.74, "muscle": 0.48, "weight": 0.82},
-    "twin_a": {"stature_m": 1.78, "gender": 0.0, "age": 0.64, "muscle": 0.48, "weight": 0.46},
-    "twin_b": {"stature_m": 1.77, "gender": 0.0, "age": 0.65, "muscle": 0.50, "weight": 0.49},
+from typing import NamedTuple
+
+
+class Shape(NamedTuple):
+    """Parameters of a body, 0 to 1 but for the stature.
+
+    Args:
+        stature_m: Without shoes, in metres; anny's height parameter follows from it.
+        gender: 0 = male, 1 = female.
+        age: 1/3 = child, 2/3 = young adult, 1 = old.
+        muscle: 0.5 = average.
+        weight: 0.5 = average.
+        proportions: 0 = broad shoulders and long legs, 1 = anny's ideal.
+    """
+
+    stature_m: float
+    gender: float
+    age: float
+    muscle: float
+    weight: float
+    proportions: float
+
+
+PEOPLE = {
+    "adam": Shape(1.80, 0.0, 0.68, 0.52, 0.50, 0.74),
+    "bea": Shape(1.67, 1.0, 0.68, 0.52, 0.45, 0.50),
+    "carlos": Shape(1.73, 0.0, 0.78, 0.50, 0.80, 0.70),
+    "dana": Shape(1.60, 1.0, 0.72, 0.48, 0.58, 0.50),
+    "erik": Shape(1.94, 0.0, 0.66, 0.48, 0.38, 0.82),
+    "fumiko": Shape(1.54, 1.0, 0.96, 0.38, 0.50, 0.50),
+    "george": Shape(1.72, 0.0, 0.97, 0.42, 0.58, 0.72),
+    "hana": Shape(1.58, 1.0, 0.53, 0.48, 0.40, 0.50),
+    "ivo": Shape(1.45, 0.0, 0.40, 0.50, 0.45, 0.65),
+    "joy": Shape(1.70, 1.0, 0.74, 0.48, 0.82, 0.50),
+    "twin_a": Shape(1.78, 0.0, 0.64, 0.48, 0.46, 0.76),
+    "twin_b": Shape(1.77, 0.0, 0.65, 0.50, 0.49, 0.76),
 }

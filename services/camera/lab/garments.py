@@ -129,7 +129,7 @@ def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
     height = piece.vertices_m[:, 2]
     below = np.clip((levels.collar - 0.05 - height) / 0.3, 0, 1)
     # Sleeves are narrower than the trunk.
-    distance = 0.004 + shirt.loose_m * below * (1 - 0.6 * arm_share(figure, piece.weights))
+    distance = 0.004 + shirt.loose_m * below * (1 - 0.7 * arm_share(figure, piece.weights))
     if levels.tucked:
         distance *= np.clip((height - levels.waist) / 0.08, 0.1, 1)
     loose = loosened(piece, distance, 4)

@@ -82,7 +82,8 @@ def test_cloth_hangs_from_what_stands_out() -> None:
     # 0.10 m below but for a seat of 0.25 m in row 3, from which the cloth falls again.
     around, row = np.meshgrid(np.arange(SECTORS), np.arange(6))
     radius = np.where(row == 0, 0.20, 0.10) + 0.15 * (row == 3)
-    outline = hanging_outline(around.ravel() + 0.0, row.ravel() + 0.0, radius.ravel())
+    places = (around.ravel().astype(np.float64), row.ravel().astype(np.float64))
+    outline = hanging_outline(*places, radius.ravel())
     expected = [0.20, 0.1967, 0.1934, 0.25, 0.2467, 0.2434]
     assert_allclose(outline[:6], np.tile(expected, (SECTORS, 1)).T)
 
