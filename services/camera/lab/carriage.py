@@ -7,7 +7,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from common.messages import F64
 from services.camera.lab import stance
-from services.camera.lab.footfalls import SIDES, Build, Steps, Track, plan_steps
+from services.camera.lab.bouts import Track
+from services.camera.lab.footfalls import SIDES, Build, Steps, plan_steps
 from services.camera.lab.gait import REFERENCE_MPS, Gait, load_gait, step_length_m
 from services.camera.lab.legs import FootPath, bend_leg, foot_path, lacking_height_m, smooth_cover
 from services.camera.lab.posture import INDEX, PARENTS, SEGMENTS, Skeleton
@@ -62,7 +63,13 @@ class Person:
         """Return what the steps depend on."""
         ankle = self.skeleton.ankle
         half_m = float(abs(ankle[0, 1] - ankle[1, 1])) / 2.0
-        return Build(self.skeleton.stature_m, float(ankle[:, 0].mean()), half_m, self.quickness)
+        return Build(
+            self.skeleton.stature_m,
+            float(ankle[:, 0].mean()),
+            half_m,
+            self.quickness,
+            self.first_foot,
+        )
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,7 @@ def posture_arrays(person: Person, track: Track, seated: F64, looking: F64) -> t
         map_from_pelvis; T, 1 while stepping.
     """
     gait = load_gait()
-    steps = plan_steps(track, person.build(), person.first_foot)
+    steps = plan_steps(track, person.build())
     pace = _pace(track, steps, person)
     sitting = stance.sit(seated, person.skeleton.stature_m)
     feet = [
@@ -141,19 +148,42 @@ def _trunk(
     person: Person, track: Track, pace: Pace, sitting: stance.Sitting, looking: F64
 ) -> Trunk:
     """Return pelvis, chest and head before the pelvis is lowered to let the feet be reached."""
-    gait, skeleton, times_s = load_gait(), person.skeleton, track.times_s
-    standing = 1.0 - pace.stepping
-    sway = stance.sway(times_s, person.seed, person.index) * standing[:, None]
-    sway *= (1.0 - sitting.low)[:, None]
-    ahead = gait.curve("pelvis.ahead_m", pace.phase) * pace.stride**2 + sway[:, 0]
+    lean = _curve("chest.pitch", pace) * np.minimum(pace.stride, 1.0) + sitting.chest_rad
+    lean += stance.breath(track.times_s) * (1.0 - pace.stepping)
+    gaze = _gaze(person, track, looking)
+    pelvis = (
+        about_z(track.yaw_rad + _curve("pelvis.turn", pace) * pace.stride)
+        @ about_y(_curve("pelvis.tilt", pace) * pace.stride + sitting.pelvis_rad)
+        @ about_x(_curve("pelvis.list", pace) * pace.stride)
+    )
+    chest = (
+        about_z(track.yaw_rad + _curve("chest.turn", pace) * pace.stride + GAZE_OF_CHEST * gaze)
+        @ about_y(lean)
+        @ about_x(_curve("chest.list", pace) * pace.stride)
+    )
+    head = about_z(track.yaw_rad + gaze) @ about_y(0.3 * lean + 0.03)
+    return Trunk(_pelvis_place(person, track, pace, sitting), pelvis, chest, head)
+
+
+def _curve(name: str, pace: Pace) -> F64:
+    """Return a curve of angles, radians."""
+    return np.asarray(np.radians(load_gait().curve(f"{name}_deg", pace.phase)))
+
+
+def _pelvis_place(person: Person, track: Track, pace: Pace, sitting: stance.Sitting) -> F64:
+    """Return the middle of the hips, Tx3, frame: map."""
+    gait, skeleton = load_gait(), person.skeleton
+    still = (1.0 - pace.stepping) * (1.0 - sitting.low)
+    sway = stance.sway(track.times_s, person.seed, person.index) * still[:, None]
+    bounce = pace.stride**2  # as the height of an arc grows with its chord
+    ahead = gait.curve("pelvis.ahead_m", pace.phase) * bounce + sway[:, 0] - sitting.back_m
     left = gait.curve("pelvis.left_m", pace.phase) * pace.stepping + sway[:, 1]
-    ahead -= sitting.back_m
-    cos, sin = np.cos(track.yaw_rad), np.sin(track.yaw_rad)
-    hips_m = -float(np.min([skeleton.heel[:, 2], skeleton.ball[:, 2]]))
-    upright = hips_m - STAND_LOW_M - WALK_LOW_M * pace.stride**2
-    upright = upright + gait.curve("pelvis.up_m", pace.phase) * pace.stride**2
+    sole_m = float(np.min([skeleton.heel[:, 2], skeleton.ball[:, 2]]))
+    upright = gait.curve("pelvis.up_m", pace.phase) * bounce
+    upright += -sole_m - STAND_LOW_M - WALK_LOW_M * bounce
     seat_m = stance.seated_height_m(skeleton.stature_m)
-    pelvis_m = np.stack(
+    cos, sin = np.cos(track.yaw_rad), np.sin(track.yaw_rad)
+    return np.stack(
         [
             track.x_m + cos * ahead - sin * left,
             track.y_m + sin * ahead + cos * left,
@@ -161,25 +191,6 @@ def _trunk(
         ],
         axis=-1,
     )
-    angle = {
-        name: np.radians(gait.curve(f"{name}_deg", pace.phase))
-        for name in ("pelvis.tilt", "pelvis.list", "pelvis.turn", "chest.turn", "chest.list")
-    }
-    lean = np.radians(gait.curve("chest.pitch_deg", pace.phase)) * np.minimum(pace.stride, 1.0)
-    lean += sitting.chest_rad + stance.breath(times_s) * standing
-    gaze = _gaze(person, track, looking)
-    pelvis = (
-        about_z(track.yaw_rad + angle["pelvis.turn"] * pace.stride)
-        @ about_y(angle["pelvis.tilt"] * pace.stride + sitting.pelvis_rad)
-        @ about_x(angle["pelvis.list"] * pace.stride)
-    )
-    chest = (
-        about_z(track.yaw_rad + angle["chest.turn"] * pace.stride + GAZE_OF_CHEST * gaze)
-        @ about_y(lean)
-        @ about_x(angle["chest.list"] * pace.stride)
-    )
-    head = about_z(track.yaw_rad + gaze) @ about_y(0.3 * lean + 0.03)
-    return Trunk(pelvis_m, pelvis, chest, head)
 
 
 def _gaze(person: Person, track: Track, looking: F64) -> F64:

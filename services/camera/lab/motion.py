@@ -11,9 +11,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from common.geometry import transform_from
 from common.messages import F64
+from services.camera.lab.bouts import Track
 from services.camera.lab.carriage import Person, posture_arrays
 from services.camera.lab.crowd import BOUND_MARGIN_M, Paths, Place, Surroundings, simulate_paths
-from services.camera.lab.footfalls import Track
 from services.camera.lab.posture import SEGMENTS, Posture, Skeleton
 from services.camera.lab.scenario import PersonPlan
 from services.camera.lab.walker import STEP_S, Walker
