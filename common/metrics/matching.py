@@ -5,10 +5,9 @@ sum of similarities. People who do not have to be found take part, so that their
 recognised as theirs; then both are left out of the counts.
 """
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -20,7 +19,6 @@ from common.metrics.similarity import Similarity
 
 KEPT = 1000.0  # worth of keeping a pair: more than all similarities of a frame together
 ROUNDING = 1e-12  # a similarity at the threshold is a match, however it was rounded
-H = TypeVar("H", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -121,6 +119,40 @@ class _Entries:
         )
 
 
+class Matcher:
+    """Matches frame after frame, for sequences that are not over yet.
+
+    Args:
+        similarity: How alike two people are.
+        threshold: Least similarity of a match.
+    """
+
+    def __init__(self, similarity: Similarity, threshold: float = 0.5) -> None:
+        self.persons: dict[Id, int] = {}  # number of each true person so far
+        self.tracks: dict[Id, int] = {}  # number of each track so far
+        self._similarity = similarity
+        self._threshold = threshold
+        self._previous: dict[int, int] = {}  # track of each person in the previous frame
+
+    def step(self, frame: Frame) -> Step:
+        """Match the next frame.
+
+        Raises:
+            ValueError: The similarity has another shape than people by tracks, or is not finite.
+        """
+        step = _match_frame(
+            _numbers(self.persons, frame.truth.ids),
+            _numbers(self.tracks, frame.tracked.ids),
+            frame.truth.counted,
+            _checked(self._similarity(frame.truth, frame.tracked), frame),
+            (self._previous, self._threshold),
+        )
+        if len(step.persons) and len(step.tracks):  # a frame without either breaks nothing
+            persons, tracks = step.persons[step.rows], step.tracks[step.columns]
+            self._previous = dict(zip(persons.tolist(), tracks.tolist(), strict=True))
+        return step
+
+
 def match(sequence: Sequence, similarity: Similarity, threshold: float = 0.5) -> Matching:
     """Match truth and tracks of every frame.
 
@@ -135,31 +167,18 @@ def match(sequence: Sequence, similarity: Similarity, threshold: float = 0.5) ->
     Raises:
         ValueError: The similarity has another shape than people by tracks, or is not finite.
     """
-    persons = _numbers(i for frame in sequence.frames for i in frame.truth.ids)
-    tracks = _numbers(i for frame in sequence.frames for i in frame.tracked.ids)
-    previous = np.full(len(persons), -1)  # track of each person in the previous frame
-    steps = []
-    for frame in sequence.frames:
-        step = _match_frame(
-            np.array([persons[i] for i in frame.truth.ids], np.int64),
-            np.array([tracks[i] for i in frame.tracked.ids], np.int64),
-            frame.truth.counted,
-            _checked(similarity(frame.truth, frame.tracked), frame),
-            (previous, threshold),
-        )
-        if len(step.persons) and len(step.tracks):  # a frame without either breaks nothing
-            previous[:] = -1
-            previous[step.persons[step.rows]] = step.tracks[step.columns]
-        steps.append(step)
-    return Matching(sequence, tuple(persons), tuple(tracks), tuple(steps), threshold)
+    matcher = Matcher(similarity, threshold)
+    steps = tuple(matcher.step(frame) for frame in sequence.frames)
+    return Matching(sequence, tuple(matcher.persons), tuple(matcher.tracks), steps, threshold)
 
 
 def _match_frame(
-    persons: I64, tracks: I64, counted: BOOL, similarity: F64, before: tuple[I64, float]
+    persons: I64, tracks: I64, counted: BOOL, similarity: F64, before: tuple[dict[int, int], float]
 ) -> Step:
     previous, threshold = before
     admissible = similarity >= threshold - ROUNDING
-    kept = previous[persons][:, None] == tracks[None]
+    last = np.array([previous.get(person, -1) for person in persons.tolist()], np.int64)
+    kept = last[:, None] == tracks[None]
     # Two pairs are always worth more than one; who has to be found comes before who has not.
     worth = np.where(admissible, KEPT * kept + similarity + counted[:, None], 0.0)
     rows, columns = linear_sum_assignment(worth, maximize=True)
@@ -173,5 +192,6 @@ def _checked(similarity: F64, frame: Frame) -> F64:
     return similarity
 
 
-def _numbers(ids: Iterable[H]) -> dict[H, int]:
-    return {value: number for number, value in enumerate(dict.fromkeys(ids))}
+def _numbers(known: dict[Id, int], ids: Iterable[Id]) -> I64:
+    """Return the number of each identity; new ones get the next."""
+    return np.array([known.setdefault(one, len(known)) for one in ids], np.int64)

@@ -1,0 +1,203 @@
+"""Bringing truth to the clock and the frame of the tracks.
+
+Known calibration moves the truth (`moved`). What is not known can be estimated from the tracks
+(`estimate_clock`, `estimate_motion`): good to find a fault of the set-up, and to be told beside
+the errors, since an alignment that is fitted to the tracks takes away errors of theirs.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from common.geometry import apply, transform_from, wrap
+from common.messages import F64, Truth, TruthPerson
+from common.metrics.paths import Pairs, Paths, cost, pair_up
+from common.metrics.record import BOOL
+
+COARSE_S = 0.1  # [s] step of the first search for the clock
+MIN_SAMPLES = 20
+MIN_SPREAD_MPS = 0.15  # [m/s] rms by which velocities must differ to tell time from place
+MIN_SPREAD_M = 0.1  # [m] rms by which people must be spread to tell a turn from a shift
+ROUNDS = 20
+SETTLED = 1e-12
+OUTLIER = 3.0  # residuals above so many times their median are left out
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """What to add to stamps of the truth."""
+
+    offset_s: float  # [s]
+    sigma_s: float  # [s] standard deviation if errors were independent
+    samples: int  # positions of tracks that it rests on
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Where the truth lies in the frame of the tracks."""
+
+    matrix: F64  # [m] 4x4, tracks' frame from truth's frame
+    rmse_before_m: float  # [m] horizontal
+    rmse_after_m: float  # [m] horizontal
+    samples: int
+
+
+def moved(truth: Truth, matrix: F64, frame_id: str) -> Truth:
+    """Bring truth to another frame.
+
+    Args:
+        truth: The people.
+        matrix: 4x4, from the frame of the truth to the other one.
+        frame_id: Name of the other frame.
+    """
+    people = tuple(_moved_person(person, matrix) for person in truth.people)
+    return msgspec.structs.replace(truth, frame_id=frame_id, people=people)
+
+
+def fit_2d(source_m: F64, target_m: F64) -> F64:
+    """Return the turn about z and the shift with the least sum of squared distances.
+
+    Args:
+        source_m: Nx3, at least one point.
+        target_m: Nx3, where they should be.
+
+    Returns:
+        4x4, target from source.
+
+    Source:
+        Umeyama 1991, in the plane and without scale.
+    """
+    centre_a, centre_b = source_m.mean(axis=0), target_m.mean(axis=0)
+    a, b = source_m - centre_a, target_m - centre_b
+    turn = math.atan2(
+        float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])), float(np.sum(a[:, :2] * b[:, :2]))
+    )
+    c, s = math.cos(turn), math.sin(turn)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return transform_from(centre_b - rotation @ centre_a, rotation)
+
+
+def fit_3d(source_m: F64, target_m: F64) -> F64:
+    """Return the rotation and the shift with the least sum of squared distances.
+
+    Args:
+        source_m: Nx3, at least three points that are not on one line.
+        target_m: Nx3, where they should be.
+
+    Returns:
+        4x4, target from source.
+
+    Source:
+        Umeyama 1991, without scale.
+    """
+    centre_a, centre_b = source_m.mean(axis=0), target_m.mean(axis=0)
+    U, _, Vt = np.linalg.svd((target_m - centre_b).T @ (source_m - centre_a))
+    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
+    rotation = U @ mirror @ Vt
+    return transform_from(centre_b - rotation @ centre_a, rotation)
+
+
+def estimate_clock(truth: Paths, tracked: Paths, widest_s: float = 0.5) -> ClockOffset | None:
+    """Estimate the constant offset between both clocks, whatever constant error positions have.
+
+    A track is where its person was an offset ago, plus a shift: p(t) = q(t - d) + b. After a
+    search in steps of 0.1 s, d and b follow from least squares (Gauss-Newton).
+
+    Args:
+        truth: Where people were, on their clock.
+        tracked: Where tracks were, on theirs.
+        widest_s: Largest offset that is searched.
+
+    Returns:
+        The offset; None if there are too few samples, or all people walk alike, so that a shift
+        explains as much as an offset.
+    """
+    steps = round(widest_s / COARSE_S)
+    coarse = COARSE_S * np.arange(-steps, steps + 1)
+    offset_s = float(coarse[np.argmin([cost(truth, tracked, float(d)) for d in coarse])])
+    solution = None
+    for _ in range(ROUNDS):
+        solution = _clock_step(pair_up(truth, tracked, offset_s))
+        if solution is None:
+            return None
+        offset_s += solution.offset_s
+        if abs(solution.offset_s) < SETTLED:
+            break
+    if solution is None or abs(offset_s) > widest_s + COARSE_S:
+        return None
+    return ClockOffset(offset_s, solution.sigma_s, solution.samples)
+
+
+def estimate_motion(
+    truth: Paths, tracked: Paths, offset_s: float = 0.0, fit: Callable[[F64, F64], F64] = fit_2d
+) -> Motion | None:
+    """Estimate where the truth lies in the frame of the tracks, from less than a metre away.
+
+    Pairs and motion are found in turns, as in iterative closest points.
+
+    Args:
+        truth: Where people were.
+        tracked: Where tracks were.
+        offset_s: What to add to stamps of the truth.
+        fit: `fit_2d` for a turn about z and a shift, `fit_3d` for any rotation.
+
+    Returns:
+        The motion; None if there are too few samples, or people hardly moved.
+    """
+    matrix = np.eye(4)
+    pairs = pair_up(truth, tracked, offset_s)
+    before_m = pairs.rmse_m(matrix)
+    for _ in range(ROUNDS):
+        spread_m = np.linalg.norm(pairs.true_m[:, :2].std(axis=0)) if len(pairs.true_m) else 0.0
+        if len(pairs.true_m) < MIN_SAMPLES or spread_m < MIN_SPREAD_M:
+            return None
+        last, matrix = matrix, fit(pairs.true_m, pairs.told_m)
+        pairs = pair_up(truth, tracked, offset_s, matrix)
+        if np.abs(matrix - last).max() < SETTLED:
+            break
+    return Motion(matrix, before_m, pairs.rmse_m(matrix), len(pairs.true_m))
+
+
+def _clock_step(pairs: Pairs) -> ClockOffset | None:
+    """Return the change of the offset that explains the residuals best beside a constant shift."""
+    residual, velocity = (pairs.told_m - pairs.true_m)[:, :2], pairs.velocity_mps[:, :2]
+    if len(residual) < MIN_SAMPLES:
+        return None
+    keep = _inliers(residual)
+    residual, velocity = residual[keep], velocity[keep]
+    # r = b - v d; without the means, b is gone.
+    residual, velocity = residual - residual.mean(axis=0), velocity - velocity.mean(axis=0)
+    information = float(np.sum(velocity**2))
+    if math.sqrt(information / len(velocity)) < MIN_SPREAD_MPS:
+        return None
+    change_s = -float(np.sum(velocity * residual)) / information
+    left = residual + change_s * velocity
+    sigma_s = math.sqrt(float(np.sum(left**2)) / (2 * len(left) - 3) / information)
+    return ClockOffset(change_s, sigma_s, len(left))
+
+
+def _inliers(residual: F64) -> BOOL:
+    distance = np.linalg.norm(residual - np.median(residual, axis=0), axis=1)
+    return np.asarray(distance <= OUTLIER * np.median(distance) + 1e-9)
+
+
+def _moved_person(person: TruthPerson, matrix: F64) -> TruthPerson:
+    velocity = person.velocity_mps
+    return TruthPerson(
+        id=person.id,
+        position_m=apply(matrix, person.position_m),
+        velocity_mps=None if velocity is None else matrix[:3, :3] @ velocity,
+        yaw_rad=_turned(person.yaw_rad, matrix),
+        path_yaw_rad=_turned(person.path_yaw_rad, matrix),
+    )
+
+
+def _turned(yaw_rad: float | None, matrix: F64) -> float | None:
+    """Return the direction, on the ground, of a level arrow after a rotation."""
+    if yaw_rad is None:
+        return None
+    x, y = matrix[:2, :2] @ (math.cos(yaw_rad), math.sin(yaw_rad))
+    return wrap(math.atan2(y, x))

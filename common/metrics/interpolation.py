@@ -1,0 +1,119 @@
+"""Truth between its samples: positions along a line, angles along the shorter arc."""
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable
+
+import msgspec
+
+from common.geometry import wrap
+from common.messages import F64, Truth, TruthPerson
+
+MAX_GAP_NS = 200_000_000  # people move 0.3 m in this time; what lies farther apart is not known
+KEEP = 2048  # messages that are remembered, 20 s at 100 Hz
+
+
+class TruthTrail:
+    """Truth of the last seconds, which can be asked for any stamp in between.
+
+    A person who is absent for a few samples is filled in, too, as long as the gap is short.
+
+    Args:
+        max_gap_ns: Longest time between the samples of a person that is bridged.
+        keep: Messages that are remembered.
+    """
+
+    def __init__(self, max_gap_ns: int = MAX_GAP_NS, keep: int = KEEP) -> None:
+        self._max_gap_ns = max_gap_ns
+        self._keep = keep
+        self._stamps_ns: list[int] = []
+        self._messages: list[Truth] = []
+
+    def add(self, truth: Truth) -> None:
+        """Remember a message; one that is older than the last begins a new trail."""
+        if self._stamps_ns and truth.stamp_ns < self._stamps_ns[-1]:
+            self.clear()
+        self._stamps_ns.append(truth.stamp_ns)
+        self._messages.append(truth)
+        if len(self._messages) >= 2 * self._keep:  # now and then, since the front of a list is slow
+            del self._stamps_ns[: self._keep], self._messages[: self._keep]
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._stamps_ns.clear()
+        self._messages.clear()
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Stamp of the last message, None if there is none."""
+        return self._stamps_ns[-1] if self._stamps_ns else None
+
+    @property
+    def messages(self) -> tuple[Truth, ...]:
+        """What is remembered, oldest first."""
+        return tuple(self._messages)
+
+    def at(self, stamp_ns: int) -> Truth | None:
+        """Return the people at a stamp.
+
+        Args:
+            stamp_ns: Any time, on the clock of the truth.
+
+        Returns:
+            Everyone who was captured shortly before and shortly after; None where no message lies
+            close enough on both sides, so that nothing is known.
+        """
+        here, gap_ns = self._stamps_ns, self._max_gap_ns
+        before = self._messages[bisect_left(here, stamp_ns - gap_ns) : bisect_right(here, stamp_ns)]
+        after = self._messages[bisect_left(here, stamp_ns) : bisect_right(here, stamp_ns + gap_ns)]
+        if not before or not after or after[0].stamp_ns - before[-1].stamp_ns > gap_ns:
+            return None
+        earlier, later = _nearest(reversed(before), before[-1]), _nearest(after, before[-1])
+        people = tuple(
+            _between(person, later[name][1], share_of(start_ns, stamp_ns, later[name][0]))
+            for name, (start_ns, person) in earlier.items()
+            if name in later and later[name][0] - start_ns <= gap_ns
+        )
+        return msgspec.structs.replace(before[-1], stamp_ns=stamp_ns, people=people)
+
+
+def interpolate(before: Truth, after: Truth, stamp_ns: int) -> Truth:
+    """Return the people who are in both messages at a stamp between them."""
+    trail = TruthTrail(max_gap_ns=after.stamp_ns - before.stamp_ns)
+    trail.add(before)
+    trail.add(after)
+    return trail.at(stamp_ns) or msgspec.structs.replace(before, stamp_ns=stamp_ns, people=())
+
+
+def share_of(start_ns: int, stamp_ns: int, end_ns: int) -> float:
+    """Return how far a stamp is on the way from start to end, 0 to 1; 0 if there is no way."""
+    return (stamp_ns - start_ns) / (end_ns - start_ns) if end_ns > start_ns else 0.0
+
+
+def _nearest(messages: Iterable[Truth], like: Truth) -> dict[str, tuple[int, TruthPerson]]:
+    """Return each person's first appearance with its stamp, among messages of one frame."""
+    found: dict[str, tuple[int, TruthPerson]] = {}
+    for message in messages:
+        if message.frame_id == like.frame_id:
+            for person in message.people:
+                found.setdefault(person.id, (message.stamp_ns, person))
+    return found
+
+
+def _between(a: TruthPerson, b: TruthPerson, share: float) -> TruthPerson:
+    return TruthPerson(
+        id=a.id,
+        position_m=a.position_m + share * (b.position_m - a.position_m),
+        velocity_mps=_line(a.velocity_mps, b.velocity_mps, share),
+        yaw_rad=_arc(a.yaw_rad, b.yaw_rad, share),
+        path_yaw_rad=_arc(a.path_yaw_rad, b.path_yaw_rad, share),
+    )
+
+
+def _line(a: F64 | None, b: F64 | None, share: float) -> F64 | None:
+    return None if a is None or b is None else a + share * (b - a)
+
+
+def _arc(a_rad: float | None, b_rad: float | None, share: float) -> float | None:
+    if a_rad is None or b_rad is None:
+        return None
+    return wrap(a_rad + share * wrap(b_rad - a_rad))

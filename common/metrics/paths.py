@@ -1,0 +1,129 @@
+"""Where people and tracks were over time, and which track is near which person."""
+
+import math
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from common.geometry import apply
+from common.messages import F64
+from common.metrics.record import BOOL, I64
+
+GATE_M = 1.0  # [m] a track farther from everyone in the truth says nothing
+CLEAR_M = 0.3  # [m] the second nearest person must be farther by so much
+MAX_GAP_S = 0.2  # [s] truth that is sparser is not interpolated
+HALF_STEP_S = 0.02  # [s] to both sides of the time at which a velocity is wanted
+
+
+@dataclass(frozen=True)
+class Path:
+    """Where one identity was."""
+
+    stamps_s: F64  # [s] N, rising
+    positions_m: F64  # [m] Nx3
+
+    def at(self, stamps_s: F64) -> F64:
+        """Return positions (Mx3) at other stamps (M), NaN where the samples are too far apart."""
+        after = np.clip(np.searchsorted(self.stamps_s, stamps_s), 0, len(self.stamps_s) - 1)
+        before = np.clip(np.searchsorted(self.stamps_s, stamps_s, "right") - 1, 0, None)
+        inside = (stamps_s >= self.stamps_s[0]) & (stamps_s <= self.stamps_s[-1])
+        known = inside & (self.stamps_s[after] - self.stamps_s[before] <= MAX_GAP_S)
+        columns = [np.interp(stamps_s, self.stamps_s, column) for column in self.positions_m.T]
+        return np.where(known[:, None], np.column_stack(columns), np.nan)
+
+
+Paths: TypeAlias = Mapping[Any, Path]  # by identity, text or number
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Positions of tracks, and the truth that each of them is taken for: K samples."""
+
+    true_m: F64  # [m] Kx3
+    velocity_mps: F64  # [m/s] Kx3, of the truth
+    told_m: F64  # [m] Kx3
+
+    def rmse_m(self, matrix: F64) -> float:
+        """Return the horizontal error after a motion (4x4) of the truth, NaN if there is none."""
+        error = (self.told_m - apply(matrix, self.true_m))[:, :2]
+        return float(np.sqrt(np.mean(np.sum(error**2, axis=1)))) if len(error) else math.nan
+
+
+def paths_of(samples: Iterable[tuple[Hashable, int, F64]], start_ns: int) -> dict[Hashable, Path]:
+    """Gather positions by identity.
+
+    Args:
+        samples: Identity, stamp in nanoseconds, position (3); by rising stamp.
+        start_ns: Stamp that counts as 0 s.
+    """
+    rows: dict[Hashable, list[tuple[float, F64]]] = {}
+    for identity, stamp_ns, position_m in samples:
+        rows.setdefault(identity, []).append(((stamp_ns - start_ns) / 1e9, position_m))
+    return {
+        identity: Path(np.array([t for t, _ in row]), np.array([p for _, p in row]))
+        for identity, row in rows.items()
+    }
+
+
+def pair_up(truth: Paths, tracked: Paths, offset_s: float, matrix: F64 | None = None) -> Pairs:
+    """Pair each position of a track with the nearest person at that time.
+
+    Args:
+        truth: Where people were, on their clock.
+        tracked: Where tracks were, on theirs.
+        offset_s: What to add to stamps of the truth.
+        matrix: 4x4, motion of the truth before it is compared; None for none.
+
+    Returns:
+        The pairs, the truth unmoved; without those that are far apart or not clear.
+    """
+    stamps_s, told_m = _samples(tracked)
+    true_m, times_s = _everyone(truth, stamps_s - offset_s), stamps_s - offset_s
+    near = _nearest(true_m if matrix is None else apply(matrix, true_m), told_m)
+    earlier = _everyone(truth, times_s - HALF_STEP_S)
+    later = _everyone(truth, times_s + HALF_STEP_S)
+    velocity = _pick((later - earlier) / (2 * HALF_STEP_S), near.who)
+    good = near.clear & (near.distance_m < GATE_M) & np.isfinite(velocity).all(axis=1)
+    return Pairs(_pick(true_m, near.who)[good], velocity[good], told_m[good])
+
+
+def cost(truth: Paths, tracked: Paths, offset_s: float) -> float:
+    """Return the mean distance of tracks to the nearest person, counted up to the gate."""
+    stamps_s, told_m = _samples(tracked)
+    distance_m = _nearest(_everyone(truth, stamps_s - offset_s), told_m).distance_m
+    return float(np.minimum(distance_m, GATE_M).mean()) if len(distance_m) else 0.0
+
+
+@dataclass(frozen=True)
+class _Near:
+    distance_m: F64  # N, to the nearest person; infinite if nobody is known
+    who: I64  # N, index of that person
+    clear: BOOL  # N, everyone else is clearly farther
+
+
+def _nearest(true_m: F64, told_m: F64) -> _Near:
+    apart = np.linalg.norm((true_m - told_m)[..., :2], axis=-1)
+    nobody = np.full((2, len(told_m)), np.inf)
+    apart = np.vstack([np.where(np.isfinite(apart), apart, np.inf), nobody])
+    nearest, second = np.sort(apart, axis=0)[:2]
+    return _Near(nearest, np.argmin(apart, axis=0), second >= nearest + CLEAR_M)
+
+
+def _pick(people: F64, who: I64) -> F64:
+    """Return the rows (Nx3) of one person each among PxNx3, NaN where there is nobody."""
+    padded = np.concatenate([people, np.full((2, *people.shape[1:]), np.nan)])
+    return np.asarray(padded[who, np.arange(len(who))])
+
+
+def _samples(tracked: Paths) -> tuple[F64, F64]:
+    stamps = [np.zeros(0), *(path.stamps_s for path in tracked.values())]
+    points = [np.zeros((0, 3)), *(path.positions_m for path in tracked.values())]
+    return np.concatenate(stamps), np.concatenate(points)
+
+
+def _everyone(truth: Paths, stamps_s: F64) -> F64:
+    """Return where all people of the truth were, PxNx3."""
+    paths = [path.at(stamps_s) for path in truth.values()]
+    return np.array(paths).reshape(len(paths), len(stamps_s), 3)
