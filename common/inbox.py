@@ -10,7 +10,7 @@ from common.bus import Subscription
 from common.codec import decode
 from common.errors import DecodeError
 from common.messages import Message, RgbdFrame
-from common.topics import Topic
+from common.topics import ForeignTopic, Topic
 
 FRESH_S = 3.0
 
@@ -59,7 +59,7 @@ class Inbox:
         """
         received_ns = time.time_ns()
         try:
-            message = decode(payload)
+            message = topic.decode(payload) if isinstance(topic, ForeignTopic) else decode(payload)
             if type(message) is not topic.message:
                 raise DecodeError(
                     f"{topic.name}: expected {topic.message.__name__}, got {type(message).__name__}"

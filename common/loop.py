@@ -14,7 +14,7 @@ from common.messages import Message, Span
 from common.messages.base import MAX_TRACE
 from common.node import Node
 from common.place import Place
-from common.topics import BY_MESSAGE, Topic
+from common.topics import BY_MESSAGE, ForeignTopic, Topic
 from common.trace import collect
 
 LONGEST_WAIT_S = 0.25
@@ -27,7 +27,8 @@ class Loop:
 
     Args:
         node: What to run. If it has `set_wake`, it gets a callback that makes `tick` due at once,
-            for nodes that are fed by a thread of their own.
+            for nodes that are fed by a thread of their own. If it has `foreign_inputs`, these
+            topics of others come to `handle`, too.
         bus: Where messages come from and go to.
         place: Which process this is.
         workers: Threads that call `handle` at once; outputs keep the order of the inputs.
@@ -51,7 +52,9 @@ class Loop:
         )
         if set_wake:
             set_wake(self.inbox.wake)
-        subscriptions = [self._subscribe(BY_MESSAGE[kind]) for kind in self._node.inputs]
+        foreign: Sequence[ForeignTopic] = getattr(self._node, "foreign_inputs", ())
+        topics = [*(BY_MESSAGE[kind] for kind in self._node.inputs), *foreign]
+        subscriptions = [self._subscribe(topic) for topic in topics]
         helpers = [threading.Thread(target=self._serve) for _ in range(self._workers - 1)]
         for helper in helpers:
             helper.start()

@@ -1,6 +1,7 @@
 """The table of streams, from which sockets, recorder, documentation and access rules derive."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,6 +15,7 @@ from common.messages import (
     Message,
     Odometry,
     RgbdFrame,
+    Score,
     StaticTransform,
     Tracks,
     Truth,
@@ -55,6 +57,23 @@ class Topic:
         return f"{prefix(robot)}/{re.sub(r'{[^}]*}', '*', self.key)}"
 
 
+@dataclass(frozen=True)
+class ForeignTopic(Topic):
+    """A stream that others define: its key stands alone and its bytes are not ours.
+
+    A node lists those that it reads in `foreign_inputs`; it gets them decoded, as `message`.
+
+    Args:
+        decode: Makes a message of untrusted bytes; raises DecodeError for what is not one.
+    """
+
+    decode: Callable[[bytes], Message]
+
+    def key_expression(self, robot: str) -> str:  # noqa: ARG002
+        """Return the key, which is below no robot's prefix."""
+        return self.key
+
+
 class _Fields(dict[str, str]):
     """The fields of a message as str.format_map wants them."""
 
@@ -78,6 +97,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid"),
     Topic("people", "people", Tracks, 30, "queue", 64, "tracker"),
     Topic("truth", "truth", Truth, 100, "queue", 256, "gt_bridge"),
+    Topic("score", "score", Score, 30, "queue", 256, "gt_bridge"),
     Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, "every service"),
 )
 # fmt: on

@@ -20,6 +20,7 @@ from common.messages.people import (
     Truth,
     TruthPerson,
 )
+from common.messages.score import Alignment, PersonScore, Score, Tally
 from common.messages.status import Health
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "F64",
     "U8",
     "U16",
+    "Alignment",
     "CameraInfo",
     "CompressedRgbdFrame",
     "Crop",
@@ -38,9 +40,12 @@ __all__ = [
     "Mask",
     "Message",
     "Odometry",
+    "PersonScore",
     "RgbdFrame",
+    "Score",
     "Span",
     "StaticTransform",
+    "Tally",
     "Track",
     "Tracks",
     "Truth",

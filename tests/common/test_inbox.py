@@ -5,8 +5,10 @@ import threading
 import msgspec
 
 from common.codec import encode
+from common.errors import DecodeError
 from common.inbox import Arrival, Inbox
-from common.topics import BY_NAME, Topic
+from common.messages import Message, Truth
+from common.topics import BY_NAME, ForeignTopic, Topic
 from tests.contract.examples import BY_NAME as EXAMPLES
 
 FRAMES, DETECTIONS, ODOMETRY = BY_NAME["frames"], BY_NAME["detections"], BY_NAME["odometry"]
@@ -178,3 +180,22 @@ def test_many_threads_lose_and_repeat_nothing() -> None:
         thread.join(WAIT_S)
     assert sorted(seen) == list(range(200))
     assert inbox.counters == {"received_detections": 200}
+
+
+def test_bytes_of_others_are_read_by_their_own_decoder() -> None:
+    def read_count(payload: bytes) -> Message:
+        if not payload.isdigit():
+            raise DecodeError("count: expected digits, got other bytes")
+        return Truth(stamp_ns=int(payload), sequence=0, frame_id="map")
+
+    topic = ForeignTopic("counts", "their/key", Truth, 10, "queue", 8, "they", read_count)
+    assert topic.key_expression("robot") == "their/key"  # below no robot's prefix
+    inbox = Inbox()
+    for payload in (b"7", b"seven", encode(EXAMPLES["Truth"]), b"8"):
+        inbox.put(topic, "their/key", payload)
+    first, second = inbox.get(0.0), inbox.get(0.0)
+    assert first is not None
+    assert second is not None
+    assert [first.message.stamp_ns, second.message.stamp_ns] == [7, 8]
+    assert inbox.counters["bad_counts"] == 2
+    assert inbox.last_error == "count: expected digits, got other bytes"

@@ -3,6 +3,7 @@
 import numpy as np
 
 from common.messages import (
+    Alignment,
     CameraInfo,
     CompressedRgbdFrame,
     Crop,
@@ -14,9 +15,12 @@ from common.messages import (
     Mask,
     Message,
     Odometry,
+    PersonScore,
     RgbdFrame,
+    Score,
     Span,
     StaticTransform,
+    Tally,
     Track,
     Tracks,
     Truth,
@@ -51,6 +55,30 @@ TRACK = Track(
     time_since_update_s=0.125,
     detection=0,
     score=0.5,
+)
+TALLY = Tally(
+    frames=2,
+    duration_s=0.5,
+    truths=4,
+    matched=3,
+    predicted=1,
+    outside=2,
+    false_alarms=1,
+    id_switches=1,
+    position_rmse_m=0.25,
+    velocity_rmse_mps=0.5,
+    yaw_rmse_rad=0.125,
+    yaw_correlation=0.75,
+)
+NOTHING = Tally(
+    frames=0,
+    duration_s=0.0,
+    truths=0,
+    matched=0,
+    predicted=0,
+    outside=0,
+    false_alarms=0,
+    id_switches=0,
 )
 
 FULL: tuple[Message, ...] = (
@@ -154,9 +182,41 @@ FULL: tuple[Message, ...] = (
             ),
         ),
     ),
-    Health(
+    Score(
         stamp_ns=STAMP_NS,
         sequence=10,
+        trace=(SPAN,),
+        frame_id="map",
+        camera="front",
+        people=(
+            PersonScore(
+                id="anna",
+                view="inside",
+                track=7,
+                predicted=True,
+                switched=True,
+                position_error_m=np.array([0.1, -0.2, 0.0]),
+                velocity_error_mps=np.array([0.5, 0.0, 0.25]),
+                yaw_error_rad=-0.5,
+                consistency=0.75,
+            ),
+        ),
+        false_alarms=(9,),
+        recent=TALLY,
+        total=TALLY,
+        id_consistency=0.875,
+        alignment=Alignment(
+            applied=True,
+            clock_offset_s=0.08,
+            clock_sigma_s=0.001,
+            matrix=np.eye(4),
+            rmse_before_m=0.25,
+            rmse_after_m=0.125,
+        ),
+    ),
+    Health(
+        stamp_ns=STAMP_NS,
+        sequence=11,
         trace=(SPAN,),
         service="tracker",
         instance="tracker-1",
@@ -216,6 +276,16 @@ SPARSE: tuple[Message, ...] = (
     Tracks(stamp_ns=0, sequence=0, frame_id="map", tracker="t", camera="c"),
     Truth(
         stamp_ns=0, sequence=0, frame_id="map", people=(TruthPerson(id="", position_m=np.ones(3)),)
+    ),
+    Score(
+        stamp_ns=0,
+        sequence=0,
+        frame_id="map",
+        camera="c",
+        people=(PersonScore(id="", view="unknown"),),
+        recent=NOTHING,
+        total=NOTHING,
+        alignment=Alignment(applied=False),
     ),
     Health(stamp_ns=0, sequence=0, service="s", instance="i", host="", pid=0, state="ready"),
 )
