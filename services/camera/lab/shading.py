@@ -17,7 +17,7 @@ from services.camera.lab.textures import body_texel, fold_slope, hashed, room_te
 # Compiled functions compare plain numbers.
 SKIN, SHIRT, TROUSERS = int(Material.SKIN), int(Material.SHIRT), int(Material.TROUSERS)
 EYE, LAMP = int(Material.EYE), int(Material.LAMP)
-SHIRT_FOLDS, TROUSER_FOLDS = 0.038, 0.034  # [m] depth of the folds, about
+SHIRT_FOLDS, TROUSER_FOLDS = 0.033, 0.032  # [m] depth of the folds, about
 WRAP = 0.22  # light that passes under the skin reaches beyond the shadow's edge
 TURNS: F64 = np.array([[math.cos(a), math.sin(a)] for a in np.arange(64) * (math.pi / 32)])
 SOFT_PX = 12.0  # radius of a shadow's rim in the map for a light of 1 m
@@ -241,7 +241,7 @@ def _from_lights(
             ) * scale
             radius = SOFT_PX * lamp[index, 9]
             # A slanted surface is nearer to the light on one side of the readings.
-            slant = math.sqrt(max(1.0 - falling * falling, 0.0)) / max(falling, 0.12)
+            slant = (1.0 - falling * falling) / max(falling, 0.12)
             bias = BIAS_M + 0.7 * depth * radius / FOCAL_PX * slant
             around = (radius * turn[0], radius * turn[1])
             power *= lit_share(light.maps, index, (u, v), 1.0 / (depth - bias), around)

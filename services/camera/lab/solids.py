@@ -34,9 +34,7 @@ def srgb(red: int, green: int, blue: int) -> tuple[float, float, float]:
     return ((red / 255) ** 2.2, (green / 255) ** 2.2, (blue / 255) ** 2.2)
 
 
-def panel(
-    at: npt.ArrayLike, along: npt.ArrayLike, up: npt.ArrayLike, finish: Finish, owner: int = 0
-) -> Mesh:
+def panel(at: npt.ArrayLike, along: npt.ArrayLike, up: npt.ArrayLike, finish: Finish) -> Mesh:
     """Return a parallelogram that faces along x up.
 
     Args:
@@ -44,14 +42,13 @@ def panel(
         along: 3, the edge to the next corner [m].
         up: 3, the edge to the corner before [m].
         finish: Its surface.
-        owner: See `Mesh`.
     """
     origin, right, top = (np.asarray(edge, np.float64) for edge in (at, along, up))
     points = np.array([origin, origin + right, origin + right + top, origin + top])
     normal = np.cross(right, top)
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     normals = np.tile(normal / np.linalg.norm(normal), (4, 1))
-    return _mesh(points, normals, faces, finish, points, owner)
+    return _mesh(points, normals, faces, finish, points)
 
 
 def box(low_m: npt.ArrayLike, high_m: npt.ArrayLike, finish: Finish) -> list[Mesh]:
@@ -111,9 +108,7 @@ def _retextured(mesh: Mesh, texture_m: F64) -> Mesh:
     return replace(mesh, texture_m=np.ascontiguousarray(texture_m, np.float32))
 
 
-def _mesh(
-    points: F64, normals: F64, faces: npt.ArrayLike, finish: Finish, texture_m: F64, owner: int = 0
-) -> Mesh:
+def _mesh(points: F64, normals: F64, faces: npt.ArrayLike, finish: Finish, texture_m: F64) -> Mesh:
     """Return a mesh of one finish."""
     indices = np.ascontiguousarray(faces, np.int32)
     count = len(indices)
@@ -125,5 +120,5 @@ def _mesh(
         faces=indices,
         material=np.full(count, finish.material, np.int32),
         pattern=np.zeros(count, np.int32),
-        owner=np.full(count, owner, np.int32),
+        owner=np.zeros(count, np.int32),
     )
