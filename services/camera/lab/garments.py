@@ -117,7 +117,11 @@ def kept_off(loose: Surface, piece: Surface, distance_m: F64) -> Surface:
     """Return loose cloth moved to be nowhere closer to the close-fitting piece than V distances."""
     outward = normals(piece.vertices_m, piece.faces)
     gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
-    return loose.moved(outward * np.maximum(distance_m - gap, 0.0)[:, None])
+    places = loose.vertices_m + outward * np.maximum(distance_m - gap, 0.0)[:, None]
+    # Hems stay at the height at which they were cut.
+    rim = np.unique(border(piece.faces))
+    places[rim, 2] = piece.vertices_m[rim, 2]
+    return replace(loose, vertices_m=places)
 
 
 def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:

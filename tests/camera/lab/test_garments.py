@@ -130,9 +130,8 @@ def test_hems_are_straight(name: str) -> None:
     edge = shirt.vertices_m[np.unique(border(shirt.faces))]
     arms = arm_share(figure, shirt.weights)[np.unique(border(shirt.faces))] > 0.5
     hem = edge[~arms & (edge[:, 2] < levels.waist)]
-    # Cut at one height; hanging loose moves it up or down a little.
     assert len(hem) > 20
-    assert np.ptp(hem[:, 2]) < 0.02
+    assert_allclose(hem[:, 2], levels.hem, atol=1e-9)
 
 
 @EVERYBODY
