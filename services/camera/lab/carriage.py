@@ -8,9 +8,10 @@ from scipy.ndimage import gaussian_filter1d
 from common.messages import F64
 from services.camera.lab import stance
 from services.camera.lab.bouts import Track
+from services.camera.lab.foot_path import FootPath, foot_path
 from services.camera.lab.footfalls import SIDES, Build, Steps, plan_steps
 from services.camera.lab.gait import REFERENCE_MPS, Gait, load_gait, step_length_m
-from services.camera.lab.legs import FootPath, bend_leg, foot_path, lacking_height_m, smooth_cover
+from services.camera.lab.legs import bend_leg, lacking_height_m, smooth_cover
 from services.camera.lab.posture import INDEX, PARENTS, SEGMENTS, Skeleton
 from services.camera.lab.rotations import about_x, about_y, about_z, turn
 from services.camera.lab.walker import STEP_S
