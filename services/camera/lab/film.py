@@ -95,9 +95,10 @@ class Film:
 
 def flat(view: DepthView) -> U8:
     """Return a picture of people in one colour each and the room in grey, nearer is brighter."""
-    shade = np.clip(1 - view.depth_m / FAR_M, 0.0, 1.0)[..., None]
-    colours = np.array([ROOM, *(PEOPLE[k % len(PEOPLE)] for k in range(255))])
-    return np.asarray(colours[view.owners] * (DARK + (1 - DARK) * shade), np.uint8)
+    brightness = np.maximum(1 - (1 - DARK) / np.float32(FAR_M) * view.depth_m, DARK)
+    people = [PEOPLE[k % len(PEOPLE)] for k in range(255)]
+    colours = np.array([ROOM, *people], np.float32)[view.owners]
+    return np.asarray(colours * brightness[..., None], np.uint8)
 
 
 def transforms(world: World) -> list[StaticTransform]:
