@@ -55,7 +55,7 @@ def sit(seated: F64, stature_m: float) -> Sitting:
     """Return how a person sits down or stands up.
 
     The trunk leans forward first, so that the body's weight stays above the feet, and most at
-    seat-off (Schenkman et al., Phys. Ther. 70 (1990) 638-648).
+    seat-off (Schenkman et al., Physical Therapy 70 (1990) 638-648).
 
     Args:
         seated: T, progress, 0 standing to 1 seated.
