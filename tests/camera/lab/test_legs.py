@@ -19,8 +19,10 @@ from tests.camera.lab.skeletons import skeleton
 
 BODY = skeleton(1.75)
 
-# Published means at 1.3 m/s (Winter 1991; Perry & Burnfield 2010) at 0, 5, ... 95 % of the cycle:
-# the thigh against the vertical and the bend of the knee, degrees.
+# Means of healthy adults at 1.3 m/s, rounded after Winter 1991 and Perry & Burnfield 2010, at 0, 5,
+# ... 95 % of the cycle, degrees: the thigh against the vertical (the hip's angle less 8 degrees of
+# pelvic tilt) and the bend of the knee. The constants of foot_path.py and footfalls.py were chosen
+# with these curves in view, so the test guards the walk and does not validate it.
 THIGH_DEG = [21, 20, 18, 14, 9, 4, -1, -6, -11, -15, -18, -17, -12, -3, 7, 15, 21, 24, 24, 22]
 KNEE_DEG = [5, 11, 17, 19, 17, 13, 9, 6, 5, 8, 14, 25, 40, 54, 62, 61, 50, 32, 14, 4]
 
