@@ -4,6 +4,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +23,7 @@ WALKABLE_M = {
     "hall": ((-0.6, -2.4), (8.4, 2.4)),
 }
 SPEEDS_MPS = (0.4, 1.4)  # in which the walk is true to life
+APART_M = 0.5  # between two people at the start
 MAX_PEOPLE = 100  # the image that says who owns each pixel has room for 255
 
 
@@ -171,6 +173,10 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         _check("duration_s", self.duration_s, 0.05, 3600)
         _check("seed", self.seed, 0, 2**63 - 1)
         _check("number of people", len(self.people), 0, MAX_PEOPLE)
+        self._check_places()
+
+    def _check_places(self) -> None:
+        """Check that places are free, and that nobody starts inside another."""
         (left, low), (right, high) = WALKABLE_M[self.room]
         for k, person in enumerate(self.people):
             for x, y in (person.start, *(waypoint.to for waypoint in person.path)):
@@ -179,6 +185,12 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                         f"people[{k}]: expected places with x {left} to {right} and y {low} to "
                         f"{high}, where the {self.room} is free, got [{x}, {y}]"
                     )
+        for (j, one), (k, other) in combinations(enumerate(self.people), 2):
+            if math.dist(one.start, other.start) < APART_M:
+                raise ValueError(
+                    f"people[{k}]: expected to start at least {APART_M} m from people[{j}], "
+                    f"got {list(other.start)}"
+                )
 
 
 def _numbers(field: str, value: Any) -> Iterator[tuple[str, float]]:

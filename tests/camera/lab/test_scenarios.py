@@ -64,6 +64,7 @@ def refusal(folder: Path, text: str) -> str:
             PERSON + "path = [{ to = [3, 9] }]",
             "y -1.45 to 1.45, where the lab is free, got [3.0, 9",
         ),
+        (PERSON + PERSON, "people[1]: expected to start at least 0.5 m from people[0]"),
         ('people = []\nroom = "attic"', "Invalid enum value 'attic' - at `$.room`"),
         ("people = []\nseed = -1", "seed: expected 0 to"),
         ("people = []\n[camera]\nfps = 0.0", "fps: expected 1 to 120, got 0.0"),
