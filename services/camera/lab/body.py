@@ -7,14 +7,14 @@ import numpy as np
 
 from common.errors import ConfigError
 from common.messages import F32, F64
-from services.camera.lab.bones import joint_positions, map_from_rest
+from services.camera.lab.bones import bend_toes, joint_positions, map_from_rest
 from services.camera.lab.cast import cast_names, load_cast
 from services.camera.lab.dressing import dress
 from services.camera.lab.figure import Figure, load_figure
 from services.camera.lab.mesh import Mesh
 from services.camera.lab.posture import INDEX, Posture, map_from_segments
 from services.camera.lab.skinning import normals, skin, strongest
-from services.camera.lab.soles import make_skeleton
+from services.camera.lab.soles import bend_weights, make_skeleton
 from services.camera.lab.surface import Surface, stack
 
 __all__ = ["Body", "cast_names", "load_body"]
@@ -51,11 +51,15 @@ class Body:
         self.name = name
         vertices, weights, colour, self._faces, self._material, self._pattern = stack(surfaces)
         self._vertices = np.ascontiguousarray(vertices)
-        self._bones, self._shares = strongest(weights)
         self._colour: F32 = colour.astype(np.float32)
-        self._joints = joint_positions(figure.joints_m)
-        self._forms = figure.keypoint_forms
         self.skeleton = make_skeleton(figure, self._vertices, self._faces, self._material)
+        ball = self.skeleton.ball
+        self._tips = self.skeleton.toe - ball
+        self._joints = joint_positions({**figure.joints_m, "ball": ball})
+        self._bones, self._shares = strongest(
+            bend_weights(weights, self._vertices, figure.bones, ball)
+        )
+        self._forms = np.pad(figure.keypoint_forms, ((0, 0), (0, 2), (0, 0)))  # none on the toes
         floor = np.array([0.0, 0.0, self.skeleton.heel[0, 2]])
         # Patterns are drawn for 1.75 m; smaller people wear smaller sizes.
         size = 1.75 / self.skeleton.stature_m
@@ -63,7 +67,9 @@ class Body:
 
     def bones(self, posture: Posture) -> F64:
         """Return the transform map_from_rest of each bone, Bx3x4."""
-        return map_from_rest(posture, self._joints)
+        transforms = map_from_rest(posture, self._joints)
+        bend_toes(transforms, self._joints, self._tips)
+        return transforms
 
     def mesh(self, posture: Posture, owner: int) -> Mesh:
         """Return skin and clothes in the map.

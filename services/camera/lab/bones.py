@@ -6,6 +6,10 @@ import numpy as np
 
 from common.messages import F64
 from services.camera.lab.posture import INDEX, Posture, map_from_segments
+from services.camera.lab.rotations import about_y
+
+FLOOR_M = 0.03  # feet further below the floor are not on it
+TOE_BEND = 0.7  # [rad] by which toes bend at most
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ def _sided(side: str) -> dict[str, Bone]:
     }
 
 
-# Parents come before children; the same order as in the asset.
+# Parents come before children; the asset's bones in its order, then the toes of shoes.
 BONES: dict[str, Bone] = {
     "pelvis": Bone("", "", "pelvis"),
     "lumbar": Bone("pelvis", "waist", "pelvis", "chest", 0.5),
@@ -54,12 +58,14 @@ BONES: dict[str, Bone] = {
     "head": Bone("neck", "head", "head"),
     **_sided("l"),
     **_sided("r"),
+    **{f"toe_{side}": Bone(f"foot_{side}", "ball", f"foot_{side}") for side in "lr"},
 }
 NAMES = tuple(BONES)
 _FIRST = np.array([INDEX[bone.segment] for bone in BONES.values()])
 _OTHER = np.array([INDEX[bone.other or bone.segment] for bone in BONES.values()])
 _SHARE = np.array([bone.share for bone in BONES.values()])
 _BLENDED = np.flatnonzero(_SHARE)
+_TOES = (NAMES.index("toe_l"), NAMES.index("toe_r"))
 _PARENT = [NAMES.index(bone.parent) if bone.parent else -1 for bone in BONES.values()]
 
 
@@ -92,6 +98,26 @@ def map_from_rest(posture: Posture, joints: F64) -> F64:
         at = before[:, :3] @ joints[bone] + before[:, 3]
         transforms[bone, :, 3] = at - rotations[bone] @ joints[bone]
     return transforms
+
+
+def bend_toes(transforms: F64, joints: F64, tips: F64) -> None:
+    """Bend the toes of feet that roll over the floor, so that these lie on it; in place.
+
+    Args:
+        transforms: Bx3x4 map_from_rest.
+        joints: Bx3 joint of each bone at rest, pelvis frame.
+        tips: 2x3, from the ball to the tip of each shoe at rest.
+    """
+    for bone, tip in zip(_TOES, tips, strict=True):
+        rotation = transforms[bone, :, :3]
+        ball = rotation @ joints[bone] + transforms[bone, :, 3]
+        length = np.linalg.norm(tip)
+        if not -FLOOR_M < ball[2] < length:
+            continue
+        sunk = np.arcsin((rotation @ tip)[2] / length)
+        bend = np.clip(np.arcsin(-ball[2] / length) - sunk, 0.0, TOE_BEND)
+        transforms[bone, :, :3] = rotation @ about_y(-bend)
+        transforms[bone, :, 3] = ball - transforms[bone, :, :3] @ joints[bone]
 
 
 def nearest_rotations(matrices: F64) -> F64:

@@ -10,6 +10,26 @@ from services.camera.lab.posture import Skeleton
 
 BALL = 0.69  # of the way from heel to toe, where the foot rolls
 
+FLEX_M = 0.03  # length over which a shoe bends
+
+
+def bend_weights(weights: F64, vertices: F64, bones: tuple[str, ...], ball: F64) -> F64:
+    """Return weights with two columns more, toe_l and toe_r, that take the tips of the feet.
+
+    Args:
+        weights: VxB.
+        vertices: Vx3 in the neutral posture.
+        bones: B names.
+        ball: 2x3, where the left and the right sole bends.
+    """
+    extended: F64 = np.concatenate([weights, np.zeros((len(weights), 2))], axis=1)
+    for row, side in enumerate("lr"):
+        foot = bones.index(f"foot_{side}")
+        ahead = np.clip((vertices[:, 0] - ball[row, 0]) / FLEX_M + 0.5, 0, 1)
+        extended[:, len(bones) + row] = ahead * weights[:, foot]
+        extended[:, foot] *= 1 - ahead
+    return extended
+
 
 def make_skeleton(figure: Figure, vertices: F64, faces: I32, material: I32) -> Skeleton:
     """Return the joints in the neutral posture.

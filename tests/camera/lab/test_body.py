@@ -78,7 +78,8 @@ def test_assets_are_small() -> None:
 
 
 def test_the_asset_has_the_bones_that_are_turned() -> None:
-    assert load_figure("adam").bones == NAMES
+    # Toes bend with the shoe, which the bare figure does not have.
+    assert (*load_figure("adam").bones, "toe_l", "toe_r") == NAMES
 
 
 def test_ten_people_of_different_stature() -> None:
@@ -127,6 +128,24 @@ def test_joints_are_where_forward_kinematics_puts_them(name: str) -> None:
     for segment, place in forward_kinematics(body.skeleton, posture).items():
         transform = transforms[NAMES.index(segment)]
         assert_allclose(transform[:, :3] @ rest[segment] + transform[:, 3], place, atol=1e-9)
+
+
+def test_toes_lie_on_the_floor_when_the_heel_rises() -> None:
+    # The foot rolls about its ball: the heel up by 0.4 rad, the ball on the floor.
+    body, posture = load_body("adam"), neutral()
+    posture.rotations[INDEX["foot_l"]] = about_y(0.4)
+    skeleton, roll = body.skeleton, about_y(0.4)
+    ball = skeleton.ankle[0] + roll @ (skeleton.ball[0] - skeleton.ankle[0])
+    posture.map_from_pelvis[2, 3] = -ball[2]
+    left = body.mesh(posture, 1).vertices_m
+    left = left[left[:, 1] > 0.02]
+    assert left[:, 2].min() > -0.006
+    toe = body.bones(posture)[NAMES.index("toe_l")]
+    assert_allclose(toe[:, :3], np.eye(3), atol=1e-3)  # soles point a little outwards
+    assert_allclose(toe[:, :3] @ skeleton.ball[0] + toe[:, 3], (ball[0], ball[1], 0), atol=1e-9)
+    # In the air they are stretched.
+    posture.map_from_pelvis[2, 3] += 0.3
+    assert_allclose(body.bones(posture)[NAMES.index("toe_l"), :, :3], roll, atol=1e-9)
 
 
 def test_bones_turn_with_their_segments() -> None:
