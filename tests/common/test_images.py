@@ -42,6 +42,15 @@ def pair(rgb_jpeg: bytes, depth_png: bytes) -> CompressedRgbdFrame:
     )
 
 
+def test_depth_without_noise_is_smaller_as_differences_and_as_exact() -> None:
+    # A slope: each row differs from the one above by 10 mm, a ramp of its own by nothing.
+    slope = (1000 + 10 * np.arange(48)[:, None] + np.arange(64) ** 2 % 97).astype(np.uint16)
+    plain, smooth = encode_png16(slope), encode_png16(slope, smooth=True)
+    assert len(smooth) < 0.7 * len(plain)
+    for png in (plain, smooth):
+        assert np.array_equal(decode_png16(png), slope)
+
+
 @pytest.mark.parametrize("png_level", [0, 1, 9])
 def test_round_trip(png_level: int) -> None:
     sent = frame()
