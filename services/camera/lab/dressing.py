@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.messages import F64
 from services.camera.lab.cast import Person
 from services.camera.lab.colours import linear
 from services.camera.lab.face import make_eyes, make_glasses, paint_face
@@ -68,13 +67,8 @@ def make_skin(figure: Figure, person: Person, levels: Levels) -> Surface:
     skin = Surface(
         vertices_m=figure.vertices_m,
         weights=figure.weights,
-        colour=tanned(figure, linear(person.skin)),
+        colour=np.tile(linear(person.skin), (len(z), 1)),
         faces=faces[bare[faces].all(axis=1)],
         material=Material.SKIN,
     )
     return paint_face(skin, figure, person).compact()
-
-
-def tanned(figure: Figure, skin: F64) -> F64:
-    """Return the colour of each vertex of the skin."""
-    return np.tile(skin, (len(figure.vertices_m), 1))

@@ -12,7 +12,7 @@ from services.camera.lab.drape import hung
 from services.camera.lab.figure import Figure
 from services.camera.lab.materials import Material, Pattern
 from services.camera.lab.skinning import normals
-from services.camera.lab.surface import Surface, border, cut, smoothed
+from services.camera.lab.surface import Surface, border, cut, smoothed, walls
 
 BREAK_M = 0.05  # by which trousers hang over the ankle
 SOCK_M = 0.03  # height of socks above the shoe
@@ -166,16 +166,14 @@ def lengthened(piece: Surface, end_m: float, by_m: float) -> Surface:
         end_m: Height of the hem.
         by_m: By how much.
     """
-    a, b = border(piece.faces).T
-    low = (piece.vertices_m[a, 2] < end_m + 0.03) & (piece.vertices_m[b, 2] < end_m + 0.03)
-    a, b = a[low], b[low]
+    edges = border(piece.faces)
+    low = piece.vertices_m[edges, 2] < end_m + 0.03
     count = len(piece.vertices_m)
-    walls = np.concatenate([np.c_[a, a + count, b], np.c_[b, a + count, b + count]])
     return Surface(
         vertices_m=np.concatenate([piece.vertices_m, piece.vertices_m - (0.0, 0.0, by_m)]),
         weights=np.tile(piece.weights, (2, 1)),
         colour=np.tile(piece.colour, (2, 1)),
-        faces=np.concatenate([piece.faces, walls.astype(np.int32)]),
+        faces=np.concatenate([piece.faces, walls(edges[low.all(axis=1)], count)]),
         material=piece.material,
     ).compact()
 
@@ -211,12 +209,10 @@ def slab(piece: Surface, bottom_m: float, colour: F64) -> Surface:
     count = len(piece.vertices_m)
     flat = piece.vertices_m.copy()
     flat[:, 2] = bottom_m
-    a, b = border(piece.faces).T
-    walls = np.concatenate([np.c_[a, a + count, b], np.c_[b, a + count, b + count]])
     return Surface(
         vertices_m=np.concatenate([piece.vertices_m, flat]),
         weights=np.tile(piece.weights, (2, 1)),
         colour=np.tile(colour, (2 * count, 1)),
-        faces=np.concatenate([piece.faces + np.int32(count), walls.astype(np.int32)]),
+        faces=np.concatenate([piece.faces + np.int32(count), walls(border(piece.faces), count)]),
         material=Material.SHOE,
     ).compact()

@@ -134,6 +134,13 @@ def border(faces: I32) -> I32:
     return single
 
 
+def walls(edges: I32, count: int) -> I32:
+    """Return the triangles between edges and their copies, whose indices are `count` higher."""
+    a, b = edges.T
+    faces = np.concatenate([np.c_[a, a + count, b], np.c_[b, a + count, b + count]])
+    return faces.astype(np.int32)
+
+
 def smoothed(surface: Surface, rounds: int) -> Surface:
     """Return it with each inner vertex drawn towards its neighbours; rims stay."""
     edges = np.sort(np.concatenate([surface.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
