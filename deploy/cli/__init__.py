@@ -21,6 +21,7 @@ COMMANDS = (
     ("listen", "listen", "Show the people around the robot, live."),
     ("info", "info", "Tell what a recording, bag or folder holds."),
     ("lab", "lab", "Film simulated people: list scenarios, render, preview, export to ROS 2."),
+    ("evaluate", "evaluate", "Judge methods on recordings with truth; writes a report."),
     ("models", "models", "List models: present, verified, licence, how to get them."),
     ("record", "record", "Record messages to a file."),
     ("replay", "replay", "Publish recorded messages, to try one service alone."),

@@ -1,26 +1,16 @@
 """people4d lab."""
 
-import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 from common.errors import ConfigError
+from deploy.cli.progress import cores, interruptible, progress
 from services.camera.lab.scenario import Scenario, load_scenario, scenario_names
 
 # What draws is imported on use: compiled code takes a second to load.
@@ -32,7 +22,6 @@ Seed = Annotated[
     int | None,
     typer.Option(min=0, help="Another light, motion and noise; else the scenario's own."),
 ]
-Report = Callable[[str, float], None]
 
 
 def list_() -> None:
@@ -127,8 +116,8 @@ def render(
         truth=file.with_suffix(".truth.npz") if truth_per_frame else None,
     )
     kept = f"What is done is kept in {outputs.shelf}: the same command goes on."
-    with _interruptible(kept), _progress() as report:
-        job.render(order, outputs, jobs or _cores(), report)
+    with interruptible(kept), progress() as report:
+        job.render(order, outputs, jobs or cores(), report)
     for path in outputs.paths:
         typer.echo(f"Wrote {path}")
     typer.echo(f"Look at it: people4d info {outputs.paths[0]}")
@@ -160,10 +149,10 @@ def preview(
         raise ConfigError(f"--out: expected a .png or .mp4 file, got {path}")
     if path.exists():
         raise ConfigError(f"{path} exists already", "Remove it, or give another --out.")
-    settings = FilmSettings(colour="drawn" if speed == "colour" else "flat", threads=_cores())
+    settings = FilmSettings(colour="drawn" if speed == "colour" else "flat", threads=cores())
     shown = Preview(Film(World(plan, seed), settings))
     frames = shown.frames(every_s) if path.suffix == ".mp4" else shown.few_frames(every_s)
-    with _interruptible("The preview is not complete."), _progress() as report:
+    with interruptible("The preview is not complete."), progress() as report:
         writers[path.suffix](shown, frames, path, partial(report, "drawing"))
     typer.echo(f"Wrote {path}")
 
@@ -184,7 +173,7 @@ def export(
     from services.camera import ros_export  # noqa: PLC0415
 
     layout = ros_export.Layout(storage=storage, compressed=compressed, namespace=namespace)
-    with _interruptible("Nothing was written."), _progress() as report:
+    with interruptible("Nothing was written."), progress() as report:
         counts = ros_export.export(recording, out, layout, camera, partial(report, "writing"))
     for topic, count in sorted(counts.items()):
         typer.echo(f"{count:>8} {topic}")
@@ -193,50 +182,6 @@ def export(
 
 def _stem(plan: Scenario, seed: int | None) -> str:
     return plan.name if seed is None else f"{plan.name}-{seed}"
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0))
-
-
-@contextmanager
-def _progress() -> Iterator[Report]:
-    """Show a bar for each thing that is being done; call what it gives with its share."""
-    columns = (
-        TextColumn("{task.description:<18}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True)) as bars:
-        tasks: dict[str, TaskID] = {}
-
-        def report(what: str, share: float) -> None:
-            if what not in tasks:
-                tasks[what] = bars.add_task(what, total=1.0)
-            bars.update(tasks[what], completed=share)
-
-        yield report
-
-
-@contextmanager
-def _interruptible(told: str) -> Iterator[None]:
-    """End the block on Ctrl-C, SIGTERM and a closed terminal, and say what there is."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    numbers = (signal.SIGTERM, signal.SIGHUP)
-    before = [signal.signal(number, interrupt) for number in numbers]
-    try:
-        yield
-    except KeyboardInterrupt:
-        typer.echo(f"Interrupted. {told}", err=True)
-        raise typer.Exit(130) from None
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

@@ -1,0 +1,90 @@
+"""people4d evaluate."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from common.errors import ConfigError
+from deploy.cli.progress import cores, interruptible, progress
+from deploy.presets import PRESETS
+
+# What is needed to do it is imported on use: compiled code takes a second to load.
+
+if TYPE_CHECKING:
+    from deploy.evaluation.tables import Table
+
+
+def evaluate(
+    presets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PRESET...", help=f"Methods: {', '.join(PRESETS)}, or TOML files of that form."
+        ),
+    ],
+    recordings: Annotated[
+        list[str],
+        typer.Option(
+            metavar="SOURCE",
+            help="Recording, ROS bag or folder with its truth, or lab:SCENARIO; may be repeated.",
+        ),
+    ],
+    seeds: Annotated[
+        str, typer.Option(help="Seeds of every scenario, for example 1,2,3; else its own.")
+    ] = "",
+    speed: Annotated[
+        Literal["geometry", "depth", "colour"],
+        typer.Option(help="How scenarios are filmed. geometry: detections in place of frames."),
+    ] = "colour",
+    out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("out/evaluation"),
+    jobs: Annotated[
+        int, typer.Option(min=0, help="Processes at once, one thread each; 0: one for each core.")
+    ] = 0,
+    cache: Annotated[
+        Path | None,
+        typer.Option(help="Folder of films and detections; else one in your cache folder."),
+    ] = None,
+    set_: Annotated[
+        list[str],
+        typer.Option("--set", metavar="SERVICE.FIELD=VALUE", help="A setting of all methods."),
+    ] = [],  # noqa: B006 (typer copies it)
+) -> None:
+    """Judge methods on recordings with truth; the same figures every time, on any machine."""
+    from deploy.evaluation.cache import default_folder  # noqa: PLC0415
+    from deploy.evaluation.evaluation import Plan, write  # noqa: PLC0415
+    from deploy.evaluation.evaluation import evaluate as do  # noqa: PLC0415
+    from deploy.evaluation.methods import read_methods  # noqa: PLC0415
+    from deploy.evaluation.takes import plan_takes  # noqa: PLC0415
+
+    folder = (cache or default_folder()).absolute()
+    plan = Plan(
+        methods=tuple(read_methods(presets, set_)),
+        takes=tuple(plan_takes(recordings, _seeds(seeds), speed, folder)),
+        cache=folder,
+        jobs=jobs or cores(),
+    )
+    kept = f"What is filmed and detected is kept in {folder}: the same command goes on."
+    with interruptible(kept), progress() as report:
+        evaluation = do(plan, report)
+        write(evaluation, out)
+    _show(evaluation.overview)
+    typer.echo(f"Wrote {out}")
+
+
+def _show(table: "Table") -> None:
+    shown = RichTable(title=table.title, title_justify="left", box=None, header_style="bold")
+    shown.add_column("method", no_wrap=True, min_width=max(len(x.method) for x in table.lines))
+    for name in ("people", *(column.title for column in table.columns)):
+        shown.add_column(name, justify="right")
+    for line in table.lines:
+        shown.add_row(line.method, line.people, *line.cells, style="dim" if line.paper else "")
+    Console(highlight=False).print(shown)
+
+
+def _seeds(text: str) -> list[int]:
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    if not all(part.isdecimal() for part in parts):
+        raise ConfigError(f"--seeds: expected whole numbers with commas between, got {text!r}")
+    return [int(part) for part in parts]

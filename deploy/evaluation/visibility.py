@@ -1,0 +1,54 @@
+"""How much of each person the camera of the virtual lab could see, without drawing anything."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from common.messages import F64
+from services.camera.lab.outline import outlines
+from services.camera.lab.scenario import Scenario
+from services.camera.lab.truth import capture, person_id
+from services.camera.lab.world import EPOCH_NS, World
+
+ALIKE_M = 0.1  # truth and simulation at most so far apart are of the same motion
+CHECKED = 5  # stamps at which that is looked at
+
+
+def lab_shares(
+    scenario: Scenario,
+    seed: int | None,
+    places: Sequence[Mapping[str, F64]],
+    stamps_ns: Sequence[int],
+) -> list[dict[str, float]] | None:
+    """Return by identity the share of each body that is in the image and that nobody hides.
+
+    Args:
+        scenario: What was filmed.
+        seed: Of its motion.
+        places: Where people were at each stamp, as recorded.
+        stamps_ns: Of the frames.
+
+    Returns:
+        One for each stamp; None if people move otherwise in the scenario as it is today.
+    """
+    world = World(scenario, seed)
+    number = {person_id(k): k for k in range(len(scenario.people))}
+    for row in np.linspace(0, len(stamps_ns) - 1, CHECKED).astype(int).tolist():
+        for name, position_m in places[row].items():
+            if name not in number:
+                return None
+            now = capture(world, number[name], _seconds(stamps_ns[row])).position_m
+            if np.linalg.norm(now - position_m) > ALIKE_M:
+                return None
+    return [_shares(world, _seconds(stamp_ns)) for stamp_ns in stamps_ns]
+
+
+def _shares(world: World, t_s: float) -> dict[str, float]:
+    held = zip(world.bodies, world.postures(t_s), strict=True)
+    people = [body.keypoints_m(posture) for body, posture in held]
+    found = outlines(people, world.optical_from_map(t_s), world.info)
+    return {person_id(k): found[k].visible_share if k in found else 0.0 for k in range(len(people))}
+
+
+def _seconds(stamp_ns: int) -> float:
+    return (stamp_ns - EPOCH_NS) / 1e9
