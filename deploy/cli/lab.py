@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from common.config import load
 from common.errors import ConfigError
 from deploy.cli.progress import cores, interruptible, progress
 from services.camera.lab.scenario import Scenario, load_scenario, scenario_names
@@ -89,10 +90,18 @@ def render(
             "--truth-per-frame", help="Write keypoints, boxes and visibility to NAME.truth.npz."
         ),
     ] = False,
+    set_: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="FIELD=VALUE",
+            help="Errors: sensor.noise_px=0.14, detector.recall=0.9 (of geometry), and others.",
+        ),
+    ] = [],  # noqa: B006 (typer copies it)
 ) -> None:
     """Film a scenario into a recording; interrupted and called again, it goes on."""
     from services.camera.lab import render as job  # noqa: PLC0415
-    from services.camera.lab.studio import Order  # noqa: PLC0415
+    from services.camera.lab.studio import Errors, Order  # noqa: PLC0415
 
     if speed == "geometry" and format_ != "recording":
         raise ConfigError(
@@ -107,6 +116,7 @@ def render(
         quality=quality,
         samples=samples,
         truth_per_frame=truth_per_frame,
+        errors=load(Errors, "lab", overrides=set_, environment={}),
     )
     stem = _stem(plan, seed)
     file = out if out and out.suffix == ".mcap" else (out or Path()) / f"{stem}.mcap"

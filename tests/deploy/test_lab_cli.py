@@ -11,9 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from common.errors import ConfigError
+from common.messages import Detections
 from common.recording import open_recording
 from deploy.cli import app
 from deploy.cli.scenarios import is_scenario, resolve, truth_settings
+from services.camera.lab.note import read_note
 from services.camera.lab.scenario import scenario_names
 from tests.camera.lab.scenarios import FRAMES, write_scenario
 
@@ -62,6 +64,20 @@ def test_a_seed_of_ones_own_is_in_the_name(tmp_path: Path) -> None:
     assert (tmp_path / "walk-7.mcap").is_file()
 
 
+def test_errors_can_be_chosen(tmp_path: Path) -> None:
+    """A detector that finds nobody and a sensor with twice the noise, which the file notes."""
+    settings = ["--set", "detector.recall=0", "--set", "sensor.noise_px=0.14"]
+    settings += ["--set", "detector.false_alarms=0"]
+    arguments = ["--speed", "geometry", "--out", tmp_path, *settings]
+    assert run("render", write_scenario(tmp_path), *arguments)[0] == 0
+    recording = open_recording(tmp_path / "walk.mcap")
+    found = [m for _, m in recording.messages(Detections) if isinstance(m, Detections)]
+    assert [len(m.people) for m in found] == [0] * FRAMES
+    note = read_note(recording)
+    assert note is not None
+    assert note.sensor.noise_px == 0.14
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -69,6 +85,8 @@ def test_a_seed_of_ones_own_is_in_the_name(tmp_path: Path) -> None:
         (["preview", "nothing"], "there is no scenario nothing. There are "),
         (["preview", "two_easy", "--out", "p.gif"], "--out: expected a .png or .mp4 file"),
         (["render", "two_easy", "--speed", "geometry", "--format", "ros2"], "no images for a ROS"),
+        (["render", "two_easy", "--set", "sensor.noize_px=1"], "Did you mean noise_px?"),
+        (["render", "two_easy", "--set", "sensor.noise_px=-1"], "noise_px: expected >= 0"),
         (["export", "/none.mcap", "/tmp/none"], "recording /none.mcap cannot be read"),
     ],
 )

@@ -26,6 +26,13 @@ Speed = Literal["geometry", "depth", "colour"]
 PNG_LEVEL = 6  # a seventh smaller than 3; 9 gains a tenth more and takes eight times as long
 
 
+class Errors(msgspec.Struct, frozen=True, kw_only=True):
+    """How what is simulated errs."""
+
+    sensor: DepthSensorConfig = DepthSensorConfig()  # of depth, applied now or on playing
+    detector: SightingConfig = SightingConfig()  # of the speed geometry
+
+
 class Order(msgspec.Struct, frozen=True, kw_only=True):
     """What is rendered; the result depends on nothing else."""
 
@@ -33,8 +40,7 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     speed: Speed = "colour"  # geometry: detections in place of frames; depth: flat colours
     depth: Literal["clean", "measured"] = "clean"  # clean: the sensor is applied on playing
-    sensor: DepthSensorConfig = DepthSensorConfig()  # that is applied, now or then
-    detector: SightingConfig = SightingConfig()  # of the speed geometry
+    errors: Errors = Errors()
     quality: int = 90  # of JPEG
     samples: int = 2  # see FilmSettings
     truth_per_frame: bool = False
@@ -43,7 +49,7 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
     def note(self) -> LabNote:
         """What a recording says of its origin."""
         return LabNote(
-            scenario=self.scenario.name, seed=self.seed, depth=self.depth, sensor=self.sensor
+            scenario=self.scenario.name, seed=self.seed, depth=self.depth, sensor=self.errors.sensor
         )
 
 
@@ -59,7 +65,7 @@ class Studio:
         self._order = order
         settings = FilmSettings(
             colour="drawn" if order.speed == "colour" else "flat",
-            sensor=order.sensor if order.depth == "measured" else None,
+            sensor=order.errors.sensor if order.depth == "measured" else None,
             samples=order.samples,
         )
         self._film = Film(self.world, settings)
@@ -107,7 +113,7 @@ class Studio:
 
     @cached_property
     def _sightings(self) -> Sightings:
-        return Sightings(self._order.detector, self.world.info, self._order.seed)
+        return Sightings(self._order.errors.detector, self.world.info, self._order.seed)
 
 
 @lru_cache(maxsize=1)
