@@ -1,5 +1,8 @@
 """people4d evaluate."""
 
+import importlib.util
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -50,6 +53,9 @@ def evaluate(
         list[str],
         typer.Option("--set", metavar="SERVICE.FIELD=VALUE", help="A setting of all methods."),
     ] = [],  # noqa: B006 (typer copies it)
+    figures: Annotated[
+        bool, typer.Option(help="Draw figures; that takes the extra people4d[evaluate].")
+    ] = True,
 ) -> None:
     """Judge methods on recordings with truth; the same figures every time, on any machine."""
     from deploy.evaluation.cache import default_folder  # noqa: PLC0415
@@ -58,26 +64,34 @@ def evaluate(
     from deploy.evaluation.methods import read_methods  # noqa: PLC0415
     from deploy.evaluation.takes import plan_takes  # noqa: PLC0415
 
+    if figures and importlib.util.find_spec("matplotlib") is None:
+        raise ConfigError(
+            "figures are drawn with matplotlib, which is not installed",
+            "Install it with: pip install 'people4d[evaluate]', or add --no-figures.",
+        )
     folder = (cache or default_folder()).absolute()
     plan = Plan(
         methods=tuple(read_methods(presets, set_)),
         takes=tuple(plan_takes(recordings, _seeds(seeds), speed, folder)),
         cache=folder,
         jobs=jobs or cores(),
+        figures=figures,
     )
     kept = f"What is filmed and detected is kept in {folder}: the same command goes on."
     with interruptible(kept), progress() as report:
         evaluation = do(plan, report)
-        write(evaluation, out)
+        page = write(plan, evaluation, out, f"people4d {shlex.join(sys.argv[1:])}")
     _show(evaluation.overview)
-    typer.echo(f"Wrote {out}")
+    typer.echo(f"Wrote {page}")
 
 
 def _show(table: "Table") -> None:
     shown = RichTable(title=table.title, title_justify="left", box=None, header_style="bold")
-    shown.add_column("method", no_wrap=True, min_width=max(len(x.method) for x in table.lines))
-    for name in ("people", *(column.title for column in table.columns)):
-        shown.add_column(name, justify="right")
+    shown.add_column("method")
+    columns = zip(*((line.people, *line.cells) for line in table.lines), strict=True)
+    titles = ("people", *(column.title for column in table.columns))
+    for title, cells in zip(titles, columns, strict=True):
+        shown.add_column(title, justify="right", min_width=max(map(len, cells)))
     for line in table.lines:
         shown.add_row(line.method, line.people, *line.cells, style="dim" if line.paper else "")
     Console(highlight=False).print(shown)

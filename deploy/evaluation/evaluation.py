@@ -9,19 +9,22 @@ from typing import TypeVar
 import msgspec
 
 from common.messages import Detections
-from common.metrics import Row
+from common.metrics import Row, combine
 from common.recording import open_recording
 from deploy.evaluation.detections import Look, Seen, look
 from deploy.evaluation.methods import Method
 from deploy.evaluation.output import (
     SWITCH_FIELDS,
     switch_rows,
+    write_bytes,
     write_csv,
     write_runs,
     write_summary,
     write_table,
 )
+from deploy.evaluation.page import Content, Picture, html_of
 from deploy.evaluation.pool import do_all
+from deploy.evaluation.strips import Strip, strips_of
 from deploy.evaluation.tables import (
     OVERVIEW,
     SHAPES,
@@ -33,6 +36,7 @@ from deploy.evaluation.tables import (
     speed_of,
 )
 from deploy.evaluation.takes import Take, film
+from deploy.evaluation.trace import Trace, trace_of
 from deploy.evaluation.trial import Result, Trial, judge, run
 from deploy.evaluation.truth import Happening, read_truth
 
@@ -50,12 +54,14 @@ class Plan:
         takes: What it is judged on.
         cache: Folder of films and detections, which are made once.
         jobs: Processes at once; the result does not depend on it.
+        figures: Whether figures are drawn, which takes matplotlib.
     """
 
     methods: tuple[Method, ...]
     takes: tuple[Take, ...]
     cache: Path
     jobs: int = 1
+    figures: bool = True
 
 
 @dataclass(frozen=True)
@@ -65,10 +71,14 @@ class Judged:
     Args:
         result: Its figures.
         switches: One row for each ID switch, see `output.SWITCH_FIELDS`.
+        strips: Pictures of the first of them, if wanted.
+        trace: Its course, if wanted.
     """
 
     result: Result
     switches: tuple[tuple[object, ...], ...]
+    strips: tuple[Strip, ...] = ()
+    trace: Trace | None = None
 
 
 @dataclass(frozen=True)
@@ -80,12 +90,14 @@ class Evaluation:
         rows: Figures of each.
         overview: The most telling figures.
         tables: All of the report.
+        pictures: Of the first take of each scenario, and of the errors.
     """
 
     judged: tuple[Judged, ...]
     rows: tuple[Row, ...]
     overview: Table
     tables: tuple[Table, ...]
+    pictures: tuple[Picture, ...]
 
 
 def evaluate(plan: Plan, report: Report) -> Evaluation:
@@ -102,7 +114,9 @@ def evaluate(plan: Plan, report: Report) -> Evaluation:
     for take in plan.takes:
         film(take, plan.jobs, partial(_filming, report, take.name))
     trials = _trials(plan, report)
-    judged = _done(plan, try_out, trials, "tracking", report)
+    shown = _shown(plan.takes)
+    tries = [(trial, trial.take.name in shown) for trial in trials]
+    judged = _done(plan, try_out, tries, "tracking", report)
     results = [one.result for one in judged]
     rows = [row_of(result) for result in results]
     groups = groups_of(results, rows)
@@ -111,29 +125,102 @@ def evaluate(plan: Plan, report: Report) -> Evaluation:
         speeds = groups_of(results, [speed_of(result) for result in results])
         tables.insert(4, fill(SPEED, speeds))
     overview = fill(OVERVIEW, groups, spread=False)
-    return Evaluation(tuple(judged), tuple(rows), overview, tuple(tables))
+    pictures = _pictures(plan, judged, report) if plan.figures else ()
+    return Evaluation(tuple(judged), tuple(rows), overview, tuple(tables), pictures)
 
 
-def write(evaluation: Evaluation, folder: Path) -> None:
-    """Write all figures as CSV files.
+def write(plan: Plan, evaluation: Evaluation, folder: Path, command: str) -> Path:
+    """Write all figures as CSV files, pictures, and the report that holds everything.
+
+    Args:
+        plan: What was evaluated.
+        evaluation: What came of it.
+        folder: Made if it is not there.
+        command: With which it is made again.
+
+    Returns:
+        The report.
 
     Raises:
         SourceError: The folder cannot be written.
     """
-    results = [one.result for one in evaluation.judged]
+    judged = evaluation.judged
+    results = [one.result for one in judged]
+    switches = [row for one in judged for row in one.switches]
+    strips = [strip for one in judged for strip in one.strips]
     write_runs(folder / "runs.csv", results, evaluation.rows)
     write_summary(folder / "summary.csv", groups_of(results, evaluation.rows))
-    switches = (row for one in evaluation.judged for row in one.switches)
     write_csv(folder / "switches.csv", SWITCH_FIELDS, switches)
     for table in evaluation.tables:
         write_table(folder / "tables", table)
+    for picture in evaluation.pictures:
+        write_bytes(folder / "figures" / f"{picture.name}.png", picture.png)
+    for number, strip in enumerate(strips, 1):
+        write_bytes(
+            folder / "switches" / f"{number:03d}_{strip.method}_{strip.take}.jpg", strip.jpeg()
+        )
+    content = Content(
+        command=command,
+        results=results,
+        tables=evaluation.tables,
+        pictures=evaluation.pictures,
+        strips=strips,
+        switches=len(switches),
+        settings={method.name: method.text() for method in plan.methods},
+    )
+    report = folder / "report.html"
+    write_bytes(report, html_of(content).encode())
+    return report
 
 
-def try_out(trial: Trial) -> Judged:
-    """Do one trial."""
+def try_out(asked: tuple[Trial, bool]) -> Judged:
+    """Do one trial.
+
+    Args:
+        asked: The trial, and whether its course and its ID switches are shown.
+    """
+    trial, shown = asked
     done = run(trial)
-    rows = switch_rows(trial.method.name, trial.take.name, done)
-    return Judged(judge(trial, done), tuple(rows))
+    rows = tuple(switch_rows(trial.method.name, trial.take.name, done))
+    if not shown:
+        return Judged(judge(trial, done), rows)
+    course = trace_of(trial.method.name, done)
+    return Judged(judge(trial, done), rows, strips_of(trial, done), course)
+
+
+def draw(asked: tuple[Take, tuple[Trace, ...]]) -> tuple[Picture, ...]:
+    """Draw the courses of all methods on one take."""
+    from deploy.evaluation import figures  # noqa: PLC0415 (matplotlib may not be there)
+
+    take, traces = asked
+    plans, courses = figures.floor_plans(take.name, traces), figures.courses(take.name, traces)
+    return (
+        Picture(f"{take.name}_floor", f"{take.name}: trajectories on the floor", plans),
+        Picture(f"{take.name}_time", f"{take.name}: position, velocity and yaw", courses),
+    )
+
+
+def _shown(takes: Sequence[Take]) -> set[str]:
+    """Return the names of the takes that are shown: the first of each scenario."""
+    first = {take.scenario: take.name for take in reversed(takes)}
+    return set(first.values())
+
+
+def _pictures(plan: Plan, judged: Sequence[Judged], report: Report) -> tuple[Picture, ...]:
+    from deploy.evaluation import figures  # noqa: PLC0415
+
+    asked = []
+    for take in plan.takes:
+        traces = tuple(j.trace for j in judged if j.trace and j.result.take.name == take.name)
+        if any(len(trace.stamps_s) and trace.persons for trace in traces):
+            asked.append((take, traces))
+    pooled = {
+        method.name: combine(j.result.scores for j in judged if j.result.method == method.name)
+        for method in plan.methods
+    }
+    errors = Picture("errors", "Errors over all recordings", figures.histograms(pooled))
+    drawn = _done(plan, draw, asked, "drawing", report)
+    return (errors, *(picture for pictures in drawn for picture in pictures))
 
 
 def _trials(plan: Plan, report: Report) -> list[Trial]:

@@ -1,5 +1,6 @@
 """A method as its services would run it: configuration file, environment, preset, settings."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,16 @@ class Method:
     detector: DetectorConfig
     reid: ReidConfig | None
     tracker: TrackerConfig
+
+    def text(self) -> str:
+        """Return all settings, a line each."""
+        records = {"detector": self.detector, "reid": self.reid, "tracker": self.tracker}
+        return "\n".join(
+            f"{service}.{field} = {json.dumps(value, ensure_ascii=False)}"
+            for service, record in records.items()
+            if record is not None
+            for field, value in msgspec.to_builtins(record).items()
+        )
 
 
 def read_methods(presets: Sequence[str], settings: Sequence[str] = ()) -> list[Method]:

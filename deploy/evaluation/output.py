@@ -1,6 +1,7 @@
 """The figures as CSV files: the same bytes for the same recordings and methods."""
 
 import csv
+import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -19,12 +20,22 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
     Raises:
         SourceError: The file cannot be written.
     """
+    file = io.StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_text(value) for value in row] for row in rows)
+    write_bytes(path, file.getvalue().encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file, its folder first.
+
+    Raises:
+        SourceError: It cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows([_text(value) for value in row] for row in rows)
+        path.write_bytes(data)
     except OSError as error:
         raise SourceError(f"{path} cannot be written: {error.strerror}") from error
 

@@ -10,11 +10,11 @@ from common.errors import ConfigError, SourceError
 from common.recording import open_recording
 from deploy.cli.scenarios import PREFIX, is_scenario
 from deploy.evaluation.cache import key_of
-from services.camera.lab.note import LabNote, read_note
-from services.camera.lab.pieces import digest_of
-from services.camera.lab.render import Outputs, render
+from services.camera.lab.depth.note import LabNote, read_note
+from services.camera.lab.output.pieces import digest_of
+from services.camera.lab.output.render import Outputs, render
+from services.camera.lab.output.studio import Order, Speed
 from services.camera.lab.scenario import Scenario, load_scenario, scenario_names, split_seed
-from services.camera.lab.studio import Order, Speed
 from services.camera.sources import kind_of
 
 LAB_CODE = Path(__file__).resolve().parents[2] / "services" / "camera" / "lab"
