@@ -22,10 +22,12 @@ class FrameGraph:
 
     def __init__(self) -> None:
         self._edges: Edges = {}
+        self._found: dict[tuple[str, str], F64 | None] = {}  # answers so far
 
     def add(self, transform: StaticTransform) -> None:
         """Take a transform; it replaces an earlier one between the same frames."""
         _link(self._edges, transform.parent, transform.child, transform.matrix)
+        self._found.clear()
 
     def find(self, target: str, source: str) -> F64 | None:
         """Return target_from_source.
@@ -37,8 +39,11 @@ class FrameGraph:
         Returns:
             4x4 through the fewest transforms, None if the frames are not linked.
         """
-        told = _search(self._edges, target, source)
-        return _search(self._with_links(), target, source) if told is None else told
+        if (target, source) not in self._found:
+            told = _search(self._edges, target, source)
+            rest = _search(self._with_links(), target, source) if told is None else told
+            self._found[target, source] = rest
+        return self._found[target, source]
 
     def _with_links(self) -> Edges:
         edges = dict(self._edges)

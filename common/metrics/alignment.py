@@ -6,8 +6,8 @@ the errors, since an alignment that is fitted to the tracks takes away errors of
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -132,7 +132,7 @@ def estimate_clock(truth: Paths, tracked: Paths, widest_s: float = 0.5) -> Clock
 
 
 def estimate_motion(
-    truth: Paths, tracked: Paths, offset_s: float = 0.0, fit: Callable[[F64, F64], F64] = fit_2d
+    truth: Paths, tracked: Paths, offset_s: float = 0.0, dimensions: Literal[2, 3] = 2
 ) -> Motion | None:
     """Estimate where the truth lies in the frame of the tracks, from less than a metre away.
 
@@ -142,23 +142,33 @@ def estimate_motion(
         truth: Where people were.
         tracked: Where tracks were.
         offset_s: What to add to stamps of the truth.
-        fit: `fit_2d` for a turn about z and a shift, `fit_3d` for any rotation.
+        dimensions: 2 for a turn about z and a shift, 3 for any rotation.
 
     Returns:
-        The motion; None if there are too few samples, or people hardly moved.
+        The motion; None if there are too few samples, or they do not tell the rotation: people
+        hardly moved, or (in 3D) all along one line.
     """
     matrix = np.eye(4)
     pairs = pair_up(truth, tracked, offset_s)
     before_m = pairs.rmse_m(matrix)
     for _ in range(ROUNDS):
-        spread_m = np.linalg.norm(pairs.true_m[:, :2].std(axis=0)) if len(pairs.true_m) else 0.0
-        if len(pairs.true_m) < MIN_SAMPLES or spread_m < MIN_SPREAD_M:
+        if not _tells_rotation(pairs.true_m, dimensions):
             return None
+        fit = fit_2d if dimensions == 2 else fit_3d
         last, matrix = matrix, fit(pairs.true_m, pairs.told_m)
         pairs = pair_up(truth, tracked, offset_s, matrix)
         if np.abs(matrix - last).max() < SETTLED:
             break
     return Motion(matrix, before_m, pairs.rmse_m(matrix), len(pairs.true_m))
+
+
+def _tells_rotation(points_m: F64, dimensions: Literal[2, 3]) -> bool:
+    """Tell whether points lie far enough apart: in one direction, or for 3D in two."""
+    if len(points_m) < MIN_SAMPLES:
+        return False
+    centred = (points_m - points_m.mean(axis=0))[:, :dimensions]
+    spread_m = np.linalg.svd(centred, compute_uv=False) / math.sqrt(len(points_m))
+    return bool(spread_m[dimensions - 2] >= MIN_SPREAD_M)
 
 
 def _clock_step(pairs: Pairs) -> ClockOffset | None:

@@ -1,7 +1,8 @@
 """Text files of the MOT-Challenge: one box a line, comma-separated.
 
 frame, id, left, top, width, height, confidence, x, y, z: frames count from 1, boxes are in pixels,
-id is -1 in detections. In ground truth, confidence 0 marks a box that is not to be judged.
+id is -1 in detections. In ground truth, confidence 0 marks a box that is not to be judged. The 3D
+benchmarks give x, y, z in metres on the ground; -1, -1, -1 or nothing means that none is known.
 """
 
 import configparser
@@ -27,6 +28,7 @@ class MotRows:
     ids: I64  # N, -1 in detections
     boxes_xyxy_px: F64  # [px] Nx4: left, top, right, bottom
     confidences: F64  # N, score of a detection; flag (0 or 1) of ground truth
+    positions_m: F64  # [m] Nx3, in the world; NaN if unknown
 
     def of(self, frame: int) -> "MotRows":
         """Return the lines of one frame."""
@@ -39,7 +41,11 @@ class MotRows:
 
     def _select(self, rows: slice | BOOL) -> "MotRows":
         return MotRows(
-            self.frames[rows], self.ids[rows], self.boxes_xyxy_px[rows], self.confidences[rows]
+            self.frames[rows],
+            self.ids[rows],
+            self.boxes_xyxy_px[rows],
+            self.confidences[rows],
+            self.positions_m[rows],
         )
 
 
@@ -80,10 +86,12 @@ def read_rows(path: Path) -> MotRows:
             )
         seen[frame_id] = number
         rows.append(row)
-    table = np.array(rows).reshape(-1, 7)
+    table = np.array(rows).reshape(-1, 10)
     table = table[np.argsort(table[:, 0], kind="stable")]
     corners = np.hstack([table[:, 2:4], table[:, 2:4] + table[:, 4:6]])
-    return MotRows(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), corners, table[:, 6])
+    frames, ids = table[:, :2].astype(np.int64).T
+    positions = np.where(np.all(table[:, 7:] == -1, axis=1, keepdims=True), np.nan, table[:, 7:])
+    return MotRows(frames, ids, corners, table[:, 6], positions)
 
 
 def read_info(path: Path) -> MotInfo:
@@ -192,4 +200,4 @@ def _parse(line: str, where: str) -> list[float]:
         raise DecodeError(
             f"{where}: expected width and height > 0, got {fields[4]} and {fields[5]}"
         )
-    return row[:7]
+    return row if len(row) == 10 else row[:7] + [-1.0] * 3

@@ -130,6 +130,18 @@ def test_the_frame_of_the_truth_is_found_from_tracks() -> None:
     assert got.rmse_after_m < 1e-9
 
 
+def test_a_tilted_frame_needs_three_dimensions_and_people_off_one_line() -> None:
+    truth, tracked = crossing(0.0)
+    tilt = transform_from([0.1, 0.0, 0.0], rotation_from_rpy(0.0, math.radians(2), 0.0))
+    tilted = {k: Path(p.stamps_s, apply(invert(tilt), p.positions_m)) for k, p in truth.items()}
+    got = estimate_motion(tilted, tracked, dimensions=3)
+    assert got is not None
+    assert got.matrix == pytest.approx(tilt, abs=1e-9)
+    # One straight walk can be turned about itself.
+    assert estimate_motion({"a": tilted["a"]}, {1: tracked[1]}, dimensions=3) is None
+    assert estimate_motion({"a": tilted["a"]}, {1: tracked[1]}, dimensions=2) is not None
+
+
 def test_people_who_stand_still_tell_no_turn() -> None:
     still = {"a": Path(np.arange(0, 5, 0.01), np.ones((500, 3)))}
     tracked = {1: Path(np.arange(0, 5, 0.1), np.ones((50, 3)))}

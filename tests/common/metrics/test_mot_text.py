@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from common.errors import DecodeError
@@ -77,3 +78,12 @@ def test_flagged_truth_is_dropped_and_frames_have_stamps(tmp_path: Path) -> None
     assert [frame.truth.ids for frame in recording.frames] == [(7,), (), (7,)]
     counts = score(recording, box_overlap).clear
     assert (counts.matches, counts.misses, counts.false_alarms) == (1, 1, 0)
+
+
+def test_positions_where_the_file_tells_them(tmp_path: Path) -> None:
+    # Ten columns with a place, ten without, nine (class and visibility of MOT16), seven.
+    text = "1,1,0,0,5,6,1,1.5,-2,0\n1,2,0,0,5,6,1,-1,-1,-1\n1,3,0,0,5,6,1,1,0.5\n1,4,0,0,5,6,1\n"
+    rows = read_rows(written(tmp_path, text))
+    assert rows.positions_m[0].tolist() == [1.5, -2.0, 0.0]
+    assert np.isnan(rows.positions_m[1:]).all()
+    assert rows.of(1).judged().positions_m.shape == (4, 3)
