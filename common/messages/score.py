@@ -8,22 +8,22 @@ from common.messages.base import F64, Message, check_finite, check_name, check_s
 
 
 class PersonScore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One true person in one frame and the track matched to them; errors are told minus true."""
+    """One true person in one frame and the track matched to them; errors are track minus truth."""
 
     id: str  # identity in the truth
     view: Literal["inside", "outside", "unknown"]  # of image and depth range; outside: not judged
     track: int | None = None  # id of the track that is taken for this person; absent if none is
     predicted: bool = False  # that track was not seen in this frame
     switched: bool = False  # the last match of this person was another track
-    position_error_m: F64 | None = None  # [m] 3, frame: Score.frame_id; absent if no track
-    velocity_error_mps: F64 | None = None  # [m/s] 3, frame: Score.frame_id; absent if unknown
+    position_error_m: F64 | None = None  # [m] 2: x, y, frame: Score.frame_id; absent if no track
+    velocity_error_mps: F64 | None = None  # [m/s] 2: x, y, likewise; absent if unknown
     yaw_error_rad: float | None = None  # [rad] in (-pi, pi]; absent if one of both is unknown
     consistency: float | None = None  # share of their matches so far under their main track
 
     def __post_init__(self) -> None:
         """Check shapes and numbers."""
-        check_shape("position_error_m", self.position_error_m, (3,))
-        check_shape("velocity_error_mps", self.velocity_error_mps, (3,))
+        check_shape("position_error_m", self.position_error_m, (2,))
+        check_shape("velocity_error_mps", self.velocity_error_mps, (2,))
         check_finite("position_error_m", self.position_error_m)
         check_finite("velocity_error_mps", self.velocity_error_mps)
         check_finite("yaw_error_rad, consistency", self.yaw_error_rad, self.consistency)

@@ -11,8 +11,7 @@ from services.gt_bridge.sources import open_truth
 
 def build(config: GtBridgeConfig) -> Node:
     """Open the truth and make the node."""
-    offset_ns, loop_ns = round(config.offset_s * 1e9), round(config.loop_s * 1e9)
-    return GtBridgeNode(open_truth(config), config.pace, offset_ns, loop_ns)
+    return GtBridgeNode(open_truth(config), config)
 
 
 def main() -> int:

@@ -1,129 +1,127 @@
-"""Re-publishes recorded truth, in pace with the pipeline or by its own clock."""
+"""Publishes truth, stored or captured now, and how far the tracks are from it."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from typing import ClassVar, Literal
+from collections.abc import Iterable, Sequence
+from typing import ClassVar
 
 import msgspec
 
-from common.errors import People4dError
-from common.messages import Detections, Message, Truth
+from common.frames import FrameGraph
+from common.messages import CameraInfo, Detections, Message, StaticTransform, Tracks, Truth
+from common.metrics import moved
 from common.node import Status
+from common.topics import ForeignTopic
+from services.gt_bridge.config import GtBridgeConfig
+from services.gt_bridge.scorer import Scorer
+from services.gt_bridge.stored import LEAD_NS, StoredTruth
+from services.gt_bridge.views import Views
 
-NS = 10**9
-LEAD_NS = NS  # truth from more than this before the first frame is passed over
+DEFAULT = GtBridgeConfig()
 
 
 class GtBridgeNode:
-    """Sends the truth up to each frame ("frames"), or as it was recorded ("recorded").
-
-    A frame from well before the last one means that playback began again, and so does the truth.
-    A camera that loops with rising stamps is followed round by round.
+    """Sends the truth in the frame that is wanted, and a score for each Tracks message.
 
     Args:
-        truth: Messages by rising stamp; iterated anew when playback begins again.
-        pace: "frames" or "recorded".
-        offset_ns: Added to each stamp.
-        loop_ns: What a looping camera adds to its stamps each round; 0 if it does not loop.
+        truth: Messages by rising stamp, iterated anew when playback begins again; what is captured
+            now has `topics` to be read instead.
+        config: The configuration.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Detections,)
+    inputs: ClassVar[tuple[type[Message], ...]] = (Detections, Tracks, CameraInfo, StaticTransform)
 
-    def __init__(
-        self,
-        truth: Iterable[Truth],
-        pace: Literal["frames", "recorded"] = "frames",
-        offset_ns: int = 0,
-        loop_ns: int = 0,
-    ) -> None:
-        self._truth = truth
-        self._pace = pace
-        self._offset_ns = offset_ns
-        self._loop_ns = loop_ns
-        self._round = 0
+    def __init__(self, truth: Iterable[Truth], config: GtBridgeConfig = DEFAULT) -> None:
+        self._config = config
+        self.foreign_inputs: Sequence[ForeignTopic] = getattr(truth, "topics", ())
         self._counters: Counter[str] = Counter()
-        self._problem = ""
+        self._frames = FrameGraph()
+        self._views = Views(self._frames)
+        self._scorer = Scorer(config, self._frames, self._views, self._counters)
+        self._stored = StoredTruth(config, truth, self._counters, self._foresee)
         self._sequence = 0
-        self._last_frame_ns: int | None = None
-        self._started: tuple[int, int] | None = None  # monotonic time, stamp of the first truth
-        self._rewind()
-        self._first_ns = self._next.stamp_ns if self._next else 0
-        self._empty = self._next is None and not self._problem
+        self._live_ns: int | None = None
+        self._unplaced = ""  # frame of the last truth that could not be brought to the wanted one
+        for transform in config.transforms:
+            self._frames.add(transform.message())
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return the truth up to the stamp of a frame that the pipeline has dealt with."""
-        if self._pace != "frames" or not isinstance(message, Detections) or self._empty:
-            return ()
-        stamp_ns, before_ns = message.stamp_ns, self._last_frame_ns
-        self._last_frame_ns = stamp_ns
-        turn = self._round_of(stamp_ns)
-        again = before_ns is not None and stamp_ns < before_ns - LEAD_NS
-        if turn != self._round or again:
-            self._counters["restarts"] += 1
-            self._round = turn
-            self._rewind()
-        if before_ns is None or again:
-            self._pass_over(stamp_ns - LEAD_NS)
-        return self._until(stamp_ns)
+        """Take a message; frames pull stored truth, and tracks are judged."""
+        sent: list[Message] = []
+        if isinstance(message, Detections):
+            if self._stored.begins_again(message.stamp_ns):
+                self._scorer.restart()
+            sent += self._publish(self._stored.up_to(message.stamp_ns))
+        elif isinstance(message, Tracks):
+            self._scorer.add_tracks(message)
+        elif isinstance(message, Truth):
+            sent += self._publish(self._captured(message))
+        elif isinstance(message, CameraInfo):
+            self._views.add(message)
+        elif isinstance(message, StaticTransform):
+            self._frames.add(message)
+        return sent + self._scorer.due()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
         """Return the truth that is due by the recording's own pace."""
-        if self._pace != "recorded" or self._next is None:
-            return ()
-        if self._started is None:
-            self._started = now_ns, self._next.stamp_ns
-        start_ns, stamp_ns = self._started
-        return self._until(stamp_ns + now_ns - start_ns)
+        return self._publish(self._stored.due(now_ns))
 
     def wake_ns(self) -> int | None:
         """Return when the next truth is due by the recording's own pace."""
-        if self._pace != "recorded" or self._next is None:
-            return None
-        start_ns, stamp_ns = self._started or (0, self._next.stamp_ns)
-        return start_ns + self._next.stamp_ns - stamp_ns
+        return self._stored.wake_ns()
 
     def status(self) -> Status:
         """Return what the heartbeat shall say."""
         counters = dict(self._counters)
-        if self._problem:
-            return Status(state="degraded", reason=self._problem, counters=counters)
-        if self._pace == "recorded" and self._next is None:
+        if self._stored.problem:
+            return Status(state="degraded", reason=self._stored.problem, counters=counters)
+        if self._stored.finished and not self.foreign_inputs:
             return Status(state="finished", reason="all truth is out", counters=counters)
-        return Status(reason="there is no truth" if self._empty else "", counters=counters)
+        if self._unplaced:
+            reason = (
+                f"no transform {self._config.frame_id} <- {self._unplaced}: "
+                "the truth stays in its own frame; set transforms"
+            )
+            return Status(state="degraded", reason=reason, counters=counters)
+        return Status(reason=self._quiet(), counters=counters)
 
     def close(self) -> None:
         """Nothing to release."""
 
-    def _round_of(self, stamp_ns: int) -> int:
-        if not self._loop_ns:
-            return 0
-        return max(0, (stamp_ns - self._first_ns) // self._loop_ns)
+    def _quiet(self) -> str:
+        """Say why there is no truth."""
+        if self.foreign_inputs:
+            return "" if self._live_ns is not None else f"waits for {self.foreign_inputs[0].key}"
+        return "there is no truth" if self._stored.empty else ""
 
-    def _rewind(self) -> None:
-        self._messages: Iterator[Truth] = iter(self._truth)
-        self._advance()
+    def _foresee(self, truth: Truth) -> None:
+        self._scorer.add_truth(self._named(truth))
 
-    def _advance(self) -> None:
-        """Fetch the next message; a file that fails half-way ends the truth."""
-        self._next: Truth | None = None
-        try:
-            message = next(self._messages, None)
-        except People4dError as error:
-            self._problem = str(error)
-            return
-        if message is not None:
-            stamp_ns = message.stamp_ns + self._offset_ns + self._round * self._loop_ns
-            self._next = msgspec.structs.replace(message, stamp_ns=stamp_ns, trace=())
+    def _captured(self, truth: Truth) -> list[Truth]:
+        """Return what was captured now, unless a newer one came before it."""
+        stamp_ns = truth.stamp_ns + round(self._config.offset_s * 1e9)
+        before_ns, truth = self._live_ns, msgspec.structs.replace(truth, stamp_ns=stamp_ns)
+        if before_ns is not None and before_ns - LEAD_NS < stamp_ns <= before_ns:
+            self._counters["late_truth"] += 1
+            return []
+        self._live_ns = stamp_ns
+        self._foresee(truth)
+        return [truth]
 
-    def _pass_over(self, stamp_ns: int) -> None:
-        while self._next is not None and self._next.stamp_ns < stamp_ns:
-            self._counters["passed_over"] += 1
-            self._advance()
+    def _named(self, truth: Truth) -> Truth:
+        frame_id = self._config.truth_frame or truth.frame_id
+        return msgspec.structs.replace(truth, frame_id=frame_id)
 
-    def _until(self, stamp_ns: int) -> list[Message]:
-        due: list[Message] = []
-        while self._next is not None and self._next.stamp_ns <= stamp_ns:
-            due.append(msgspec.structs.replace(self._next, sequence=self._sequence))
-            self._sequence += 1
-            self._advance()
-        return due
+    def _publish(self, messages: Iterable[Truth]) -> list[Message]:
+        return [self._placed(self._named(truth)) for truth in messages]
+
+    def _placed(self, truth: Truth) -> Truth:
+        """Bring truth to the wanted frame if the way is known, and number it."""
+        target = self._config.frame_id
+        matrix = self._frames.find(target, truth.frame_id)
+        self._unplaced = "" if matrix is not None else truth.frame_id
+        if matrix is None:
+            self._counters["unplaced"] += 1
+        elif target != truth.frame_id:
+            truth = moved(truth, matrix, target)
+        self._sequence += 1
+        return msgspec.structs.replace(truth, sequence=self._sequence - 1)

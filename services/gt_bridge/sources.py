@@ -9,12 +9,18 @@ from common.mcap_index import read_profile
 from common.messages import Truth
 from services.gt_bridge.config import GtBridgeConfig
 
-# Imported on use. Each class takes the configuration and is iterated, each time from the start.
+# Imported on use. Each class takes the configuration and is iterated, each time from the start. One
+# for truth that is captured now has `topics`, too: streams of others that the node shall read.
 TRUTH_SOURCES: dict[str, str] = {
     "recording": "services.gt_bridge.recording:RecordingTruth",
     "rosbag": "services.gt_bridge.rosbag:RosbagTruth",
-    "lab": "services.gt_bridge.lab:LabTruth",
+    "npz": "services.gt_bridge.npz:NpzTruth",
+    "csv": "services.gt_bridge.csv_file:CsvTruth",
+    "mot": "services.gt_bridge.mot:MotTruth",
+    "live": "services.gt_bridge.live:LiveTruth",
 }
+SCHEME = "zenoh:"  # before the key of live truth
+KINDS = {".csv": "csv", ".txt": "mot"}
 
 
 def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:
@@ -26,22 +32,27 @@ def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:
     """
     if not config.truth:
         return ()
-    name = _kind_of(Path(config.truth)) if config.source == "auto" else config.source
+    name = _kind_of(config.truth) if config.source == "auto" else config.source
     factory = registry.find("source", TRUTH_SOURCES, name, "auto")
     truth: Iterable[Truth] = factory(config)
     return truth
 
 
-def _kind_of(path: Path) -> str:
+def _kind_of(truth: str) -> str:
+    if truth.startswith(SCHEME):
+        return "live"
+    path = Path(truth)
     if not path.exists():
         raise SourceError(f"truth {path} does not exist", "Check the path.")
     if path.suffix == ".npz" or (path / "gt.npz").exists():
-        return "lab"
+        return "npz"
+    if path.suffix in KINDS and path.is_file():
+        return KINDS[path.suffix]
     if path.suffix == ".mcap" and path.is_file():
         return "rosbag" if read_profile(path).startswith("ros") else "recording"
     if path.suffix in (".bag", ".db3") or (path / "metadata.yaml").exists():
         return "rosbag"
     raise SourceError(
         f"truth {path} is of no known kind",
-        "Give a recording, a ROS bag, gt.npz or its folder, or set source.",
+        "Give a recording, a ROS bag, CSV, MOT text (.txt), gt.npz or its folder, or set source.",
     )

@@ -8,6 +8,7 @@ import pytest
 
 from common.errors import SourceError
 from common.messages import Detections, Message, Truth, TruthPerson
+from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
 
 S = 10**9
@@ -80,7 +81,7 @@ def test_a_frame_slightly_out_of_order_changes_nothing() -> None:
 
 def test_a_loop_with_rising_stamps_is_followed() -> None:
     # Round length 2 s: the truth at 1.0, 2.0 comes again at 3.0, 4.0 and at 5.0, 6.0.
-    node = GtBridgeNode(truth(1.0, 2.0), loop_ns=2 * S)
+    node = GtBridgeNode(truth(1.0, 2.0), GtBridgeConfig(loop_s=2.0))
     out = [node.handle(frame(s), 0) for s in (1.0, 2.0, 3.0, 4.0, 5.0)]
     assert [stamps_s(m) for m in out] == [[1.0], [2.0], [3.0], [4.0], [5.0]]
     last = out[-1][0]
@@ -89,17 +90,17 @@ def test_a_loop_with_rising_stamps_is_followed() -> None:
 
 
 def test_offset_moves_the_stamps() -> None:
-    node = GtBridgeNode(truth(0.0), offset_ns=1700 * S)
+    node = GtBridgeNode(truth(0.0), GtBridgeConfig(offset_s=1700.0))
     assert stamps_s(node.handle(frame(1700.0), 0)) == [1700.0]
 
 
 def test_recorded_pace_follows_its_clock_and_finishes() -> None:
-    node = GtBridgeNode(truth(100.0, 100.5, 101.0), pace="recorded")
+    node = GtBridgeNode(truth(100.0, 100.5, 101.0), GtBridgeConfig(pace="recorded"))
     now = 5 * S
     assert stamps_s(node.tick(now)) == [100.0]
     assert node.wake_ns() == now + S // 2
     assert stamps_s(node.tick(now + S // 2 - 1)) == []
-    assert node.handle(frame(200.0), now) == ()  # frames do not pull
+    assert node.handle(frame(200.0), now) == []  # frames do not pull
     assert node.status().state == "ready"
     assert stamps_s(node.tick(now + S)) == [100.5, 101.0]
     assert node.wake_ns() is None
@@ -108,8 +109,8 @@ def test_recorded_pace_follows_its_clock_and_finishes() -> None:
 
 def test_no_truth_is_a_calm_state() -> None:
     node = GtBridgeNode(())
-    assert node.handle(frame(1.0), 0) == ()
-    assert node.tick(0) == ()
+    assert node.handle(frame(1.0), 0) == []
+    assert node.tick(0) == []
     assert (node.status().state, node.status().reason) == ("ready", "there is no truth")
 
 

@@ -14,7 +14,7 @@ from common.errors import ConfigError, SourceError
 from common.messages import Truth, TruthPerson
 from common.recording import RecordingWriter
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.rosbag import PEOPLE, people_typestore
+from services.gt_bridge.people_msgs import PEOPLE, people_typestore
 from services.gt_bridge.sources import open_truth
 
 

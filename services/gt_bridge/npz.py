@@ -1,4 +1,4 @@
-"""Truth from gt.npz of the virtual lab."""
+"""Truth from arrays in an NPZ file (gt.npz)."""
 
 import zipfile
 from collections.abc import Iterator
@@ -14,8 +14,8 @@ AXES = {"t": 1, "pos": 3, "vel": 3, "yaw": 2}  # arrays needed: N, NxKx3, NxKx3,
 MAX_BYTES = 256 * 2**20  # of one array
 
 
-class LabTruth:
-    """The people of a simulation of K people at N times: ids "0" to K-1, frame "map".
+class NpzTruth:
+    """K people at N times: ids "0" to K-1.
 
     Raises:
         SourceError: The file is absent, is no NPZ, or lacks an array.

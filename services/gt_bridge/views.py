@@ -1,0 +1,44 @@
+"""Whom the cameras can see."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from common.frames import FrameGraph
+from common.messages import F64, CameraInfo
+from common.metrics import in_view
+from common.metrics.record import BOOL
+
+
+class Views:
+    """Where cameras are and how far they see.
+
+    Args:
+        frames: Transforms, which others add.
+    """
+
+    def __init__(self, frames: FrameGraph) -> None:
+        self._frames = frames
+        self._infos: dict[str, CameraInfo] = {}
+
+    def add(self, info: CameraInfo) -> None:
+        """Take the calibration of a camera."""
+        self._infos[info.camera] = info
+
+    def outside(self, positions_m: Sequence[F64], frame_id: str) -> BOOL | None:
+        """Tell who is outside of the view of every camera.
+
+        Args:
+            positions_m: N of 3 coordinates.
+            frame_id: Their frame.
+
+        Returns:
+            N; None if the place of no camera is known.
+        """
+        poses = [
+            (info, self._frames.find(info.frame_id, frame_id)) for info in self._infos.values()
+        ]
+        views = [
+            in_view(np.array(positions_m), pose, info) for info, pose in poses if pose is not None
+        ]
+        return np.asarray(~np.any(views, axis=0)) if views else None
