@@ -24,7 +24,7 @@ from common.weights import choose, find, folders, load_manifest
 from services.detector.models import ModelSettings
 from services.detector.models.network import ImageInput
 
-DEMO = Path(__file__).parents[1] / "deploy" / "demo" / "two_people.mcap"
+DEMO = Path(__file__).parents[1] / "deploy" / "demo" / "crossing.mcap"
 MOVENET_SIZE = (256, 320)
 WARM_UP = 10
 RATE_SHARE = 0.6

@@ -23,7 +23,7 @@ from services.gt_bridge.sources import open_truth
 from services.report.accuracy import TruthCheck, match
 from services.tracker.config import Sort3dConfig, StrongSort3dConfig, TrackerConfig
 
-DEMO = ROOT / "deploy" / "demo" / "two_people.mcap"
+DEMO = ROOT / "deploy" / "demo" / "crossing.mcap"
 NOISES = ((0.5, 0.5), (2.0, 0.5), (2.0, 0.3), (2.0, 0.2), (3.0, 0.3), (3.0, 0.2), (3.0, 0.1))
 
 

@@ -8,7 +8,7 @@ import cv2
 from common.drawing.tiles import Tile, grid, shrink
 from common.messages import U8
 from services.camera.lab.film import Film, FilmSettings
-from services.camera.lab.preview import Preview
+from services.camera.lab.output.preview import Preview
 from services.camera.lab.scenario import load_scenario
 from services.camera.lab.world import World
 

@@ -54,6 +54,8 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     keypoints: F32 | None = None  # [px] 17x3: u, v, confidence (0 to 1), COCO order; absent if none
     mask: Mask | None = None  # instance mask; absent if the model gives none
     position_m: F64 | None = None  # [m] 3, frame: camera optical; absent if depth gave none
+    # [m^2] 3x3 covariance of position_m, frame: camera optical; absent if not told
+    position_covariance_m2: F64 | None = None
     heading: F64 | None = None  # 3, unit, frame: camera optical; way the chest faces, or absent
     heading_sigma_rad: float | None = None  # [rad] standard deviation about the vertical, or absent
 
@@ -64,6 +66,7 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         check_shape("keypoints", self.keypoints, (17, 3))
         check_shape("position_m", self.position_m, (3,))
         check_finite("keypoints, position_m", self.keypoints, self.position_m)
+        self._check_covariance()
         check_shape("heading", self.heading, (3,))
         check_finite("heading, heading_sigma_rad", self.heading, self.heading_sigma_rad)
         if self.heading is not None and abs(np.linalg.norm(self.heading) - 1) > 1e-3:
@@ -72,6 +75,17 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             raise ValueError(f"heading_sigma_rad: expected > 0, got {self.heading_sigma_rad}")
         if not 0 <= self.score <= 1:
             raise ValueError(f"score: expected 0 to 1, got {self.score}")
+
+    def _check_covariance(self) -> None:
+        covariance = self.position_covariance_m2
+        check_shape("position_covariance_m2", covariance, (3, 3))
+        check_finite("position_covariance_m2", covariance)
+        if covariance is None:
+            return
+        if self.position_m is None:
+            raise ValueError("position_covariance_m2: expected with position_m only")
+        if np.any(covariance != covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
+            raise ValueError("position_covariance_m2: expected symmetric and positive definite")
 
 
 class Detections(Message, frozen=True, kw_only=True):
@@ -146,7 +160,7 @@ class Embeddings(Message, frozen=True, kw_only=True):
 class Track(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One person over time, in the frame that Tracks names."""
 
-    id: int  # identity, >= 1, never reused by a running tracker
+    id: int  # identity, >= 1, never given to another person by a running tracker
     state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not seen in this frame
     position_m: F64  # [m] 3, frame: Tracks.frame_id
     velocity_mps: F64  # [m/s] 3, frame: Tracks.frame_id
@@ -157,6 +171,12 @@ class Track(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
     detection: int | None  # index into Detections.people of this stamp; absent if not matched
     score: float  # confidence of the last matched detection, 0 to 1
+    # How the person came by the id when they were seen last. new: told for the first time;
+    # continued: from the frame before; reidentified: they left and are known again; refused: new,
+    # since somebody known looks like them but it is not sure. Absent: the tracker does not tell
+    identity: Literal["new", "continued", "reidentified", "refused"] | None = None
+    identity_confidence: float | None = None  # of that decision, 0 to 1; absent: not told
+    identity_reason: str = ""  # why the id was given, when it was given; empty: not told
 
     def __post_init__(self) -> None:
         """Check shapes and numbers."""
@@ -173,6 +193,10 @@ class Track(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             )
         if not 0 <= self.score <= 1:
             raise ValueError(f"score: expected 0 to 1, got {self.score}")
+        if self.identity_confidence is not None and not 0 <= self.identity_confidence <= 1:
+            raise ValueError(
+                f"identity_confidence: expected 0 to 1, got {self.identity_confidence}"
+            )
 
 
 class Tracks(Message, frozen=True, kw_only=True):

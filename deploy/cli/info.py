@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from services.camera.describe import Description, describe
-from services.camera.lab.note import LabNote
+from services.camera.lab.depth.note import LabNote
 
 
 def info(

@@ -27,7 +27,7 @@ Seed = Annotated[
 
 def list_() -> None:
     """List the scenarios and the people that can be in them."""
-    from services.camera.lab.body import cast_names  # noqa: PLC0415
+    from services.camera.lab.bodies.body import cast_names  # noqa: PLC0415
 
     console = Console(highlight=False, soft_wrap=True)
     table = Table(box=None, header_style="bold", pad_edge=False)
@@ -100,8 +100,8 @@ def render(
     ] = [],  # noqa: B006 (typer copies it)
 ) -> None:
     """Film a scenario into a recording; interrupted and called again, it goes on."""
-    from services.camera.lab import render as job  # noqa: PLC0415
-    from services.camera.lab.studio import Errors, Order  # noqa: PLC0415
+    from services.camera.lab.output import render as job  # noqa: PLC0415
+    from services.camera.lab.output.studio import Errors, Order  # noqa: PLC0415
 
     if speed == "geometry" and format_ != "recording":
         raise ConfigError(
@@ -149,7 +149,7 @@ def preview(
 ) -> None:
     """Draw a scenario with skeletons, boxes, depth, masks and a map, as one page or a video."""
     from services.camera.lab.film import Film, FilmSettings  # noqa: PLC0415
-    from services.camera.lab.preview import Preview, write_sheet, write_video  # noqa: PLC0415
+    from services.camera.lab.output.preview import Preview, write_sheet, write_video  # noqa: PLC0415
     from services.camera.lab.world import World  # noqa: PLC0415
 
     plan = load_scenario(scenario)

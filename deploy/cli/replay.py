@@ -16,7 +16,7 @@ from common.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
 from common.recording import Recording, open_recording
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.record import kinds_of
-from services.camera.lab.note import CleanDepth, read_note
+from services.camera.lab.depth.note import CleanDepth, read_note
 
 MEET_S = 1.0
 

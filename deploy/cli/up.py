@@ -34,7 +34,7 @@ from deploy.presets import PRESETS, preset_settings
 
 # In lock-step nobody waits for the result: the same recording gives the same tracks on any machine.
 PATIENCE = "tracker.embedding_wait_s=4.0"
-DEMO = COMPOSE_FILE.parent / "demo" / "two_people.mcap"
+DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 DRAIN_TIMEOUT_S = 120.0
 GONE_TIMEOUT_S = 3.0

@@ -11,7 +11,7 @@ from common.messages import CameraInfo
 from common.recording import open_recording
 from common.topics import prefix, topic_of_key
 from services.camera.folder import TRACK, FolderOptions, FolderSource
-from services.camera.lab.note import LabNote
+from services.camera.lab.depth.note import LabNote
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros_bag import open_bag
 from services.camera.ros_camera import RosbagOptions

@@ -18,7 +18,7 @@ from common.messages import (
     StaticTransform,
 )
 from common.recording import open_recording
-from services.camera.lab.note import CleanDepth, read_note
+from services.camera.lab.depth.note import CleanDepth, read_note
 from services.camera.source import Capture, Source
 
 M = TypeVar("M", bound=Message)

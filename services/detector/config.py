@@ -4,10 +4,13 @@ from typing import Literal
 
 import msgspec
 
+from services.detector.certainty import CertaintyRule
 from services.detector.models.base import ModelSettings
 from services.detector.orientation import FaceRule, OrientationRule
 from services.detector.position import KeypointRule
 from services.detector.silhouette import GrowthRule
+from services.detector.torso import TorsoRule
+from services.detector.trunk import TrunkRule
 
 # Rules for models that need others than the paper's, by the start of the model's name. MoveNet is
 # less confident: two thirds of its keypoints on real pictures lie below 0.6, and down to 0.3 they
@@ -28,13 +31,20 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     # How a person's position is read from depth (method book section 2). "auto": at the mask's
     # centroid if the model gives masks, else as the mean of the keypoints; "mask" and "keypoints":
     # only so; "grown": at the centroid of a mask grown in depth from the keypoints (section 8.2),
-    # which is sent as the person's mask.
-    position: Literal["auto", "mask", "keypoints", "grown"] = "auto"
+    # which is sent as the person's mask; "torso": as the middle of shoulders and hips, with windows
+    # of depth on the trunk, in the layer that the person is in (this project's); of models without
+    # keypoints the upper middle of the mask.
+    position: Literal["auto", "mask", "keypoints", "grown", "torso"] = "auto"
+    to_axis: bool = False  # positions are moved from the surface to the body's axis; section 2: no
+    covariance: bool = False  # tell how sure each position is (this project's)
     keypoint_confidence_min: float | None = None  # 0 to 1 (section 2: 0.6); absent: suits the model
     keypoint_window_px: int | None = None  # [px] odd window of a keypoint's depth; absent: suits
     torso_gap_max_m: float | None = None  # [m] keypoint to torso in depth; absent: suits the model
     orientation: OrientationRule = OrientationRule()  # way the chest faces (section 6)
     growth: GrowthRule = GrowthRule()  # how a "grown" mask grows (section 8.2)
+    torso: TorsoRule = TorsoRule()  # how the position "torso" is read
+    trunk: TrunkRule = TrunkRule()  # size of the body for to_axis
+    certainty: CertaintyRule = CertaintyRule()  # of covariance
     crops: bool = True  # send the pictures of people that re-identification needs
     crop_height_max_px: int = 256  # [px] higher crops are scaled down to this height
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import ClassVar
 
 from common.messages import (
-    F64,
     CameraInfo,
     Crops,
     Detection,
@@ -21,9 +20,10 @@ from common.node import Status
 from common.trace import span
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person
+from services.detector.locate import Locator
 from services.detector.models.base import Person, PersonModel
 from services.detector.orientation import Angle, heading_vector, orientation
-from services.detector.position import keypoint_mean, mask_centroid
+from services.detector.position import Place, Sight
 from services.detector.silhouette import grow_mask
 
 log = logging.getLogger("people4d")
@@ -46,6 +46,7 @@ class DetectorNode:
         self._model = model
         self._config = config
         self._rule = config.keypoint_rule(model.name)
+        self._locator = Locator(config, model.name)
         self._orientation = config.orientation_rule(model.name)
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
@@ -100,7 +101,7 @@ class DetectorNode:
         people = self._find(frame)
         with span("depth"):
             people = [self._with_mask(person, frame, info) for person in people]
-            detections = tuple(self._detection(person, frame, info) for person in people)
+            detections = self._detections(people, frame, info)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
@@ -140,17 +141,14 @@ class DetectorNode:
             return person
         return replace(person, mask=grow_mask(person, frame.depth_mm, info, self._config.growth))
 
-    def _detection(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Detection:
-        mask, facing = person.mask, self._facing(person, frame, info)
-        return Detection(
-            box_xyxy_px=person.box_xyxy_px,
-            score=person.score,
-            keypoints=person.keypoints,
-            mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),
-            position_m=self._position(person, frame, info),
-            heading=None if facing is None else heading_vector(facing.rad),
-            heading_sigma_rad=None if facing is None else facing.sigma_rad,
-        )
+    def _detections(
+        self, people: Sequence[Person], frame: RgbdFrame, info: CameraInfo
+    ) -> tuple[Detection, ...]:
+        facings = [self._facing(person, frame, info) for person in people]
+        yaws = [None if facing is None else facing.rad for facing in facings]
+        sights = [Sight(frame.depth_mm, info, yaw_rad) for yaw_rad in yaws]
+        places = self._locator.places(people, sights)
+        return tuple(map(_detection, people, facings, places))
 
     def _facing(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Angle | None:
         if person.keypoints is None:
@@ -158,14 +156,6 @@ class DetectorNode:
         rule = self._orientation
         found = orientation(person.keypoints, frame.depth_mm, info, rule, self._rule)
         return found.fused(rule.weighted)
-
-    def _position(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> F64 | None:
-        method = self._config.position
-        if method != "keypoints" and person.mask is not None:
-            return mask_centroid(person.mask, frame.depth_mm, info)
-        if method in ("auto", "keypoints") and person.keypoints is not None:
-            return keypoint_mean(person.keypoints, frame.depth_mm, info, self._rule)
-        return None
 
     def _crops(self, people: Sequence[Person], frame: RgbdFrame) -> Crops:
         with span("crops"):
@@ -185,3 +175,17 @@ class DetectorNode:
         with self._lock:
             self._counters[counter] += 1
             self._faults[frame.camera] = reason
+
+
+def _detection(person: Person, facing: Angle | None, place: Place | None) -> Detection:
+    mask = person.mask
+    return Detection(
+        box_xyxy_px=person.box_xyxy_px,
+        score=person.score,
+        keypoints=person.keypoints,
+        mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),
+        position_m=None if place is None else place.position_m,
+        position_covariance_m2=None if place is None else place.covariance_m2,
+        heading=None if facing is None else heading_vector(facing.rad),
+        heading_sigma_rad=None if facing is None else facing.sigma_rad,
+    )

@@ -1,10 +1,12 @@
 """Where a person is, from one depth image (method book section 2).
 
-A reading is valid when it is above 0 and not beyond the camera's max_depth_m. All positions lie on
-the surface that faces the camera: about half a body's depth in front of the person's axis.
+A reading is valid when it is above 0 and not beyond the camera's max_depth_m. Positions read here
+lie on the surface that faces the camera: about half a body's depth in front of the person's axis,
+see `trunk`.
 """
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import msgspec
@@ -33,6 +35,23 @@ class KeypointRule(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError(f"window_px: expected an odd number, 1 to 31, got {self.window_px}")
         if not self.torso_gap_max_m > 0:
             raise ValueError(f"torso_gap_max_m: expected > 0, got {self.torso_gap_max_m}")
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What a person's position is read from."""
+
+    depth_mm: U16  # depth image, 0 = no reading
+    info: CameraInfo  # calibration
+    yaw_rad: float | None = None  # way faced in the camera's body frame; None if unknown
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a person is."""
+
+    position_m: F64  # [m] 3, optical frame
+    covariance_m2: F64 | None = None  # [m^2] 3x3, optical frame; None if it is not told
 
 
 def mask_centroid(mask: InstanceMask, depth_mm: U16, info: CameraInfo) -> F64 | None:

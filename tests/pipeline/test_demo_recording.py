@@ -1,6 +1,5 @@
 """The shipped recording through all nodes, in one process and in lock-step."""
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -29,13 +28,18 @@ from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
 from services.gt_bridge.sources import open_truth
+from services.report.accuracy import match
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
 from services.tracker.registry import make_tracker
 
-DEMO = Path(__file__).parents[2] / "deploy" / "demo" / "two_people.mcap"
-FRAMES = 75
+DEMO = Path(__file__).parents[2] / "deploy" / "demo" / "crossing.mcap"
+FRAMES = 135
 SETTINGS = DEMO.parents[1] / "config" / "people4d.toml"  # what `people4d up` runs with
+
+
+def detector_config() -> DetectorConfig:
+    return load(DetectorConfig, "detector", SETTINGS, environment={})
 
 
 def tracker_config() -> TrackerConfig:
@@ -48,7 +52,7 @@ def run(max_frames: int = 0) -> list[Message]:
         source=str(DEMO), playback="lockstep", start_delay_s=0.0, max_frames=max_frames
     )
     truth = GtBridgeNode(open_truth(GtBridgeConfig(truth=str(DEMO))))
-    nodes: list[Node] = [*pipeline(DetectorConfig(), tracker=tracker_config()), truth]
+    nodes: list[Node] = [*pipeline(detector_config(), tracker=tracker_config()), truth]
     return [message for step in play(camera, nodes) for message in step.messages]
 
 
@@ -62,15 +66,14 @@ Pair = tuple[int, TruthPerson, Track]  # frame, and who is taken for whom
 
 @pytest.fixture(scope="module")
 def pairs(messages: list[Message]) -> list[Pair]:
-    """Everyone of the truth with the nearest confirmed track of the same stamp within 1 m."""
-    truth = {m.stamp_ns: m for m in messages if isinstance(m, Truth)}
+    """Everyone of the truth with a track within 1 m, so that the distances are least in all."""
+    truth = [m for m in messages if isinstance(m, Truth)]
     found: list[Pair] = []
     for frame, message in enumerate(m for m in messages if isinstance(m, Tracks)):
-        confirmed = [track for track in message.people if track.state == "confirmed"]
-        for person in truth[message.stamp_ns].people:
-            near = min(confirmed, key=lambda t: apart_m(t, person), default=None)
-            if near and apart_m(near, person) < 1.0:
-                found.append((frame, person, near))
+        # Captured every 10 ms: nobody moves far from there to the frame.
+        people = min(truth, key=lambda t: abs(t.stamp_ns - message.stamp_ns)).people
+        matched = match(people, message.people)
+        found += [(frame, people[i], message.people[k]) for i, k in matched]
     return found
 
 
@@ -95,20 +98,17 @@ def test_every_frame_is_answered_once_and_in_order(messages: list[Message]) -> N
         assert [(m.stamp_ns, m.sequence) for m in messages if isinstance(m, kind)] == frames
 
 
-def test_two_people_keep_two_identities(pairs: list[Pair]) -> None:
+def test_three_people_keep_three_identities(pairs: list[Pair]) -> None:
     identities = {(person.id, track.id) for _, person, track in pairs}
-    assert len(identities) == 2
-    assert len({name for name, _ in identities}) == len({number for _, number in identities}) == 2
-    # Both are seen almost all along: 2 x 75 less three frames each until they are confirmed, and
-    # the moment when one hides the other.
-    assert len(pairs) >= 130
-    frames = Counter(person.id for _, person, _ in pairs)
-    assert min(frames.values()) >= 60
+    assert len(identities) == 3
+    assert len({name for name, _ in identities}) == len({number for _, number in identities}) == 3
+    # All are in view all along; a track begins at the third frame and outlasts being hidden.
+    assert len(pairs) >= 3 * (FRAMES - 5)
 
 
 def test_nobody_else_is_tracked(messages: list[Message]) -> None:
     tracks = [t for m in messages if isinstance(m, Tracks) for t in m.people]
-    assert len({t.id for t in tracks if t.state == "confirmed"}) == 2
+    assert len({t.id for t in tracks if t.state == "confirmed"}) == 3
 
 
 def test_positions_are_right_but_for_half_a_body(
@@ -128,14 +128,14 @@ def test_positions_are_right_but_for_half_a_body(
 
 
 def test_velocity_follows_the_person(pairs: list[Pair]) -> None:
-    """At least twice as good as to say that everyone stands."""
+    """Much better than to say that everyone stands, although they stop and turn all the time."""
     errors, speeds = [], []
     for _, person, track in settled(pairs):
         assert person.velocity_mps is not None
         errors.append(float(np.linalg.norm((track.velocity_mps - person.velocity_mps)[:2])))
         speeds.append(float(np.linalg.norm(person.velocity_mps[:2])))
     assert rms(errors) < 0.35
-    assert rms(errors) < 0.5 * rms(speeds)
+    assert rms(errors) < 0.65 * rms(speeds)
 
 
 def test_yaw_is_where_the_chest_points(pairs: list[Pair]) -> None:
@@ -144,9 +144,9 @@ def test_yaw_is_where_the_chest_points(pairs: list[Pair]) -> None:
         for _, person, track in settled(pairs)
         if track.yaw_rad is not None and person.yaw_rad is not None
     ]
-    assert len(errors) > 100
-    assert np.median(errors) < np.radians(15)
-    assert np.percentile(errors, 90) < np.radians(45)
+    assert len(errors) > 0.9 * len(settled(pairs))  # of those who stand as well
+    assert np.median(errors) < np.radians(12)
+    assert np.percentile(errors, 90) < np.radians(30)
 
 
 def test_same_recording_same_tracks(messages: list[Message]) -> None:

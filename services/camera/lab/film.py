@@ -9,9 +9,9 @@ from msgspec.structs import replace
 
 from common.drawing.palette import PEOPLE, Colour
 from common.messages import F64, U8, U16, Odometry, StaticTransform
-from services.camera.lab.depth_config import DepthSensorConfig
-from services.camera.lab.depth_sensor import DepthSensor
-from services.camera.lab.renderer import Moment, Renderer, draw_depth
+from services.camera.lab.depth.depth_config import DepthSensorConfig
+from services.camera.lab.depth.depth_sensor import DepthSensor
+from services.camera.lab.drawing.renderer import Moment, Renderer, draw_depth
 from services.camera.lab.views import DepthView
 from services.camera.lab.wheels import wheel_odometry
 from services.camera.lab.world import EPOCH_NS, World

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from common.geometry import apply, project
 from common.messages import F64, CameraInfo
-from services.camera.lab.mesh import Mesh
+from services.camera.lab.drawing.mesh import Mesh
+from services.camera.lab.drawing.renderer import body_extents
 from services.camera.lab.outline import Outline, outlines
-from services.camera.lab.renderer import body_extents
 from services.camera.lab.truth import capture, person_id, velocity_mps
 from services.camera.lab.views import DepthView, PersonView
 from services.camera.lab.world import World

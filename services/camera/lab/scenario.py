@@ -12,7 +12,7 @@ import msgspec
 
 from common.errors import ConfigError
 from common.messages.base import check_name
-from services.camera.lab.cast import cast_names
+from services.camera.lab.bodies.cast import cast_names
 
 FOLDER = Path(__file__).parent / "scenarios"
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")

@@ -4,7 +4,7 @@ import math
 
 import msgspec
 
-from services.camera.lab.depth_config import DepthSensorConfig
+from services.camera.lab.depth.depth_config import DepthSensorConfig
 
 
 class SightingConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

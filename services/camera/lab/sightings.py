@@ -13,7 +13,7 @@ import numpy as np
 
 from common.geometry import deproject
 from common.messages import F32, F64, CameraInfo, Detection, Detections
-from services.camera.lab.noise import Drift, Persistence
+from services.camera.lab.depth.noise import Drift, Persistence
 from services.camera.lab.outline import TORSO, Outline, facing, outlines, sideways
 from services.camera.lab.sighting_config import SightingConfig
 

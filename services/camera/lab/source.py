@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 import msgspec
 
-from services.camera.lab.depth_config import DepthSensorConfig
+from services.camera.lab.depth.depth_config import DepthSensorConfig
+from services.camera.lab.depth.note import with_errors
 from services.camera.lab.film import Film, FilmSettings, odometry, transforms
-from services.camera.lab.note import with_errors
 from services.camera.lab.scenario import load_scenario, split_seed
 from services.camera.lab.world import World
 from services.camera.playback import Item

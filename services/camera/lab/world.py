@@ -6,12 +6,12 @@ import numpy as np
 
 from common.geometry import invert
 from common.messages import F64, CameraInfo
-from services.camera.lab.body import Body, load_body
+from services.camera.lab.bodies.body import Body, load_body
+from services.camera.lab.drawing.mesh import Mesh
+from services.camera.lab.drawing.rooms import Room, room_mesh
 from services.camera.lab.drive import BasePath, base_path
-from services.camera.lab.mesh import Mesh
-from services.camera.lab.motion import Motion, simulate
+from services.camera.lab.motion.motion import Motion, simulate
 from services.camera.lab.posture import Posture
-from services.camera.lab.rooms import Room, room_mesh
 from services.camera.lab.scenario import WALKABLE_M, CameraPlan, Scenario
 
 EPOCH_NS = 1_767_225_600 * 10**9  # 2026-01-01 00:00 UTC: scenarios begin then, so runs are alike

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.messages import F64
-from services.camera.lab.motion import Motion
+from services.camera.lab.motion.motion import Motion
 from services.camera.lab.posture import INDEX, Posture, Skeleton, map_from_segments
 
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import services.camera.lab
 from common.errors import ConfigError
 from common.messages import F64
-from services.camera.lab import body as body_module
-from services.camera.lab.body import Body, cast_names, load_body
-from services.camera.lab.bones import BONES, NAMES
-from services.camera.lab.figure import load_figure
-from services.camera.lab.materials import Material
-from services.camera.lab.mesh import Mesh
+from services.camera.lab.bodies.body import Body, cast_names, load_body
+from services.camera.lab.bodies.bones import BONES, NAMES
+from services.camera.lab.bodies.figure import load_figure
+from services.camera.lab.drawing.materials import Material
+from services.camera.lab.drawing.mesh import Mesh
+from services.camera.lab.motion.rotations import about_x, about_y, about_z
 from services.camera.lab.posture import INDEX, PARENTS, Posture, Skeleton, map_from_segments
-from services.camera.lab.rotations import about_x, about_y, about_z
 
-ASSETS = Path(body_module.__file__).parent / "assets"
+ASSETS = Path(services.camera.lab.__file__).parent / "assets"
 EVERYBODY = pytest.mark.parametrize("name", cast_names())
 # What a segment turns about, and where its own end is.
 JOINT_OF = {
@@ -256,7 +256,7 @@ def test_bending_keeps_triangles_from_tearing() -> None:
 
 def test_same_bytes_again() -> None:
     first = load_body("dana", seed=5).mesh(striding(), 1)
-    body_module.load_body.cache_clear()
+    load_body.cache_clear()
     again = load_body("dana", seed=5).mesh(striding(), 1)
     assert first.vertices_m.tobytes() == again.vertices_m.tobytes()
     assert first.colour.tobytes() == again.colour.tobytes()
@@ -277,7 +277,7 @@ def test_seed_changes_shades_a_little() -> None:
 
 def test_running_needs_neither_torch_nor_anny() -> None:
     program = (
-        "import sys; from services.camera.lab.body import load_body; load_body('adam'); "
+        "import sys; from services.camera.lab.bodies.body import load_body; load_body('adam'); "
         "print(sorted({'torch', 'anny', 'PIL', 'warp'} & set(sys.modules)))"
     )
     done = subprocess.run(

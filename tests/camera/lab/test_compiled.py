@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 PROGRAM = (
-    "from services.camera.lab.noise import Field, Persistence; "
+    "from services.camera.lab.depth.noise import Field, Persistence; "
     "lasting = Persistence(frozen_share=0, correlation_s=1); "
     "print(Field((4, 4), 2, (1,), lasting).at(0).shape)"
 )

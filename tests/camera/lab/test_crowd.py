@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from common.messages import F64
-from services.camera.lab.motion import simulate
+from services.camera.lab.motion.motion import simulate
 from services.camera.lab.scenario import PersonPlan, Waypoint
 from tests.camera.lab.skeletons import skeleton
 

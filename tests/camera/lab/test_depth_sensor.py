@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from common.messages import F32, U16, CameraInfo
-from services.camera.lab.depth_config import EXACT, DepthSensorConfig
-from services.camera.lab.depth_sensor import DepthSensor
-from services.camera.lab.noise import Persistence
+from services.camera.lab.depth.depth_config import EXACT, DepthSensorConfig
+from services.camera.lab.depth.depth_sensor import DepthSensor
+from services.camera.lab.depth.noise import Persistence
 
 NOISY = msgspec.structs.replace(EXACT, noise_px=0.07)
 

@@ -7,8 +7,8 @@ import pytest
 from msgspec.structs import replace
 
 from common.geometry import apply, project
+from services.camera.lab.drawing.renderer import draw_depth
 from services.camera.lab.frame_truth import frame_arrays, person_views, save_frames
-from services.camera.lab.renderer import draw_depth
 from services.camera.lab.scenario import PersonPlan, load_scenario
 from services.camera.lab.views import DepthView, PersonView
 from services.camera.lab.world import World

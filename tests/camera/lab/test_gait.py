@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.camera.lab.gait import load_gait, step_length_m, swing_share
+from services.camera.lab.motion.gait import load_gait, step_length_m, swing_share
 
 PHASES = np.linspace(0.0, 1.0, 201)
 EVEN = ["pelvis.up_m", "pelvis.ahead_m", "pelvis.tilt_deg", "chest.pitch_deg"]

@@ -5,14 +5,20 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from services.camera.lab.cast import Person, cast_names, load_cast
-from services.camera.lab.colours import linear
-from services.camera.lab.drape import SECTORS, hanging_outline
-from services.camera.lab.dressing import dress
-from services.camera.lab.figure import Figure, load_figure
-from services.camera.lab.garments import arm_share, make_legwear, make_shirt, make_shoes, measure
-from services.camera.lab.materials import Material
-from services.camera.lab.surface import Surface, border, cut, smoothed
+from services.camera.lab.bodies.cast import Person, cast_names, load_cast
+from services.camera.lab.bodies.colours import linear
+from services.camera.lab.bodies.drape import SECTORS, hanging_outline
+from services.camera.lab.bodies.dressing import dress
+from services.camera.lab.bodies.figure import Figure, load_figure
+from services.camera.lab.bodies.garments import (
+    arm_share,
+    make_legwear,
+    make_shirt,
+    make_shoes,
+    measure,
+)
+from services.camera.lab.bodies.surface import Surface, border, cut, smoothed
+from services.camera.lab.drawing.materials import Material
 
 EVERYBODY = pytest.mark.parametrize("name", cast_names())
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from common.messages import F64
-from services.camera.lab.foot_path import FootPath, foot_path
-from services.camera.lab.footfalls import Feet
-from services.camera.lab.gait import load_gait
-from services.camera.lab.legs import bend_leg, smooth_cover
-from services.camera.lab.motion import Motion, simulate
-from services.camera.lab.rotations import turn
+from services.camera.lab.motion.foot_path import FootPath, foot_path
+from services.camera.lab.motion.footfalls import Feet
+from services.camera.lab.motion.gait import load_gait
+from services.camera.lab.motion.legs import bend_leg, smooth_cover
+from services.camera.lab.motion.motion import Motion, simulate
+from services.camera.lab.motion.rotations import turn
 from services.camera.lab.scenario import PersonPlan, Waypoint
 from tests.camera.lab.kinematics import joints, pitch_deg, speeds
 from tests.camera.lab.skeletons import skeleton

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from common.messages import F64
-from services.camera.lab.motion import Motion, simulate
+from services.camera.lab.motion.motion import Motion, simulate
+from services.camera.lab.motion.stance import seated_height_m
 from services.camera.lab.posture import INDEX, map_from_segments
 from services.camera.lab.scenario import PersonPlan, Waypoint
-from services.camera.lab.stance import seated_height_m
 from tests.camera.lab.kinematics import joints
 from tests.camera.lab.skeletons import skeleton
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from services.camera.lab.noise import Drift, Field, Persistence, threshold
+from services.camera.lab.depth.noise import Drift, Field, Persistence, threshold
 
 LASTING = Persistence(frozen_share=0.3, correlation_s=0.2)
 RUNNING = Persistence(frozen_share=0.0, correlation_s=0.2)

@@ -17,9 +17,9 @@ from common.recording import RecordingWriter, open_recording
 from deploy.cli import app
 from deploy.cli.replay import clean_cameras, frame_of
 from services.camera.describe import describe
-from services.camera.lab.depth_config import DepthSensorConfig
-from services.camera.lab.depth_sensor import DepthSensor
-from services.camera.lab.note import LabNote, read_note
+from services.camera.lab.depth.depth_config import DepthSensorConfig
+from services.camera.lab.depth.depth_sensor import DepthSensor
+from services.camera.lab.depth.note import LabNote, read_note
 from services.camera.source import Capture
 from services.camera.sources import open_source
 from tests.camera.test_node import player, with_

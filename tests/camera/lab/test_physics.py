@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 
 from common.geometry import apply, deproject, wrap
 from common.messages import F64
-from services.camera.lab.materials import Material
-from services.camera.lab.mesh import Mesh
-from services.camera.lab.renderer import draw_depth
+from services.camera.lab.drawing.materials import Material
+from services.camera.lab.drawing.mesh import Mesh
+from services.camera.lab.drawing.renderer import draw_depth
 from services.camera.lab.truth import capture_truth
 from services.camera.lab.wheels import wheel_odometry
 from services.camera.lab.world import World

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from common.errors import People4dError, SourceError
-from services.camera.lab.pieces import Shelf, digest_of, do_all
+from services.camera.lab.output.pieces import Shelf, digest_of, do_all
 
 
 def write(folder: Path, piece: int) -> None:

@@ -9,7 +9,7 @@ import pytest
 from common.drawing.palette import PEOPLE
 from common.errors import SourceError
 from services.camera.lab.film import Film, FilmSettings
-from services.camera.lab.preview import Preview, depth_picture, write_sheet, write_video
+from services.camera.lab.output.preview import Preview, depth_picture, write_sheet, write_video
 from services.camera.lab.scenario import load_scenario
 from services.camera.lab.world import World
 from tests.camera.lab.scenarios import FRAMES, SIZE, write_scenario

@@ -5,9 +5,9 @@ import pytest
 
 from common.geometry import camera_matrix, deproject, project
 from common.messages import F64, CameraInfo
-from services.camera.lab.mesh import Mesh
-from services.camera.lab.raster import barycentrics, homogeneous, rasterise
-from services.camera.lab.renderer import body_extents, draw_depth
+from services.camera.lab.drawing.mesh import Mesh
+from services.camera.lab.drawing.raster import barycentrics, homogeneous, rasterise
+from services.camera.lab.drawing.renderer import body_extents, draw_depth
 
 INFO = CameraInfo(
     stamp_ns=0,

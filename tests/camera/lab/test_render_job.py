@@ -17,13 +17,13 @@ from common.messages import (
     Truth,
 )
 from common.recording import open_recording
-from services.camera.lab import render as job
-from services.camera.lab.note import read_note
-from services.camera.lab.pieces import Shelf
-from services.camera.lab.render import Outputs, render
+from services.camera.lab.depth.note import read_note
+from services.camera.lab.output import render as job
+from services.camera.lab.output.pieces import Shelf
+from services.camera.lab.output.render import Outputs, render
+from services.camera.lab.output.studio import Order, Speed
 from services.camera.lab.scenario import load_scenario
 from services.camera.lab.source import LabOptions, LabSource
-from services.camera.lab.studio import Order, Speed
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros_camera import RosbagOptions
 from services.camera.rosbag import RosbagSource

@@ -7,12 +7,12 @@ import pytest
 
 from common.geometry import LINK_FROM_OPTICAL, invert, rotation_from_rpy, transform_from
 from common.messages import F32, F64, CameraInfo
-from services.camera.lab.ambient import bounce_light, direct_light
-from services.camera.lab.materials import Material
-from services.camera.lab.mesh import Mesh, join
-from services.camera.lab.renderer import Moment, Renderer
-from services.camera.lab.rooms import Room, room_mesh
-from services.camera.lab.solids import Finish, box, panel
+from services.camera.lab.drawing.ambient import bounce_light, direct_light
+from services.camera.lab.drawing.materials import Material
+from services.camera.lab.drawing.mesh import Mesh, join
+from services.camera.lab.drawing.renderer import Moment, Renderer
+from services.camera.lab.drawing.rooms import Room, room_mesh
+from services.camera.lab.drawing.solids import Finish, box, panel
 
 INFO = CameraInfo(
     stamp_ns=0,

@@ -7,9 +7,9 @@ import pytest
 
 from common.geometry import LINK_FROM_OPTICAL, invert, rotation_from_rpy, transform_from
 from common.messages import F64, CameraInfo
-from services.camera.lab.furniture import SEAT_M
-from services.camera.lab.renderer import draw_depth
-from services.camera.lab.rooms import room_mesh
+from services.camera.lab.drawing.furniture import SEAT_M
+from services.camera.lab.drawing.renderer import draw_depth
+from services.camera.lab.drawing.rooms import room_mesh
 from services.camera.lab.scenario import WALKABLE_M
 
 INFO = CameraInfo(

@@ -7,8 +7,8 @@ import pytest
 
 from common.errors import ConfigError
 from common.geometry import wrap
-from services.camera.lab.cast import load_cast
-from services.camera.lab.rooms import room_mesh
+from services.camera.lab.bodies.cast import load_cast
+from services.camera.lab.drawing.rooms import room_mesh
 from services.camera.lab.scenario import (
     FOLDER,
     WALKABLE_M,

@@ -9,7 +9,7 @@ import pytest
 
 from common.geometry import LINK_FROM_OPTICAL, apply, invert, rotation_from_rpy, transform_from
 from common.messages import F64, CameraInfo, Detection
-from services.camera.lab.depth_config import DepthSensorConfig
+from services.camera.lab.depth.depth_config import DepthSensorConfig
 from services.camera.lab.outline import outlines
 from services.camera.lab.sighting_config import FAULTLESS, SightingConfig
 from services.camera.lab.sightings import Sightings

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from common.geometry import wrap
+from services.camera.lab.motion.walker import SEAT_BEHIND, SIT_S, STEP_S, Walker
 from services.camera.lab.scenario import PersonPlan, Waypoint
-from services.camera.lab.walker import SEAT_BEHIND, SIT_S, STEP_S, Walker
 
 
 def walk(plan: PersonPlan, seconds: float, each: Callable[[Walker], None] | None = None) -> Walker:

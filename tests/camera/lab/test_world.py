@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from common.geometry import apply
-from services.camera.lab.furniture import SEAT_M
+from services.camera.lab.drawing.furniture import SEAT_M
 from services.camera.lab.scenario import load_scenario
 from services.camera.lab.world import EPOCH_NS, World
 from tests.camera.lab.worlds import world
 
 DIGEST = """
 import hashlib
-from services.camera.lab.renderer import draw_depth
+from services.camera.lab.drawing.renderer import draw_depth
 from services.camera.lab.scenario import load_scenario
 from services.camera.lab.truth import capture
 from services.camera.lab.world import World
