@@ -48,6 +48,25 @@ def associate(
     )
 
 
+def certainties(cost: F64, temperature: float) -> F64:
+    """Return the share (NxM, 0 to 1) of each pair among all that use its track or its detection.
+
+    A pair of cost c has the weight exp(-c / temperature), an inadmissible one none.
+
+    Args:
+        cost: NxM, +inf for inadmissible pairs.
+        temperature: Cost that makes a pair e times less likely.
+    """
+    finite = np.isfinite(cost)
+    costs = np.where(finite, cost, 0.0)
+    # Of each pair, the odds of those in its row and in its column, itself counted in both.
+    in_row = np.exp(np.minimum((costs[:, :, None] - costs[:, None, :]) / temperature, 700.0))
+    in_column = np.exp(np.minimum((costs[:, None, :] - costs[None]) / temperature, 700.0))
+    odds = (in_row * finite[:, None, :]).sum(axis=2) + (in_column * finite[None]).sum(axis=1)
+    shares: F64 = np.where(finite, 1.0 / np.maximum(odds - 1.0, 1.0), 0.0)
+    return shares
+
+
 def distances(a_m: F64, b_m: F64) -> F64:
     """Return the Euclidean distance (NxM, metres) of each of N points to each of M points."""
     gap: F64 = np.linalg.norm(a_m[:, None] - b_m[None], axis=-1)

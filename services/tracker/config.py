@@ -4,6 +4,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
+
 CHI2_3DOF_95 = 7.8147
 
 # Measured: benchmarks/reid_threshold.md.
@@ -93,6 +95,10 @@ class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
     sigma_start_velocity_mps: float = 2.0  # [m/s] of a new track
     max_depth_m: float = 5.0  # [m] in R <- (1 + x / max_depth) R; section 3, eq. 4.11
     nsa_floor: float = 0.05  # smallest factor 1 - score; 1.0 switches NSA off; section 3, eq. 3.4
+    # beyond the paper, each with its own switch
+    occlusion: OcclusionConfig = OcclusionConfig()  # whoever is hidden keeps their track
+    contact: ContactConfig = ContactConfig()  # whoever touches somebody keeps their own track
+    identity: IdentityConfig = IdentityConfig()  # whoever comes back gets their identity back
 
     def __post_init__(self) -> None:
         """Check ranges."""

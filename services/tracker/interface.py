@@ -36,6 +36,8 @@ class Observation:
     measurements: tuple[Measurement, ...] = ()  # in any order
     camera: str = "camera"  # name of the camera that saw the frame
     embedder: str = ""  # name of the model that made the embeddings; empty if there are none
+    map_from_camera: F64 | None = None  # 4x4, where the camera stands; None if unknown
+    size_px: tuple[int, int] | None = None  # [px] width and height of the image; None if unknown
 
 
 class Tracker(Protocol):

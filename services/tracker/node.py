@@ -2,7 +2,7 @@
 
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import ClassVar
 
@@ -176,7 +176,10 @@ class TrackerNode:
             observation = observe(
                 detections, embeddings, map_from_camera, self._config.max_range_m, self._counters
             )
-            people = self._tracker.update(observation)
+            size_px = (detections.width, detections.height)
+            people = self._tracker.update(
+                replace(observation, map_from_camera=map_from_camera, size_px=size_px)
+            )
         return self._publish(detections, people, (embeddings or detections).trace)
 
     def _map_from_camera(self, frame_id: str) -> F64 | None:

@@ -11,7 +11,17 @@ from common.messages import F64, Track
 from services.tracker import kalman
 from services.tracker.interface import Measurement, Observation
 from services.tracker.motion import Motion
+from services.tracker.occlusion import Fading
 from services.tracker.yaw import Yaw, YawState
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a person came by their identity, as `Track` tells it; None where nobody asked."""
+
+    identity: Literal["new", "continued", "reidentified", "refused"] | None = None
+    confidence: float | None = None  # 0 to 1
+    reason: str = ""
 
 
 @dataclass(slots=True)
@@ -27,11 +37,13 @@ class Target:
     detection: int | None  # index of the detection matched in this frame
     confirmed: bool
     embedding: F64 | None = None
+    look: Look = Look()
     yaw: YawState | None = None
     hits: int = 1  # frames matched, the first included
     streak: int = 1  # frames matched since the last miss
     age: int = 1  # frames since the beginning, the first included
     missed: int = 0  # frames since the last match, this one included until it is matched
+    hidden: int = 0  # of these, frames in which somebody stood before them
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +65,7 @@ class Survival:
     def ended(self, target: Target) -> bool:
         """Tell whether too many frames have missed the person."""
         limit = self.lost_frames if target.confirmed else self.tentative_frames
-        return target.missed >= limit
+        return target.missed - target.hidden >= limit
 
     def expired(self, target: Target, stamp_ns: int) -> bool:
         """Tell whether the person was not seen for too long to be predicted."""
@@ -67,8 +79,11 @@ class Population:
     elsewhere. People seen by a camera that fell silent end by time.
     """
 
-    def __init__(self, motion: Motion, survival: Survival, yaw: Yaw) -> None:
+    def __init__(
+        self, motion: Motion, survival: Survival, yaw: Yaw, fading: Fading | None = None
+    ) -> None:
         self.targets: list[Target] = []
+        self._fading = fading
         self._motion = motion
         self._survival = survival
         self._yaw = yaw
@@ -88,7 +103,7 @@ class Population:
         ]
         if not self.targets:
             return
-        states, covariances = self._motion.predict(*stack(self.targets), dt_s)
+        states, covariances = self._moved(self.targets, dt_s)
         yaws = self._yaw.predict([t.yaw for t in self.targets], dt_s)
         for target, x, P, yaw in zip(self.targets, states, covariances, yaws, strict=True):
             target.x, target.P, target.yaw = x, P, yaw
@@ -111,7 +126,7 @@ class Population:
             target.camera, target.seen_ns = observation.camera, observation.stamp_ns
             target.hits += 1
             target.streak += 1
-            target.missed = 0
+            target.missed = target.hidden = 0
             target.confirmed |= target.streak >= self._survival.confirm_hits
 
     def finish(self, newcomers: Sequence[Measurement], observation: Observation) -> list[Track]:
@@ -146,12 +161,19 @@ class Population:
         if not present:
             return []
         dt_s = self._seconds_to(stamp_ns)
-        states, covariances = self._motion.predict(*stack(present), dt_s)
+        states, covariances = self._moved(present, dt_s)
         yaws = self._yaw.predict([t.yaw for t in present], dt_s)
         return [
             self._track(replace(t, x=x, P=P, yaw=yaw, detection=None), stamp_ns)
             for t, x, P, yaw in zip(present, states, covariances, yaws, strict=True)
         ]
+
+    def _moved(self, targets: Sequence[Target], dt_s: float) -> tuple[F64, F64]:
+        """Return predicted states and covariances; whoever was not seen slows down, if asked."""
+        x, P = stack(targets)
+        if self._fading:
+            x, P = self._fading(x, P, np.array([t.missed > 0 for t in targets]), dt_s)
+        return self._motion.predict(x, P, dt_s)
 
     def _seconds_to(self, stamp_ns: int) -> float:
         if self._stamp_ns is None:
@@ -178,6 +200,9 @@ class Population:
             time_since_update_s=(stamp_ns - target.seen_ns) / 1e9,
             detection=target.detection,
             score=target.score,
+            identity=target.look.identity,
+            identity_confidence=target.look.confidence,
+            identity_reason=target.look.reason,
         )
 
 

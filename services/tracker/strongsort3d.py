@@ -8,18 +8,23 @@ import numpy as np
 from common.messages import F64, Track
 from services.tracker import association, kalman
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.contact import BOOL, Scene, out_of_reach, scene, strangers
 from services.tracker.interface import Measurement, Need, Observation, in_order
 from services.tracker.motion import PointMotion
+from services.tracker.occlusion import Fading, hidden
 from services.tracker.population import Population, Survival, Target, stack
+from services.tracker.recognition import Recognition, Sight
 from services.tracker.yaw import make_yaw
 
+ROUND_2 = 0.5  # certainty of a match for no other reason than that somebody is near
 Pairs = list[tuple[Target, Measurement]]
 
 
 class StrongSort3d:
     """StrongSORT with the 3D position as its state.
 
-    Without embeddings round 1 goes by motion alone, see `combined_cost`.
+    Without embeddings round 1 goes by motion alone, see `combined_cost`. What `occlusion`,
+    `contact` and `identity` of the configuration add is not of the paper, and off unless asked for.
     """
 
     needs: ClassVar[frozenset[Need]] = frozenset({Need.EMBEDDINGS})
@@ -33,7 +38,10 @@ class StrongSort3d:
             lost_frames=self._config.a_max,
             lost_s=config.max_lost_s,
         )
-        self._people = Population(self._motion, survival, make_yaw(config))
+        occlusion, identity = self._config.occlusion, self._config.identity
+        fading = Fading(occlusion, self._motion.velocity) if occlusion.enabled else None
+        self._people = Population(self._motion, survival, make_yaw(config), fading)
+        self._recognition = Recognition(identity, self._people) if identity.enabled else None
         self._embedder = ("", 0)
 
     def update(self, observation: Observation) -> list[Track]:
@@ -42,17 +50,26 @@ class StrongSort3d:
         people.advance(observation)
         detections = in_order(observation.measurements)
         self._forget_other_embedder(observation)
+        now = self._scene(observation)
         confirmed = [t for t in people.targets if t.confirmed]
         tentative = [t for t in people.targets if not t.confirmed]
 
-        cost = self._appearance_cost(confirmed, detections, observation.embedder)
+        cost = self._appearance_cost(confirmed, detections, now)
         first, missed, rest = association.associate(cost, confirmed, detections)
+        certain = self._certain(cost, confirmed, detections)
         recent = [t for t in missed if t.missed <= 1]
-        cost = self._distance_cost(recent + tentative, rest)
+        cost = self._distance_cost(recent + tentative, rest, now)
         second, _, new = association.associate(cost, recent + tentative, rest)
 
         people.match(first + second, observation)
-        self._update_embeddings(first + second)
+        self._update_embeddings(first + second, now)
+        self._mark_hidden(observation)
+        if self._recognition:
+            sights = [
+                Sight(t, m, m.index not in now.unclear, certain.get((t.id, m.index), ROUND_2))
+                for t, m in first + second
+            ]
+            self._recognition.update(sights, now)
         return people.finish(new, observation)
 
     def predict(self, stamp_ns: int) -> list[Track]:
@@ -62,9 +79,18 @@ class StrongSort3d:
     def reset(self) -> None:
         """Forget all people and times, but not which identities were given."""
         self._people.clear()
+        if self._recognition:
+            self._recognition.clear()
+
+    def _scene(self, observation: Observation) -> Scene:
+        config = self._config
+        c_cos = config.cosine_limit(observation.embedder)
+        if config.contact.enabled or config.identity.enabled:
+            return scene(observation, c_cos, config.contact)
+        return Scene(observation.stamp_ns, c_cos)
 
     def _appearance_cost(
-        self, targets: Sequence[Target], detections: Sequence[Measurement], embedder: str
+        self, targets: Sequence[Target], detections: Sequence[Measurement], now: Scene
     ) -> F64:
         """Return the cost of round 1."""
         config, motion = self._config, self._motion
@@ -72,23 +98,64 @@ class StrongSort3d:
             return np.full((len(targets), len(detections)), np.inf)
         z, R = motion.measure(detections), motion.gate_noise(detections)
         d_m2 = kalman.gating_distances(*stack(targets), z, motion.H, R)
-        d_cos = association.cosine_distances(
-            [t.embedding for t in targets], [m.embedding for m in detections]
-        )
-        return combined_cost(d_m2, d_cos, config.cosine_limit(embedder), config)
+        d_cos = cosine_distances(targets, detections)
+        if config.contact.enabled:
+            d_cos[:, ~now.clear(detections)] /= config.contact.unclear_factor
+            d_m2[self._out_of_reach(targets, z, now)] = np.inf
+        return combined_cost(d_m2, d_cos, now.c_cos, config)
 
-    def _distance_cost(self, targets: Sequence[Target], detections: Sequence[Measurement]) -> F64:
+    def _distance_cost(
+        self, targets: Sequence[Target], detections: Sequence[Measurement], now: Scene
+    ) -> F64:
         """Return the cost of round 2: the 3D distance."""
+        config = self._config
         if not targets or not detections:
             return np.full((len(targets), len(detections)), np.inf)
-        x, _ = stack(targets)
-        cost = association.distances(x[:, self._motion.position], self._motion.measure(detections))
-        cost[cost > self._config.distance_max_m] = np.inf
+        z, (x, _) = self._motion.measure(detections), stack(targets)
+        cost = association.distances(x[:, self._motion.position], z)
+        cost[cost > config.distance_max_m] = np.inf
+        if config.contact.enabled:
+            d_cos, clear = cosine_distances(targets, detections), now.clear(detections)
+            limit = config.contact.round2_factor * now.c_cos
+            cost[strangers(targets, d_cos, clear, limit)] = np.inf
+            cost[self._out_of_reach(targets, z, now)] = np.inf
         return cost
 
-    def _update_embeddings(self, pairs: Pairs) -> None:
+    def _out_of_reach(self, targets: Sequence[Target], z_m: F64, now: Scene) -> BOOL:
+        x, _ = stack(targets)
+        unseen_s = np.array([now.stamp_ns - t.seen_ns for t in targets]) / 1e9
+        return out_of_reach(x[:, self._motion.position], unseen_s, z_m, self._config.contact)
+
+    def _certain(
+        self, cost: F64, targets: Sequence[Target], detections: Sequence[Measurement]
+    ) -> dict[tuple[int, int], float]:
+        """Return by track and index of the detection how certain a match of round 1 is."""
+        if self._recognition is None or not cost.size:
+            return {}
+        share = association.certainties(cost, self._config.identity.temperature)
+        return {
+            (t.id, m.index): float(share[i, j])
+            for i, t in enumerate(targets)
+            for j, m in enumerate(detections)
+        }
+
+    def _mark_hidden(self, observation: Observation) -> None:
+        """Count, for whom this frame missed, that somebody stood before them."""
+        people = [t for t in self._people.targets if t.confirmed]
+        if not self._config.occlusion.enabled or observation.map_from_camera is None or not people:
+            return
+        positions_m = np.array([t.x[self._motion.position] for t in people])
+        seen = np.array([t.detection is not None for t in people])
+        behind = hidden(positions_m, seen, observation.map_from_camera, self._config.occlusion)
+        for target, is_hidden in zip(people, behind, strict=True):
+            target.hidden += bool(is_hidden) and target.camera == observation.camera
+
+    def _update_embeddings(self, pairs: Pairs, now: Scene) -> None:
+        skipped = now.unclear if self._config.contact.enabled else frozenset[int]()
         for target, measurement in pairs:
-            if measurement.embedding is not None:
+            if measurement.embedding is None:
+                continue
+            if target.embedding is None or measurement.index not in skipped:
                 target.embedding = moving_average(
                     target.embedding, measurement.embedding, self._config.ema_alpha
                 )
@@ -105,6 +172,15 @@ class StrongSort3d:
             self._embedder = embedder
             for target in self._people.targets:
                 target.embedding = None
+            if self._recognition:
+                self._recognition.clear()
+
+
+def cosine_distances(targets: Sequence[Target], detections: Sequence[Measurement]) -> F64:
+    """Return the cosine distance (NxM) of tracks and detections, NaN where one is unknown."""
+    return association.cosine_distances(
+        [t.embedding for t in targets], [m.embedding for m in detections]
+    )
 
 
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:
