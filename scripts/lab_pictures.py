@@ -16,10 +16,10 @@ FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 85]
 ROOMS = ("two_easy", "port1")  # a scenario of each room, drawn with three seeds
 SCENARIOS = (  # share of the scenario's time
-    ("two_crossing", 0.30),
-    ("three_dense", 0.45),
+    ("two_crossing", 0.16),
+    ("three_dense", 0.22),
     ("four_dense", 0.10),
-    ("twins", 0.35),
+    ("twins", 0.6),
     ("short_sit", 0.50),
     ("pmrm2", 0.30),
 )
