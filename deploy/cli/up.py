@@ -31,6 +31,7 @@ from deploy.launcher.plan import (
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
 from deploy.presets import PRESETS, preset_settings
+from services.gt_bridge.sources import SCHEME as LIVE_TRUTH
 
 # In lock-step nobody waits for the result: the same recording gives the same tracks on any machine.
 PATIENCE = "tracker.embedding_wait_s=4.0"
@@ -55,7 +56,12 @@ def up(
             help="Recording, ROS bag, image folder, lab:SCENARIO, or module:Class of a camera."
         ),
     ] = "",
-    truth: Annotated[str, typer.Option(help="Motion capture: recording, bag or gt.npz.")] = "",
+    truth: Annotated[
+        str,
+        typer.Option(
+            help="Motion capture: recording, bag, CSV, MOT text, gt.npz, or zenoh:KEY, live."
+        ),
+    ] = "",
     preset: Preset = "",
     model: Annotated[str, typer.Option(help="Detection model, see people4d models.")] = "",
     tracker: Annotated[str, typer.Option(help="Tracking method.")] = "",
@@ -100,7 +106,7 @@ def up(
         truth = truth or source
     texts = {
         f"{CAMERA}.source": _resolve(source),
-        "gt_bridge.truth": _resolve(truth),
+        "gt_bridge.truth": truth if truth.startswith(LIVE_TRUTH) else _resolve(truth),
         "detector.model": model,
         "tracker.tracker": tracker,
         "reid.embedder": embedder,

@@ -1,0 +1,109 @@
+"""people4d score: what is shown, by hand, and live for whoever joins late."""
+
+import threading
+
+import msgspec
+import numpy as np
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from common.messages import Alignment, PersonScore, Score
+from deploy.cli import app
+from deploy.cli.score import picture_of
+from tests.contract.examples import BY_NAME
+from tests.network import WAIT_S, Network
+
+
+def example() -> Score:
+    message = BY_NAME["Score"]
+    assert isinstance(message, Score)
+    return message
+
+
+FULL = example()
+
+
+def drawn(message: Score) -> list[list[str]]:
+    console = Console(width=140)
+    with console.capture() as capture:
+        console.print(picture_of(message))
+    return [line.split() for line in capture.get().splitlines() if line.split()]
+
+
+def test_everyone_now_and_the_figures() -> None:
+    lines = drawn(FULL)
+    # off sqrt(0.1^2 + 0.2^2) = 0.22 m, 0.50 m/s, -0.5 rad = -29 degrees
+    assert ["anna", "7", "0.22", "0.50", "-29", "75", "%"] in lines
+    assert ["nobody", "9"] in lines
+    # 0.125 rad = 7.2 degrees; 3 of 4 found; 1 of 3 predicted; 1 switch in 0.5 s = 120 a minute
+    assert lines[5:-1] == [
+        ["position", "rmse", "0.250", "m", "0.250", "m"],
+        ["velocity", "rmse", "0.500", "m/s", "0.500", "m/s"],
+        ["yaw", "rmse", "7.2", "°", "7.2", "°"],
+        ["found", "75.0", "%", "75.0", "%"],
+        ["predicted", "of", "these", "33.3", "%", "33.3", "%"],
+        ["tracks", "of", "nobody", "1", "1"],
+        ["people", "out", "of", "view", "2", "2"],
+        ["id", "switches", "1", "1"],
+        ["a", "minute", "120.0", "120.0"],
+        ["frames", "2", "2"],
+    ]
+    alignment = " ".join(lines[-1])
+    assert alignment.startswith("alignment applied · clock +80 ± 1 ms · shift +0.00 +0.00 +0.00 m")
+
+
+def test_it_is_said_where_the_view_is_not_known() -> None:
+    people = (PersonScore(id="a", view="unknown"), PersonScore(id="b", view="outside"))
+    lines = drawn(msgspec.structs.replace(FULL, people=people, alignment=None))
+    assert ["a", "unknown", "none", "-", "-", "-", "-"] in lines
+    assert ["b", "outside", "-", "-", "-", "-"] in lines
+    assert "everyone counts, also out of view" in " ".join(lines[-1])
+
+
+def test_an_alignment_that_is_not_found_says_why() -> None:
+    lines = drawn(msgspec.structs.replace(FULL, alignment=Alignment(applied=False)))
+    assert "people must walk different ways" in " ".join(lines[-1])
+    turned = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 0], [0, 0, 0, 1]])
+    found = Alignment(applied=False, matrix=turned, rmse_before_m=1.0, rmse_after_m=0.5)
+    lines = drawn(msgspec.structs.replace(FULL, alignment=found))
+    assert "shift +1.00 +2.00 +0.00 m, turn +90.0°" in " ".join(lines[-1])
+
+
+def test_whoever_joins_late_sees_all_so_far() -> None:
+    network = Network()
+    try:
+        bus, done = network.open("robot"), threading.Event()
+
+        def publish() -> None:  # as the bridge does, one for each frame, until somebody looked
+            while not done.wait(0.05):
+                bus.publish(FULL)
+
+        thread = threading.Thread(target=publish)
+        thread.start()
+        try:
+            arguments = ["score", "--once", "--timeout", str(WAIT_S)]
+            shown, plain = (
+                CliRunner().invoke(app, [*arguments, *more, "--connect", network.endpoint])
+                for more in ([], ["--json"])
+            )
+        finally:
+            done.set()
+            thread.join()
+    finally:
+        network.close()
+    assert shown.exit_code == plain.exit_code == 0
+    assert "in all" in shown.stdout
+    assert msgspec.json.decode(plain.stdout)["total"]["matched"] == 3
+
+
+@pytest.mark.parametrize("more", [[], ["--once"], ["--json"]])
+def test_no_score_is_told_with_the_mend(more: list[str]) -> None:
+    network = Network()
+    try:
+        arguments = ["score", "--timeout", "0.3", "--connect", network.endpoint, *more]
+        result = CliRunner().invoke(app, arguments)
+    finally:
+        network.close()
+    assert result.exit_code == 1
+    assert "no score came within 0.3 s. It needs people and truth" in result.stderr
