@@ -15,7 +15,7 @@ from common.messages import Detections
 from common.recording import open_recording
 from deploy.cli import app
 from deploy.cli.scenarios import is_scenario, resolve, truth_settings
-from services.camera.lab.note import read_note
+from services.camera.lab.depth.note import read_note
 from services.camera.lab.scenario import scenario_names
 from tests.camera.lab.scenarios import FRAMES, write_scenario
 
