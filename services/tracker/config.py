@@ -47,6 +47,12 @@ class Sort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
     # noise of the person
     sigma_acceleration_mps2: float = 2.0  # [m/s^2] a walking person turning
     sigma_measurement_m: float = 0.15  # [m]
+    # "measured": R is the covariance of the detection where the detector tells one, and neither
+    # depth nor score change it; "constant": sigma_measurement_m; the paper's, section 3
+    noise: Literal["constant", "measured"] = "constant"
+    # R is so many times that covariance: errors of consecutive frames are much alike, and count as
+    # if they were independent otherwise; this project's
+    noise_factor: float = 4.0
     sigma_start_velocity_mps: float = 2.0  # [m/s] of a new track: "large", section 4
     # noise of the box
     sigma_centre_px: float = 5.0  # [px] measured centre
@@ -64,7 +70,7 @@ class Sort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
         for field in self.__struct_fields__:
             if field.startswith("sigma"):
                 _expect_positive(self, field)
-        _expect_positive(self, "distance_gate_sigmas", "min_hits", "t_lost")
+        _expect_positive(self, "distance_gate_sigmas", "min_hits", "t_lost", "noise_factor")
         _expect(
             self.distance_gate_floor_m >= 0,
             "distance_gate_floor_m",
@@ -95,6 +101,12 @@ class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
     sigma_start_velocity_mps: float = 2.0  # [m/s] of a new track
     max_depth_m: float = 5.0  # [m] in R <- (1 + x / max_depth) R; section 3, eq. 4.11
     nsa_floor: float = 0.05  # smallest factor 1 - score; 1.0 switches NSA off; section 3, eq. 3.4
+    # "measured": R is the covariance of the detection where the detector tells one, and neither
+    # depth nor score change it; "constant": sigma_measurement_m; the paper's, section 3
+    noise: Literal["constant", "measured"] = "constant"
+    # R is so many times that covariance: errors of consecutive frames are much alike, and count as
+    # if they were independent otherwise; this project's
+    noise_factor: float = 4.0
     # beyond the paper, each with its own switch
     occlusion: OcclusionConfig = OcclusionConfig()  # whoever is hidden keeps their track
     contact: ContactConfig = ContactConfig()  # whoever touches somebody keeps their own track
@@ -107,6 +119,7 @@ class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
             self,
             *("mahalanobis_max", "distance_max_m", "n_init", "a_max", "max_depth_m"),
             *("sigma_acceleration_mps2", "sigma_measurement_m", "sigma_start_velocity_mps"),
+            "noise_factor",
         )
         _expect(0 < self.nsa_floor <= 1, "nsa_floor", "above 0, at most 1", self.nsa_floor)
         limits = {**self.cosine_distance_max, "other embedders": self.cosine_distance_max_other}

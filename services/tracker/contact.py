@@ -1,7 +1,7 @@
 """People who touch or cross: whose pictures show one person, and what nobody can have done."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -63,18 +63,59 @@ def covered_shares(boxes: F64) -> F64:
     return shares
 
 
-def out_of_reach(positions_m: F64, unseen_s: F64, measured_m: F64, config: ContactConfig) -> BOOL:
-    """Tell which measured positions (NxM) somebody cannot have walked to.
+def doubted(
+    detections: Sequence[Measurement], observation: Observation, config: ContactConfig
+) -> list[Measurement]:
+    """Add doubt along the line of sight to detections that others cover.
+
+    The depth of somebody half hidden is often read on whoever stands before them.
+    """
+    pose = observation.map_from_camera
+    if pose is None or config.doubt_sigma_m == 0 or len(detections) < 2:
+        return list(detections)
+    shares = covered_shares(np.array([m.box_xyxy_px for m in detections], np.float64))
+    after = []
+    for measurement, share in zip(detections, shares, strict=True):
+        ray = measurement.position_m - pose[:3, 3]
+        ray /= max(float(np.linalg.norm(ray)), 1e-6)
+        doubt_m2 = config.doubt_sigma_m**2 * np.outer(ray, ray)
+        doubt = share > config.doubt_covered
+        after.append(replace(measurement, doubt_m2=doubt_m2) if doubt else measurement)
+    return after
+
+
+def out_of_reach(
+    positions_m: F64, unseen_s: F64, detections: Sequence[Measurement], config: ContactConfig
+) -> BOOL:
+    """Tell which detections (NxM) are where somebody cannot have walked to.
 
     Args:
-        positions_m: Nx2 or Nx3, predicted; only the ground counts.
+        positions_m: Nx3, predicted; only the ground counts.
         unseen_s: N, seconds since each was seen.
-        measured_m: Mx2 or Mx3.
+        detections: M; the Mahalanobis distance alone judges those whose depth is in doubt.
         config: What is in reach.
     """
+    measured_m = np.array([m.position_m for m in detections])
     gap_m = association.distances(positions_m[:, :2], measured_m[:, :2])
     reach_m = config.jump_m + config.speed_max_mps * unseen_s
-    return np.asarray(gap_m > reach_m[:, None])
+    sure = np.array([m.doubt_m2 is None for m in detections])
+    return np.asarray((gap_m > reach_m[:, None]) & sure)
+
+
+def indistinct(d_cos: F64, looks: F64, alike_max: float) -> F64:
+    """Return the cosine distances with those of tracks that look alike made equal.
+
+    Appearance cannot tell such tracks apart, so that their positions have to.
+
+    Args:
+        d_cos: NxM, of tracks and detections, NaN where unknown.
+        looks: NxN, of the tracks among each other, NaN where unknown.
+        alike_max: Largest distance of two tracks that look alike.
+    """
+    alike = np.nan_to_num(looks, nan=np.inf) <= alike_max
+    np.fill_diagonal(alike, True)
+    shared = np.where(alike[:, :, None], np.nan_to_num(d_cos, nan=np.inf)[None], np.inf).min(axis=1)
+    return np.where(np.isnan(d_cos), d_cos, shared)
 
 
 def strangers(targets: Sequence[Target], d_cos: F64, clear: BOOL, limit: float) -> BOOL:

@@ -35,10 +35,16 @@ class ContactConfig(msgspec.Struct, frozen=True, kw_only=True):
     # Share of a box that another box covers, above which its picture shows others, too: it does not
     # change what a track looks like. Nor does one cut off at the left or right of the image
     covered_max: float = 0.3
+    # A picture that others cover by more than this has the depth of whoever covers it, maybe: its
+    # position counts across the line of sight, and along it with this standard deviation more
+    doubt_covered: float = 0.35
+    doubt_sigma_m: float = 1.0  # [m]; 0: never
     # Nobody is farther from where they are predicted than this, plus so much for each second that
     # they were not seen; the gate of section 5 lets people jump 1.6 m from one frame to the next
     jump_m: float = 0.5  # [m] on the ground
     speed_max_mps: float = 2.5  # [m/s]
+    # Tracks whose looks differ by less than this many times C_cos are told apart by position only
+    alike_factor: float = 0.5
     # A picture that is not clear may differ by this many times C_cos: position decides
     unclear_factor: float = 1.5
     # Round 2 refuses who looks different by more than this many times C_cos, so that a newcomer
@@ -47,8 +53,10 @@ class ContactConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        _expect_within(self, 1.0, "covered_max")
+        _expect_within(self, 1.0, "covered_max", "doubt_covered")
+        _expect_within(self, 10.0, "doubt_sigma_m")
         _expect_positive(self, "unclear_factor", "round2_factor", "jump_m", "speed_max_mps")
+        _expect_within(self, 1.0, "alike_factor")
 
 
 class IdentityConfig(msgspec.Struct, frozen=True, kw_only=True):

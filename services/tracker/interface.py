@@ -23,9 +23,12 @@ class Measurement:
     score: float  # detection confidence, 0 to 1
     position_m: F64  # [m] 3, frame: the one that tracks are in
     forward_m: float  # [m] distance from the camera along its optical axis
+    # [m^2] 3x3 covariance of position_m, frame: the one that tracks are in; None: not told
+    covariance_m2: F64 | None = None
     embedding: F64 | None = None  # D, unit length; None if unknown
     yaw_rad: float | None = None  # [rad] way faced, in the frame that tracks are in; None: unknown
     yaw_sigma_rad: float | None = None  # [rad] its standard deviation; None if unknown
+    doubt_m2: F64 | None = None  # [m^2] 3x3, covariance on top of the usual; None: there is none
 
 
 @dataclass(frozen=True, slots=True)

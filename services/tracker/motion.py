@@ -74,6 +74,21 @@ def confidence_factor(score: npt.ArrayLike, floor: float) -> F64:
     return np.maximum(1.0 - np.asarray(score, np.float64), floor)
 
 
+def measured_noise(R_m2: F64, measurements: Sequence[Measurement], factor: float) -> F64:
+    """Return the noise of positions, Nx3x3: as the detector told it, else as given.
+
+    Args:
+        R_m2: Nx3x3, for measurements without a covariance.
+        measurements: N.
+        factor: By which covariances are multiplied.
+    """
+    told = [
+        R if m.covariance_m2 is None else factor * m.covariance_m2
+        for R, m in zip(R_m2, measurements, strict=True)
+    ]
+    return np.array(told).reshape(-1, 3, 3)
+
+
 class PointMotion:
     """State x, y, z and their velocities; measured x, y, z (method book section 5)."""
 
@@ -101,13 +116,24 @@ class PointMotion:
     def noise(self, measurements: Sequence[Measurement]) -> F64:
         """Return R, grown with depth and shrunk by the score (NSA)."""
         factor = confidence_factor([m.score for m in measurements], self._config.nsa_floor)
-        return factor[:, None, None] * self.gate_noise(measurements)
+        return self._told(factor[:, None, None] * self._depth_noise(measurements), measurements)
 
     def gate_noise(self, measurements: Sequence[Measurement]) -> F64:
         """Return R, grown with depth only: StrongSORT gates without the score."""
+        return self._told(self._depth_noise(measurements), measurements)
+
+    def _depth_noise(self, measurements: Sequence[Measurement]) -> F64:
         factor = depth_factor([m.forward_m for m in measurements], self._config.max_depth_m)
         variance = self._config.sigma_measurement_m**2 * factor
         return variance[:, None, None] * np.eye(3)
+
+    def _told(self, R: F64, measurements: Sequence[Measurement]) -> F64:
+        if self._config.noise == "measured":
+            R = measured_noise(R, measurements, self._config.noise_factor)
+        for R_k, measurement in zip(R, measurements, strict=True):
+            if measurement.doubt_m2 is not None:
+                R_k += measurement.doubt_m2
+        return R
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
         """Begin where the person was measured, at rest but not sure of it."""
@@ -154,7 +180,10 @@ class BoxMotion:
         sigmas[:, 2] = self._config.sigma_area_ratio * z[:, 2]
         sigmas[:, 3] = self._config.sigma_aspect
         sigmas[:, 4:] = self._config.sigma_measurement_m
-        return np.square(sigmas)[:, :, None] * np.eye(7)
+        R = np.square(sigmas)[:, :, None] * np.eye(7)
+        if self._config.noise == "measured":
+            R[:, 4:, 4:] = measured_noise(R[:, 4:, 4:], measurements, self._config.noise_factor)
+        return R
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
         """Begin with what was measured, at rest but not sure of it."""

@@ -8,7 +8,15 @@ import numpy as np
 from common.messages import F64, Track
 from services.tracker import association, kalman
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
-from services.tracker.contact import BOOL, Scene, out_of_reach, scene, strangers
+from services.tracker.contact import (
+    BOOL,
+    Scene,
+    doubted,
+    indistinct,
+    out_of_reach,
+    scene,
+    strangers,
+)
 from services.tracker.interface import Measurement, Need, Observation, in_order
 from services.tracker.motion import PointMotion
 from services.tracker.occlusion import Fading, hidden
@@ -49,6 +57,8 @@ class StrongSort3d:
         people = self._people
         people.advance(observation)
         detections = in_order(observation.measurements)
+        if self._config.contact.enabled:
+            detections = doubted(detections, observation, self._config.contact)
         self._forget_other_embedder(observation)
         now = self._scene(observation)
         confirmed = [t for t in people.targets if t.confirmed]
@@ -100,8 +110,11 @@ class StrongSort3d:
         d_m2 = kalman.gating_distances(*stack(targets), z, motion.H, R)
         d_cos = cosine_distances(targets, detections)
         if config.contact.enabled:
+            looks = [t.embedding for t in targets]
+            own = association.cosine_distances(looks, looks)
+            d_cos = indistinct(d_cos, own, config.contact.alike_factor * now.c_cos)
             d_cos[:, ~now.clear(detections)] /= config.contact.unclear_factor
-            d_m2[self._out_of_reach(targets, z, now)] = np.inf
+            d_m2[self._out_of_reach(targets, detections, now)] = np.inf
         return combined_cost(d_m2, d_cos, now.c_cos, config)
 
     def _distance_cost(
@@ -118,13 +131,15 @@ class StrongSort3d:
             d_cos, clear = cosine_distances(targets, detections), now.clear(detections)
             limit = config.contact.round2_factor * now.c_cos
             cost[strangers(targets, d_cos, clear, limit)] = np.inf
-            cost[self._out_of_reach(targets, z, now)] = np.inf
+            cost[self._out_of_reach(targets, detections, now)] = np.inf
         return cost
 
-    def _out_of_reach(self, targets: Sequence[Target], z_m: F64, now: Scene) -> BOOL:
+    def _out_of_reach(
+        self, targets: Sequence[Target], detections: Sequence[Measurement], now: Scene
+    ) -> BOOL:
         x, _ = stack(targets)
         unseen_s = np.array([now.stamp_ns - t.seen_ns for t in targets]) / 1e9
-        return out_of_reach(x[:, self._motion.position], unseen_s, z_m, self._config.contact)
+        return out_of_reach(x[:, self._motion.position], unseen_s, detections, self._config.contact)
 
     def _certain(
         self, cost: F64, targets: Sequence[Target], detections: Sequence[Measurement]
