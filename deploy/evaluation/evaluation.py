@@ -23,7 +23,7 @@ from deploy.evaluation.output import (
     write_table,
 )
 from deploy.evaluation.page import Content, Picture, html_of
-from deploy.evaluation.pool import do_all
+from deploy.evaluation.pool import Pool
 from deploy.evaluation.strips import Strip, strips_of
 from deploy.evaluation.tables import (
     OVERVIEW,
@@ -100,6 +100,30 @@ class Evaluation:
     pictures: tuple[Picture, ...]
 
 
+@dataclass(frozen=True)
+class Work:
+    """Does pieces of work and tells how far it is.
+
+    Args:
+        pool: Where they are done.
+        report: Called with what is being done and the share of it that is done.
+    """
+
+    pool: Pool
+    report: Report
+
+    def do(self, what: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
+        """Return the results of all pieces, in their order."""
+        finished: list[int] = []
+
+        def done(index: int) -> None:
+            finished.append(index)
+            self.report(what, len(finished) / len(items))
+
+        self.report(what, 0.0)
+        return self.pool.do_all(work, items, done)
+
+
 def evaluate(plan: Plan, report: Report) -> Evaluation:
     """Judge all methods on all takes.
 
@@ -113,10 +137,12 @@ def evaluate(plan: Plan, report: Report) -> Evaluation:
     """
     for take in plan.takes:
         film(take, plan.jobs, partial(_filming, report, take.name))
-    trials = _trials(plan, report)
-    shown = _shown(plan.takes)
-    tries = [(trial, trial.take.name in shown) for trial in trials]
-    judged = _done(plan, try_out, tries, "tracking", report)
+    with Pool(plan.jobs) as pool:
+        work = Work(pool, report)
+        shown = _shown(plan.takes)
+        tries = [(trial, trial.take.name in shown) for trial in _trials(plan, work)]
+        judged = work.do("tracking", try_out, tries)
+        pictures = _pictures(plan, judged, work) if plan.figures else ()
     results = [one.result for one in judged]
     rows = [row_of(result) for result in results]
     groups = groups_of(results, rows)
@@ -125,7 +151,6 @@ def evaluate(plan: Plan, report: Report) -> Evaluation:
         speeds = groups_of(results, [speed_of(result) for result in results])
         tables.insert(4, fill(SPEED, speeds))
     overview = fill(OVERVIEW, groups, spread=False)
-    pictures = _pictures(plan, judged, report) if plan.figures else ()
     return Evaluation(tuple(judged), tuple(rows), overview, tuple(tables), pictures)
 
 
@@ -156,9 +181,8 @@ def write(plan: Plan, evaluation: Evaluation, folder: Path, command: str) -> Pat
     for picture in evaluation.pictures:
         write_bytes(folder / "figures" / f"{picture.name}.png", picture.png)
     for number, strip in enumerate(strips, 1):
-        write_bytes(
-            folder / "switches" / f"{number:03d}_{strip.method}_{strip.take}.jpg", strip.jpeg()
-        )
+        name = f"{number:03d}_{strip.method}_{strip.take}.png"
+        write_bytes(folder / "switches" / name, strip.png())
     content = Content(
         command=command,
         results=results,
@@ -206,7 +230,7 @@ def _shown(takes: Sequence[Take]) -> set[str]:
     return set(first.values())
 
 
-def _pictures(plan: Plan, judged: Sequence[Judged], report: Report) -> tuple[Picture, ...]:
+def _pictures(plan: Plan, judged: Sequence[Judged], work: Work) -> tuple[Picture, ...]:
     from deploy.evaluation import figures  # noqa: PLC0415
 
     asked = []
@@ -219,25 +243,23 @@ def _pictures(plan: Plan, judged: Sequence[Judged], report: Report) -> tuple[Pic
         for method in plan.methods
     }
     errors = Picture("errors", "Errors over all recordings", figures.histograms(pooled))
-    drawn = _done(plan, draw, asked, "drawing", report)
+    drawn = work.do("drawing", draw, asked)
     return (errors, *(picture for pictures in drawn for picture in pictures))
 
 
-def _trials(plan: Plan, report: Report) -> list[Trial]:
+def _trials(plan: Plan, work: Work) -> list[Trial]:
     """Find the people of every take once for each way to see them, and what is true."""
     looks: dict[tuple[str, bytes], Look] = {}
     for take in plan.takes:
         for method in plan.methods:
             _ask(looks, take, method, plan.cache)
-    seen = dict(
-        zip(looks, _done(plan, look, list(looks.values()), "detecting", report), strict=True)
-    )
+    seen = dict(zip(looks, work.do("detecting", look, list(looks.values())), strict=True))
     asked: dict[tuple[str, bytes], tuple[Take, Path]] = {}
     for take in plan.takes:
         for method in plan.methods:
             found = seen[_way(take, method)].detections
             asked.setdefault((take.name, _key(method.camera)), (take, found))
-    told = dict(zip(asked, _done(plan, _truth, list(asked.values()), "truth", report), strict=True))
+    told = dict(zip(asked, work.do("truth", _truth, list(asked.values())), strict=True))
     trials = []
     for method in plan.methods:
         for take in plan.takes:
@@ -279,16 +301,3 @@ def _way(take: Take, method: Method) -> tuple[str, bytes]:
 
 def _key(record: msgspec.Struct) -> bytes:
     return msgspec.json.encode(record)
-
-
-def _done(
-    plan: Plan, work: Callable[[A], B], items: Sequence[A], what: str, report: Report
-) -> list[B]:
-    finished: list[int] = []
-
-    def done(index: int) -> None:
-        finished.append(index)
-        report(what, len(finished) / len(items))
-
-    report(what, 0.0)
-    return do_all(work, items, plan.jobs, done)

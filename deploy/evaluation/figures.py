@@ -19,6 +19,7 @@ COURSE_S = 40.0  # of the course of a person over time
 METHODS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#e377c2", "#17becf")
 STRIPES = ("solid", (0, (6, 1.5)), (0, (1.5, 1.5)))
 ARROW_M = 0.35
+BINS = 60
 DPI = 110
 
 
@@ -103,9 +104,8 @@ def histograms(pooled: Mapping[str, Scores]) -> bytes:
             known = np.clip(values[np.isfinite(values)], *limits)
             if len(known):
                 weights = np.full(len(known), 100 / len(known))
-                axes.hist(
-                    known, 60, limits, weights=weights, histtype="step", lw=1.4, **_look(k, method)
-                )
+                look = {"histtype": "step", "lw": 1.4, **_look(k, method)}
+                axes.hist(known, BINS, range=limits, weights=weights, **look)
     for axes, title, limits in zip(panels, titles, ranges, strict=False):
         axes.set(xlabel=title, xlim=limits, ylabel="% of poses")
         axes.grid(alpha=0.3)

@@ -5,9 +5,9 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from multiprocessing import get_context
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import cv2
 
@@ -19,31 +19,40 @@ B = TypeVar("B")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def do_all(
-    work: Callable[[A], B], items: Sequence[A], jobs: int, done: Callable[[int], object]
-) -> list[B]:
-    """Do all pieces of work.
+class Pool:
+    """Processes that are started when there is work for more than one; use it in a `with` block.
 
     Args:
-        work: Does one piece; with more than one job it must be picklable.
-        items: The pieces.
         jobs: Processes at once; with one all is done in this process.
-        done: Called with the index of each piece when it is done.
-
-    Raises:
-        People4dError: A process was killed. What a piece raises is raised here.
     """
-    if jobs == 1 or len(items) < 2:
-        results = []
-        for index, item in enumerate(items):
-            results.append(work(item))
-            done(index)
-        return results
-    with _one_thread_each():
-        # Forked, a process would have locks of threads that it has not.
-        pool = ProcessPoolExecutor(min(jobs, len(items)), get_context("spawn"), _begin)
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._stack = ExitStack()
+        self._executor: ProcessPoolExecutor | None = None
+
+    def do_all(
+        self, work: Callable[[A], B], items: Sequence[A], done: Callable[[int], object]
+    ) -> list[B]:
+        """Do all pieces of work and return the results in their order.
+
+        Args:
+            work: Does one piece; it must be picklable.
+            items: The pieces.
+            done: Called with the index of each piece when it is done.
+
+        Raises:
+            People4dError: A process was killed. What a piece raises is raised here.
+        """
+        if self._jobs == 1 or (len(items) < 2 and self._executor is None):
+            results = []
+            for index, item in enumerate(items):
+                results.append(work(item))
+                done(index)
+            return results
+        executor = self._started()
         try:
-            futures = {pool.submit(work, item): index for index, item in enumerate(items)}
+            futures = {executor.submit(work, item): index for index, item in enumerate(items)}
             for future in as_completed(futures):
                 future.result()
                 done(futures[future])
@@ -53,8 +62,21 @@ def do_all(
                 "a process that evaluates was killed, perhaps for want of memory",
                 "Use fewer --jobs; detections that are made are kept.",
             ) from error
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._executor:
+            self._executor.shutdown(wait=True, cancel_futures=True)
+        self._stack.close()
+
+    def _started(self) -> ProcessPoolExecutor:
+        if self._executor is None:
+            self._stack.enter_context(_one_thread_each())
+            # Forked, a process would have locks of threads that it has not.
+            self._executor = ProcessPoolExecutor(self._jobs, get_context("spawn"), _begin)
+        return self._executor
 
 
 def _begin() -> None:

@@ -57,11 +57,13 @@ class Strip:
     sentence: str
     cells: tuple[Cell, ...]
 
-    def jpeg(self) -> bytes:
+    def png(self) -> bytes:
         """Return the pictures side by side."""
         blank = np.full((SIDE_PX, SIDE_PX, 3), FAINT, np.uint8)
         pictures = [decode_jpeg(cell.jpeg) if cell.jpeg else blank for cell in self.cells]
-        return encode_jpeg(np.concatenate(pictures, axis=1), QUALITY)
+        bgr = cv2.cvtColor(np.concatenate(pictures, axis=1), cv2.COLOR_RGB2BGR)
+        _, data = cv2.imencode(".png", bgr)
+        return data.tobytes()
 
 
 def strips_of(trial: Trial, done: Run) -> tuple[Strip, ...]:
