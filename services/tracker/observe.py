@@ -46,6 +46,7 @@ def observe(
                     score=person.score,
                     position_m=apply(map_from_camera, person.position_m),
                     forward_m=float(person.position_m[2]),
+                    covariance_m2=rotated(person.position_covariance_m2, map_from_camera),
                     embedding=vectors.get(index),
                     yaw_rad=yaw_of(person.heading, map_from_camera),
                     yaw_sigma_rad=person.heading_sigma_rad,
@@ -57,6 +58,14 @@ def observe(
         camera=detections.camera,
         embedder=embeddings.model if embeddings else "",
     )
+
+
+def rotated(covariance_m2: F64 | None, map_from_camera: F64) -> F64 | None:
+    """Return a covariance (3x3) of the camera's frame in the map; None if it is unknown."""
+    if covariance_m2 is None:
+        return None
+    turned: F64 = map_from_camera[:3, :3] @ covariance_m2 @ map_from_camera[:3, :3].T
+    return (turned + turned.T) / 2
 
 
 def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:

@@ -12,7 +12,7 @@ SQUARE: F64 = np.array([[10.0, 10.0], [20.0, 10.0], [20.0, 30.0], [10.0, 30.0], 
 
 def places(depth_m: list[float], common_m: float | None = None, shift_px: float = 0.0) -> Places:
     """Return five places of equal weight, at the corners and in the middle of a square."""
-    return Places(SQUARE + (shift_px, 0.0), np.array(depth_m), np.ones(5), common_m)
+    return Places(SQUARE + np.array([shift_px, 0.0]), np.array(depth_m), np.ones(5), common_m)
 
 
 def depths(people: list[Places]) -> list[float | None]:

@@ -12,7 +12,7 @@ from common.bus import MemoryBus
 from common.config import load
 from common.errors import ConfigError, ModelError
 from common.geometry import apply, invert
-from common.messages import U8, Crops, Detections, Message, RgbdFrame, Span
+from common.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Span
 from services.detector.__main__ import build
 from services.detector.config import DetectorConfig
 from services.detector.models import InstanceMask, Person
@@ -318,3 +318,54 @@ def test_the_default_model_places_people_of_the_simulated_room(shared: Path) -> 
     assert expected >= 8
     assert np.median(errors) < 0.2
     assert np.max(errors) < 0.6
+
+
+def located(*people: Person, **settings: object) -> tuple[Detection, ...]:
+    detector = node(*people, **settings)
+    return only(Detections, MemoryBus([detector]).publish(INFO, frame())).people
+
+
+def test_position_by_the_torso() -> None:
+    # u 17 and 12, v 20 and 40: mean 14.5 and 30, X = (14.5 - 20) * 2 / 50 = -0.22, Y = 0.
+    found = located(person(), position="torso")[0]
+    assert found.position_m is not None
+    np.testing.assert_allclose(found.position_m, [-0.22, 0.0, 2.0], atol=1e-9)
+    assert found.position_covariance_m2 is None
+
+
+def test_of_a_mask_without_keypoints_the_torso_is_its_upper_middle() -> None:
+    # Rows 10 to 49: 0.2 to 0.5 of 39 rows is 17.8 to 29.5, the next whole ones 18, 21, 24, 27, 30:
+    # mean 24, Y = (24 - 30) * 2 / 50 = -0.24; columns 10 to 20: X = (15 - 20) * 2 / 50 = -0.2.
+    found = located(person(mask=True, keypoints=False), position="torso")[0]
+    assert found.position_m is not None
+    np.testing.assert_allclose(found.position_m, [-0.2, -0.24, 2.0], atol=1e-9)
+
+
+def test_who_is_found_by_neither_has_no_torso() -> None:
+    assert located(person(keypoints=False), position="torso")[0].position_m is None
+    assert located(position="torso") == ()
+
+
+@pytest.mark.parametrize("method", ["keypoints", "mask", "torso"])
+def test_positions_move_to_the_axis_if_told(method: str) -> None:
+    # Each by half a cylinder of 0.15 m along its line of sight, whatever the way faced.
+    size = {"trunk.half_depth_m": 0.15, "trunk.half_width_m": 0.15}
+    someone = person(mask=method == "mask")
+    surface = located(someone, position=method)[0].position_m
+    axis = located(someone, position=method, to_axis="true", **size)[0].position_m
+    assert surface is not None
+    assert axis is not None
+    moved = axis - surface
+    # Off the middle of the torso a cylinder is less deep.
+    assert (0.09 if method == "torso" else 0.149) < np.hypot(moved[0], moved[2]) < 0.151
+    np.testing.assert_allclose(axis / axis[2], surface / surface[2], atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["auto", "keypoints", "mask", "grown", "torso"])
+def test_every_method_tells_how_sure_it_is_if_told(method: str) -> None:
+    found = located(person(mask=method == "mask"), position=method, covariance="true")[0]
+    assert found.position_m is not None
+    assert found.position_covariance_m2 is not None
+    ray = found.position_m / np.linalg.norm(found.position_m)
+    # The surface: at least 0.16 m from the axis along the line of sight.
+    assert ray @ found.position_covariance_m2 @ ray > 0.16**2

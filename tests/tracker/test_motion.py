@@ -1,5 +1,7 @@
 """Motion and noise models against numbers worked on paper (method book section 3)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,3 +91,27 @@ def test_a_shrinking_area_stays_positive() -> None:
     moved, _ = motion.predict(moved, np.eye(13)[None], 1.0)  # 50 - 50 would be 0: it stops
     assert moved[0, 2] == 50.0
     assert moved[0, 9] == 0.0
+
+
+def test_noise_is_what_the_detector_told_if_asked() -> None:
+    # Told diag(1, 4, 9) cm^2, times 2; neither depth nor score change it.
+    told = np.diag([1e-4, 4e-4, 9e-4])
+    sure, plain = replace(measurement(), covariance_m2=told), measurement()
+    motion = PointMotion(StrongSort3dConfig(noise="measured", noise_factor=2.0))
+    for R in (motion.noise([sure]), motion.gate_noise([sure]), motion.start(sure)[1][None, :3, :3]):
+        np.testing.assert_allclose(R[0], 2 * told)
+    # Without a covariance, and in constant mode with one, it is the paper's.
+    np.testing.assert_allclose(motion.noise([sure, plain])[1], 0.075 * np.eye(3))
+    paper = PointMotion(StrongSort3dConfig())
+    np.testing.assert_allclose(paper.noise([sure])[0], 0.075 * np.eye(3))
+    assert motion.noise([]).shape == (0, 3, 3)
+
+
+def test_told_noise_of_a_box_leaves_the_pixels_alone() -> None:
+    told = np.diag([1e-4, 4e-4, 9e-4])
+    sure = replace(measurement(), covariance_m2=told)
+    constant = BoxMotion(Sort3dConfig()).noise([sure])[0]
+    measured = BoxMotion(Sort3dConfig(noise="measured", noise_factor=2.0)).noise([sure])[0]
+    np.testing.assert_allclose(measured[4:, 4:], 2 * told)
+    np.testing.assert_array_equal(measured[:4, :4], constant[:4, :4])
+    assert BoxMotion(Sort3dConfig(noise="measured")).noise([]).shape == (0, 7, 7)
