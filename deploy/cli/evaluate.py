@@ -59,9 +59,10 @@ def evaluate(
 ) -> None:
     """Judge methods on recordings with truth; the same figures every time, on any machine."""
     from deploy.evaluation.cache import default_folder  # noqa: PLC0415
-    from deploy.evaluation.evaluation import Plan, write  # noqa: PLC0415
     from deploy.evaluation.evaluation import evaluate as do  # noqa: PLC0415
+    from deploy.evaluation.evaluation import write  # noqa: PLC0415
     from deploy.evaluation.methods import read_methods  # noqa: PLC0415
+    from deploy.evaluation.preparation import Plan  # noqa: PLC0415
     from deploy.evaluation.takes import plan_takes  # noqa: PLC0415
 
     if figures and importlib.util.find_spec("matplotlib") is None:

@@ -1,18 +1,10 @@
-"""All methods on all takes: films what is missing, finds people once, tracks, and judges."""
+"""All methods on all takes: judged, summarised, drawn and written."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
-import msgspec
-
-from common.messages import Detections
 from common.metrics import Row, combine
-from common.recording import open_recording
-from deploy.evaluation.detections import Look, Seen, look
-from deploy.evaluation.methods import Method
 from deploy.evaluation.output import (
     SWITCH_FIELDS,
     switch_rows,
@@ -24,6 +16,7 @@ from deploy.evaluation.output import (
 )
 from deploy.evaluation.page import Content, Picture, html_of
 from deploy.evaluation.pool import Pool
+from deploy.evaluation.preparation import Plan, Report, Work, film_all, trials_of
 from deploy.evaluation.strips import Strip, strips_of
 from deploy.evaluation.tables import (
     OVERVIEW,
@@ -35,33 +28,9 @@ from deploy.evaluation.tables import (
     row_of,
     speed_of,
 )
-from deploy.evaluation.takes import Take, film
+from deploy.evaluation.takes import Take
 from deploy.evaluation.trace import Trace, trace_of
 from deploy.evaluation.trial import Result, Trial, judge, run
-from deploy.evaluation.truth import Happening, read_truth
-
-A = TypeVar("A")
-B = TypeVar("B")
-Report = Callable[[str, float], object]
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is evaluated.
-
-    Args:
-        methods: What is judged, each under a name of its own.
-        takes: What it is judged on.
-        cache: Folder of films and detections, which are made once.
-        jobs: Processes at once; the result does not depend on it.
-        figures: Whether figures are drawn, which takes matplotlib.
-    """
-
-    methods: tuple[Method, ...]
-    takes: tuple[Take, ...]
-    cache: Path
-    jobs: int = 1
-    figures: bool = True
 
 
 @dataclass(frozen=True)
@@ -100,30 +69,6 @@ class Evaluation:
     pictures: tuple[Picture, ...]
 
 
-@dataclass(frozen=True)
-class Work:
-    """Does pieces of work and tells how far it is.
-
-    Args:
-        pool: Where they are done.
-        report: Called with what is being done and the share of it that is done.
-    """
-
-    pool: Pool
-    report: Report
-
-    def do(self, what: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
-        """Return the results of all pieces, in their order."""
-        finished: list[int] = []
-
-        def done(index: int) -> None:
-            finished.append(index)
-            self.report(what, len(finished) / len(items))
-
-        self.report(what, 0.0)
-        return self.pool.do_all(work, items, done)
-
-
 def evaluate(plan: Plan, report: Report) -> Evaluation:
     """Judge all methods on all takes.
 
@@ -135,12 +80,11 @@ def evaluate(plan: Plan, report: Report) -> Evaluation:
         SourceError: A recording cannot be read, or has no truth.
         ModelError: A model is absent.
     """
-    for take in plan.takes:
-        film(take, plan.jobs, partial(_filming, report, take.name))
+    film_all(plan, report)
     with Pool(plan.jobs) as pool:
         work = Work(pool, report)
         shown = _shown(plan.takes)
-        tries = [(trial, trial.take.name in shown) for trial in _trials(plan, work)]
+        tries = [(trial, trial.take.name in shown) for trial in trials_of(plan, work)]
         judged = work.do("tracking", try_out, tries)
         pictures = _pictures(plan, judged, work) if plan.figures else ()
     results = [one.result for one in judged]
@@ -245,59 +189,3 @@ def _pictures(plan: Plan, judged: Sequence[Judged], work: Work) -> tuple[Picture
     errors = Picture("errors", "Errors over all recordings", figures.histograms(pooled))
     drawn = work.do("drawing", draw, asked)
     return (errors, *(picture for pictures in drawn for picture in pictures))
-
-
-def _trials(plan: Plan, work: Work) -> list[Trial]:
-    """Find the people of every take once for each way to see them, and what is true."""
-    looks: dict[tuple[str, bytes], Look] = {}
-    for take in plan.takes:
-        for method in plan.methods:
-            _ask(looks, take, method, plan.cache)
-    seen = dict(zip(looks, work.do("detecting", look, list(looks.values())), strict=True))
-    asked: dict[tuple[str, bytes], tuple[Take, Path]] = {}
-    for take in plan.takes:
-        for method in plan.methods:
-            found = seen[_way(take, method)].detections
-            asked.setdefault((take.name, _key(method.camera)), (take, found))
-    told = dict(zip(asked, work.do("truth", _truth, list(asked.values())), strict=True))
-    trials = []
-    for method in plan.methods:
-        for take in plan.takes:
-            way = _way(take, method)
-            vectors = _embeddings(looks[way], seen[way], method)
-            truth = told[take.name, _key(method.camera)]
-            trials.append(Trial(method, take, seen[way].detections, vectors, truth))
-    return trials
-
-
-def _filming(report: Report, name: str, what: str, share: float) -> None:
-    report(f"{what} {name}", share)
-
-
-def _ask(looks: dict[tuple[str, bytes], Look], take: Take, method: Method, cache: Path) -> None:
-    way = _way(take, method)
-    wanted = looks.get(way) or Look(take.path, method.camera, method.detector, (), cache)
-    if method.reid and method.reid not in wanted.reids:
-        wanted = Look(
-            take.path, method.camera, method.detector, (*wanted.reids, method.reid), cache
-        )
-    looks[way] = wanted
-
-
-def _embeddings(wanted: Look, seen: Seen, method: Method) -> Path | None:
-    return seen.embeddings[wanted.reids.index(method.reid)] if method.reid else None
-
-
-def _truth(asked: tuple[Take, Path]) -> Happening:
-    take, detections = asked
-    found = open_recording(detections).messages(Detections)
-    return read_truth(take, [message.stamp_ns for _, message in found])
-
-
-def _way(take: Take, method: Method) -> tuple[str, bytes]:
-    """Return what tells one way to see one take from any other."""
-    return take.name, _key(method.camera) + _key(method.detector)
-
-
-def _key(record: msgspec.Struct) -> bytes:
-    return msgspec.json.encode(record)

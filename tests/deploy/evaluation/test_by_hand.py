@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from common.errors import SourceError
-from deploy.evaluation.evaluation import Judged, Plan, evaluate, write
+from deploy.evaluation.evaluation import Judged, evaluate, write
 from deploy.evaluation.methods import read_method
+from deploy.evaluation.preparation import Plan
 from deploy.evaluation.takes import plan_takes
 from tests.deploy.evaluation import stored
 

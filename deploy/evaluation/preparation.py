@@ -1,0 +1,134 @@
+"""From methods and takes to trials: people found once for each way to see them, and the truth."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from common.messages import Detections
+from common.recording import open_recording
+from deploy.evaluation.detections import Look, Seen, look
+from deploy.evaluation.methods import Method
+from deploy.evaluation.pool import Pool
+from deploy.evaluation.takes import Take, film
+from deploy.evaluation.trial import Trial
+from deploy.evaluation.truth import Happening, read_truth
+
+A = TypeVar("A")
+B = TypeVar("B")
+Report = Callable[[str, float], object]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is evaluated.
+
+    Args:
+        methods: What is judged, each under a name of its own.
+        takes: What it is judged on.
+        cache: Folder of films and detections, which are made once.
+        jobs: Processes at once; the result does not depend on it.
+        figures: Whether figures are drawn, which takes matplotlib.
+    """
+
+    methods: tuple[Method, ...]
+    takes: tuple[Take, ...]
+    cache: Path
+    jobs: int = 1
+    figures: bool = True
+
+
+@dataclass(frozen=True)
+class Work:
+    """Does pieces of work and tells how far it is.
+
+    Args:
+        pool: Where they are done.
+        report: Called with what is being done and the share of it that is done.
+    """
+
+    pool: Pool
+    report: Report
+
+    def do(self, what: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
+        """Return the results of all pieces, in their order."""
+        finished: list[int] = []
+
+        def done(index: int) -> None:
+            finished.append(index)
+            self.report(what, len(finished) / len(items))
+
+        self.report(what, 0.0)
+        return self.pool.do_all(work, items, done)
+
+
+def film_all(plan: Plan, report: Report) -> None:
+    """Film all scenarios that were not filmed before.
+
+    Raises:
+        SourceError: The cache cannot be written.
+    """
+    for take in plan.takes:
+        film(take, plan.jobs, partial(_filming, report, take.name))
+
+
+def trials_of(plan: Plan, work: Work) -> list[Trial]:
+    """Return all trials, method by method, with detections and truth.
+
+    Raises:
+        SourceError: A recording cannot be read, or has no truth.
+        ModelError: A model is absent.
+    """
+    looks: dict[tuple[str, bytes], Look] = {}
+    for take in plan.takes:
+        for method in plan.methods:
+            _ask(looks, take, method, plan.cache)
+    seen = dict(zip(looks, work.do("detecting", look, list(looks.values())), strict=True))
+    asked: dict[tuple[str, bytes], tuple[Take, Path]] = {}
+    for take in plan.takes:
+        for method in plan.methods:
+            found = seen[_way(take, method)].detections
+            asked.setdefault((take.name, _key(method.camera)), (take, found))
+    told = dict(zip(asked, work.do("truth", _truth, list(asked.values())), strict=True))
+    trials = []
+    for method in plan.methods:
+        for take in plan.takes:
+            way = _way(take, method)
+            vectors = _embeddings(looks[way], seen[way], method)
+            truth = told[take.name, _key(method.camera)]
+            trials.append(Trial(method, take, seen[way].detections, vectors, truth))
+    return trials
+
+
+def _ask(looks: dict[tuple[str, bytes], Look], take: Take, method: Method, cache: Path) -> None:
+    way = _way(take, method)
+    wanted = looks.get(way) or Look(take.path, method.camera, method.detector, (), cache)
+    if method.reid and method.reid not in wanted.reids:
+        wanted = replace(wanted, reids=(*wanted.reids, method.reid))
+    looks[way] = wanted
+
+
+def _embeddings(wanted: Look, seen: Seen, method: Method) -> Path | None:
+    return seen.embeddings[wanted.reids.index(method.reid)] if method.reid else None
+
+
+def _truth(asked: tuple[Take, Path]) -> Happening:
+    take, detections = asked
+    found = open_recording(detections).messages(Detections)
+    return read_truth(take, [message.stamp_ns for _, message in found])
+
+
+def _way(take: Take, method: Method) -> tuple[str, bytes]:
+    """Return what tells one way to see one take from any other."""
+    return take.name, _key(method.camera) + _key(method.detector)
+
+
+def _key(record: msgspec.Struct) -> bytes:
+    return msgspec.json.encode(record)
+
+
+def _filming(report: Report, name: str, what: str, share: float) -> None:
+    report(f"{what} {name}", share)
