@@ -12,6 +12,7 @@ from common.metrics import moved
 from common.node import Status
 from common.topics import ForeignTopic
 from services.gt_bridge.config import GtBridgeConfig
+from services.gt_bridge.judge import near
 from services.gt_bridge.scorer import Scorer
 from services.gt_bridge.stored import LEAD_NS, StoredTruth
 from services.gt_bridge.views import Views
@@ -37,7 +38,7 @@ class GtBridgeNode:
         self._frames = FrameGraph()
         self._views = Views(self._frames)
         self._scorer = Scorer(config, self._frames, self._views, self._counters)
-        self._stored = StoredTruth(config, truth, self._counters, self._foresee)
+        self._stored = StoredTruth(config, truth, self._counters, self._take_in)
         self._sequence = 0
         self._live_ns: int | None = None
         self._unplaced = ""  # frame of the last truth that could not be brought to the wanted one
@@ -93,8 +94,15 @@ class GtBridgeNode:
             return "" if self._live_ns is not None else f"waits for {self.foreign_inputs[0].key}"
         return "there is no truth" if self._stored.empty else ""
 
-    def _foresee(self, truth: Truth) -> None:
-        self._scorer.add_truth(self._named(truth))
+    def _take_in(self, truth: Truth) -> Truth:
+        """Let the scorer know of truth, and return it as it is to be published, but unplaced."""
+        people = near(truth.people)
+        if len(people) < len(truth.people):
+            self._counters["too_far"] += len(truth.people) - len(people)
+        frame_id = self._config.truth_frame or truth.frame_id
+        truth = msgspec.structs.replace(truth, frame_id=frame_id, people=people)
+        self._scorer.add_truth(truth)
+        return truth
 
     def _captured(self, truth: Truth) -> list[Truth]:
         """Return what was captured now, unless a newer one came before it."""
@@ -104,15 +112,10 @@ class GtBridgeNode:
             self._counters["late_truth"] += 1
             return []
         self._live_ns = stamp_ns
-        self._foresee(truth)
-        return [truth]
-
-    def _named(self, truth: Truth) -> Truth:
-        frame_id = self._config.truth_frame or truth.frame_id
-        return msgspec.structs.replace(truth, frame_id=frame_id)
+        return [self._take_in(truth)]
 
     def _publish(self, messages: Iterable[Truth]) -> list[Message]:
-        return [self._placed(self._named(truth)) for truth in messages]
+        return [self._placed(truth) for truth in messages]
 
     def _placed(self, truth: Truth) -> Truth:
         """Bring truth to the wanted frame if the way is known, and number it."""

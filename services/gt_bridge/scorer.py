@@ -88,10 +88,8 @@ class Scorer:
         if matrix is None:
             self._counters["without_transform"] += 1
             return None
-        people = near(truth.people)
-        self._counters["too_far"] += len(truth.people) - len(people)
-        truth = msgspec.structs.replace(truth, people=people)
-        return moved(truth, self._aligner.matrix @ matrix, tracks.frame_id)
+        truth = moved(truth, self._aligner.matrix @ matrix, tracks.frame_id)
+        return msgspec.structs.replace(truth, people=near(truth.people))
 
     def _score(self, tracks: Tracks, truth: Truth) -> Score:
         if self._judge.identities > IDENTITIES:

@@ -23,7 +23,8 @@ class StoredTruth:
         config: Pace, offset and length of a round.
         truth: Messages by rising stamp; iterated anew when playback begins again.
         counters: Where truth passed over and restarts are counted.
-        foresee: Called with each message before it is due: the next one is always known.
+        take_in: Called with each message before it is due, since the next one is always known;
+            returns what is to be handed out.
     """
 
     def __init__(
@@ -31,14 +32,14 @@ class StoredTruth:
         config: GtBridgeConfig,
         truth: Iterable[Truth],
         counters: Counter[str],
-        foresee: Callable[[Truth], None] = lambda _: None,
+        take_in: Callable[[Truth], Truth],
     ) -> None:
         self._truth = truth
         self._by_clock = config.pace == "recorded"
         self._offset_ns = round(config.offset_s * NS)
         self._loop_ns = round(config.loop_s * NS)
         self._counters = counters
-        self._foresee = foresee
+        self._take_in = take_in
         self._round = 0
         self.problem = ""  # why the truth ended before its end
         self._last_frame_ns: int | None = None
@@ -109,8 +110,8 @@ class StoredTruth:
             return
         if message is not None:
             stamp_ns = message.stamp_ns + self._offset_ns + self._round * self._loop_ns
-            self._next = msgspec.structs.replace(message, stamp_ns=stamp_ns, trace=())
-            self._foresee(self._next)
+            message = msgspec.structs.replace(message, stamp_ns=stamp_ns, trace=())
+            self._next = self._take_in(message)
 
     def _pass_over(self, stamp_ns: int) -> None:
         while self._next is not None and self._next.stamp_ns < stamp_ns:

@@ -3,13 +3,18 @@
 import itertools
 from collections.abc import Iterator, Sequence
 
+import msgspec
 import numpy as np
 import pytest
 
+from common.codec import decode, encode
 from common.errors import SourceError
-from common.messages import Detections, Message, Truth, TruthPerson
-from services.gt_bridge.config import GtBridgeConfig
+from common.messages import Detections, Message, Score, Tracks, Truth, TruthPerson
+from services.gt_bridge.config import FixedTransform, GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
+from tests.contract.odd import in_order, out_of_order
+from tests.gt_bridge.scene import INFO, POSE, person, track, tracks
+from tests.gt_bridge.scene import truth as captured
 
 S = 10**9
 
@@ -133,3 +138,99 @@ def test_all_truth_goes_out_once_whatever_the_order_of_close_frames(
     node = GtBridgeNode(truth(1.0, 1.1, 1.2, 1.3, 1.4))
     sent = [s for stamp in order for s in stamps_s(node.handle(frame(stamp), 0))]
     assert sent == [1.0, 1.1, 1.2, 1.3, 1.4]
+
+
+def walking() -> list[Truth]:
+    """A person at x = 2 + t, captured at 10 Hz for 3 s."""
+    return [captured(k * 100, person("a", 2.0 + k / 10, 0.0, vx=1.0)) for k in range(31)]
+
+
+def scores(messages: Sequence[Message]) -> list[Score]:
+    return [m for m in messages if isinstance(m, Score)]
+
+
+def test_each_frame_is_judged_as_soon_as_its_tracks_are_there() -> None:
+    node = GtBridgeNode(walking())
+    for message in (INFO, POSE):
+        assert node.handle(message, 0) == []
+    for k in range(1, 4):
+        stamp_ms = k * 250  # between two samples, of which the later one is not yet sent
+        sent = node.handle(frame(stamp_ms / 1000), 0)
+        assert max(stamps_s(sent)) <= stamp_ms / 1000
+        (got,) = scores(node.handle(tracks(stamp_ms, track(1, 2.0 + k / 4 + 0.3, 0.4, vx=1.0)), 0))
+        assert got.people[0].position_error_m == pytest.approx([0.3, 0.4])
+        assert got.people[0].view == "inside"
+        assert got.total.frames == k
+    assert got.total.position_rmse_m == pytest.approx(0.5)
+    assert got.total.velocity_rmse_mps == pytest.approx(0.0)
+
+
+def test_a_round_of_a_looping_camera_is_judged_anew() -> None:
+    node = GtBridgeNode(walking(), GtBridgeConfig(loop_s=3.0))
+    total = None
+    for stamp_ms in range(500, 6001, 500):
+        node.handle(frame(stamp_ms / 1000), 0)
+        x = 2.0 + (stamp_ms % 3000) / 1000
+        number = 1 + stamp_ms // 3000  # the tracker sees another person
+        for got in scores(node.handle(tracks(stamp_ms, track(number, x, 0.0)), 0)):
+            total = got.total
+            assert total.id_switches == 0
+    assert total is not None
+    assert total.frames < 8  # of the last round
+
+
+def test_truth_in_a_frame_of_its_own_is_placed_by_the_configuration() -> None:
+    there = [captured(0, person("a", 1.0, 0.0, vx=1.0), frame_id="mocap"), captured(100)]
+    config = GtBridgeConfig(
+        transforms=(FixedTransform(parent="map", child="mocap", xyz_m=(1.0, 2.0, 0.0)),)
+    )
+    (got,) = GtBridgeNode(there, config).handle(frame(0.05), 0)
+    assert isinstance(got, Truth)
+    assert (got.frame_id, got.people[0].position_m.tolist()) == ("map", [2.0, 2.0, 1.0])
+
+
+def test_truth_that_cannot_be_placed_keeps_its_frame_and_is_told() -> None:
+    node = GtBridgeNode([captured(0, frame_id="mocap")])
+    (got,) = node.handle(frame(0.05), 0)
+    assert isinstance(got, Truth)
+    assert got.frame_id == "mocap"
+    assert node.status().state == "degraded"
+    assert "no transform map <- mocap" in node.status().reason
+
+
+def test_strange_messages_do_not_make_it_raise_while_it_judges() -> None:
+    people = [person("a", 1.0, 2.0, vx=0.1, yaw_deg=20), person("far", 1e300, 0.0)]
+    node = GtBridgeNode(
+        [captured(k * 50, *people) for k in range(-40, 41)],
+        GtBridgeConfig(align_clock_s=0.5, align_space="3d", apply_alignment=True),
+    )
+    judged = 0
+    for message in itertools.chain(in_order(), out_of_order(), in_order()):
+        if isinstance(message, node.inputs):
+            for answer in node.handle(decode(encode(message)), 0):
+                assert decode(encode(answer))
+            if isinstance(message, Tracks):  # the same at a time of which there is truth
+                node.handle(frame(1.0), 0)
+                timely = msgspec.structs.replace(message, stamp_ns=S, frame_id="map")
+                for answer in node.handle(timely, 0):
+                    judged += isinstance(decode(encode(answer)), Score)
+    assert judged > 20
+    assert node.status().state != "finished"
+
+
+def test_people_beyond_reason_are_left_out() -> None:
+    node = GtBridgeNode([captured(0, person("far", 1.7e308, 1.7e308), person("a", 1.0, 0.0))])
+    (got,) = node.handle(frame(0.05), 0)
+    assert isinstance(got, Truth)
+    assert [p.id for p in got.people] == ["a"]
+    assert node.status().counters["too_far"] == 1
+
+
+def test_200_people() -> None:
+    crowd = [person(str(k), 1.0 + k % 20, k // 20 - 5.0, vx=0.0) for k in range(200)]
+    node = GtBridgeNode([captured(k * 100, *crowd) for k in range(20)])
+    found = [track(k + 1, 1.0 + k % 20, k // 20 - 5.0) for k in range(200)]
+    for stamp_ms in range(100, 1000, 100):
+        node.handle(frame(stamp_ms / 1000), 0)
+        (got,) = scores(node.handle(tracks(stamp_ms, *found), 0))
+    assert (got.total.matched, got.total.id_switches, got.id_consistency) == (9 * 200, 0, 1.0)

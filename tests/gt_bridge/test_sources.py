@@ -164,5 +164,5 @@ def test_the_lab_files_read(shared: Path) -> None:
 
 
 def test_the_demo_recording_holds_truth() -> None:
-    demo = Path(__file__).parents[2] / "deploy/demo/two_people.mcap"
-    assert len(read(demo)) == 150
+    demo = Path(__file__).parents[2] / "deploy/demo/crossing.mcap"
+    assert len(read(demo)) == 901
