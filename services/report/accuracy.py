@@ -8,10 +8,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from common.messages import F64, Track, Tracks, Truth, TruthPerson
+from common.metrics.interpolation import TruthTrail
 from services.report.spread import Spread
 
 GATE_M = 1.0  # a track farther from the truth is not that person
-MAX_GAP_NS = 200_000_000  # truth that is sparser is not interpolated
 SAMPLES = 10_000
 
 
@@ -32,7 +32,7 @@ class TruthCheck:
     """Compares tracks with truth interpolated to their stamp, as soon as both are there."""
 
     def __init__(self) -> None:
-        self._truth: deque[Truth] = deque(maxlen=512)
+        self._truth = TruthTrail()
         self._waiting: deque[Tracks] = deque(maxlen=512)
         self._position_m: Spread[float] = Spread(SAMPLES)
         self._velocity_mps: Spread[float] = Spread(SAMPLES)
@@ -44,11 +44,11 @@ class TruthCheck:
         if isinstance(message, Tracks):
             self._waiting.append(message)
         else:
-            if self._truth and message.stamp_ns < self._truth[-1].stamp_ns:
-                self._truth.clear()  # playback began again
-                self._waiting.clear()
-            self._truth.append(message)
-        while self._waiting and self._truth and self._is_due(self._waiting[0]):
+            newest_ns = self._truth.newest_ns
+            if newest_ns is not None and message.stamp_ns < newest_ns:
+                self._waiting.clear()  # playback began again
+            self._truth.add(message)
+        while self._waiting and self._is_due(self._waiting[0]):
             self._compare(self._waiting.popleft())
 
     def result(self) -> Accuracy | None:
@@ -69,10 +69,11 @@ class TruthCheck:
         )
 
     def _is_due(self, tracks: Tracks) -> bool:
-        return self._truth[-1].stamp_ns >= tracks.stamp_ns
+        newest_ns = self._truth.newest_ns
+        return newest_ns is not None and newest_ns >= tracks.stamp_ns
 
     def _compare(self, tracks: Tracks) -> None:
-        truth = self._truth_at(tracks.stamp_ns)
+        truth = self._truth.at(tracks.stamp_ns)
         if truth is None or truth.frame_id != tracks.frame_id:
             return
         people = [track for track in tracks.people if track.state == "confirmed"]
@@ -91,24 +92,6 @@ class TruthCheck:
         self._switches += self._last_track.get(person.id, track.id) != track.id
         self._last_track[person.id] = track.id
 
-    def _truth_at(self, stamp_ns: int) -> Truth | None:
-        after = next((t for t in self._truth if t.stamp_ns >= stamp_ns), None)
-        before = next((t for t in reversed(self._truth) if t.stamp_ns <= stamp_ns), None)
-        if before is None or after is None or after.stamp_ns - before.stamp_ns > MAX_GAP_NS:
-            return None
-        return interpolate(before, after, stamp_ns)
-
-
-def interpolate(before: Truth, after: Truth, stamp_ns: int) -> Truth:
-    """Return the people who are in both messages, moved linearly to a stamp between them."""
-    span_ns = after.stamp_ns - before.stamp_ns
-    share = (stamp_ns - before.stamp_ns) / span_ns if span_ns else 0.0
-    later = {person.id: person for person in after.people}
-    people = tuple(
-        _between(person, later[person.id], share) for person in before.people if person.id in later
-    )
-    return msgspec.structs.replace(before, stamp_ns=stamp_ns, people=people)
-
 
 def match(people: Sequence[TruthPerson], tracks: Sequence[Track]) -> list[tuple[int, int]]:
     """Return the pairs (person, track) within the gate with the least sum of distances."""
@@ -120,14 +103,6 @@ def match(people: Sequence[TruthPerson], tracks: Sequence[Track]) -> list[tuple[
     # Beyond the gate all pairs cost the same, so that they never displace one within it.
     rows, columns = linear_sum_assignment(np.minimum(distance, GATE_M))
     return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if distance[i, j] < GATE_M]
-
-
-def _between(a: TruthPerson, b: TruthPerson, share: float) -> TruthPerson:
-    velocity = None
-    if a.velocity_mps is not None and b.velocity_mps is not None:
-        velocity = a.velocity_mps + share * (b.velocity_mps - a.velocity_mps)
-    position = a.position_m + share * (b.position_m - a.position_m)
-    return TruthPerson(id=a.id, position_m=position, velocity_mps=velocity)
 
 
 def _distance(a: F64, b: F64) -> float:

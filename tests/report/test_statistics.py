@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from common.messages import Detection
-from services.report.accuracy import TruthCheck, interpolate, match
+from services.report.accuracy import TruthCheck, match
 from services.report.join import Moment
 from services.report.latency import Latency
 from services.report.spread import Spread
@@ -70,12 +70,6 @@ def test_a_message_without_trace_changes_nothing() -> None:
     latency = Latency()
     latency.add([])
     assert latency.percentiles() == {}
-
-
-def test_truth_is_interpolated_between_its_stamps() -> None:
-    before, after = truth(0, ("a", 1.0, 0.0), ("gone", 0, 0)), truth(100 * MS, ("a", 2.0, 4.0))
-    (person,) = interpolate(before, after, 25 * MS).people  # a quarter of the way
-    assert person.position_m.tolist() == [1.25, 1.0, 1.0]
 
 
 def test_match_takes_the_least_sum_and_keeps_the_gate() -> None:
