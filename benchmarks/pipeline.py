@@ -165,7 +165,7 @@ def main() -> None:
     write(
         __file__,
         "Pipeline: camera, detector, re-ID and tracker as processes, 640x480",
-        "The shipped recording (two people), one network thread. `whole` is from the frame being "
+        "The shipped recording (three people), one network thread. `whole` is from the frame being "
         "sent by the camera to the people in a subscriber's hands; `to X` is encoding, transport "
         "and waking X. The sum of medians is not the median of the sum.",
         *parts,

@@ -109,7 +109,7 @@ def main() -> None:
     for name in models(shared):
         header += [f"{name}: tracks", "identified of 22"]
     note = (
-        "First columns: the shipped recording (two people, movenet-multipose) against its truth; "
+        "First columns: the shipped recording (three people, movenet-multipose) against its truth; "
         "positions lie on the surface that faces the camera, about 0.13 m before the truth. Then "
         "six people who walk a loop and hide each other, see [real_inputs.md](real_inputs.md). "
         "Embedder: histogram. The first row has the paper's constants (acceleration, measurement)."
