@@ -1,18 +1,18 @@
 """What is true at the stamps of frames, and who of the people has to be found there."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from common.errors import SourceError
 from common.geometry import invert
 from common.messages import F64, CameraInfo, Truth, TruthPerson
 from common.metrics import TruePeople, TruthTrail, in_view
 from deploy.evaluation.takes import Take
-from deploy.evaluation.visibility import lab_shares
+from deploy.evaluation.visibility import lab_views
 from services.camera.lab.world import EPOCH_NS
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources import open_truth
@@ -92,16 +92,18 @@ def read_truth(take: Take, stamps_ns: Sequence[int]) -> Happening:
     Raises:
         SourceError: The take has no truth, or it cannot be read.
     """
-    files = [(take.truth_file, EPOCH_NS), (take.path / "gt.npz", 0)]
-    for path, epoch_ns in files:
+    for path, epoch_ns in ((take.truth_file, EPOCH_NS), (take.path / "gt.npz", 0)):
         if path.is_file():
-            happening = happening_of(_told(path, epoch_ns), stamps_ns, str(path))
+            happening = happening_of(_numbered(path, epoch_ns), stamps_ns, str(path))
             return _with_frames(happening, path, [stamp - epoch_ns for stamp in stamps_ns])
     happening = happening_of(_told(take.path), stamps_ns, str(take.path))
     if take.filmed is None:
         return happening
-    shares = lab_shares(take.filmed, take.seed, _places(happening), stamps_ns)
-    return _replaced(happening, shares, None)
+    views = lab_views(take.filmed, take.seed, _places(happening), stamps_ns)
+    if views is None:
+        return happening
+    poses = [view.map_from_camera for view in views]
+    return _replaced(happening, [view.shares for view in views], poses)
 
 
 def happening_of(told: Iterable[Truth], stamps_ns: Sequence[int], where: str) -> Happening:
@@ -141,9 +143,15 @@ def _moment(near: TruthTrail, far: TruthTrail, stamp_ns: int, count: int) -> Mom
     return Moment(known.people + lost, sure)
 
 
-def _told(path: Path, epoch_ns: int = 0) -> Iterable[Truth]:
-    for message in open_truth(GtBridgeConfig(truth=str(path))):
-        yield msgspec.structs.replace(message, stamp_ns=message.stamp_ns + epoch_ns)
+def _told(path: Path) -> Iterable[Truth]:
+    return open_truth(GtBridgeConfig(truth=str(path)))
+
+
+def _numbered(path: Path, epoch_ns: int) -> Iterator[Truth]:
+    """Yield the truth of a rendering under the identities of its motion capture, from 1 on."""
+    for message in _told(path):
+        people = tuple(replace(p, id=str(k)) for k, p in enumerate(message.people, 1))
+        yield replace(message, stamp_ns=message.stamp_ns + epoch_ns, people=people)
 
 
 def _places(happening: Happening) -> list[dict[str, F64]]:
@@ -168,15 +176,10 @@ def _with_frames(happening: Happening, path: Path, times_ns: Sequence[int]) -> H
 
 
 def _replaced(
-    happening: Happening,
-    shares: Sequence[Mapping[str, float]] | None,
-    poses: Sequence[F64] | None,
+    happening: Happening, shares: Sequence[Mapping[str, float]], poses: Sequence[F64]
 ) -> Happening:
-    none: list[None] = [None] * len(happening.moments)
     moments = tuple(
-        Moment(moment.people, moment.sure, share or {}, pose) if moment else None
-        for moment, share, pose in zip(
-            happening.moments, shares or none, poses or none, strict=True
-        )
+        Moment(moment.people, moment.sure, share, pose) if moment else None
+        for moment, share, pose in zip(happening.moments, shares, poses, strict=True)
     )
     return Happening(happening.frame_id, happening.ids, moments)

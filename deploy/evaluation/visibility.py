@@ -1,6 +1,7 @@
 """How much of each person the camera of the virtual lab could see, without drawing anything."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,13 +15,26 @@ ALIKE_M = 0.1  # truth and simulation at most so far apart are of the same motio
 CHECKED = 5  # stamps at which that is looked at
 
 
-def lab_shares(
+@dataclass(frozen=True)
+class LabView:
+    """What the camera saw at one stamp.
+
+    Args:
+        shares: By identity, part of the body that is in the image and that nobody hides.
+        map_from_camera: 4x4.
+    """
+
+    shares: Mapping[str, float]
+    map_from_camera: F64
+
+
+def lab_views(
     scenario: Scenario,
     seed: int | None,
     places: Sequence[Mapping[str, F64]],
     stamps_ns: Sequence[int],
-) -> list[dict[str, float]] | None:
-    """Return by identity the share of each body that is in the image and that nobody hides.
+) -> list[LabView] | None:
+    """Return what the camera saw at some stamps.
 
     Args:
         scenario: What was filmed.
@@ -40,14 +54,17 @@ def lab_shares(
             now = capture(world, number[name], _seconds(stamps_ns[row])).position_m
             if np.linalg.norm(now - position_m) > ALIKE_M:
                 return None
-    return [_shares(world, _seconds(stamp_ns)) for stamp_ns in stamps_ns]
+    return [_view(world, _seconds(stamp_ns)) for stamp_ns in stamps_ns]
 
 
-def _shares(world: World, t_s: float) -> dict[str, float]:
+def _view(world: World, t_s: float) -> LabView:
     held = zip(world.bodies, world.postures(t_s), strict=True)
     people = [body.keypoints_m(posture) for body, posture in held]
     found = outlines(people, world.optical_from_map(t_s), world.info)
-    return {person_id(k): found[k].visible_share if k in found else 0.0 for k in range(len(people))}
+    shares = {
+        person_id(k): found[k].visible_share if k in found else 0.0 for k in range(len(people))
+    }
+    return LabView(shares, world.map_from_optical(t_s))
 
 
 def _seconds(stamp_ns: int) -> float:

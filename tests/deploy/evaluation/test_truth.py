@@ -12,11 +12,11 @@ from common.geometry import LINK_FROM_OPTICAL
 from deploy.evaluation.pool import Pool
 from deploy.evaluation.takes import film, plan_takes
 from deploy.evaluation.truth import happening_of, read_truth
-from deploy.evaluation.visibility import lab_shares
+from deploy.evaluation.visibility import lab_views
 from services.camera.lab.frame_truth import person_views
 from services.camera.lab.scenario import load_scenario
 from services.camera.lab.world import World
-from tests.camera.lab.scenarios import FRAMES, write_scenario
+from tests.camera.lab.scenarios import DRIVE, FRAMES, write_scenario
 from tests.deploy.evaluation import stored
 
 MS = 1_000_000
@@ -84,18 +84,19 @@ def test_truth_of_drawn_frames_has_the_visible_share_of_each_pixel(tmp_path: Pat
 
 
 def test_who_hides_whom_is_known_without_drawing(tmp_path: Path) -> None:
-    scenario = load_scenario(str(write_scenario(tmp_path)))
+    scenario = load_scenario(str(write_scenario(tmp_path, DRIVE)))
     world = World(scenario)
     stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
     views = [person_views(world, world.frame_s(k), None) for k in range(FRAMES)]
     places = [{view.id: view.position_m for view in people} for people in views]
-    shares = lab_shares(scenario, None, places, stamps_ns)
-    assert shares is not None
-    for share, people in zip(shares, views, strict=True):
-        assert share == {view.id: view.visible_share for view in people}
-    assert min(share["2"] for share in shares) < 0.8 < max(share["2"] for share in shares)
+    seen = lab_views(scenario, None, places, stamps_ns)
+    assert seen is not None
+    for k, (told, people) in enumerate(zip(seen, views, strict=True)):
+        assert told.shares == {view.id: view.visible_share for view in people}
+        np.testing.assert_array_equal(told.map_from_camera, world.map_from_optical(k / 10))
+    assert min(told.shares["2"] for told in seen) < 0.8 < max(told.shares["2"] for told in seen)
     moved = [{name: place + 1.0 for name, place in row.items()} for row in places]
-    assert lab_shares(scenario, None, moved, stamps_ns) is None
+    assert lab_views(scenario, None, moved, stamps_ns) is None
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
