@@ -45,7 +45,8 @@ class Places:
     pixels: F64  # [px] Nx2, places on the person
     depth_m: F64  # [m] N, NaN where depth is not read
     weights: F64  # N, how much each counts
-    common_m: float | None  # [m] depth at which the person would be of common size, None if unknown
+    common_m: float | None = None  # [m] at which the person would be of common size; None: unknown
+    margin_px: float = 0.0  # [px] how far the person's outline lies beyond the places
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def settle(people: Sequence[Places], rule: LayerRule) -> list[Layer | None]:
             layer = settled[other]
             if layer is not None:
                 taken = np.abs(person.depth_m - layer.depth_m) <= rule.half_m
-                own = own & ~(taken & _covered(person.pixels, people[other].pixels))
+                own = own & ~(taken & _covered(person.pixels, people[other]))
         if own.any():
             settled[k] = Layer(_best(person, own, rule)[0], own)
         before.append(k)
@@ -93,11 +94,11 @@ def _best(person: Places, own: npt.NDArray[np.bool_], rule: LayerRule) -> tuple[
     return float(np.median(depth_m[near[best]])), float(scores[best])
 
 
-def _covered(pixels: F64, other: F64) -> npt.NDArray[np.bool_]:
-    """Tell which of Nx2 pixels lie inside the outline of another person's places."""
-    hull = cv2.convexHull(other.astype(np.float32))
-    inside = [cv2.pointPolygonTest(hull, (float(u), float(v)), False) >= 0 for u, v in pixels]
-    return np.array(inside, np.bool_)
+def _covered(pixels: F64, other: Places) -> npt.NDArray[np.bool_]:
+    """Tell which of Nx2 pixels lie inside the outline of another person."""
+    hull = cv2.convexHull(other.pixels.astype(np.float32))
+    inside_px = [cv2.pointPolygonTest(hull, (float(u), float(v)), True) for u, v in pixels]
+    return np.array(inside_px) >= -other.margin_px
 
 
 def read_layer(pixels: F64, side_px: int, depth_mm: U16, layer_m: float, half_m: float) -> F64:

@@ -7,7 +7,7 @@ not count. Each window tells where the axis is, their mean is the position.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -32,6 +32,7 @@ class TorsoRule(msgspec.Struct, frozen=True, kw_only=True):
     pull: float = 0.3  # part of the way from a joint to the torso's middle: off the outline
     window_share: float = 0.12  # side of a window, of the torso's diagonal in the image
     window_max_px: int = 31  # [px] largest side of a window
+    margin_share: float = 0.25  # a body's outline beyond its keypoints, of the torso's diagonal
     layer: LayerRule = LayerRule()  # what belongs to the person
     proportions: ProportionRule = ProportionRule()  # where hidden joints are
     # Where the trunk is hidden, face and limbs tell how far the axis is: so far behind them.
@@ -42,8 +43,9 @@ class TorsoRule(msgspec.Struct, frozen=True, kw_only=True):
         """Check the ranges."""
         if not 0 <= self.pull < 1:
             raise ValueError(f"pull: expected 0 to below 1, got {self.pull}")
-        if not 0 < self.window_share <= 1:
-            raise ValueError(f"window_share: expected above 0 to 1, got {self.window_share}")
+        for name in ("window_share", "margin_share"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ValueError(f"{name}: expected above 0 to 1, got {getattr(self, name)}")
         if not WINDOW_MIN_PX <= self.window_max_px <= 101:
             raise ValueError(
                 f"window_max_px: expected {WINDOW_MIN_PX} to 101, got {self.window_max_px}"
@@ -114,10 +116,15 @@ class TorsoReader:
         middle_px = joints_px[known].mean(axis=0)
         trunk_px = joints_px[known] + (middle_px - joints_px[known]) * rule.pull
         trunk_px = np.vstack([trunk_px, middle_px])
-        side_px = self._side(float(np.linalg.norm(np.ptp(joints_px[known], axis=0))))
+        diagonal_px = float(np.linalg.norm(np.ptp(joints_px[known], axis=0)))
+        side_px = self._side(diagonal_px)
         others_px = keypoints[OTHERS, :2][keypoints[OTHERS, 2] > confidence_min].astype(np.float64)
         common_m = size_depth(joints_px, known, info, rule.proportions)
-        places = self._places(trunk_px, others_px, side_px, common_m, sight)
+        places = replace(
+            self._places(trunk_px, others_px, side_px, sight),
+            common_m=common_m,
+            margin_px=rule.margin_share * diagonal_px,
+        )
         return _Torso(joints_px, known, trunk_px, side_px, places)
 
     def _joined(self, torso: "_Torso", layer: Layer, sight: Sight) -> Place:
@@ -145,9 +152,7 @@ class TorsoReader:
         columns = [float(np.flatnonzero(mask.window[row]).mean()) for row in chosen]
         trunk_px = np.column_stack([mask.x_px + np.array(columns), mask.y_px + chosen])
         side_px = self._side(height * float(np.ptp(TRUNK_ROWS)))
-        layer = settle(
-            [self._places(trunk_px, trunk_px[:0], side_px, None, sight)], self._rule.layer
-        )[0]
+        layer = settle([self._places(trunk_px, trunk_px[:0], side_px, sight)], self._rule.layer)[0]
         if layer is None:
             return None
         layer_m = layer.depth_m
@@ -161,14 +166,12 @@ class TorsoReader:
         side_px = round(self._rule.window_share * torso_px)
         return min(max(side_px, WINDOW_MIN_PX), self._rule.window_max_px) | 1
 
-    def _places(
-        self, trunk_px: F64, others_px: F64, side_px: int, common_m: float | None, sight: Sight
-    ) -> Places:
+    def _places(self, trunk_px: F64, others_px: F64, side_px: int, sight: Sight) -> Places:
         """Read depth for the first time, at places on the trunk and, after them, at others."""
         pixels = np.vstack([trunk_px, others_px])
         weights = np.repeat([1.0, self._rule.layer.other_weight], [len(trunk_px), len(others_px)])
         depth_m = read_depth(pixels, sight.depth_mm, sight.info.max_depth_m, side_px)
-        return Places(pixels, depth_m, weights, common_m)
+        return Places(pixels, depth_m, weights)
 
     def _place(
         self, middle_m: F64, across_m2: float, trunk_px: F64, side_px: int, sight: Sight

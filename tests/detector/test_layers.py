@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,3 +83,15 @@ def test_numbers_out_of_range_are_refused() -> None:
         LayerRule(half_m=0)
     with pytest.raises(ValueError, match="misfit: expected above 0 to 1, got 2"):
         LayerRule(misfit=2)
+
+
+def test_an_outline_reaches_beyond_the_keypoints() -> None:
+    # The other person's places are 4 px right of the square: theirs, or the arm of the one before.
+    def behind_an_arm(margin_px: float) -> float | None:
+        front = replace(places([2.0] * 5), margin_px=margin_px)
+        pixels: F64 = np.array([[24.0, 15.0], [24.0, 20.0], [40.0, 20.0]])
+        behind = Places(pixels, np.array([2.0, 2.0, 3.0]), np.ones(3))
+        return depths([front, behind])[1]
+
+    assert behind_an_arm(3.0) == 2.0
+    assert behind_an_arm(5.0) == 3.0
