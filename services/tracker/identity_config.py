@@ -41,12 +41,12 @@ class ContactConfig(msgspec.Struct, frozen=True, kw_only=True):
     doubt_sigma_m: float = 1.0  # [m]; 0: never
     # Nobody is farther from where they are predicted than this, plus so much for each second that
     # they were not seen; the gate of section 5 lets people jump 1.6 m from one frame to the next
-    jump_m: float = 0.5  # [m] on the ground
+    jump_m: float = 0.4  # [m] on the ground
     speed_max_mps: float = 2.5  # [m/s]
     # Tracks whose looks differ by less than this many times C_cos are told apart by position only
     alike_factor: float = 0.5
     # A picture that is not clear may differ by this many times C_cos: position decides
-    unclear_factor: float = 1.5
+    unclear_factor: float = 1.2
     # Round 2 refuses who looks different by more than this many times C_cos, so that a newcomer
     # does not get the track of somebody who was there a moment ago
     round2_factor: float = 1.5
@@ -70,8 +70,8 @@ class IdentityConfig(msgspec.Struct, frozen=True, kw_only=True):
     identities: int = 100  # people remembered; whoever was not seen for longest is forgotten first
     keep_s: float = 600.0  # [s] since somebody was seen that they are remembered
     # When it is decided who somebody is
-    evidence: int = 3  # clear pictures of a newcomer that are waited for, ...
-    wait_s: float = 1.0  # [s] ... for so long at most, while somebody could be back
+    evidence: int = 2  # clear pictures of a newcomer that are waited for, ...
+    wait_s: float = 0.5  # [s] ... for so long at most, while somebody could be back
     # How it is decided
     match_max: float | None = None  # largest cosine distance of the same person; absent: C_cos
     margin: float = 0.05  # by so much anybody else must look more different

@@ -40,13 +40,14 @@ class StrongSort3d:
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config.strongsort3d
         self._motion = PointMotion(self._config)
+        occlusion, identity = self._config.occlusion, self._config.identity
         survival = Survival(
-            confirm_hits=self._config.n_init,
+            # Who somebody is, is asked before they are told, at their second sight at the earliest.
+            confirm_hits=max(self._config.n_init, 2 if identity.enabled else 1),
             tentative_frames=1,
             lost_frames=self._config.a_max,
             lost_s=config.max_lost_s,
         )
-        occlusion, identity = self._config.occlusion, self._config.identity
         fading = Fading(occlusion, self._motion.velocity) if occlusion.enabled else None
         self._people = Population(self._motion, survival, make_yaw(config), fading)
         self._recognition = Recognition(identity, self._people) if identity.enabled else None
