@@ -57,13 +57,13 @@ def certainties(cost: F64, temperature: float) -> F64:
         cost: NxM, +inf for inadmissible pairs.
         temperature: Cost that makes a pair e times less likely.
     """
-    finite = np.isfinite(cost)
-    costs = np.where(finite, cost, 0.0)
-    # Of each pair, the odds of those in its row and in its column, itself counted in both.
-    in_row = np.exp(np.minimum((costs[:, :, None] - costs[:, None, :]) / temperature, 700.0))
-    in_column = np.exp(np.minimum((costs[:, None, :] - costs[None]) / temperature, 700.0))
-    odds = (in_row * finite[:, None, :]).sum(axis=2) + (in_column * finite[None]).sum(axis=1)
-    shares: F64 = np.where(finite, 1.0 / np.maximum(odds - 1.0, 1.0), 0.0)
+    logs = -cost / temperature
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        row = np.logaddexp.reduce(logs, axis=1, keepdims=True)
+        column = np.logaddexp.reduce(logs, axis=0, keepdims=True)
+        # The weights of the row and of the column over the pair's own, itself counted in both.
+        odds = np.exp(row - logs) + np.exp(column - logs) - 1.0
+    shares: F64 = np.where(np.isfinite(cost), 1.0 / odds, 0.0)
     return shares
 
 

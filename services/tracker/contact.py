@@ -114,7 +114,9 @@ def indistinct(d_cos: F64, looks: F64, alike_max: float) -> F64:
     """
     alike = np.nan_to_num(looks, nan=np.inf) <= alike_max
     np.fill_diagonal(alike, True)
-    shared = np.where(alike[:, :, None], np.nan_to_num(d_cos, nan=np.inf)[None], np.inf).min(axis=1)
+    shared = np.nan_to_num(d_cos, nan=np.inf)
+    for row in np.flatnonzero(alike.sum(axis=1) > 1):
+        shared[row] = np.nanmin(d_cos[alike[row]], axis=0, initial=np.inf)
     return np.where(np.isnan(d_cos), d_cos, shared)
 
 

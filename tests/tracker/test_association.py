@@ -8,6 +8,7 @@ from services.tracker.association import (
     adaptive_gate,
     assign,
     associate,
+    certainties,
     cosine_distances,
     distances,
     min_max,
@@ -116,3 +117,18 @@ def test_moving_average_of_the_embedding() -> None:
     np.testing.assert_array_equal(first, [0.0, 1.0])
     opposite = strongsort3d.moving_average(np.array([1.0, 0.0]), np.array([-1.0, 0.0]), 0.5)
     np.testing.assert_array_equal(opposite, [-1.0, 0.0])
+
+
+def test_certainties_are_shares_of_all_that_compete() -> None:
+    # Temperature 1, costs 0, ln 3 and infinity: weights 1, 1/3, 0 and 1/3, 1, 1/3. The first pair
+    # has 1 / (1 + 1/3 + 1/3), the second (1/3) / (1/3 + 1 + 1); the last competes with 1/3 and 1 in
+    # its row and with none in its column: (1/3) / (1/3 + 1/3 + 1).
+    c = np.log(3)
+    shares = certainties(np.array([[0, c, np.inf], [c, 0, c]]), 1.0)
+    np.testing.assert_allclose(shares[0], [3 / 5, 1 / 7, 0])
+    np.testing.assert_allclose(shares[1], [1 / 8, 1 / 2, 1 / 5])
+
+
+def test_certainty_of_very_different_costs_is_sure() -> None:
+    shares = certainties(np.array([[0.0, 1e4], [1e4, np.inf]]), 0.04)
+    np.testing.assert_allclose(shares, [[1, 0], [0, 0]], atol=1e-12)
