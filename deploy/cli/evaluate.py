@@ -54,7 +54,7 @@ def evaluate(
         typer.Option("--set", metavar="SERVICE.FIELD=VALUE", help="A setting of all methods."),
     ] = [],  # noqa: B006 (typer copies it)
     figures: Annotated[
-        bool, typer.Option(help="Draw figures; that takes the extra people4d[evaluate].")
+        bool, typer.Option(help="Draw figures; that takes matplotlib, the extra 'evaluate'.")
     ] = True,
 ) -> None:
     """Judge methods on recordings with truth; the same figures every time, on any machine."""

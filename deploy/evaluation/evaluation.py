@@ -16,7 +16,7 @@ from deploy.evaluation.output import (
 )
 from deploy.evaluation.page import Content, Picture, html_of
 from deploy.evaluation.pool import Pool
-from deploy.evaluation.preparation import Plan, Report, Work, film_all, trials_of
+from deploy.evaluation.preparation import Plan, Report, Work, check_models, film_all, trials_of
 from deploy.evaluation.strips import Strip, strips_of
 from deploy.evaluation.tables import (
     OVERVIEW,
@@ -80,6 +80,7 @@ def evaluate(plan: Plan, report: Report) -> Evaluation:
         SourceError: A recording cannot be read, or has no truth.
         ModelError: A model is absent.
     """
+    check_models(plan)
     film_all(plan, report)
     with Pool(plan.jobs) as pool:
         work = Work(pool, report)

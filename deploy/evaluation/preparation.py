@@ -10,7 +10,8 @@ import msgspec
 
 from common.messages import Detections
 from common.recording import open_recording
-from deploy.evaluation.detections import Look, Seen, look
+from deploy.evaluation.cache import model_digest
+from deploy.evaluation.detections import Look, Seen, is_stored, look
 from deploy.evaluation.methods import Method
 from deploy.evaluation.pool import Pool
 from deploy.evaluation.takes import Take, film
@@ -63,6 +64,20 @@ class Work:
 
         self.report(what, 0.0)
         return self.pool.do_all(work, items, done)
+
+
+def check_models(plan: Plan) -> None:
+    """Check that all models are there, before anything that takes long.
+
+    Raises:
+        ModelError: A model is unknown, or its file is absent.
+    """
+    if all(_shows_no_picture(take) for take in plan.takes):
+        return
+    for method in plan.methods:
+        model_digest(method.detector)
+        if method.reid:
+            model_digest(method.reid)
 
 
 def film_all(plan: Plan, report: Report) -> None:
@@ -128,6 +143,10 @@ def _way(take: Take, method: Method) -> tuple[str, bytes]:
 
 def _key(record: msgspec.Struct) -> bytes:
     return msgspec.json.encode(record)
+
+
+def _shows_no_picture(take: Take) -> bool:
+    return take.order.speed == "geometry" if take.order else is_stored(take.path)
 
 
 def _filming(report: Report, name: str, what: str, share: float) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -120,6 +121,10 @@ def test_people_are_found_once_for_all_trackers(tmp_path: Path) -> None:
         (["seg-sort", "--recordings", "lab:nothing"], "there is no scenario nothing"),
         (["seg-sort", "--recordings", "/none.mcap"], "'/none.mcap' does not exist"),
         (["seg-sort", "--recordings", "lab:short_walk", "--seeds", "x"], "expected whole numbers"),
+        (
+            ["seg-sort", "--recordings", "lab:short_walk", "--set", "detector.model=yolov9"],
+            "model 'yolov9' is unknown",
+        ),
         (["seg-sort", "seg-sort", "--recordings", "lab:short_walk"], "seg-sort comes twice"),
         (
             ["seg-sort", "--recordings", "lab:short_walk", "--recordings", "lab:short_walk"],
@@ -136,3 +141,15 @@ def test_errors_are_one_sentence_with_the_mend(arguments: list[str], message: st
     assert status == 1
     assert message in errors
     assert "Traceback" not in errors
+
+
+def test_without_matplotlib_the_mend_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)  # what Python does to hide a module
+    flags = ("--recordings", "lab:short_walk", "--out", tmp_path / "out")
+    status, _, errors = run("seg-sort", *flags)
+    assert status == 1
+    assert "matplotlib, which is not installed. Install it with: pip install" in errors
+    assert "--no-figures" in errors
+    assert not (tmp_path / "out").exists()

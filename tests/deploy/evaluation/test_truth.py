@@ -10,7 +10,7 @@ import pytest
 from common.errors import SourceError
 from common.geometry import LINK_FROM_OPTICAL
 from deploy.evaluation.pool import Pool
-from deploy.evaluation.takes import film, plan_takes
+from deploy.evaluation.takes import Take, film, plan_takes
 from deploy.evaluation.truth import happening_of, read_truth
 from deploy.evaluation.visibility import lab_views
 from services.camera.lab.frame_truth import person_views
@@ -81,6 +81,17 @@ def test_truth_of_drawn_frames_has_the_visible_share_of_each_pixel(tmp_path: Pat
         np.testing.assert_allclose(told, places[row], atol=1e-9)
         assert moment.map_from_camera is not None
         np.testing.assert_allclose(moment.map_from_camera, world.map_from_optical(row / 10))
+
+
+def test_truth_of_a_folder_of_images_lies_in_it(shared: Path) -> None:
+    folder = shared / "data" / "lab" / "two"
+    with np.load(folder / "gt.npz") as file:
+        times_s, places, shares = file["t"], file["pos"], file["vis"]
+    stamps_ns = np.round(times_s * 1e9).astype(int).tolist()
+    moment = read_truth(Take("two", "two", folder), stamps_ns).moments[-1]
+    assert moment is not None
+    np.testing.assert_allclose([p.position_m for p in moment.people], places[-1], atol=1e-9)
+    assert list(moment.shares.values()) == pytest.approx(shares[-1].tolist())
 
 
 def test_who_hides_whom_is_known_without_drawing(tmp_path: Path) -> None:
