@@ -80,6 +80,25 @@ def settle(people: Sequence[Places], rule: LayerRule) -> list[Layer | None]:
     return settled
 
 
+def disagreement(person: Places, layer: Layer, half_m: float) -> float:
+    """Return the variance, in m^2, by which the trunk may be in another layer than the person's.
+
+    Of places on the trunk, a share p reads another layer, a gap away: p (1 - p) gap^2. So of two
+    people found as one.
+
+    Args:
+        person: Whose places count as the trunk's where their weight is 1.
+        layer: Of the person.
+        half_m: Readings farther from the layer are in another.
+    """
+    gaps_m = np.abs(person.depth_m - layer.depth_m)[layer.own & (person.weights == 1)]
+    outside = gaps_m > half_m
+    if not outside.any():
+        return 0.0
+    share = float(outside.mean())
+    return share * (1 - share) * float(np.median(gaps_m[outside])) ** 2
+
+
 def _best(person: Places, own: npt.NDArray[np.bool_], rule: LayerRule) -> tuple[float, float]:
     """Return the depth of the best layer, and how well the places agree with it, 0 to 1."""
     if not own.any():

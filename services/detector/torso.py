@@ -15,7 +15,7 @@ import numpy as np
 from common.geometry import deproject
 from common.messages import F32, F64
 from services.detector.certainty import CertaintyRule, along_m2, axis_sigma, covariance, joint_m
-from services.detector.layers import Layer, LayerRule, Places, read_layer, settle
+from services.detector.layers import Layer, LayerRule, Places, disagreement, read_layer, settle
 from services.detector.models.base import InstanceMask
 from services.detector.position import TORSO, Place, Sight, read_depth
 from services.detector.proportions import BOOL, ProportionRule, size_depth, torso_middle
@@ -136,7 +136,8 @@ class TorsoReader:
         )
         own_px = torso.trunk_px[layer.own[: len(torso.trunk_px)]]
         middle_m = np.array([*middle_m, layer.depth_m])
-        return self._place(middle_m, across_m2, own_px, torso.side_px, sight)
+        doubt_m2 = disagreement(torso.places, layer, self._rule.layer.half_m)
+        return self._place(middle_m, (across_m2, doubt_m2), own_px, torso.side_px, sight)
 
     def mask(self, mask: InstanceMask, sight: Sight) -> Place | None:
         """Return where the torso is by the upper middle of a mask.
@@ -159,7 +160,7 @@ class TorsoReader:
         middle_m = deproject(trunk_px.mean(axis=0), [layer_m], sight.info)[0]
         rule = self._certainty
         across_m2 = rule.centroid_m**2 + (rule.joint_px * layer_m / sight.info.fx) ** 2
-        return self._place(middle_m, across_m2, trunk_px, side_px, sight)
+        return self._place(middle_m, (across_m2, 0.0), trunk_px, side_px, sight)
 
     def _side(self, torso_px: float) -> int:
         """Return the odd side of windows on a torso of a size in the image."""
@@ -174,13 +175,18 @@ class TorsoReader:
         return Places(pixels, depth_m, weights)
 
     def _place(
-        self, middle_m: F64, across_m2: float, trunk_px: F64, side_px: int, sight: Sight
+        self,
+        middle_m: F64,
+        unsure_m2: tuple[float, float],
+        trunk_px: F64,
+        side_px: int,
+        sight: Sight,
     ) -> Place:
         """Return the place of a torso whose middle is known but for its exact depth.
 
         Args:
             middle_m: 3, at the depth of the person's layer.
-            across_m2: Variance across the line of sight.
+            unsure_m2: Variance across the line of sight, and along it that of the layer.
             trunk_px: Nx2, where the trunk's depth is read.
             side_px: Side of the windows.
             sight: What the camera sees.
@@ -198,7 +204,8 @@ class TorsoReader:
             axis_m = np.array([layer_m + (rule.beside_m if self._trunk else 0.0)])
             unsure_m = rule.beside_sigma_m
         position_m = middle_m * (axis_m.mean() / layer_m)
-        along = along_m2(layer_m, axis_m, unsure_m, self._certainty)
+        across_m2, doubt_m2 = unsure_m2
+        along = along_m2(layer_m, axis_m, unsure_m, self._certainty) + doubt_m2
         return Place(position_m, covariance(position_m, across_m2, across_m2, along))
 
     def _behind(self, right_m: F64, middle_m: F64, sight: Sight) -> F64:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from common.messages import F64
-from services.detector.layers import LayerRule, Places, read_layer, settle
+from services.detector.layers import LayerRule, Places, disagreement, read_layer, settle
 
 RULE = LayerRule(half_m=0.25, size_sigma=0.2, misfit=0.02)
 SQUARE: F64 = np.array([[10.0, 10.0], [20.0, 10.0], [20.0, 30.0], [10.0, 30.0], [15.0, 20.0]])
@@ -95,3 +95,17 @@ def test_an_outline_reaches_beyond_the_keypoints() -> None:
 
     assert behind_an_arm(3.0) == 2.0
     assert behind_an_arm(5.0) == 3.0
+
+
+def test_places_in_another_layer_make_doubt() -> None:
+    # Three places at 2 m, two at 3 m: 0.4 * 0.6 * 1 m^2; of the trunk only, and of what is read.
+    torn = places([2.0, 2.0, 2.0, 3.0, 3.0])
+    layer = settle([torn], RULE)[0]
+    assert layer is not None
+    assert disagreement(torn, layer, 0.25) == pytest.approx(0.24)
+    limbs = replace(torn, weights=np.array([1.0, 1.0, 1.0, 0.5, 0.5]))
+    assert disagreement(limbs, layer, 0.25) == 0.0
+    whole = places([2.0, 2.1, 1.9, math.nan, 2.0])
+    layer = settle([whole], RULE)[0]
+    assert layer is not None
+    assert disagreement(whole, layer, 0.25) == 0.0
