@@ -31,7 +31,8 @@ def evaluate(
         list[str],
         typer.Option(
             metavar="SOURCE",
-            help="Recording, ROS bag or folder with its truth, or lab:SCENARIO; may be repeated.",
+            help="Recording, ROS bag or folder with its truth, or lab:SCENARIO; several with commas "
+            "between, or the option again.",
         ),
     ],
     seeds: Annotated[
@@ -73,7 +74,7 @@ def evaluate(
     folder = (cache or default_folder()).absolute()
     plan = Plan(
         methods=tuple(read_methods(presets, set_)),
-        takes=tuple(plan_takes(recordings, _seeds(seeds), speed, folder)),
+        takes=tuple(plan_takes(_sources(recordings), _seeds(seeds), speed, folder)),
         cache=folder,
         jobs=jobs or cores(),
         figures=figures,
@@ -96,6 +97,12 @@ def _show(table: "Table") -> None:
     for line in table.lines:
         shown.add_row(line.method, line.people, *line.cells, style="dim" if line.paper else "")
     Console(highlight=False).print(shown)
+
+
+def _sources(texts: list[str]) -> list[str]:
+    """Split at commas, but for a path that has one in its name."""
+    whole = ([text] if Path(text).exists() else text.split(",") for text in texts)
+    return [name.strip() for names in whole for name in names if name.strip()]
 
 
 def _seeds(text: str) -> list[int]:

@@ -12,7 +12,8 @@ from common.geometry import invert
 from common.messages import F64, CameraInfo, Truth, TruthPerson
 from common.metrics import TruePeople, TruthTrail, in_view
 from deploy.evaluation.takes import Take
-from deploy.evaluation.visibility import lab_views
+from deploy.evaluation.visibility import LabView, lab_views, load_views, save_views
+from services.camera.lab.scenario import Scenario
 from services.camera.lab.world import EPOCH_NS
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources import open_truth
@@ -99,7 +100,7 @@ def read_truth(take: Take, stamps_ns: Sequence[int]) -> Happening:
     happening = happening_of(_told(take.path), stamps_ns, str(take.path))
     if take.filmed is None:
         return happening
-    views = lab_views(take.filmed, take.seed, _places(happening), stamps_ns)
+    views = _views(take, take.filmed, happening, stamps_ns)
     if views is None:
         return happening
     poses = [view.map_from_camera for view in views]
@@ -152,6 +153,19 @@ def _numbered(path: Path, epoch_ns: int) -> Iterator[Truth]:
     for message in _told(path):
         people = tuple(replace(p, id=str(k)) for k, p in enumerate(message.people, 1))
         yield replace(message, stamp_ns=message.stamp_ns + epoch_ns, people=people)
+
+
+def _views(
+    take: Take, scenario: Scenario, happening: Happening, stamps_ns: Sequence[int]
+) -> list[LabView] | None:
+    """Return what the camera saw; it is kept beside what was filmed for an evaluation."""
+    kept = take.path.with_suffix(".views.npz") if take.order else None
+    views = load_views(kept, stamps_ns) if kept else None
+    if views is None:
+        views = lab_views(scenario, take.seed, _places(happening), stamps_ns)
+        if views and kept:
+            save_views(kept, stamps_ns, views)
+    return views
 
 
 def _places(happening: Happening) -> list[dict[str, F64]]:

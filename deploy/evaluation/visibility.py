@@ -1,10 +1,13 @@
 """How much of each person the camera of the virtual lab could see, without drawing anything."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from common.errors import SourceError
 from common.messages import F64
 from services.camera.lab.outline import outlines
 from services.camera.lab.scenario import Scenario
@@ -55,6 +58,35 @@ def lab_views(
             if np.linalg.norm(now - position_m) > ALIKE_M:
                 return None
     return [_view(world, _seconds(stamp_ns)) for stamp_ns in stamps_ns]
+
+
+def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[LabView]) -> None:
+    """Keep what the camera saw at some stamps.
+
+    Raises:
+        SourceError: The file cannot be written.
+    """
+    ids = list(dict.fromkeys(name for view in views for name in view.shares))
+    shares = [[view.shares[name] for name in ids] for view in views]
+    poses = [view.map_from_camera for view in views]
+    new = path.with_suffix(f".{os.getpid()}.npz")
+    try:
+        np.savez(new, stamps_ns=stamps_ns, ids=ids, shares=shares, map_from_camera=poses)
+        new.replace(path)
+    except OSError as error:
+        raise SourceError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def load_views(path: Path, stamps_ns: Sequence[int]) -> list[LabView] | None:
+    """Return what was kept; None if that is nothing, or of other stamps."""
+    if not path.is_file():
+        return None
+    with np.load(path, allow_pickle=False) as file:
+        if file["stamps_ns"].tolist() != list(stamps_ns):
+            return None
+        rows = zip(file["shares"].tolist(), file["map_from_camera"], strict=True)
+        ids = file["ids"].tolist()
+        return [LabView(dict(zip(ids, row, strict=True)), pose) for row, pose in rows]
 
 
 def _view(world: World, t_s: float) -> LabView:

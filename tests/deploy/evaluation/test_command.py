@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("evaluate")
     walk, stroll = (f"lab:{write_scenario(folder, name=name)}" for name in ("walk", "stroll"))
     flags = ["--speed", "geometry", "--seeds", "1,2", "--cache", folder / "cache"]
-    flags += ["--recordings", walk, "--recordings", f"{stroll}@3"]
+    flags += ["--recordings", f"{walk},{stroll}@3"]
     for jobs, drawn in ((1, "--figures"), (2, "--no-figures")):
         out = folder / f"jobs{jobs}"
         status, output, errors = run(*METHODS, *flags, "--jobs", jobs, drawn, "--out", out)
@@ -127,7 +127,7 @@ def test_people_are_found_once_for_all_trackers(tmp_path: Path) -> None:
         ),
         (["seg-sort", "seg-sort", "--recordings", "lab:short_walk"], "seg-sort comes twice"),
         (
-            ["seg-sort", "--recordings", "lab:short_walk", "--recordings", "lab:short_walk"],
+            ["seg-sort", "--recordings", "lab:short_walk", "--recordings", "lab:short_walk@42"],
             "short_walk@42 comes twice",
         ),
         (

@@ -12,7 +12,7 @@ from common.geometry import LINK_FROM_OPTICAL
 from deploy.evaluation.pool import Pool
 from deploy.evaluation.takes import Take, film, plan_takes
 from deploy.evaluation.truth import happening_of, read_truth
-from deploy.evaluation.visibility import lab_views
+from deploy.evaluation.visibility import lab_views, load_views, save_views
 from services.camera.lab.frame_truth import person_views
 from services.camera.lab.scenario import load_scenario
 from services.camera.lab.world import World
@@ -106,6 +106,12 @@ def test_who_hides_whom_is_known_without_drawing(tmp_path: Path) -> None:
         assert told.shares == {view.id: view.visible_share for view in people}
         np.testing.assert_array_equal(told.map_from_camera, world.map_from_optical(k / 10))
     assert min(told.shares["2"] for told in seen) < 0.8 < max(told.shares["2"] for told in seen)
+    save_views(tmp_path / "views.npz", stamps_ns, seen)
+    kept = load_views(tmp_path / "views.npz", stamps_ns)
+    assert kept is not None
+    assert [view.shares for view in kept] == [view.shares for view in seen]
+    np.testing.assert_array_equal(kept[-1].map_from_camera, seen[-1].map_from_camera)
+    assert load_views(tmp_path / "views.npz", stamps_ns[1:]) is None
     moved = [{name: place + 1.0 for name, place in row.items()} for row in places]
     assert lab_views(scenario, None, moved, stamps_ns) is None
 
