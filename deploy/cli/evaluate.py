@@ -31,8 +31,8 @@ def evaluate(
         list[str],
         typer.Option(
             metavar="SOURCE",
-            help="Recording, ROS bag or folder with its truth, or lab:SCENARIO; several with commas "
-            "between, or the option again.",
+            help="Recording, ROS bag or folder with its truth, or lab:SCENARIO; several with "
+            "commas between, or the option again.",
         ),
     ],
     seeds: Annotated[
