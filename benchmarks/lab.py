@@ -143,7 +143,7 @@ class Mirrored:
     """
 
     def __init__(self, model: PersonModel) -> None:
-        self.name = f"{model.name}, mean with the mirror image"
+        self.name = model.name
         self._model = model
 
     def detect(self, rgb: U8) -> list[Person]:
@@ -183,7 +183,7 @@ def models() -> dict[str, PersonModel]:
             loaded[name] = load_model(ModelSettings(model=str(path)))
     if "yolov8n-pose" in loaded:
         mirrored = Mirrored(loaded["yolov8n-pose"])
-        loaded[mirrored.name] = mirrored
+        loaded["yolov8n-pose, mean with the mirror image"] = mirrored
     return loaded
 
 
