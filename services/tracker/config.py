@@ -52,7 +52,7 @@ class Sort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
     noise: Literal["constant", "measured"] = "constant"
     # R is so many times that covariance: errors of consecutive frames are much alike, and count as
     # if they were independent otherwise; this project's
-    noise_factor: float = 4.0
+    noise_factor: float = 2.0
     sigma_start_velocity_mps: float = 2.0  # [m/s] of a new track: "large", section 4
     # noise of the box
     sigma_centre_px: float = 5.0  # [px] measured centre
@@ -106,7 +106,7 @@ class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
     noise: Literal["constant", "measured"] = "constant"
     # R is so many times that covariance: errors of consecutive frames are much alike, and count as
     # if they were independent otherwise; this project's
-    noise_factor: float = 4.0
+    noise_factor: float = 2.0
     # beyond the paper, each with its own switch
     occlusion: OcclusionConfig = OcclusionConfig()  # whoever is hidden keeps their track
     contact: ContactConfig = ContactConfig()  # whoever touches somebody keeps their own track

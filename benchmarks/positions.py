@@ -1,0 +1,184 @@
+"""Where people are found by each method of the detector, against the truth of the virtual lab.
+
+Frames are drawn as a camera would take them, depth with the errors of its sensor. Each frame counts
+by itself, without a tracker. Models that are not shipped are looked for in `--shared`.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from benchmarks.lab_shots import has_to_be_found
+from benchmarks.real_inputs import ROOT, models
+from benchmarks.table import markdown, write
+from common.boxes import iou_xyxy
+from common.geometry import apply
+from common.messages import F64, U8, CameraInfo, Detection, Detections, RgbdFrame
+from services.camera.lab.film import Film, FilmSettings
+from services.camera.lab.frame_truth import person_views
+from services.camera.lab.scenario import load_scenario
+from services.camera.lab.views import PersonView
+from services.camera.lab.world import World
+from services.detector.config import DetectorConfig
+from services.detector.models.base import Person, PersonModel
+from services.detector.models.registry import load_model
+from services.detector.node import DetectorNode
+
+# Scenario, seed and frames, none of which were used to choose a constant of the detector: four
+# people cross before a camera that stands still, four in a hall before a robot that drives, two sit
+# down.
+TAKES = (
+    ("four_crossing", 22, range(200, 360, 4)),
+    ("pmrm1", 23, range(30, 430, 14)),
+    ("short_sit", 24, range(60, 240, 12)),
+)
+OVERLAP_MIN = 0.4  # of a detection's box with the true one
+METHODS = {
+    "movenet-multipose": ("keypoints", "grown", "torso"),
+    "yolov8n-pose": ("keypoints", "grown", "torso"),
+    "yolov8n-seg": ("mask", "torso"),
+}
+HEADER = [
+    *("model", "position", "to axis", "found", "across: bias m", "RMSE m"),
+    *("along: bias m", "RMSE m", "median m", "NES"),
+]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One frame and the people in it that have to be found."""
+
+    frame: RgbdFrame
+    info: CameraInfo
+    people: Sequence[PersonView]
+    places_m: Sequence[F64]  # of the same people, optical frame
+
+
+@dataclass
+class Errors:
+    """How far detections are from the truth."""
+
+    rows: list[F64] = field(default_factory=list)  # to the right, downward, along; metres
+    squared: list[float] = field(default_factory=list)  # normalised by the covariance
+
+
+class Remembered:
+    """Gives what a model found before, since every method asks for the same frames.
+
+    Args:
+        model: Is asked once for each frame.
+    """
+
+    def __init__(self, model: PersonModel) -> None:
+        self.name = model.name
+        self._model = model
+        self._found: dict[int, list[Person]] = {}
+
+    def detect(self, rgb: U8) -> list[Person]:
+        """Find people; pictures are told apart by where they are in memory."""
+        key = rgb.ctypes.data
+        if key not in self._found:
+            self._found[key] = self._model.detect(rgb)
+        return self._found[key]
+
+
+def shots() -> Iterator[Shot]:
+    """Draw the frames."""
+    for name, seed, indices in TAKES:
+        world = World(load_scenario(name), seed)
+        film = Film(world, FilmSettings())
+        for index in indices:
+            view, t_s = film.view(index), world.frame_s(index)
+            frame = RgbdFrame(
+                stamp_ns=world.stamp_ns(index),
+                sequence=index,
+                camera=world.info.camera,
+                rgb=film.rgb(index, view),
+                depth_mm=film.depth_mm(index, view),
+            )
+            size = (world.info.height, world.info.width)
+            people = [p for p in person_views(world, t_s, view) if has_to_be_found(p, size)]
+            optical_from_map = world.optical_from_map(t_s)
+            places_m = [apply(optical_from_map, p.position_m) for p in people]
+            yield Shot(frame, world.info, people, places_m)
+
+
+def measure(model: PersonModel, config: DetectorConfig, taken: Sequence[Shot]) -> Errors:
+    """Return the errors of one method over all frames."""
+    node, errors = DetectorNode(model, config), Errors()
+    for shot in taken:
+        node.handle(shot.info, 0)
+        told = node.handle(shot.frame, 0)[-1]
+        assert isinstance(told, Detections)
+        for place_m, detection in pairs(shot, told.people):
+            add(errors, place_m, detection)
+    return errors
+
+
+def pairs(shot: Shot, found: Sequence[Detection]) -> Iterator[tuple[F64, Detection]]:
+    """Yield who was found, by the overlap of boxes, with where they truly are."""
+    if not found or not shot.people:
+        return
+    true = np.array([p.box_xyxy_px for p in shot.people])
+    overlap = iou_xyxy(true, np.array([d.box_xyxy_px for d in found], np.float64))
+    rows, columns = linear_sum_assignment(-overlap)
+    for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
+        if overlap[i, j] > OVERLAP_MIN:
+            yield shot.places_m[i], found[j]
+
+
+def add(errors: Errors, place_m: F64, detection: Detection) -> None:
+    """Add the error of a detection that has a position."""
+    if detection.position_m is None or detection.position_covariance_m2 is None:
+        return
+    gap_m = detection.position_m - place_m
+    ray = place_m / np.linalg.norm(place_m)
+    right = np.array([ray[2], 0.0, -ray[0]]) / np.hypot(ray[0], ray[2])
+    errors.rows.append(np.stack([right, np.cross(ray, right), ray]) @ gap_m)
+    errors.squared.append(float(gap_m @ np.linalg.solve(detection.position_covariance_m2, gap_m)))
+
+
+def row(name: str, position: str, to_axis: bool, errors: Errors, people: int) -> list[str]:
+    """Return the cells of one method."""
+    right, _, along = np.array(errors.rows).T
+    cells = [name, position, "yes" if to_axis else "no", f"{len(right) / people:.0%}"]
+    cells += [f"{right.mean():+.3f}", f"{np.sqrt(np.mean(right**2)):.3f}"]
+    cells += [f"{along.mean():+.3f}", f"{np.sqrt(np.mean(along**2)):.3f}"]
+    return [*cells, f"{np.median(np.abs(along)):.3f}", f"{np.mean(errors.squared):.1f}"]
+
+
+def main() -> None:
+    """Measure every model that is there, and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
+    shared = parser.parse_args().shared
+    taken = list(shots())
+    people = sum(len(shot.people) for shot in taken)
+    rows = []
+    for name, path in models(shared).items():
+        if path.endswith(".onnx") and not Path(path).exists():
+            continue
+        model = Remembered(load_model(DetectorConfig(model=path)))
+        for position in METHODS[name]:
+            for to_axis in (False, True):
+                told = {"position": position, "to_axis": to_axis, "covariance": True}
+                config = DetectorConfig(crops=False, **told)  # type: ignore[arg-type]
+                found = measure(model, config, taken)
+                rows.append(row(name, position, to_axis, found, people))
+    text = (
+        f"{people} views of people of whom at least 35 % is seen, in {len(taken)} frames of "
+        + ", ".join(f"{name} (seed {seed})" for name, seed, _ in TAKES)
+        + ". Errors of single frames, across and along the line of sight, from the mean of "
+        "shoulders and hips. Along: negative is too near. NES is the mean of the squared error "
+        "normalised by the covariance that the detection tells: 3 if that is right, less if it is "
+        "careful. A few large errors are people of whom the model made one with somebody in front."
+    )
+    write(__file__, "Positions of people", text, markdown(HEADER, rows))
+
+
+if __name__ == "__main__":
+    main()
