@@ -15,11 +15,14 @@ T = TypeVar("T")
 D = TypeVar("D")
 
 
-def assign(cost: F64) -> list[tuple[int, int]]:
-    """Match as many admissible pairs as possible, at the least sum of costs (Hungarian method).
+def assign(cost: F64, miss: float = np.inf) -> list[tuple[int, int]]:
+    """Match admissible pairs at the least sum of costs (Hungarian method).
 
     Args:
         cost: NxM, +inf for inadmissible pairs.
+        miss: What it costs to leave a track without a detection. Infinity: as many pairs as
+            possible are matched, however dear. Else a good pair is not broken up to give those it
+            leaves over a bad match each, if these two cost more than the pair and a miss.
 
     Returns:
         Matched pairs (row, column), ordered by row.
@@ -30,16 +33,19 @@ def assign(cost: F64) -> list[tuple[int, int]]:
     least = cost[admissible].min()
     spread = cost[admissible].max() - least
     # Dearer than all pairs together, so that giving up an admissible pair never pays.
-    forbidden = (spread + 1.0) * (min(cost.shape) + 1)
-    rows, columns = linear_sum_assignment(np.where(admissible, cost - least, forbidden))
+    forbidden = min((spread + 1.0) * (min(cost.shape) + 1), miss - least)
+    # A pair dearer than a miss, and without a rival, is still a match.
+    costs = np.where(admissible, cost - least, 0.0)
+    costs = np.minimum(costs, forbidden - 1e-6 + 1e-9 * costs)
+    rows, columns = linear_sum_assignment(np.where(admissible, costs, forbidden))
     return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if admissible[i, j]]
 
 
 def associate(
-    cost: F64, tracks: Sequence[T], detections: Sequence[D]
+    cost: F64, tracks: Sequence[T], detections: Sequence[D], miss: float = np.inf
 ) -> tuple[list[tuple[T, D]], list[T], list[D]]:
     """Return matched pairs, the tracks left over and the detections left over."""
-    pairs = assign(cost)
+    pairs = assign(cost, miss)
     rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
     return (
         [(tracks[i], detections[j]) for i, j in pairs],

@@ -66,7 +66,8 @@ class StrongSort3d:
         tentative = [t for t in people.targets if not t.confirmed]
 
         cost = self._appearance_cost(confirmed, detections, now)
-        first, missed, rest = association.associate(cost, confirmed, detections)
+        miss = now.c_cos if self._config.contact.enabled else np.inf
+        first, missed, rest = association.associate(cost, confirmed, detections, miss)
         certain = self._certain(cost, confirmed, detections)
         recent = [t for t in missed if t.missed <= 1]
         cost = self._distance_cost(recent + tentative, rest, now)
