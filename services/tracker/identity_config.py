@@ -69,6 +69,9 @@ class IdentityConfig(msgspec.Struct, frozen=True, kw_only=True):
     score_min: float = 0.4  # least confidence of a detection that is looked at
     identities: int = 100  # people remembered; whoever was not seen for longest is forgotten first
     keep_s: float = 600.0  # [s] since somebody was seen that they are remembered
+    # [s] Whoever was not seen for longer, and was never hidden, is known again only as somebody who
+    # comes back, with a margin to all others, not as the nearest track that looks like them
+    handover_s: float = 1.0
     # When it is decided who somebody is
     evidence: int = 2  # clear pictures of a newcomer that are waited for, ...
     wait_s: float = 0.5  # [s] ... for so long at most, while somebody could be back
@@ -85,7 +88,7 @@ class IdentityConfig(msgspec.Struct, frozen=True, kw_only=True):
         _expect_positive(self, "speed_max_mps")
         _expect_within(self, 1.0, "score_min")
         _expect_within(self, 2.0, "view_gap", "margin")
-        _expect_within(self, 60.0, "wait_s", "jump_m")
+        _expect_within(self, 60.0, "wait_s", "jump_m", "handover_s")
         if self.match_max is not None and not 0 < self.match_max <= 2:
             raise ValueError(f"match_max: expected above 0, at most 2, got {self.match_max}")
 

@@ -62,7 +62,7 @@ class StrongSort3d:
             detections = doubted(detections, observation, self._config.contact)
         self._forget_other_embedder(observation)
         now = self._scene(observation)
-        confirmed = [t for t in people.targets if t.confirmed]
+        confirmed = [t for t in people.targets if t.confirmed and not self._left(t, observation)]
         tentative = [t for t in people.targets if not t.confirmed]
 
         cost = self._appearance_cost(confirmed, detections, now)
@@ -93,6 +93,12 @@ class StrongSort3d:
         self._people.clear()
         if self._recognition:
             self._recognition.clear()
+
+    def _left(self, target: Target, observation: Observation) -> bool:
+        """Tell whether it is up to recognition to find a person again."""
+        unseen_s = (observation.stamp_ns - target.seen_ns) / 1e9
+        identity = self._config.identity
+        return identity.enabled and target.hidden == 0 and unseen_s > identity.handover_s
 
     def _scene(self, observation: Observation) -> Scene:
         config = self._config

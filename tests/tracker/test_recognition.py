@@ -138,3 +138,17 @@ def test_after_a_reset_nobody_is_known() -> None:
     stay(sort, 0, 10, person(3, 0, embedding=RED))
     sort.reset()
     assert stay(sort, 0, 3, person(3, 0, embedding=RED)) == [(2, "confirmed", "new")]
+
+
+def test_who_was_away_for_longer_comes_back_only_by_recognition() -> None:
+    # 1.5 s unseen but still predicted, since a_max is 30 frames.
+    def told(handover_s: float) -> list[tuple[int, str, str | None]]:
+        identity = IdentityConfig(enabled=True, handover_s=handover_s)
+        strong = StrongSort3dConfig(identity=identity, a_max=30)
+        sort = StrongSort3d(TrackerConfig(strongsort3d=strong))
+        stay(sort, 0, 5, person(3, 1, embedding=RED))
+        stay(sort, 5, 15)
+        return stay(sort, 20, 3, person(3, 1, embedding=RED))
+
+    assert told(60.0) == [(1, "confirmed", "continued")]
+    assert told(1.0) == [(1, "confirmed", "reidentified")]
