@@ -2,38 +2,38 @@
 
 import math
 import time
-from collections.abc import Iterator
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Any
 
-import msgspec
-import typer
-from rich.console import Console
-from rich.live import Live
 from rich.table import Table
 
 from common.errors import People4dError
 from common.messages import Tracks
+from deploy.cli.live import Json, Once, Timeout, print_json, show
 from deploy.cli.options import Connect, Robot, open_client
 
 COLOURS = {"confirmed": "green", "lost": "yellow", "tentative": "dim"}
-REDRAW_S = 0.1
 
 
 def listen(
-    once: Annotated[bool, typer.Option("--once", help="Show one message and end.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="One JSON line for each message.")] = False,
-    timeout_s: Annotated[
-        float | None,
-        typer.Option("--timeout", help="End after so many seconds without a message."),
-    ] = None,
+    once: Once = False,
+    json: Json = False,
+    timeout_s: Timeout = None,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
     """Show the people around the robot, live."""
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
         messages = client.messages(Tracks, timeout_s=timeout_s)
-        shown = _print_json(messages, once) if json else _show(messages, once)
+        if json:
+            shown = print_json(messages, once)
+        else:
+            shown = show(
+                messages,
+                lambda tracks: table_of(tracks, time.time_ns()),
+                once,
+                "waiting for people ...",
+            )
         if not shown:
             raise People4dError(
                 f"no people message came within {timeout_s:g} s",
@@ -41,31 +41,9 @@ def listen(
             )
 
 
-def _print_json(messages: Iterator[Tracks], once: bool) -> bool:
-    tracks = None
-    for tracks in messages:
-        typer.echo(msgspec.json.encode(tracks, enc_hook=lambda array: array.tolist()).decode())
-        if once:
-            break
-    return tracks is not None
-
-
-def _show(messages: Iterator[Tracks], once: bool) -> bool:
-    console = Console()
-    tracks = None
-    if once:
-        for tracks in messages:
-            console.print(table_of(tracks, time.time_ns()))
-            break
-        return tracks is not None
-    drawn_s = 0.0
-    with Live("waiting for people ...", console=console, auto_refresh=False) as live:
-        for tracks in messages:
-            # A terminal that is slower than the camera must not hold up reading.
-            if time.monotonic() - drawn_s > REDRAW_S:
-                live.update(table_of(tracks, time.time_ns()), refresh=True)
-                drawn_s = time.monotonic()
-    return tracks is not None
+def table_now(tracks: Tracks) -> Table:
+    """Return people as a table, with their age at this moment."""
+    return table_of(tracks, time.time_ns())
 
 
 def table_of(tracks: Tracks, now_ns: int) -> Table:

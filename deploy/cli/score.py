@@ -1,75 +1,41 @@
 """people4d score."""
 
 import math
-import time
-from collections.abc import Iterator
 from contextlib import suppress
-from typing import Annotated
 
-import msgspec
 import numpy as np
-import typer
-from rich.console import Console, Group
-from rich.live import Live
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
 from common.errors import People4dError
 from common.messages import Alignment, PersonScore, Score, Tally
+from deploy.cli.live import Json, Once, Timeout, print_json, show
 from deploy.cli.options import Connect, Robot, open_client
 
-REDRAW_S = 0.1
 VIEWS = {"inside": "", "outside": "[dim]outside[/]", "unknown": "[yellow]unknown[/]"}
 UNSEEN = "where the camera is or how far it sees is not known: everyone counts, also out of view"
 
 
 def score(
-    once: Annotated[bool, typer.Option("--once", help="Show one message and end.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="One JSON line for each message.")] = False,
-    timeout_s: Annotated[
-        float | None,
-        typer.Option("--timeout", help="End after so many seconds without a message."),
-    ] = None,
+    once: Once = False,
+    json: Json = False,
+    timeout_s: Timeout = None,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
     """Show how far the tracks are from the truth, live; needs a system with --truth."""
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
         messages = client.messages(Score, timeout_s=timeout_s)
-        shown = _print_json(messages, once) if json else _show(messages, once)
+        if json:
+            shown = print_json(messages, once)
+        else:
+            shown = show(messages, picture_of, once, "waiting for a score ...")
         if not shown:
             raise People4dError(
                 f"no score came within {timeout_s:g} s",
                 "It needs people and truth (people4d up --truth FILE); see people4d ps.",
             )
-
-
-def _print_json(messages: Iterator[Score], once: bool) -> bool:
-    message = None
-    for message in messages:
-        typer.echo(msgspec.json.encode(message, enc_hook=lambda array: array.tolist()).decode())
-        if once:
-            break
-    return message is not None
-
-
-def _show(messages: Iterator[Score], once: bool) -> bool:
-    console = Console()
-    message, drawn_s = None, 0.0
-    if once:
-        message = next(messages, None)
-        if message is not None:
-            console.print(picture_of(message))
-        return message is not None
-    with Live("waiting for a score ...", console=console, auto_refresh=False) as live:
-        for message in messages:
-            # A terminal that is slower than the camera must not hold up reading.
-            if time.monotonic() - drawn_s > REDRAW_S:
-                live.update(picture_of(message), refresh=True)
-                drawn_s = time.monotonic()
-        if message is not None:
-            live.update(picture_of(message), refresh=True)
-    return message is not None
 
 
 def picture_of(message: Score) -> Group:

@@ -1,0 +1,62 @@
+"""Messages in the terminal as they come: drawn anew, or a JSON line each."""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Annotated, TypeVar
+
+import msgspec
+import typer
+from rich.console import Console, RenderableType
+from rich.live import Live
+
+from common.messages import Message
+
+M = TypeVar("M", bound=Message)
+
+REDRAW_S = 0.1
+
+Once = Annotated[bool, typer.Option("--once", help="Show one message and end.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON line for each message.")]
+Timeout = Annotated[
+    float | None,
+    typer.Option("--timeout", help="End after so many seconds without a message."),
+]
+
+
+def print_json(messages: Iterator[M], once: bool) -> bool:
+    """Print each message as a line of JSON; return whether there was any."""
+    message = None
+    for message in messages:
+        typer.echo(msgspec.json.encode(message, enc_hook=lambda array: array.tolist()).decode())
+        if once:
+            break
+    return message is not None
+
+
+def show(
+    messages: Iterator[M], draw: Callable[[M], RenderableType], once: bool, waiting: str
+) -> bool:
+    """Draw messages in place, the newest last; return whether there was any.
+
+    Args:
+        messages: As they come.
+        draw: Makes what is shown of a message.
+        once: Show one message and end.
+        waiting: What is shown before the first.
+    """
+    console = Console()
+    message, drawn_s = None, 0.0
+    if once:
+        message = next(messages, None)
+        if message is not None:
+            console.print(draw(message))
+        return message is not None
+    with Live(waiting, console=console, auto_refresh=False) as live:
+        for message in messages:
+            # A terminal that is slower than the camera must not hold up reading.
+            if time.monotonic() - drawn_s > REDRAW_S:
+                live.update(draw(message), refresh=True)
+                drawn_s = time.monotonic()
+        if message is not None:
+            live.update(draw(message), refresh=True)
+    return message is not None
