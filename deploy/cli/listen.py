@@ -28,12 +28,7 @@ def listen(
         if json:
             shown = print_json(messages, once)
         else:
-            shown = show(
-                messages,
-                lambda tracks: table_of(tracks, time.time_ns()),
-                once,
-                "waiting for people ...",
-            )
+            shown = show(messages, table_now, once, "waiting for people ...")
         if not shown:
             raise People4dError(
                 f"no people message came within {timeout_s:g} s",
