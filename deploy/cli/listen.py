@@ -9,7 +9,7 @@ from rich.table import Table
 
 from common.errors import People4dError
 from common.messages import Tracks
-from deploy.cli.live import Json, Once, Timeout, print_json, show
+from deploy.cli.live import Json, Once, Timeout, follow
 from deploy.cli.options import Connect, Robot, open_client
 
 COLOURS = {"confirmed": "green", "lost": "yellow", "tentative": "dim"}
@@ -25,11 +25,8 @@ def listen(
     """Show the people around the robot, live."""
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
         messages = client.messages(Tracks, timeout_s=timeout_s)
-        if json:
-            shown = print_json(messages, once)
-        else:
-            shown = show(messages, table_now, once, "waiting for people ...")
-        if not shown:
+        waiting = "waiting for people ..."
+        if not follow(messages, table_now, once=once, json=json, waiting=waiting):
             raise People4dError(
                 f"no people message came within {timeout_s:g} s",
                 "See what runs with people4d ps.",

@@ -23,8 +23,27 @@ Timeout = Annotated[
 ]
 
 
-def print_json(messages: Iterator[M], once: bool) -> bool:
-    """Print each message as a line of JSON; return whether there was any."""
+def follow(
+    messages: Iterator[M],
+    draw: Callable[[M], RenderableType],
+    *,
+    once: bool,
+    json: bool,
+    waiting: str,
+) -> bool:
+    """Show messages as they come; return whether there was any.
+
+    Args:
+        messages: As they come.
+        draw: Makes what is shown of a message.
+        once: Show one message and end.
+        json: Print a line of JSON for each in place of drawing it.
+        waiting: What is shown before the first.
+    """
+    return _print(messages, once) if json else _draw(messages, draw, once, waiting)
+
+
+def _print(messages: Iterator[M], once: bool) -> bool:
     message = None
     for message in messages:
         typer.echo(msgspec.json.encode(message, enc_hook=lambda array: array.tolist()).decode())
@@ -33,17 +52,9 @@ def print_json(messages: Iterator[M], once: bool) -> bool:
     return message is not None
 
 
-def show(
+def _draw(
     messages: Iterator[M], draw: Callable[[M], RenderableType], once: bool, waiting: str
 ) -> bool:
-    """Draw messages in place, the newest last; return whether there was any.
-
-    Args:
-        messages: As they come.
-        draw: Makes what is shown of a message.
-        once: Show one message and end.
-        waiting: What is shown before the first.
-    """
     console = Console()
     message, drawn_s = None, 0.0
     if once:

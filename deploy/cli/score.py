@@ -10,7 +10,7 @@ from rich.text import Text
 
 from common.errors import People4dError
 from common.messages import Alignment, PersonScore, Score, Tally
-from deploy.cli.live import Json, Once, Timeout, print_json, show
+from deploy.cli.live import Json, Once, Timeout, follow
 from deploy.cli.options import Connect, Robot, open_client
 
 VIEWS = {"inside": "", "outside": "[dim]outside[/]", "unknown": "[yellow]unknown[/]"}
@@ -27,11 +27,8 @@ def score(
     """Show how far the tracks are from the truth, live; needs a system with --truth."""
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
         messages = client.messages(Score, timeout_s=timeout_s)
-        if json:
-            shown = print_json(messages, once)
-        else:
-            shown = show(messages, picture_of, once, "waiting for a score ...")
-        if not shown:
+        waiting = "waiting for a score ..."
+        if not follow(messages, picture_of, once=once, json=json, waiting=waiting):
             raise People4dError(
                 f"no score came within {timeout_s:g} s",
                 "It needs people and truth (people4d up --truth FILE); see people4d ps.",
