@@ -209,8 +209,7 @@ def speeds(world: World) -> list[Callable[[int], object]]:
 
     def seen(index: int) -> object:
         t_s = world.frame_s(index)
-        held = zip(world.bodies, world.postures(t_s), strict=True)
-        people = [body.keypoints_m(posture) for body, posture in held]
+        people = world.keypoints_m(t_s)
         return sightings.at(people, world.optical_from_map(t_s), world.stamp_ns(index))
 
     settings = [

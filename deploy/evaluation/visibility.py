@@ -90,8 +90,7 @@ def load_views(path: Path, stamps_ns: Sequence[int]) -> list[LabView] | None:
 
 
 def _view(world: World, t_s: float) -> LabView:
-    held = zip(world.bodies, world.postures(t_s), strict=True)
-    people = [body.keypoints_m(posture) for body, posture in held]
+    people = world.keypoints_m(t_s)
     found = outlines(people, world.optical_from_map(t_s), world.info)
     shares = {
         person_id(k): found[k].visible_share if k in found else 0.0 for k in range(len(people))

@@ -52,8 +52,7 @@ def person_views(
         meshes: The bodies at that time, if they are at hand.
     """
     optical_from_map = world.optical_from_map(t_s)
-    postures = world.postures(t_s)
-    keypoints = [b.keypoints_m(p) for b, p in zip(world.bodies, postures, strict=True)]
+    keypoints = world.keypoints_m(t_s)
     if view is None:
         found = outlines(keypoints, optical_from_map, world.info)
         seen = [_outlined(found.get(k), world.info) for k in range(len(keypoints))]

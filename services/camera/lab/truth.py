@@ -93,7 +93,7 @@ def capture_truth(world: World) -> Iterator[Truth]:
     errors = [np.random.default_rng([world.seed, NOISE_KEY, k]) for k in range(people)]
     seen = [captured(plan, world.scenario.duration_s, world.seed, k) for k in range(people)]
     recent = [deque[Capture](maxlen=3) for _ in range(people)]
-    for sequence in range(-2, sample_count(world)):
+    for sequence in range(-2, sample_count(plan, world.scenario.duration_s)):
         for k, samples in enumerate(recent):
             samples.append(capture(world, k, (sequence + 1) / plan.rate_hz))
         if sequence < 0:
@@ -111,9 +111,9 @@ def capture_truth(world: World) -> Iterator[Truth]:
         )
 
 
-def sample_count(world: World) -> int:
+def sample_count(plan: CapturePlan, duration_s: float) -> int:
     """Return the number of samples of motion capture."""
-    return int(world.scenario.duration_s * world.scenario.capture.rate_hz + 1e-9) + 1
+    return int(duration_s * plan.rate_hz + 1e-9) + 1
 
 
 def captured(plan: CapturePlan, duration_s: float, seed: int, person: int) -> list[bool]:
@@ -121,8 +121,7 @@ def captured(plan: CapturePlan, duration_s: float, seed: int, person: int) -> li
 
     Gaps and the times between them have exponential lengths, whose means give the share of gaps.
     """
-    count = int(duration_s * plan.rate_hz + 1e-9) + 1
-    seen = np.ones(count, np.bool_)
+    seen = np.ones(sample_count(plan, duration_s), np.bool_)
     if plan.dropout <= 0:
         return seen.tolist()
     rng = np.random.default_rng([seed, GAP_KEY, person])

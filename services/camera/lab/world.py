@@ -80,12 +80,17 @@ class World:
         """Return how all people are held at a time."""
         return tuple(motion.at(t_s) for motion in self.motions)
 
+    def keypoints_m(self, t_s: float) -> list[F64]:
+        """Return the keypoints of all people at a time: 17x3 each, COCO order, frame: map."""
+        held = zip(self.bodies, self.postures(t_s), strict=True)
+        return [body.keypoints_m(posture) for body, posture in held]
+
     def meshes(self, t_s: float) -> tuple[Mesh, ...]:
         """Return the bodies at a time; the owner of person k is k + 1."""
         held = zip(self.bodies, self.postures(t_s), strict=True)
         meshes = tuple(body.mesh(posture, k + 1) for k, (body, posture) in enumerate(held))
         for mesh in meshes:
-            # Feet are stiff: as one rolls over its ball, the toes would sink into the floor.
+            # Soles keep to the floor within a millimetre; nothing of them is drawn below it.
             np.maximum(mesh.vertices_m[:, 2], 0.0, out=mesh.vertices_m[:, 2])
         return meshes
 

@@ -103,8 +103,7 @@ class Studio:
         """Return what a detector would have found."""
         world = self.world
         t_s = world.frame_s(index)
-        held = zip(world.bodies, world.postures(t_s), strict=True)
-        people = [body.keypoints_m(posture) for body, posture in held]
+        people = world.keypoints_m(t_s)
         return self._sightings.at(people, world.optical_from_map(t_s), world.stamp_ns(index), index)
 
     def _truth(self, index: int, view: DepthView) -> Arrays:
