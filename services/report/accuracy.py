@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from common.messages import F64, Track, Tracks, Truth, TruthPerson
 from common.metrics.interpolation import TruthTrail
+from common.metrics.pose import rmse
 from services.report.spread import Spread
 
 GATE_M = 1.0  # a track farther from the truth is not that person
@@ -63,8 +64,8 @@ class TruthCheck:
             matched=self._matched,
             extra=self._extra,
             position_median_m=float(np.median(position_m)) if len(position_m) else None,
-            position_rmse_m=_rmse(position_m),
-            velocity_rmse_mps=_rmse(velocity_mps),
+            position_rmse_m=rmse(position_m),
+            velocity_rmse_mps=rmse(velocity_mps),
             id_switches=self._switches,
         )
 
@@ -107,7 +108,3 @@ def match(people: Sequence[TruthPerson], tracks: Sequence[Track]) -> list[tuple[
 
 def _distance(a: F64, b: F64) -> float:
     return float(np.linalg.norm(a[:2] - b[:2]))
-
-
-def _rmse(errors: F64) -> float | None:
-    return float(np.sqrt(np.mean(errors**2))) if len(errors) else None
