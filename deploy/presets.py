@@ -15,6 +15,7 @@ from common.errors import ConfigError
 
 FOLDER = Path(__file__).parent / "config" / "presets"
 PRESETS = {
+    "best": "everything that this project adds to the papers, on what is shipped",
     "seg-sort": "the paper's first method: YOLOv8-seg, SORT-3D, yaw as people walk",
     "seg-strongsort": "its second: YOLOv8-seg, StrongSORT-3D with OSNet, yaw as people walk",
     "pose-strongsort": "its third: YOLOv8-pose, StrongSORT-3D with OSNet, yaw from keypoints",

@@ -137,7 +137,7 @@ def test_refused_files(
 @pytest.mark.parametrize(
     ("name", "problem"),
     [
-        ("nonsense", "there is no preset 'nonsense'. There are seg-sort,"),
+        ("nonsense", "there is no preset 'nonsense'. There are best,"),
         ("none.toml", "none.toml cannot be read: No such file"),
     ],
 )
