@@ -21,6 +21,7 @@ from common.messages import (
     StaticTransform,
 )
 from common.recording import RecordingWriter, open_recording
+from deploy.evaluation import findings
 from deploy.evaluation.cache import (
     CODE,
     REID_CODE,
@@ -32,8 +33,10 @@ from deploy.evaluation.cache import (
 from deploy.evaluation.chain import Step, play
 from services.camera.config import CameraConfig
 from services.camera.sources import kind_of
-from services.detector.__main__ import build as build_detector
 from services.detector.config import DetectorConfig
+from services.detector.models import load_model
+from services.detector.models.base import ModelSettings
+from services.detector.node import DetectorNode
 from services.reid.__main__ import build as build_reid
 from services.reid.config import ReidConfig
 
@@ -58,6 +61,16 @@ class Look:
     detector: DetectorConfig
     reids: tuple[ReidConfig, ...]
     folder: Path
+
+    @property
+    def network(self) -> tuple[object, ...]:
+        """What the network finds depends on this and on the pictures."""
+        return tuple(getattr(self.detector, name) for name in ModelSettings.__struct_fields__)
+
+    def findings_file(self) -> Path:
+        """Return where is kept what the network found; pictures are told apart in it."""
+        key = key_of(code_digest(findings.CODE), self.network, model_digest(self.detector))
+        return self.folder / "findings" / f"{self.source.stem}-{key}.npz"
 
     def file(self, content: str, reid: ReidConfig | None = None) -> Path:
         """Return where detections are kept, or the embeddings of one of `reids`.
@@ -154,14 +167,16 @@ def _see(wanted: Look, files: Sequence[Path]) -> None:
     embedders = [build_reid(reid) for reid in wanted.reids]
     new = [file.with_suffix(f".{os.getpid()}.new") for file in files]
     took_ms: list[list[float]] = [[] for _ in files]
+    known = findings.load(wanted.findings_file())
     with ExitStack() as stack:
         writers = [stack.enter_context(RecordingWriter(path)) for path in new]
-        for step in play(camera, [build_detector(wanted.detector)]):
+        model = findings.Remembered(load_model(wanted.detector), known)
+        for step in play(camera, [DetectorNode(model, wanted.detector)]):
             for message in step.messages:
                 if isinstance(message, KEPT):
                     writers[0].write(_untraced(message), message.stamp_ns)
                 if isinstance(message, RgbdFrame):
-                    took_ms[0].append(_detector_ms(step))
+                    took_ms[0].append(_detector_ms(step) + model.saved_ms())
                 if not isinstance(message, Crops):
                     continue
                 for k, embedder in enumerate(embedders, 1):
@@ -173,6 +188,8 @@ def _see(wanted: Look, files: Sequence[Path]) -> None:
         for writer, times in zip(writers, took_ms, strict=True):
             if times:
                 writer.note(SPEED, {"mean_ms": f"{sum(times) / len(times):.4f}"})
+    if model.found_new:
+        findings.save(wanted.findings_file(), known)
     for made, file in zip(new, files, strict=True):
         made.replace(file)
 

@@ -1,6 +1,7 @@
 """From methods and takes to trials: people found once for each way to see them, and the truth."""
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,7 @@ from deploy.evaluation.truth import Happening, read_truth
 
 A = TypeVar("A")
 B = TypeVar("B")
+W = TypeVar("W")
 Report = Callable[[str, float], object]
 
 
@@ -101,7 +103,8 @@ def trials_of(plan: Plan, work: Work) -> list[Trial]:
     for take in plan.takes:
         for method in plan.methods:
             _ask(looks, take, method, plan.cache)
-    seen = dict(zip(looks, work.do("detecting", look, list(looks.values())), strict=True))
+    turns = _in_turn(looks)
+    seen = dict(zip(turns, work.do("detecting", look, list(turns.values())), strict=True))
     asked: dict[tuple[str, bytes], tuple[Take, Path]] = {}
     for take in plan.takes:
         for method in plan.methods:
@@ -124,6 +127,17 @@ def _ask(looks: dict[tuple[str, bytes], Look], take: Take, method: Method, cache
     if method.reid and method.reid not in wanted.reids:
         wanted = replace(wanted, reids=(*wanted.reids, method.reid))
     looks[way] = wanted
+
+
+def _in_turn(looks: Mapping[W, Look]) -> dict[W, Look]:
+    """Put first who is first to ask a network about a take: the others need not ask again."""
+    asked: Counter[tuple[object, ...]] = Counter()
+    turn = {}
+    for way, wanted in looks.items():
+        question = (wanted.source, *wanted.network)
+        turn[way] = asked[question]
+        asked[question] += 1
+    return dict(sorted(looks.items(), key=lambda item: turn[item[0]]))
 
 
 def _embeddings(wanted: Look, seen: Seen, method: Method) -> Path | None:
