@@ -6,17 +6,20 @@ import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import psutil
 
 from common.bus import Bus
+from common.flow import Flow
 from common.inbox import Inbox
-from common.messages import Health
+from common.messages import Health, Message
 from common.messages.status import State
-from common.node import Node
+from common.node import Node, Status
 from common.place import Place
+from common.release import release
+from common.topics import BY_MESSAGE, Topic
 
 PERIOD_S = 0.5
 STALLED_AFTER_S = 2.0
@@ -56,8 +59,12 @@ class Work:
 class Heartbeat:
     """Publishes Health until closed.
 
+    A process is `ready`; `degraded` while it works with limits, or would if something came from
+    elsewhere; `stalled` while it does not go on itself. The reason is one that a user understands.
+
     Args:
-        node: Whose status is told.
+        node: Whose status is told. If it has `takes`, it can do nothing without these messages; if
+            it has `gives`, it sends these by itself: when none come, that is told.
         bus: Where to publish.
         place: Which process this is.
         inbox: Whose counters are told.
@@ -70,6 +77,8 @@ class Heartbeat:
         self._process = psutil.Process()
         self._sequence = 0
         self._before: tuple[float, Counter[str]] = (time.monotonic(), Counter())
+        takes, gives = (_topics(getattr(node, name, ())) for name in ("takes", "gives"))
+        self._flow = Flow(takes, gives, time.monotonic())
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
         self._thread.start()
@@ -93,17 +102,11 @@ class Heartbeat:
 
     def _health(self, state: State | None) -> Health:
         status = self._node.status()
-        now: State | Literal["finished"] = status.state
-        reason = status.reason
-        stuck_s = self._work.longest_s()
-        if stuck_s > STALLED_AFTER_S:
-            now, reason = "stalled", f"busy with one message for {stuck_s:.0f} s"
-        elif not state and now == "ready" and self._inbox.last_error_is_fresh():
-            now, reason = "degraded", self._inbox.last_error
         # Copies, because other threads count on; zeros stay, they show what is counted.
         counters = Counter(dict(status.counters))
         counters.update(dict(self._inbox.counters))
         counters.update(dict(self._work.counters))
+        now, reason = (state, status.reason) if state else self._judge(status, counters)
         self._sequence += 1
         return Health(
             stamp_ns=time.time_ns(),
@@ -112,11 +115,30 @@ class Heartbeat:
             instance=self._place.instance,
             host=self._place.host,
             pid=os.getpid(),
-            state=state or ("stopping" if now == "finished" else now),
+            release=release(),
+            state="stopping" if now == "finished" else now,
             reason=reason,
             counters=dict(counters),
             gauges=self._gauges(counters),
         )
+
+    def _judge(
+        self, status: Status, counters: Counter[str]
+    ) -> tuple[State | Literal["finished"], str]:
+        """Return state and reason: the node's own, or what it cannot know."""
+        now_s, stuck_s = time.monotonic(), self._work.longest_s()
+        # Asked always: they compare with what they were shown before.
+        missing = self._flow.missing(counters, now_s)
+        losing = self._flow.losing(counters, now_s)
+        if stuck_s > STALLED_AFTER_S:
+            return "stalled", f"busy with one message for {stuck_s:.0f} s"
+        if status.state not in ("ready", "degraded"):
+            return status.state, status.reason
+        if self._inbox.last_error_is_fresh():
+            losing = self._inbox.last_error
+        reasons = [reason for reason in (status.reason, missing, losing) if reason]
+        degraded = bool(missing or losing) or status.state == "degraded"
+        return ("degraded" if degraded else "ready"), "; ".join(reasons)
 
     def _gauges(self, counters: Counter[str]) -> dict[str, float]:
         """Return rates of messages [Hz], processor share [%] and memory [MB]."""
@@ -131,3 +153,7 @@ class Heartbeat:
         }
         memory_mb = self._process.memory_info().rss / 2**20
         return rates | {"cpu_percent": self._process.cpu_percent(), "memory_mb": memory_mb}
+
+
+def _topics(kinds: Sequence[type[Message]]) -> list[Topic]:
+    return [BY_MESSAGE[kind] for kind in kinds]

@@ -19,6 +19,9 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
 class Node(Protocol):
     """Messages in, messages out; no bus, no files, no clock of its own.
 
+    It may name in `takes` the messages without which it can do nothing, and in `gives` those that
+    it sends by itself; its heartbeat tells when none come.
+
     A node raises nothing for bad data: it counts the drop and says so in its status. `now_ns` is a
     monotonic clock, good for waiting only; stamps come from the messages.
     """

@@ -16,8 +16,11 @@ class Health(Message, frozen=True, kw_only=True):
     instance: str  # name of this process, for example "detector-1"
     host: str  # name of the machine it runs on
     pid: int  # process number on that machine
-    state: State  # what it can do now
+    # ready: it does its work; degraded: with limits, or it would if something came from elsewhere;
+    # stalled: it does not go on itself; starting and stopping: not yet, and no more
+    state: State
     reason: str = ""  # why it is not ready, one sentence; empty when ready
+    release: str = ""  # people4d release that runs there, for example "0.1.0"; empty: not told
     counters: dict[str, int] = msgspec.field(default_factory=dict)  # events since start, by name
     # of the last period, by name; its end tells the unit: _hz, _ms, _percent, _mb
     gauges: dict[str, float] = msgspec.field(default_factory=dict)

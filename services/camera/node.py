@@ -51,6 +51,7 @@ class CameraNode:
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Tracks, Detections)
+    gives: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
 
     def __init__(self, config: CameraConfig, source: Source) -> None:
         self._config = config

@@ -41,6 +41,7 @@ class DetectorNode:
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
+    takes: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
 
     def __init__(self, model: PersonModel, config: DetectorConfig) -> None:
         self._model = model

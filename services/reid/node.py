@@ -21,6 +21,7 @@ class ReidNode:
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Crops,)
+    takes = inputs
 
     def __init__(self, embedder: Embedder) -> None:
         self._embedder = embedder

@@ -54,6 +54,7 @@ class TrackerNode:
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Detections, Embeddings, StaticTransform)
+    takes: ClassVar[tuple[type[Message], ...]] = (Detections,)
 
     def __init__(self, config: TrackerConfig, tracker: Tracker) -> None:
         self._config = config

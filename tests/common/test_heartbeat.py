@@ -1,14 +1,15 @@
 """Health of a process, as it is heard on the bus."""
 
+import importlib.metadata
 import threading
 from collections.abc import Iterator
 
 import pytest
 
-from common import heartbeat, inbox
+from common import flow, heartbeat, inbox
 from common.heartbeat import Heartbeat, Work
 from common.inbox import Inbox
-from common.messages import Health
+from common.messages import Detections, Health, Message
 from common.node import Status
 from common.place import Place
 from common.topics import BY_NAME
@@ -30,7 +31,7 @@ class Beating:
     """A node whose heart beats, and a watcher on the same session."""
 
     def __init__(self, bus: ZenohBus, node: Echo) -> None:
-        self.node, self.inbox, self.work = node, Inbox(), Work()
+        self.bus, self.node, self.inbox, self.work = bus, node, Inbox(), Work()
         self.watcher = Watcher(bus, Health)
         self.heartbeat = Heartbeat(node, bus, PLACE, self.inbox, self.work)
 
@@ -174,3 +175,20 @@ def test_the_longest_work_counts() -> None:
     release.set()
     thread.join()
     assert work.longest_s() == 0.0
+
+
+def test_what_does_not_come_and_who_tells_it(
+    beating: Beating, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(flow, "QUIET_S", 0.2)
+    takes: tuple[type[Message], ...] = (Detections,)
+    monkeypatch.setattr(Echo, "takes", takes, raising=False)
+    bus = beating.bus
+    watcher = Watcher(bus, Health)
+    other = Heartbeat(Echo(), bus, Place("tracker", "tracker-1", "robot"), Inbox(), Work())
+    told = watcher.wait(Health, lambda h: (h.service, h.state) == ("tracker", "degraded"))
+    other.close()
+    assert told.reason == "no detections have come yet, for 0 s"
+    assert told.release == importlib.metadata.version("people4d")
+    last = watcher.wait(Health, lambda h: (h.service, h.state) == ("tracker", "stopping"))
+    assert last.reason == ""
