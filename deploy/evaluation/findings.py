@@ -12,10 +12,7 @@ import numpy as np
 from common.messages import U8
 from services.detector.models.base import InstanceMask, Person, PersonModel
 
-CODE = (
-    *("services/detector/models/*.py", "common/inference.py", "common/boxes.py"),
-    *("common/weights.py", "common/registry.py"),
-)
+CODE = ("services/detector/models/*.py", "common/inference.py", "common/boxes.py")
 PEOPLE_AXES = (17, 3)
 
 
