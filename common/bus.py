@@ -1,11 +1,11 @@
 """What carries messages between nodes, and the bus that needs no network."""
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 from common.codec import decode, encode
-from common.messages import Message
+from common.messages import Message, Span
 from common.node import Node
 from common.topics import Topic
 
@@ -25,8 +25,13 @@ class Subscription(Protocol):
 class Bus(Protocol):
     """Carries messages to other processes; publish may be called from any thread."""
 
-    def publish(self, message: Message) -> None:
-        """Send a message on the key that the topic table gives it."""
+    def publish(self, message: Message, publishing: Callable[[], Span] | None = None) -> None:
+        """Send a message on the key that the topic table gives it.
+
+        Args:
+            message: The message.
+            publishing: Gives the last stage of its trace, asked when it is encoded.
+        """
         ...
 
     def subscribe(self, topic: Topic) -> Subscription:

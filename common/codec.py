@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.errors import DecodeError
-from common.messages import Message
+from common.messages import Message, Span
 from common.topics import TOPICS
 
 MAX_BYTES = 64 * 2**20
@@ -25,11 +25,26 @@ MAX_AXES = 4
 MESSAGES: dict[str, type[Message]] = {topic.message.__name__: topic.message for topic in TOPICS}
 
 
-def encode(message: Message) -> bytes:
-    """Encode a message as MessagePack."""
+def encode(message: Message, publishing: Callable[[], Span] | None = None) -> bytes:
+    """Encode a message as MessagePack.
+
+    Args:
+        message: The message.
+        publishing: Gives one more stage of its trace, asked when all else is encoded.
+    """
     fields = msgspec.to_builtins(message, enc_hook=_array_to_map, builtin_types=(bytes, memoryview))
+    trace = fields.pop("trace")
     header = {"message": type(message).__name__, "version": message.VERSION}
-    packed: bytes = msgpack.packb(header | fields)
+    packer = msgpack.Packer(autoreset=False)
+    packer.pack_map_header(len(header) + len(fields) + 1)
+    for name, value in (header | fields).items():
+        packer.pack(name)
+        packer.pack(value)
+    if publishing:
+        trace = (*trace, msgspec.to_builtins(publishing()))
+    packer.pack("trace")
+    packer.pack(trace)
+    packed: bytes = packer.bytes()
     return packed
 
 

@@ -5,17 +5,14 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 
-import msgspec
-
 from common.bus import Bus, Subscription
 from common.heartbeat import Heartbeat, Work
 from common.inbox import Arrival, Inbox
 from common.messages import Message, Span
-from common.messages.base import MAX_TRACE
 from common.node import Node
 from common.place import Place
 from common.topics import BY_MESSAGE, ForeignTopic, Topic
-from common.trace import collect
+from common.trace import Tracer
 
 LONGEST_WAIT_S = 0.25
 
@@ -32,14 +29,18 @@ class Loop:
         bus: Where messages come from and go to.
         place: Which process this is.
         workers: Threads that call `handle` at once; outputs keep the order of the inputs.
+        traced: Whether messages are marked with the times of their stages.
     """
 
-    def __init__(self, node: Node, bus: Bus, place: Place, workers: int = 1) -> None:
+    def __init__(
+        self, node: Node, bus: Bus, place: Place, workers: int = 1, traced: bool = True
+    ) -> None:
         self.inbox = Inbox()
         self._node = node
         self._bus = bus
         self._place = place
         self._workers = workers
+        self._tracer = Tracer(place, traced)
         self._work = Work()
         self._stopped = False  # no Event: a signal may come while its lock is held
         self._turn = threading.Condition()
@@ -112,11 +113,12 @@ class Loop:
         return min(max((wake_ns - time.monotonic_ns()) / 1e9, 0.0), LONGEST_WAIT_S)
 
     def _handle(self, arrival: Arrival) -> None:
-        picked_ns = time.time_ns()
-        outputs, spans = self._ask(lambda: self._node.handle(arrival.message, time.monotonic_ns()))
-        spans = spans or [self._span("handle", picked_ns, time.time_ns())]
-        spans.insert(0, self._span("receive", arrival.received_ns, arrival.decoded_ns))
-        spans.insert(1, self._span("queue", arrival.decoded_ns, picked_ns))
+        taken_ns = time.time_ns()
+        message = self._tracer.taken(
+            arrival.message, arrival.received_ns, arrival.decoded_ns, taken_ns
+        )
+        outputs, spans = self._ask(lambda: self._node.handle(message, time.monotonic_ns()))
+        spans = self._tracer.handled(taken_ns, spans)
         with self._turn:
             self._turn.wait_for(lambda: self._published == arrival.ticket)
         try:
@@ -129,7 +131,7 @@ class Loop:
     def _ask(
         self, question: Callable[[], Sequence[Message]]
     ) -> tuple[Sequence[Message], list[Span]]:
-        with self._work.busy(), collect(self._place.service, self._place.process) as spans:
+        with self._work.busy(), self._tracer.working() as spans:
             try:
                 return question(), spans
             except Exception:  # a bug in a node must not end the stream
@@ -139,18 +141,10 @@ class Loop:
 
     def _publish(self, outputs: Iterable[Message], spans: list[Span]) -> None:
         for message in outputs:
-            trace = (*message.trace, *spans)[:MAX_TRACE]
+            traced = self._tracer.worked(message, spans)
             try:
-                self._bus.publish(msgspec.structs.replace(message, trace=trace))
+                self._bus.publish(traced, self._tracer.publishing(traced))
                 self._work.count(f"sent_{BY_MESSAGE[type(message)].name}")
             except Exception:  # what cannot be sent must not end the thread that sends
                 self._work.count("errors")
                 log.exception("%s could not be sent", type(message).__name__)
-
-    def _span(self, stage: str, start_ns: int, end_ns: int) -> Span:
-        return Span(
-            stage=f"{self._place.service}.{stage}",
-            process=self._place.process,
-            start_ns=start_ns,
-            end_ns=end_ns,
-        )

@@ -4,7 +4,7 @@ import json
 import os
 import re
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import zenoh.ext
 
 from common.codec import encode
 from common.errors import ConfigError, People4dError
-from common.messages import Message, RgbdFrame
+from common.messages import Message, RgbdFrame, Span
 from common.messages.base import check_name
 from common.topics import BY_MESSAGE, Topic, prefix
 
@@ -142,13 +142,18 @@ class ZenohBus:
             config.insert_json5("connect/exit_on_failure", "true")
         self._session = _open(config)
 
-    def publish(self, message: Message) -> None:
-        """Send a message on the key that the topic table gives it."""
+    def publish(self, message: Message, publishing: Callable[[], Span] | None = None) -> None:
+        """Send a message on the key that the topic table gives it.
+
+        Args:
+            message: The message.
+            publishing: Gives the last stage of its trace, asked when it is encoded.
+        """
         topic = BY_MESSAGE[type(message)]
         key = topic.key_of(message, self.robot)
         lossless = isinstance(message, RgbdFrame) and message.lockstep
         publisher = self._publisher(topic, key, lossless)
-        publisher.put(encode(message))
+        publisher.put(encode(message, publishing))
 
     def subscribe(self, topic: Topic) -> ZenohSubscription:
         """Receive a topic; of a latched one the last message of each key comes first."""

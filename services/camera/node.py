@@ -1,6 +1,5 @@
 """The camera: frames from a source, at the pace that is wanted."""
 
-import platform
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import ClassVar
@@ -15,12 +14,11 @@ from common.messages import (
     Detections,
     Message,
     RgbdFrame,
-    Span,
     StaticTransform,
     Tracks,
 )
 from common.node import Status
-from common.trace import span
+from common.trace import record, span
 from services.camera.calibration import OPTICAL_FRAME, static_transform
 from services.camera.config import CameraConfig
 from services.camera.pacing import AsTheyCome, Lockstep, Pacing, Recorded, is_jump
@@ -31,6 +29,7 @@ from services.camera.source import Capture, Source
 FRAMES_AHEAD = 4
 POLL_NS = 2_000_000
 STOP_S = 2.0
+OLDEST_NS = 1_000_000_000  # a live frame that is older has the stamp of another clock
 
 ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
 
@@ -68,7 +67,6 @@ class CameraNode:
             loop=config.loop,
         )
         self._prefetch = Prefetch(lambda: play(source, selection), FRAMES_AHEAD, source.live)
-        self._process = f"{self._info.camera}@{platform.node()}"
         self._wake: Callable[[], None] | None = None
         self._begin_ns: int | None = None  # when frames may go out
         self._tick_ns = 0
@@ -100,10 +98,9 @@ class CameraNode:
         self._ignored = self._ignored or given_up > 0
         self._counters["unanswered"] += given_up
         outputs: list[Message] = []
-        with span("send"):
-            # One frame at a time: each has its own time of sending.
-            while self._is_due(now_ns) and not any(isinstance(m, RgbdFrame) for m in outputs):
-                outputs += self._message(self._prefetch.take(), now_ns)
+        # One frame at a time: each has its own time of sending.
+        while self._is_due(now_ns) and not any(isinstance(m, RgbdFrame) for m in outputs):
+            outputs += self._message(self._prefetch.take(), now_ns)
         return outputs
 
     def wake_ns(self) -> int | None:
@@ -165,14 +162,17 @@ class CameraNode:
         jumped = self._stamp_ns is not None and is_jump(capture.stamp_ns - self._stamp_ns)
         self._counters["stamp_jumps"] += jumped
         self._stamp_ns = capture.stamp_ns
-        frame = self._frame(reading, capture)
+        if self._source.live:  # reading ahead from a file is no part of a frame's way
+            record("capture", _acquired_ns(reading, capture), reading.end_ns)
+        with span("release"):
+            frame = self._frame(capture)
         if frame is None:
             return []
         self._pacing.sent(capture.stamp_ns, now_ns)
         self._sequence += 1
         return [frame]
 
-    def _frame(self, reading: Reading, capture: Capture) -> RgbdFrame | None:
+    def _frame(self, capture: Capture) -> RgbdFrame | None:
         """Make the message; None, and counted, if the images do not fit."""
         size = (self._info.height, self._info.width)
         if capture.rgb.shape != (*size, 3) or capture.depth_mm.shape != size:
@@ -181,22 +181,24 @@ class CameraNode:
         if capture.rgb.dtype != np.uint8 or capture.depth_mm.dtype != np.uint16:
             self._counters["wrong_type"] += 1
             return None
-        # Reading ahead from a file is no part of a frame's way.
-        capture_span = Span(
-            stage="camera.capture",
-            process=self._process,
-            start_ns=reading.start_ns,
-            end_ns=reading.end_ns,
-        )
         return RgbdFrame(
             stamp_ns=capture.stamp_ns,
             sequence=self._sequence,
-            trace=(capture_span,) if self._source.live else (),
             camera=self._info.camera,
             rgb=capture.rgb,
             depth_mm=capture.depth_mm,
             lockstep=self._lockstep,
         )
+
+
+def _acquired_ns(reading: Reading, capture: Capture) -> int:
+    """Return the wall clock when a live frame was seen, else when its reading began.
+
+    Waiting for a camera that has nothing new is no latency, but a frame that grows old in its
+    driver is. A stamp that cannot be of this clock tells neither.
+    """
+    age_ns = reading.end_ns - capture.stamp_ns
+    return capture.stamp_ns if 0 <= age_ns < OLDEST_NS else reading.start_ns
 
 
 def _pacing(config: CameraConfig, live: bool) -> Pacing:

@@ -100,7 +100,7 @@ class DetectorNode:
 
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
         people = self._find(frame)
-        with span("depth"):
+        with span("locate"):
             people = [self._with_mask(person, frame, info) for person in people]
             detections = self._detections(people, frame, info)
         with self._lock:

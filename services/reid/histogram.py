@@ -51,7 +51,7 @@ class HistogramEmbedder:
 
     def embed(self, crops: Sequence[Crop]) -> F32:
         """Embed pictures; rows are of unit length."""
-        with span("embed"):
+        with span("embedding"):
             vectors = [_embed(crop) for crop in crops]
         return np.array(vectors, np.float32).reshape(-1, self.dimension)
 

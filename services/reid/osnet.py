@@ -68,8 +68,9 @@ class OsnetEmbedder:
             pictures = np.stack([_tensor(crop.rgb, self._size) for crop in crops])
         parts = [pictures] if self._batch is None else list(pictures[:, None])
         vectors = np.concatenate([self._run(part) for part in parts])
-        norms = np.linalg.norm(vectors, axis=1, keepdims=True)
-        return np.asarray(vectors / np.maximum(norms, 1e-12), np.float32)
+        with span("postprocess"):
+            norms = np.linalg.norm(vectors, axis=1, keepdims=True)
+            return np.asarray(vectors / np.maximum(norms, 1e-12), np.float32)
 
     def _run(self, pictures: F32) -> F32:
         output = next(iter(self._session.run(pictures).values()))

@@ -173,7 +173,7 @@ class TrackerNode:
         if map_from_camera is None:
             self._counters["no_transform"] += 1
             return None
-        with span("track"):
+        with span("association"):
             observation = observe(
                 detections, embeddings, map_from_camera, self._config.max_range_m, self._counters
             )
@@ -207,7 +207,7 @@ class TrackerNode:
             return []
         was_showing = self._showing
         stamp_ns = last.detections.stamp_ns + now_ns - last.arrived_ns
-        with span("predict"):
+        with span("prediction"):
             people = self._tracker.predict(stamp_ns)
         tracks = self._publish(last.detections, people, (), stamp_ns)
         if not was_showing and not tracks.people:

@@ -2,8 +2,10 @@
 
 import math
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -19,6 +21,8 @@ from common.messages import (
     StaticTransform,
     Tracks,
 )
+from common.place import Place
+from common.trace import collect
 from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
@@ -323,12 +327,19 @@ def test_a_live_camera_can_not_be_replayed_nor_a_recording_be_live() -> None:
         CameraNode(with_(playback="live"), MemorySource([]))
 
 
-def test_a_live_frame_tells_how_long_its_capture_took() -> None:
-    with player(with_(max_frames=1), MemorySource([capture(0)], live=True)) as p:
-        p.play()
-        (span,) = p.frames()[0].trace
-        assert span.stage == "camera.capture"
-        assert span.start_ns <= span.end_ns
+def test_a_live_frame_is_traced_from_its_acquisition() -> None:
+    """A stamp of this clock tells it; one of another clock does not, then reading does."""
+    for stamp_ns, on_this_clock in ((time.time_ns() - 5 * MS, True), (0, False)):
+        frame = replace(capture(0), stamp_ns=stamp_ns)
+        with player(with_(max_frames=1), MemorySource([frame], live=True)) as p:
+            with collect(Place("camera", "camera-1", "robot")) as spans:
+                p.play()
+            assert p.frames()[0].trace == ()  # the loop writes them into the message
+        captured, released = spans
+        assert (captured.stage, released.stage) == ("camera.capture", "camera.release")
+        assert (captured.start_ns == stamp_ns) is on_this_clock
+        times = [captured.start_ns, captured.end_ns, released.start_ns, released.end_ns]
+        assert times == sorted(times)
 
 
 def test_live_camera_ends_after_the_frames_wanted() -> None:

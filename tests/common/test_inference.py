@@ -9,6 +9,7 @@ from onnx import TensorProto, helper
 
 from common.errors import ModelError
 from common.inference import OnnxSession
+from common.place import Place
 from common.trace import collect
 
 
@@ -29,7 +30,7 @@ def test_a_network_runs_and_tells_its_input(tmp_path: Path) -> None:
     session = OnnxSession(doubling(tmp_path / "m.onnx", TensorProto.FLOAT, [1, "n", 2]))
     assert session.input_shape == (1, None, 2)
     assert session.input_dtype == np.float32
-    with collect("detector", "d@h") as spans:
+    with collect(Place("detector", "d", "h")) as spans:
         outputs = session.run(np.array([[[1, 2], [3, 4]]], np.float32))
     np.testing.assert_array_equal(outputs["twice"], [[[2, 4], [6, 8]]])
     assert [s.stage for s in spans] == ["detector.inference_wait", "detector.inference"]

@@ -79,7 +79,7 @@ def test_messages_go_to_the_node_and_answers_out_with_their_times(network: Netwo
         answer = run.watcher.wait(Tracks)
     assert (answer.sequence, answer.stamp_ns) == (7, 1007)
     stages = [span.stage for span in answer.trace]
-    assert stages == ["camera.read", "echo.receive", "echo.queue", "echo.work"]
+    assert stages == ["camera.read", "echo.decode", "echo.queue", "echo.work", "echo.publish"]
     assert {span.process for span in answer.trace[1:]} == {"echo-1@robot"}
     times = [t for span in answer.trace[1:] for t in (span.start_ns, span.end_ns)]
     assert times == sorted(times)

@@ -1,15 +1,31 @@
 """Times of stages."""
 
+import ast
 import threading
+from pathlib import Path
 
+import msgspec
 import pytest
 
-from common.messages import Span
-from common.trace import collect, span
+from common.codec import decode, encode
+from common.messages import Span, Tracks
+from common.messages.base import MAX_TRACE
+from common.place import Place
+from common.trace import STAGES, Tracer, collect, record, span
+from tests.contract.examples import BY_NAME
+
+A = Place("a", "a", "h")
+BEFORE = Span(stage="b.work", process="b@h", start_ns=1, end_ns=2)
+
+
+def message(*trace: Span) -> Tracks:
+    example = BY_NAME["Tracks"]
+    assert isinstance(example, Tracks)
+    return msgspec.structs.replace(example, trace=trace)
 
 
 def test_spans_are_gathered_in_order_under_the_service() -> None:
-    with collect("detector", "detector-1@robot") as spans:
+    with collect(Place("detector", "detector-1", "robot")) as spans:
         with span("preprocess"):
             pass
         with span("inference"):
@@ -22,7 +38,7 @@ def test_spans_are_gathered_in_order_under_the_service() -> None:
 
 
 def test_outside_of_collect_a_span_does_nothing() -> None:
-    with collect("a", "a@h") as spans:
+    with collect(A) as spans:
         pass
     with span("late"):
         pass
@@ -30,7 +46,7 @@ def test_outside_of_collect_a_span_does_nothing() -> None:
 
 
 def test_a_failed_stage_is_measured_too() -> None:
-    with collect("a", "a@h") as spans:
+    with collect(A) as spans:
         with pytest.raises(RuntimeError), span("broken"):
             raise RuntimeError
         with span("next"):
@@ -43,7 +59,7 @@ def test_threads_do_not_see_each_others_spans() -> None:
     seen: dict[str, list[Span]] = {}
 
     def work(name: str) -> None:
-        with collect(name, f"{name}@h") as spans:
+        with collect(Place(name, name, "h")) as spans:
             both.wait()
             with span(name):
                 both.wait()
@@ -58,3 +74,61 @@ def test_threads_do_not_see_each_others_spans() -> None:
         "a": ["a.a"],
         "b": ["b.b"],
     }
+
+
+def test_a_stage_measured_elsewhere_can_be_told() -> None:
+    record("nowhere", 1, 2)
+    with collect(A) as spans:
+        record("capture", 3, 9)
+    assert spans == [Span(stage="a.capture", process="a@h", start_ns=3, end_ns=9)]
+
+
+def test_a_message_tells_its_arrival_the_work_and_its_leaving() -> None:
+    tracer = Tracer(A)
+    taken = tracer.taken(message(BEFORE), 10, 12, 15)
+    with tracer.working() as spans:
+        record("work", 16, 20)
+    worked = tracer.worked(taken, spans)
+    publishing = tracer.publishing(worked)
+    assert publishing is not None
+    trace = decode(encode(worked, publishing)).trace
+    assert [(s.stage, s.start_ns, s.end_ns) for s in trace[:-1]] == [
+        ("b.work", 1, 2),
+        ("a.decode", 10, 12),
+        ("a.queue", 12, 15),
+        ("a.work", 16, 20),
+    ]
+    assert (trace[-1].stage, trace[-1].start_ns) == ("a.publish", 20)  # begins where work ended
+
+
+def test_publishing_begins_now_where_nothing_was_measured_here() -> None:
+    publishing = Tracer(A).publishing(message(BEFORE))
+    assert publishing is not None
+    last = publishing()
+    assert 0 <= last.end_ns - last.start_ns < 1_000_000_000  # and not since BEFORE
+
+
+def test_tracing_can_be_off() -> None:
+    tracer, plain = Tracer(A, on=False), message(BEFORE)
+    with tracer.working() as spans, span("work"):
+        pass
+    assert spans == []
+    assert tracer.taken(plain, 1, 2, 3) is plain
+    assert tracer.worked(plain, spans) is plain
+    assert tracer.publishing(plain) is None
+
+
+def test_a_full_trace_stays_valid() -> None:
+    tracer = Tracer(A)
+    full = tracer.worked(message(*[BEFORE] * MAX_TRACE), [BEFORE])
+    assert len(decode(encode(full, tracer.publishing(full))).trace) == MAX_TRACE
+
+
+def test_every_stage_of_a_service_is_in_the_table() -> None:
+    """Parsed from the code, so that a name that is new must be told what it means."""
+    names = set()
+    for file in (Path(__file__).parents[2] / "services").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("span", "record"):
+                names.add(ast.literal_eval(node.args[0]))
+    assert {"release", "postprocess", "association"} <= names <= set(STAGES)
