@@ -2,7 +2,7 @@
 
 import enum
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 from common.messages import F32, F64, Track
 
@@ -46,7 +46,8 @@ class Observation:
 class Tracker(Protocol):
     """People over time, from one observation to the next.
 
-    A tracker owns its identities: they start at 1 and are never used again, not even after `reset`.
+    A tracker owns its identities: they start at 1 and are never used again, not even after `reset`,
+    nor, if it is `Lasting`, after a restart of its process.
     """
 
     needs: ClassVar[frozenset[Need]]
@@ -72,6 +73,41 @@ class Tracker(Protocol):
 
     def reset(self) -> None:
         """Forget all people and times, but not which identities were given."""
+        ...
+
+
+class Identities:
+    """Numbers for people, each given once."""
+
+    def __init__(self) -> None:
+        self.next = 1
+
+    def new(self) -> int:
+        """Return an identity that nobody has had."""
+        self.next += 1
+        return self.next - 1
+
+    def raise_to(self, next_: int) -> None:
+        """Take all below a number as given."""
+        self.next = max(self.next, next_)
+
+
+@runtime_checkable
+class Lasting(Protocol):
+    """A tracker whose people and identities outlive its process."""
+
+    identities: Identities
+
+    def save(self) -> bytes:
+        """Return all that is known of people."""
+        ...
+
+    def restore(self, saved: bytes) -> None:
+        """Go on with what another process saved.
+
+        Raises:
+            DecodeError: It is of another method, or damaged; nothing has changed then.
+        """
         ...
 
 

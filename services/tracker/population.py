@@ -1,6 +1,5 @@
 """The people a tracker follows: identities, prediction, correction, birth and death."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -9,7 +8,7 @@ import numpy as np
 
 from common.messages import F64, Track
 from services.tracker import kalman
-from services.tracker.interface import Measurement, Observation
+from services.tracker.interface import Identities, Measurement, Observation
 from services.tracker.motion import Motion
 from services.tracker.occlusion import Fading
 from services.tracker.yaw import Yaw, YawState
@@ -83,21 +82,21 @@ class Population:
         self, motion: Motion, survival: Survival, yaw: Yaw, fading: Fading | None = None
     ) -> None:
         self.targets: list[Target] = []
+        self.identities = Identities()
         self._fading = fading
         self._motion = motion
         self._survival = survival
         self._yaw = yaw
-        self._stamp_ns: int | None = None
-        self._ids = itertools.count(1)
+        self.stamp_ns: int | None = None
 
     def clear(self) -> None:
         """Forget everyone and the time; identities go on counting."""
-        self.targets, self._stamp_ns = [], None
+        self.targets, self.stamp_ns = [], None
 
     def advance(self, observation: Observation) -> None:
         """Give up who was not seen for too long and predict the others to the frame's time."""
         dt_s = self._seconds_to(observation.stamp_ns)
-        self._stamp_ns = observation.stamp_ns
+        self.stamp_ns = observation.stamp_ns
         self.targets = [
             t for t in self.targets if not self._survival.expired(t, observation.stamp_ns)
         ]
@@ -141,7 +140,7 @@ class Population:
             x, P = self._motion.start(measurement)
             self.targets.append(
                 Target(
-                    id=next(self._ids),
+                    id=self.identities.new(),
                     x=x,
                     P=P,
                     score=measurement.score,
@@ -168,6 +167,20 @@ class Population:
             for t, x, P, yaw in zip(present, states, covariances, yaws, strict=True)
         ]
 
+    def restore(self, targets: list[Target], stamp_ns: int | None) -> None:
+        """Go on with people followed before.
+
+        Raises:
+            ValueError: Their states are not of this motion model, or an identity is there twice.
+        """
+        n = self._motion.H.shape[1]
+        if any(t.x.shape != (n,) or t.P.shape != (n, n) for t in targets):
+            raise ValueError(f"expected states of {n} numbers, got others")
+        if len({t.id for t in targets}) < len(targets) or any(t.id < 1 for t in targets):
+            raise ValueError("expected identities >= 1, each once")
+        self.targets, self.stamp_ns = targets, stamp_ns
+        self.identities.raise_to(max((t.id + 1 for t in targets), default=1))
+
     def _moved(self, targets: Sequence[Target], dt_s: float) -> tuple[F64, F64]:
         """Return predicted states and covariances; whoever was not seen slows down, if asked."""
         x, P = stack(targets)
@@ -176,11 +189,11 @@ class Population:
         return self._motion.predict(x, P, dt_s)
 
     def _seconds_to(self, stamp_ns: int) -> float:
-        if self._stamp_ns is None:
+        if self.stamp_ns is None:
             return 0.0
-        if stamp_ns < self._stamp_ns:
-            raise ValueError(f"stamp_ns: expected >= {self._stamp_ns}, got {stamp_ns}")
-        return (stamp_ns - self._stamp_ns) / 1e9
+        if stamp_ns < self.stamp_ns:
+            raise ValueError(f"stamp_ns: expected >= {self.stamp_ns}, got {stamp_ns}")
+        return (stamp_ns - self.stamp_ns) / 1e9
 
     def _track(self, target: Target, stamp_ns: int) -> Track:
         x, motion = target.x, self._motion

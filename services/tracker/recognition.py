@@ -44,12 +44,12 @@ class Recognition:
     def __init__(self, config: IdentityConfig, people: Population) -> None:
         self._config = config
         self._people = people
-        self._gallery = Gallery(config)
+        self.gallery = Gallery(config)
         self._waiting: dict[int, _Waiting] = {}
 
     def clear(self) -> None:
         """Forget what everyone looks like."""
-        self._gallery.clear()
+        self.gallery.clear()
         self._waiting.clear()
 
     def update(self, sights: Sequence[Sight], now: Scene) -> None:
@@ -60,7 +60,7 @@ class Recognition:
             now: Stamp of the frame and C_cos of the embedder.
         """
         stamp_ns, limit = now.stamp_ns, self._config.match_max or now.c_cos
-        self._gallery.forget_old(stamp_ns)
+        self.gallery.forget_old(stamp_ns)
         for sight in sights:
             look = sight.target.look
             if look.identity is not None:
@@ -81,12 +81,12 @@ class Recognition:
         if not target.confirmed:
             return
         newcomer = Newcomer(target.x[:3], stamp_ns, waiting.clear or waiting.others)
-        candidates = self._gallery.plausible(newcomer, self._present())
+        candidates = self.gallery.plausible(newcomer, self._present())
         waits = stamp_ns - waiting.since_ns < self._config.wait_s * 1e9
         if candidates and waits and len(waiting.clear) < self._config.evidence:
             target.confirmed = False
             return
-        self._settle(target, self._gallery.decide(newcomer, candidates, limit))
+        self._settle(target, self.gallery.decide(newcomer, candidates, limit))
         self._remember(sight, stamp_ns)
 
     def _settle(self, target: Target, decision: Decision) -> None:
@@ -104,7 +104,7 @@ class Recognition:
 
     def _remember(self, sight: Sight, stamp_ns: int) -> None:
         embedding = sight.measurement.embedding if self._is_good(sight) else None
-        self._gallery.see(sight.target.id, sight.target.x[:3], stamp_ns, embedding)
+        self.gallery.see(sight.target.id, sight.target.x[:3], stamp_ns, embedding)
 
     def _is_good(self, sight: Sight) -> bool:
         return sight.clear and sight.measurement.score >= self._config.score_min

@@ -7,7 +7,7 @@ import numpy as np
 
 from common.boxes import iou_xyxy
 from common.messages import F64, Track
-from services.tracker import association
+from services.tracker import association, state
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Measurement, Need, Observation, in_order
 from services.tracker.motion import BoxMotion
@@ -34,6 +34,7 @@ class Sort3d:
             lost_s=config.max_lost_s,
         )
         self._people = Population(self._motion, survival, make_yaw(config))
+        self.identities = self._people.identities
         self._tau_m = np.inf
 
     def update(self, observation: Observation) -> list[Track]:
@@ -54,6 +55,14 @@ class Sort3d:
         """Forget all people and times, but not which identities were given."""
         self._people.clear()
         self._tau_m = np.inf
+
+    def save(self) -> bytes:
+        """Return all that is known of people."""
+        return state.save("sort3d", self._people)
+
+    def restore(self, saved: bytes) -> None:
+        """Go on with what another process saved."""
+        state.restore("sort3d", self._people, saved)
 
     def _cost(self, targets: Sequence[Target], detections: Sequence[Measurement]) -> F64:
         """Return the cost with its gates, and set tau for the next frame."""

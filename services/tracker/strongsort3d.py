@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from common.messages import F64, Track
-from services.tracker import association, kalman
+from services.tracker import association, kalman, state
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
 from services.tracker.contact import (
     BOOL,
@@ -51,6 +51,7 @@ class StrongSort3d:
         fading = Fading(occlusion, self._motion.velocity) if occlusion.enabled else None
         self._people = Population(self._motion, survival, make_yaw(config), fading)
         self._recognition = Recognition(identity, self._people) if identity.enabled else None
+        self.identities = self._people.identities
         self._embedder = ("", 0)
 
     def update(self, observation: Observation) -> list[Track]:
@@ -93,6 +94,16 @@ class StrongSort3d:
         self._people.clear()
         if self._recognition:
             self._recognition.clear()
+
+    def save(self) -> bytes:
+        """Return all that is known of people."""
+        gallery = self._recognition.gallery if self._recognition else None
+        return state.save("strongsort3d", self._people, self._embedder, gallery)
+
+    def restore(self, saved: bytes) -> None:
+        """Go on with what another process saved."""
+        gallery = self._recognition.gallery if self._recognition else None
+        self._embedder = state.restore("strongsort3d", self._people, saved, gallery)
 
     def _left(self, target: Target, observation: Observation) -> bool:
         """Tell whether it is up to recognition to find a person again."""

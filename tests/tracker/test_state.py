@@ -1,0 +1,122 @@
+"""A tracker that goes on in another process."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.errors import DecodeError
+from common.messages import Track
+from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
+from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.interface import Lasting, Tracker
+from services.tracker.registry import make_tracker
+from tests.tracker.scene import frame, person
+
+RED, BLUE = (1.0, 0.0, 0.1), (0.0, 1.0, 0.1)
+IDENTITY = StrongSort3dConfig(
+    identity=IdentityConfig(enabled=True),
+    contact=ContactConfig(enabled=True),
+    occlusion=OcclusionConfig(enabled=True),
+)
+CONFIGS = {
+    "sort3d": TrackerConfig(tracker="sort3d"),
+    "strongsort3d": TrackerConfig(),
+    "identity": TrackerConfig(strongsort3d=IDENTITY, yaw="keypoints", yaw_filter=YawFilterConfig()),
+}
+
+
+def tracker(name: str) -> Any:
+    made = make_tracker(CONFIGS[name])
+    assert isinstance(made, Lasting)
+    return made
+
+
+def walk(target: Tracker, numbers: range) -> list[list[Track]]:
+    """Two people walk towards the camera, 1 m/s."""
+    return [
+        target.update(
+            frame(
+                k,
+                person(5.0 - 0.1 * k, -1.0, 0, embedding=RED),
+                person(6.0 - 0.1 * k, 1.0, 1, embedding=BLUE),
+            )
+        )
+        for k in numbers
+    ]
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_it_goes_on_as_if_nothing_had_happened(name: str) -> None:
+    first, second = tracker(name), tracker(name)
+    walk(first, range(10))
+    second.restore(first.save())
+    for expected, got in zip(walk(first, range(10, 15)), walk(second, range(10, 15)), strict=True):
+        assert [t.id for t in got] == [t.id for t in expected] == [1, 2]
+        for a, b in zip(expected, got, strict=True):
+            np.testing.assert_allclose(b.position_m, a.position_m)
+            np.testing.assert_allclose(b.covariance, a.covariance)
+            assert (b.hits, b.age, b.state, b.yaw_rad) == (a.hits, a.age, a.state, a.yaw_rad)
+            assert (b.identity, b.identity_reason) == (a.identity, a.identity_reason)
+
+
+@pytest.mark.parametrize("name", ["strongsort3d", "identity"])
+def test_people_who_stood_nearly_still_for_two_seconds_keep_their_identities(name: str) -> None:
+    first, second = tracker(name), tracker(name)
+    for k in range(10):
+        first.update(
+            frame(k, person(4.0, -1.0, embedding=RED), person(4.0, 1.0, 1, embedding=BLUE))
+        )
+    second.restore(first.save())
+    # Of two equally sure detections the one to the left, at y = 1, was told first.
+    before = {1: 1, 2: -1}
+    # 2 s later, 0.3 m on, in another order.
+    blue, red = person(4.3, 1.0, 0, embedding=BLUE), person(3.7, -1.0, 1, embedding=RED)
+    for k in range(29, 35):
+        told = second.update(frame(k, blue, red))
+    assert {t.id: round(float(t.position_m[1])) for t in told} == before
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_an_identity_of_someone_gone_is_not_given_again(name: str) -> None:
+    first, second = tracker(name), tracker(name)
+    walk(first, range(5))
+    for k in range(100, 103):  # ten seconds later somebody else is there, where nobody could be
+        (told,) = first.update(frame(k, person(8.0, 3.0, embedding=(0.0, 0.1, 1.0))))
+    assert told.id == 3
+    first.update(frame(200))  # and gone
+    second.restore(first.save())
+    for k in range(300, 303):
+        (told,) = second.update(frame(k, person(3.0, 0.0, embedding=(0.5, 0.5, 0.0))))
+    assert told.id == 4
+
+
+def test_who_left_before_the_restart_is_known_again_after_it() -> None:
+    first, second = tracker("identity"), tracker("identity")
+    walk(first, range(10))
+    for k in range(10, 60):
+        first.update(frame(k))
+    second.restore(first.save())
+    for k in range(60, 70):
+        told = second.update(frame(k, person(4.0, -1.0, embedding=RED)))
+    assert [(t.id, t.identity) for t in told] == [(2, "continued")]  # red, to the right
+
+
+def test_what_is_damaged_or_of_another_method_is_refused_and_changes_nothing() -> None:
+    good = tracker("strongsort3d")
+    walk(good, range(5))
+    saved = good.save()
+    for bad in (b"", saved[:-1], b"\x80", tracker("sort3d").save(), bytes(range(256))):
+        target = tracker("strongsort3d")
+        with pytest.raises(DecodeError, match="what the tracker kept"):
+            target.restore(bad)
+        assert walk(target, range(3))[-1][0].id == 1
+        assert target.identities.next == 3
+
+
+def test_states_of_another_length_are_refused() -> None:
+    # Six numbers of position and velocity where SORT-3D has thirteen.
+    strong = tracker("strongsort3d")
+    walk(strong, range(5))
+    with pytest.raises(DecodeError, match="expected states of 13 numbers"):
+        tracker("sort3d").restore(strong.save().replace(b"\xacstrongsort3d", b"\xa6sort3d"))
