@@ -1,7 +1,7 @@
 """Which frame lies where: a chain of rigid transforms between any two frames that are linked."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import TypeAlias
 
 import numpy as np
@@ -10,7 +10,8 @@ from common.geometry import LINK_FROM_OPTICAL, invert
 from common.messages import F64, StaticTransform
 
 OPTICAL, LINK = "_optical_frame", "_link"
-Edges: TypeAlias = dict[tuple[str, str], F64]  # (target, source): target_from_source
+Edge: TypeAlias = tuple[str, str]  # (target, source)
+Edges: TypeAlias = dict[Edge, F64]  # each with its target_from_source
 
 
 class FrameGraph:
@@ -22,11 +23,15 @@ class FrameGraph:
 
     def __init__(self) -> None:
         self._edges: Edges = {}
-        self._found: dict[tuple[str, str], F64 | None] = {}  # answers so far
+        self._found: dict[Edge, Edges | None] = {}  # answers so far
 
     def add(self, transform: StaticTransform) -> None:
         """Take a transform; it replaces an earlier one between the same frames."""
-        _link(self._edges, transform.parent, transform.child, transform.matrix)
+        self.link(transform.parent, transform.child, transform.matrix)
+
+    def link(self, parent: str, child: str, matrix: F64) -> None:
+        """Take a transform, 4x4 parent_from_child; it replaces an earlier one."""
+        _link(self._edges, parent, child, matrix)
         self._found.clear()
 
     def find(self, target: str, source: str) -> F64 | None:
@@ -38,6 +43,19 @@ class FrameGraph:
 
         Returns:
             4x4 through the fewest transforms, None if the frames are not linked.
+        """
+        way = self.way(target, source)
+        return None if way is None else compose(way.values())
+
+    def way(self, target: str, source: str) -> Edges | None:
+        """Return the fewest transforms whose product is target_from_source, in their order.
+
+        Args:
+            target: Frame that results are in.
+            source: Frame that points come from.
+
+        Returns:
+            Empty for one and the same frame, None if the frames are not linked.
         """
         if (target, source) not in self._found:
             told = _search(self._edges, target, source)
@@ -54,18 +72,35 @@ class FrameGraph:
         return edges
 
 
+def compose(matrices: Iterable[F64]) -> F64:
+    """Return the product of transforms."""
+    product = np.eye(4)
+    for matrix in matrices:
+        product = product @ matrix
+    return product
+
+
 def _link(edges: Edges, parent: str, child: str, matrix: F64) -> None:
     edges[parent, child] = matrix
     edges[child, parent] = invert(matrix)
 
 
-def _search(edges: Mapping[tuple[str, str], F64], target: str, source: str) -> F64 | None:
-    found: dict[str, F64] = {source: np.eye(4)}  # frame to frame_from_source
-    waiting = deque([source])
-    while waiting and target not in found:
+def _search(edges: Edges, target: str, source: str) -> Edges | None:
+    before: dict[str, Edge] = {}  # frame to the edge that leads from it towards the source
+    waiting, seen = deque([source]), {source}
+    while waiting and target not in seen:
         here = waiting.popleft()
-        for (to, start), matrix in edges.items():
-            if start == here and to not in found:
-                found[to] = matrix @ found[here]
+        for to, start in edges:
+            if start == here and to not in seen:
+                seen.add(to)
+                before[to] = (to, start)
                 waiting.append(to)
-    return found.get(target)
+    if target not in seen:
+        return None
+    way: Edges = {}
+    here = target
+    while here != source:
+        edge = before[here]
+        way[edge] = edges[edge]
+        here = edge[1]
+    return way
