@@ -56,7 +56,7 @@ def main(
     _on_stop_signals(lambda: sys.exit(0))  # until there is a loop to stop
     try:
         config = load(kind, service, flags.config, flags.set)
-        bus = ZenohBus(read_config(flags.zenoh, mode), flags.robot)
+        bus = ZenohBus(read_config(flags.zenoh, mode, role=service), flags.robot)
         try:
             node = build(config)
             bus.announce(service, flags.instance)

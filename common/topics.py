@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from common.messages import (
@@ -37,7 +37,10 @@ class Topic:
             "queue": kept in order up to depth; "latched": sent once, late joiners get the last.
         depth: Messages that a subscriber keeps while it is busy; of "newest" only those that must
             not be skipped (lock-step), else one.
-        producer: Service that publishes it.
+        producer: Service that publishes it; no other may where access is restricted.
+        readers: Roles that may read it there, with spaces between, "*" for all: services,
+            "planner", and "operator" (the command line). See common/access.py.
+        leaves_host: Whether it may leave the host it was made on, where access is restricted.
     """
 
     name: str
@@ -47,6 +50,8 @@ class Topic:
     delivery: Literal["newest", "queue", "latched"]
     depth: int
     producer: str
+    readers: str = field(default="", kw_only=True)
+    leaves_host: bool = field(default=True, kw_only=True)
 
     def key_of(self, message: Message, robot: str) -> str:
         """Return the full key of a message."""
@@ -87,18 +92,30 @@ class _Fields(dict[str, str]):
 
 # fmt: off
 TOPICS: tuple[Topic, ...] = (
-    Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 32, "camera"),
-    Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 32, "camera"),
-    Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera"),
-    Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera"),
-    Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera"),
-    Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector"),
-    Topic("crops", "raw/{camera}/crops", Crops, 30, "queue", 8, "detector"),
-    Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid"),
-    Topic("people", "people", Tracks, 30, "queue", 64, "tracker"),
-    Topic("truth", "truth", Truth, 100, "queue", 256, "gt_bridge"),
-    Topic("score", "score", Score, 30, "queue", 256, "gt_bridge"),
-    Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, "every service"),
+    Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 32, "camera",
+          readers="detector report operator", leaves_host=False),
+    Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 32, "camera",
+          readers="detector report operator"),
+    Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera",
+          readers="detector tracker gt_bridge report planner operator"),
+    Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera",
+          readers="tracker gt_bridge report planner operator"),
+    Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera",
+          readers="tracker report operator"),
+    Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector",
+          readers="camera detector tracker gt_bridge report operator"),
+    Topic("crops", "raw/{camera}/crops", Crops, 30, "queue", 8, "detector",
+          readers="reid operator", leaves_host=False),
+    Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid",
+          readers="reid tracker operator"),
+    Topic("people", "people", Tracks, 30, "queue", 64, "tracker",
+          readers="camera tracker gt_bridge report planner operator"),
+    Topic("truth", "truth", Truth, 100, "queue", 256, "gt_bridge",
+          readers="report operator"),
+    Topic("score", "score", Score, 30, "queue", 256, "gt_bridge",
+          readers="report operator"),
+    Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, "every service",
+          readers="*"),
 )
 # fmt: on
 

@@ -11,6 +11,8 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
+from common import credentials
+from common.access import downsampling
 from common.codec import encode
 from common.errors import ConfigError, People4dError
 from common.messages import Message, RgbdFrame, Span
@@ -22,26 +24,32 @@ BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")
 
 CONFIGS = Path(__file__).resolve().parents[1] / "deploy" / "zenoh"
 CLOSE_S = 2.0
+SLOW_HZ = 10.0  # of each topic through $PEOPLE4D_SLOW_LINKS
 NEWEST = 2  # frames that Zenoh keeps for a reader; the inbox keeps what must not be skipped
 UNFIT = {("connect", "router"), ("listen", "client")}
 
 
 def read_config(
-    file: Path | None, default: str, environment: Mapping[str, str] | None = None
+    file: Path | None, default: str, environment: Mapping[str, str] | None = None, role: str = ""
 ) -> zenoh.Config:
     """Read a Zenoh configuration (Zenoh's own JSON5).
 
     Args:
         file: The file, or a folder of one for each role; None for $PEOPLE4D_ZENOH, else the
             shipped ones.
-        default: Role, which names the file in a folder: "peer", "router" or "client".
+        default: Mode, which names the file in a folder: "peer", "router" or "client".
         environment: PEOPLE4D_CONNECT and PEOPLE4D_LISTEN (endpoints, comma-separated) win over the
-            file, so that one file serves every host; None for the process's own environment.
+            file, so that one file serves every host; the others are in docs/hosts.md; None for
+            the process's own environment.
+        role: Service that it is for; empty: $PEOPLE4D_ROLE, which a client needs where its folder
+            of keys holds several.
 
     Raises:
         ConfigError: The file cannot be read or Zenoh refuses it.
     """
     environment = os.environ if environment is None else environment
+    if default == "peer":
+        default = environment.get("PEOPLE4D_MODE") or default
     path = file or Path(environment.get("PEOPLE4D_ZENOH") or CONFIGS)
     path = path / f"{default}.json5" if path.is_dir() else path
     try:
@@ -52,9 +60,26 @@ def read_config(
             # itself and a client must not take the router's port.
             if endpoints and (name, default) not in UNFIT:
                 config.insert_json5(f"{name}/endpoints", json.dumps(endpoints.split(",")))
+        _secure(config, default, environment, role or environment.get("PEOPLE4D_ROLE", ""))
     except zenoh.ZError as error:
         raise ConfigError(f"Zenoh configuration {path} is not usable: {_told(error)}") from error
     return config
+
+
+def _secure(config: zenoh.Config, mode: str, environment: Mapping[str, str], role: str) -> None:
+    """Insert credentials and access rules, and what slow links can carry."""
+    folder = environment.get("PEOPLE4D_KEYS")
+    if folder:
+        here = environment.get("PEOPLE4D_HERE", "")
+        for path, value in credentials.settings(Path(folder), mode, role, here).items():
+            config.insert_json5(path, json.dumps(value))
+        if credentials.uses_certificates(Path(folder)):
+            for path in ("connect/endpoints", "listen/endpoints"):  # no link stays open
+                config.insert_json5(path, config.get_json(path).replace('"tcp/', '"tls/'))
+    slow = environment.get("PEOPLE4D_SLOW_LINKS")
+    if slow and mode == "router":
+        rules = downsampling(slow.split(","), float(environment.get("PEOPLE4D_SLOW_HZ") or SLOW_HZ))
+        config.insert_json5("downsampling", json.dumps(rules))
 
 
 def _told(error: zenoh.ZError) -> str:
