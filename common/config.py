@@ -2,7 +2,6 @@
 
 import difflib
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
@@ -10,8 +9,11 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import msgspec
 
 from common.errors import ConfigError
+from common.files import parse_toml, read_toml
 
 T = TypeVar("T", bound=msgspec.Struct)
+
+MAX_NAME = 80  # characters of an unknown name that are told and compared
 
 
 def load(
@@ -47,19 +49,20 @@ def load(
     _check_names(kind, section, values)
     try:
         return msgspec.convert(values, kind, strict=False)
+    except RecursionError:
+        raise ConfigError(f"configuration of {section} is nested too deeply") from None
     except (msgspec.ValidationError, ConfigError) as error:
         problem, _, place = str(error).partition(" - at `$.")
         where = f"{section}.{place[:-1]}" if place else section
-        raise ConfigError(f"configuration of {where}: {problem}") from error
+        raise ConfigError(f"configuration of {where:.200}: {problem:.400}") from error
 
 
 def _read(file: Path, section: str) -> dict[str, Any]:
     try:
-        text = file.read_text(encoding="utf-8")
-        tables = tomllib.loads(text)
+        tables = read_toml(file)
     except OSError as error:
         raise ConfigError(f"configuration file {file} cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ConfigError(f"configuration file {file} is not TOML: {error}") from error
     table = tables.get(section, {})
     if not isinstance(table, dict):
@@ -70,8 +73,8 @@ def _read(file: Path, section: str) -> dict[str, Any]:
 def _parse(text: str, hint: Any) -> Any:
     """Read a value as TOML where it is one (numbers, lists, tables), else as plain text."""
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        value = parse_toml(f"value = {text}")["value"]
+    except ValueError:
         return text
     # A camera may be named 0 and a date may be a folder: fields of text take them as written.
     takes_text = hint is str or str in get_args(hint)
@@ -106,11 +109,11 @@ def _put(values: dict[str, Any], path: list[str], value: Any) -> None:
 def _check_names(kind: type[msgspec.Struct], section: str, values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         if name not in kind.__struct_fields__:
-            near = difflib.get_close_matches(name, kind.__struct_fields__, 1)
+            near = difflib.get_close_matches(name[:MAX_NAME], kind.__struct_fields__, 1)
             mend = f"Did you mean {near[0]}?" if near else ""
             fields = ", ".join(kind.__struct_fields__) or "none"
             raise ConfigError(
-                f"configuration of {section} has no field {name!r}",
+                f"configuration of {section} has no field {name[:MAX_NAME]!r}",
                 mend or f"Its fields are {fields}.",
             )
         below = _table(_hint(kind, [name]))

@@ -4,13 +4,13 @@ import difflib
 import hashlib
 import os
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
 from common.errors import ConfigError, ModelError
+from common.files import read_toml
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 MANIFEST = REPOSITORY / "deploy" / "models.toml"
@@ -32,11 +32,16 @@ class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     sha256: str = ""  # of the file; empty: every export differs, so any file is taken
 
     def __post_init__(self) -> None:
-        """Check the file's name and checksum.
+        """Check names, checksum and what is shown to people.
 
         Raises:
-            ValueError: The file would lie outside of its folder, or the checksum is none.
+            ValueError: The file would lie outside of its folder, the checksum is none, or a text
+                has characters that steer a terminal.
         """
+        for field in ("name", "kind", "licence", "input", "get", "url"):
+            text = getattr(self, field)
+            if not text.replace("\n", " ").isprintable():
+                raise ValueError(f"{field}: expected text that can be printed, got {text!r:.80}")
         if not FILE_NAME.fullmatch(self.file):
             raise ValueError(f"file: expected a plain file name, got {self.file!r}")
         if self.sha256 and not SHA256.fullmatch(self.sha256):
@@ -56,18 +61,18 @@ def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
         ConfigError: The file cannot be read, or a model's table is not as it should be.
     """
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = read_toml(path)
     except OSError as error:
         raise ConfigError(f"model manifest {path} cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ConfigError(f"model manifest {path} is not TOML: {error}") from error
     models = {}
     for name, table in tables.items():
         try:
             fields = {"name": name} | table
             models[name] = msgspec.convert(fields, ModelFile)
-        except (TypeError, msgspec.ValidationError) as error:
-            raise ConfigError(f"model manifest {path}: [{name}]: {error}") from error
+        except (TypeError, RecursionError, msgspec.ValidationError) as error:
+            raise ConfigError(f"model manifest {path}: [{name:.80}]: {error}") from error
     return models
 
 

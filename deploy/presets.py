@@ -1,17 +1,25 @@
 """Methods as named settings: one TOML file each, with a table for each service.
 
-A file may name another one with `extends = "name"`, whose settings it then adds to and changes.
+A file may name another one with `extends = "name"`, whose settings it then adds to and changes: one
+that is shipped, or one in its own folder. A preset says how people are found and followed; it names
+no recording, no folder to write to and nothing outside of these services.
 """
 
 import difflib
 import json
 import math
-import tomllib
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from common.errors import ConfigError
+from common.files import inside, read_toml
+
+SERVICES = ("detector", "reid", "tracker", "gait")
+FIELD = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
+MAX_DEPTH = 8  # of tables in a service's table
+MAX_CHAIN = 16  # presets that extend one another
 
 FOLDER = Path(__file__).parent / "config" / "presets"
 PRESETS = {
@@ -38,8 +46,15 @@ def preset_settings(name: str) -> list[str]:
     for tables in reversed(list(_chain(name))):
         for service, table in tables.items():
             if not isinstance(table, dict):
-                raise ConfigError(f"preset {name}: {service} is not a table", "Write [service].")
-            settings |= _flat(service, table)
+                raise ConfigError(
+                    f"preset {name}: {service:.80} is not a table", "Write [service]."
+                )
+            if service not in SERVICES:
+                raise ConfigError(
+                    f"preset {name} sets {service:.80}, which is none of a method",
+                    f"Presets are for {', '.join(SERVICES)}; put the rest into a configuration.",
+                )
+            settings |= _flat(service, table, MAX_DEPTH)
     return [f"{path}={value}" for path, value in settings.items()]
 
 
@@ -53,42 +68,64 @@ def preset_file(name: str) -> Path:
         return FOLDER / f"{name}.toml"
     if name.endswith(".toml"):
         return Path(name)
-    near = difflib.get_close_matches(name, PRESETS, 1)
+    near = difflib.get_close_matches(name[:80], PRESETS, 1)
     mend = f"Did you mean {near[0]}?" if near else f"There are {', '.join(PRESETS)}."
-    raise ConfigError(f"there is no preset {name!r}", mend)
+    raise ConfigError(f"there is no preset {name!r:.80}", mend)
 
 
 def _chain(name: str) -> Iterator[dict[str, Any]]:
     """Yield the tables of a preset, then of what it extends, and so on."""
+    file = preset_file(name) if name else None
     seen = set[Path]()
-    while name:
-        file = preset_file(name)
-        if file in seen:
+    while file:
+        if file in seen or len(seen) == MAX_CHAIN:
             raise ConfigError(f"preset {file} extends itself")
         seen.add(file)
         tables = _read(file)
-        name = str(tables.pop("extends", ""))
+        extended = tables.pop("extends", "")
         yield tables
+        file = _extended(file, extended) if extended else None
+
+
+def _extended(file: Path, name: Any) -> Path:
+    """Return the preset that one names: whoever wrote it knows no other folder than its own."""
+    if not isinstance(name, str):
+        raise ConfigError(f"preset {file}: extends is not a name")
+    if not name.endswith(".toml"):
+        return preset_file(name)
+    try:
+        return inside(file.parent, name)
+    except ValueError as error:
+        raise ConfigError(f"preset {file} extends {name:.80}: {error}") from error
 
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return read_toml(file)
     except OSError as error:
         raise ConfigError(f"preset {file} cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ConfigError(f"preset {file} is not TOML: {error}") from error
 
 
-def _flat(path: str, table: Mapping[str, Any]) -> dict[str, str]:
+def _flat(path: str, table: Mapping[str, Any], depth: int) -> dict[str, str]:
     """Return the values of a table and of those below it by their path, written as TOML."""
     found: dict[str, str] = {}
     for name, value in table.items():
+        if not FIELD.fullmatch(name) or not depth:
+            raise ConfigError(f"preset: {path:.80} has no field {name!r:.80}")
         below = f"{path}.{name}"
-        found |= _flat(below, value) if isinstance(value, dict) else {below: _toml(value)}
+        found |= (
+            _flat(below, value, depth - 1) if isinstance(value, dict) else {below: _toml(value)}
+        )
     return found
 
 
 def _toml(value: Any) -> str:
     # Numbers, truth values, text and lists of them are the same in JSON, but for infinity.
-    return "inf" if value == math.inf else json.dumps(value, ensure_ascii=False)
+    if value == math.inf:
+        return "inf"
+    try:
+        return json.dumps(value, ensure_ascii=False)
+    except (TypeError, ValueError, RecursionError) as error:  # a date is no setting
+        raise ConfigError(f"preset: {value!r:.80} is no number, text or list of them") from error

@@ -138,3 +138,28 @@ def test_a_bad_file_is_told(tmp_path: Path, content: bytes, problem: str) -> Non
 def test_an_absent_file_is_told(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"none\.toml cannot be read: No such file"):
         of(file=tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[tracker]\nname = " + "[" * 5000,
+        "[tracker" + ".a" * 3000 + "]",
+        "[tracker]\nmin_hits = " + "9" * 5000,
+        "[tracker]\ngate.distance_m = " + "9" * 400,
+        "[tracker]\n" + "x" * 500_000 + " = 1",
+        "#" * 2**20 + "\n",
+    ],
+    ids=["lists", "tables", "digits", "number", "name", "size"],
+)
+def test_a_hostile_file_is_refused_in_a_short_sentence(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        of(file=path)
+    assert len(str(caught.value)) < 1000
+
+
+def test_a_hostile_override_is_refused_too() -> None:
+    with pytest.raises(ConfigError, match="Expected `int`"):
+        of("min_hits=" + "[" * 5000)

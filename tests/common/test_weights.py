@@ -50,6 +50,10 @@ def test_embedded_model_is_the_one_of_the_manifest() -> None:
         ("[m]\nkind='k'\nfile='../f'\nlicence=''\ninput=''\nget=''", "plain file name, got '../f'"),
         ("[m]\nkind='k'\nfile='/etc/f'\nlicence=''\ninput=''\nget=''", "plain file name"),
         ("[m]\nkind='k'\nfile='..'\nlicence=''\ninput=''\nget=''", "plain file name"),
+        ("[m]\nkind='k'\nfile='a/f'\nlicence=''\ninput=''\nget=''", "plain file name"),
+        # The terminal of who lists the models must not be steered by them.
+        ('[m]\nkind="k"\nfile="f"\nlicence=""\ninput=""\nget="\\u001b[2J"', "can be printed"),
+        ("a = " + "[" * 5000, "is not TOML: lists or tables are nested too deeply"),
         (
             "[m]\nkind='k'\nfile='f'\nlicence=''\ninput=''\nget=''\nsha256='ab'",
             "expected 64 hexadecimal digits, got 'ab'",

@@ -110,6 +110,15 @@ def test_a_file_of_ones_own_extends_a_preset(tmp_path: Path) -> None:
     assert preset_settings("") == []
 
 
+def test_a_preset_extends_one_of_its_own_folder_wherever_it_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "base.toml").write_text("[tracker.sort3d]\nt_lost = 5\n")
+    (tmp_path / "mine.toml").write_text('extends = "base.toml"\n')
+    monkeypatch.chdir("/")
+    assert preset_settings(str(tmp_path / "mine.toml")) == ["tracker.sort3d.t_lost=5"]
+
+
 def test_infinity_and_truth_values_stay_what_they_are() -> None:
     settings = preset_settings("pose-strongsort")
     assert "detector.torso_gap_max_m=inf" in settings
@@ -122,13 +131,26 @@ def test_infinity_and_truth_values_stay_what_they_are() -> None:
         ('extends = "mine.toml"', "extends itself"),
         ('extends = "seg-sorted"', "there is no preset 'seg-sorted'. Did you mean seg-sort?"),
         ("detector = 3", "detector is not a table"),
+        ("extends = 3", "extends is not a name"),
+        ('extends = "../other.toml"', "leads out of the folder"),
+        ('extends = "/etc/other.toml"', "leads out of the folder"),
+        ('extends = "link.toml"', "leads out of the folder"),
+        ('[camera]\nsource = "/dev/video0"', "sets camera, which is none of a method"),
+        ('[report]\nfolder = "/etc"', "sets report, which is none of a method"),
+        ('[detector]\n"model=x\\ncommand" = 1', "detector has no field 'model=x"),
+        ("[detector]\nmodel = 2020-01-01", "is no number, text or list"),
+        ("[detector" + ".a" * 3000 + "]", "has no field 'a'"),
+        ("a = " + "[" * 5000, "is not TOML: lists or tables are nested too deeply"),
         ("[detector", "is not TOML"),
     ],
 )
 def test_refused_files(
     text: str, problem: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
+    (tmp_path / "other.toml").touch()
+    (tmp_path / "presets").mkdir()
+    monkeypatch.chdir(tmp_path / "presets")
+    Path("link.toml").symlink_to("../other.toml")
     Path("mine.toml").write_text(text)
     with pytest.raises(ConfigError, match=problem):
         preset_settings("mine.toml")

@@ -1,0 +1,83 @@
+"""Files that others wrote: read up to a size, and never outside of their folder."""
+
+import errno
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+MAX_TEXT_BYTES = 2**20  # of a configuration, a calibration, a list of settings
+
+
+def read_bytes(path: Path, limit: int) -> bytes:
+    """Read a whole file into memory.
+
+    Args:
+        path: The file.
+        limit: Most bytes that it may have.
+
+    Raises:
+        OSError: It cannot be read, or is larger.
+    """
+    with path.open("rb") as file:
+        # The size that is told need not be the one there is, of a pipe least of all.
+        data = file.read(min(limit, os.fstat(file.fileno()).st_size) + 1)
+        while len(data) <= limit and (more := file.read(limit + 1 - len(data))):
+            data += more
+    if len(data) > limit:
+        raise OSError(errno.EFBIG, f"it is larger than {limit} bytes", str(path))
+    return data
+
+
+def read_text(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
+    """Read a whole file as UTF-8.
+
+    Raises:
+        OSError: It cannot be read, or is larger than the limit in bytes.
+        ValueError: It is no UTF-8.
+    """
+    return read_bytes(path, limit).decode("utf-8-sig")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises:
+        OSError: It cannot be read, or is too large.
+        ValueError: It is no TOML, or lists and tables are nested too deeply in it.
+    """
+    return parse_toml(read_text(path))
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Parse TOML.
+
+    Raises:
+        ValueError: It is no TOML, or lists and tables are nested too deeply in it.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("lists or tables are nested too deeply") from None
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Return the path of a file that a file tells of, which must lie in the same folder.
+
+    Args:
+        folder: The folder, which its user chose.
+        name: Path in it as it was written, untrusted.
+
+    Raises:
+        ValueError: The path leads out of the folder, by its parts or by a link.
+    """
+    if "\0" in name or not name.strip():
+        raise ValueError(f"expected the name of a file, got {name!r:.80}")
+    path = folder / name
+    try:
+        whole = path.resolve()
+    except (OSError, RuntimeError) as error:  # a loop of links
+        raise ValueError(f"{name!r:.80} cannot be followed: {error}") from error
+    if not whole.is_relative_to(folder.resolve()):
+        raise ValueError(f"{name!r:.80} leads out of the folder {folder}")
+    return path

@@ -1,0 +1,80 @@
+"""Arrays of numbers from NPZ files that are not trusted: no objects, no more than is told."""
+
+import math
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+MAX_BYTES = 256 * 2**20  # of one array
+MAX_HEADER_BYTES = 4096  # of the text that tells type and shape
+NUMBERS = "biuf"  # kinds of numpy types: truth values, whole numbers, fractions
+# Others unpack any number of bytes at once, whatever size is told.
+PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+
+
+def read_arrays(
+    path: Path, needed: Sequence[str], optional: Sequence[str] = ()
+) -> Mapping[str, npt.NDArray[Any]]:
+    """Read arrays by name; the others of the file are not touched.
+
+    Args:
+        path: NPZ file.
+        needed: Arrays that must be there.
+        optional: Arrays that may be there.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It is no NPZ file, lacks an array, or one is damaged, too large or not of
+            numbers.
+    """
+    try:
+        with zipfile.ZipFile(path) as file:
+            there = set(file.namelist())
+            lacking = [name for name in needed if f"{name}.npy" not in there]
+            if lacking:
+                raise ValueError(f"it has no array {lacking[0]}")
+            wanted = [*needed, *(name for name in optional if f"{name}.npy" in there)]
+            return {name: _array(file, name) for name in wanted}
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError) as error:
+        raise ValueError(f"it is no NPZ file: {error}") from error  # RuntimeError: encrypted
+    except (EOFError, zlib.error) as error:
+        raise ValueError(f"it is damaged: {error}") from error
+
+
+def _array(file: zipfile.ZipFile, name: str) -> npt.NDArray[Any]:
+    member = file.getinfo(f"{name}.npy")
+    if member.compress_type not in PACKINGS:
+        raise ValueError(f"array {name} is packed in a way that numpy does not write")
+    if member.file_size > MAX_BYTES:
+        raise ValueError(f"array {name} is larger than {MAX_BYTES} bytes")
+    data = file.read(member)  # never more than file_size
+    try:
+        shape, column_major, kind, start = _header(data)
+    except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError) as error:
+        raise ValueError(f"array {name} is damaged: {error}") from error
+    if kind.kind not in NUMBERS or kind.fields or kind.shape:
+        raise ValueError(f"array {name}: expected numbers, got {kind!r:.80}")
+    count = math.prod(shape)
+    if min(shape, default=0) < 0 or count * kind.itemsize != len(data) - start:
+        raise ValueError(f"array {name}: {len(data) - start} bytes are no {shape} of {kind}")
+    flat = np.frombuffer(data, kind, count, start)
+    return flat.reshape(shape, order="F" if column_major else "C")
+
+
+def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:
+    text = BytesIO(data)
+    version = np.lib.format.read_magic(text)
+    if version == (1, 0):
+        told = np.lib.format.read_array_header_1_0(text, MAX_HEADER_BYTES)
+    elif version == (2, 0):
+        told = np.lib.format.read_array_header_2_0(text, MAX_HEADER_BYTES)
+    else:
+        raise ValueError(f"version {version[0]}.{version[1]} is not supported")
+    shape, column_major, kind = told
+    return shape, column_major, kind, text.tell()
