@@ -29,6 +29,7 @@ COMMANDS = (
     ("replay", "replay", "Publish recorded messages, to try one service alone."),
     ("health", "health", "Exit with 0 once a service is healthy."),
     ("run", "run", "Run one service in this terminal."),
+    ("keys", "keys", "Make certificates or passwords for hosts and roles, or check them."),
 )
 
 

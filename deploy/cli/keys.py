@@ -1,0 +1,106 @@
+"""people4d keys."""
+
+import importlib
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from common.errors import ConfigError, People4dError
+
+# The hosts of docs/hosts.md; with --host others.
+HOSTS = (
+    "nuc=router,camera,detector,reid,report,operator",
+    "tracker=tracker,gt_bridge,operator",
+    "planner=planner",
+)
+SOON_DAYS = 30
+
+
+def keys(
+    folder: Annotated[Path, typer.Argument(help="Where they are or shall be, for example keys.")],
+    router: Annotated[
+        list[str],
+        typer.Option(metavar="ADDRESS", help="Name or address that other hosts reach the router."),
+    ] = [],  # noqa: B006 (typer copies it)
+    host: Annotated[
+        list[str],
+        typer.Option(metavar="HOST=ROLE,...", help="A host and who runs on it; may be repeated."),
+    ] = list(HOSTS),  # noqa: B006
+    days: Annotated[int, typer.Option(min=1, help="How long certificates are good.")] = 365,
+    passwords: Annotated[
+        bool, typer.Option("--passwords", help="Passwords in place of certificates.")
+    ] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only tell what is there; exit with 1 if it is bad.")
+    ] = False,
+    renew: Annotated[
+        bool, typer.Option("--renew", help="Make all anew where there are some already.")
+    ] = False,
+) -> None:
+    """Make certificates (or passwords) for each role and host, or check them."""
+    made = _library()
+    if not check:
+        hosts = dict(_host(text) for text in host)
+        if made.check(folder, datetime.now(UTC)) and not renew:
+            raise ConfigError(
+                f"{folder} holds keys already", "Look at them with --check, or --renew them."
+            )
+        if passwords:
+            made.write_passwords(folder, hosts)
+        elif router or len(hosts) == 1:
+            made.write_certificates(folder, hosts, router, days)
+        else:
+            raise ConfigError(
+                "no address of the router is given",
+                "Other hosts check that they reach the right one: --router 192.168.1.7",
+            )
+    _show(folder, made.check(folder, datetime.now(UTC)))
+
+
+def _library() -> ModuleType:
+    """Return the module that makes keys; its library is for those who make some."""
+    try:
+        return importlib.import_module("deploy.keys")
+    except ModuleNotFoundError as error:
+        raise People4dError(
+            f"the package {error.name} is missing", "Install it: pip install 'people4d[keys]'"
+        ) from error
+
+
+def _host(text: str) -> tuple[str, list[str]]:
+    name, _, listed = text.partition("=")
+    roles = [role.strip() for role in listed.split(",") if role.strip()]
+    if not roles or not name or set(name) & set("/\\") or name.startswith("."):
+        raise ConfigError(f"host {text!r} is incomplete", "Write --host NAME=ROLE,ROLE.")
+    return name, roles
+
+
+def _show(folder: Path, findings: Sequence[Any]) -> None:
+    if not findings:
+        raise ConfigError(f"{folder} holds no keys", "Make them: people4d keys FOLDER --router ...")
+    console = Console(highlight=False, soft_wrap=True)
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("host", "role", "good until", "state"):
+        table.add_column(title)
+    for found in findings:
+        table.add_row(found.file.parent.name, found.role, *_state(found.ends, found.problem))
+    console.print(table)
+    bad = sum(bool(found.problem) for found in findings)
+    if bad:
+        raise People4dError(
+            f"{bad} of {len(findings)} keys in {folder} are not good", "Make new ones: --renew"
+        )
+
+
+def _state(ends: datetime | None, problem: str) -> tuple[str, str]:
+    days = (ends - datetime.now(UTC)).days if ends else SOON_DAYS
+    until = f"{ends:%Y-%m-%d} ({days} days)" if ends else "changed"
+    if problem:
+        return until, f"[red]{problem}[/]"
+    return until, "[green]ok[/]" if days >= SOON_DAYS else "[yellow]ends soon, --renew[/]"

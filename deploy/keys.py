@@ -1,0 +1,253 @@
+"""A small certificate authority, and what each host needs of it.
+
+A root key that never leaves the folder signs one certificate for each role. The name in a
+certificate is the role; access rules go by it. Only certificates of processes that others connect
+to may be used by a server, and only the router's is good for the names of its host.
+"""
+
+import ipaddress
+import os
+import secrets
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from common.access import PEOPLE, ROUTER, roles
+from common.credentials import AUTHORITY, PASSWORDS
+from common.errors import ConfigError
+
+AUTHORITY_KEY = "ca.key"
+AUTHORITY_DAYS = 3650
+LOCAL = ("localhost", "127.0.0.1", "::1")
+SLACK = timedelta(hours=1)  # clocks of hosts differ
+SECRET, PUBLIC = 0o600, 0o644
+PASSWORD_BYTES = 24
+
+Hosts = Mapping[str, Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A certificate and its private key."""
+
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What is known of one certificate or password.
+
+    Args:
+        file: The file.
+        role: Role that it proves.
+        ends: When it ends; None for a password.
+        problem: What is wrong with it; empty if nothing.
+    """
+
+    file: Path
+    role: str
+    ends: datetime | None
+    problem: str
+
+
+def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], days: int) -> None:
+    """Write an authority and a folder of certificates for each host.
+
+    An authority that is in the folder already signs the new ones too.
+
+    Args:
+        folder: Where the authority is or shall be.
+        hosts: Roles of each host by its name.
+        addresses: Names and addresses by which other hosts reach the router.
+        days: How long the certificates are good.
+
+    Raises:
+        ConfigError: A role is not known, or the authority in the folder cannot be read.
+    """
+    _check(hosts)
+    authority = _read_authority(folder) or _new_authority(folder)
+    for host, its_roles in hosts.items():
+        _make_folder(folder / host)
+        _write(folder / host / AUTHORITY, _pem(authority.certificate), PUBLIC)
+        for role in its_roles:
+            pair = _signed(role, authority, addresses, days)
+            _write(folder / host / f"{role}.key", _private(pair.key), SECRET)
+            _write(folder / host / f"{role}.pem", _pem(pair.certificate), PUBLIC)
+
+
+def write_passwords(folder: Path, hosts: Hosts) -> None:
+    """Write a folder of passwords for each host, and all of them where the router runs.
+
+    Args:
+        folder: Where the folders shall be.
+        hosts: Roles of each host by its name.
+
+    Raises:
+        ConfigError: A role is not known.
+    """
+    _check(hosts)
+    known = {role: secrets.token_urlsafe(PASSWORD_BYTES) for role in roles()}
+    for host, its_roles in hosts.items():
+        _make_folder(folder / host)
+        for role in its_roles:
+            _write(folder / host / f"{role}.password", f"{known[role]}\n".encode(), SECRET)
+        if ROUTER in its_roles:
+            lines = "".join(f"{role}:{password}\n" for role, password in known.items())
+            _write(folder / host / PASSWORDS, lines.encode(), SECRET)
+
+
+def check(folder: Path, now: datetime) -> list[Finding]:
+    """Check all credentials below a folder: of each host, or of one.
+
+    Args:
+        folder: Folder of `write_certificates` or `write_passwords`, or one of its hosts'.
+        now: The time at which they shall be good.
+    """
+    certificates = sorted(f for f in folder.rglob("*.pem") if f.name != AUTHORITY)
+    passwords = sorted(folder.rglob("*.password"))
+    return [
+        *(_check_certificate(file, now) for file in certificates),
+        *(Finding(file, file.stem, None, _open_to_others(file)) for file in passwords),
+    ]
+
+
+def _check(hosts: Hosts) -> None:
+    for host, its_roles in hosts.items():
+        for role in its_roles:
+            if role not in roles():
+                raise ConfigError(
+                    f"host {host}: there is no role {role!r}", f"Roles are {', '.join(roles())}."
+                )
+
+
+def _read_authority(folder: Path) -> Pair | None:
+    key_file, file = folder / AUTHORITY_KEY, folder / AUTHORITY
+    if not key_file.exists():
+        return None
+    try:
+        certificate = x509.load_pem_x509_certificate(file.read_bytes())
+        key = serialization.load_pem_private_key(key_file.read_bytes(), None)
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"the authority in {folder} cannot be read: {error}", "Make a new folder."
+        ) from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise ConfigError(f"{key_file}: expected an elliptic curve key", "Make a new folder.")
+    return Pair(certificate, key)
+
+
+def _new_authority(folder: Path) -> Pair:
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = _name(f"people4d {secrets.token_hex(4)}")
+    builder = _builder(subject, subject, key, AUTHORITY_DAYS)
+    builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+    authority = Pair(builder.sign(key, hashes.SHA256()), key)
+    _make_folder(folder)
+    _write(folder / AUTHORITY_KEY, _private(key), SECRET)
+    _write(folder / AUTHORITY, _pem(authority.certificate), PUBLIC)
+    return authority
+
+
+def _signed(role: str, authority: Pair, addresses: Sequence[str], days: int) -> Pair:
+    key = ec.generate_private_key(ec.SECP256R1())
+    names = [*LOCAL, *addresses] if role == ROUTER else LOCAL
+    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    if role not in PEOPLE:
+        uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
+    subject = authority.certificate.subject
+    builder = _builder(_name(role), subject, key, days)
+    for extension, critical in (
+        (x509.BasicConstraints(ca=False, path_length=None), True),
+        (x509.SubjectAlternativeName([_general(name) for name in names]), False),
+        (x509.ExtendedKeyUsage(uses), False),
+    ):
+        builder = builder.add_extension(extension, critical)
+    return Pair(builder.sign(authority.key, hashes.SHA256()), key)
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, days: int
+) -> x509.CertificateBuilder:
+    now = datetime.now(UTC)
+    builder = x509.CertificateBuilder().subject_name(subject).issuer_name(issuer)
+    builder = builder.public_key(key.public_key()).serial_number(x509.random_serial_number())
+    return builder.not_valid_before(now - SLACK).not_valid_after(now + timedelta(days=days))
+
+
+def _check_certificate(file: Path, now: datetime) -> Finding:
+    try:
+        certificate = x509.load_pem_x509_certificate(file.read_bytes())
+        names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+        role, ends = str(names[0].value), certificate.not_valid_after_utc
+    except (OSError, ValueError, IndexError) as error:
+        return Finding(file, file.stem, None, f"not a certificate: {error}")
+    return Finding(file, role, ends, _problem(file, certificate, role, now))
+
+
+def _problem(file: Path, certificate: x509.Certificate, role: str, now: datetime) -> str:
+    key_file = file.with_suffix(".key")
+    try:
+        authority = x509.load_pem_x509_certificate((file.parent / AUTHORITY).read_bytes())
+        key = serialization.load_pem_private_key(key_file.read_bytes(), None)
+        certificate.verify_directly_issued_by(authority)
+    except InvalidSignature:
+        return f"not signed by {AUTHORITY} beside it"
+    except (OSError, ValueError, TypeError) as error:
+        return str(error)
+    if key.public_key() != certificate.public_key():
+        return f"{key_file.name} belongs to another certificate"
+    if role != file.stem:
+        return f"it is of role {role}, but named {file.stem}"
+    if now < certificate.not_valid_before_utc:
+        return "not good yet; is the clock right?"
+    if now >= min(certificate.not_valid_after_utc, authority.not_valid_after_utc):
+        return "ended"
+    return _open_to_others(key_file)
+
+
+def _open_to_others(file: Path) -> str:
+    return f"{file.name} can be read by others: chmod 600" if file.stat().st_mode & 0o077 else ""
+
+
+def _make_folder(folder: Path) -> None:
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+
+def _write(file: Path, data: bytes, mode: int) -> None:
+    """Write a file that is never open to others, not for a moment, and never half written."""
+    fresh = file.with_name(f".{file.name}.new")
+    fresh.unlink(missing_ok=True)
+    with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as stream:
+        stream.write(data)
+    fresh.replace(file)
+
+
+def _pem(certificate: x509.Certificate) -> bytes:
+    return certificate.public_bytes(serialization.Encoding.PEM)
+
+
+def _private(key: ec.EllipticCurvePrivateKey) -> bytes:
+    return key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+
+
+def _name(common_name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+
+
+def _general(name: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(name))
+    except ValueError:
+        return x509.DNSName(name)
