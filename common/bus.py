@@ -2,8 +2,10 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
+from common.clock import Questions
 from common.codec import decode, encode
 from common.messages import Message, Span
 from common.node import Node
@@ -22,7 +24,34 @@ class Subscription(Protocol):
         ...
 
 
-class Bus(Protocol):
+@dataclass(frozen=True)
+class Member:
+    """A process of a service that came or went.
+
+    Args:
+        instance: Its name.
+        capacity: Its relative speed.
+        there: Whether it came.
+    """
+
+    instance: str
+    capacity: int
+    there: bool
+
+
+class Members(Protocol):
+    """Processes of one service as they come and go."""
+
+    def __iter__(self) -> Iterator[Member]:
+        """Yield those that are there, then changes; end when closed."""
+        ...
+
+    def close(self) -> None:
+        """End the iteration."""
+        ...
+
+
+class Bus(Questions, Protocol):
     """Carries messages to other processes; publish may be called from any thread."""
 
     def publish(self, message: Message, publishing: Callable[[], Span] | None = None) -> None:
@@ -34,8 +63,25 @@ class Bus(Protocol):
         """
         ...
 
-    def subscribe(self, topic: Topic) -> Subscription:
-        """Receive a topic; of a latched one the last message of each key comes first."""
+    def subscribe(self, topic: Topic, own: bool = True) -> Subscription:
+        """Receive a topic; of a latched one the last message of each key comes first.
+
+        Args:
+            topic: The topic.
+            own: Whether what this process publishes itself comes, too.
+        """
+        ...
+
+    def announce(self, service: str, instance: str, capacity: int = 1) -> None:
+        """Tell that this process is there, until it withdraws or ends."""
+        ...
+
+    def withdraw(self) -> None:
+        """Tell that this process is not there any more; does nothing if it did not announce."""
+        ...
+
+    def members(self, service: str) -> Members:
+        """Receive who announces and who is gone."""
         ...
 
     def close(self) -> None:

@@ -10,6 +10,7 @@ from common.bus import Subscription
 from common.codec import decode
 from common.errors import DecodeError
 from common.messages import Message, RgbdFrame
+from common.sharing import Share, Spare, head_of
 from common.topics import ForeignTopic, Topic
 
 FRESH_S = 3.0
@@ -37,9 +38,13 @@ class Inbox:
 
     Of a "newest" topic only the newest message waits, unless it must not be skipped (lock-step).
     Bytes that do not decode, messages pushed out and gaps in the sequence are counted.
+
+    Args:
+        share: Tells which messages other replicas do; these do not wait here. None: all are ours.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, share: Share | None = None) -> None:
+        self._share = share
         self.counters: Counter[str] = Counter()
         self.last_error = ""
         self._failed_s = -math.inf
@@ -58,6 +63,25 @@ class Inbox:
             payload: Untrusted bytes.
         """
         received_ns = time.time_ns()
+        if self._share and topic is self._share.topic:
+            head = head_of(payload)
+            if head and not self._share.is_ours(Spare(key, payload, received_ns, head)):
+                with self._changed:
+                    self.counters[f"left_{topic.name}"] += 1
+                    self._count_gap(topic, key, head.sequence)
+                return
+        self._put(topic, key, payload, received_ns)
+
+    def take_over(self, spare: Spare) -> None:
+        """Let a message wait that another replica should have done."""
+        if self._share:
+            topic = self._share.topic
+            self.counters[f"taken_over_{topic.name}"] += 1
+            self._put(topic, spare.key, spare.payload, spare.received_ns, again=True)
+
+    def _put(
+        self, topic: Topic, key: str, payload: bytes, received_ns: int, again: bool = False
+    ) -> None:
         try:
             message = topic.decode(payload) if isinstance(topic, ForeignTopic) else decode(payload)
             if type(message) is not topic.message:
@@ -72,7 +96,8 @@ class Inbox:
             return
         arrival = Arrival(message, received_ns, time.time_ns())
         with self._changed:
-            self._count_gap(topic, key, message.sequence)
+            if not again:
+                self._count_gap(topic, key, message.sequence)
             queue = self._queues.setdefault(key, deque())
             skippable = not (isinstance(message, RgbdFrame) and message.lockstep)
             keep = 0 if topic.delivery == "newest" and skippable else topic.depth - 1

@@ -11,6 +11,8 @@ from common.inbox import Arrival, Inbox
 from common.messages import Message, Span
 from common.node import Node
 from common.place import Place
+from common.replica import Replica
+from common.sharing import Sharing
 from common.topics import BY_MESSAGE, ForeignTopic, Topic
 from common.trace import Tracer
 
@@ -24,8 +26,9 @@ class Loop:
 
     Args:
         node: What to run. If it has `set_wake`, it gets a callback that makes `tick` due at once,
-            for nodes that are fed by a thread of their own. If it has `foreign_inputs`, these
-            topics of others come to `handle`, too.
+            for nodes that are fed by a thread of their own. If it has `set_instance`, it gets the
+            name of this process. If it has `foreign_inputs`, these topics of others come to
+            `handle`, too. If it has `sharing`, it does that work by turns with its replicas.
         bus: Where messages come from and go to.
         place: Which process this is.
         workers: Threads that call `handle` at once; outputs keep the order of the inputs.
@@ -35,35 +38,36 @@ class Loop:
     def __init__(
         self, node: Node, bus: Bus, place: Place, workers: int = 1, traced: bool = True
     ) -> None:
-        self.inbox = Inbox()
+        sharing: Sharing | None = getattr(node, "sharing", None)
+        self._work = Work()
+        self._replica = Replica(bus, place, sharing, self._work) if sharing else None
+        self.inbox = Inbox(self._replica.share if self._replica else None)
         self._node = node
         self._bus = bus
         self._place = place
         self._workers = workers
         self._tracer = Tracer(place, traced)
-        self._work = Work()
         self._stopped = False  # no Event: a signal may come while its lock is held
         self._turn = threading.Condition()
         self._published = 0
 
     def run(self) -> None:
         """Handle messages until `stop` is called or the node is finished, then what still waits."""
-        set_wake: Callable[[Callable[[], None]], None] | None = getattr(
-            self._node, "set_wake", None
-        )
-        if set_wake:
-            set_wake(self.inbox.wake)
+        self._tell_node("set_wake", self.inbox.wake)
+        self._tell_node("set_instance", self._place.instance)
         foreign: Sequence[ForeignTopic] = getattr(self._node, "foreign_inputs", ())
         topics = [*(BY_MESSAGE[kind] for kind in self._node.inputs), *foreign]
         subscriptions = [self._subscribe(topic) for topic in topics]
         helpers = [threading.Thread(target=self._serve) for _ in range(self._workers - 1)]
         for helper in helpers:
             helper.start()
+        self._join()
         heartbeat = Heartbeat(self._node, self._bus, self._place, self.inbox, self._work)
         try:
             self._serve_and_tick()
         finally:
             self.stop()
+            self._leave()
             for subscription in subscriptions:
                 subscription.close()
             self._drain()
@@ -78,6 +82,24 @@ class Loop:
         """End `run`; may be called from a signal handler or another thread."""
         self._stopped = True
         self.inbox.wake()
+
+    def _tell_node(self, hook: str, value: object) -> None:
+        tell: Callable[[object], None] | None = getattr(self._node, hook, None)
+        if tell:
+            tell(value)
+
+    def _join(self) -> None:
+        if self._replica:
+            self._replica.join(self.inbox)
+        else:
+            self._bus.announce(self._place.service, self._place.instance)
+
+    def _leave(self) -> None:
+        """Give what is shared to the others before the subscriptions end: nothing is left so."""
+        if self._replica:
+            self._replica.leave()
+        else:
+            self._bus.withdraw()
 
     def _subscribe(self, topic: Topic) -> Subscription:
         subscription = self._bus.subscribe(topic)
@@ -114,11 +136,14 @@ class Loop:
 
     def _handle(self, arrival: Arrival) -> None:
         taken_ns = time.time_ns()
+        self._work.took(BY_MESSAGE[type(arrival.message)].name, arrival.received_ns)
         message = self._tracer.taken(
             arrival.message, arrival.received_ns, arrival.decoded_ns, taken_ns
         )
         outputs, spans = self._ask(lambda: self._node.handle(message, time.monotonic_ns()))
         spans = self._tracer.handled(taken_ns, spans)
+        if self._replica:
+            self._replica.worked((time.time_ns() - taken_ns) / 1e9)
         with self._turn:
             self._turn.wait_for(lambda: self._published == arrival.ticket)
         try:

@@ -11,11 +11,13 @@ class Place:
         service: Name of the service.
         instance: Name of the process, unique on a robot.
         host: Name of the machine.
+        capacity: Speed beside that of its replicas, 1 to 100: who has 2 gets twice as much to do.
     """
 
     service: str
     instance: str
     host: str
+    capacity: int = 1
 
     @property
     def process(self) -> str:

@@ -13,8 +13,11 @@ from typing import TypeVar
 import cv2
 import msgspec
 
+from common.assignment import CAPACITY_MAX
+from common.clock import keep_time
 from common.config import load
 from common.errors import People4dError
+from common.keeping import keep
 from common.loop import Loop
 from common.node import Node
 from common.place import Place
@@ -58,9 +61,11 @@ def main(
         config = load(kind, service, flags.config, flags.set)
         bus = ZenohBus(read_config(flags.zenoh, mode, role=service), flags.robot)
         try:
-            node = build(config)
-            bus.announce(service, flags.instance)
-            loop = Loop(node, bus, Place(service, flags.instance, socket.gethostname()), workers)
+            node = keep(build(config), flags.instance)
+            place = Place(service, flags.instance, socket.gethostname(), flags.capacity)
+            if mode == "router":  # everyone reaches it
+                keep_time(bus, place.host)
+            loop = Loop(node, bus, place, workers, traced=os.environ.get("PEOPLE4D_TRACE") != "off")
             _on_stop_signals(loop.stop)
             log.info("started")
             loop.run()
@@ -76,6 +81,12 @@ def main(
 def _on_stop_signals(stop: Callable[[], None]) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop())
+
+
+def _capacity(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= CAPACITY_MAX:
+        raise argparse.ArgumentTypeError(f"expected 1 to {CAPACITY_MAX}, got {text!r}")
+    return int(text)
 
 
 def _parser(service: str) -> argparse.ArgumentParser:
@@ -113,6 +124,12 @@ def _parser(service: str) -> argparse.ArgumentParser:
         default=None,
         help="Zenoh configuration: a JSON5 file, or a folder with one for each role; "
         "default $PEOPLE4D_ZENOH or the shipped ones",
+    )
+    parser.add_argument(
+        "--capacity",
+        type=_capacity,
+        default=environment.get("PEOPLE4D_CAPACITY") or "1",
+        help="speed beside that of its replicas, 1 to 100; default $PEOPLE4D_CAPACITY or 1",
     )
     parser.add_argument("--debug", action="store_true", help="show traces and debug messages")
     return parser

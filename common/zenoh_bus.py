@@ -13,6 +13,7 @@ import zenoh.ext
 
 from common import credentials
 from common.access import downsampling
+from common.bus import Member
 from common.codec import encode
 from common.errors import ConfigError, People4dError
 from common.messages import Message, RgbdFrame, Span
@@ -25,6 +26,8 @@ BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")
 CONFIGS = Path(__file__).resolve().parents[1] / "deploy" / "zenoh"
 CLOSE_S = 2.0
 SLOW_HZ = 10.0  # of each topic through $PEOPLE4D_SLOW_LINKS
+ANSWER_S = 2.0
+QUESTIONS = 64  # that may wait for an answer
 NEWEST = 2  # frames that Zenoh keeps for a reader; the inbox keeps what must not be skipped
 UNFIT = {("connect", "router"), ("listen", "client")}
 
@@ -123,14 +126,19 @@ class ZenohSubscription:
 
     def __iter__(self) -> Iterator[tuple[str, bytes]]:
         """Yield key and payload until closed."""
+        for sample in self.samples():
+            if sample.kind == zenoh.SampleKind.PUT:
+                yield str(sample.key_expr), sample.payload.to_bytes()
+
+    def samples(self) -> Iterator[Any]:
+        """Yield all that comes, as Zenoh gives it, until closed."""
         while not self._closed:
             try:
                 with self._receiving:
                     sample = self._subscriber.handler.recv()
             except zenoh.ZError:
                 return
-            if sample.kind == zenoh.SampleKind.PUT:
-                yield str(sample.key_expr), sample.payload.to_bytes()
+            yield sample
 
     def close(self) -> None:
         """End the iteration."""
@@ -140,6 +148,24 @@ class ZenohSubscription:
             # Python aborts if it ends while a thread is still inside of Zenoh.
             if self._receiving.acquire(timeout=CLOSE_S):
                 self._receiving.release()
+
+
+class ZenohMembers:
+    """Processes of one service as they come and go; iterate in a thread of its own."""
+
+    def __init__(self, subscriber: Any) -> None:
+        self._samples = ZenohSubscription(subscriber)
+
+    def __iter__(self) -> Iterator[Member]:
+        """Yield those that are there, then changes, until closed."""
+        for sample in self._samples.samples():
+            *_, instance, capacity = str(sample.key_expr).split("/")
+            if capacity.isdecimal():
+                yield Member(instance, int(capacity), sample.kind == zenoh.SampleKind.PUT)
+
+    def close(self) -> None:
+        """End the iteration."""
+        self._samples.close()
 
 
 class ZenohBus:
@@ -160,6 +186,8 @@ class ZenohBus:
         self.robot = robot
         self._publishers: dict[str, Any] = {}
         self._subscriptions: list[ZenohSubscription] = []
+        self._members: list[ZenohMembers] = []
+        self._token: Any = None
         self._lock = threading.Lock()
         zenoh.init_log_from_env_or("error")
         if connect_timeout_s:
@@ -180,8 +208,13 @@ class ZenohBus:
         publisher = self._publisher(topic, key, lossless)
         publisher.put(encode(message, publishing))
 
-    def subscribe(self, topic: Topic) -> ZenohSubscription:
-        """Receive a topic; of a latched one the last message of each key comes first."""
+    def subscribe(self, topic: Topic, own: bool = True) -> ZenohSubscription:
+        """Receive a topic; of a latched one the last message of each key comes first.
+
+        Args:
+            topic: The topic.
+            own: Whether what this session publishes itself comes, too.
+        """
         key = topic.key_expression(self.robot)
         channel: Any = zenoh.handlers.RingChannel(
             NEWEST if topic.delivery == "newest" else topic.depth
@@ -193,20 +226,64 @@ class ZenohBus:
                 self._session, key, channel, history=history
             )
         else:
-            subscriber = self._session.declare_subscriber(key, channel)
+            origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
+            subscriber = self._session.declare_subscriber(key, channel, allowed_origin=origin)
         subscription = ZenohSubscription(subscriber)
         self._subscriptions.append(subscription)
         return subscription
 
-    def announce(self, service: str, instance: str) -> None:
+    def announce(self, service: str, instance: str, capacity: int = 1) -> None:
         """Declare a liveliness token: it vanishes when this process does."""
         _check_chunk("instance", instance)
-        key = f"{prefix(self.robot)}/alive/{service}/{instance}"
+        key = f"{prefix(self.robot)}/alive/{service}/{instance}/{capacity}"
         self._token = self._session.liveliness().declare_token(key)
+
+    def withdraw(self) -> None:
+        """Take the liveliness token back."""
+        if self._token:
+            self._token.undeclare()
+            self._token = None
+
+    def members(self, service: str) -> ZenohMembers:
+        """Receive the liveliness tokens of a service."""
+        key = f"{prefix(self.robot)}/alive/{service}/*/*"
+        # A queue that is read at once: a ring would forget who is there.
+        channel: Any = zenoh.handlers.FifoChannel(256)
+        subscriber = self._session.liveliness().declare_subscriber(key, channel, history=True)
+        members = ZenohMembers(subscriber)
+        self._members.append(members)
+        return members
+
+    def ask(self, name: str, heard: Callable[[bytes], None]) -> None:
+        """Put a question; `heard` gets the answer in a thread of Zenoh, or is never called."""
+
+        def take(reply: zenoh.Reply) -> None:
+            if reply.ok:
+                heard(reply.ok.payload.to_bytes())
+
+        self._session.get(self._question(name), take, timeout=ANSWER_S)
+
+    def answer(self, name: str, reply: Callable[[], bytes]) -> None:
+        """Answer a question whenever it is put, in a thread of its own."""
+        key = self._question(name)
+        channel: Any = zenoh.handlers.RingChannel(QUESTIONS)
+        queries = ZenohSubscription(self._session.declare_queryable(key, channel))
+        self._subscriptions.append(queries)
+
+        def serve() -> None:
+            for query in queries.samples():
+                with query:
+                    query.reply(key, reply())
+
+        threading.Thread(target=serve, name=name, daemon=True).start()
+
+    def _question(self, name: str) -> str:
+        return f"{prefix(self.robot)}/questions/{name}"
 
     def close(self) -> None:
         """End all subscriptions and leave the network."""
-        for subscription in self._subscriptions:
+        closing: list[ZenohSubscription | ZenohMembers] = [*self._subscriptions, *self._members]
+        for subscription in closing:
             subscription.close()
         self._session.close()  # type: ignore[no-untyped-call]
 

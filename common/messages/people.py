@@ -13,6 +13,7 @@ from common.messages.base import (
     check_finite,
     check_name,
     check_shape,
+    check_size,
 )
 
 
@@ -29,6 +30,7 @@ class Mask(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Check that the window is filled exactly."""
         if min(self.x_px, self.y_px) < 0 or min(self.width, self.height) < 1:
             raise ValueError("mask: expected a window in the image, got a negative or empty one")
+        check_size(self.width, self.height)
         size = (self.width * self.height + 7) // 8
         if len(self.bits) != size:
             raise ValueError(f"bits: expected {size} bytes, got {len(self.bits)}")
@@ -97,14 +99,14 @@ class Detections(Message, frozen=True, kw_only=True):
     width: int  # [px] of the image
     height: int  # [px] of the image
     people: tuple[Detection, ...] = ()  # in no particular order; other messages refer by index
+    detector: str = ""  # process that found them, one of several replicas; empty: not told
 
     def __post_init__(self) -> None:
         """Check names."""
         super().__post_init__()
         check_name("camera", self.camera)
         check_name("frame_id", self.frame_id)
-        if self.width < 1 or self.height < 1:
-            raise ValueError(f"width, height: expected >= 1, got {self.width}, {self.height}")
+        check_size(self.width, self.height)
 
 
 class Crop(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

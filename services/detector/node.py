@@ -17,6 +17,7 @@ from common.messages import (
     RgbdFrame,
 )
 from common.node import Status
+from common.sharing import Sharing
 from common.trace import span
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person
@@ -41,6 +42,7 @@ class DetectorNode:
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
+    sharing: ClassVar[Sharing] = Sharing(RgbdFrame, Detections)
     takes: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
 
     def __init__(self, model: PersonModel, config: DetectorConfig) -> None:
@@ -53,6 +55,11 @@ class DetectorNode:
         self._calibrations: dict[str, CameraInfo] = {}
         self._counters: Counter[str] = Counter()
         self._faults: dict[str, str] = {}  # what is wrong with the newest frame, by camera
+        self._instance = ""
+
+    def set_instance(self, name: str) -> None:
+        """Take the name of this process, by which detections tell who found them."""
+        self._instance = name
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take a calibration, or a frame: return its Detections and, if configured, its Crops."""
@@ -114,6 +121,7 @@ class DetectorNode:
             camera=frame.camera,
             frame_id=info.frame_id,
             model=self._model.name,
+            detector=self._instance,
             width=info.width,
             height=info.height,
             people=detections,

@@ -8,6 +8,7 @@ import numpy as np
 
 from common.messages import Crops, Embeddings, Message
 from common.node import Status
+from common.sharing import Sharing
 from services.reid.embedder import Embedder
 
 SIDE_MIN_PX = 8  # a smaller picture tells nothing about a person
@@ -21,6 +22,7 @@ class ReidNode:
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Crops,)
+    sharing: ClassVar[Sharing] = Sharing(Crops, Embeddings)
     takes = inputs
 
     def __init__(self, embedder: Embedder) -> None:
