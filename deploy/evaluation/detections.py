@@ -20,6 +20,7 @@ from common.messages import (
     RgbdFrame,
     StaticTransform,
 )
+from common.odometry_order import odometry_first
 from common.recording import RecordingWriter, open_recording
 from deploy.evaluation import findings
 from deploy.evaluation.cache import (
@@ -138,7 +139,8 @@ def read(detections: Path, embeddings: Path | None) -> Iterator[Message]:
     """
     vectors = _embeddings(embeddings)
     cameras = set()
-    for _, message in open_recording(detections).messages(*KEPT):
+    recorded = (message for _, message in open_recording(detections).messages(*KEPT))
+    for message in odometry_first(recorded):
         if isinstance(message, Detections):
             cameras.add(message.camera)
             if len(cameras) > 1:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import msgspec
 
 from common.messages import Odometry
+from common.odometry_order import odometry_first
 from services.camera.source import Capture, Source
 
 Item = Capture | Odometry
@@ -59,7 +60,8 @@ def play(source: Source, selection: Selection) -> Iterator[Item]:
 
 def _one_round(source: Source, selection: Selection) -> Iterator[Item]:
     index = 0
-    for item in source.part(selection.start_s, selection.duration_s):
+    items = source.part(selection.start_s, selection.duration_s)
+    for item in items if source.live else odometry_first(items):
         if isinstance(item, Odometry):
             yield item
             continue
