@@ -10,6 +10,7 @@ import msgspec
 import psutil
 
 from common.errors import ConfigError, People4dError
+from common.keeping import SUFFIX as KEPT
 from common.messages.base import check_name
 
 # A socket's path has 108 bytes; supervisord binds "<path>.<pid>" first, and a 0 ends it.
@@ -61,7 +62,7 @@ class State:
         return self.folder / f"{instance}.log"
 
     def prepare(self) -> None:
-        """Make the folder, for its owner only, and remove the logs of the run before.
+        """Make the folder, for its owner only, and remove what the run before left in it.
 
         Raises:
             ConfigError: The path is too long for a socket, or the folder cannot be made.
@@ -74,8 +75,8 @@ class State:
             )
         try:
             self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            for log in self.folder.glob("*.log*"):
-                log.unlink()
+            for old in (*self.folder.glob("*.log*"), *self.folder.glob(f"*{KEPT}")):
+                old.unlink()
         except OSError as error:
             raise ConfigError(
                 f"state folder {self.folder} cannot be made: {error.strerror}",

@@ -15,6 +15,7 @@ from typing import Any
 from supervisor.xmlrpc import Faults, SupervisorTransport
 
 from common.errors import ConfigError, People4dError
+from common.keeping import FOLDER as KEEP
 from deploy.compose import Service
 from deploy.launcher.state import MARK, State
 
@@ -115,7 +116,12 @@ def render(state: State, services: Sequence[Service]) -> str:
 
 
 def _program(state: State, service: Service, instance: str, priority: int) -> str:
-    variables = {**service.environment, MARK: str(state.folder), "PEOPLE4D_INSTANCE": instance}
+    variables = {
+        **service.environment,
+        MARK: str(state.folder),
+        KEEP: str(state.folder),
+        "PEOPLE4D_INSTANCE": instance,
+    }
     # env(1) hands the variables over: supervisord's own syntax for them cannot hold every value.
     env = [shutil.which("env") or "/usr/bin/env", *(f"{k}={v}" for k, v in variables.items())]
     return PROGRAM.format(

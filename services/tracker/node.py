@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from common.errors import DecodeError
 from common.geometry import LINK_FROM_OPTICAL
 from common.messages import (
     F64,
@@ -22,9 +23,10 @@ from common.messages import (
 from common.node import Status
 from common.trace import span
 from services.tracker.config import TrackerConfig
-from services.tracker.interface import Need, Tracker
+from services.tracker.interface import Lasting, Need, Tracker
 from services.tracker.join import Frame, Join, Patience
 from services.tracker.observe import observe
+from services.tracker.state import Memory, pack, unpack
 
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 COUNTERS = (
@@ -72,6 +74,7 @@ class TrackerNode:
         self._last: _Last | None = None
         self._last_of_camera: dict[str, int] = {}
         self._intervals_ns: deque[int] = deque(maxlen=9)
+        self._restored_ns: int | None = None  # stamp of the last frame of another process
         self._predict_ns: int | None = None
         self._showing = False
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
@@ -114,9 +117,40 @@ class TrackerNode:
     def close(self) -> None:
         """Hold nothing that needs releasing."""
 
+    def next_number(self) -> int:
+        """Return the next identity to be given; 0 if the tracker does not tell."""
+        return self._tracker.identities.next if isinstance(self._tracker, Lasting) else 0
+
+    def save(self) -> bytes:
+        """Return people, identities and where the cameras stand; empty if nothing is known yet."""
+        stamp_ns = self._last.detections.stamp_ns if self._last else self._restored_ns
+        if stamp_ns is None or not isinstance(self._tracker, Lasting):
+            return b""
+        memory = Memory(
+            frame_id=self._config.frame_id,
+            stamp_ns=stamp_ns,
+            transforms=self._map_from,
+            people=self._tracker.save(),
+        )
+        return pack(memory)
+
+    def restore(self, saved: bytes, next_number: int) -> None:
+        """Go on with what another process saved; its identities are not given again."""
+        if not isinstance(self._tracker, Lasting):
+            return
+        self._tracker.identities.raise_to(next_number)
+        if not saved:
+            return
+        memory = unpack(saved, Memory)
+        if memory.frame_id != self._config.frame_id:
+            raise DecodeError(f"what the tracker kept is in {memory.frame_id}")
+        self._tracker.restore(memory.people)
+        self._restored_ns, self._map_from = memory.stamp_ns, memory.transforms
+
     def _take_detections(self, detections: Detections, now_ns: int) -> list[Message]:
         stamp_ns, flushed = detections.stamp_ns, list[Message]()
         newest_ns = self._join.newest_ns(detections.camera)
+        newest_ns = self._restored_ns if newest_ns is None else newest_ns
         if newest_ns is not None and newest_ns - stamp_ns > self._config.clock_jump_s * 1e9:
             flushed = self._track_due(now_ns, flush=True)
             self._restart(stamp_ns)
@@ -129,12 +163,13 @@ class TrackerNode:
         self._counters["clock_resets"] += 1
         self._tracker.reset()
         self._join.restart(stamp_ns)
-        self._last, self._predict_ns = None, None
+        self._last, self._restored_ns, self._predict_ns = None, None, None
         self._last_of_camera.clear()
         self._intervals_ns.clear()
 
     def _is_stale(self, detections: Detections) -> bool:
-        if self._last and detections.stamp_ns < self._last.detections.stamp_ns:
+        newest_ns = self._last.detections.stamp_ns if self._last else self._restored_ns
+        if newest_ns is not None and detections.stamp_ns < newest_ns:
             return True
         last_ns = self._last_of_camera.get(detections.camera)
         return last_ns is not None and detections.stamp_ns <= last_ns
@@ -193,7 +228,7 @@ class TrackerNode:
     def _remember(self, frame: Frame) -> None:
         if self._last:
             self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
-        self._last = _Last(frame.detections, frame.arrived_ns)
+        self._last, self._restored_ns = _Last(frame.detections, frame.arrived_ns), None
         self._last_of_camera[frame.detections.camera] = frame.detections.stamp_ns
         # A playback slower than real time is no outage: wait longer where frames come slowly.
         usual_ns = median(self._intervals_ns) if self._intervals_ns else 0

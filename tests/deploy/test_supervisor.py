@@ -48,6 +48,7 @@ def test_each_replica_is_a_program_with_a_name_of_its_own() -> None:
     assert arguments(first)[1:] == [
         "A=b c",
         "PEOPLE4D_RUN=/state/robot",
+        "PEOPLE4D_KEEP=/state/robot",
         "PEOPLE4D_INSTANCE=detector-1",
         sys.executable,
         "-m",
@@ -81,7 +82,7 @@ def test_what_starts_later_stops_earlier() -> None:
 @given(st.lists(st.text(st.characters(exclude_characters="\n\r\0", codec="utf-8")), min_size=1))
 def test_any_argument_survives_the_file(given_arguments: list[str]) -> None:
     parser = sections(service(command=("run", *given_arguments)))
-    assert arguments(parser["program:detector-1"])[4:] == ["run", *given_arguments]
+    assert arguments(parser["program:detector-1"])[5:] == ["run", *given_arguments]
 
 
 def test_several_lines_are_refused() -> None:

@@ -1,0 +1,97 @@
+"""The tracker node goes on where the process before it was killed."""
+
+import numpy as np
+import pytest
+
+from common.errors import DecodeError
+from common.messages import Message, StaticTransform
+from services.tracker.node import TrackerNode
+from tests.tracker.test_node import TRANSFORM, feed, looks, node, person, seen
+
+TWO = ([1.0, 0.0], [0.0, 1.0])
+
+
+def frames(first: int, last: int, shift_m: float = 0.0) -> list[Message]:
+    """Two people, frames first to last - 1 of ten a second."""
+    messages: list[Message] = []
+    for k in range(first, last):
+        frame = seen(k, [person(-0.8 + shift_m), person(0.8 + shift_m)])
+        messages += [frame, looks(frame, TWO)]
+    return messages
+
+
+def restarted(before: TrackerNode) -> TrackerNode:
+    after = node()
+    after.restore(before.save(), before.next_number())
+    return after
+
+
+def test_people_who_did_not_move_far_keep_their_identities_over_two_seconds() -> None:
+    before = node()
+    feed(before, [TRANSFORM, *frames(0, 10)])
+    after = restarted(before)
+    told = feed(after, frames(30, 34, shift_m=0.3))
+    for tracks in told:
+        assert [(p.id, p.state) for p in tracks.people] == [(1, "confirmed"), (2, "confirmed")]
+    left, right = (p.position_m[1] for p in told[-1].people)
+    assert left > right  # 1 is the one at x = -0.8 in the image, to the left
+
+
+def test_the_camera_s_place_is_known_before_it_is_told_again() -> None:
+    before = node()
+    feed(before, [TRANSFORM, *frames(0, 10)])
+    after = restarted(before)
+    first = feed(after, frames(10, 11))
+    assert after.status().state == "ready"
+    # Told again as it was, people go on; told otherwise, they begin anew with new numbers.
+    (same,) = feed(after, [TRANSFORM, *frames(11, 12)])
+    assert [p.id for p in first[-1].people] == [p.id for p in same.people] == [1, 2]
+    moved = np.array(TRANSFORM.matrix)
+    moved[0, 3] += 1.0
+    other = StaticTransform(
+        stamp_ns=0, sequence=1, parent="map", child="camera_optical", matrix=moved
+    )
+    told = feed(after, [other, *frames(12, 16)])
+    assert [p.id for p in told[-1].people] == [3, 4]
+    assert after.status().counters["transform_changes"] == 1
+
+
+def test_a_frame_from_before_the_restart_is_stale() -> None:
+    before = node()
+    feed(before, [TRANSFORM, *frames(0, 10)])
+    after = restarted(before)
+    assert feed(after, frames(5, 6)) == []
+    assert after.status().counters["stale"] == 1
+    assert len(feed(after, frames(10, 11))) == 1
+
+
+def test_a_recording_that_began_again_meanwhile_gives_new_identities() -> None:
+    before = node()
+    feed(before, [TRANSFORM, *frames(20, 40)])
+    after = restarted(before)
+    told = feed(after, frames(0, 5))
+    assert [p.id for p in told[-1].people] == [3, 4]
+    assert after.status().counters["clock_resets"] == 1
+
+
+def test_identities_go_on_though_everything_else_is_lost() -> None:
+    before = node()
+    feed(before, [TRANSFORM, *frames(0, 10)])
+    after = node()
+    with pytest.raises(DecodeError):
+        after.restore(before.save()[:-5], before.next_number())
+    told = feed(after, [TRANSFORM, *frames(10, 15)])
+    assert [p.id for p in told[-1].people] == [3, 4]
+
+
+def test_a_restart_before_the_first_frame_keeps_what_was_restored() -> None:
+    before = node()
+    feed(before, [TRANSFORM, *frames(0, 10)])
+    after = restarted(restarted(before))
+    assert [p.id for p in feed(after, frames(10, 11))[-1].people] == [1, 2]
+
+
+def test_nothing_is_saved_before_the_first_frame() -> None:
+    empty = node()
+    assert empty.save() == b""
+    assert empty.next_number() == 1
