@@ -12,6 +12,7 @@ from typing import Literal
 import psutil
 
 from common.bus import Bus
+from common.clock import Clock
 from common.flow import Flow
 from common.inbox import Inbox
 from common.messages import Health, Message
@@ -34,6 +35,23 @@ class Work:
         self.counters: Counter[str] = Counter()
         self._since: dict[int, float] = {}
         self._lock = threading.Lock()
+        self._taken_ns: dict[str, int] = {}
+
+    def took(self, topic: str, received_ns: int) -> None:
+        """Note that a message was taken to work on.
+
+        Args:
+            topic: Name of its topic.
+            received_ns: Wall clock when it came.
+        """
+        self._taken_ns[topic] = received_ns
+
+    def ages(self) -> dict[str, float]:
+        """Return how long ago the newest message taken of each topic came [ms], by gauge."""
+        now_ns = time.time_ns()
+        return {
+            f"age_{topic}_ms": (now_ns - ns) / 1e6 for topic, ns in list(self._taken_ns.items())
+        }
 
     def count(self, name: str) -> None:
         """Count an event."""
@@ -75,6 +93,7 @@ class Heartbeat:
         self._node, self._bus, self._place = node, bus, place
         self._inbox, self._work = inbox, work
         self._process = psutil.Process()
+        self._clock = Clock(bus, place.host)
         self._sequence = 0
         self._before: tuple[float, Counter[str]] = (time.monotonic(), Counter())
         takes, gives = (_topics(getattr(node, name, ())) for name in ("takes", "gives"))
@@ -91,6 +110,7 @@ class Heartbeat:
 
     def _beat(self) -> None:
         while not self._closed.is_set():
+            self._clock.ask()
             self._publish()
             self._closed.wait(PERIOD_S)
 
@@ -106,6 +126,7 @@ class Heartbeat:
         counters = Counter(dict(status.counters))
         counters.update(dict(self._inbox.counters))
         counters.update(dict(self._work.counters))
+        counters.update(self._clock.counters())
         now, reason = (state, status.reason) if state else self._judge(status, counters)
         self._sequence += 1
         return Health(
@@ -141,7 +162,7 @@ class Heartbeat:
         return ("degraded" if degraded else "ready"), "; ".join(reasons)
 
     def _gauges(self, counters: Counter[str]) -> dict[str, float]:
-        """Return rates of messages [Hz], processor share [%] and memory [MB]."""
+        """Return rates of messages, processor share, memory, ages of inputs, and the clock's."""
         now = time.monotonic()
         then, before = self._before
         self._before = (now, counters)
@@ -152,7 +173,8 @@ class Heartbeat:
             if name.startswith(("received_", "sent_"))
         }
         memory_mb = self._process.memory_info().rss / 2**20
-        return rates | {"cpu_percent": self._process.cpu_percent(), "memory_mb": memory_mb}
+        own = {"cpu_percent": self._process.cpu_percent(), "memory_mb": memory_mb}
+        return rates | own | self._work.ages() | self._clock.gauges()
 
 
 def _topics(kinds: Sequence[type[Message]]) -> list[Topic]:

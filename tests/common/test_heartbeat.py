@@ -2,11 +2,13 @@
 
 import importlib.metadata
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
 
 from common import flow, heartbeat, inbox
+from common.clock import keep_time
 from common.heartbeat import Heartbeat, Work
 from common.inbox import Inbox
 from common.messages import Detections, Health, Message
@@ -18,6 +20,7 @@ from tests.common.nodes import Echo
 from tests.network import WAIT_S, Network, Watcher
 
 PLACE = Place("detector", "detector-1", "robot")
+NO_CLOCK = {"clock_steps": 0, "bad_clock": 0}
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +117,30 @@ def test_counters_of_node_inbox_and_loop_are_told_together(beating: Beating) -> 
     beating.inbox.put(BY_NAME["truth"], "k", b"")
     told = beating.watcher.wait_for_counters(handled=3, errors=2, bad_truth=1).counters
     # What never happened is told as 0: the reader sees that it is counted.
-    assert told == {"handled": 3, "skipped": 0, "errors": 2, "bad_truth": 1}
+    assert told == {"handled": 3, "skipped": 0, "errors": 2, "bad_truth": 1} | NO_CLOCK
+
+
+def test_the_age_of_what_was_taken_last_is_told_and_grows(beating: Beating) -> None:
+    received_ns = time.time_ns() - 500_000_000
+    beating.work.took("frames", received_ns)
+    first = beating.watcher.wait(Health, lambda health: "age_frames_ms" in health.gauges)
+    second = beating.watcher.wait(Health)
+    assert 500 <= first.gauges["age_frames_ms"] < second.gauges["age_frames_ms"]
+
+
+def test_the_clock_is_compared_with_that_of_the_router(
+    network: Network, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(heartbeat, "PERIOD_S", 0.05)
+    robot = network.robot()
+    keep_time(network.open(robot), "router", lambda: time.time_ns() - 3_000_000_000)
+    beating = Beating(network.open(robot), Echo())
+    try:
+        told = beating.watcher.wait(Health, lambda health: "clock_offset_ms" in health.gauges)
+    finally:
+        beating.heartbeat.close()
+    # The router's clock is 3 s behind, so this one is 3 s ahead.
+    assert abs(told.gauges["clock_offset_ms"] - 3000) <= told.gauges["clock_error_ms"]
 
 
 def test_counters_of_one_name_add_up(beating: Beating) -> None:
