@@ -9,9 +9,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
-from common.topics import TOPICS, Topic, prefix
+from common.clock import NAME as CLOCK
+from common.topics import TOPICS, Topic, prefix, question
 
 EVERY_SERVICE = "every service"
+WATCHDOG = "watchdog"  # only hears how the others are
 ROUTER = "router"
 PEOPLE = ("planner", "operator")  # roles of programs that are no service of ours
 HERE = ("lo",)  # interfaces of links that do not leave the host
@@ -19,6 +21,7 @@ HERE = ("lo",)  # interfaces of links that do not leave the host
 # What a publisher sends, and what a subscriber sends. Tokens, queries and replies belong to topics
 # that late joiners get the last message of.
 OFFERS = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
+CLOCK_OFFERS, CLOCK_ASKS = ("reply", "declare_queryable"), ("query",)
 ASKS = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber")
 
 Proof = Literal["cert_common_names", "usernames"]
@@ -28,7 +31,8 @@ Rule = Mapping[str, Any]
 def roles() -> tuple[str, ...]:
     """Return all roles: the services, then those of `PEOPLE`."""
     named = {topic.producer for topic in TOPICS}.union(*(t.readers.split() for t in TOPICS))
-    return (ROUTER, *sorted(named - {EVERY_SERVICE, "*", *PEOPLE}), *PEOPLE)
+    services = (named | {WATCHDOG}) - {EVERY_SERVICE, "*", *PEOPLE}
+    return (ROUTER, *sorted(services), *PEOPLE)
 
 
 def may_publish(role: str, topic: Topic) -> bool:
@@ -50,6 +54,7 @@ def access_control(proof: Proof, here: Sequence[str] = HERE) -> dict[str, Any]:
     """
     rules = [rule for role in roles() for topic in TOPICS for rule in _topic_rules(role, topic)]
     rules += [rule for role in roles() for rule in _presence_rules(role)]
+    rules += [rule for role in roles() for rule in _clock_rules(role)]
     subjects, policies = [], []
     for role in roles():
         for name, limit in ((role, {}), (f"{role} here", {"interfaces": list(here)})):
@@ -103,6 +108,14 @@ def _presence_rules(role: str) -> Iterator[Rule]:
         own = f"{alive}/**" if role == ROUTER else f"{alive}/{role}/**"
         yield from _rules(f"{role}: be alive", [own], OFFERS, ASKS)
     yield from _rules(f"{role}: see who is alive", [f"{alive}/**"], ASKS, OFFERS)
+
+
+def _clock_rules(role: str) -> Iterator[Rule]:
+    """Yield the rules of the question for the time: everybody asks, the router answers."""
+    key = question("*", CLOCK)
+    if role == ROUTER:
+        yield from _rules(f"{role}: tell the time", [key], CLOCK_OFFERS, CLOCK_ASKS)
+    yield from _rules(f"{role}: ask the time", [key], CLOCK_ASKS, CLOCK_OFFERS)
 
 
 def _rules(name: str, keys: list[str], says: Sequence[str], hears: Sequence[str]) -> Iterator[Rule]:

@@ -128,6 +128,11 @@ def prefix(robot: str) -> str:
     return f"people4d/{VERSION}/{robot}"
 
 
+def question(robot: str, name: str) -> str:
+    """Return the full key of a question that processes may put to each other."""
+    return f"{prefix(robot)}/questions/{name}"
+
+
 def topic_of_key(key: str, robot: str = "*") -> Topic | None:
     """Return the topic that a full key belongs to, None if to none.
 

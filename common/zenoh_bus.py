@@ -18,7 +18,7 @@ from common.codec import encode
 from common.errors import ConfigError, People4dError
 from common.messages import Message, RgbdFrame, Span
 from common.messages.base import check_name
-from common.topics import BY_MESSAGE, Topic, prefix
+from common.topics import BY_MESSAGE, Topic, prefix, question
 
 # What names the machine that Zenoh was built on tells a user nothing.
 BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")
@@ -261,11 +261,11 @@ class ZenohBus:
             if reply.ok:
                 heard(reply.ok.payload.to_bytes())
 
-        self._session.get(self._question(name), take, timeout=ANSWER_S)
+        self._session.get(question(self.robot, name), take, timeout=ANSWER_S)
 
     def answer(self, name: str, reply: Callable[[], bytes]) -> None:
         """Answer a question whenever it is put, in a thread of its own."""
-        key = self._question(name)
+        key = question(self.robot, name)
         channel: Any = zenoh.handlers.RingChannel(QUESTIONS)
         queries = ZenohSubscription(self._session.declare_queryable(key, channel))
         self._subscriptions.append(queries)
@@ -276,9 +276,6 @@ class ZenohBus:
                     query.reply(key, reply())
 
         threading.Thread(target=serve, name=name, daemon=True).start()
-
-    def _question(self, name: str) -> str:
-        return f"{prefix(self.robot)}/questions/{name}"
 
     def close(self) -> None:
         """End all subscriptions and leave the network."""
