@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TypeVar
 
 from common.bus import Subscription
-from common.inbox import Inbox
+from common.inbox import Arrival, Inbox
 from common.messages import Message, Tracks
 from common.topics import BY_MESSAGE, Topic
 from common.zenoh_bus import ZenohBus, read_config
@@ -42,19 +42,32 @@ class Client:
             kinds: Types of message, for example Tracks.
             timeout_s: End when no message came for so long; None: wait for ever.
         """
+        arrivals = self.arrivals(*kinds, timeout_s=timeout_s)
+        return (arrival.message for arrival in arrivals if isinstance(arrival.message, kinds))
+
+    def arrivals(self, *kinds: type[Message], timeout_s: float | None = None) -> Iterator[Arrival]:
+        """Subscribe, and yield messages with the times at which they came.
+
+        Args:
+            kinds: Types of message.
+            timeout_s: End when no message came for so long; None: wait for ever.
+        """
         subscriptions = [self._subscribe(BY_MESSAGE[kind]) for kind in kinds]
         return self._yield(kinds, timeout_s, subscriptions)
 
     def _yield(
-        self, kinds: tuple[type[M], ...], timeout_s: float | None, subscriptions: list[Subscription]
-    ) -> Iterator[M]:
+        self,
+        kinds: tuple[type[Message], ...],
+        timeout_s: float | None,
+        subscriptions: list[Subscription],
+    ) -> Iterator[Arrival]:
         waited_since = time.monotonic()
         try:
             while timeout_s is None or time.monotonic() - waited_since < timeout_s:
                 # Short waits let Ctrl-C through.
                 arrival = self.inbox.get(0.2 if timeout_s is None else min(timeout_s, 0.2))
                 if arrival and isinstance(arrival.message, kinds):
-                    yield arrival.message
+                    yield arrival
                     waited_since = time.monotonic()
         finally:
             for subscription in subscriptions:
