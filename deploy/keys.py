@@ -197,11 +197,12 @@ def _problem(file: Path, certificate: x509.Certificate, role: str, now: datetime
     try:
         authority = x509.load_pem_x509_certificate((file.parent / AUTHORITY).read_bytes())
         key = serialization.load_pem_private_key(key_file.read_bytes(), None)
-        certificate.verify_directly_issued_by(authority)
-    except InvalidSignature:
-        return f"not signed by {AUTHORITY} beside it"
     except (OSError, ValueError, TypeError) as error:
         return str(error)
+    try:
+        certificate.verify_directly_issued_by(authority)
+    except (InvalidSignature, ValueError, TypeError):
+        return f"not signed by {AUTHORITY} beside it"
     if key.public_key() != certificate.public_key():
         return f"{key_file.name} belongs to another certificate"
     if role != file.stem:

@@ -1,0 +1,111 @@
+"""A router that asks for credentials, and sessions with those of any role."""
+
+import contextlib
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import zenoh
+
+from common.access import roles
+from common.ports import free_port
+from common.topics import prefix
+from common.zenoh_bus import ZenohBus, read_config
+from deploy import keys
+
+ROBOT = "robot"
+PREFIX = prefix(ROBOT)
+WAIT_S = 10.0
+
+
+class Guarded:
+    """A router with access rules, and the folder with everybody's credentials.
+
+    Args:
+        folder: Where credentials are written.
+        passwords: Passwords in place of certificates.
+        here: Interfaces on which topics pass that do not leave the host.
+    """
+
+    def __init__(self, folder: Path, passwords: bool = False, here: str = "lo") -> None:
+        hosts = {"all": roles()}
+        if passwords:
+            keys.write_passwords(folder, hosts)
+        else:
+            keys.write_certificates(folder, hosts, ["127.0.0.1"], days=1)
+        self.keys = folder / "all"
+        self.port = free_port()
+        self.here = here
+        self._open = contextlib.ExitStack()
+        listen = {"PEOPLE4D_LISTEN": f"tcp/127.0.0.1:{self.port}"}
+        router = read_config(None, "router", self.environment() | listen, "router")
+        self._open.callback(ZenohBus(router, ROBOT).close)
+
+    def environment(self, folder: Path | None = None) -> dict[str, str]:
+        """Return the variables of a process with a folder of credentials."""
+        return {
+            "PEOPLE4D_CONNECT": f"tcp/127.0.0.1:{self.port}",
+            "PEOPLE4D_KEYS": str(folder or self.keys),
+            "PEOPLE4D_HERE": self.here,
+        }
+
+    def bus(
+        self, role: str, mode: str = "client", folder: Path | None = None, timeout_s: float = 5.0
+    ) -> ZenohBus:
+        """Open our bus with the credentials of a role."""
+        config = read_config(None, mode, self.environment(folder), role)
+        bus = ZenohBus(config, ROBOT, timeout_s)
+        self._open.callback(bus.close)
+        return bus
+
+    def session(self, role: str) -> zenoh.Session:
+        """Open a bare session with the credentials of a role: it may try anything."""
+        config = read_config(None, "client", self.environment(), role)
+        return self._open.enter_context(zenoh.open(config))
+
+    def close(self) -> None:
+        """Close everything."""
+        self._open.close()
+
+
+@contextlib.contextmanager
+def guarded(folder: Path, passwords: bool = False, here: str = "lo") -> Iterator[Guarded]:
+    """Run a guarded router until the block ends."""
+    network = Guarded(folder, passwords, here)
+    try:
+        yield network
+    finally:
+        network.close()
+
+
+class Ear:
+    """Keeps what comes on a key expression, to be waited for.
+
+    Args:
+        session: Where to listen.
+        key: Key expression.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self.heard: list[bytes] = []
+        self._changed = threading.Condition()
+        self._subscriber = session.declare_subscriber(key, self._hear)
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        with self._changed:
+            self.heard.append(sample.payload.to_bytes())
+            self._changed.notify_all()
+
+    def wait(self, payload: bytes) -> None:
+        """Wait until something was heard."""
+        with self._changed:
+            assert self._changed.wait_for(lambda: payload in self.heard, WAIT_S), f"no {payload!r}"
+
+
+def settle(session: zenoh.Session) -> None:
+    """Wait until the router has seen all that a session said so far, by a question to it.
+
+    Questions keep their place behind what was put before. Everybody may ask for health.
+    """
+    for _ in session.get(f"{PREFIX}/health/nobody/nobody"):
+        raise AssertionError("nobody answers for nobody")
