@@ -179,7 +179,9 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     clock_jump_s: float = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale
     embedding_wait_s: float = 0.05  # [s] longest wait for the embeddings of a frame
     embedding_patience: int = 3  # frames waited for in vain after which waiting stops
-    reorder_wait_s: float = 0.05  # [s] with several cameras, longest wait for the others' frames
+    # [s] with several cameras or detectors, longest wait for frames that belong before the one that
+    # is there; absent: as long as from one frame of the camera to the next
+    reorder_wait_s: float | None = None
     predict_after_s: float = 0.2  # [s] without detections after which predictions are published
     predict_hz: float = 10.0  # [Hz] rate of those predictions
     # input
@@ -194,5 +196,5 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
         _expect_positive(self, "max_lost_s", "clock_jump_s", "predict_after_s", "predict_hz")
         _expect_positive(self, "embedding_patience", "max_range_m")
         for field in ("embedding_wait_s", "reorder_wait_s", "yaw_speed_min_mps"):
-            value = getattr(self, field)
+            value = getattr(self, field) or 0.0
             _expect(0 <= value < float("inf"), field, "a finite number >= 0", value)

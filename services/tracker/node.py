@@ -30,7 +30,7 @@ from services.tracker.state import Memory, pack, unpack
 
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 COUNTERS = (
-    *("stale", "no_transform", "clock_resets", "transform_changes", "predictions"),
+    *("no_transform", "clock_resets", "transform_changes", "predictions"),
     *("without_position", "out_of_range", "empty_boxes", "bad_embeddings"),
 )
 
@@ -47,8 +47,9 @@ class TrackerNode:
     """Joins the streams by camera and stamp, and tracks in one fixed frame.
 
     Every Detections is answered by one Tracks of the same stamp, but for counted drops: `stale`
-    (older than what was tracked, or seen twice) and `no_transform`. When detections stop,
-    predictions are published until the tracks end; the tracker itself does not change by them.
+    (older than what was tracked), `duplicates` (done by two detectors) and `no_transform`. When
+    detections stop, predictions are published until the tracks end; the tracker itself does not
+    change by them.
 
     Args:
         config: The configuration.
@@ -62,11 +63,12 @@ class TrackerNode:
         self._config = config
         self._tracker = tracker
         self._joins = Need.EMBEDDINGS in tracker.needs
+        reorder_s = config.reorder_wait_s
         self._join = Join(
             Patience(
                 embedding_ns=int(config.embedding_wait_s * 1e9) if self._joins else 0,
                 embedding_frames=config.embedding_patience,
-                reorder_ns=int(config.reorder_wait_s * 1e9),
+                reorder_ns=None if reorder_s is None else int(reorder_s * 1e9),
             )
         )
         self._map_from: dict[str, F64] = {}
@@ -154,8 +156,7 @@ class TrackerNode:
         if newest_ns is not None and newest_ns - stamp_ns > self._config.clock_jump_s * 1e9:
             flushed = self._track_due(now_ns, flush=True)
             self._restart(stamp_ns)
-        if self._is_stale(detections) or not self._join.add_detections(detections, now_ns):
-            self._counters["stale"] += 1
+        self._join.add_detections(detections, now_ns, late=self._is_stale(detections))
         return flushed
 
     def _restart(self, stamp_ns: int) -> None:

@@ -1,0 +1,72 @@
+"""The results of one camera's frames, which several detectors may send."""
+
+from collections import deque
+from statistics import median
+
+from common.messages import Detections
+
+FIRST_PERIOD_NS = 50_000_000  # until two frames have come
+PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000
+PERIODS = 15  # of which the median is taken
+BEGINNING = 16  # a camera whose first frame here has a lower number has only just begun
+REMEMBERED = 64  # frames given out by which a second result is known
+
+
+class Stream:
+    """What has come of one camera, and what may still come.
+
+    Each detector sends its results in order, so a frame that is missing comes no more once every
+    detector has sent a later one.
+
+    Args:
+        active_ns: Time after which a detector that sent nothing is not reckoned with.
+    """
+
+    def __init__(self, active_ns: int) -> None:
+        self._active_ns = active_ns
+        self._newest: dict[str, tuple[int, int]] = {}  # detector: sequence, monotonic arrival
+        self._last: tuple[int, int] | None = None  # sequence and stamp of the last that came
+        self._periods_ns: deque[int] = deque(maxlen=PERIODS)
+        self._given: int | None = None  # sequence of the last given out
+        self._given_stamps: deque[int] = deque(maxlen=REMEMBERED)
+
+    def came(self, detections: Detections, now_ns: int) -> None:
+        """Note a result."""
+        sequence, stamp_ns = detections.sequence, detections.stamp_ns
+        self._newest[detections.detector] = sequence, now_ns
+        if self._last and sequence > self._last[0]:
+            self._periods_ns.append((stamp_ns - self._last[1]) // (sequence - self._last[0]))
+        self._last = sequence, stamp_ns
+
+    def gives(self, detections: Detections) -> int:
+        """Note that a frame is given out; return how many before it never came."""
+        given, self._given = self._given, detections.sequence
+        self._given_stamps.append(detections.stamp_ns)
+        return 0 if given is None else max(detections.sequence - given - 1, 0)
+
+    def was_given(self, detections: Detections) -> bool:
+        """Return whether this frame was given out lately."""
+        return detections.stamp_ns in self._given_stamps
+
+    @property
+    def period_ns(self) -> int:
+        """Time between two frames: the median of late."""
+        period_ns = int(median(self._periods_ns)) if self._periods_ns else FIRST_PERIOD_NS
+        return min(max(period_ns, PERIOD_MIN_NS), PERIOD_MAX_NS)
+
+    def may_lack(self, detections: Detections, arrived_ns: int) -> bool:
+        """Return whether a frame before this one may still come.
+
+        Args:
+            detections: The oldest that waits.
+            arrived_ns: Monotonic time at which it came.
+        """
+        sequence = detections.sequence
+        if self._given is None:
+            return 0 < sequence < BEGINNING
+        if sequence <= self._given + 1:
+            return False
+        return any(
+            newest < sequence and arrived_ns - heard_ns < self._active_ns
+            for newest, heard_ns in self._newest.values()
+        )

@@ -1,0 +1,122 @@
+"""Real processes that share work: one is stopped, killed, added and ended while messages come."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+
+from common.messages import Crops, Embeddings, Health
+from tests.contract.examples import BY_NAME
+from tests.network import Network, Watcher
+
+# A replica that fails is replaced within 1.5 s; on a busy machine it may take this much longer.
+REPLACED_S = 4.0
+
+
+class Reids:
+    """Processes of the re-identification, and someone who sends crops and reads the answers."""
+
+    def __init__(self, network: Network) -> None:
+        self._robot = network.robot()
+        self._network = network
+        self._bus = network.open(self._robot)
+        self._watcher = Watcher(self._bus, Embeddings, Health)
+        self._sent = 0
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.answers: Counter[int] = Counter()
+
+    def start(self, name: str) -> None:
+        self.processes[name] = subprocess.Popen(
+            [sys.executable, "-m", "services.reid", "--robot", self._robot, "--instance", name],
+            env={**os.environ, **self._network.environment, "OMP_NUM_THREADS": "1"},
+        )
+
+    def wait_ready(self, name: str) -> None:
+        # Without crops it is degraded, which is as ready as it can be.
+        self._watcher.wait(
+            Health, lambda h: h.instance == name and h.state in ("ready", "degraded")
+        )
+
+    def ask(self) -> tuple[str, float]:
+        """Send the crops of one frame; return who answered first, and after how long [s]."""
+        number, start_s = self._sent, time.monotonic()
+        crops = BY_NAME["Crops"]
+        self._bus.publish(msgspec.structs.replace(crops, sequence=number, stamp_ns=number))
+        self._sent += 1
+        return self._answer(number), time.monotonic() - start_s
+
+    def ask_until(self, name: str) -> None:
+        """Send crops until a process answers."""
+        end_s = time.monotonic() + REPLACED_S
+        while self.ask()[0] != name:
+            assert time.monotonic() < end_s, f"{name} takes no share"
+
+    def _answer(self, number: int) -> str:
+        while True:
+            embeddings = self._watcher.wait(Embeddings)
+            self.answers[embeddings.sequence] += 1
+            if embeddings.sequence == number:
+                return embeddings.trace[-1].process.partition("@")[0]
+
+    def close(self) -> None:
+        for process in self.processes.values():
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def reids() -> Iterator[Reids]:
+    network = Network()
+    started = Reids(network)
+    try:
+        yield started
+    finally:
+        started.close()
+        network.close()
+
+
+def test_work_is_shared_and_taken_over(reids: Reids) -> None:
+    for name in ("reid-1", "reid-2"):
+        reids.start(name)
+    for name in ("reid-1", "reid-2"):
+        reids.wait_ready(name)
+    reids.ask_until("reid-1")
+    reids.ask_until("reid-2")
+    reids.answers.clear()
+    by = Counter(reids.ask()[0] for _ in range(20))
+    assert by == {"reid-1": 10, "reid-2": 10}
+    assert set(reids.answers.values()) == {1}  # nothing twice
+
+    # One hangs: what it should do is taken over once it has been silent.
+    os.kill(reids.processes["reid-2"].pid, signal.SIGSTOP)
+    answers = [reids.ask() for _ in range(10)]
+    assert {name for name, _ in answers} == {"reid-1"}
+    waits_s = sorted(wait_s for _, wait_s in answers)
+    assert waits_s[-1] < REPLACED_S
+    assert waits_s[-2] < 0.5  # only once
+    os.kill(reids.processes["reid-2"].pid, signal.SIGCONT)
+    reids.ask_until("reid-2")
+
+    # One is killed: its token vanishes with it.
+    reids.processes["reid-2"].kill()
+    answers = [reids.ask() for _ in range(10)]
+    assert {name for name, _ in answers[1:]} == {"reid-1"}
+    assert max(wait_s for _, wait_s in answers) < REPLACED_S
+
+    # One joins and leaves again.
+    reids.start("reid-3")
+    reids.wait_ready("reid-3")
+    reids.ask_until("reid-3")
+    reids.answers.clear()
+    reids.processes["reid-3"].send_signal(signal.SIGTERM)
+    for _ in range(50):
+        assert reids.ask()[1] < REPLACED_S
+    assert reids.processes["reid-3"].wait(10) == 0
+    assert reids.ask()[0] == "reid-1"
+    assert sum(reids.answers.values()) - len(reids.answers) <= 1  # at most one twice, at the change
