@@ -19,6 +19,7 @@ from common.topics import TOPICS
 
 MAX_BYTES = 64 * 2**20
 MAX_ITEMS = 4096
+MAX_TEXT = 65536  # [bytes] of one text
 MAX_CONTAINERS = 65536
 MAX_AXES = 4
 
@@ -80,6 +81,7 @@ def _unpack(payload: bytes) -> dict[str, Any]:
     try:
         fields = msgpack.unpackb(
             payload,
+            max_str_len=MAX_TEXT,
             max_array_len=MAX_ITEMS,
             max_map_len=MAX_ITEMS,
             max_ext_len=0,

@@ -7,8 +7,7 @@ import numpy as np
 
 from common.errors import DecodeError
 from common.messages import U8, U16, CompressedRgbdFrame, RgbdFrame
-
-MAX_PIXELS = 4096 * 4096  # more is not an RGB-D camera; it bounds what a hostile file can allocate
+from common.picture import JPEG, PNG, picture_size
 
 
 def compress(frame: RgbdFrame, quality: int = 90, png_level: int = 1) -> CompressedRgbdFrame:
@@ -87,8 +86,9 @@ def decode_jpeg(data: bytes) -> U8:
     Raises:
         DecodeError: The file is corrupt, too large, or not a JPEG.
     """
-    width, height = _jpeg_size(data)
-    _check_size("JPEG", width, height)
+    if not data.startswith(JPEG):
+        raise DecodeError("rgb_jpeg: expected a JPEG, got a corrupt one")
+    width, height = picture_size(data, "rgb_jpeg")
     # OpenCV fills what a cut JPEG lacks with grey; only the end marker tells (some pad it).
     whole = b"\xff\xd9" in data[-256:]
     rgb = _decode(data, cv2.IMREAD_COLOR_RGB) if whole else None
@@ -109,15 +109,15 @@ def decode_png16(data: bytes) -> U16:
     Raises:
         DecodeError: The file is corrupt, too large, or not a 16-bit grey PNG.
     """
-    if len(data) < 33 or data[12:16] != b"IHDR":
+    if not data.startswith(PNG):
         raise DecodeError("depth_png: expected a PNG, got a corrupt one")
-    width, height, bits, colour = struct.unpack(">IIBB", data[16:26])
+    width, height = picture_size(data, "depth_png")
+    bits, colour = struct.unpack_from(">BB", data, 24)
     if (bits, colour) != (16, 0):
         raise DecodeError(
             f"depth_png: expected 16 bits grey, got {bits} bits, colour type {colour}",
             "Record depth as 16-bit millimetres.",
         )
-    _check_size("PNG", width, height)
     depth = _decode(data, cv2.IMREAD_UNCHANGED) if b"IEND" in data[-64:] else None
     if depth is None or depth.shape != (height, width) or depth.dtype != np.uint16:
         raise DecodeError("depth_png: expected a whole PNG, got a corrupt one")
@@ -129,27 +129,6 @@ def _decode(data: bytes, flags: int) -> "cv2.typing.MatLike | None":
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
         return None
-
-
-def _jpeg_size(data: bytes) -> tuple[int, int]:
-    """Read width and height from the first frame header, before any pixel is allocated."""
-    position = 2
-    while data[:2] == b"\xff\xd8" and position + 9 <= len(data) and data[position] == 0xFF:
-        marker = data[position + 1]
-        # SOF0 to SOF15 hold the size; C4, C8 and CC in their midst are tables.
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height, width = struct.unpack(">HH", data[position + 5 : position + 9])
-            return width, height
-        if marker == 0xFF:  # padding before a marker
-            position += 1
-            continue
-        position += 2 + int.from_bytes(data[position + 2 : position + 4], "big")
-    raise DecodeError("rgb_jpeg: expected a JPEG, got a corrupt one")
-
-
-def _check_size(kind: str, width: int, height: int) -> None:
-    if not 0 < width * height <= MAX_PIXELS:
-        raise DecodeError(f"{kind}: expected 1 to {MAX_PIXELS} pixels, got {width}x{height}")
 
 
 def _size(image: U8 | U16) -> str:

@@ -15,6 +15,7 @@ from common.errors import DecodeError, SourceError
 
 MAGIC = b"\x89MCAP0\r\n"
 MAX_HEADER_BYTES = 2**20  # of a header, channel or metadata record
+MAX_DESCRIPTION_BYTES = 16 * 2**20  # of all of them together
 MAX_MESSAGES = 10_000_000  # 90 hours of frames at 30 Hz; bounds the memory of the index
 MAX_CHANNELS = 4096
 MAX_NOTES = 256
@@ -45,6 +46,7 @@ class Index:
     truncated: bool = False  # the file is cut short or damaged; what lies before is there
     topics: dict[int, str] = field(default_factory=dict)  # by number of the channel
     notes: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
+    description_bytes: int = 0  # of headers, channels and metadata records read so far
 
 
 def read_profile(path: Path) -> str:
@@ -106,6 +108,9 @@ def _record(file: BinaryIO, position: int, end: int, index: Index) -> int | None
         index.truncated = True
         return None
     if opcode in (Opcode.HEADER, Opcode.CHANNEL, Opcode.METADATA):
+        index.description_bytes += size
+        if index.description_bytes > MAX_DESCRIPTION_BYTES:
+            raise DecodeError(f"it describes itself in more than {MAX_DESCRIPTION_BYTES} bytes")
         _describe(opcode, _small(file, size), index)
     elif opcode == Opcode.MESSAGE:
         _message(file, start, size, index)

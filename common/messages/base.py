@@ -7,7 +7,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+# A dot or dash at the start would make "..", a hidden file or a flag of a name.
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
@@ -15,6 +16,8 @@ F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
 MAX_TRACE = 64
+MAX_SIDE = 16384  # [px]
+MAX_PIXELS = 4096 * 4096  # more is no RGB-D camera; it bounds what is allocated for a picture
 MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
 
 
@@ -58,10 +61,27 @@ def check_name(field: str, value: str) -> None:
         value: The name.
 
     Raises:
-        ValueError: The name is empty, too long or has other characters than A-Z a-z 0-9 _ . -
+        ValueError: The name is empty, too long, begins with . or -, or has other characters than
+            A-Z a-z 0-9 _ . -
     """
     if not NAME.fullmatch(value):
-        raise ValueError(f"{field}: expected 1 to 64 of A-Z a-z 0-9 _ . -, got {value!r}")
+        raise ValueError(
+            f"{field}: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got {value!r:.80}"
+        )
+
+
+def check_size(width: int, height: int) -> None:
+    """Check that a picture can be of these many pixels.
+
+    Raises:
+        ValueError: A side is less than 1 or too long, or there are too many pixels.
+    """
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+        raise ValueError(f"width, height: expected 1 to {MAX_SIDE}, got {width}, {height}")
+    if width * height > MAX_PIXELS:
+        raise ValueError(
+            f"width, height: expected {MAX_PIXELS} pixels at most, got {width * height}"
+        )
 
 
 def check_shape(field: str, array: npt.NDArray[Any] | None, shape: tuple[int | None, ...]) -> None:

@@ -2,7 +2,16 @@
 
 import numpy as np
 
-from common.messages.base import F64, U8, U16, Message, check_finite, check_name, check_shape
+from common.messages.base import (
+    F64,
+    U8,
+    U16,
+    Message,
+    check_finite,
+    check_name,
+    check_shape,
+    check_size,
+)
 
 DISTORTION_LENGTHS = {"none": (0,), "plumb_bob": (4, 5), "rational_polynomial": (8,)}
 
@@ -29,8 +38,7 @@ class CameraInfo(Message, frozen=True, kw_only=True):
         check_name("frame_id", self.frame_id)
         check_finite("fx, fy, cx, cy", self.fx, self.fy, self.cx, self.cy)
         check_finite("distortion, max_depth_m", *self.distortion, self.max_depth_m)
-        if not (0 < self.width <= 16384 and 0 < self.height <= 16384):
-            raise ValueError(f"width, height: expected 1 to 16384, got {self.width}, {self.height}")
+        check_size(self.width, self.height)
         if self.fx <= 0 or self.fy <= 0 or self.max_depth_m <= 0:
             raise ValueError(
                 f"fx, fy, max_depth_m: expected > 0, got {self.fx}, {self.fy}, {self.max_depth_m}"
@@ -98,7 +106,9 @@ class StaticTransform(Message, frozen=True, kw_only=True):
         check_shape("matrix", self.matrix, (4, 4))
         check_finite("matrix", self.matrix)
         rotation = self.matrix[:3, :3]
-        orthonormal = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4)
+        orthonormal = np.all(np.abs(rotation) < 2) and np.allclose(
+            rotation @ rotation.T, np.eye(3), atol=1e-4
+        )
         if not orthonormal or np.linalg.det(rotation) < 0 or np.any(self.matrix[3] != (0, 0, 0, 1)):
             raise ValueError("matrix: expected a rotation and a translation, got another matrix")
 

@@ -71,8 +71,10 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         self._check_covariance()
         check_shape("heading", self.heading, (3,))
         check_finite("heading, heading_sigma_rad", self.heading, self.heading_sigma_rad)
-        if self.heading is not None and abs(np.linalg.norm(self.heading) - 1) > 1e-3:
-            raise ValueError(f"heading: expected unit length, got {np.linalg.norm(self.heading)}")
+        with np.errstate(over="ignore"):
+            length = 1.0 if self.heading is None else float(np.linalg.norm(self.heading))
+        if abs(length - 1) > 1e-3:
+            raise ValueError(f"heading: expected unit length, got {length}")
         if self.heading_sigma_rad is not None and self.heading_sigma_rad <= 0:
             raise ValueError(f"heading_sigma_rad: expected > 0, got {self.heading_sigma_rad}")
         if not 0 <= self.score <= 1:
@@ -86,8 +88,16 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             return
         if self.position_m is None:
             raise ValueError("position_covariance_m2: expected with position_m only")
-        if np.any(covariance != covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
+        if np.any(covariance != covariance.T) or not _is_positive_definite(covariance):
             raise ValueError("position_covariance_m2: expected symmetric and positive definite")
+
+
+def _is_positive_definite(matrix: F64) -> bool:
+    try:
+        with np.errstate(all="ignore"):
+            return bool(np.linalg.eigvalsh(matrix)[0] > 0)
+    except np.linalg.LinAlgError:  # numbers too large to tell
+        return False
 
 
 class Detections(Message, frozen=True, kw_only=True):

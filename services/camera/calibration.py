@@ -2,18 +2,19 @@
 
 import json
 import re
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
-import scipy.io
 import yaml
 
 from common.errors import SourceError
+from common.files import parse_toml, read_text
 from common.messages import F64, CameraInfo, StaticTransform
+from common.npz import read_arrays
+from services.camera.mat_file import read_mat
 from services.camera.registration import Registration
 
 OPTICAL_FRAME = "camera_optical_frame"
@@ -66,9 +67,9 @@ def read_calibration(path: Path, names: MatNames) -> Calibration:
         SourceError: The file is absent, of an unknown kind or incomplete.
     """
     readers: dict[str, Callable[[], Calibration]] = {
-        ".toml": lambda: _from_table(tomllib.loads(path.read_text("utf-8"))),
-        ".json": lambda: _from_table(json.loads(path.read_text("utf-8"))),
-        ".yaml": lambda: _from_camera_info(yaml.safe_load(path.read_text("utf-8"))),
+        ".toml": lambda: _from_table(parse_toml(read_text(path))),
+        ".json": lambda: _from_table(json.loads(read_text(path))),
+        ".yaml": lambda: _from_camera_info(_yaml(read_text(path))),
         ".npz": lambda: _from_npz(path),
         ".mat": lambda: _from_mat(path, names),
     }
@@ -81,7 +82,7 @@ def read_calibration(path: Path, names: MatNames) -> Calibration:
     except KeyError as error:
         raise SourceError(f"calibration {path} has no {error}") from error
     except Exception as error:  # parsers raise their own kinds, of no common base
-        raise SourceError(f"calibration {path} is not valid: {error}") from error
+        raise SourceError(f"calibration {path} is not valid: {str(error)[:400]}") from error
 
 
 def camera_info(lens: Lens, size: tuple[int, int], frame_id: str = OPTICAL_FRAME) -> CameraInfo:
@@ -154,7 +155,8 @@ def registration(
 
 def frame_name(name: str) -> str:
     """Return the name of a frame as messages allow it: no slashes, at most 64 characters."""
-    return re.sub(r"[^A-Za-z0-9_.-]", "_", name.strip("/"))[:64] or OPTICAL_FRAME
+    kept = re.sub(r"[^A-Za-z0-9_.-]", "_", name.strip("/")).lstrip(".-")
+    return kept[:64] or OPTICAL_FRAME
 
 
 def _from_table(table: Mapping[str, Any]) -> Calibration:
@@ -164,33 +166,56 @@ def _from_table(table: Mapping[str, Any]) -> Calibration:
     return msgspec.convert(table, Calibration)
 
 
-def _from_camera_info(table: Mapping[str, Any]) -> Calibration:
+def _yaml(text: str) -> Any:
+    """Parse YAML without aliases: a few lines of them say a list as long as one likes."""
+    if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
+        raise ValueError("it has aliases (*), which a calibration needs none of")
+    return yaml.safe_load(text)
+
+
+class _Numbers(msgspec.Struct):
+    data: list[float]
+
+
+class _CameraInfo(msgspec.Struct):
+    image_width: int
+    image_height: int
+    camera_matrix: _Numbers
+    distortion_coefficients: _Numbers
+
+
+def _from_camera_info(table: Any) -> Calibration:
     """Read the file that ROS's camera calibration writes."""
-    lens = {
-        "width": table["image_width"],
-        "height": table["image_height"],
-        "distortion": table["distortion_coefficients"]["data"],
-    }
-    return Calibration(colour=_lens(np.reshape(table["camera_matrix"]["data"], (3, 3)), **lens))
+    info = msgspec.convert(table, _CameraInfo)
+    return Calibration(
+        colour=_lens(
+            np.reshape(info.camera_matrix.data, (3, 3)),
+            info.distortion_coefficients.data,
+            info.image_width,
+            info.image_height,
+        )
+    )
 
 
 def _from_npz(path: Path) -> Calibration:
     """Read K and, if the camera stands still, T_world_cam."""
-    with np.load(path, allow_pickle=False) as arrays:
-        poses = arrays.get("T_world_cam")
-        colour = _lens(arrays["K"])
-        if poses is None:
-            return Calibration(colour=colour)
-        # A camera that moves sits on the base, which is at the origin when the sequence begins.
-        still = bool(np.allclose(poses, poses[:1], atol=1e-6))
-        rows = tuple(tuple(row) for row in poses[0].tolist())
-        return Calibration(
-            colour=colour, parent="map" if still else "base_link", parent_from_optical=rows
-        )
+    arrays = read_arrays(path, ["K"], ["T_world_cam"])
+    poses = arrays.get("T_world_cam")
+    colour = _lens(arrays["K"])
+    if poses is None:
+        return Calibration(colour=colour)
+    if poses.shape[1:] != (4, 4) or not len(poses):
+        raise ValueError(f"T_world_cam: expected Nx4x4, got {poses.shape}")
+    # A camera that moves sits on the base, which is at the origin when the sequence begins.
+    still = bool(np.allclose(poses, poses[:1], atol=1e-6))
+    rows = tuple(tuple(row) for row in poses[0].tolist())
+    return Calibration(
+        colour=colour, parent="map" if still else "base_link", parent_from_optical=rows
+    )
 
 
 def _from_mat(path: Path, names: MatNames) -> Calibration:
-    arrays = scipy.io.loadmat(path)
+    arrays = read_mat(path)
     colour = _lens(_inside(arrays, names.colour), _inside(arrays, names.colour_distortion))
     if not names.depth:
         return Calibration(colour=colour)

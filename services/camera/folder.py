@@ -3,14 +3,18 @@
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgspec
 import numpy as np
-import scipy.io
+import numpy.typing as npt
 
-from common.errors import SourceError
+from common.errors import DecodeError, SourceError
+from common.files import read_bytes
 from common.messages import F64, U8, U16, Odometry
+from common.npz import read_arrays
+from common.picture import MAX_FILE_BYTES, picture_size
 from services.camera.calibration import (
     Calibration,
     Lens,
@@ -21,6 +25,7 @@ from services.camera.calibration import (
     static_transform,
 )
 from services.camera.folder_layout import LISTS, Layout, Pair, listed, numbered, wheel_odometry
+from services.camera.mat_file import read_mat
 from services.camera.source import Capture, Source
 
 # Looked for in the folder, first come first served, where no calibration is configured.
@@ -122,13 +127,11 @@ class FolderSource(Source):
         raise reason
 
     def _read(self, pair: Pair) -> tuple[U8, U16]:
-        rgb = cv2.imread(str(pair.colour), cv2.IMREAD_COLOR_RGB)
-        if rgb is None:
-            raise SourceError(f"{pair.colour} is not an image that can be read")
+        rgb = _read_picture(pair.colour, cv2.IMREAD_COLOR_RGB)
         if pair.depth.suffix == ".mat":
             depth = _read_mat(pair.depth, self._options.mat_array)
         else:
-            depth = np.asarray(cv2.imread(str(pair.depth), cv2.IMREAD_UNCHANGED))
+            depth = _read_picture(pair.depth, cv2.IMREAD_UNCHANGED)
         if depth.ndim != 2 or depth.dtype != np.uint16:
             raise SourceError(
                 f"{pair.depth}: expected 16 bits grey, got {depth.dtype} of shape {depth.shape}"
@@ -155,12 +158,12 @@ def _track(path: Path, options: FolderOptions) -> tuple[F64 | None, list[Odometr
     if not options.track and not file.is_file():
         return None, []
     try:
-        with np.load(file, allow_pickle=False) as arrays:
-            times_s = np.asarray(arrays["t"], np.float64)
-            odom = np.asarray(arrays["odom"], np.float64) if "odom" in arrays else None
-    except Exception as error:  # zip, header and dtype errors have no common base
+        arrays = read_arrays(file, ["t"], ["odom"])
+    except (OSError, ValueError) as error:
         raise SourceError(f"track {file} cannot be read: {error}") from error
-    return times_s, [] if odom is None else wheel_odometry(times_s, odom)
+    times_s = np.asarray(arrays["t"], np.float64)
+    odometry = arrays.get("odom")
+    return times_s, [] if odometry is None else wheel_odometry(times_s, odometry)
 
 
 def _calibration(path: Path, options: FolderOptions) -> Calibration:
@@ -186,9 +189,22 @@ def _calibration(path: Path, options: FolderOptions) -> Calibration:
     return calibration
 
 
-def _read_mat(path: Path, name: str) -> U16:
+def _read_picture(path: Path, flags: int) -> npt.NDArray[Any]:
     try:
-        arrays = scipy.io.loadmat(path, variable_names=[name])
-        return np.asarray(arrays[name])
-    except Exception as error:  # scipy raises many kinds on foreign bytes
-        raise SourceError(f"{path} has no array {name!r}: {error}") from error
+        if not path.is_file():  # to open a pipe would wait for ever
+            raise SourceError(f"{path} is not a file")
+        data = read_bytes(path, MAX_FILE_BYTES)
+        picture_size(data)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except (OSError, DecodeError, cv2.error) as error:
+        raise SourceError(f"{path} is not an image that can be read: {error}") from error
+    if image is None:
+        raise SourceError(f"{path} is not an image that can be read")
+    return image
+
+
+def _read_mat(path: Path, name: str) -> npt.NDArray[Any]:
+    try:
+        return np.asarray(read_mat(path, [name])[name])
+    except (OSError, KeyError, ValueError) as error:
+        raise SourceError(f"{path} has no array {name!r} that can be read: {error}") from error

@@ -1,20 +1,23 @@
 """Which files of a folder belong together, and when they were taken."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from common.errors import SourceError
+from common.files import inside, read_text
 from common.geometry import wrap
 from common.messages import F64, Odometry
 from services.camera.pairing import Pairing
 
-IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"}
+IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm"}
 LAYOUTS = (("rgb/*", "depth/*"), ("color/*", "depth/*"), ("colour/*", "depth/*"), ("*", "*.mat"))
 LISTS = ("rgb.txt", "depth.txt")
+MAX_LIST_BYTES = 64 * 2**20  # of a list: half a million frames
+MAX_TIME_S = 2**33  # [s] the year 2242; beyond it nanoseconds do not fit 64 bits
 
 
 @dataclass(frozen=True)
@@ -76,9 +79,9 @@ def listed(folder: Path, slop_s: float) -> Layout:
     """
     pairing = Pairing[tuple[int, Path]](round(slop_s * 1e9))
     entries = [
-        (stamp_ns, stream, folder / name)
+        (stamp_ns, stream, path)
         for stream, file in zip(("colour", "depth"), LISTS, strict=True)
-        for stamp_ns, name in _read_list(folder / file)
+        for stamp_ns, path in _read_list(folder, file)
     ]
     found: list[tuple[tuple[int, Path], tuple[int, Path]]] = []
     for stamp_ns, stream, path in sorted(entries):
@@ -104,6 +107,8 @@ def wheel_odometry(times_s: F64, poses: F64) -> list[Odometry]:
     Raises:
         SourceError: The shapes differ, or a number is not finite.
     """
+    times_s = _checked(times_s)
+    poses = np.asarray(poses, np.float64)
     if poses.shape != (len(times_s), 3) or not np.all(np.isfinite(poses)):
         raise SourceError(f"odom: expected {len(times_s)}x3 finite numbers, got {poses.shape}")
     return [
@@ -123,15 +128,24 @@ def wheel_odometry(times_s: F64, poses: F64) -> list[Odometry]:
 def _times(stamps: F64 | float, count: int) -> F64:
     if isinstance(stamps, (int, float)):
         return np.arange(count) / stamps
-    if len(stamps) < count or not np.all(np.isfinite(stamps)):
-        raise SourceError(f"times: expected {count} finite numbers, got {len(stamps)}")
+    if len(_checked(stamps)) < count:
+        raise SourceError(f"times: expected {count}, got {len(stamps)}")
     return np.asarray(stamps[:count], np.float64)
 
 
-def _files(folder: Path, pattern: str, suffixes: set[str]) -> Iterable[Path]:
-    if not pattern or Path(pattern).is_absolute():
+def _checked(times_s: F64) -> F64:
+    if times_s.ndim != 1 or not np.all(np.abs(times_s) <= MAX_TIME_S):
+        raise SourceError(f"times: expected seconds up to {MAX_TIME_S}, got others")
+    return times_s
+
+
+def _files(folder: Path, pattern: str, suffixes: set[str]) -> Iterator[Path]:
+    parts = Path(pattern).parts
+    if not parts or Path(pattern).is_absolute() or ".." in parts or "\0" in pattern:
         raise SourceError(f"pattern: expected one below the folder, got {pattern!r}")
-    return (path for path in sorted(folder.glob(pattern)) if path.suffix.lower() in suffixes)
+    for path in sorted(folder.glob(pattern)):
+        if path.suffix.lower() in suffixes and path.is_file():
+            yield _inside(folder, str(path.relative_to(folder)))
 
 
 def _by_number(files: Iterable[Path]) -> dict[int, Path]:
@@ -139,12 +153,22 @@ def _by_number(files: Iterable[Path]) -> dict[int, Path]:
     return {int(found[-1]): path for found, path in numbers if found}
 
 
-def _read_list(path: Path) -> list[tuple[int, str]]:
+def _inside(folder: Path, name: str) -> Path:
+    try:
+        return inside(folder, name)
+    except ValueError as error:
+        raise SourceError(
+            f"folder {folder}: {error}", "Copy the file, or play the folder that it is in."
+        ) from error
+
+
+def _read_list(folder: Path, file: str) -> list[tuple[int, Path]]:
     """Read lines of a time in seconds and a file name; '#' begins a comment."""
+    path = folder / file
     entries = []
     try:
-        lines = path.read_text("utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_text(path, MAX_LIST_BYTES).splitlines()
+    except (OSError, ValueError) as error:
         raise SourceError(f"list {path} cannot be read: {error}") from error
     for number, line in enumerate(lines, 1):
         words = line.partition("#")[0].split()
@@ -154,9 +178,12 @@ def _read_list(path: Path) -> list[tuple[int, str]]:
             seconds, name = words[:2]
             # Split, so that nanoseconds survive: a float holds only 16 digits.
             whole, _, part = seconds.partition(".")
-            entries.append((int(whole) * 10**9 + int(f"{part[:9]:0<9}"), name))
+            stamp_ns = int(whole) * 10**9 + int(f"{part[:9]:0<9}")
+            if abs(stamp_ns) > MAX_TIME_S * 10**9:
+                raise ValueError("the time is too large")
         except ValueError as error:
             raise SourceError(
                 f"list {path}, line {number}: expected a time and a file name, got {line!r:.60}"
             ) from error
+        entries.append((stamp_ns, _inside(folder, name)))
     return entries

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from common.errors import DecodeError
-from common.images import MAX_PIXELS
 from common.messages import U8, U16
+from common.messages.base import MAX_PIXELS
+from common.picture import picture_size
 
 # Encoding: numpy type of a channel, channels, conversion to RGB (None: it is RGB).
 COLOURS: dict[str, tuple[str, int, int | None]] = {
@@ -113,8 +114,9 @@ def _png16(data: bytes) -> U16:
 
 
 def _decode_file(data: bytes, flags: int) -> npt.NDArray[Any]:
+    picture_size(data, "image")
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
         image = None
     if image is None:

@@ -1,6 +1,7 @@
 """Folders of images."""
 
 import json
+import os
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ import scipy.io
 
 from common.errors import ConfigError, SourceError
 from common.messages import Odometry
-from services.camera.calibration import MatNames, read_calibration
+from services.camera.calibration import Lens, MatNames, read_calibration
 from services.camera.folder import FolderOptions, FolderSource
 from services.camera.source import Capture
 from services.camera.sources import open_source
@@ -216,3 +217,63 @@ def test_calibration_file_in_the_documentation(tmp_path: Path) -> None:
     assert calibration.depth is not None
     assert (calibration.colour.fx, calibration.depth.fx) == (534.3, 567.9)
     assert calibration.depth_offset_px == (9, 3)
+
+
+def test_a_list_does_not_lead_out_of_its_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    put(tmp_path / "secret.png", 1, depth=False)
+    put(folder / "depth/a.png", 10_000, depth=True)
+    (folder / "link.png").symlink_to("../secret.png")
+    (folder / "depth.txt").write_text("1.0 depth/a.png\n")
+    for name in ("../secret.png", str(tmp_path / "secret.png"), "link.png", "depth/../../x"):
+        (folder / "rgb.txt").write_text(f"1.0 {name}\n")
+        with pytest.raises(SourceError, match=r"leads out of the folder.*Copy the file"):
+            FolderSource(folder, FolderOptions(lens=Lens(fx=10.0, fy=10.0, cx=4.0, cy=3.0)))
+
+
+def test_a_linked_picture_does_not_lead_out_of_its_folder(tmp_path: Path) -> None:
+    folder = numbered(tmp_path / "folder", (1, 2))
+    put(tmp_path / "secret.png", 1, depth=False)
+    (folder / "rgb/frame_2.png").unlink()
+    (folder / "rgb/frame_2.png").symlink_to("../../secret.png")
+    with pytest.raises(SourceError, match="leads out of the folder"):
+        FolderSource(folder, FolderOptions())
+    with pytest.raises(SourceError, match="expected one below the folder"):
+        FolderSource(folder, FolderOptions(colour="../*.png", depth="depth/*"))
+
+
+def test_a_time_that_no_stamp_can_hold_is_refused(tmp_path: Path) -> None:
+    folder = numbered(tmp_path, (0, 1))
+    for times_s in ([0.0, 1e300], [0.0, np.nan], [[0.0, 1.0]]):
+        np.savez(folder / "gt.npz", t=np.array(times_s))
+        with pytest.raises(SourceError, match="times: expected"):
+            FolderSource(folder, FolderOptions())
+    (folder / "gt.npz").unlink()
+    (folder / "rgb.txt").write_text("99999999999999999999.0 rgb/frame_0.png\n")
+    (folder / "depth.txt").write_text("99999999999999999999.0 depth/d000000.png\n")
+    with pytest.raises(SourceError, match="expected a time"):
+        FolderSource(folder, FolderOptions())
+
+
+def test_a_pipe_or_a_huge_picture_among_the_images_is_counted(tmp_path: Path) -> None:
+    folder = numbered(tmp_path, (1, 2, 3, 4))
+    source = FolderSource(folder, FolderOptions())
+    (folder / "rgb/frame_2.png").unlink()
+    os.mkfifo(folder / "rgb/frame_2.png")
+    (folder / "rgb/frame_3.png").write_bytes(b"P6 60000 60000 255\n")
+    with (folder / "depth/d000004.png").open("wb") as file:
+        file.truncate(2**33)
+    assert len(captures(source)) == 1
+    assert source.counters["bad_images"] == 3
+
+
+def test_a_calibration_with_aliases_is_refused(tmp_path: Path) -> None:
+    # Each line says all of the line before ten times: a kilobyte would be a list of 10^9 numbers.
+    lines = ["a0: &a0 [1,1,1,1,1,1,1,1,1,1]"]
+    lines += [f"a{k}: &a{k} [{','.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 9)]
+    (tmp_path / "camera_info.yaml").write_text("\n".join([*lines, "camera_matrix: {data: *a8}"]))
+    with pytest.raises(SourceError, match="it has aliases"):
+        read_calibration(tmp_path / "camera_info.yaml", MatNames())
+    (tmp_path / "camera_info.yaml").write_text("!!python/object/apply:os.system ['true']")
+    with pytest.raises(SourceError, match="could not determine a constructor"):
+        read_calibration(tmp_path / "camera_info.yaml", MatNames())
