@@ -6,22 +6,12 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
+from common.losses import losses
 from common.messages import Detections, Health, Message, RgbdFrame, Tracks, Truth
 from services.report.accuracy import Accuracy, TruthCheck
 from services.report.join import Moment
 from services.report.latency import Latency, Percentiles
 
-# Counters of what went well; every other one names a drop or another event by its cause.
-PROGRESS = {
-    "frames",
-    "people",
-    "with_position",
-    "with_heading",
-    "odometry",
-    "pictures",
-    "predictions",
-}
-PROGRESS_PREFIXES = ("received_", "sent_")
 MAX_TRACKS = 100_000
 MAX_INSTANCES = 64
 
@@ -151,14 +141,7 @@ class Statistics:
                 self._track_frames[track.id] += 1
 
     def _drops(self) -> dict[str, dict[str, int]]:
-        found = {
-            name: {
-                cause: n
-                for cause, n in sorted(health.counters.items())
-                if n and cause not in PROGRESS and not cause.startswith(PROGRESS_PREFIXES)
-            }
-            for name, health in sorted(self._health.items())
-        }
+        found = {name: losses(health.counters) for name, health in sorted(self._health.items())}
         return {name: causes for name, causes in found.items() if causes}
 
     def _missing(self) -> tuple[str, ...]:

@@ -147,7 +147,7 @@ def test_the_page_grows_with_the_latency_table() -> None:
     trace = tuple(span(f"service.stage{k}", k, k + 1) for k in range(60))
     statistics.settle(Moment("front", 0, frame(0).rgb, None, tracks(0, trace=trace)))
     summary = statistics.summary()
-    assert len(summary.latency) == 62  # 60 stages, other, whole
+    assert len(summary.latency) == 61  # 60 stages, whole
     page = contact_sheet([], Walks(), summary)
     lowest = np.flatnonzero(page.min(axis=(1, 2)) < 100).max()  # of the dark text
     assert 660 < lowest < page.shape[0] - 8
