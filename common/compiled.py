@@ -1,0 +1,48 @@
+"""Functions that are compiled to machine code when they are first called."""
+
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from types import CellType, FunctionType
+from typing import TypeVar, cast
+
+from numba import njit
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def compiled(function: F) -> F:
+    """Compile a function on numbers and arrays; it releases the interpreter lock.
+
+    The code is kept on disk, beside the module or in the user's cache folder, so that only the
+    first run of all waits for the compiler. Where neither can be written, every run does.
+    """
+    keyed = _keyed(cast(FunctionType, function))
+    try:
+        return cast(F, njit(cache=True, nogil=True)(keyed))
+    except RuntimeError:  # no folder to keep it in, for example a container's unknown user
+        return cast(F, njit(nogil=True)(keyed))
+
+
+def _keyed(function: FunctionType) -> FunctionType:
+    """Return a function whose kept code is used only with the sources it was made from.
+
+    What is kept contains the functions called, but Numba asks only whether the caller's own file
+    has changed. It tells functions apart by what they enclose, too, so this one encloses a
+    fingerprint of all files with compiled functions in its folder.
+    """
+    code = function.__code__.replace(co_freevars=("sources",))
+    sources = CellType(_fingerprint(Path(function.__code__.co_filename).parent))
+    defaults = function.__defaults__
+    keyed = FunctionType(code, function.__globals__, function.__name__, defaults, (sources,))
+    keyed.__qualname__, keyed.__doc__ = function.__qualname__, function.__doc__
+    keyed.__module__ = function.__module__
+    return keyed
+
+
+@cache
+def _fingerprint(folder: Path) -> str:
+    """Return a hash of the files of a folder that have compiled functions."""
+    texts = [path.read_bytes() for path in sorted(folder.glob("*.py"))]
+    return sha256(b"".join(text for text in texts if b"@compiled" in text)).hexdigest()
