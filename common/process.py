@@ -1,6 +1,7 @@
 """The one way to run a node as a process: flags, configuration, bus, signals, exit code."""
 
 import argparse
+import faulthandler
 import logging
 import os
 import signal
@@ -56,6 +57,7 @@ def main(
         stream=sys.stderr,
     )
     cv2.setNumThreads(1)
+    faulthandler.register(signal.SIGUSR2, all_threads=True)  # says where it hangs
     _on_stop_signals(lambda: sys.exit(0))  # until there is a loop to stop
     try:
         config = load(kind, service, flags.config, flags.set)

@@ -1,9 +1,12 @@
 """Starts a system in the order of its dependencies, watches it, and stops it."""
 
 import contextlib
+import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+
+import msgspec
 
 from common.errors import People4dError
 from deploy.compose import Dependency, Service
@@ -17,6 +20,7 @@ QUIET_S = 2.0
 # What comes from frames. Health never rests, and predictions go on after the last frame.
 FROM_FRAMES = ("received_frames", "received_detections", "received_crops", "received_embeddings")
 TAIL_LINES = 12
+WATCHDOG = "watchdog"
 
 Progress = Callable[[str, str], None]
 
@@ -86,6 +90,7 @@ class Launcher:
             self._progress("left over", f"{swept} processes of a killed run ended")
         names = tuple(service.name for service in self.services)
         pid = self.supervisor.spawn(self.services)
+        self.state.plan_file.write_bytes(msgspec.json.encode(self.services))
         self.state.write(Run(robot=robot, connect=connect, services=names, pid=pid))
         try:
             self._start_services(timeout_s)
@@ -176,9 +181,17 @@ class Launcher:
             before = self._pids.get(process.name, 0)
             if process.pid and before and process.pid != before:
                 self._restarted.add(process.name)
-                self._progress(process.name, "ended and was started again")
+                self._progress(process.name, f"{self._end_of(process.name)} and was started again")
             self._pids[process.name] = process.pid or before
         return processes
+
+    def _end_of(self, instance: str) -> str:
+        """Return how a process ended: it died, or it hung and was killed."""
+        watchdog = self.heartbeats.of_instance(f"{WATCHDOG}-1")
+        hung = re.search(
+            rf"\b{re.escape(instance)} (hung \([^)]*\))", watchdog.reason if watchdog else ""
+        )
+        return hung[1] if hung else "ended"
 
     def wait_finished(self, service: str) -> None:
         """Wait until every process of a service has ended by itself.

@@ -221,6 +221,29 @@ class Supervisor:
         with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
             self._call("supervisor.stopProcess", instance, True)
 
+    def signal(self, instance: str, name: str) -> None:
+        """Send a signal, such as "KILL", to one process."""
+        with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
+            self._call("supervisor.signalProcess", instance, name)
+
+    def rescale(self, services: Sequence[Service]) -> tuple[list[str], list[str]]:
+        """Take over other numbers of processes; those too many are stopped, none is started.
+
+        Args:
+            services: In start order, the same as before but for their numbers.
+
+        Returns:
+            Names of the new processes, and of those stopped.
+        """
+        self.state.config.write_text(render(self.state, services), encoding="utf-8")
+        ((added, _, removed),) = self._call("supervisor.reloadConfig")
+        for instance in reversed(removed):
+            self.stop(instance)
+            self._call("supervisor.removeProcessGroup", instance)
+        for instance in added:
+            self._call("supervisor.addProcessGroup", instance)
+        return added, removed
+
     def processes(self) -> dict[str, Process]:
         """Return all processes by name.
 

@@ -1,0 +1,252 @@
+"""Finds processes that hang, and has them started again: `python -m deploy.launcher.watchdog`.
+
+supervisord starts again what dies; whether a process that lives still does anything, only its
+heartbeat tells.
+"""
+
+import os
+import socket
+import sys
+import time
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Protocol
+
+import msgspec
+
+from common import process
+from common.errors import ConfigError
+from common.messages import Health, Message
+from common.node import Status
+from deploy.launcher.state import MARK, State
+from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
+
+SERVICE = "watchdog"
+ROUTER = "router"
+LOOK_NS = 500_000_000
+TOLD_S = 60.0
+DEAD_S = 10.0
+TRACE_S = 0.1  # that a process has to write down where it hangs
+
+
+class WatchdogConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """When a process hangs. All values are this project's."""
+
+    silent_s: float = 4.0  # [s] without a heartbeat, of which two come in a second
+    # [s] in which a process says that it is stalled, which it does 2 s after it took a message that
+    # it is still busy with
+    stalled_s: float = 8.0
+    # [s] from its start to the first heartbeat of a process that is to come back: it may load a
+    # model. Before it was ever heard of, `people4d up --timeout` counts.
+    start_s: float = 120.0
+    restarts_max: int = 5  # of one process within restarts_window_s; then it is left alone
+    restarts_window_s: float = 300.0  # [s]
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        for field in self.__struct_fields__:
+            if not 0 < getattr(self, field) < float("inf"):
+                raise ValueError(f"{field}: expected > 0, got {getattr(self, field)}")
+
+
+class Supervised(Protocol):
+    """What runs the processes."""
+
+    def processes(self) -> Mapping[str, Process]:
+        """Return all processes by name."""
+        ...
+
+    def kill(self, instance: str) -> None:
+        """End a process at once, so that it is started again."""
+        ...
+
+
+@dataclass(slots=True)
+class _Heard:
+    """What the heartbeats of one process told."""
+
+    pid: int
+    last_s: float  # monotonic, of the last one
+    state: str
+    stalled_s: float | None = None  # monotonic, of the first one of this stall
+
+
+class Watch:
+    """Who hangs, by heartbeats; knows no clock and ends nobody.
+
+    Args:
+        config: When a process hangs.
+    """
+
+    def __init__(self, config: WatchdogConfig) -> None:
+        self._config = config
+        self._heard: dict[str, _Heard] = {}
+        self._looked_s: float | None = None
+
+    def hear(self, health: Health, now_s: float) -> None:
+        """Note a heartbeat."""
+        before = self._heard.get(health.instance)
+        stalled_s = None
+        if health.state == "stalled":
+            same = before is not None and before.pid == health.pid
+            since_s = before.stalled_s if before and same else None
+            stalled_s = now_s if since_s is None else since_s
+        self._heard[health.instance] = _Heard(health.pid, now_s, health.state, stalled_s)
+
+    def hung(self, processes: Mapping[str, Process], now_s: float) -> dict[str, str]:
+        """Return why each process that hangs is believed to.
+
+        Args:
+            processes: What runs, by name; heartbeats of others do not matter.
+            now_s: Monotonic time in seconds.
+        """
+        self._excuse(now_s)
+        running = [p for p in processes.values() if p.state == "RUNNING"]
+        watched = [p for p in running if p.name in self._heard]
+        found = {p.name: why for p in watched if (why := self._why(p, now_s))}
+        silent = [name for name in found if self._is_silent(name, now_s)]
+        if len(silent) == len(watched) > 1:  # who hears nobody at all may be deaf
+            return {name: why for name, why in found.items() if name.startswith(f"{ROUTER}-")}
+        return found
+
+    def _excuse(self, now_s: float) -> None:
+        """Let nobody suffer for a time in which this process itself did not run."""
+        asleep_s = 0.0 if self._looked_s is None else now_s - self._looked_s - 3 * LOOK_NS / 1e9
+        self._looked_s = now_s
+        if asleep_s > 0:
+            for heard in self._heard.values():
+                heard.last_s = min(now_s, heard.last_s + asleep_s)
+
+    def _why(self, process: Process, now_s: float) -> str:
+        heard, config = self._heard[process.name], self._config
+        if heard.pid != process.pid:  # started anew, and not heard of since
+            late = process.uptime_s > config.start_s
+            return f"no heartbeat within {config.start_s:.0f} s of its start" if late else ""
+        if self._is_silent(process.name, now_s):
+            return f"no heartbeat for {now_s - heard.last_s:.0f} s"
+        if heard.stalled_s is not None and now_s - heard.stalled_s > config.stalled_s:
+            return f"stalled for {now_s - heard.stalled_s:.0f} s"
+        return ""
+
+    def _is_silent(self, name: str, now_s: float) -> bool:
+        heard = self._heard[name]
+        # Who stops may close files for a while.
+        limit_s = self._config.start_s if heard.state == "stopping" else self._config.silent_s
+        return now_s - heard.last_s > limit_s
+
+
+class WatchdogNode:
+    """Ends processes that hang, so that supervisord starts them again.
+
+    Args:
+        config: When a process hangs, and how often it is helped.
+        supervised: What runs the processes.
+        host: Name of this machine; what is told of others does not matter.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (Health,)
+
+    def __init__(self, config: WatchdogConfig, supervised: Supervised, host: str) -> None:
+        self._config = config
+        self._host = host
+        self._supervised = supervised
+        self._watch = Watch(config)
+        self._due_ns = 0
+        self._ended_s: dict[str, deque[float]] = {}  # monotonic, by process
+        self._killed: dict[str, tuple[int, float]] = {}  # process number and monotonic time
+        self._counters: Counter[str] = Counter(restarts=0)
+        self._now_s = 0.0
+        self._last: tuple[float, str] = (-TOLD_S, "")
+        self._left_alone: dict[str, str] = {}
+        self._gone = ""
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        """Take a heartbeat."""
+        if isinstance(message, Health) and message.host == self._host:
+            self._watch.hear(message, now_ns / 1e9)
+        return ()
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        """Look twice a second whether anyone hangs."""
+        self._now_s = now_ns / 1e9
+        if now_ns >= self._due_ns:
+            self._due_ns = now_ns + LOOK_NS
+            self._look(self._now_s)
+        return ()
+
+    def wake_ns(self) -> int | None:
+        """Return when to look again."""
+        return self._due_ns
+
+    def status(self) -> Status:
+        """Tell who was ended lately, and who is left alone."""
+        problems = [*self._left_alone.values(), *filter(None, [self._gone])]
+        when_s, what = self._last
+        lately = [what] if self._now_s - when_s < TOLD_S else []
+        return Status(
+            state="degraded" if problems else "ready",
+            reason="; ".join(problems or lately),
+            counters=dict(self._counters),
+        )
+
+    def close(self) -> None:
+        """Hold nothing."""
+
+    def _look(self, now_s: float) -> None:
+        try:
+            processes = self._supervised.processes()
+            hung = self._watch.hung(processes, now_s)
+            for name, why in hung.items():
+                # supervisord notices within a second that a process is gone.
+                pid, when_s = self._killed.get(name, (0, 0.0))
+                if processes[name].pid != pid or now_s - when_s > DEAD_S:
+                    self._killed[name] = (processes[name].pid, now_s)
+                    self._end(name, why, now_s)
+            self._left_alone = {n: why for n, why in self._left_alone.items() if n in hung}
+            self._gone = ""
+        except SupervisorGoneError as error:
+            self._gone = str(error)
+
+    def _end(self, name: str, why: str, now_s: float) -> None:
+        config, ended_s = self._config, self._ended_s.setdefault(name, deque())
+        while ended_s and now_s - ended_s[0] > config.restarts_window_s:
+            ended_s.popleft()
+        if len(ended_s) >= config.restarts_max:
+            often = f"{len(ended_s)} times in {config.restarts_window_s:.0f} s"
+            self._left_alone[name] = f"{name} hung {often} and is left alone now ({why})"
+            return
+        process.log.warning("%s hangs (%s) and is started again", name, why)
+        self._supervised.kill(name)
+        ended_s.append(now_s)
+        self._last = (now_s, f"{name} hung ({why}) and was started again")
+        self._counters["restarts"] += 1
+        self._counters[f"restarts_{name}"] += 1
+
+
+class Killer(Supervisor):
+    """The supervisord of one system, asked to end processes that no longer listen."""
+
+    def kill(self, instance: str) -> None:
+        """End a process at once; before, it writes into its log where it hangs, if it can."""
+        self.signal(instance, "USR2")
+        time.sleep(TRACE_S)
+        self.signal(instance, "KILL")
+
+
+def build(config: WatchdogConfig) -> WatchdogNode:
+    """Build the node for the system that this process is part of."""
+    folder = os.environ.get(MARK)
+    if not folder:
+        raise ConfigError("the watchdog is part of a system", "people4d up starts it.")
+    return WatchdogNode(config, Killer(State(Path(folder))), socket.gethostname())
+
+
+def main() -> int:
+    """Run the watchdog and return its exit code."""
+    return process.main(SERVICE, WatchdogConfig, build)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,205 @@
+"""Who hangs, by heartbeats, and how often anyone is helped."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import pytest
+
+from common.messages import Health
+from common.messages.status import State
+from deploy.launcher.supervisor import Process, SupervisorGoneError
+from deploy.launcher.watchdog import Watch, WatchdogConfig, WatchdogNode
+
+CONFIG = WatchdogConfig(
+    silent_s=4.0, stalled_s=8.0, start_s=60.0, restarts_max=2, restarts_window_s=100.0
+)
+S = 10**9
+
+
+def health(name: str, pid: int = 1, state: State = "ready", host: str = "here") -> Health:
+    service = name.partition("-")[0]
+    return Health(
+        stamp_ns=0, sequence=0, service=service, instance=name, host=host, pid=pid, state=state
+    )
+
+
+def process(name: str, pid: int = 1, state: str = "RUNNING", uptime_s: float = 99.0) -> Process:
+    return Process(name, state, pid, uptime_s, 0, "")
+
+
+class Machine:
+    """Processes and their heartbeats, twice a second; who is in `hanging` sends none."""
+
+    def __init__(self, *names: str) -> None:
+        self.watch = Watch(CONFIG)
+        self.processes = {name: process(name) for name in names}
+        self.states: dict[str, State] = dict.fromkeys(names, "ready")
+        self.hanging: set[str] = set()
+        self.now_s = 1000.0
+
+    def run(self, seconds: float) -> dict[str, str]:
+        """Let time pass; return who hangs at its end."""
+        found: dict[str, str] = {}
+        for _ in range(int(2 * seconds)):
+            self.now_s += 0.5
+            for name, state in self.states.items():
+                if name not in self.hanging:
+                    self.watch.hear(health(name, self.processes[name].pid, state), self.now_s)
+            found = self.watch.hung(self.processes, self.now_s)
+        return found
+
+
+@pytest.fixture
+def machine() -> Machine:
+    machine = Machine("router-1", "detector-1", "tracker-1")
+    assert machine.run(5) == {}
+    return machine
+
+
+def test_a_silent_process_is_found_after_four_seconds(machine: Machine) -> None:
+    machine.hanging.add("tracker-1")
+    assert machine.run(4) == {}
+    assert machine.run(0.5) == {"tracker-1": "no heartbeat for 4 s"}
+
+
+def test_a_stalled_one_is_found_after_eight_seconds_of_it(machine: Machine) -> None:
+    machine.states["detector-1"] = "stalled"
+    assert machine.run(8.5) == {}
+    assert machine.run(0.5) == {"detector-1": "stalled for 8 s"}
+
+
+def test_one_that_goes_on_now_and_then_is_left_alone(machine: Machine) -> None:
+    for _ in range(5):
+        machine.states["detector-1"] = "stalled"
+        assert machine.run(7) == {}
+        machine.states["detector-1"] = "ready"
+        assert machine.run(0.5) == {}
+
+
+def test_one_that_starts_again_has_a_minute_to_load_its_model(machine: Machine) -> None:
+    machine.hanging.add("detector-1")
+    machine.processes["detector-1"] = process("detector-1", pid=2, uptime_s=59.0)
+    assert machine.run(30) == {}
+    machine.processes["detector-1"] = process("detector-1", pid=2, uptime_s=61.0)
+    assert machine.run(0.5) == {"detector-1": "no heartbeat within 60 s of its start"}
+
+
+def test_one_that_was_never_heard_is_left_to_others(machine: Machine) -> None:
+    machine.processes["mine-1"] = process("mine-1")
+    assert machine.run(100) == {}
+
+
+def test_one_that_does_not_run_is_left_to_supervisord(machine: Machine) -> None:
+    machine.hanging.add("tracker-1")
+    for state in ("STOPPING", "BACKOFF", "EXITED", "STARTING"):
+        machine.processes["tracker-1"] = process("tracker-1", state=state)
+        assert machine.run(10) == {}
+
+
+def test_one_that_stops_may_close_its_files(machine: Machine) -> None:
+    machine.states["tracker-1"] = "stopping"
+    machine.run(1)
+    machine.hanging.add("tracker-1")
+    assert machine.run(30) == {}
+
+
+def test_who_hears_nobody_is_deaf_or_the_router_hangs(machine: Machine) -> None:
+    machine.hanging |= {"router-1", "detector-1", "tracker-1"}
+    assert list(machine.run(10)) == ["router-1"]
+
+
+def test_nobody_is_blamed_for_a_time_in_which_the_watchdog_did_not_run(machine: Machine) -> None:
+    machine.now_s += 600.0  # the machine slept
+    assert machine.watch.hung(machine.processes, machine.now_s) == {}
+    machine.hanging.add("tracker-1")
+    assert machine.run(2) == {}
+    assert list(machine.run(2.5)) == ["tracker-1"]
+
+
+class Supervised:
+    """Processes that come back with another number when they are killed."""
+
+    def __init__(self, *names: str) -> None:
+        self.all = {name: process(name) for name in names}
+        self.killed: list[str] = []
+        self.gone = False
+
+    def processes(self) -> Mapping[str, Process]:
+        if self.gone:
+            raise SupervisorGoneError("supervisord does not answer")
+        return self.all
+
+    def kill(self, instance: str) -> None:
+        self.killed.append(instance)
+        before = self.all[instance]
+        self.all[instance] = dataclasses.replace(before, pid=before.pid + 1, uptime_s=0.0)
+
+
+def run(node: WatchdogNode, start_s: int, end_s: int, *heard: Health) -> None:
+    for half in range(2 * start_s, 2 * end_s):
+        now_ns = half * S // 2
+        for message in heard:
+            node.handle(message, now_ns)
+        node.tick(now_ns)
+
+
+def test_who_hangs_is_killed_once_and_told() -> None:
+    supervised = Supervised("router-1", "tracker-1")
+    node = WatchdogNode(CONFIG, supervised, "here")
+    run(node, 0, 2, health("router-1"), health("tracker-1"))
+    run(node, 2, 20, health("router-1"))
+    assert supervised.killed == ["tracker-1"]
+    status = node.status()
+    assert (status.state, status.counters["restarts"]) == ("ready", 1)
+    assert status.reason == "tracker-1 hung (no heartbeat for 4 s) and was started again"
+    run(node, 20, 90, health("router-1"), health("tracker-1", pid=2))
+    assert node.status().reason == ""
+
+
+def test_who_hangs_again_and_again_is_left_alone_and_that_is_told() -> None:
+    supervised = Supervised("router-1", "tracker-1")
+    node = WatchdogNode(CONFIG, supervised, "here")
+    for pid in range(1, 4):
+        begin_s = 10 * pid
+        run(node, begin_s, begin_s + 1, health("router-1"), health("tracker-1", pid=pid))
+        run(node, begin_s + 1, begin_s + 10, health("router-1"))
+    assert supervised.killed == ["tracker-1"] * 2
+    status = node.status()
+    assert status.state == "degraded"
+    assert status.reason.startswith("tracker-1 hung 2 times in 100 s and is left alone now")
+
+
+def test_who_is_killed_is_not_killed_again_until_supervisord_notices() -> None:
+    class Slow(Supervised):
+        def kill(self, instance: str) -> None:
+            self.killed.append(instance)
+
+    supervised = Slow("router-1", "tracker-1")
+    node = WatchdogNode(CONFIG, supervised, "here")
+    run(node, 0, 2, health("router-1"), health("tracker-1"))
+    run(node, 2, 10, health("router-1"))
+    assert supervised.killed == ["tracker-1"]
+
+
+def test_processes_of_other_machines_do_not_matter() -> None:
+    supervised = Supervised("router-1", "tracker-1")
+    node = WatchdogNode(CONFIG, supervised, "here")
+    run(node, 0, 2, health("router-1"), health("tracker-1", pid=1, host="elsewhere"))
+    run(node, 2, 20, health("router-1"))
+    assert supervised.killed == []
+
+
+def test_without_supervisord_it_says_so_and_goes_on() -> None:
+    supervised = Supervised("router-1", "tracker-1")
+    node = WatchdogNode(CONFIG, supervised, "here")
+    supervised.gone = True
+    run(node, 0, 2, health("router-1"))
+    assert node.status().reason == "supervisord does not answer"
+    supervised.gone = False
+    run(node, 2, 4, health("router-1"))
+    assert node.status().state == "ready"
+
+
+def test_refused_settings() -> None:
+    with pytest.raises(ValueError, match="silent_s: expected > 0, got 0"):
+        WatchdogConfig(silent_s=0.0)
