@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -65,6 +65,20 @@ def parts(trace: Sequence[Span], clocks: Mapping[str, Offset] | None = None) -> 
     for before, after in pairwise(trace):
         found += [*_between(before, after, known), _part(after, known)]
     return found
+
+
+def summed(pieces: Sequence[Part]) -> list[Part]:
+    """Return the pieces of a way with those of one process and stage put together.
+
+    What was put together begins with the first of them and lasts as long as all of them.
+    """
+    found: dict[tuple[str, str], Part] = {}
+    for part in pieces:
+        key = part.process, part.stage
+        before = found.get(key)
+        longer_ns = part.end_ns - part.start_ns
+        found[key] = replace(before, end_ns=before.end_ns + longer_ns) if before else part
+    return list(found.values())
 
 
 def whole(trace: Sequence[Span], clocks: Mapping[str, Offset] | None = None) -> Part | None:

@@ -17,6 +17,7 @@ COMMANDS = (
     ("demo", "up", "Run the whole pipeline on the shipped recording and write a report."),
     ("down", "down", "Stop everything."),
     ("ps", "ps", "Show processes: state, health, rates, drops."),
+    ("top", "top", "Show where time goes, live: every stage, rates, losses, ages."),
     ("logs", "logs", "Show what the processes wrote."),
     ("listen", "listen", "Show the people around the robot, live."),
     ("score", "score", "Show how far the people are from the truth, live."),

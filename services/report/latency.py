@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from common.latency import parts, percentiles, whole
+from common.latency import parts, percentiles, summed, whole
 from common.messages import Span
 from services.report.spread import Spread
 
@@ -33,11 +33,8 @@ class Latency:
 
     def add(self, trace: Sequence[Span]) -> None:
         """Take the trace of one message, oldest stage first; pieces of one name are one."""
-        pieces: dict[str, float] = {}
-        for part in parts(trace):
-            pieces[part.name] = pieces.get(part.name, 0.0) + part.ms
-        for name, duration_ms in pieces.items():
-            self._take(name, duration_ms)
+        for part in summed(parts(trace)):
+            self._take(part.name, part.ms)
         if total := whole(trace):
             self._take(WHOLE, total.ms)
 

@@ -1,0 +1,222 @@
+"""people4d top."""
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from common.client import Client
+from common.clock import Clock
+from common.errors import People4dError
+from common.messages import Health, Tracks
+from common.place import Place
+from deploy.cli.live import Json
+from deploy.cli.options import Connect, Robot, open_client
+from deploy.monitor import ClockNow, Durations, Monitor, Picture, ProcessNow
+
+COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "": "dim"}
+FIRST_S = 3.0  # how long --once listens at least: heartbeats come twice a second
+
+
+def top(
+    seconds: Annotated[
+        float, typer.Option("--window", min=1, help="Seconds that figures of stages go back.")
+    ] = 10.0,
+    every_s: Annotated[
+        float, typer.Option("--every", min=0.2, help="Seconds between pictures.")
+    ] = 1,
+    once: Annotated[bool, typer.Option("--once", help="Show one picture and end.")] = False,
+    json: Json = False,
+    robot: Robot = "robot",
+    connect: Connect = "",
+) -> None:
+    """Show where time goes, live: latency of every stage, rates, losses, ages, processor, memory.
+
+    A picture over the last --window seconds; Ctrl-C ends it.
+    """
+    with (
+        open_client(connect, robot) as client,
+        watching(client, seconds) as picture,
+        suppress(KeyboardInterrupt),
+    ):
+        if once:
+            _wait(picture, min(seconds, FIRST_S))
+            _show_once(picture(), json)
+        else:
+            _show(picture, every_s, json)
+
+
+@contextmanager
+def watching(client: Client, seconds: float) -> Iterator[Callable[[], Picture]]:
+    """Listen in a thread until the block ends.
+
+    Args:
+        client: A connected client.
+        seconds: How long a frame counts.
+
+    Yields:
+        What gives the picture of this moment.
+    """
+    host = socket.gethostname()
+    monitor = Monitor(Place("here", f"top-{os.getpid()}", host), seconds)
+    clock, lock, ended = Clock(client.bus, host), threading.Lock(), threading.Event()
+    arrivals = client.arrivals(Health, Tracks)
+
+    def listen() -> None:
+        for arrival in arrivals:
+            clock.ask()
+            with lock:
+                monitor.add_own_clock(clock.offset())
+                monitor.add(arrival, time.time_ns(), time.monotonic())
+            if ended.is_set():
+                return
+
+    def picture() -> Picture:
+        with lock:
+            return monitor.picture(time.monotonic())
+
+    thread = threading.Thread(target=listen, name="top", daemon=True)
+    thread.start()
+    try:
+        yield picture
+    finally:
+        ended.set()
+
+
+def _wait(picture: Callable[[], Picture], seconds: float) -> None:
+    """Listen for a time, and longer if nothing came yet.
+
+    Raises:
+        People4dError: Nothing came.
+    """
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s or not picture().processes:
+        if time.monotonic() > end_s + seconds:
+            raise People4dError(
+                f"no heartbeat came within {2 * seconds:g} s", "See what runs with people4d ps."
+            )
+        time.sleep(0.1)
+
+
+def _show_once(picture: Picture, json: bool) -> None:
+    if json:
+        typer.echo(msgspec.json.encode(picture).decode())
+    else:
+        Console().print(drawn(picture))
+
+
+def _show(picture: Callable[[], Picture], every_s: float, json: bool) -> None:
+    console = Console()
+    if json or not console.is_terminal:
+        while True:
+            time.sleep(every_s)
+            _show_once(picture(), json)
+    with Live("listening ...", console=console, auto_refresh=False, screen=True) as live:
+        while True:
+            time.sleep(every_s)
+            live.update(drawn(picture()), refresh=True)
+
+
+def drawn(picture: Picture) -> Group:
+    """Draw a picture: the whole way and the clocks, the processes, the stages."""
+    return Group(
+        _headline(picture),
+        _clocks(picture.clocks),
+        Text(""),
+        _processes(picture.processes),
+        Text(""),
+        _stages(picture),
+    )
+
+
+def _headline(picture: Picture) -> Text:
+    whole = picture.whole
+    if whole is None:
+        return Text(f"no frame came through in the last {picture.seconds:g} s", style="yellow")
+    return Text(
+        f"whole way p50 {whole.p50_ms:.1f}  p95 {whole.p95_ms:.1f}  p99 {whole.p99_ms:.1f} ms"
+        f"{_error(whole)} · {whole.count} frames in {picture.seconds:g} s"
+    )
+
+
+def _clocks(clocks: list[ClockNow]) -> Text:
+    told = []
+    for clock in clocks:
+        if clock.offset_ms is None or clock.error_ms is None:
+            told.append(f"{clock.host} not known")
+        elif clock.error_ms == 0:
+            told.append(f"{clock.host} 0 (the router's)")
+        else:
+            told.append(f"{clock.host} {clock.offset_ms:+.2f} ± {clock.error_ms:.2f} ms")
+    return Text(f"clocks ahead of the router's: {' · '.join(told) or 'no host was heard'}")
+
+
+def _processes(processes: list[ProcessNow]) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("process", "state"):
+        table.add_column(title, no_wrap=True)
+    for title in ("cpu%", "MB"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for title in ("in/s", "age ms", "out/s"):
+        table.add_column(title, no_wrap=True)
+    table.add_column("losses", overflow="fold")
+    for process in processes:
+        if not process.state:  # this listener itself
+            continue
+        rates = process.rates_hz
+        received = [n.removeprefix("received_") for n in rates if n.startswith("received_")]
+        inputs = sorted({*received, *process.ages_ms})
+        table.add_row(
+            process.instance,
+            f"[{COLOURS.get(process.state, 'red')}]{process.state}[/]",
+            _number(process.cpu_percent),
+            _number(process.memory_mb),
+            "\n".join(f"{name} {rates.get(f'received_{name}', 0):.0f}" for name in inputs),
+            "\n".join(_number(process.ages_ms.get(name)) for name in inputs),
+            "\n".join(
+                f"{name.removeprefix('sent_')} {rate:.0f}"
+                for name, rate in sorted(rates.items())
+                if name.startswith("sent_")
+            ),
+            "\n".join(f"{name} {count}" for name, count in process.losses.items()),
+        )
+        if process.reason:
+            table.add_row("", Text(process.reason, style="yellow", overflow="fold"))
+    return table
+
+
+def _stages(picture: Picture) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column(f"last {picture.seconds:g} s", no_wrap=True)
+    table.add_column("stage", no_wrap=True)
+    for title in ("p50 ms", "p95 ms", "p99 ms", "frames"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("")
+    for process in picture.processes:
+        name = process.instance if process.state else process.service
+        for stage in process.stages:
+            figures = (f"{ms:.2f}" for ms in (stage.p50_ms, stage.p95_ms, stage.p99_ms))
+            table.add_row(name, stage.stage, *figures, str(stage.count), _error(stage))
+            name = ""
+    return table
+
+
+def _error(durations: Durations) -> str:
+    """Tell what clocks bring into a duration, nothing on one host."""
+    if durations.error_ms is None:
+        return " (clocks not compared)"
+    return f" ± {durations.error_ms:.2f}" if durations.error_ms else ""
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f}"

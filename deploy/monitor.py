@@ -1,0 +1,233 @@
+"""What a running system tells of itself: processes, stages and clocks, over the last seconds."""
+
+from collections.abc import Sequence
+from typing import Self
+
+import msgspec
+
+from common.clock import Offset
+from common.inbox import Arrival
+from common.latency import Part, Window, parts, percentiles, summed, whole
+from common.losses import losses
+from common.messages import Health, Span, Tracks
+from common.place import Place
+from common.trace import Tracer
+
+FRESH_S = 3.0  # a process that has been silent for longer is gone
+MAX_PROCESSES = 256
+MAX_STAGES = 2048
+
+
+class Durations(msgspec.Struct, frozen=True, kw_only=True):
+    """How long one stage took, over the last seconds."""
+
+    stage: str  # see common.trace.STAGES; "whole" for the whole way
+    p50_ms: float  # [ms] median
+    p95_ms: float  # [ms]
+    p99_ms: float  # [ms]
+    count: int  # messages measured
+    # [ms] bound of what clocks bring into it: 0 on one host; null: between hosts whose clocks were
+    # not compared, so that the figures hold their difference
+    error_ms: float | None
+
+    @classmethod
+    def of(cls, stage: str, values_ms: list[float], error_ms: float | None) -> Self:
+        """Sum up at least one duration."""
+        p50_ms, p95_ms, p99_ms = percentiles(values_ms)
+        return cls(
+            stage=stage,
+            p50_ms=p50_ms,
+            p95_ms=p95_ms,
+            p99_ms=p99_ms,
+            count=len(values_ms),
+            error_ms=error_ms,
+        )
+
+
+class ProcessNow(msgspec.Struct, frozen=True, kw_only=True):
+    """One process."""
+
+    service: str  # its service
+    instance: str  # its name
+    host: str  # machine
+    state: str = ""  # state in its heartbeat; empty if none came
+    reason: str = ""  # why it is not ready
+    rates_hz: dict[str, float] = {}  # [Hz] messages received_ and sent_, by topic
+    ages_ms: dict[str, float] = {}  # [ms] since the newest input came, by topic
+    losses: dict[str, int] = {}  # messages lost and errors since its start, by cause
+    cpu_percent: float | None = None  # of one core
+    memory_mb: float | None = None  # resident
+    stages: list[Durations] = []  # in the order of the way
+
+
+class ClockNow(msgspec.Struct, frozen=True, kw_only=True):
+    """The clock of one host."""
+
+    host: str  # machine
+    offset_ms: float | None  # [ms] ahead of the router's clock; null: not known
+    error_ms: float | None  # [ms] bound of the error of that
+
+
+class Picture(msgspec.Struct, frozen=True, kw_only=True):
+    """A system at one moment."""
+
+    seconds: float  # [s] how long figures of stages go back
+    whole: Durations | None  # from the first stage of a frame to its people here; null: no frames
+    clocks: list[ClockNow]  # of all hosts that were heard of
+    processes: list[ProcessNow]  # those on the way in its order, then the others
+
+
+class Monitor:
+    """Adds up messages in bounded memory.
+
+    Args:
+        place: Who listens: the end of the way.
+        seconds: How long a frame counts.
+    """
+
+    def __init__(self, place: Place, seconds: float) -> None:
+        self._place = place
+        self._tracer = Tracer(place)
+        self._seconds = seconds
+        self._health: dict[str, tuple[float, Health]] = {}
+        self._stages: dict[tuple[str, str], _Stage] = {}
+        self._whole = _Stage(seconds)
+        self.clocks: dict[str, Offset] = {}
+
+    def add(self, arrival: Arrival, now_ns: int, now_s: float) -> tuple[Span, ...]:
+        """Take a message.
+
+        Args:
+            arrival: Health or Tracks; others are passed over.
+            now_ns: Wall clock.
+            now_s: Monotonic clock.
+
+        Returns:
+            The trace of Tracks up to here, empty for others.
+        """
+        message = arrival.message
+        if isinstance(message, Health):
+            if message.instance in self._health or len(self._health) < MAX_PROCESSES:
+                self._health[message.instance] = (now_s, message)
+                self._compare_clocks(now_s)
+        elif isinstance(message, Tracks) and of_frame(message.trace):
+            taken = self._tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
+            self._add_trace(taken.trace, now_s)
+            return taken.trace
+        return ()
+
+    def add_own_clock(self, offset: Offset | None) -> None:
+        """Take how far the clock of this host is ahead of the router's."""
+        if offset:
+            self.clocks[self._place.host] = offset
+
+    def healths(self, now_s: float) -> list[Health]:
+        """Return the fresh heartbeats, sorted by instance."""
+        fresh = (h for when_s, h in self._health.values() if now_s - when_s < FRESH_S)
+        return sorted(fresh, key=lambda health: health.instance)
+
+    def picture(self, now_s: float) -> Picture:
+        """Return the system as it is now."""
+        healths = {health.instance: health for health in self.healths(now_s)}
+        stages: dict[str, list[Durations]] = {}
+        places: dict[str, tuple[str, str]] = {}
+        for (process, _), stage in self._stages.items():
+            instance, _, host = process.partition("@")
+            durations = stage.durations(now_s)
+            if durations:
+                stages.setdefault(instance, []).append(durations)
+                places.setdefault(instance, (stage.service, host))
+        for name, health in healths.items():
+            places.setdefault(name, (health.service, health.host))
+        return Picture(
+            seconds=self._seconds,
+            whole=self._whole.durations(now_s),
+            clocks=[self._clock(host) for host in sorted({host for _, host in places.values()})],
+            processes=[
+                _process(name, *place, healths.get(name), stages.get(name, []))
+                for name, place in places.items()
+            ],
+        )
+
+    def _add_trace(self, trace: tuple[Span, ...], now_s: float) -> None:
+        for part in summed(parts(trace, self.clocks)):
+            key = (part.process, part.stage)
+            if key in self._stages or len(self._stages) < MAX_STAGES:
+                self._stages.setdefault(key, _Stage(self._seconds)).add(part, now_s)
+        total = whole(trace, self.clocks)
+        if total:
+            self._whole.add(total, now_s)
+
+    def _compare_clocks(self, now_s: float) -> None:
+        """Know of each host the offset with the least error that a process of it tells."""
+        found: dict[str, Offset] = {}
+        for health in self.healths(now_s):
+            offset = offset_of(health)
+            best = found.get(health.host)
+            if offset and (best is None or offset.error_ns < best.error_ns):
+                found[health.host] = offset
+        self.clocks = {**self.clocks, **found}
+
+    def _clock(self, host: str) -> ClockNow:
+        offset = self.clocks.get(host)
+        return ClockNow(
+            host=host,
+            offset_ms=offset.offset_ns / 1e6 if offset else None,
+            error_ms=offset.error_ns / 1e6 if offset else None,
+        )
+
+
+class _Stage:
+    """Durations of one stage of one process.
+
+    Args:
+        seconds: How long they count.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.service = self._name = ""
+        self._error_ns: float | None = 0.0
+        self._window = Window(seconds)
+
+    def add(self, part: Part, now_s: float) -> None:
+        """Take a piece of a message's way."""
+        self.service, self._name, self._error_ns = part.service, part.stage, part.error_ns
+        self._window.add(now_s, part.ms)
+
+    def durations(self, now_s: float) -> Durations | None:
+        """Return the durations that count now, None if there are none."""
+        values_ms = self._window.values(now_s)
+        error_ms = None if self._error_ns is None else self._error_ns / 1e6
+        return Durations.of(self._name, values_ms, error_ms) if values_ms else None
+
+
+def of_frame(trace: Sequence[Span]) -> bool:
+    """Return whether a trace tells the way of a frame; predictions are made without one."""
+    return bool(trace) and not any(span.stage.endswith(".prediction") for span in trace)
+
+
+def offset_of(health: Health) -> Offset | None:
+    """Return how far the clock of a process is ahead of the router's, None if it tells none."""
+    offset_ms, error_ms = (health.gauges.get(f"clock_{n}_ms") for n in ("offset", "error"))
+    if offset_ms is None or error_ms is None:
+        return None
+    return Offset(offset_ms * 1e6, error_ms * 1e6)
+
+
+def _process(
+    instance: str, service: str, host: str, health: Health | None, stages: list[Durations]
+) -> ProcessNow:
+    named = ProcessNow(service=service, instance=instance, host=host, stages=stages)
+    if health is None:
+        return named
+    gauges = health.gauges
+    return msgspec.structs.replace(
+        named,
+        state=health.state,
+        reason=health.reason,
+        rates_hz={n.removesuffix("_hz"): v for n, v in gauges.items() if n.endswith("_hz")},
+        ages_ms={n[4:-3]: v for n, v in gauges.items() if n.startswith("age_")},
+        losses=losses(health.counters),
+        cpu_percent=gauges.get("cpu_percent"),
+        memory_mb=gauges.get("memory_mb"),
+    )
