@@ -16,6 +16,7 @@ COMMANDS = (
     ("up", "up", "Start everything and watch it; Ctrl-C stops it."),
     ("demo", "up", "Run the whole pipeline on the shipped recording and write a report."),
     ("down", "down", "Stop everything."),
+    ("scale", "scale", "Change how many detectors or reids run, live: detector=3."),
     ("ps", "ps", "Show processes: state, health, rates, drops."),
     ("top", "top", "Show where time goes, live: every stage, rates, losses, ages."),
     ("logs", "logs", "Show what the processes wrote."),

@@ -41,6 +41,7 @@ class State:
         self.config = folder / "supervisord.conf"
         self.log = folder / "supervisord.log"
         self.run_file = folder / "run.json"
+        self.plan_file = folder / "plan.json"  # the services, see deploy.launcher.scale
 
     @classmethod
     def of_robot(cls, robot: str, environment: Mapping[str, str] = os.environ) -> "State":

@@ -237,7 +237,8 @@ class Supervisor:
         """
         self.state.config.write_text(render(self.state, services), encoding="utf-8")
         ((added, _, removed),) = self._call("supervisor.reloadConfig")
-        for instance in reversed(removed):
+        added, removed = (sorted(names, key=lambda n: (len(n), n)) for names in (added, removed))
+        for instance in removed:
             self.stop(instance)
             self._call("supervisor.removeProcessGroup", instance)
         for instance in added:

@@ -1,0 +1,79 @@
+"""Another number of processes while the system runs, with a real supervisord."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from common.errors import ConfigError, People4dError
+from deploy.compose import read
+from deploy.launcher.health import Heartbeats
+from deploy.launcher.launcher import Launcher, LaunchError, stop
+from deploy.launcher.plan import Wish, plan
+from deploy.launcher.scale import read_plan, scale
+from deploy.launcher.state import State
+from deploy.launcher.supervisor import Supervisor
+
+TIMEOUT_S = 10.0
+TOY = """
+services:
+  one: {command: [sleep, "99"]}
+  many:
+    command: [sh, -c, "test $$PEOPLE4D_INSTANCE != many-4 && sleep 99"]
+    restart: on-failure:1
+"""
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> Iterator[State]:
+    """A running system of one process each."""
+    state, file = State(tmp_path / "robot"), tmp_path / "compose.yaml"
+    file.write_text(TOY)
+    services = read(file, {}, set())
+    launcher = Launcher(state, services, Heartbeats("", "robot"), lambda *_: None)
+    launcher.start("robot", "tcp/127.0.0.1:1", TIMEOUT_S)
+    yield state
+    stop(state)
+
+
+def told_by(state: State, *wishes: str) -> list[tuple[str, str]]:
+    told: list[tuple[str, str]] = []
+    scale(state, wishes, Heartbeats("", "robot"), TIMEOUT_S, lambda *what: told.append(what))
+    return told
+
+
+def pids(state: State) -> dict[str, int]:
+    return {name: process.pid for name, process in Supervisor(state).processes().items()}
+
+
+def test_processes_are_added_and_stopped_and_the_others_run_on(state: State) -> None:
+    before = pids(state)
+    assert set(before) == {"one-1", "many-1"}
+    assert told_by(state, "many=3") == [("many-2, many-3", "ready")]
+    three = pids(state)
+    assert set(three) == {"one-1", "many-1", "many-2", "many-3"}
+    assert all(three.values())
+    assert three.items() > before.items()
+    assert told_by(state, "many=1") == [("many-2", "stopped"), ("many-3", "stopped")]
+    assert pids(state) == before
+    assert {s.name: s.replicas for s in read_plan(state)} == {"one": 1, "many": 1}
+    assert told_by(state) == []
+
+
+def test_a_process_that_does_not_come_up_is_told(state: State) -> None:
+    with pytest.raises(LaunchError, match="many-4 does not get ready"):
+        told_by(state, "many=4")
+
+
+def test_wishes_that_cannot_be_met(state: State) -> None:
+    with pytest.raises(ConfigError, match="there is no service 'nobody'"):
+        told_by(state, "nobody=2")
+    state.plan_file.unlink()
+    with pytest.raises(People4dError, match="does not tell what runs"):
+        told_by(state, "many=2")
+
+
+@pytest.mark.parametrize("name", ["router", "camera", "tracker", "gt_bridge"])
+def test_what_cannot_share_its_work_runs_once(name: str) -> None:
+    with pytest.raises(ConfigError, match=f"{name} runs once"):
+        plan(Wish(scale=[f"{name}=2"], environment={}))
