@@ -8,10 +8,13 @@ import numpy as np
 from common.messages import F64
 from services.detector.certainty import along_m2, axis_sigma, covariance
 from services.detector.config import DetectorConfig
+from services.detector.layers import Layer
 from services.detector.models.base import Person
 from services.detector.position import Place, Sight, keypoint_depth, keypoint_mean, mask_centroid
-from services.detector.torso import TorsoReader
+from services.detector.torso import Torso, TorsoReader
 from services.detector.trunk import move_to_axis
+
+Settled = tuple[Torso, Layer]
 
 
 class Locator:
@@ -28,35 +31,50 @@ class Locator:
         self._trunk = config.trunk if config.to_axis else None
         self._torso = TorsoReader(config.torso, self._trunk, config.certainty)
 
-    def places(self, people: Sequence[Person], sights: Sequence[Sight]) -> list[Place | None]:
+    def settled(self, people: Sequence[Person], sight: Sight) -> list[Settled | None]:
+        """Return the torsos of the people of a frame, each with the layer of depth that it is in.
+
+        Args:
+            people: Where they were found in the image.
+            sight: Depth and calibration.
+
+        Returns:
+            None for people without keypoints, and where depth does not tell.
+        """
+        points = [p.keypoints for p in people if p.keypoints is not None]
+        sights = [sight] * len(points)
+        found = iter(self._torso.settled(points, self._rule.confidence_min, sights))
+        return [None if person.keypoints is None else next(found) for person in people]
+
+    def places(
+        self,
+        people: Sequence[Person],
+        sights: Sequence[Sight],
+        settled: Sequence[Settled | None] | None = None,
+    ) -> list[Place | None]:
         """Return where the people of a frame are; None where depth does not tell.
 
         Args:
             people: Where they were found in the image.
             sights: Depth, calibration and the way each of them faces.
+            settled: Their torsos, if they are at hand.
         """
         if self._config.position == "torso":
-            places = self._torsos(people, sights)
+            settled = self.settled(people, sights[0]) if settled is None and people else settled
+            places = [
+                self._torso_place(*one) for one in zip(people, sights, settled or (), strict=True)
+            ]
         else:
             places = [self._point(*pair) for pair in zip(people, sights, strict=True)]
         if self._config.covariance:
             return places
         return [None if p is None else replace(p, covariance_m2=None) for p in places]
 
-    def _torsos(self, people: Sequence[Person], sights: Sequence[Sight]) -> list[Place | None]:
-        """Return places by joints, all at once since people hide one another, else by masks."""
-        pairs = zip(people, sights, strict=True)
-        jointed = [(p.keypoints, s) for p, s in pairs if p.keypoints is not None]
-        points, seen = [p for p, _ in jointed], [s for _, s in jointed]
-        found = iter(self._torso.people(points, self._rule.confidence_min, seen))
-        return [
-            next(found)
-            if person.keypoints is not None
-            else None
-            if person.mask is None
-            else self._torso.mask(person.mask, sight)
-            for person, sight in zip(people, sights, strict=True)
-        ]
+    def _torso_place(self, person: Person, sight: Sight, settled: Settled | None) -> Place | None:
+        """Return a place by joints, else by the mask."""
+        if person.keypoints is not None:
+            return None if settled is None else self._torso.place(*settled, sight)
+        return None if person.mask is None else self._torso.mask(person.mask, sight)
 
     def _point(self, person: Person, sight: Sight) -> Place | None:
         """Return the place by the paper's methods, which take each person alone."""

@@ -21,9 +21,9 @@ from common.sharing import Sharing
 from common.trace import span
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person
-from services.detector.locate import Locator
+from services.detector.locate import Locator, Settled
 from services.detector.models.base import Person, PersonModel
-from services.detector.orientation import Angle, heading_vector, orientation
+from services.detector.orientation import Angle, heading_vector, orientation, whole_body
 from services.detector.position import Place, Sight
 from services.detector.silhouette import grow_mask
 
@@ -153,10 +153,16 @@ class DetectorNode:
     def _detections(
         self, people: Sequence[Person], frame: RgbdFrame, info: CameraInfo
     ) -> tuple[Detection, ...]:
-        facings = [self._facing(person, frame, info) for person in people]
+        sight = Sight(frame.depth_mm, info)
+        settled = self._locator.settled(people, sight) if self._orientation.whole else None
+        facings = (
+            [self._facing(person, frame, info) for person in people]
+            if settled is None
+            else [self._whole(*one, sight) for one in zip(people, settled, strict=True)]
+        )
         yaws = [None if facing is None else facing.rad for facing in facings]
-        sights = [Sight(frame.depth_mm, info, yaw_rad) for yaw_rad in yaws]
-        places = self._locator.places(people, sights)
+        sights = [replace(sight, yaw_rad=yaw_rad) for yaw_rad in yaws]
+        places = self._locator.places(people, sights, settled)
         return tuple(map(_detection, people, facings, places))
 
     def _facing(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Angle | None:
@@ -165,6 +171,12 @@ class DetectorNode:
         rule = self._orientation
         found = orientation(person.keypoints, frame.depth_mm, info, rule, self._rule)
         return found.fused(rule.weighted)
+
+    def _whole(self, person: Person, settled: Settled | None, sight: Sight) -> Angle | None:
+        if person.keypoints is None or settled is None:
+            return None
+        confidence_min, (_, layer) = self._rule.confidence_min, settled
+        return whole_body(person.keypoints, layer.depth_m, sight, self._orientation, confidence_min)
 
     def _crops(self, people: Sequence[Person], frame: RgbdFrame) -> Crops:
         with span("crops"):

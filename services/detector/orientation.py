@@ -16,7 +16,9 @@ import numpy as np
 
 from common.geometry import LINK_FROM_OPTICAL, deproject, wrap
 from common.messages import F32, F64, U16, CameraInfo
-from services.detector.position import KeypointRule, keypoint_depth
+from services.detector.body_angle import BodyRule, best_angle, log_likelihood
+from services.detector.body_look import Viewer
+from services.detector.position import KeypointRule, Sight, keypoint_depth
 
 NOSE, LEFT_EYE, RIGHT_EYE, LEFT_EAR, RIGHT_EAR = 0, 1, 2, 3, 4  # COCO
 LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_HIP, RIGHT_HIP = 5, 6, 11, 12
@@ -55,6 +57,10 @@ class OrientationRule(msgspec.Struct, frozen=True, kw_only=True):
     # How sure a measurement is, from the simulated room; this project's.
     sigma_point_m: float = 0.05  # [m] each point of the pair, across the pair
     sigma_ratio: float = 0.18  # ratio over the largest ratio
+    # True: in place of psi_1 and psi_2, the angle under which all that is seen is most likely, see
+    # `body_angle`; section 6: False
+    whole: bool = False
+    body: BodyRule = BodyRule()  # of "whole"
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -129,6 +135,28 @@ def orientation(
         ray_rad = bearing(pixels, info) if rule.ray else 0.0
         psi_2 = ratio_yaw(keypoints, pixels, ray_rad, psi_1, rule)
     return Orientation(psi_1, psi_2)
+
+
+def whole_body(
+    keypoints: F32, layer_m: float, sight: Sight, rule: OrientationRule, confidence_min: float
+) -> Angle | None:
+    """Measure which way a person faces, by all that is seen at once.
+
+    Args:
+        keypoints: 17x3, u and v in pixels and confidence, COCO order.
+        layer_m: Depth of the layer that the person is in.
+        sight: What the camera sees.
+        rule: How bodies look.
+        confidence_min: Keypoints must be more confident than this, 0 to 1.
+    """
+    body = rule.body
+    confident = keypoints[:, 2:] > confidence_min
+    pixels = np.where(confident, keypoints[:, :2].astype(np.float64), np.nan)
+    ray_rad = bearing(pixels, sight.info)
+    viewer = Viewer({"shoulders": body.shoulders, "hips": body.hips}, confidence_min, body.reach_m)
+    seen = viewer.look(keypoints, layer_m, ray_rad, sight)
+    found = best_angle(log_likelihood(seen, sight.info.fx, body))
+    return None if found is None else Angle(wrap(found[0] + ray_rad), found[1])
 
 
 def vector_yaw(points_m: F64, rule: OrientationRule) -> Angle | None:

@@ -55,7 +55,7 @@ class TorsoRule(msgspec.Struct, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True, slots=True)
-class _Torso:
+class Torso:
     """What one person's keypoints show."""
 
     joints_px: F64  # [px] 4x2, shoulders and hips
@@ -93,18 +93,28 @@ class TorsoReader:
             None where no joint is confident and inside the image, where depth has nothing there,
             or only somebody in front.
         """
+        torsos = self.settled(keypoints, confidence_min, sights)
+        return [
+            None if torso is None else self.place(*torso, sight)
+            for torso, sight in zip(torsos, sights, strict=True)
+        ]
+
+    def settled(
+        self, keypoints: Sequence[F32], confidence_min: float, sights: Sequence[Sight]
+    ) -> list[tuple[Torso, Layer] | None]:
+        """Return what the keypoints of all people in a frame show, and each one's layer of depth.
+
+        Which way people face does not matter. Arguments and None are those of `people`.
+        """
         torsos = [
             self._look(points, confidence_min, sight)
             for points, sight in zip(keypoints, sights, strict=True)
         ]
-        found = iter(settle([t.places for t in torsos if t is not None], self._rule.layer))
-        layers = [None if torso is None else next(found) for torso in torsos]
-        return [
-            None if torso is None or layer is None else self._joined(torso, layer, sight)
-            for torso, layer, sight in zip(torsos, layers, sights, strict=True)
-        ]
+        layers = iter(settle([t.places for t in torsos if t is not None], self._rule.layer))
+        found = [None if torso is None else (torso, next(layers)) for torso in torsos]
+        return [None if f is None or f[1] is None else (f[0], f[1]) for f in found]
 
-    def _look(self, keypoints: F32, confidence_min: float, sight: Sight) -> "_Torso | None":
+    def _look(self, keypoints: F32, confidence_min: float, sight: Sight) -> Torso | None:
         """Return what one person's keypoints show; None if no joint is known."""
         info, rule = sight.info, self._rule
         joints_px = keypoints[TORSO, :2].astype(np.float64)
@@ -125,9 +135,9 @@ class TorsoReader:
             common_m=common_m,
             margin_px=rule.margin_share * diagonal_px,
         )
-        return _Torso(joints_px, known, trunk_px, side_px, places)
+        return Torso(joints_px, known, trunk_px, side_px, places)
 
-    def _joined(self, torso: "_Torso", layer: Layer, sight: Sight) -> Place:
+    def place(self, torso: Torso, layer: Layer, sight: Sight) -> Place:
         """Return the place of a torso whose layer is known."""
         joints_m = deproject(torso.joints_px, np.full(4, layer.depth_m), sight.info)[:, :2]
         sigma_m = joint_m(layer.depth_m, sight.info, self._certainty)
