@@ -15,6 +15,7 @@ from common.topics import TOPICS, Topic, prefix, question
 EVERY_SERVICE = "every service"
 WATCHDOG = "watchdog"  # only hears how the others are
 ROUTER = "router"
+WATCHDOG = "watchdog"  # a service that only reads and tells health
 PEOPLE = ("planner", "operator")  # roles of programs that are no service of ours
 HERE = ("lo",)  # interfaces of links that do not leave the host
 
@@ -32,7 +33,7 @@ def roles() -> tuple[str, ...]:
     """Return all roles: the services, then those of `PEOPLE`."""
     named = {topic.producer for topic in TOPICS}.union(*(t.readers.split() for t in TOPICS))
     services = (named | {WATCHDOG}) - {EVERY_SERVICE, "*", *PEOPLE}
-    return (ROUTER, *sorted(services), *PEOPLE)
+    return (ROUTER, WATCHDOG, *sorted(services), *PEOPLE)
 
 
 def may_publish(role: str, topic: Topic) -> bool:

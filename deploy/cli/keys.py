@@ -15,8 +15,8 @@ from common.errors import ConfigError, People4dError
 
 # The hosts of docs/hosts.md; with --host others.
 HOSTS = (
-    "nuc=router,camera,detector,reid,report,operator",
-    "tracker=tracker,gt_bridge,operator",
+    "nuc=router,camera,detector,reid,report,watchdog,operator",
+    "tracker=tracker,gt_bridge,watchdog,operator",
     "planner=planner",
 )
 SOON_DAYS = 30
