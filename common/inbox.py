@@ -107,14 +107,16 @@ class Inbox:
             queue.append(arrival)
             self._changed.notify()
 
-    def follow(self, subscription: Subscription, topic: Topic) -> None:
-        """Put what comes on a subscription, in a thread of its own, until that is closed."""
+    def follow(self, subscription: Subscription, topic: Topic) -> threading.Thread:
+        """Put what comes on a subscription until that is closed; return the thread that does it."""
 
         def receive() -> None:
             for key, payload in subscription:
                 self.put(topic, key, payload)
 
-        threading.Thread(target=receive, name=topic.name, daemon=True).start()
+        thread = threading.Thread(target=receive, name=topic.name, daemon=True)
+        thread.start()
+        return thread
 
     def get(self, timeout_s: float | None) -> Arrival | None:
         """Take the message that waits longest.

@@ -178,6 +178,13 @@ class KeptNode:
             self._due_ns = now_ns + max(PERIOD_NS, PAUSES * took_ns)
         return outputs
 
+    def flush(self, now_ns: int) -> Sequence[Message]:
+        """Return what the node held back, if it can tell."""
+        flush = getattr(self._node, "flush", None)
+        outputs: Sequence[Message] = flush(now_ns) if flush else ()
+        self._keep_number()
+        return outputs
+
     def wake_ns(self) -> int | None:
         """Return when the node wants a tick."""
         wake_ns: int | None = self._node.wake_ns()

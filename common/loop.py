@@ -17,6 +17,7 @@ from common.topics import BY_MESSAGE, ForeignTopic, Topic
 from common.trace import Tracer
 
 LONGEST_WAIT_S = 0.25
+READERS_S = 2.0
 
 log = logging.getLogger("people4d")
 
@@ -26,7 +27,8 @@ class Loop:
 
     Args:
         node: What to run. If it has `set_wake`, it gets a callback that makes `tick` due at once,
-            for nodes that are fed by a thread of their own. If it has `set_instance`, it gets the
+            for nodes that are fed by a thread of their own. If it has `flush`, that is asked at
+            the end for what it held back to wait for more. If it has `set_instance`, it gets the
             name of this process. If it has `foreign_inputs`, these topics of others come to
             `handle`, too. If it has `sharing`, it does that work by turns with its replicas.
         bus: Where messages come from and go to.
@@ -50,6 +52,7 @@ class Loop:
         self._stopped = False  # no Event: a signal may come while its lock is held
         self._turn = threading.Condition()
         self._published = 0
+        self._readers: list[threading.Thread] = []
 
     def run(self) -> None:
         """Handle messages until `stop` is called or the node is finished, then what still waits."""
@@ -70,9 +73,12 @@ class Loop:
             self._leave()
             for subscription in subscriptions:
                 subscription.close()
+            for reader in self._readers:  # what they took already counts as received
+                reader.join(READERS_S)
             self._drain()
             for helper in helpers:
                 helper.join()
+            self._flush()
             try:
                 self._node.close()
             finally:
@@ -103,7 +109,7 @@ class Loop:
 
     def _subscribe(self, topic: Topic) -> Subscription:
         subscription = self._bus.subscribe(topic)
-        self.inbox.follow(subscription, topic)
+        self._readers.append(self.inbox.follow(subscription, topic))
         return subscription
 
     def _serve(self) -> None:
@@ -127,6 +133,12 @@ class Loop:
     def _drain(self) -> None:
         while arrival := self.inbox.get(0.0):
             self._handle(arrival)
+
+    def _flush(self) -> None:
+        """Publish what the node still held back, waiting for more."""
+        flush: Callable[[int], Sequence[Message]] | None = getattr(self._node, "flush", None)
+        if flush:
+            self._publish(*self._ask(lambda: flush(time.monotonic_ns())))
 
     def _wait_s(self) -> float:
         wake_ns = self._node.wake_ns()

@@ -272,3 +272,40 @@ def test_a_failure_at_the_start_is_one_sentence_and_exit_code_1(
     monkeypatch.setenv("PEOPLE4D_LISTEN", f"tcp/127.0.0.1:{free_port()}")
     assert run("--instance", "a/b") == 1
     assert "instance: expected 1 to 64" in caplog.text
+
+
+class Holding(Echo):
+    """Keeps its answers back until it is asked for them at the end."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.held: list[Message] = []
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        self.held += super().handle(message, now_ns)
+        return ()
+
+    def flush(self, now_ns: int) -> Sequence[Message]:
+        return self.held
+
+
+def test_what_a_node_holds_back_is_published_at_the_end(network: Network) -> None:
+    with running(network, Holding()) as run:
+        run.send(*map(detections, range(3)))
+        run.watcher.wait_for_counters(handled=3)
+        run.loop.stop()
+        assert run.tracks(3) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_whatever_counts_as_received_is_answered_after_a_stop(
+    network: Network, workers: int
+) -> None:
+    first = threading.Event()
+    with running(network, Echo(lambda _: first.set()), workers) as run:
+        run.send(*map(detections, range(60)))
+        assert first.wait(WAIT_S)
+        run.loop.stop()  # in the midst of them
+        told = run.watcher.wait(Health, lambda h: h.state == "stopping").counters
+        assert told["received_detections"] == told["sent_people"] > 0
+        assert run.tracks(told["sent_people"]) == list(range(told["sent_people"]))
