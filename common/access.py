@@ -15,7 +15,6 @@ from common.topics import TOPICS, Topic, prefix, question
 EVERY_SERVICE = "every service"
 WATCHDOG = "watchdog"  # only hears how the others are
 ROUTER = "router"
-WATCHDOG = "watchdog"  # a service that only reads and tells health
 PEOPLE = ("planner", "operator")  # roles of programs that are no service of ours
 HERE = ("lo",)  # interfaces of links that do not leave the host
 
@@ -31,9 +30,8 @@ Rule = Mapping[str, Any]
 
 def roles() -> tuple[str, ...]:
     """Return all roles: the services, then those of `PEOPLE`."""
-    named = {topic.producer for topic in TOPICS}.union(*(t.readers.split() for t in TOPICS))
-    services = (named | {WATCHDOG}) - {EVERY_SERVICE, "*", *PEOPLE}
-    return (ROUTER, WATCHDOG, *sorted(services), *PEOPLE)
+    named = {WATCHDOG}.union(*({topic.producer, *topic.readers.split()} for topic in TOPICS))
+    return (ROUTER, *sorted(named - {ROUTER, EVERY_SERVICE, "*", *PEOPLE}), *PEOPLE)
 
 
 def may_publish(role: str, topic: Topic) -> bool:

@@ -35,7 +35,7 @@ from deploy.presets import PRESETS, preset_settings
 from services.gt_bridge.sources import SCHEME as LIVE_TRUTH
 
 # In lock-step nobody waits for the result: the same recording gives the same tracks on any machine.
-PATIENCE = "tracker.embedding_wait_s=4.0"
+PATIENCE = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
 DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 DRAIN_TIMEOUT_S = 120.0
@@ -118,7 +118,7 @@ def up(
     if scenarios.is_scenario(truth):
         settings += scenarios.truth_settings(truth, loop)
     settings += [f"{CAMERA}.loop=true"] if loop else []
-    settings += [PATIENCE] if playback == "lockstep" else []
+    settings += PATIENCE if playback == "lockstep" else ()
     wish = Wish(
         robot=robot,
         host=host,
@@ -147,7 +147,7 @@ def demo(
         *preset_settings(preset),
         setting(f"{CAMERA}.source", str(DEMO)),
         setting(f"{CAMERA}.playback", "lockstep"),
-        PATIENCE,
+        *PATIENCE,
         setting("gt_bridge.truth", str(DEMO)),
     ]
     wish = Wish(robot=robot, port=port or free_port(), settings=settings, report=report)

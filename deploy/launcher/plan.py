@@ -14,8 +14,10 @@ from deploy.compose import Service
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
 CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
 REPORT = "report"  # profile and service that writes the report
+PROCESSES = "processes"  # profile of what only processes of this machine need
 CAMERA = "camera"
 ROUTER = "router"
+ONCE = frozenset(("router", CAMERA, "tracker", "gt_bridge", REPORT, "watchdog"))
 HOST = "127.0.0.1"
 PORT = 7447
 
@@ -61,10 +63,10 @@ def plan(wish: Wish) -> tuple[Service, ...]:
     settings = list(wish.settings)
     if wish.report:
         settings.append(setting(f"{REPORT}.folder", str(wish.report.absolute())))
-    profiles = {REPORT} if wish.report else set()
+    profiles = {PROCESSES} | ({REPORT} if wish.report else set())
     services = compose.read(wish.compose, variables(wish), profiles)
     arguments = _arguments(settings, services)
-    replicas = _replicas(wish.scale, services)
+    replicas = replicas_of(wish.scale, services)
     return tuple(_adapt(service, wish, arguments, replicas) for service in services)
 
 
@@ -135,13 +137,27 @@ def _arguments(settings: Sequence[str], services: Sequence[Service]) -> dict[str
     return arguments
 
 
-def _replicas(scale: Sequence[str], services: Sequence[Service]) -> dict[str, int]:
+def replicas_of(scale: Sequence[str], services: Sequence[Service]) -> dict[str, int]:
+    """Return the number of processes of each service.
+
+    Args:
+        scale: "service=number", the last one of a service wins.
+        services: The services with the numbers that hold where nothing is said.
+
+    Raises:
+        ConfigError: A wish names no service, or several processes of one that runs once.
+    """
     replicas = {service.name: service.replicas for service in services}
     for text in scale:
         name, _, number = text.partition("=")
         if not number.isdecimal():
             raise ConfigError(f"scale {text!r} is incomplete", "Write service=number.")
         _known(name, replicas)
+        if name in ONCE and int(number) > 1:
+            raise ConfigError(
+                f"{name} runs once: two would do the same work twice",
+                "Services that share their work are detector and reid.",
+            )
         replicas[name] = int(number)
     return replicas
 
