@@ -8,12 +8,12 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import yaml
 
 from common.errors import SourceError
 from common.files import parse_toml, read_text
 from common.messages import F64, CameraInfo, StaticTransform
 from common.npz import read_arrays
+from common.plain_yaml import parse_yaml
 from services.camera.mat_file import read_mat
 from services.camera.registration import Registration
 
@@ -69,7 +69,7 @@ def read_calibration(path: Path, names: MatNames) -> Calibration:
     readers: dict[str, Callable[[], Calibration]] = {
         ".toml": lambda: _from_table(parse_toml(read_text(path))),
         ".json": lambda: _from_table(json.loads(read_text(path))),
-        ".yaml": lambda: _from_camera_info(_yaml(read_text(path))),
+        ".yaml": lambda: _from_camera_info(parse_yaml(read_text(path))),
         ".npz": lambda: _from_npz(path),
         ".mat": lambda: _from_mat(path, names),
     }
@@ -164,13 +164,6 @@ def _from_table(table: Mapping[str, Any]) -> Calibration:
     if "fx" in table:
         table = {"colour": table}
     return msgspec.convert(table, Calibration)
-
-
-def _yaml(text: str) -> Any:
-    """Parse YAML without aliases: a few lines of them say a list as long as one likes."""
-    if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
-        raise ValueError("it has aliases (*), which a calibration needs none of")
-    return yaml.safe_load(text)
 
 
 class _Numbers(msgspec.Struct):

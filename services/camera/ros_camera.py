@@ -11,6 +11,7 @@ import numpy as np
 
 from common.errors import DecodeError, SourceError
 from common.messages import U8, U16, CameraInfo, StaticTransform
+from common.ros_bag import Bag
 from services.camera.calibration import (
     Calibration,
     Lens,
@@ -21,7 +22,6 @@ from services.camera.calibration import (
     static_transform,
 )
 from services.camera.registration import Registration
-from services.camera.ros_bag import Bag
 from services.camera.ros_calibration import Transforms, lens_of
 from services.camera.ros_images import colour_image, depth_image
 from services.camera.ros_topics import TRANSFORMS, Topics

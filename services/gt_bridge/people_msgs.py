@@ -4,10 +4,10 @@ import math
 from typing import Any
 
 import numpy as np
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from common.messages import F64, Truth, TruthPerson
+from common.ros_bag import types_of
 
 PEOPLE = "people_msgs/msg/People"
 DEFINITIONS = {
@@ -17,12 +17,9 @@ DEFINITIONS = {
 }
 
 
-def people_typestore(distribution: Stores = Stores.ROS2_HUMBLE) -> Typestore:
-    """Return the message types of a ROS distribution, people_msgs among them."""
-    store = get_typestore(distribution)
-    for name, text in DEFINITIONS.items():
-        store.register(get_types_from_msg(text, name))
-    return store
+def people_typestore(version: int = 2) -> Typestore:
+    """Return the message types of ROS 1 or 2, people_msgs among them."""
+    return types_of(version, DEFINITIONS)
 
 
 def truth_of(message: Any, sequence: int) -> Truth:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from rosbags import rosbag1, rosbag2
-from rosbags.typesys import Stores
 from rosbags.typesys.store import Typestore
 
 from common.errors import ConfigError, SourceError
@@ -39,7 +38,7 @@ def people(store: Typestore, x: float, sec: int, ros1: bool) -> Any:
 
 
 def write_ros1(folder: Path, *topics: str) -> Path:
-    store, path = people_typestore(Stores.ROS1_NOETIC), folder / "people.bag"
+    store, path = people_typestore(1), folder / "people.bag"
     with rosbag1.Writer(path) as writer:
         for topic in topics:
             connection = writer.add_connection(topic, PEOPLE, typestore=store)
