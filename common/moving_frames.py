@@ -51,11 +51,21 @@ class MovingFrames:
             math.hypot(*(one.sigma_rad for one in known)),
         )
 
+    def standing(self, target: str, source: str) -> F64 | None:
+        """Return target_from_source if that never changes; None if it does, or is not known."""
+        way = self._graph.way(target, source)
+        if way is None or any(self._trail(edge) for edge in way):
+            return None
+        return compose(way.values())
+
     def waits(self, target: str, source: str, stamp_ns: int) -> bool:
         """Tell whether a sample may yet come that tells a transform at a time."""
         way = self._graph.way(target, source) or {}
-        trails = (self._trails.get(edge) or self._trails.get(edge[::-1]) for edge in way)
+        trails = (self._trail(edge) for edge in way)
         return any(stamp_ns > (trail.newest_ns or stamp_ns) for trail in trails if trail)
+
+    def _trail(self, edge: Edge) -> Trail | None:
+        return self._trails.get(edge) or self._trails.get(edge[::-1])
 
     def _at(self, edge: Edge, fixed: F64, stamp_ns: int) -> Placement | None:
         if edge in self._trails:

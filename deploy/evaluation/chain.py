@@ -8,6 +8,7 @@ from common.bus import MemoryBus
 from common.errors import SourceError
 from common.messages import Message, Span, Tracks
 from common.node import Node
+from common.place import Place
 from common.trace import collect
 from services.camera.__main__ import build as build_camera
 from services.camera.config import CameraConfig
@@ -19,6 +20,7 @@ from services.tracker.__main__ import build as build_tracker
 from services.tracker.config import TrackerConfig
 
 PATIENCE_S = 20.0
+CHAIN = Place("node", "chain", "")
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[Step]:
     try:
         while node.status().state != "finished":
             news.clear()
-            with collect("node", "chain") as spans:
+            with collect(CHAIN) as spans:
                 messages = bus.advance()
             bus.log.clear()
             if messages:

@@ -34,10 +34,10 @@ from deploy.evaluation.cache import (
 from deploy.evaluation.chain import Step, play
 from services.camera.config import CameraConfig
 from services.camera.sources import kind_of
+from services.detector.__main__ import build as build_detector
 from services.detector.config import DetectorConfig
 from services.detector.models import load_model
 from services.detector.models.base import ModelSettings
-from services.detector.node import DetectorNode
 from services.reid.__main__ import build as build_reid
 from services.reid.config import ReidConfig
 
@@ -173,7 +173,7 @@ def _see(wanted: Look, files: Sequence[Path]) -> None:
     with ExitStack() as stack:
         writers = [stack.enter_context(RecordingWriter(path)) for path in new]
         model = findings.Remembered(load_model(wanted.detector), known)
-        for step in play(camera, [DetectorNode(model, wanted.detector)]):
+        for step in play(camera, [build_detector(wanted.detector, model)]):
             for message in step.messages:
                 if isinstance(message, KEPT):
                     writers[0].write(_untraced(message), message.stamp_ns)

@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from common.trail import TrailConfig
 from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
 
 CHI2_3DOF_95 = 7.8147
@@ -147,6 +148,14 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
     # is turned round, or of a neighbour, bends the yaw a little instead of taking it over. inf: all
     # measurements count alike, section 6
     outlier_sigmas: float = float("inf")
+    # R is so many times the variance of a measurement: errors of consecutive ones are much alike
+    noise_factor: float = 1.0
+    # Share of measurements that are the wrong way round: left and right joints are taken for each
+    # other. They are told by what was measured before; 0: there are none, section 6
+    turned_share: float = 0.0
+    turned_alike_s: float = 0.25  # [s] time constant for which such errors last
+    turned_memory_s: float = 2.0  # [s] time constant with which what was measured before fades
+    turned_odds_max: float = 6.0  # most that is believed of it, logarithm of odds
     # [s] time constant with which an unmeasured turn dies out; inf: constant velocity, section 6
     rate_decay_s: float = float("inf")
 
@@ -154,6 +163,9 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
         """Check ranges."""
         _expect_positive(self, "sigma_acceleration_radps2", "sigma_measurement_rad")
         _expect_positive(self, "sigma_start_rate_radps")
+        _expect_positive(self, "noise_factor", "turned_alike_s", "turned_memory_s")
+        _expect_positive(self, "turned_odds_max")
+        _expect(0 <= self.turned_share < 0.5, "turned_share", "0 to below 0.5", self.turned_share)
         for field in ("sigma_walk_rad", "walk_speed_min_mps", "outlier_sigmas", "rate_decay_s"):
             _expect(getattr(self, field) > 0, field, "a number > 0", getattr(self, field))
 
@@ -182,9 +194,11 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     # [s] with several cameras or detectors, longest wait for frames that belong before the one that
     # is there; absent: as long as from one frame of the camera to the next
     reorder_wait_s: float | None = None
+    odometry_wait_s: float = 0.05  # [s] longest wait for the odometry of a frame, if the base moves
     predict_after_s: float = 0.2  # [s] without detections after which predictions are published
     predict_hz: float = 10.0  # [Hz] rate of those predictions
     # input
+    base: TrailConfig = TrailConfig()  # what motions of a robot's base are believed
     max_range_m: float = 100.0  # [m] positions farther from the camera are not believed
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()
@@ -195,6 +209,6 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
         """Check ranges."""
         _expect_positive(self, "max_lost_s", "clock_jump_s", "predict_after_s", "predict_hz")
         _expect_positive(self, "embedding_patience", "max_range_m")
-        for field in ("embedding_wait_s", "reorder_wait_s", "yaw_speed_min_mps"):
+        for field in ("embedding_wait_s", "odometry_wait_s", "reorder_wait_s", "yaw_speed_min_mps"):
             value = getattr(self, field) or 0.0
             _expect(0 <= value < float("inf"), field, "a finite number >= 0", value)

@@ -2,19 +2,16 @@
 
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import median
 from typing import ClassVar
 
-import numpy as np
-
 from common.errors import DecodeError
-from common.geometry import LINK_FROM_OPTICAL
 from common.messages import (
-    F64,
     Detections,
     Embeddings,
     Message,
+    Odometry,
     Span,
     StaticTransform,
     Track,
@@ -26,11 +23,12 @@ from services.tracker.config import TrackerConfig
 from services.tracker.interface import Lasting, Need, Tracker
 from services.tracker.join import Frame, Join, Patience
 from services.tracker.observe import observe
+from services.tracker.placing import Places
 from services.tracker.state import Memory, pack, unpack
 
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 COUNTERS = (
-    *("no_transform", "clock_resets", "transform_changes", "predictions"),
+    *("no_transform", "predicted_base", "clock_resets", "transform_changes", "predictions"),
     *("without_position", "out_of_range", "empty_boxes", "bad_embeddings"),
 )
 
@@ -56,7 +54,10 @@ class TrackerNode:
         tracker: The tracking method.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Detections, Embeddings, StaticTransform)
+    inputs: ClassVar[tuple[type[Message], ...]] = (
+        *(Detections, Embeddings),
+        *(StaticTransform, Odometry),
+    )
     takes: ClassVar[tuple[type[Message], ...]] = (Detections,)
 
     def __init__(self, config: TrackerConfig, tracker: Tracker) -> None:
@@ -71,8 +72,8 @@ class TrackerNode:
                 reorder_ns=None if reorder_s is None else int(reorder_s * 1e9),
             )
         )
-        self._map_from: dict[str, F64] = {}
-        self._unplaced: set[str] = set()
+        self._places = Places(config.frame_id, config.base, config.require_transform)
+        self._held: Frame | None = None  # its odometry has yet to come
         self._last: _Last | None = None
         self._last_of_camera: dict[str, int] = {}
         self._intervals_ns: deque[int] = deque(maxlen=9)
@@ -88,8 +89,10 @@ class TrackerNode:
             flushed = self._take_detections(message, now_ns)
         elif isinstance(message, Embeddings) and self._joins:
             self._join.add_embeddings(message, late=self._is_late(message))
-        elif isinstance(message, StaticTransform):
-            self._take_transform(message)
+        elif isinstance(message, StaticTransform | Odometry) and self._places.add(message):
+            # The people tracked so far stand where the camera was thought to be.
+            self._counters["transform_changes"] += 1
+            self._tracker.reset()
         return [*flushed, *self._track_due(now_ns)]
 
     def tick(self, now_ns: int) -> Sequence[Message]:
@@ -98,13 +101,15 @@ class TrackerNode:
 
     def wake_ns(self) -> int | None:
         """Return when a frame has waited long enough or a prediction is due."""
+        if self._held:
+            return self._held_until_ns(self._held)
         return self._join.wake_ns() if self._join.waiting else self._predict_ns
 
     def status(self) -> Status:
         """Tell what is missing and what was counted."""
         reasons = []
-        if self._unplaced:
-            frames = ", ".join(sorted(self._unplaced))
+        if self._places.unplaced:
+            frames = ", ".join(sorted(self._places.unplaced))
             dropped = self._config.require_transform
             what = "frames are dropped" if dropped else "the camera is taken as the origin"
             reasons.append(f"no transform {self._config.frame_id} <- {frames}: {what}")
@@ -113,7 +118,7 @@ class TrackerNode:
         return Status(
             state="degraded" if reasons else "ready",
             reason="; ".join(reasons),
-            counters={**self._counters, **self._join.counters},
+            counters={**self._counters, **self._join.counters, **self._places.counters},
         )
 
     def close(self) -> None:
@@ -131,7 +136,7 @@ class TrackerNode:
         memory = Memory(
             frame_id=self._config.frame_id,
             stamp_ns=stamp_ns,
-            transforms=self._map_from,
+            transforms=self._places.fixed,
             people=self._tracker.save(),
         )
         return pack(memory)
@@ -147,7 +152,8 @@ class TrackerNode:
         if memory.frame_id != self._config.frame_id:
             raise DecodeError(f"what the tracker kept is in {memory.frame_id}")
         self._tracker.restore(memory.people)
-        self._restored_ns, self._map_from = memory.stamp_ns, memory.transforms
+        self._places.remember(memory.transforms)
+        self._restored_ns = memory.stamp_ns
 
     def _take_detections(self, detections: Detections, now_ns: int) -> list[Message]:
         stamp_ns, flushed = detections.stamp_ns, list[Message]()
@@ -182,49 +188,43 @@ class TrackerNode:
         # Far behind is not late but the first of a time that begins anew.
         return 0 <= last_ns - embeddings.stamp_ns <= self._config.clock_jump_s * 1e9
 
-    def _take_transform(self, transform: StaticTransform) -> None:
-        if transform.parent != self._config.frame_id:
-            return
-        child, matrix = transform.child, np.array(transform.matrix, np.float64)
-        before = LINK_FROM_OPTICAL if child in self._unplaced else self._map_from.get(child)
-        self._map_from[child] = matrix
-        self._unplaced.discard(child)
-        if before is not None and not np.array_equal(before, matrix):
-            # The people tracked so far stand where the camera was thought to be.
-            self._counters["transform_changes"] += 1
-            self._tracker.reset()
-
     def _track_due(self, now_ns: int, flush: bool = False) -> list[Message]:
         outputs: list[Message] = []
-        while frame := self._join.pop(now_ns, flush):
+        while frame := self._next(now_ns, flush):
             tracks = self._track(frame)
             if tracks:
                 outputs.append(tracks)
                 self._remember(frame)
         return outputs
 
+    def _next(self, now_ns: int, flush: bool) -> Frame | None:
+        """Take the next frame once the odometry of its time is there, or waited for in vain."""
+        frame = self._held = self._held or self._join.pop(now_ns, flush)
+        if frame is None:
+            return None
+        wanted = frame.detections.frame_id, frame.detections.stamp_ns
+        is_early = not flush and now_ns < self._held_until_ns(frame)
+        if is_early and self._places.waits(*wanted):
+            return None
+        self._held = None
+        return frame
+
+    def _held_until_ns(self, frame: Frame) -> int:
+        return frame.arrived_ns + int(self._config.odometry_wait_s * 1e9)
+
     def _track(self, frame: Frame) -> Tracks | None:
         detections, embeddings = frame.detections, frame.embeddings
-        map_from_camera = self._map_from_camera(detections.frame_id)
-        if map_from_camera is None:
+        place = self._places.find(detections.frame_id, detections.stamp_ns)
+        if place is None:
             self._counters["no_transform"] += 1
             return None
+        self._counters["predicted_base"] += place.is_guess
         with span("association"):
             observation = observe(
-                detections, embeddings, map_from_camera, self._config.max_range_m, self._counters
+                detections, embeddings, place, self._config.max_range_m, self._counters
             )
-            size_px = (detections.width, detections.height)
-            people = self._tracker.update(
-                replace(observation, map_from_camera=map_from_camera, size_px=size_px)
-            )
+            people = self._tracker.update(observation)
         return self._publish(detections, people, (embeddings or detections).trace)
-
-    def _map_from_camera(self, frame_id: str) -> F64 | None:
-        matrix = self._map_from.get(frame_id)
-        if matrix is None:
-            self._unplaced.add(frame_id)
-            return None if self._config.require_transform else LINK_FROM_OPTICAL
-        return matrix
 
     def _remember(self, frame: Frame) -> None:
         if self._last:

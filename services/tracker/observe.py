@@ -7,15 +7,17 @@ import numpy as np
 
 from common.geometry import apply
 from common.messages import F64, Detections, Embeddings
+from common.trail import Placement
 from services.tracker.interface import Measurement, Observation
 
+GUESS_MIN_M = 0.01  # [m] a base that is known better than this adds no doubt
 LEVEL_MIN = 0.2  # a heading whose level part is shorter than this (steeper than 78 deg) has no yaw
 
 
 def observe(
     detections: Detections,
     embeddings: Embeddings | None,
-    map_from_camera: F64,
+    place: Placement,
     max_range_m: float,
     counters: Counter[str],
 ) -> Observation:
@@ -24,11 +26,12 @@ def observe(
     Args:
         detections: The people of the frame.
         embeddings: Their appearance, None if unknown.
-        map_from_camera: 4x4, from the optical frame to the one that tracks are in.
+        place: Where the camera is, from its optical frame to the one that tracks are in.
         max_range_m: Largest coordinate of a position, in metres, that is believed.
         counters: Where detections and embeddings that cannot be used are counted.
     """
     vectors = _unit_vectors(embeddings, len(detections.people), counters) if embeddings else {}
+    map_from_camera = place.matrix
     measurements = []
     for index, person in enumerate(detections.people):
         left, top, right, bottom = map(float, person.box_xyxy_px)
@@ -50,6 +53,9 @@ def observe(
                     embedding=vectors.get(index),
                     yaw_rad=yaw_of(person.heading, map_from_camera),
                     yaw_sigma_rad=person.heading_sigma_rad,
+                    doubt_m2=doubt(person.position_m, place)
+                    if place.sigma_m > GUESS_MIN_M
+                    else None,
                 )
             )
     return Observation(
@@ -57,7 +63,22 @@ def observe(
         measurements=tuple(measurements),
         camera=detections.camera,
         embedder=embeddings.model if embeddings else "",
+        map_from_camera=map_from_camera,
+        size_px=(detections.width, detections.height),
     )
+
+
+def doubt(position_m: F64, place: Placement) -> F64:
+    """Return the covariance (3x3, tracks' frame) of a position because the camera's is a guess.
+
+    Args:
+        position_m: 3, in the optical frame.
+        place: Where the camera is guessed to be.
+    """
+    away_m = place.matrix[:3, :3] @ position_m
+    # A turn about the vertical moves what is seen at right angles to the way there.
+    aside_m = place.sigma_rad * np.array([-away_m[1], away_m[0], 0.0])
+    return place.sigma_m**2 * np.diag([1.0, 1.0, 0.0]) + np.outer(aside_m, aside_m)
 
 
 def rotated(covariance_m2: F64 | None, map_from_camera: F64) -> F64 | None:

@@ -106,3 +106,12 @@ def test_guesses_of_two_motions_add_up() -> None:
 def test_the_pose_of_a_base_is_on_the_plane() -> None:
     matrix = matrix_of(odometry(0, 1.5, 90))
     assert apply(matrix, [1.0, 0.0, 0.5]) == pytest.approx(np.array([1.5, 1.0, 0.5]))
+
+
+def test_what_stands_is_told_from_what_moves() -> None:
+    made = frames(MOUNT, odometry(0, 1.0))
+    standing = made.standing("base_link", CAMERA)
+    assert standing is not None
+    np.testing.assert_array_equal(standing, MOUNT.matrix)
+    assert made.standing("odom", CAMERA) is None
+    assert made.standing("map", CAMERA) is None

@@ -14,6 +14,7 @@ from common.messages import (
     Detections,
     Embeddings,
     Message,
+    Odometry,
     Span,
     StaticTransform,
     Tracks,
@@ -391,3 +392,61 @@ def _wild_person(rng: np.random.Generator) -> Detection:
         score=float(rng.choice([0.0, 0.5, 1.0])),
         position_m=position if rng.random() < 0.8 else None,
     )
+
+
+MOUNT = StaticTransform(
+    stamp_ns=0, sequence=0, parent="base_link", child="camera_optical", matrix=LINK_FROM_OPTICAL
+)
+
+
+def driven(number: float, x_m: float) -> Odometry:
+    return Odometry(
+        stamp_ns=START_NS + int(number * FRAME_MS) * MS,
+        sequence=0,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x_m=x_m,
+        y_m=0.0,
+        theta_rad=0.0,
+    )
+
+
+def test_who_stands_still_before_a_driving_robot_has_no_speed() -> None:
+    # 1 m/s towards a person who stands at (5, 0): seen 0.1 m nearer in each frame.
+    target = node(tracker="sort3d", frame_id="odom", publish_tentative=True)
+    told = feed(target, [MOUNT, driven(0, 0.0)])
+    for k in range(10):
+        frame = seen(k, [person(0.0, 5.0 - 0.1 * k)])
+        told += feed(target, [driven(k + 1, 0.1 * (k + 1)), frame])
+    assert len(told) == 10
+    for tracks_ in told:
+        np.testing.assert_allclose(tracks_.people[0].position_m[:2], [5.0, 0.0], atol=1e-9)
+        np.testing.assert_allclose(tracks_.people[0].velocity_mps[:2], [0.0, 0.0], atol=1e-9)
+    assert target.status().state == "ready"
+
+
+def test_a_frame_waits_for_its_odometry_and_not_for_ever() -> None:
+    target = node(tracker="sort3d", frame_id="odom")
+    assert numbers(feed(target, [MOUNT, driven(0, 0.0), seen(0)])) == [0]
+    assert feed(target, [seen(1)], 0) == []
+    assert target.wake_ns() == 50 * MS
+    assert numbers(tracks(target.handle(driven(1.5, 0.1), 20 * MS))) == [1]
+    assert feed(target, [seen(2)], 100 * MS) == []
+    assert numbers(tracks(target.tick(149 * MS))) == []
+    assert numbers(tracks(target.tick(150 * MS))) == [2]
+    assert target.status().counters["predicted_base"] == 1
+
+
+def test_frames_keep_their_order_while_they_wait_for_odometry() -> None:
+    target = node(tracker="sort3d", frame_id="odom")
+    assert numbers(feed(target, [MOUNT, driven(0, 0.0), seen(0)])) == [0]
+    assert feed(target, [seen(1), seen(2)]) == []
+    assert numbers(feed(target, [driven(1, 0.0)])) == [1]
+    assert numbers(feed(target, [driven(2, 0.0)])) == [2]
+
+
+def test_a_clock_that_goes_back_while_a_frame_waits_loses_nothing() -> None:
+    target = node(tracker="sort3d", frame_id="odom")
+    feed(target, [MOUNT, driven(30, 0.0)])
+    assert feed(target, [seen(31)]) == []
+    assert numbers(feed(target, [seen(0)])) == [31, 0]

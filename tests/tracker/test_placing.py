@@ -1,0 +1,95 @@
+"""Where cameras are, fixed or on a base that moves."""
+
+import numpy as np
+import pytest
+
+from common.geometry import LINK_FROM_OPTICAL, transform_from
+from common.messages import F64, Odometry, StaticTransform
+from common.trail import TrailConfig
+from services.tracker.placing import Places
+
+CAMERA = "front_optical_frame"
+MS = 1_000_000
+
+
+def fixed(parent: str, child: str, x_m: float) -> StaticTransform:
+    matrix = transform_from([x_m, 0.0, 1.0], LINK_FROM_OPTICAL[:3, :3])
+    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+
+
+def odometry(stamp_ns: int, x_m: float) -> Odometry:
+    return Odometry(
+        stamp_ns=stamp_ns,
+        sequence=0,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x_m=x_m,
+        y_m=0.0,
+        theta_rad=0.0,
+    )
+
+
+def places(*messages: StaticTransform | Odometry, frame_id: str = "map") -> Places:
+    made = Places(frame_id, TrailConfig(), required=False)
+    for message in messages:
+        assert not made.add(message)
+    return made
+
+
+def matrix_of(made: Places, stamp_ns: int = 0) -> F64:
+    placement = made.find(CAMERA, stamp_ns)
+    assert placement is not None
+    return placement.matrix
+
+
+def test_a_camera_without_a_transform_is_the_origin_unless_one_is_required() -> None:
+    made = places()
+    np.testing.assert_array_equal(matrix_of(made), LINK_FROM_OPTICAL)
+    assert made.unplaced == {CAMERA}
+    strict = Places("map", TrailConfig(), required=True)
+    assert strict.find(CAMERA, 0) is None
+    assert strict.unplaced == {CAMERA}
+
+
+def test_a_transform_that_comes_late_moves_the_camera() -> None:
+    made = places()
+    matrix_of(made)
+    assert made.add(fixed("map", CAMERA, 2.0))
+    assert matrix_of(made)[0, 3] == 2.0
+    assert made.unplaced == set()
+    assert not made.add(fixed("map", CAMERA, 2.0))
+    assert made.add(fixed("map", CAMERA, 3.0))
+
+
+def test_a_transform_before_the_first_frame_moves_nobody() -> None:
+    made = places(fixed("map", CAMERA, 2.0))
+    assert not made.add(fixed("map", CAMERA, 3.0))
+    assert matrix_of(made)[0, 3] == 3.0
+
+
+def test_a_base_that_drives_carries_its_camera() -> None:
+    mount = fixed("base_link", CAMERA, 0.2)
+    made = places(mount, odometry(0, 1.0), odometry(500 * MS, 2.0), frame_id="odom")
+    assert matrix_of(made, 250 * MS)[0, 3] == pytest.approx(1.7)
+    assert not made.waits(CAMERA, 500 * MS)
+    assert made.waits(CAMERA, 501 * MS)
+    assert not made.add(odometry(1000 * MS, 3.0))
+    assert made.fixed == {}
+
+
+def test_a_base_of_which_nobody_tells_where_it_is_in_map_is_told() -> None:
+    made = places(fixed("base_link", CAMERA, 0.2), odometry(100, 1.0))
+    np.testing.assert_array_equal(matrix_of(made, 100), LINK_FROM_OPTICAL)
+    assert made.unplaced == {CAMERA}
+    assert made.counters["motion_duplicates"] == 0
+
+
+def test_what_another_process_knew_holds_until_transforms_come() -> None:
+    before = places(fixed("map", CAMERA, 2.0))
+    matrix_of(before)
+    made = places()
+    made.remember(before.fixed)
+    assert matrix_of(made)[0, 3] == 2.0
+    assert made.unplaced == set()
+    assert not made.add(fixed("map", CAMERA, 2.0))
+    assert made.add(fixed("map", CAMERA, 2.5))
