@@ -188,6 +188,7 @@ class ZenohBus:
         self._subscriptions: list[ZenohSubscription] = []
         self._members: list[ZenohMembers] = []
         self._token: Any = None
+        self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
         zenoh.init_log_from_env_or("error")
         if connect_timeout_s:
@@ -255,13 +256,16 @@ class ZenohBus:
         return members
 
     def ask(self, name: str, heard: Callable[[bytes], None]) -> None:
-        """Put a question; `heard` gets the answer in a thread of Zenoh, or is never called."""
+        """Put a question; `heard` gets the answer in another thread, or is never called."""
+        channel: Any = zenoh.handlers.FifoChannel(1)
+        replies = self._session.get(question(self.robot, name), channel, timeout=ANSWER_S)
 
-        def take(reply: zenoh.Reply) -> None:
-            if reply.ok:
-                heard(reply.ok.payload.to_bytes())
+        def take() -> None:
+            for reply in replies:
+                if reply.ok:
+                    heard(reply.ok.payload.to_bytes())
 
-        self._session.get(question(self.robot, name), take, timeout=ANSWER_S)
+        self._start(take, f"ask {name}")
 
     def answer(self, name: str, reply: Callable[[], bytes]) -> None:
         """Answer a question whenever it is put, in a thread of its own."""
@@ -275,7 +279,13 @@ class ZenohBus:
                 with query:
                     query.reply(key, reply())
 
-        threading.Thread(target=serve, name=name, daemon=True).start()
+        self._start(serve, name)
+
+    def _start(self, work: Callable[[], None], name: str) -> None:
+        """Run what meets Zenoh in a thread of its own, which has ended when `close` returns."""
+        self._threads = [thread for thread in self._threads if thread.is_alive()]
+        self._threads.append(threading.Thread(target=work, name=name, daemon=True))
+        self._threads[-1].start()
 
     def close(self) -> None:
         """End all subscriptions and leave the network."""
@@ -283,6 +293,9 @@ class ZenohBus:
         for subscription in closing:
             subscription.close()
         self._session.close()  # type: ignore[no-untyped-call]
+        # Python aborts if it ends while a thread is still inside of Zenoh.
+        for thread in self._threads:
+            thread.join(CLOSE_S)
 
     def _publisher(self, topic: Topic, key: str, lossless: bool) -> Any:
         name = f"{key}{'!' if lossless else ''}"
