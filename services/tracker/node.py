@@ -99,6 +99,10 @@ class TrackerNode:
         """Return tracks of frames that have waited long enough, and predictions."""
         return self._track_due(now_ns) or self._predict_due(now_ns)
 
+    def flush(self, now_ns: int) -> Sequence[Message]:
+        """Return tracks of frames that still wait for more: nothing comes any more."""
+        return self._track_due(now_ns, flush=True)
+
     def wake_ns(self) -> int | None:
         """Return when a frame has waited long enough or a prediction is due."""
         if self._held:

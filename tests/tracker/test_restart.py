@@ -91,6 +91,13 @@ def test_a_restart_before_the_first_frame_keeps_what_was_restored() -> None:
     assert [p.id for p in feed(after, frames(10, 11))[-1].people] == [1, 2]
 
 
+def test_a_frame_that_waits_for_embeddings_at_the_end_is_answered_still() -> None:
+    target = node()
+    assert feed(target, [TRANSFORM, seen(0), seen(1)]) == []
+    assert [m.sequence for m in target.flush(0)] == [0, 1]
+    assert target.flush(0) == []
+
+
 def test_nothing_is_saved_before_the_first_frame() -> None:
     empty = node()
     assert empty.save() == b""
