@@ -26,6 +26,7 @@ ASKS = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_s
 
 Proof = Literal["cert_common_names", "usernames"]
 Rule = Mapping[str, Any]
+Said = tuple[Sequence[str], list[str]]  # kinds of Zenoh's messages, and their keys
 
 
 def roles() -> tuple[str, ...]:
@@ -93,32 +94,34 @@ def downsampling(interfaces: Sequence[str], highest_hz: float) -> list[dict[str,
 def _topic_rules(role: str, topic: Topic) -> Iterator[Rule]:
     """Yield the rules of one role on one topic; the router passes on what all others say."""
     name = role if topic.leaves_host else f"{role} here"
-    own = role if topic.producer == EVERY_SERVICE and role != ROUTER else ""
+    keys = _keys(topic, "")
+    own = _keys(topic, role) if topic.producer == EVERY_SERVICE and role != ROUTER else keys
     if may_publish(role, topic) or role == ROUTER:
-        yield from _rules(f"{name}: publish {topic.name}", _keys(topic, own), OFFERS, ASKS)
+        # Who speaks hears of those who listen, to all that there is of a topic.
+        yield from _rules(f"{name}: publish {topic.name}", (OFFERS, own), (ASKS, keys))
     if may_read(role, topic) or role == ROUTER:
-        yield from _rules(f"{name}: read {topic.name}", _keys(topic, ""), ASKS, OFFERS)
+        yield from _rules(f"{name}: read {topic.name}", (ASKS, keys), (OFFERS, keys))
 
 
 def _presence_rules(role: str) -> Iterator[Rule]:
     """Yield the rules of the tokens that tell which processes are there."""
-    alive = f"{prefix('*')}/alive"
+    alive = [f"{prefix('*')}/alive/**"]
     if role not in PEOPLE:
-        own = f"{alive}/**" if role == ROUTER else f"{alive}/{role}/**"
-        yield from _rules(f"{role}: be alive", [own], OFFERS, ASKS)
-    yield from _rules(f"{role}: see who is alive", [f"{alive}/**"], ASKS, OFFERS)
+        own = alive if role == ROUTER else [f"{prefix('*')}/alive/{role}/**"]
+        yield from _rules(f"{role}: be alive", (OFFERS, own), (ASKS, alive))
+    yield from _rules(f"{role}: see who is alive", (ASKS, alive), (OFFERS, alive))
 
 
 def _clock_rules(role: str) -> Iterator[Rule]:
     """Yield the rules of the question for the time: everybody asks, the router answers."""
-    key = question("*", CLOCK)
+    key = [question("*", CLOCK)]
     if role == ROUTER:
-        yield from _rules(f"{role}: tell the time", [key], CLOCK_OFFERS, CLOCK_ASKS)
-    yield from _rules(f"{role}: ask the time", [key], CLOCK_ASKS, CLOCK_OFFERS)
+        yield from _rules(f"{role}: tell the time", (CLOCK_OFFERS, key), (CLOCK_ASKS, key))
+    yield from _rules(f"{role}: ask the time", (CLOCK_ASKS, key), (CLOCK_OFFERS, key))
 
 
-def _rules(name: str, keys: list[str], says: Sequence[str], hears: Sequence[str]) -> Iterator[Rule]:
-    for flow, messages in (("ingress", says), ("egress", hears)):
+def _rules(name: str, says: Said, hears: Said) -> Iterator[Rule]:
+    for flow, (messages, keys) in (("ingress", says), ("egress", hears)):
         yield {
             "id": f"{name}, {flow}",
             "permission": "allow",

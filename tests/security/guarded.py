@@ -101,6 +101,11 @@ class Ear:
         with self._changed:
             assert self._changed.wait_for(lambda: payload in self.heard, WAIT_S), f"no {payload!r}"
 
+    def wait_briefly(self) -> None:
+        """Wait until something more is heard, a tenth of a second at most."""
+        with self._changed:
+            self._changed.wait(0.1)
+
 
 def settle(session: zenoh.Session) -> None:
     """Wait until the router has seen all that a session said so far, by a question to it.

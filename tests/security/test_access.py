@@ -1,15 +1,18 @@
 """Who may say and hear what, tried by everybody on every topic."""
 
 import itertools
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from common.access import access_control, downsampling, may_publish, may_read, roles
+from common.codec import encode
 from common.topics import BY_MESSAGE, BY_NAME, TOPICS
 from tests.contract.examples import BY_NAME as EXAMPLES
-from tests.security.guarded import Ear, Guarded, guarded, settle
+from tests.security.guarded import PREFIX, WAIT_S, Ear, Guarded, guarded, settle
 from tests.services import SERVICES, node_of
 
 # Written from what each service is for, not from the table.
@@ -78,6 +81,18 @@ def test_every_topic_takes_only_its_speaker_and_gives_only_to_its_readers(
             assert from_others == {f"{speaker} says".encode(), b"the end"}, (role, name)
         else:
             assert from_others == set(), (role, name)
+
+
+def test_health_of_a_peer_reaches_those_who_listen_to_all_health(network: Guarded) -> None:
+    """A peer once was not told that somebody listens, and so said nothing."""
+    planner = Ear(network.session("planner"), f"{PREFIX}/health/*/*")
+    watchdog = network.bus("watchdog", "peer")
+    health = msgspec.structs.replace(EXAMPLES["Health"], service="watchdog")
+    end_s = time.monotonic() + WAIT_S
+    while encode(health) not in planner.heard and time.monotonic() < end_s:
+        watchdog.publish(health)
+        planner.wait_briefly()
+    assert encode(health) in planner.heard
 
 
 def test_every_topic_says_who_publishes_it_and_somebody_may_read_it() -> None:
