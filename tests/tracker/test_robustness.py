@@ -1,0 +1,161 @@
+"""Whatever streams do, every registered tracker goes on and tells finite numbers."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from common.messages import Detection, Detections, Embeddings, Message, Tracks
+from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
+from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.node import TrackerNode
+from services.tracker.registry import TRACKERS, make_tracker
+
+MS = 1_000_000
+BEST = StrongSort3dConfig(
+    noise="measured",
+    occlusion=OcclusionConfig(enabled=True),
+    contact=ContactConfig(enabled=True),
+    identity=IdentityConfig(enabled=True),
+)
+CONFIGS = {name: TrackerConfig(tracker=name, publish_tentative=True) for name in TRACKERS} | {
+    "all switches on": TrackerConfig(
+        strongsort3d=BEST,
+        yaw="keypoints",
+        yaw_filter=YawFilterConfig(measured_sigma=True, sigma_walk_rad=1.0, outlier_sigmas=2.0),
+        publish_tentative=True,
+    )
+}
+every_tracker = pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS.keys())
+
+
+def detection(rng: np.random.Generator, x: float, z: float) -> Detection:
+    """A person of whom depth, covariance and heading may be missing, and anything may be absurd."""
+    left, top = 320 + 600 * x / z - 150 / z, 240 - 500 / z
+    box = np.array([left, top, left + 300 / z, top + 1000 / z])
+    fate = rng.random()
+    if fate < 0.03:
+        box[2:] = box[:2]  # no area
+    elif fate < 0.06:
+        box *= 1e6
+    position = np.array([x, 0.0, z]) + rng.normal(0, 0.05, 3)
+    if fate > 0.9:
+        position *= 10.0 ** rng.uniform(-9, 9)
+    depth = rng.random() < 0.7
+    heading = rng.normal(size=3)
+    return Detection(
+        box_xyxy_px=box.astype(np.float32),
+        score=float(rng.choice([0.0, 0.4, 0.9, 1.0])),
+        position_m=position if depth else None,
+        position_covariance_m2=10.0 ** rng.uniform(-12, 6) * np.eye(3) if depth else None,
+        heading=heading / np.linalg.norm(heading) if rng.random() < 0.6 else None,
+        heading_sigma_rad=float(10.0 ** rng.uniform(-6, 2)),
+    )
+
+
+def stream(seed: int, frames: int = 120, people: int = 4) -> list[Message]:
+    """A stream with all that goes wrong: empty frames, gaps, duplicates, late and missing parts."""
+    rng = np.random.default_rng(seed)
+    x, z = rng.uniform(-2, 2, people), rng.uniform(1.5, 6, people)
+    speed, told, stamp_ns = rng.normal(0, 0.05, people), list[Message](), 1_000 * MS
+    for number in range(frames):
+        x = x + speed
+        stamp_ns += int(rng.choice([33, 100])) * MS
+        fate = rng.random()
+        if fate < 0.05:
+            stamp_ns += 2_000 * MS
+        found = Detections(
+            stamp_ns=stamp_ns - (150 * MS if 0.05 < fate < 0.1 else 0),
+            sequence=number,
+            camera="front",
+            frame_id="optical",
+            model="m",
+            width=640,
+            height=480,
+            people=tuple(detection(rng, x[k], z[k]) for k in range(people) if rng.random() < 0.9)
+            * (fate < 0.9),
+        )
+        told.append(found)
+        if 0.1 < fate < 0.2:
+            told.append(found)  # a duplicate
+        if rng.random() < 0.8 and found.people:
+            vectors = rng.normal(size=(len(found.people), 8)).astype(np.float32)
+            vectors[rng.random(len(vectors)) < 0.1] = 0.0
+            told.append(
+                Embeddings(
+                    stamp_ns=found.stamp_ns,
+                    sequence=number,
+                    camera="front",
+                    model="histogram",
+                    detections=tuple(range(len(vectors))),
+                    vectors=vectors,
+                )
+            )
+    return told
+
+
+def play(config: TrackerConfig, messages: Sequence[Message]) -> list[Tracks]:
+    node = TrackerNode(config, make_tracker(config))
+    told, now_ns = list[Message](), 0
+    for message in messages:
+        now_ns += 40 * MS
+        told += [*node.handle(message, now_ns), *node.tick(now_ns)]
+    return [message for message in told if isinstance(message, Tracks)]
+
+
+def check(told: Sequence[Tracks]) -> None:
+    for tracks in told:  # that numbers are finite, Track checks itself
+        ids = [person.id for person in tracks.people]
+        assert len(set(ids)) == len(ids)
+        for person in tracks.people:
+            assert np.linalg.eigvalsh(person.covariance)[0] > 0
+            assert np.abs(person.position_m).max() < 1e4
+
+
+@every_tracker
+@pytest.mark.parametrize("seed", range(3))
+def test_a_stream_where_everything_goes_wrong(config: TrackerConfig, seed: int) -> None:
+    told = play(config, stream(seed))
+    check(told)
+    assert len({person.id for tracks in told for person in tracks.people}) >= 4
+
+
+@every_tracker
+def test_the_same_stream_gives_the_same_tracks(config: TrackerConfig) -> None:
+    def bare(told: Sequence[Tracks]) -> list[tuple[int, list[tuple[int, bytes, bytes]]]]:
+        return [
+            (t.stamp_ns, [(p.id, p.position_m.tobytes(), p.covariance.tobytes()) for p in t.people])
+            for t in told
+        ]
+
+    messages = stream(5, frames=60)
+    assert bare(play(config, messages)) == bare(play(config, messages))
+
+
+@every_tracker
+def test_two_hundred_people(config: TrackerConfig) -> None:
+    told = play(config, stream(7, frames=6, people=200))
+    check(told)
+    assert max(len(tracks.people) for tracks in told) > 100
+
+
+@every_tracker
+def test_people_whose_depth_is_never_read(config: TrackerConfig) -> None:
+    blind = [
+        Detections(
+            stamp_ns=(1_000 + 33 * number) * MS,
+            sequence=number,
+            camera="front",
+            frame_id="optical",
+            model="m",
+            width=640,
+            height=480,
+            people=(Detection(box_xyxy_px=np.array([10, 10, 90, 200], np.float32), score=0.9),),
+        )
+        for number in range(5)
+    ]
+    node = TrackerNode(config, make_tracker(config))
+    told = [m for k, frame in enumerate(blind) for m in node.handle(frame, 40 * k * MS)]
+    told += node.tick(10_000 * MS)
+    assert all(isinstance(m, Tracks) and not m.people for m in told)
+    assert node.status().counters["without_position"] == 5
