@@ -14,9 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import DecodeError
+from common.files import MAX_TEXT_BYTES, read_text
 from common.messages import F64
 from common.metrics.record import BOOL, I64, Frame, Sequence, TrackedPeople, TruePeople
 
+MAX_BYTES = 256 * 2**20  # of a text: three hours of thirty people
+MAX_NUMBER = 2**53  # of a frame or an identity
 LAYOUT = "frame,id,left,top,width,height,confidence and up to three more numbers"
 
 
@@ -106,9 +109,10 @@ def read_info(path: Path) -> MotInfo:
     Raises:
         DecodeError: The file has no section [Sequence], or one of its values is absent or wrong.
     """
-    parser = configparser.ConfigParser()
+    # Values that refer to others could grow without end.
+    parser = configparser.ConfigParser(interpolation=None)
     try:
-        parser.read_string(_text(path))
+        parser.read_string(_text(path, MAX_TEXT_BYTES))
         section = parser["Sequence"]
         info = MotInfo(
             name=section["name"],
@@ -122,7 +126,7 @@ def read_info(path: Path) -> MotInfo:
     except (configparser.Error, KeyError, ValueError) as error:
         raise DecodeError(
             f"{path}: expected [Sequence] with name, frameRate, seqLength, imWidth and imHeight, "
-            f"got {type(error).__name__}: {error}"
+            f"got {type(error).__name__}: {error!s:.200}"
         ) from error
     return info
 
@@ -175,10 +179,10 @@ def _people(rows: MotRows) -> TruePeople:
     return TruePeople(ids=tuple(rows.ids.tolist()), boxes_xyxy_px=rows.boxes_xyxy_px)
 
 
-def _text(path: Path) -> str:
+def _text(path: Path, limit: int = MAX_BYTES) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_text(path, limit)
+    except (OSError, ValueError) as error:
         raise DecodeError(f"{path}: expected a readable text file, got {error}") from error
 
 
@@ -189,15 +193,16 @@ def _parse(line: str, where: str) -> list[float]:
     try:
         row = [float(field) for field in fields]
     except ValueError as error:
-        raise DecodeError(f"{where}: expected {LAYOUT}, got {line.strip()!r}") from error
+        raise DecodeError(f"{where}: expected {LAYOUT}, got {line.strip()!r:.80}") from error
     if not all(map(math.isfinite, row)):
-        raise DecodeError(f"{where}: expected finite numbers, got {line.strip()!r}")
-    if row[0] < 1 or row[0] % 1 or row[1] % 1:
+        raise DecodeError(f"{where}: expected finite numbers, got {line.strip()!r:.80}")
+    if not 1 <= row[0] <= MAX_NUMBER or abs(row[1]) > MAX_NUMBER or row[0] % 1 or row[1] % 1:
         raise DecodeError(
-            f"{where}: expected a frame from 1 and a whole id, got {fields[0]} and {fields[1]}"
+            f"{where}: expected a frame from 1 and a whole id, got {fields[0]:.30} and "
+            f"{fields[1]:.30}"
         )
     if row[4] <= 0 or row[5] <= 0:
         raise DecodeError(
-            f"{where}: expected width and height > 0, got {fields[4]} and {fields[5]}"
+            f"{where}: expected width and height > 0, got {fields[4]:.30} and {fields[5]:.30}"
         )
     return row if len(row) == 10 else row[:7] + [-1.0] * 3

@@ -3,12 +3,13 @@
 import csv
 import math
 from collections.abc import Iterator, Mapping
-from itertools import groupby
+from itertools import groupby, islice
 from pathlib import Path
-from typing import TypeAlias
+from typing import TextIO, TypeAlias
 
 import numpy as np
 
+from common.codec import MAX_ITEMS
 from common.errors import SourceError
 from common.messages import F64, Truth, TruthPerson
 from common.people_table import NAMES
@@ -16,6 +17,8 @@ from services.gt_bridge.config import GtBridgeConfig
 
 NEEDED = ("stamp_ns", "id", "x_m", "y_m", "z_m")
 Row: TypeAlias = Mapping[str, str]
+MAX_LINE = 16384  # characters
+MAX_COLUMNS = 256
 
 
 class CsvTruth:
@@ -38,7 +41,9 @@ class CsvTruth:
         """
         last_ns = None
         for sequence, (stamp_ns, rows) in enumerate(groupby(self._rows(), key=self._stamp_ns)):
-            people = list(rows)
+            people = list(islice(rows, MAX_ITEMS + 1))
+            if len(people) > MAX_ITEMS:
+                raise self._wrong(people[-1], f"more than {MAX_ITEMS} people of one stamp")
             if last_ns is not None and stamp_ns < last_ns:
                 raise self._wrong(people[0], f"expected rising stamps, got {stamp_ns} again")
             last_ns = stamp_ns
@@ -64,7 +69,9 @@ class CsvTruth:
     def _rows(self) -> Iterator[Row]:
         try:
             with self._path.open(newline="", encoding="utf-8-sig") as file:
-                reader = csv.DictReader(file, restval="", restkey="")
+                reader = csv.DictReader(_lines(file), restval="", restkey="")
+                if len(reader.fieldnames or ()) > MAX_COLUMNS:
+                    raise SourceError(f"truth {self._path} has more than {MAX_COLUMNS} columns")
                 missing = [name for name in NEEDED if name not in (reader.fieldnames or ())]
                 if missing:
                     raise SourceError(
@@ -80,6 +87,14 @@ class CsvTruth:
 
     def _wrong(self, row: Row, what: str) -> SourceError:
         return SourceError(f"truth {self._path}, line {row['line']}: {what}", "Mend the row.")
+
+
+def _lines(file: TextIO) -> Iterator[str]:
+    """Yield lines; one without an end is not gathered in memory."""
+    while line := file.readline(MAX_LINE):
+        if len(line) == MAX_LINE:
+            raise csv.Error(f"a line has {MAX_LINE} characters or more")
+        yield line
 
 
 def _person(row: Row) -> TruthPerson:

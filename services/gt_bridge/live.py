@@ -1,5 +1,6 @@
 """Truth that is captured now: people_msgs/People in CDR, as zenoh-bridge-ros2dds passes it on."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 from common.errors import ConfigError, DecodeError
@@ -9,6 +10,8 @@ from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.people_msgs import PEOPLE, people_typestore, truth_of
 from services.gt_bridge.sources import SCHEME
 
+# Chunks without the wild cards of Zenoh, blanks, or what no name of a ROS topic has.
+KEY = re.compile(r"[A-Za-z0-9_~.%@-]{1,64}(/[A-Za-z0-9_~.%@-]{1,64}){0,31}")
 MAX_BYTES = 2**20  # 4000 people need half of it
 
 
@@ -21,9 +24,9 @@ class LiveTruth:
 
     def __init__(self, config: GtBridgeConfig) -> None:
         key = config.truth.removeprefix(SCHEME).strip("/")
-        if not key or any(not chunk or set(chunk) & set("*$?#") for chunk in key.split("/")):
+        if not KEY.fullmatch(key):
             raise ConfigError(
-                f"truth {config.truth!r} names no key",
+                f"truth {config.truth!r:.80} names no key",
                 "Write zenoh: and the ROS topic, for example zenoh:vicon/people.",
             )
         self._store = people_typestore()

@@ -10,6 +10,9 @@ from common.messages import Truth, TruthPerson
 from common.metrics.mot_text import read_info, read_rows
 from services.gt_bridge.config import GtBridgeConfig
 
+MAX_FRAMES = 10**7  # 90 hours at 30 Hz: each is a message, though nobody be in it
+RATES_HZ = (1e-3, 1e6)
+
 
 class MotTruth:
     """The judged lines with a position; frame 1 is at 0 s.
@@ -24,9 +27,14 @@ class MotTruth:
         path = Path(config.truth)
         try:
             rows = read_rows(path).judged()
-            self._period_s = 1.0 / (config.rate_hz or _rate_hz(path))
+            rate_hz = config.rate_hz or _rate_hz(path)
         except DecodeError as error:
             raise SourceError(f"truth {error.problem}", error.mend) from error
+        if not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
+            raise SourceError(f"truth {path} is of {rate_hz} Hz", "Set rate_hz.")
+        if len(rows.frames) and rows.frames[-1] > MAX_FRAMES:
+            raise SourceError(f"truth {path} has a frame {rows.frames[-1]}, beyond {MAX_FRAMES}")
+        self._period_s = 1.0 / rate_hz
         self._rows = rows
         self._known = np.isfinite(rows.positions_m).all(axis=1) & (rows.ids >= 0)
         if not self._known.any():

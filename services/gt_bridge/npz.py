@@ -1,17 +1,18 @@
 """Truth from arrays in an NPZ file (gt.npz)."""
 
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from common.codec import MAX_ITEMS
 from common.errors import SourceError
 from common.messages import F64, Truth, TruthPerson
+from common.npz import read_arrays
 from services.gt_bridge.config import GtBridgeConfig
 
-AXES = {"t": 1, "pos": 3, "vel": 3, "yaw": 2}  # arrays needed: N, NxKx3, NxKx3, NxK
-MAX_BYTES = 256 * 2**20  # of one array
+AXES = ("t", "pos", "vel", "yaw")  # arrays needed: N, NxKx3, NxKx3, NxK
+MAX_TIME_S = 2**33  # [s] the year 2242; beyond it nanoseconds do not fit 64 bits
 
 
 class NpzTruth:
@@ -25,27 +26,18 @@ class NpzTruth:
         path = Path(config.truth)
         path = path / "gt.npz" if path.is_dir() else path
         try:
-            with np.load(path, allow_pickle=False) as file:
-                self._arrays = {name: self._read(file, name) for name in AXES}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            arrays = read_arrays(path, AXES)
+            self._arrays = [np.asarray(arrays[name], np.float64) for name in AXES]
+            _check(*self._arrays)
+        except (OSError, ValueError) as error:
             raise SourceError(
                 f"truth {path} cannot be read: {error}",
                 f"Expected an NPZ file with the arrays {', '.join(AXES)}.",
             ) from error
 
-    @staticmethod
-    def _read(file: np.lib.npyio.NpzFile, name: str) -> F64:
-        if file.zip is None or file.zip.getinfo(f"{name}.npy").file_size > MAX_BYTES:
-            raise ValueError(f"array {name} is larger than {MAX_BYTES} bytes")
-        array = np.asarray(file[name], np.float64)
-        if array.ndim != AXES[name] or not np.all(np.isfinite(array)):
-            raise ValueError(f"array {name} has another form or is not finite")
-        return array
-
     def __iter__(self) -> Iterator[Truth]:
         """Yield one message for each time."""
-        times, *people = (self._arrays[name] for name in AXES)
-        for row, (t, pos, vel, yaw) in enumerate(zip(times, *people, strict=False)):
+        for row, (t, pos, vel, yaw) in enumerate(zip(*self._arrays, strict=True)):
             yield Truth(
                 stamp_ns=round(float(t) * 1e9),
                 sequence=row,
@@ -57,3 +49,16 @@ class NpzTruth:
                     for k in range(len(pos))
                 ),
             )
+
+
+def _check(t: F64, pos: F64, vel: F64, yaw: F64) -> None:
+    shapes = [array.shape for array in (t, pos, vel, yaw)]
+    count, people = yaw.shape if yaw.ndim == 2 else (0, 0)
+    if shapes != [(count,), (count, people, 3), (count, people, 3), (count, people)]:
+        raise ValueError(f"expected arrays of N, NxKx3, NxKx3 and NxK, got {shapes}")
+    if people > MAX_ITEMS:
+        raise ValueError(f"expected at most {MAX_ITEMS} people, got {people}")
+    if not all(np.all(np.isfinite(array)) for array in (t, pos, vel, yaw)):
+        raise ValueError("expected finite numbers, got NaN or infinity")
+    if np.any(np.abs(t) > MAX_TIME_S):
+        raise ValueError(f"expected times of at most {MAX_TIME_S} s")

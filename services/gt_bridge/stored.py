@@ -110,7 +110,11 @@ class StoredTruth:
             return
         if message is not None:
             stamp_ns = message.stamp_ns + self._offset_ns + self._round * self._loop_ns
-            message = msgspec.structs.replace(message, stamp_ns=stamp_ns, trace=())
+            try:
+                message = msgspec.structs.replace(message, stamp_ns=stamp_ns, trace=())
+            except ValueError as error:
+                self.problem = f"the truth's stamps cannot be moved so far: {error}"
+                return
             self._next = self._take_in(message)
 
     def _pass_over(self, stamp_ns: int) -> None:

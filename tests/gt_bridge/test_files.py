@@ -1,15 +1,18 @@
 """Truth from MOT text and CSV."""
 
 import math
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from common.errors import SourceError
 from common.messages import Truth
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources import open_truth
+from services.gt_bridge.stored import StoredTruth
 
 SEQINFO = """[Sequence]
 name=x
@@ -140,3 +143,64 @@ def test_numbers_of_the_configuration_are_checked() -> None:
     ):
         with pytest.raises(ValueError, match=next(iter(settings))):
             GtBridgeConfig(**settings)  # type: ignore[arg-type]
+
+
+def test_mot_text_that_would_cost_too_much_is_refused(tmp_path: Path) -> None:
+    row = "10,20,30,40,1,1,2,0"
+    path = mot(tmp_path, f"99999999999,1,{row}\n")
+    with pytest.raises(SourceError, match="has a frame 99999999999, beyond"):
+        read(path)
+    path.write_text(f"1e300,1,{row}\n")
+    with pytest.raises(SourceError, match="expected a frame from 1"):
+        read(path)
+    path.write_text(f"1,1,{row}\n")
+    info = tmp_path / "seqinfo.ini"
+    info.write_text(SEQINFO.replace("25", "1e-300"))
+    with pytest.raises(SourceError, match="is of 1e-300 Hz"):
+        read(path)
+    # Ten values that each say the one before ten times.
+    more = "".join(f"a{k}={f'%(a{k - 1})s' * 10}\n" for k in range(1, 10))
+    info.write_text(SEQINFO + "a0=x\n" + more + "b=%(a9)s\n")
+    assert len(read(path)) == 1
+
+
+def test_csv_that_would_cost_too_much_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    head = "stamp_ns,id,x_m,y_m,z_m\n"
+    path.write_text(head + "1," + "a" * 10**6)
+    with pytest.raises(SourceError, match="a line has 16384 characters or more"):
+        read(path)
+    path.write_text(head + "1,a,1,2,3\n" * 5000)
+    with pytest.raises(SourceError, match="more than 4096 people of one stamp"):
+        read(path)
+    path.write_text(head.strip() + ",a" * 300 + "\n")
+    with pytest.raises(SourceError, match="more than 256 columns"):
+        read(path)
+    path.write_text(head + f"{2**63 - 1},a,1,2,3\n")
+    assert len(read(path)) == 1
+    stored = StoredTruth(
+        GtBridgeConfig(truth=str(path), offset_s=1.0),
+        open_truth(GtBridgeConfig(truth=str(path))),
+        Counter(),
+        lambda truth: truth,
+    )
+    assert "cannot be moved so far" in stored.problem
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"t": [1e300]},
+        {"t": [np.nan]},
+        {"t": [1.0, 2.0]},
+        {"pos": [[[1.0, 2.0]]]},
+        {"yaw": [0.0]},
+        {"vel": [[["a", "b", "c"]]]},
+        {"pos": np.zeros((1, 5000, 3)), "vel": np.zeros((1, 5000, 3)), "yaw": np.zeros((1, 5000))},
+    ],
+)
+def test_arrays_that_are_no_truth_are_refused(arrays: dict[str, Any], tmp_path: Path) -> None:
+    sound = {"t": [1.0], "pos": [[[1.0, 2.0, 3.0]]], "vel": [[[0.0] * 3]], "yaw": [[0.0]]}
+    np.savez(tmp_path / "gt.npz", **(sound | arrays))  # type: ignore[arg-type]
+    with pytest.raises(SourceError, match="cannot be read"):
+        read(tmp_path)

@@ -67,7 +67,8 @@ def test_the_key_is_the_topic_without_its_slash() -> None:
         truth_ = open_truth(GtBridgeConfig(truth=text))
         (topic,) = GtBridgeNode(truth_, GtBridgeConfig(truth=text)).foreign_inputs
         assert topic.key_expression("robot") == "vicon/people"
-    for text in ("zenoh:", "zenoh:/", "zenoh:a//b", "zenoh:a/*"):
+    for key in ("", "/", "a//b", "a/*", "**", "a/$*", "a?x=1", "a#b", "a\0b", "a b", "x/" * 99):
+        text = f"zenoh:{key}"
         with pytest.raises(ConfigError, match=r"names no key\. Write zenoh: and the ROS topic"):
             open_truth(GtBridgeConfig(truth=text))
 
