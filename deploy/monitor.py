@@ -1,6 +1,6 @@
 """What a running system tells of itself: processes, stages and clocks, over the last seconds."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Self
 
 import msgspec
@@ -109,7 +109,7 @@ class Monitor:
         if isinstance(message, Health):
             if message.instance in self._health or len(self._health) < MAX_PROCESSES:
                 self._health[message.instance] = (now_s, message)
-                self._compare_clocks(now_s)
+                self.clocks |= clocks_of(self.healths(now_s))
         elif isinstance(message, Tracks) and of_frame(message.trace):
             taken = self._tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
             self._add_trace(taken.trace, now_s)
@@ -158,16 +158,6 @@ class Monitor:
         if total:
             self._whole.add(total, now_s)
 
-    def _compare_clocks(self, now_s: float) -> None:
-        """Know of each host the offset with the least error that a process of it tells."""
-        found: dict[str, Offset] = {}
-        for health in self.healths(now_s):
-            offset = offset_of(health)
-            best = found.get(health.host)
-            if offset and (best is None or offset.error_ns < best.error_ns):
-                found[health.host] = offset
-        self.clocks = {**self.clocks, **found}
-
     def _clock(self, host: str) -> ClockNow:
         offset = self.clocks.get(host)
         return ClockNow(
@@ -206,12 +196,17 @@ def of_frame(trace: Sequence[Span]) -> bool:
     return bool(trace) and not any(span.stage.endswith(".prediction") for span in trace)
 
 
-def offset_of(health: Health) -> Offset | None:
-    """Return how far the clock of a process is ahead of the router's, None if it tells none."""
-    offset_ms, error_ms = (health.gauges.get(f"clock_{n}_ms") for n in ("offset", "error"))
-    if offset_ms is None or error_ms is None:
-        return None
-    return Offset(offset_ms * 1e6, error_ms * 1e6)
+def clocks_of(healths: Iterable[Health]) -> dict[str, Offset]:
+    """Return of each host that tells it how far its clock is ahead, from its surest process."""
+    found: dict[str, Offset] = {}
+    for health in healths:
+        offset_ms, error_ms = (health.gauges.get(f"clock_{n}_ms") for n in ("offset", "error"))
+        if offset_ms is None or error_ms is None:
+            continue
+        offset, best = Offset(offset_ms * 1e6, error_ms * 1e6), found.get(health.host)
+        if best is None or offset.error_ns < best.error_ns:
+            found[health.host] = offset
+    return found
 
 
 def _process(

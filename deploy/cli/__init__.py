@@ -19,6 +19,8 @@ COMMANDS = (
     ("scale", "scale", "Change how many detectors or reids run, live: detector=3."),
     ("ps", "ps", "Show processes: state, health, rates, drops."),
     ("top", "top", "Show where time goes, live: every stage, rates, losses, ages."),
+    ("trace", "trace", "Write the way of frames through all processes, for Perfetto."),
+    ("export", "export", "Serve latency and health to Prometheus or OpenTelemetry."),
     ("logs", "logs", "Show what the processes wrote."),
     ("listen", "listen", "Show the people around the robot, live."),
     ("score", "score", "Show how far the people are from the truth, live."),

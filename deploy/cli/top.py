@@ -20,11 +20,14 @@ from common.clock import Clock
 from common.errors import People4dError
 from common.messages import Health, Tracks
 from common.place import Place
+from common.topics import TOPICS
 from deploy.cli.live import Json
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.monitor import ClockNow, Durations, Monitor, Picture, ProcessNow
 
 COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "": "dim"}
+STREAMS = tuple(topic.name for topic in TOPICS if topic.rate_hz)  # all but what is sent once
+WIDTH = 120  # where there is no terminal
 FIRST_S = 3.0  # how long --once listens at least: heartbeats come twice a second
 
 
@@ -112,11 +115,11 @@ def _show_once(picture: Picture, json: bool) -> None:
     if json:
         typer.echo(msgspec.json.encode(picture).decode())
     else:
-        Console().print(drawn(picture))
+        _console().print(drawn(picture))
 
 
 def _show(picture: Callable[[], Picture], every_s: float, json: bool) -> None:
-    console = Console()
+    console = _console()
     if json or not console.is_terminal:
         while True:
             time.sleep(every_s)
@@ -127,6 +130,11 @@ def _show(picture: Callable[[], Picture], every_s: float, json: bool) -> None:
             live.update(drawn(picture()), refresh=True)
 
 
+def _console() -> Console:
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=WIDTH)
+
+
 def drawn(picture: Picture) -> Group:
     """Draw a picture: the whole way and the clocks, the processes, the stages."""
     return Group(
@@ -134,6 +142,7 @@ def drawn(picture: Picture) -> Group:
         _clocks(picture.clocks),
         Text(""),
         _processes(picture.processes),
+        *(Text(f"{p.instance}: {p.reason}", "yellow") for p in picture.processes if p.reason),
         Text(""),
         _stages(picture),
     )
@@ -167,31 +176,26 @@ def _processes(processes: list[ProcessNow]) -> Table:
         table.add_column(title, no_wrap=True)
     for title in ("cpu%", "MB"):
         table.add_column(title, justify="right", no_wrap=True)
-    for title in ("in/s", "age ms", "out/s"):
-        table.add_column(title, no_wrap=True)
+    table.add_column("in/s", no_wrap=True)
+    table.add_column("age ms", justify="right", no_wrap=True)
+    table.add_column("out/s", no_wrap=True)
     table.add_column("losses", overflow="fold")
     for process in processes:
         if not process.state:  # this listener itself
             continue
-        rates = process.rates_hz
-        received = [n.removeprefix("received_") for n in rates if n.startswith("received_")]
-        inputs = sorted({*received, *process.ages_ms})
+        rates, ages = process.rates_hz, process.ages_ms
+        inputs = [topic for topic in STREAMS if f"received_{topic}" in rates]
+        outputs = [topic for topic in STREAMS if rates.get(f"sent_{topic}")]
         table.add_row(
             process.instance,
             f"[{COLOURS.get(process.state, 'red')}]{process.state}[/]",
             _number(process.cpu_percent),
             _number(process.memory_mb),
-            "\n".join(f"{name} {rates.get(f'received_{name}', 0):.0f}" for name in inputs),
-            "\n".join(_number(process.ages_ms.get(name)) for name in inputs),
-            "\n".join(
-                f"{name.removeprefix('sent_')} {rate:.0f}"
-                for name, rate in sorted(rates.items())
-                if name.startswith("sent_")
-            ),
+            "\n".join(f"{topic} {rates[f'received_{topic}']:.0f}" for topic in inputs),
+            "\n".join(_number(ages.get(topic)) for topic in inputs),
+            "\n".join(f"{topic} {rates[f'sent_{topic}']:.0f}" for topic in outputs),
             "\n".join(f"{name} {count}" for name, count in process.losses.items()),
         )
-        if process.reason:
-            table.add_row("", Text(process.reason, style="yellow", overflow="fold"))
     return table
 
 

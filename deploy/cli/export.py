@@ -1,0 +1,128 @@
+"""people4d export."""
+
+import os
+import signal
+import socket
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Annotated
+
+import typer
+
+from common.client import Client
+from common.clock import Clock
+from common.errors import ConfigError
+from common.latency import parts, whole
+from common.messages import Health, Tracks
+from common.place import Place
+from deploy.cli.options import Connect, Robot, open_client
+from deploy.exporters.measures import Exporter
+from deploy.monitor import Monitor
+
+WINDOW_S = 10.0
+METRICS_S = 10.0
+
+
+def export(
+    prometheus: Annotated[
+        int | None, typer.Option(metavar="PORT", min=0, max=65535, help="Serve /metrics there.")
+    ] = None,
+    address: Annotated[str, typer.Option(help="Address to serve at.")] = "127.0.0.1",
+    otlp: Annotated[
+        str,
+        typer.Option(
+            metavar="URL", help="Send to an OpenTelemetry collector, e.g. http://localhost:4318."
+        ),
+    ] = "",
+    robot: Robot = "robot",
+    connect: Connect = "",
+) -> None:
+    """Hand latency of every stage and health of every process to Prometheus or OpenTelemetry.
+
+    Runs until Ctrl-C. Prometheus needs people4d[prometheus], OpenTelemetry people4d[otel].
+    """
+    if prometheus is None and not otlp:
+        raise typer.BadParameter("name --prometheus PORT, --otlp URL, or both")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a supervisor's way to say Ctrl-C
+    exporters: list[Exporter] = []
+    with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
+        try:
+            if prometheus is not None:
+                exporters.append(prometheus_exporter(address, prometheus))
+            if otlp:
+                exporters.append(otlp_exporter(robot, otlp))
+            feed(client, exporters)
+        finally:
+            for exporter in exporters:
+                exporter.close()
+
+
+def feed(client: Client, exporters: Sequence[Exporter]) -> None:
+    """Give exporters what comes, until interrupted."""
+    host = socket.gethostname()
+    monitor = Monitor(Place("export", f"export-{os.getpid()}", host), WINDOW_S)
+    clock = Clock(client.bus, host)
+    for arrival in client.arrivals(Health, Tracks):
+        clock.ask()
+        monitor.add_own_clock(clock.offset())
+        trace = monitor.add(arrival, time.time_ns(), time.monotonic())
+        message, total = arrival.message, whole(trace, monitor.clocks)
+        for exporter in exporters:
+            if isinstance(message, Tracks) and total:
+                exporter.add_way(message, parts(trace, monitor.clocks), total)
+            elif isinstance(message, Health):
+                exporter.add_healths(monitor.healths(time.monotonic()))
+
+
+def prometheus_exporter(address: str, port: int) -> Exporter:
+    """Return what serves Prometheus.
+
+    Raises:
+        ConfigError: Its library is not installed.
+        People4dError: Nothing can listen there.
+    """
+    try:
+        from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
+    except ModuleNotFoundError as error:
+        raise _missing("Prometheus", "prometheus", error) from error
+    exporter = PrometheusExporter(address, port)
+    typer.echo(f"Serving http://{address}:{exporter.port}/metrics; Ctrl-C ends it.")
+    return exporter
+
+
+def otlp_exporter(robot: str, url: str) -> Exporter:
+    """Return what sends to a collector by OTLP over HTTP.
+
+    Raises:
+        ConfigError: Its libraries are not installed.
+    """
+    try:
+        from opentelemetry.exporter.otlp.proto.http.metric_exporter import (  # noqa: PLC0415
+            OTLPMetricExporter,
+        )
+        from opentelemetry.exporter.otlp.proto.http.trace_exporter import (  # noqa: PLC0415
+            OTLPSpanExporter,
+        )
+        from opentelemetry.sdk.metrics.export import PeriodicExportingMetricReader  # noqa: PLC0415
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415
+
+        from deploy.exporters.otel import OtelExporter  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise _missing("OpenTelemetry", "otel", error) from error
+    base = url.rstrip("/")
+    typer.echo(f"Sending to {base}/v1/traces and /v1/metrics; Ctrl-C ends it.")
+    return OtelExporter(
+        robot,
+        BatchSpanProcessor(OTLPSpanExporter(f"{base}/v1/traces")),
+        PeriodicExportingMetricReader(
+            OTLPMetricExporter(f"{base}/v1/metrics"), export_interval_millis=METRICS_S * 1e3
+        ),
+    )
+
+
+def _missing(what: str, extra: str, error: ModuleNotFoundError) -> ConfigError:
+    return ConfigError(
+        f"{what} needs the package {error.name}, which is not installed",
+        f"Install it: pip install 'people4d[{extra}]'.",
+    )

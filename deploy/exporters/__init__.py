@@ -1,0 +1,1 @@
+"""What others' monitoring gets, through their own libraries."""

@@ -1,0 +1,103 @@
+"""What heartbeats tell, as measures that Prometheus and OpenTelemetry share."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
+
+from common.latency import Part
+from common.losses import losses
+from common.messages import Health, Tracks
+from common.messages.status import State
+from deploy.monitor import clocks_of
+
+# [s] upper bounds of the classes of durations
+BUCKETS_S = (1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Something that is measured.
+
+    Args:
+        kind: Whether it only grows.
+        unit: Of its values: "s", "By" (bytes), or "1".
+        text: What it is.
+    """
+
+    kind: Literal["counter", "gauge"]
+    unit: str
+    text: str
+
+
+MEASURES = {
+    "state": Measure("gauge", "1", "1 for the state that a process is in, 0 for the others"),
+    "messages": Measure("counter", "1", "Messages taken (in) and sent (out) by topic"),
+    "losses": Measure("counter", "1", "Messages lost and errors by cause"),
+    "input_age": Measure("gauge", "s", "Time since the newest message of a topic was taken"),
+    "cpu": Measure("gauge", "1", "Share of one core that a process uses"),
+    "memory": Measure("gauge", "By", "Resident memory of a process"),
+    "clock_offset": Measure("gauge", "s", "How far a host's clock is ahead of the router's"),
+    "clock_error": Measure("gauge", "s", "Bound of the error of clock_offset"),
+}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One value.
+
+    Args:
+        name: Key of MEASURES.
+        value: In the unit of the measure.
+        labels: What it belongs to; the same names for all samples of a measure.
+    """
+
+    name: str
+    value: float
+    labels: Mapping[str, str]
+
+
+class Exporter(Protocol):
+    """Hands on what a system tells."""
+
+    def add_way(self, tracks: Tracks, way: Sequence[Part], whole: Part) -> None:
+        """Take the way of a frame, piece by piece and as a whole."""
+        ...
+
+    def add_healths(self, healths: Sequence[Health]) -> None:
+        """Take the fresh heartbeats of all processes; those that are not in it are gone."""
+        ...
+
+    def close(self) -> None:
+        """Hand on what is left, and end."""
+        ...
+
+
+def samples(healths: Iterable[Health]) -> Iterator[Sample]:
+    """Return all values that heartbeats tell."""
+    healths = list(healths)
+    for health in healths:
+        yield from _of_process(health)
+    for host, clock in clocks_of(healths).items():
+        yield Sample("clock_offset", clock.offset_ns / 1e9, {"host": host})
+        yield Sample("clock_error", clock.error_ns / 1e9, {"host": host})
+
+
+def _of_process(health: Health) -> Iterator[Sample]:
+    who = {"service": health.service, "instance": health.instance, "host": health.host}
+    for state in get_args(State):
+        yield Sample("state", float(health.state == state), who | {"state": state})
+    for prefix, direction in (("received_", "in"), ("sent_", "out")):
+        for name, count in health.counters.items():
+            if name.startswith(prefix):
+                topic = name.removeprefix(prefix)
+                yield Sample("messages", count, who | {"direction": direction, "topic": topic})
+    for cause, count in losses(health.counters).items():
+        yield Sample("losses", count, who | {"cause": cause})
+    gauges = health.gauges
+    for name, value in gauges.items():
+        if name.startswith("age_"):
+            yield Sample("input_age", value / 1e3, who | {"topic": name[len("age_") : -len("_ms")]})
+    if "cpu_percent" in gauges:
+        yield Sample("cpu", gauges["cpu_percent"] / 100, who)
+    if "memory_mb" in gauges:
+        yield Sample("memory", gauges["memory_mb"] * 2**20, who)

@@ -1,0 +1,135 @@
+"""Latency and health for OpenTelemetry: every frame a trace, every process a resource."""
+
+from collections.abc import Callable, Iterable, Sequence
+
+from opentelemetry import trace
+from opentelemetry.metrics import CallbackOptions, Observation
+from opentelemetry.sdk.metrics import MeterProvider
+from opentelemetry.sdk.metrics.export import MetricReader
+from opentelemetry.sdk.resources import Resource
+from opentelemetry.sdk.trace import SpanProcessor, TracerProvider
+
+from common.latency import Part, summed
+from common.messages import Health, Tracks
+from deploy.exporters.measures import BUCKETS_S, MEASURES, samples
+
+MAX_PROCESSES = 256
+SYSTEM = "people4d"
+
+
+class OtelExporter:
+    """Makes spans and metrics, and gives them to the SDK.
+
+    Args:
+        robot: Name of the robot, the namespace of its services.
+        spans: Takes the spans.
+        metrics: Takes the metrics.
+    """
+
+    def __init__(self, robot: str, spans: SpanProcessor, metrics: MetricReader) -> None:
+        self._robot = robot
+        self._spans = spans
+        self._tracers: dict[str, trace.Tracer] = {}
+        self._frames = self._tracer(SYSTEM, SYSTEM, "")
+        resource = self._resource(SYSTEM, SYSTEM, "")
+        self._meters = MeterProvider([metrics], resource, shutdown_on_exit=False)
+        meter = self._meters.get_meter(SYSTEM)
+        self._stage = meter.create_histogram(
+            "people4d.stage.duration",
+            "s",
+            "Time that a frame spent in one stage of one process",
+            explicit_bucket_boundaries_advisory=BUCKETS_S,
+        )
+        self._latency = meter.create_histogram(
+            "people4d.latency",
+            "s",
+            "Time from the first stage of a frame to its people here",
+            explicit_bucket_boundaries_advisory=BUCKETS_S,
+        )
+        self._healths: Sequence[Health] = ()
+        for name, measure in MEASURES.items():
+            create = (
+                meter.create_observable_counter
+                if measure.kind == "counter"
+                else meter.create_observable_gauge
+            )
+            create(f"people4d.{name}", [self._observe(name)], measure.unit, measure.text)
+
+    def add_way(self, tracks: Tracks, way: Sequence[Part], whole: Part) -> None:
+        """Take the way of a frame, piece by piece and as a whole."""
+        frame = self._frames.start_span(
+            "frame",
+            start_time=whole.start_ns,
+            attributes={
+                "people4d.camera": tracks.camera,
+                "people4d.sequence": tracks.sequence,
+                "people4d.stamp_ns": tracks.stamp_ns,
+                "people4d.people": len(tracks.people),
+                **_clock(whole),
+            },
+        )
+        inside = trace.set_span_in_context(frame)
+        for part in way:
+            tracer = self._tracer(part.service, part.instance, part.process.partition("@")[2])
+            piece = tracer.start_span(
+                part.name, inside, start_time=part.start_ns, attributes=_clock(part)
+            )
+            # A span cannot end before it begins; the attribute tells that it did.
+            piece.end(max(part.end_ns, part.start_ns))
+        frame.end(max(whole.end_ns, whole.start_ns))
+        for part in summed(way):
+            labels = {"service": part.service, "instance": part.instance, "stage": part.stage}
+            if part.ms >= 0:
+                self._stage.record(part.ms / 1e3, labels)
+        if whole.ms >= 0:
+            self._latency.record(whole.ms / 1e3, {"camera": tracks.camera})
+
+    def add_healths(self, healths: Sequence[Health]) -> None:
+        """Take the fresh heartbeats of all processes; those that are not in it are gone."""
+        self._healths = healths
+
+    def close(self) -> None:
+        """Hand on what is left, and end."""
+        self._spans.shutdown()
+        self._meters.shutdown()
+
+    def _observe(self, name: str) -> Callable[[CallbackOptions], Iterable[Observation]]:
+        def observe(_: CallbackOptions) -> Iterable[Observation]:
+            found = (sample for sample in samples(self._healths) if sample.name == name)
+            return [Observation(sample.value, sample.labels) for sample in found]
+
+        return observe
+
+    def _tracer(self, service: str, instance: str, host: str) -> trace.Tracer:
+        """Return the tracer of a process; of too many processes the last ones share one."""
+        known = self._tracers.get(instance)
+        if known:
+            return known
+        if len(self._tracers) >= MAX_PROCESSES:
+            return self._frames
+        resource = self._resource(service, instance, host)
+        provider = TracerProvider(resource=resource, shutdown_on_exit=False)
+        provider.add_span_processor(self._spans)
+        return self._tracers.setdefault(instance, provider.get_tracer(SYSTEM))
+
+    def _resource(self, service: str, instance: str, host: str) -> Resource:
+        return Resource(
+            {
+                "service.name": service,
+                "service.namespace": self._robot,
+                "service.instance.id": instance,
+                **({"host.name": host} if host else {}),
+            }
+        )
+
+
+def _clock(part: Part) -> dict[str, float | bool]:
+    """Return what clocks of different hosts bring into a piece, nothing on one host."""
+    told: dict[str, float | bool] = {}
+    if part.error_ns is None:
+        told["people4d.clocks_compared"] = False
+    elif part.error_ns:
+        told["people4d.clock_error_ms"] = part.error_ns / 1e6
+    if part.ms < 0:
+        told["people4d.duration_ms"] = part.ms
+    return told

@@ -1,0 +1,116 @@
+"""Latency and health for Prometheus, which fetches them."""
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, start_http_server
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from common.errors import People4dError
+from common.latency import Part, summed
+from common.messages import Health, Tracks
+from deploy.exporters.measures import BUCKETS_S, MEASURES, Sample, samples
+
+UNITS = {"s": "_seconds", "By": "_bytes", "1": ""}
+PIECE = ("service", "instance", "stage")
+
+
+class PrometheusExporter:
+    """Serves /metrics.
+
+    Args:
+        address: Address to listen at.
+        port: Port to listen at.
+
+    Raises:
+        People4dError: Nothing can listen there.
+    """
+
+    def __init__(self, address: str, port: int) -> None:
+        registry = CollectorRegistry()
+        self._stages = Histogram(
+            "people4d_stage_seconds",
+            "Time that a frame spent in one stage of one process",
+            PIECE,
+            buckets=BUCKETS_S,
+            registry=registry,
+        )
+        self._negative = Counter(
+            "people4d_stage_negative",
+            "Frames that left later than they came: the clocks of two hosts disagree",
+            PIECE,
+            registry=registry,
+        )
+        self._whole = Histogram(
+            "people4d_latency_seconds",
+            "Time from the first stage of a frame to its people here",
+            ("camera",),
+            buckets=BUCKETS_S,
+            registry=registry,
+        )
+        self._people = Gauge(
+            "people4d_people",
+            "Confirmed people in the last message",
+            ("camera",),
+            registry=registry,
+        )
+        self._healths = _Healths()
+        registry.register(self._healths)
+        try:
+            self._server, self._thread = start_http_server(port, address, registry)
+        except OSError as error:
+            raise People4dError(
+                f"nothing can listen at {address}:{port}: {error.strerror}",
+                "Take another port with --prometheus.",
+            ) from error
+
+    @property
+    def port(self) -> int:
+        """Port that it listens at."""
+        return self._server.server_port
+
+    def add_way(self, tracks: Tracks, way: Sequence[Part], whole: Part) -> None:
+        """Take the way of a frame, piece by piece and as a whole."""
+        for part in summed(way):
+            labels = (part.service, part.instance, part.stage)
+            if part.ms < 0:
+                self._negative.labels(*labels).inc()
+            else:
+                self._stages.labels(*labels).observe(part.ms / 1e3)
+        self._whole.labels(tracks.camera).observe(whole.ms / 1e3)
+        confirmed = sum(person.state == "confirmed" for person in tracks.people)
+        self._people.labels(tracks.camera).set(confirmed)
+
+    def add_healths(self, healths: Sequence[Health]) -> None:
+        """Take the fresh heartbeats of all processes; those that are not in it are gone."""
+        self._healths.fresh = healths
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+
+class _Healths(Collector):
+    """Makes metrics of heartbeats when they are fetched."""
+
+    def __init__(self) -> None:
+        self.fresh: Sequence[Health] = ()
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield a metric for each measure that has a value."""
+        found = sorted(samples(self.fresh), key=lambda sample: sample.name)
+        for name, group in groupby(found, lambda sample: sample.name):
+            yield _metric(name, list(group))
+
+
+def _metric(name: str, values: list[Sample]) -> Metric:
+    measure, labels = MEASURES[name], list(values[0].labels)
+    full = f"people4d_{name}{UNITS[measure.unit]}"
+    kind = CounterMetricFamily if measure.kind == "counter" else GaugeMetricFamily
+    metric = kind(full, measure.text, labels=labels)
+    for sample in values:
+        metric.add_metric([sample.labels[label] for label in labels], sample.value)
+    return metric

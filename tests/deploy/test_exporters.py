@@ -1,0 +1,187 @@
+"""What Prometheus fetches and OpenTelemetry gets, with their own libraries."""
+
+import sys
+import threading
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import closing
+from typing import Any
+
+import pytest
+from opentelemetry.sdk.metrics.export import InMemoryMetricReader
+from opentelemetry.sdk.trace.export import SimpleSpanProcessor
+from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
+from prometheus_client.parser import text_string_to_metric_families
+from typer.testing import CliRunner
+
+from common.client import Client
+from common.errors import ConfigError, People4dError
+from common.latency import parts, whole
+from deploy.cli import app
+from deploy.cli.export import feed, otlp_exporter, prometheus_exporter
+from deploy.exporters.measures import Exporter
+from deploy.exporters.otel import OtelExporter
+from deploy.exporters.prometheus import PrometheusExporter
+from deploy.monitor import clocks_of
+from tests.deploy.test_top import talking
+from tests.deploy.traces import BEGIN_NS, MS, healths, trace_of, tracks
+from tests.network import WAIT_S
+
+__all__ = ["talking"]  # a fixture
+
+
+def give(exporter: Exporter, frames: int) -> None:
+    """Give an exporter heartbeats and frames of a system on two hosts."""
+    exporter.add_healths(healths())
+    clocks = clocks_of(healths())
+    for number in range(frames):
+        trace = trace_of(number)
+        total = whole(trace, clocks)
+        assert total is not None
+        exporter.add_way(tracks(number), parts(trace, clocks), total)
+
+
+def fetched(exporter: PrometheusExporter) -> dict[tuple[str, frozenset[str]], float]:
+    """Return what /metrics serves: values by name and labels."""
+    url = f"http://127.0.0.1:{exporter.port}/metrics"
+    with urllib.request.urlopen(url, timeout=WAIT_S) as answer:
+        families = text_string_to_metric_families(answer.read().decode())
+        return {
+            (sample.name, frozenset(f"{k}={v}" for k, v in sample.labels.items())): sample.value
+            for family in families
+            for sample in family.samples
+        }
+
+
+@pytest.fixture
+def prometheus() -> Iterator[PrometheusExporter]:
+    with closing(PrometheusExporter("127.0.0.1", 0)) as exporter:
+        yield exporter
+
+
+def test_prometheus_by_hand(prometheus: PrometheusExporter) -> None:
+    give(prometheus, 4)
+    got = fetched(prometheus)
+
+    def of(name: str, *labels: str) -> float:
+        return got[f"people4d_{name}", frozenset(labels)]
+
+    inference = ("service=detector", "instance=detector-1", "stage=inference")
+    assert of("stage_seconds_count", *inference) == 2  # frames 0 and 2
+    assert of("stage_seconds_sum", *inference) == pytest.approx(0.060)
+    assert of("stage_seconds_bucket", *inference, "le=0.025") == 0
+    assert of("stage_seconds_bucket", *inference, "le=0.05") == 2
+    assert of("latency_seconds_sum", "camera=front") == pytest.approx(4 * 0.045)
+    detector = ("service=detector", "instance=detector-1", "host=nuc")
+    assert of("messages_total", *detector, "direction=in", "topic=frames") == 100
+    assert of("losses_total", *detector, "cause=dropped_frames") == 10
+    assert of("input_age_seconds", *detector, "topic=frames") == pytest.approx(0.012)
+    assert of("cpu", *detector) == pytest.approx(0.83)
+    assert of("memory_bytes", *detector) == 128 * 2**20
+    reid = ("service=reid", "instance=reid-1", "host=brain")
+    assert (of("state", *reid, "state=degraded"), of("state", *reid, "state=ready")) == (1, 0)
+    assert of("clock_offset_seconds", "host=brain") == pytest.approx(0.25)
+    assert of("clock_error_seconds", "host=brain") == pytest.approx(0.0005)
+    assert of("people", "camera=front") == 1
+
+
+def test_a_process_that_is_gone_is_no_longer_told(prometheus: PrometheusExporter) -> None:
+    give(prometheus, 1)
+    prometheus.add_healths(healths()[:1])
+    memory = [labels for name, labels in fetched(prometheus) if name == "people4d_memory_bytes"]
+    assert memory == [frozenset({"service=detector", "instance=detector-1", "host=nuc"})]
+
+
+def test_negative_times_are_counted_not_hidden(prometheus: PrometheusExporter) -> None:
+    total = whole(trace_of(0))
+    assert total is not None
+    # A tracker host whose clock is 250 ms behind, and not compared.
+    behind = [s for s in trace_of(0) if "tracker" not in s.stage]
+    behind += [s for s in trace_of(-25) if "tracker" in s.stage]
+    prometheus.add_way(tracks(0), parts(behind), total)
+    labels = frozenset({"service=tracker", "instance=tracker-1", "stage=transport"})
+    got = fetched(prometheus)
+    assert got["people4d_stage_negative_total", labels] == 1
+    assert ("people4d_stage_seconds_count", labels) not in got
+
+
+def test_a_port_that_is_taken_is_told(prometheus: PrometheusExporter) -> None:
+    with pytest.raises(People4dError, match=r"nothing can listen at .*Take another port"):
+        PrometheusExporter("127.0.0.1", prometheus.port)
+
+
+def test_opentelemetry_by_hand() -> None:
+    spans, metrics = InMemorySpanExporter(), InMemoryMetricReader()
+    exporter = OtelExporter("robot", SimpleSpanProcessor(spans), metrics)
+    give(exporter, 1)
+    finished = spans.get_finished_spans()
+    by_name = {span.name: span for span in finished}
+    frame = by_name["frame"]
+    assert frame.context is not None
+    assert (frame.start_time, frame.end_time) == (BEGIN_NS, BEGIN_NS + 45 * MS)
+    assert frame.attributes is not None
+    assert frame.attributes["people4d.clock_error_ms"] == 0.5
+    # 10 measured, 2 between processes; all below the frame.
+    children = [span for span in finished if span.parent is not None]
+    assert len(children) == 12
+    assert {child.parent.span_id for child in children if child.parent} == {frame.context.span_id}
+    way = by_name["tracker.transport"]
+    assert (way.start_time, way.end_time) == (BEGIN_NS + 37 * MS, BEGIN_NS + 40 * MS)
+    assert dict(by_name["tracker.association"].resource.attributes) == {
+        "service.name": "tracker",
+        "service.namespace": "robot",
+        "service.instance.id": "tracker-1",
+        "host.name": "brain",
+    }
+    data = metrics.get_metrics_data()
+    assert data is not None
+    points: dict[str, list[Any]] = {
+        metric.name: list(metric.data.data_points)
+        for metric in data.resource_metrics[0].scope_metrics[0].metrics
+    }
+    assert {"people4d.stage.duration", "people4d.latency", "people4d.losses"} <= set(points)
+    (latency,) = points["people4d.latency"]
+    assert latency.sum == pytest.approx(0.045)
+    (offset,) = [p for p in points["people4d.clock_offset"] if p.attributes["host"] == "brain"]
+    assert offset.value == pytest.approx(0.25)
+    exporter.close()
+
+
+def test_a_running_system_is_served(talking: str, prometheus: PrometheusExporter) -> None:
+    client = Client(talking)
+    thread = threading.Thread(target=feed, args=(client, [prometheus]), daemon=True)
+    thread.start()
+    key = ("people4d_latency_seconds_count", frozenset({"camera=front"}))
+    end_s = time.monotonic() + WAIT_S
+    while not (count := fetched(prometheus).get(key, 0)) and time.monotonic() < end_s:
+        thread.join(0.05)
+    client.close()
+    assert count > 0
+
+
+@pytest.mark.parametrize(
+    ("make", "package", "extra"),
+    [
+        (lambda: prometheus_exporter("127.0.0.1", 0), "prometheus_client", "prometheus"),
+        (lambda: otlp_exporter("robot", "http://127.0.0.1:1"), "opentelemetry", "otel"),
+    ],
+)
+def test_a_library_that_is_missing_is_named_with_its_extra(
+    make: object, package: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    for name in ("deploy.exporters.prometheus", "deploy.exporters.otel"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    assert callable(make)
+    with pytest.raises(ConfigError) as caught:
+        make()
+    assert f"pip install 'people4d[{extra}]'" in str(caught.value)
+
+
+def test_it_must_be_said_where_to() -> None:
+    result = CliRunner().invoke(app, ["export"])
+    assert result.exit_code == 2
+    assert "--prometheus PORT, --otlp URL" in result.stderr

@@ -1,0 +1,142 @@
+"""people4d top: what is added up and shown, by hand, and of a running bus."""
+
+import json
+import threading
+from collections.abc import Iterator
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from common.place import Place
+from deploy.cli import app
+from deploy.cli.top import drawn
+from deploy.monitor import Monitor, Picture
+from tests.deploy.traces import BEGIN_NS, MS, arrival, healths, tracks
+from tests.network import Network
+
+HERE = Place("here", "top-1", "nuc")
+
+
+def monitor(frames: int = 4, clocks: bool = True) -> Monitor:
+    """Heartbeats, then a frame every 20 ms, each of which arrives 50 ms after its begin."""
+    found = Monitor(HERE, 10.0)
+    for health in healths() if clocks else ():
+        found.add(arrival(health), BEGIN_NS, 0.0)
+    for number in range(frames):
+        done_ms = 20 * number + 50
+        now_ns = BEGIN_NS + (done_ms + 2) * MS
+        found.add(arrival(tracks(number), done_ms), now_ns, number * 0.02)
+    return found
+
+
+def stages(picture: Picture, instance: str) -> dict[str, float]:
+    (process,) = [p for p in picture.processes if p.instance == instance]
+    return {stage.stage: stage.p50_ms for stage in process.stages}
+
+
+def test_every_stage_of_every_instance_on_one_clock() -> None:
+    picture = monitor().picture(0.1)
+    assert stages(picture, "camera-1") == {"release": 1, "publish": 1}
+    # Frames 0 and 2 went to detector-1, 1 and 3 to detector-2.
+    assert stages(picture, "detector-2") == stages(picture, "detector-1")
+    assert stages(picture, "detector-1")["transport"] == 2
+    # 40 - 37 ms; the 250 ms between the clocks are gone.
+    assert stages(picture, "tracker-1")["transport"] == pytest.approx(3)
+    assert stages(picture, "top-1") == {"transport": pytest.approx(5), "decode": 1, "queue": 1}
+    assert picture.whole is not None
+    assert picture.whole.p50_ms == pytest.approx(52)
+    assert picture.whole.count == 4
+    (tracker,) = [p for p in picture.processes if p.instance == "tracker-1"]
+    errors = {stage.stage: stage.error_ms for stage in tracker.stages}
+    assert (errors["transport"], errors["association"]) == (0.5, 0)
+
+
+def test_the_surest_process_tells_the_clock_of_its_host() -> None:
+    clocks = {c.host: (c.offset_ms, c.error_ms) for c in monitor().picture(0.1).clocks}
+    assert clocks == {"nuc": (0, 0), "brain": (250, 0.5)}
+
+
+def test_clocks_that_nobody_compared_are_told() -> None:
+    picture = monitor(clocks=False).picture(0.1)
+    assert [(c.host, c.offset_ms) for c in picture.clocks] == [("brain", None), ("nuc", None)]
+    assert stages(picture, "tracker-1")["transport"] == 253
+    assert "(clocks not compared)" in text(picture)
+
+
+def test_health_is_shown_beside() -> None:
+    processes = {p.instance: p for p in monitor().picture(0.1).processes}
+    detector = processes["detector-1"]
+    assert detector.rates_hz == {"received_frames": 50, "sent_detections": 45}
+    assert detector.ages_ms == {"frames": 12}
+    assert detector.losses == {"dropped_frames": 10}  # left_frames are a replica's
+    assert (detector.cpu_percent, detector.memory_mb) == (83, 128)
+    assert list(processes)[:2] == ["camera-1", "detector-1"]  # in the order of the way
+    assert (processes["reid-1"].state, processes["reid-1"].stages) == ("degraded", [])
+
+
+def test_what_is_old_is_gone() -> None:
+    picture = monitor().picture(60.0)
+    assert picture.whole is None
+    assert picture.processes == []
+    assert "no frame came through in the last 10 s" in text(picture)
+
+
+def text(picture: Picture) -> str:
+    console = Console(width=120)
+    with console.capture() as capture:
+        console.print(drawn(picture))
+    return capture.get()
+
+
+def test_the_picture_by_eye() -> None:
+    lines = [line.split() for line in text(monitor().picture(0.1)).splitlines()]
+    assert lines[0][:5] == ["whole", "way", "p50", "52.0", "p95"]
+    clocks = "clocks ahead of the router's: brain +250.00 ± 0.50 ms · nuc 0 (the router's)"
+    assert lines[1] == clocks.split()
+    assert ["detector-1", "ready", "83", "128", "frames", "50", "12", "detections", "45"] in [
+        line[:9] for line in lines
+    ]
+    assert ["tracker-1", "transport", "3.00", "3.00", "3.00", "4", "±", "0.50"] in lines
+    assert ["inference", "30.00", "30.00", "30.00", "2"] in lines
+    assert ["reid-1:", "no", "frames", "come"] in lines
+
+
+@pytest.fixture
+def talking() -> Iterator[str]:
+    """Endpoint of a system that tells its people and its health again and again."""
+    network, stop = Network(), threading.Event()
+    bus = network.open("robot")
+
+    def talk() -> None:
+        while not stop.wait(0.02):
+            for message in (*healths(), tracks(1)):
+                bus.publish(message)
+
+    thread = threading.Thread(target=talk)
+    thread.start()
+    yield network.endpoint
+    stop.set()
+    thread.join()
+    network.close()
+
+
+def test_once_in_words_and_in_json(talking: str) -> None:
+    arguments = ["top", "--once", "--window", "1", "--connect", talking]
+    shown, plain = (CliRunner().invoke(app, [*arguments, *more]) for more in ([], ["--json"]))
+    assert (shown.exit_code, plain.exit_code) == (0, 0), shown.output + plain.output
+    assert "association" in shown.stdout
+    picture = json.loads(plain.stdout)
+    assert {p["instance"] for p in picture["processes"]} >= {"tracker-1", "detector-2", "reid-1"}
+    assert picture["whole"]["count"] > 0
+
+
+def test_silence_is_told_with_the_mend() -> None:
+    network = Network()
+    try:
+        arguments = ["top", "--once", "--window", "1", "--connect", network.endpoint]
+        result = CliRunner().invoke(app, arguments)
+    finally:
+        network.close()
+    assert result.exit_code == 1
+    assert "no heartbeat came within 2 s. See what runs with people4d ps." in result.stderr
