@@ -1,12 +1,14 @@
 """The tracker node goes on where the process before it was killed."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from common.errors import DecodeError
-from common.messages import Message, StaticTransform
+from common.messages import Message, StaticTransform, Tracks
 from services.tracker.node import TrackerNode
-from tests.tracker.test_node import TRANSFORM, feed, looks, node, person, seen
+from tests.tracker.test_node import TRANSFORM, feed, looks, node, person, seen, tracks
 
 TWO = ([1.0, 0.0], [0.0, 1.0])
 
@@ -20,6 +22,11 @@ def frames(first: int, last: int, shift_m: float = 0.0) -> list[Message]:
     return messages
 
 
+def told(target: TrackerNode, messages: Sequence[Message]) -> list[Tracks]:
+    """Return all answers; a frame that others may yet precede does not wait for them."""
+    return [*feed(target, messages), *tracks(target.flush(0))]
+
+
 def restarted(before: TrackerNode) -> TrackerNode:
     after = node()
     after.restore(before.save(), before.next_number())
@@ -28,67 +35,67 @@ def restarted(before: TrackerNode) -> TrackerNode:
 
 def test_people_who_did_not_move_far_keep_their_identities_over_two_seconds() -> None:
     before = node()
-    feed(before, [TRANSFORM, *frames(0, 10)])
+    told(before, [TRANSFORM, *frames(0, 10)])
     after = restarted(before)
-    told = feed(after, frames(30, 34, shift_m=0.3))
-    for tracks in told:
-        assert [(p.id, p.state) for p in tracks.people] == [(1, "confirmed"), (2, "confirmed")]
-    left, right = (p.position_m[1] for p in told[-1].people)
+    shown = told(after, frames(30, 34, shift_m=0.3))
+    for message in shown:
+        assert [(p.id, p.state) for p in message.people] == [(1, "confirmed"), (2, "confirmed")]
+    left, right = (p.position_m[1] for p in shown[-1].people)
     assert left > right  # 1 is the one at x = -0.8 in the image, to the left
 
 
 def test_the_camera_s_place_is_known_before_it_is_told_again() -> None:
     before = node()
-    feed(before, [TRANSFORM, *frames(0, 10)])
+    told(before, [TRANSFORM, *frames(0, 10)])
     after = restarted(before)
-    first = feed(after, frames(10, 11))
+    first = told(after, frames(10, 11))
     assert after.status().state == "ready"
     # Told again as it was, people go on; told otherwise, they begin anew with new numbers.
-    (same,) = feed(after, [TRANSFORM, *frames(11, 12)])
+    (same,) = told(after, [TRANSFORM, *frames(11, 12)])
     assert [p.id for p in first[-1].people] == [p.id for p in same.people] == [1, 2]
     moved = np.array(TRANSFORM.matrix)
     moved[0, 3] += 1.0
     other = StaticTransform(
         stamp_ns=0, sequence=1, parent="map", child="camera_optical", matrix=moved
     )
-    told = feed(after, [other, *frames(12, 16)])
-    assert [p.id for p in told[-1].people] == [3, 4]
+    shown = told(after, [other, *frames(12, 16)])
+    assert [p.id for p in shown[-1].people] == [3, 4]
     assert after.status().counters["transform_changes"] == 1
 
 
 def test_a_frame_from_before_the_restart_is_stale() -> None:
     before = node()
-    feed(before, [TRANSFORM, *frames(0, 10)])
+    told(before, [TRANSFORM, *frames(0, 10)])
     after = restarted(before)
-    assert feed(after, frames(5, 6)) == []
+    assert told(after, frames(5, 6)) == []
     assert after.status().counters["stale"] == 1
-    assert len(feed(after, frames(10, 11))) == 1
+    assert len(told(after, frames(10, 11))) == 1
 
 
 def test_a_recording_that_began_again_meanwhile_gives_new_identities() -> None:
     before = node()
-    feed(before, [TRANSFORM, *frames(20, 40)])
+    told(before, [TRANSFORM, *frames(20, 40)])
     after = restarted(before)
-    told = feed(after, frames(0, 5))
-    assert [p.id for p in told[-1].people] == [3, 4]
+    shown = told(after, frames(0, 5))
+    assert [p.id for p in shown[-1].people] == [3, 4]
     assert after.status().counters["clock_resets"] == 1
 
 
 def test_identities_go_on_though_everything_else_is_lost() -> None:
     before = node()
-    feed(before, [TRANSFORM, *frames(0, 10)])
+    told(before, [TRANSFORM, *frames(0, 10)])
     after = node()
     with pytest.raises(DecodeError):
         after.restore(before.save()[:-5], before.next_number())
-    told = feed(after, [TRANSFORM, *frames(10, 15)])
-    assert [p.id for p in told[-1].people] == [3, 4]
+    shown = told(after, [TRANSFORM, *frames(10, 15)])
+    assert [p.id for p in shown[-1].people] == [3, 4]
 
 
 def test_a_restart_before_the_first_frame_keeps_what_was_restored() -> None:
     before = node()
-    feed(before, [TRANSFORM, *frames(0, 10)])
+    told(before, [TRANSFORM, *frames(0, 10)])
     after = restarted(restarted(before))
-    assert [p.id for p in feed(after, frames(10, 11))[-1].people] == [1, 2]
+    assert [p.id for p in told(after, frames(10, 11))[-1].people] == [1, 2]
 
 
 def test_a_frame_that_waits_for_embeddings_at_the_end_is_answered_still() -> None:
