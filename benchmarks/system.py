@@ -12,56 +12,99 @@ from common.client import Client
 from common.messages import Health
 from common.ports import free_port
 
+READY_S = 60.0
+
+
+class Cluster:
+    """A router and processes that are started, signalled and watched one by one.
+
+    Args:
+        logs: Folder for what they print.
+    """
+
+    def __init__(self, logs: Path) -> None:
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._logs = logs
+        logs.mkdir(parents=True, exist_ok=True)
+        self.start("router", "router", ())
+
+    def start(self, service: str, instance: str, settings: Sequence[str]) -> None:
+        """Start a process.
+
+        Args:
+            service: Its service.
+            instance: Its name.
+            settings: "field=value" of its configuration.
+        """
+        flags = [flag for setting in settings for flag in ("--set", setting)]
+        command = [sys.executable, "-m", f"services.{service}", "--instance", instance, *flags]
+        environment = dict(os.environ, OMP_NUM_THREADS="1", PEOPLE4D_CONNECT=self.endpoint)
+        listen = {"PEOPLE4D_LISTEN": self.endpoint} if service == "router" else {}
+        with (self._logs / f"{instance}.log").open("wb") as log:
+            self.processes[instance] = subprocess.Popen(
+                command, stdout=log, stderr=log, env=environment | listen
+            )
+
+    def signal(self, instance: str, number: signal.Signals) -> None:
+        """Send a signal to a process."""
+        self.processes[instance].send_signal(number)
+
+    def wait_ready(self, client: Client, instances: set[str]) -> None:
+        """Wait until these processes say that they work.
+
+        Raises:
+            TimeoutError: They do not in time.
+        """
+        waiting = set(instances)
+        for health in client.messages(Health, timeout_s=READY_S):
+            if health.state in ("ready", "degraded"):
+                waiting.discard(health.instance)
+            if not waiting:
+                return
+        raise TimeoutError(f"not ready: {', '.join(sorted(waiting))}; see {self._logs}")
+
+    def close(self) -> None:
+        """End all processes, last started first."""
+        for process in reversed(self.processes.values()):
+            process.send_signal(signal.SIGCONT)
+            process.send_signal(signal.SIGTERM)
+        for process in self.processes.values():
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+@contextlib.contextmanager
+def cluster(logs: Path) -> Iterator[Cluster]:
+    """Run processes until the block ends."""
+    started = Cluster(logs)
+    try:
+        yield started
+    finally:
+        started.close()
+
 
 @contextlib.contextmanager
 def running(services: Sequence[tuple[str, Sequence[str]]], logs: Path) -> Iterator[Client]:
     """Run services until the block ends.
 
     Args:
-        services: Name and settings ("field=value") of each; the router comes by itself. The last
-            one is started when the others are ready.
+        services: Name and settings ("field=value") of each; the router comes by itself. A name
+            that is there n times gives n processes. The last one is started when the others are
+            ready.
         logs: Folder for what they print.
 
     Yields:
         A client of the system, connected before the last service starts.
     """
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    environment = dict(os.environ, OMP_NUM_THREADS="1", PEOPLE4D_CONNECT=endpoint)
-    logs.mkdir(parents=True, exist_ok=True)
-    processes: list[subprocess.Popen[bytes]] = []
-
-    def start(service: str, settings: Sequence[str]) -> None:
-        flags = [flag for setting in settings for flag in ("--set", setting)]
-        command = [sys.executable, "-m", f"services.{service}", "--instance", service, *flags]
-        listen = {"PEOPLE4D_LISTEN": endpoint} if service == "router" else {}
-        with (logs / f"{service}.log").open("wb") as log:
-            processes.append(
-                subprocess.Popen(command, stdout=log, stderr=log, env=environment | listen)
-            )
-
-    try:
-        start("router", ())
-        with Client(endpoint, timeout_s=20) as client:
-            for service, settings in services[:-1]:
-                start(service, settings)
-            _wait_ready(client, {service for service, _ in services[:-1]})
-            start(*services[-1])
-            yield client
-    finally:
-        for process in reversed(processes):
-            process.send_signal(signal.SIGTERM)
-        for process in processes:
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-
-
-def _wait_ready(client: Client, services: set[str]) -> None:
-    waiting = set(services)
-    for health in client.messages(Health, timeout_s=30):
-        if health.state in ("ready", "degraded"):
-            waiting.discard(health.service)
-        if not waiting:
-            return
-    raise TimeoutError(f"not ready: {', '.join(sorted(waiting))}")
+    names = [name for name, _ in services]
+    instances = [f"{name}-{names[: k + 1].count(name)}" for k, name in enumerate(names)]
+    with cluster(logs) as started, Client(started.endpoint, timeout_s=20) as client:
+        for instance, (service, settings) in zip(instances[:-1], services[:-1], strict=True):
+            started.start(service, instance, settings)
+        started.wait_ready(client, set(instances[:-1]))
+        started.start(names[-1], instances[-1], services[-1][1])
+        yield client

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
+from benchmarks.replicas import play
 from common.messages import Crops, Embeddings, Health
 from tests.contract.examples import BY_NAME
 from tests.network import Network, Watcher
@@ -120,3 +121,9 @@ def test_work_is_shared_and_taken_over(reids: Reids) -> None:
     assert reids.processes["reid-3"].wait(10) == 0
     assert reids.ask()[0] == "reid-1"
     assert sum(reids.answers.values()) - len(reids.answers) <= 1  # at most one twice, at the change
+
+
+def test_two_detectors_give_the_same_tracks_as_one() -> None:
+    one, two = (play("movenet-multipose", detectors, frames=12) for detectors in (1, 2))
+    assert len(one.tracks) == 12
+    assert one.tracks == two.tracks
