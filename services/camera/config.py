@@ -29,6 +29,8 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
     duration_s: float = 0.0  # [s] of the recording to play; 0: all
     max_frames: int = 0  # frames to send; 0: all
     stride: int = 1  # send every n-th frame
+    # [Hz] at most so many frames are sent as JPEG and PNG, too, which may leave the host; 0: none
+    compressed_hz: float = 0.0
     start_delay_s: float = 0.5  # [s] between calibration and the first frame, for late subscribers
 
     def __post_init__(self) -> None:
@@ -50,5 +52,7 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError(f"window, stride: expected >= 1, got {self.window}, {self.stride}")
         if min(self.start_s, self.duration_s, self.max_frames, self.start_delay_s) < 0:
             raise ValueError("start_s, duration_s, max_frames, start_delay_s: expected >= 0")
+        if not 0 <= self.compressed_hz < math.inf:
+            raise ValueError(f"compressed_hz: expected >= 0, got {self.compressed_hz}")
         if self.max_depth_m is not None and not 0 < self.max_depth_m < math.inf:
             raise ValueError(f"max_depth_m: expected > 0, got {self.max_depth_m}")

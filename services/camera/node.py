@@ -9,6 +9,7 @@ import numpy as np
 
 from common.errors import ConfigError
 from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from common.images import compress
 from common.messages import (
     CameraInfo,
     Detections,
@@ -72,6 +73,8 @@ class CameraNode:
         self._tick_ns = 0
         self._stamp_ns: int | None = None
         self._sequence = 0
+        self._leaving: RgbdFrame | None = None  # shall be sent compressed, too
+        self._next_leaving_ns = 0
         self._ignored = False  # frames were given up and no answer came since
         self._counters: Counter[str] = Counter()
 
@@ -101,6 +104,9 @@ class CameraNode:
         # One frame at a time: each has its own time of sending.
         while self._is_due(now_ns) and not any(isinstance(m, RgbdFrame) for m in outputs):
             outputs += self._message(self._prefetch.take(), now_ns)
+        if not outputs and self._leaving:  # in its own turn, so that it holds up no frame
+            outputs = [compress(self._leaving)]
+            self._leaving = None
         return outputs
 
     def wake_ns(self) -> int | None:
@@ -109,6 +115,8 @@ class CameraNode:
             return self._tick_ns
         if self._tick_ns < self._begin_ns:
             return self._begin_ns
+        if self._leaving:
+            return self._tick_ns
         times = [self._pacing.wake_ns()]
         item = self._prefetch.peek()
         if item is not None:
@@ -170,6 +178,9 @@ class CameraNode:
             return []
         self._pacing.sent(capture.stamp_ns, now_ns)
         self._sequence += 1
+        if self._config.compressed_hz and now_ns >= self._next_leaving_ns:
+            self._leaving = frame
+            self._next_leaving_ns = now_ns + int(1e9 / self._config.compressed_hz)
         return [frame]
 
     def _frame(self, capture: Capture) -> RgbdFrame | None:

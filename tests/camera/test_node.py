@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from common.errors import ConfigError, SourceError
+from common.images import decompress
 from common.messages import (
     CameraInfo,
+    CompressedRgbdFrame,
     Detections,
     Message,
     Odometry,
@@ -109,6 +111,31 @@ def test_recorded_rate_holds_frames_back() -> None:
         assert len(p.frames()) == 1
         p.tick(50)
         assert len(p.frames()) == 2
+
+
+def test_no_frame_is_compressed_unless_asked() -> None:
+    with player(START, MemorySource([capture(0), capture(100)])) as p:
+        p.play()
+        assert not any(isinstance(message, CompressedRgbdFrame) for message in p.out)
+
+
+def test_compressed_frames_follow_their_frames_at_their_own_rate() -> None:
+    # Every 200 ms at most: of frames at 0, 100, 200, 300 ms the first and the third.
+    source = MemorySource([capture(n) for n in (0, 100, 200, 300)])
+    with player(with_(compressed_hz=5.0), source) as p:
+        p.play()
+        images = [m for m in p.out if isinstance(m, RgbdFrame | CompressedRgbdFrame)]
+        assert [(type(m), m.stamp_ns // MS) for m in images] == [
+            (RgbdFrame, 0),
+            (CompressedRgbdFrame, 0),
+            (RgbdFrame, 100),
+            (RgbdFrame, 200),
+            (CompressedRgbdFrame, 200),
+            (RgbdFrame, 300),
+        ]
+        leaving = images[1]
+        assert isinstance(leaving, CompressedRgbdFrame)
+        np.testing.assert_array_equal(decompress(leaving).depth_mm, p.frames()[0].depth_mm)
 
 
 def test_frames_wait_for_the_start_delay() -> None:
@@ -359,6 +386,7 @@ def test_live_camera_ends_after_the_frames_wanted() -> None:
         {"max_depth_m": 0},
         {"mount_xyz_m": (math.nan, 0, 0)},
         {"answer_timeout_s": 0},
+        {"compressed_hz": -1},
     ],
 )
 def test_configuration_is_checked(settings: dict[str, object]) -> None:
