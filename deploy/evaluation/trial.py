@@ -21,6 +21,7 @@ from common.metrics import (
 )
 from deploy.evaluation.chain import track_again
 from deploy.evaluation.detections import mean_ms, read
+from deploy.evaluation.drift import Drift, carried
 from deploy.evaluation.methods import Method
 from deploy.evaluation.takes import Take
 from deploy.evaluation.truth import Happening, Moment
@@ -96,6 +97,7 @@ class _Told:
     info: CameraInfo
     tracks: dict[int, Tracks]
     map_from_camera: F64 | None
+    drift: Drift
 
 
 def run(trial: Trial) -> Run:
@@ -116,7 +118,8 @@ def run(trial: Trial) -> Run:
     took_ms = (time.perf_counter_ns() - start_ns) / 1e6 / len(detections)
     _check_frame(trial, tracks)
     pose = _pose(messages, trial.truth.frame_id, info)
-    told = _Told(info, tracks, pose)
+    drift = Drift(messages, trial.truth.frame_id, info.frame_id)
+    told = _Told(info, tracks, pose, drift)
     frames = [
         _frame(told, moment, found.stamp_ns)
         for found, moment in zip(detections, trial.truth.moments, strict=True)
@@ -146,10 +149,12 @@ def judge(trial: Trial, done: Run) -> Result:
 def _frame(done: "_Told", moment: Moment, stamp_ns: int) -> Frame:
     pose = done.map_from_camera if moment.map_from_camera is None else moment.map_from_camera
     tracks = done.tracks.get(stamp_ns)
+    matrix = done.drift.true_from_told(stamp_ns, pose)
+    people = tuple(carried(track, matrix) for track in tracks.people) if tracks else ()
     return Frame(
         stamp_ns=stamp_ns,
         truth=moment.true_people(done.info, pose),
-        tracked=_tracked(tracks.people if tracks else ()),
+        tracked=_tracked(people),
         map_from_camera=pose,
     )
 
