@@ -19,6 +19,7 @@ import numpy as np
 from benchmarks.system import running
 from benchmarks.table import markdown, quantiles, spread, write
 from common.inference import OnnxSession
+from common.latency import parts, summed
 from common.messages import Span, Tracks
 from common.weights import choose, find, folders, load_manifest
 from services.detector.models import ModelSettings
@@ -101,20 +102,11 @@ def stages(trace: Sequence[Span], now_ns: int) -> list[tuple[str, float]]:
         trace: Stages passed, oldest first.
         now_ns: When the subscriber had the message.
     """
-    parts = [(trace[0].stage, (trace[0].end_ns - trace[0].start_ns) / 1e6)]
-    before = trace[0]
-    for span in trace[1:]:
-        gap_ms = (span.start_ns - before.end_ns) / 1e6
-        if span.process != before.process:
-            parts.append((f"to {span.process.partition('@')[0]}", gap_ms))
-        elif gap_ms > 0:
-            parts.append((f"{span.stage.partition('.')[0]} between stages", gap_ms))
-        parts.append((span.stage, (span.end_ns - span.start_ns) / 1e6))
-        before = span
-    parts.append(("to subscriber", (now_ns - before.end_ns) / 1e6))
+    split = [(part.name, part.ms) for part in summed(parts(trace))]
+    split.append(("to subscriber", (now_ns - trace[-1].end_ns) / 1e6))
     whole_ms = (now_ns - trace[0].start_ns) / 1e6
-    inference_ms = sum(ms for stage, ms in parts if stage == "detector.inference")
-    return [*parts, ("whole", whole_ms), ("whole less inference", whole_ms - inference_ms)]
+    inference_ms = sum(ms for stage, ms in split if stage == "detector.inference")
+    return [*split, ("whole", whole_ms), ("whole less inference", whole_ms - inference_ms)]
 
 
 def report(model: str, rounds: int, frames: int) -> list[str]:
@@ -161,14 +153,14 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--frames", type=int, default=200)
     flags = parser.parse_args()
-    parts = [part for m in flags.models for part in report(m, flags.rounds, flags.frames)]
+    sections = [s for m in flags.models for s in report(m, flags.rounds, flags.frames)]
     write(
         __file__,
         "Pipeline: camera, detector, re-ID and tracker as processes, 640x480",
         "The shipped recording (three people), one network thread. `whole` is from the frame being "
-        "sent by the camera to the people in a subscriber's hands; `to X` is encoding, transport "
-        "and waking X. The sum of medians is not the median of the sum.",
-        *parts,
+        "sent by the camera to the people in a subscriber's hands; docs/latency.md explains the "
+        "stages. The sum of medians is not the median of the sum.",
+        *sections,
     )
 
 

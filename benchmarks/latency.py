@@ -1,0 +1,328 @@
+"""Where the time of a frame goes, whether the stages explain it, and what tracing itself costs.
+
+Stages: a live camera at 60 % of the rate that the pipeline can hold, so that queues are empty; the
+end-to-end time is from the camera's own stamp to a subscriber's clock, neither of which the stages
+know. Cost of tracing: of the marks themselves, measured alone, and of the whole pipeline in
+lock-step with tracing on and off, by turns.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from benchmarks.live_camera import DEMO, LiveDemo
+from benchmarks.system import running
+from benchmarks.table import markdown, spread, write
+from common.codec import decode, encode
+from common.latency import parts, percentiles, summed
+from common.messages import Crops, Detections, Embeddings, Message, RgbdFrame, Span, Tracks
+from common.place import Place
+from common.trace import STAGES, Tracer, span
+
+WARM_UP = 15
+RATE_SHARE = 0.6
+LIMITS_MS = (5.0, 15.0)  # wanted of all that is not inference, at p50 and p99
+INFERENCE = ("inference", "inference_wait")
+
+
+@dataclass
+class Seen:
+    """What a subscriber saw of one run.
+
+    Args:
+        traces: Of every frame, up to the subscriber.
+        end_to_end_ms: From acquisition to the subscriber; empty in lock-step.
+        rate_hz: Frames per second.
+        cpu_ms: Processor time of all processes for one frame.
+    """
+
+    traces: list[tuple[Span, ...]] = field(default_factory=list)
+    end_to_end_ms: list[float] = field(default_factory=list)
+    rate_hz: float = 0.0
+    cpu_ms: float = 0.0
+
+
+def play(camera: Sequence[str], frames: int) -> Seen:
+    """Run the pipeline once.
+
+    Args:
+        camera: Settings of the camera.
+        frames: Frames to measure, after those for warming up.
+    """
+    services = [("tracker", ()), ("reid", ()), ("detector", ()), ("camera", camera)]
+    tracer, seen, count = Tracer(Place("subscriber", "subscriber", "here")), Seen(), 0
+    begin_s, begin_cpu_s = 0.0, 0.0
+    with tempfile.TemporaryDirectory() as logs, running(services, Path(logs)) as client:
+        for arrival in client.arrivals(Tracks, timeout_s=30):
+            now_ns, message = time.time_ns(), arrival.message
+            if message.trace and not message.trace[0].stage.startswith("camera."):
+                continue  # a prediction
+            count += 1
+            if count == WARM_UP:
+                begin_s, begin_cpu_s = time.perf_counter(), _cpu_s()
+            if count <= WARM_UP:
+                continue
+            taken = tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
+            seen.traces.append(taken.trace)
+            seen.end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
+            if count == WARM_UP + frames:
+                break
+        seen.rate_hz = (count - WARM_UP) / (time.perf_counter() - begin_s)
+        seen.cpu_ms = 1e3 * (_cpu_s() - begin_cpu_s) / (count - WARM_UP)
+    return seen
+
+
+def _cpu_s() -> float:
+    """Return the processor time of this process's children so far [s]."""
+    times = [child.cpu_times() for child in psutil.Process().children()]
+    return sum(t.user + t.system for t in times)
+
+
+@contextmanager
+def tracing(on: bool) -> Iterator[None]:
+    """Let processes that start inside trace, or not."""
+    os.environ["PEOPLE4D_TRACE"] = "on" if on else "off"
+    try:
+        yield
+    finally:
+        del os.environ["PEOPLE4D_TRACE"]
+
+
+def lockstep(frames: int) -> tuple[str, ...]:
+    """Return the camera's settings for the shipped recording, as fast as it goes."""
+    last = f"max_frames={frames + WARM_UP + 5}"
+    return (f"source={DEMO}", "loop=true", "playback=lockstep", last)
+
+
+def live(rate_hz: float) -> tuple[str, ...]:
+    """Return the camera's settings for the same pictures at a rate, stamped by the clock."""
+    return (f"source={LiveDemo.__module__}:{LiveDemo.__name__}", f"options.rate_hz={rate_hz:.2f}")
+
+
+def cost_of_marks(trace: Sequence[Span], frames: int) -> dict[str, float]:
+    """Measure what tracing adds to one frame on its whole way, in one thread [us].
+
+    Args:
+        trace: Of a frame, up to the subscriber.
+        frames: Times that everything is measured.
+    """
+    trace = [s for s in trace if not s.stage.startswith("subscriber.")]
+    place = Place("detector", "detector-1", "host")
+    on, off = Tracer(place), Tracer(place, on=False)
+    stages = sum(not s.stage.endswith(("decode", "queue", "publish")) for s in trace)
+    hops = sum(s.stage.endswith(".publish") for s in trace)
+    found = {}
+    for name, tracer in (("on", on), ("off", off)):
+
+        def measured(tracer: Tracer = tracer) -> None:
+            with tracer.working():
+                for _ in range(stages):
+                    with span("work"):
+                        pass
+
+        found[f"measuring {stages} stages, {name}"] = _median_us(measured, frames)
+    # Crops and Embeddings go one way, Detections another; each carries what was passed so far.
+    by_service: dict[str, type[Message]] = {
+        "camera": RgbdFrame,
+        "detector": Crops,
+        "reid": Embeddings,
+        "tracker": Tracks,
+    }
+    hop = [(by_service[s.stage.partition(".")[0]], k) for k, s in enumerate(trace, 1) if _sent(s)]
+    hop += [(Detections, k) for kind, k in hop if kind is Crops]
+    for name, keep in (("on", True), ("off", False)):
+        tracer = on if keep else off
+        messages = [_empty(kind, tuple(trace[: k - 1]) if keep else ()) for kind, k in hop]
+
+        def carried(tracer: Tracer = tracer, messages: Sequence[Message] = messages) -> None:
+            for message in messages:
+                payload = encode(message, tracer.publishing(message))
+                tracer.worked(tracer.taken(decode(payload), 1, 2, 3), [])
+
+        found[f"carrying them over {hops} hops in {len(hop)} messages, {name}"] = _median_us(
+            carried, frames
+        )
+    return found
+
+
+def _sent(one: Span) -> bool:
+    return one.stage.endswith(".publish")
+
+
+def _empty(kind: type[Message], trace: tuple[Span, ...]) -> Message:
+    """Return a small message of a kind: what it holds besides the trace costs the same."""
+    fields: dict[type[Message], dict[str, object]] = {
+        RgbdFrame: {
+            "rgb": np.zeros((2, 2, 3), np.uint8),
+            "depth_mm": np.zeros((2, 2), np.uint16),
+        },
+        Crops: {},
+        Detections: {"frame_id": "f", "model": "m", "width": 2, "height": 2},
+        Embeddings: {
+            "model": "m",
+            "detections": (),
+            "vectors": np.zeros((0, 4), np.float32),
+        },
+        Tracks: {"frame_id": "map", "tracker": "t"},
+    }
+    make: Callable[..., Message] = kind
+    return make(stamp_ns=0, sequence=0, trace=trace, camera="front", **fields[kind])
+
+
+def _median_us(work: Callable[[], None], times: int) -> float:
+    taken = []
+    for _ in range(times):
+        start_ns = time.perf_counter_ns()
+        work()
+        taken.append(time.perf_counter_ns() - start_ns)
+    return float(np.median(taken)) / 1e3
+
+
+def stage_table(traces: Sequence[tuple[Span, ...]]) -> str:
+    """Return the durations of all stages in the order of the way, and their share of the whole."""
+    found: dict[str, list[float]] = defaultdict(list)
+    for trace in traces:
+        for part in summed(parts(trace)):
+            found[part.name].append(part.ms)
+    whole_ms = sum(sum(values) for values in found.values())
+    rows = [
+        [
+            name,
+            f"{np.sum(values) / len(traces):.2f}",
+            *(f"{ms:.2f}" for ms in percentiles(values)),
+            f"{np.sum(values) / whole_ms:.1%}",
+        ]
+        for name, values in found.items()
+    ]
+    return markdown(["stage", "mean ms", "p50 ms", "p95 ms", "p99 ms", "of the whole"], rows)
+
+
+def kinds_table(traces: Sequence[tuple[Span, ...]]) -> str:
+    """Return what is not inference, by kind of stage over all processes, dearest first."""
+    found: dict[str, list[float]] = {}
+    for trace in traces:
+        sums: dict[str, float] = defaultdict(float)
+        for part in parts(trace):
+            if part.stage not in INFERENCE:
+                sums["all but inference"] += part.ms
+                sums[part.stage] += part.ms
+        for stage, ms in sums.items():
+            found.setdefault(stage, []).append(ms)
+    dearest = sorted(found.items(), key=lambda item: -float(np.mean(item[1])))
+    rows = [
+        [stage, *(f"{ms:.2f}" for ms in (np.mean(values), *percentiles(values))), _meaning(stage)]
+        for stage, values in dearest
+    ]
+    return markdown(["over all processes", "mean ms", "p50 ms", "p95 ms", "p99 ms", ""], rows)
+
+
+def _meaning(stage: str) -> str:
+    if stage == "all but inference":
+        return f"wanted: p50 <= {LIMITS_MS[0]:g}, p99 <= {LIMITS_MS[1]:g}"
+    return STAGES.get(stage, "").removeprefix("* ")
+
+
+def sums_table(seen: Seen) -> str:
+    """Return how much of the end-to-end time the stages explain."""
+    named = [sum(p.ms for p in parts(trace) if p.stage != "other") for trace in seen.traces]
+    every = [sum(p.ms for p in parts(trace)) for trace in seen.traces]
+    whole = seen.end_to_end_ms
+    worst = max(abs(1 - a / b) for a, b in zip(named, whole, strict=True))
+    rows = [
+        ["from the camera's stamp to the subscriber", f"{np.mean(whole):.3f}", "100 %"],
+        ["sum of the stages with a name", f"{np.mean(named):.3f}", _share(named, whole)],
+        ["with `other`, the work between them", f"{np.mean(every):.3f}", _share(every, whole)],
+    ]
+    table = markdown(["mean over frames", "ms", "of the first"], rows)
+    return f"{table}\n\nThe worst single frame is {worst:.1%} off."
+
+
+def _share(part: Sequence[float], whole: Sequence[float]) -> str:
+    return f"{np.mean(part) / np.mean(whole):.2%}"
+
+
+def cost_table(pairs: Sequence[tuple[Seen, Seen]]) -> str:
+    """Return what the pipeline does with tracing on and off.
+
+    Args:
+        pairs: Runs with tracing on and off.
+    """
+    rates = [(on.rate_hz, off.rate_hz) for on, off in pairs]
+    cpus = [(on.cpu_ms, off.cpu_ms) for on, off in pairs]
+    rows = [
+        ["frames per second, lock-step", *_row(rates, "{:.1f}", lambda on, off: off / on - 1)],
+        ["processor ms for a frame", *_row(cpus, "{:.2f}", lambda on, off: on / off - 1)],
+    ]
+    return markdown(["", "on", "off", "cost of tracing, pair by pair"], rows)
+
+
+def _row(
+    pairs: Sequence[tuple[float, float]], form: str, cost: Callable[[float, float], float]
+) -> list[str]:
+    costs = [cost(*pair) for pair in pairs]
+    return [
+        spread([on for on, _ in pairs], form),
+        spread([off for _, off in pairs], form),
+        spread(costs, "{:+.1%}"),
+    ]
+
+
+def main() -> None:
+    """Measure all three."""
+    parser = argparse.ArgumentParser(description="Measure where the time of a frame goes.")
+    parser.add_argument("--rounds", type=int, default=6, help="pairs with tracing on and off")
+    parser.add_argument("--frames", type=int, default=200, help="of one run")
+    parser.add_argument("--quick", action="store_true", help="one short round of everything")
+    flags = parser.parse_args()
+    rounds, frames = (1, 40) if flags.quick else (flags.rounds, flags.frames)
+    pairs = []
+    for number in range(rounds):
+        print(f"tracing on and off: round {number + 1} of {rounds}", flush=True)
+        order = (True, False) if number % 2 == 0 else (False, True)
+        found = {}
+        for on in order:
+            with tracing(on):
+                found[on] = play(lockstep(frames), frames)
+        pairs.append((found[True], found[False]))
+    rate_hz = RATE_SHARE * float(np.median([on.rate_hz for on, _ in pairs]))
+    print(f"stages at {rate_hz:.1f} frames per second", flush=True)
+    seen = play(live(rate_hz), 2 * frames)
+    marks = cost_of_marks(max(seen.traces, key=len), 20 * frames)
+    values = list(marks.values())
+    added_us = values[0] - values[1] + values[2] - values[3]
+    cpu_ms = float(np.median([off.cpu_ms for _, off in pairs]))
+    write(
+        __file__,
+        "Latency: where the time of a frame goes, and what measuring it costs",
+        "Camera, detector (MoveNet), re-ID and tracker as processes, 640x480, three people, one "
+        "network thread, a subscriber through the router. Stages are explained in "
+        "[docs/latency.md](../docs/latency.md).",
+        f"## Stages at {RATE_SHARE:.0%} load, {seen.rate_hz:.1f} frames per second",
+        stage_table(seen.traces),
+        "## What is not inference",
+        kinds_table(seen.traces),
+        "## Sum of the stages against the end-to-end time",
+        sums_table(seen),
+        "## Cost of tracing",
+        markdown(
+            ["the marks of one frame, alone in one thread", "us"],
+            [[name, f"{us:.0f}"] for name, us in marks.items()]
+            + [["added by tracing", f"{added_us:.0f}"]],
+        ),
+        f"That is {added_us / cpu_ms / 10:.2f} % of the {cpu_ms:.1f} ms of processor time that a "
+        "frame takes without tracing. The same in the whole pipeline, where noise is larger:",
+        cost_table(pairs),
+    )
+
+
+if __name__ == "__main__":
+    main()
