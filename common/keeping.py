@@ -168,10 +168,12 @@ class KeptNode:
         return outputs
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Return what is due; while nothing is, keep the state."""
+        """Return what is due, and keep the state."""
         outputs: Sequence[Message] = self._node.tick(now_ns)
         self._keep_number()
-        if self._changed and now_ns >= self._due_ns and not outputs:
+        # What is due goes out first, unless something always is.
+        due_ns = self._due_ns + (PERIOD_NS if outputs else 0)
+        if self._changed and now_ns >= due_ns:
             start_ns = time.monotonic_ns()
             self._keep_state()
             took_ns = time.monotonic_ns() - start_ns

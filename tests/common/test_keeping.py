@@ -75,6 +75,16 @@ def test_the_state_is_kept_four_times_a_second_while_something_comes(tmp_path: P
     assert started(tmp_path)[0].known == b"knows 2"
 
 
+def test_it_is_kept_though_something_is_always_due(tmp_path: Path) -> None:
+    node, kept = started(tmp_path)
+    for number, now_ns in enumerate(range(0, 600 * MS, 50 * MS)):
+        kept.handle(detections(number), now_ns)
+        node.due = [detections(0)]
+        kept.tick(now_ns)
+    # First at 0 + 250 ms, when the sixth was handled, then 500 ms later.
+    assert started(tmp_path)[0].known == b"knows 6"
+
+
 def test_it_is_kept_at_the_end(tmp_path: Path) -> None:
     node, kept = started(tmp_path)
     kept.handle(detections(0), 0)
