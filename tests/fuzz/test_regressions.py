@@ -1,0 +1,31 @@
+"""What was found once is not found again, and what fuzzing begins with is sound."""
+
+import contextlib
+from pathlib import Path
+
+import pytest
+
+from common.errors import People4dError
+from tests.fuzz.regressions import REGRESSIONS
+from tests.fuzz.targets import TARGETS
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_the_seeds_of_each_target_are_sound(name: str, tmp_path: Path) -> None:
+    target = TARGETS[name]
+    (tmp_path / "made").mkdir()
+    (tmp_path / "read").mkdir()
+    seeds = target.seeds(tmp_path / "made")
+    assert seeds
+    for seed in seeds:
+        assert len(seed) <= target.max_bytes
+        # Not all are accepted: an example of a frame holds no picture.
+        with contextlib.suppress(People4dError):
+            target.read(seed, tmp_path / "read")
+
+
+@pytest.mark.parametrize("number", range(len(REGRESSIONS)))
+def test_what_was_found_is_refused_or_read(number: int, tmp_path: Path) -> None:
+    found = REGRESSIONS[number]
+    with contextlib.suppress(People4dError):
+        TARGETS[found.name].read(found.data, tmp_path)
