@@ -8,7 +8,7 @@ import numpy as np
 
 from common.frames import Edge, FrameGraph, compose
 from common.geometry import invert, rotation_from_rpy, transform_from
-from common.messages import F64, Odometry, StaticTransform
+from common.messages import F64, MovingTransform, Odometry, StaticTransform
 from common.trail import COUNTERS, Placement, Trail, TrailConfig
 
 
@@ -25,16 +25,21 @@ class MovingFrames:
         self._graph = FrameGraph()
         self._trails: dict[Edge, Trail] = {}
 
-    def add(self, message: StaticTransform | Odometry) -> None:
-        """Take a transform that holds for ever, or the pose of a base at its stamp."""
+    def add(self, message: StaticTransform | MovingTransform | Odometry) -> None:
+        """Take a transform that holds for ever, or one at its stamp."""
         if isinstance(message, StaticTransform):
             self._graph.add(message)
-            return
-        edge = message.frame_id, message.child_frame_id
+        elif isinstance(message, MovingTransform):
+            self._follow((message.parent, message.child), message.stamp_ns, message.matrix)
+        else:
+            edge = message.frame_id, message.child_frame_id
+            self._follow(edge, message.stamp_ns, matrix_of(message))
+
+    def _follow(self, edge: Edge, stamp_ns: int, matrix: F64) -> None:
         if edge not in self._trails:
             self._trails[edge] = Trail(self._config, self.counters)
             self._graph.link(*edge, np.eye(4))
-        self._trails[edge].add(message.stamp_ns, matrix_of(message))
+        self._trails[edge].add(stamp_ns, matrix)
 
     def find(self, target: str, source: str, stamp_ns: int) -> Placement | None:
         """Return target_from_source at a time; None if the frames are not linked then."""

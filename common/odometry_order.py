@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from typing import Protocol, TypeVar
 
-from common.messages import Odometry
+from common.messages import MovingTransform, Odometry
 
 HELD_NS = 500_000_000  # [ns] odometry that is missing for longer is not waited for
 
@@ -33,7 +33,7 @@ def odometry_first(items: Iterable[T]) -> Iterator[T]:
     held: deque[T] = deque()
     newest_ns: int | None = None
     for item in items:
-        if isinstance(item, Odometry):
+        if isinstance(item, Odometry | MovingTransform):
             newest_ns = item.stamp_ns
             yield item
         else:

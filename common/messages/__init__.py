@@ -4,6 +4,7 @@ from common.messages.base import F32, F64, U8, U16, Message, Span
 from common.messages.camera import (
     CameraInfo,
     CompressedRgbdFrame,
+    MovingTransform,
     Odometry,
     RgbdFrame,
     StaticTransform,
@@ -39,6 +40,7 @@ __all__ = [
     "Health",
     "Mask",
     "Message",
+    "MovingTransform",
     "Odometry",
     "PersonScore",
     "RgbdFrame",

@@ -101,16 +101,20 @@ class StaticTransform(Message, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Check that the matrix is a rigid transform."""
         super().__post_init__()
-        check_name("parent", self.parent)
-        check_name("child", self.child)
-        check_shape("matrix", self.matrix, (4, 4))
-        check_finite("matrix", self.matrix)
-        rotation = self.matrix[:3, :3]
-        orthonormal = np.all(np.abs(rotation) < 2) and np.allclose(
-            rotation @ rotation.T, np.eye(3), atol=1e-4
-        )
-        if not orthonormal or np.linalg.det(rotation) < 0 or np.any(self.matrix[3] != (0, 0, 0, 1)):
-            raise ValueError("matrix: expected a rotation and a translation, got another matrix")
+        _check_rigid(self)
+
+
+class MovingTransform(Message, frozen=True, kw_only=True):
+    """A rigid transform at one time, of a camera that is turned or moved: parent_from_child."""
+
+    parent: str  # name of the frame that results are in, for example "base_link"
+    child: str  # name of the frame that points come from, for example "head"
+    matrix: F64  # [m] 4x4 homogeneous; a point p in child is matrix @ p in parent
+
+    def __post_init__(self) -> None:
+        """Check that the matrix is a rigid transform."""
+        super().__post_init__()
+        _check_rigid(self)
 
 
 class Odometry(Message, frozen=True, kw_only=True):
@@ -133,3 +137,16 @@ class Odometry(Message, frozen=True, kw_only=True):
         check_shape("covariance", self.covariance, (3, 3))
         check_shape("twist", self.twist, (3,))
         check_finite("covariance, twist", self.covariance, self.twist)
+
+
+def _check_rigid(transform: StaticTransform | MovingTransform) -> None:
+    check_name("parent", transform.parent)
+    check_name("child", transform.child)
+    check_shape("matrix", transform.matrix, (4, 4))
+    check_finite("matrix", transform.matrix)
+    rotation, last = transform.matrix[:3, :3], transform.matrix[3]
+    orthonormal = np.all(np.abs(rotation) < 2) and np.allclose(
+        rotation @ rotation.T, np.eye(3), atol=1e-4
+    )
+    if not orthonormal or np.linalg.det(rotation) < 0 or np.any(last != (0, 0, 0, 1)):
+        raise ValueError("matrix: expected a rotation and a translation, got another matrix")

@@ -16,6 +16,7 @@ from common.messages import (
     Detections,
     Embeddings,
     Message,
+    MovingTransform,
     Odometry,
     RgbdFrame,
     StaticTransform,
@@ -42,7 +43,7 @@ from services.reid.__main__ import build as build_reid
 from services.reid.config import ReidConfig
 
 SPEED = "speed"  # note with the mean time that a stage took
-KEPT = (CameraInfo, StaticTransform, Odometry, Detections)
+KEPT = (CameraInfo, StaticTransform, MovingTransform, Odometry, Detections)
 
 
 @dataclass(frozen=True)

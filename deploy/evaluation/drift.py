@@ -6,7 +6,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from common.geometry import apply, invert, wrap
-from common.messages import F64, Message, Odometry, StaticTransform, Track
+from common.messages import F64, Message, MovingTransform, Odometry, StaticTransform, Track
 from common.moving_frames import MovingFrames
 from common.trail import TrailConfig
 
@@ -24,7 +24,7 @@ class Drift:
         self._ends = frame_id, camera
         self._frames = MovingFrames(TrailConfig(keep_s=1e9))
         for message in messages:
-            if isinstance(message, StaticTransform | Odometry):
+            if isinstance(message, StaticTransform | MovingTransform | Odometry):
                 self._frames.add(message)
         self.drives = self._frames.standing(*self._ends) is None
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from common.messages import Odometry
+from common.messages import MovingTransform, Odometry
 from common.odometry_order import odometry_first
-from services.camera.source import Capture, Source
+from services.camera.source import Capture, Motion, Source
 
-Item = Capture | Odometry
+Item = Capture | Motion
 
 ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there is one frame only
 
@@ -44,7 +44,7 @@ def play(source: Source, selection: Selection) -> Iterator[Item]:
         first_ns = last_ns = count = 0
         for item in _one_round(source, selection):
             yield _shifted(item, shift_ns)
-            if isinstance(item, Odometry):
+            if isinstance(item, Odometry | MovingTransform):
                 continue
             first_ns = min(first_ns, item.stamp_ns) if count else item.stamp_ns
             last_ns = max(last_ns, item.stamp_ns) if count else item.stamp_ns
@@ -62,7 +62,7 @@ def _one_round(source: Source, selection: Selection) -> Iterator[Item]:
     index = 0
     items = source.part(selection.start_s, selection.duration_s)
     for item in items if source.live else odometry_first(items):
-        if isinstance(item, Odometry):
+        if isinstance(item, Odometry | MovingTransform):
             yield item
             continue
         if index % selection.stride == 0:

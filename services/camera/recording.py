@@ -13,13 +13,14 @@ from common.messages import (
     CameraInfo,
     CompressedRgbdFrame,
     Message,
+    MovingTransform,
     Odometry,
     RgbdFrame,
     StaticTransform,
 )
 from common.recording import open_recording
 from services.camera.lab.depth.note import CleanDepth, read_note
-from services.camera.source import Capture, Source
+from services.camera.source import Capture, Motion, Source
 
 M = TypeVar("M", bound=Message)
 
@@ -69,11 +70,11 @@ class RecordingSource(Source):
         rest = [transform for child, transform in placed.items() if child not in cameras]
         self.transforms = [own, *rest] if own else []
 
-    def __iter__(self) -> Iterator[Capture | Odometry]:
+    def __iter__(self) -> Iterator[Capture | Motion]:
         """Yield frames and odometry in the order in which they were recorded."""
-        kinds = (CompressedRgbdFrame, RgbdFrame, Odometry)
+        kinds = (CompressedRgbdFrame, RgbdFrame, MovingTransform, Odometry)
         for _, message in self._recording.messages(*kinds):
-            if isinstance(message, Odometry):
+            if isinstance(message, Odometry | MovingTransform):
                 yield message
             elif getattr(message, "camera", "") == self._camera:
                 capture = self._capture(message)

@@ -24,11 +24,11 @@ from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
 from common.errors import SourceError
 from common.images import encode_jpeg, encode_png16
-from common.messages import CameraInfo, Odometry, StaticTransform, Tracks, Truth
+from common.messages import CameraInfo, MovingTransform, Odometry, StaticTransform, Tracks, Truth
 from common.recording import open_recording
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros_messages import PEOPLE, RosMessages, export_types
-from services.camera.source import Capture
+from services.camera.source import Capture, Motion
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO = "sensor_msgs/msg/CameraInfo"
@@ -68,7 +68,7 @@ class Layout:
     namespace: str = "camera"
 
 
-Item = Capture | Odometry | Truth | Tracks
+Item = Capture | Motion | Truth | Tracks
 Entry = tuple[str, str, Any]  # topic, type and message
 
 
@@ -180,6 +180,8 @@ class BagWriter:
                 ("/odom", "nav_msgs/msg/Odometry", ros.odometry(item)),
                 ("/tf", TRANSFORMS, ros.base_transform(item)),
             ]
+        if isinstance(item, MovingTransform):
+            return [("/tf", TRANSFORMS, ros.transforms([item], item.stamp_ns))]
         if isinstance(item, Truth):
             return [("/truth", PEOPLE, ros.truth(item))]
         if isinstance(item, Tracks):

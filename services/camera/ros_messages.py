@@ -13,6 +13,7 @@ from common.geometry import rotation_from_rpy, transform_from
 from common.messages import (
     F64,
     CameraInfo,
+    MovingTransform,
     Odometry,
     StaticTransform,
     Tracks,
@@ -129,7 +130,9 @@ class RosMessages:
             ),
         )
 
-    def transforms(self, transforms: Sequence[StaticTransform], stamp_ns: int) -> Any:
+    def transforms(
+        self, transforms: Sequence[StaticTransform | MovingTransform], stamp_ns: int
+    ) -> Any:
         """Return a tf2_msgs/TFMessage."""
         stamped = [
             self._make(

@@ -4,8 +4,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TypeAlias
 
-from common.messages import U8, U16, CameraInfo, Odometry, StaticTransform
+from common.messages import U8, U16, CameraInfo, MovingTransform, Odometry, StaticTransform
+
+Motion: TypeAlias = Odometry | MovingTransform  # of the base, or of the camera on it
 
 
 @dataclass(frozen=True)
@@ -37,10 +40,10 @@ class Source(ABC):
     live: bool = False  # True: a device, whose newest capture matters; False: a recording
 
     @abstractmethod
-    def __iter__(self) -> Iterator[Capture | Odometry]:
+    def __iter__(self) -> Iterator[Capture | Motion]:
         """Yield what the camera saw, oldest first."""
 
-    def part(self, start_s: float, duration_s: float) -> Iterator[Capture | Odometry]:
+    def part(self, start_s: float, duration_s: float) -> Iterator[Capture | Motion]:
         """Yield what came from a time since the first item on, for some time.
 
         A source that need not make what is left out has a method of its own.

@@ -11,6 +11,7 @@ from common.messages import (
     Detections,
     Embeddings,
     Message,
+    MovingTransform,
     Odometry,
     Span,
     StaticTransform,
@@ -26,6 +27,7 @@ from services.tracker.observe import observe
 from services.tracker.placing import Places
 from services.tracker.state import Memory, pack, unpack
 
+PLACING = StaticTransform | MovingTransform | Odometry
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 COUNTERS = (
     *("no_transform", "predicted_base", "clock_resets", "transform_changes", "predictions"),
@@ -56,7 +58,7 @@ class TrackerNode:
 
     inputs: ClassVar[tuple[type[Message], ...]] = (
         *(Detections, Embeddings),
-        *(StaticTransform, Odometry),
+        *(StaticTransform, MovingTransform, Odometry),
     )
     takes: ClassVar[tuple[type[Message], ...]] = (Detections,)
 
@@ -89,7 +91,7 @@ class TrackerNode:
             flushed = self._take_detections(message, now_ns)
         elif isinstance(message, Embeddings) and self._joins:
             self._join.add_embeddings(message, late=self._is_late(message))
-        elif isinstance(message, StaticTransform | Odometry) and self._places.add(message):
+        elif isinstance(message, PLACING) and self._places.add(message):
             # The people tracked so far stand where the camera was thought to be.
             self._counters["transform_changes"] += 1
             self._tracker.reset()

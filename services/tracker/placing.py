@@ -3,7 +3,7 @@
 import numpy as np
 
 from common.geometry import LINK_FROM_OPTICAL
-from common.messages import F64, Odometry, StaticTransform
+from common.messages import F64, MovingTransform, Odometry, StaticTransform
 from common.moving_frames import MovingFrames
 from common.trail import Placement, TrailConfig
 
@@ -38,14 +38,14 @@ class Places:
         """Take what another process kept, until transforms come."""
         self._fixed |= fixed
 
-    def add(self, message: StaticTransform | Odometry) -> bool:
+    def add(self, message: StaticTransform | MovingTransform | Odometry) -> bool:
         """Take what is known of frames.
 
         Returns:
             Whether a camera by which people were placed stands elsewhere than thought.
         """
         self._frames.add(message)
-        if isinstance(message, Odometry):
+        if not isinstance(message, StaticTransform):
             return False
         moved = False
         for camera, before in tuple(self._fixed.items()):

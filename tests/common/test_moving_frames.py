@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry import LINK_FROM_OPTICAL, apply, transform_from
-from common.messages import F64, Odometry, StaticTransform
+from common.geometry import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
+from common.messages import F64, MovingTransform, Odometry, StaticTransform
 from common.moving_frames import MovingFrames, matrix_of
 from common.trail import TrailConfig
 
@@ -21,19 +21,19 @@ def shift(x: float, y: float = 0.0, z: float = 0.0) -> F64:
     return transform_from([x, y, z], np.eye(3))
 
 
-def odometry(at_ms: int, x_m: float, theta_deg: float = 0.0, child: str = "base_link") -> Odometry:
+def odometry(at_ms: int, x_m: float, theta_deg: float = 0.0) -> Odometry:
     return Odometry(
         stamp_ns=at_ms * 1_000_000,
         sequence=at_ms,
         frame_id="odom",
-        child_frame_id=child,
+        child_frame_id="base_link",
         x_m=x_m,
         y_m=0.0,
         theta_rad=math.radians(theta_deg),
     )
 
 
-def frames(*messages: StaticTransform | Odometry) -> MovingFrames:
+def frames(*messages: StaticTransform | MovingTransform | Odometry) -> MovingFrames:
     made = MovingFrames(TrailConfig())
     for message in messages:
         made.add(message)
@@ -82,22 +82,43 @@ def test_a_frame_waits_for_the_odometry_of_its_time_only_where_it_counts() -> No
     assert not made.waits("map", CAMERA, 101_000_000)
 
 
+def head(at_ms: int, matrix: F64) -> MovingTransform:
+    return MovingTransform(
+        stamp_ns=at_ms * 1_000_000, sequence=0, parent="base_link", child="head", matrix=matrix
+    )
+
+
+def turned(yaw_deg: float, pitch_deg: float) -> F64:
+    angles = math.radians(pitch_deg), math.radians(yaw_deg)
+    return transform_from([0.0, 0.0, 1.0], rotation_from_rpy(0.0, *angles))
+
+
+def test_a_camera_on_a_head_that_pans_and_tilts_on_a_base_that_drives() -> None:
+    # Half-way between two times the base is at x = 0.2, the head 1 m above it has panned 45 degrees
+    # to the left: what is 2 m before the camera is at 0.2 + sqrt 2, sqrt 2 and 1 m high.
+    made = frames(
+        fixed("head", CAMERA, LINK_FROM_OPTICAL),
+        odometry(0, 0.0),
+        odometry(200, 0.4),
+        head(0, turned(0, 0)),
+        head(200, turned(90, 0)),
+    )
+    placement = made.find("odom", CAMERA, 100_000_000)
+    assert placement is not None
+    place = apply(placement.matrix, [0.0, 0.0, 2.0])
+    assert place == pytest.approx(np.array([0.2 + math.sqrt(2), math.sqrt(2), 1.0]))
+    # A head that tilts down by 30 degrees: 2 m before it is 1 m below it.
+    made.add(head(300, turned(90, 30)))
+    made.add(odometry(300, 0.4))
+    placement = made.find("odom", CAMERA, 300_000_000)
+    assert placement is not None
+    place = apply(placement.matrix, [0.0, 0.0, 2.0])
+    assert place == pytest.approx(np.array([0.4, math.sqrt(3), 0.0]))
+
+
 def test_guesses_of_two_motions_add_up() -> None:
     # A head that turns on a base that drives; 0.2 s after both were told. Each 0.5 * 1 * 0.04 m.
-    made = frames(odometry(0, 0), odometry(50, 0))
-    for at_ms in (0, 50):
-        head = odometry(at_ms, 0, child="head")
-        made.add(
-            Odometry(
-                stamp_ns=head.stamp_ns,
-                sequence=0,
-                frame_id="base_link",
-                child_frame_id="head",
-                x_m=0.0,
-                y_m=0.0,
-                theta_rad=0.0,
-            )
-        )
+    made = frames(odometry(0, 0), odometry(50, 0), head(0, turned(0, 0)), head(50, turned(0, 0)))
     placement = made.find("odom", "head", 250_000_000)
     assert placement is not None
     assert placement.sigma_m == pytest.approx(0.02 * math.sqrt(2))

@@ -14,6 +14,7 @@ from common.messages import (
     Health,
     Mask,
     Message,
+    MovingTransform,
     Odometry,
     PersonScore,
     RgbdFrame,
@@ -122,6 +123,14 @@ FULL: tuple[Message, ...] = (
         trace=(SPAN,),
         parent="map",
         child="front_optical_frame",
+        matrix=np.eye(4),
+    ),
+    MovingTransform(
+        stamp_ns=STAMP_NS,
+        sequence=4,
+        trace=(SPAN,),
+        parent="base_link",
+        child="head",
         matrix=np.eye(4),
     ),
     Odometry(
@@ -244,6 +253,7 @@ SPARSE: tuple[Message, ...] = (
         cx=0.0,
         cy=0.0,
     ),
+    MovingTransform(stamp_ns=0, sequence=0, parent="a", child="b", matrix=np.eye(4)),
     Odometry(
         stamp_ns=0, sequence=0, frame_id="o", child_frame_id="b", x_m=0.0, y_m=0.0, theta_rad=0.0
     ),

@@ -112,6 +112,7 @@ def others() -> Iterator[Message]:
     ):
         yield like("StaticTransform", parent=parent, child=child, matrix=far)
         yield like("StaticTransform", parent=parent, child=child, matrix=np.eye(4))
+        yield like("MovingTransform", parent=parent, child=child, matrix=far)
     yield like("Tracks", people=())
     wild: dict[str, Track] = {
         "far": msgspec.structs.replace(TRACK, position_m=np.full(3, FAR)),
