@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 
 from common.bus import Bus, Subscription
+from common.gate import Gate
 from common.heartbeat import Heartbeat, Work
 from common.inbox import Arrival, Inbox
 from common.messages import Message, Span
@@ -29,7 +30,8 @@ class Loop:
         node: What to run. If it has `set_wake`, it gets a callback that makes `tick` due at once,
             for nodes that are fed by a thread of their own. If it has `flush`, that is asked at
             the end for what it held back to wait for more. If it has `set_instance`, it gets the
-            name of this process. If it has `foreign_inputs`, these topics of others come to
+            name of this process; if `set_next`, what lets another thread take the next message
+            before `handle` returns. If it has `foreign_inputs`, these topics of others come to
             `handle`, too. If it has `sharing`, it does that work by turns with its replicas.
         bus: Where messages come from and go to.
         place: Which process this is.
@@ -50,6 +52,7 @@ class Loop:
         self._workers = workers
         self._tracer = Tracer(place, traced)
         self._stopped = False  # no Event: a signal may come while its lock is held
+        self._gate = Gate()
         self._turn = threading.Condition()
         self._published = 0
         self._readers: list[threading.Thread] = []
@@ -57,6 +60,7 @@ class Loop:
     def run(self) -> None:
         """Handle messages until `stop` is called or the node is finished, then what still waits."""
         self._tell_node("set_wake", self.inbox.wake)
+        self._tell_node("set_next", self._gate.open)
         self._tell_node("set_instance", self._place.instance)
         foreign: Sequence[ForeignTopic] = getattr(self._node, "foreign_inputs", ())
         topics = [*(BY_MESSAGE[kind] for kind in self._node.inputs), *foreign]
@@ -112,15 +116,24 @@ class Loop:
         self._readers.append(self.inbox.follow(subscription, topic))
         return subscription
 
+    def _take(self, timeout_s: float) -> Arrival | None:
+        """Take a message; one that a newer may replace only when the network is free for it."""
+        if not self._gate.enter(timeout_s):
+            return None
+        arrival = self.inbox.get(timeout_s)
+        if arrival is None or not _may_be_replaced(arrival.message):
+            self._gate.open()
+        return arrival
+
     def _serve(self) -> None:
         while not self._stopped:
-            arrival = self.inbox.get(LONGEST_WAIT_S)
+            arrival = self._take(LONGEST_WAIT_S)
             if arrival:
                 self._handle(arrival)
 
     def _serve_and_tick(self) -> None:
         while not self._stopped:
-            arrival = self.inbox.get(self._wait_s())
+            arrival = self._take(self._wait_s())
             if arrival:
                 self._handle(arrival)
             outputs, spans = self._ask(lambda: self._node.tick(time.monotonic_ns()))
@@ -153,6 +166,7 @@ class Loop:
             arrival.message, arrival.received_ns, arrival.decoded_ns, taken_ns
         )
         outputs, spans = self._ask(lambda: self._node.handle(message, time.monotonic_ns()))
+        self._gate.open()
         spans = self._tracer.handled(taken_ns, spans)
         if self._replica:
             self._replica.worked((time.time_ns() - taken_ns) / 1e9)
@@ -185,3 +199,8 @@ class Loop:
             except Exception:  # what cannot be sent must not end the thread that sends
                 self._work.count("errors")
                 log.exception("%s could not be sent", type(message).__name__)
+
+
+def _may_be_replaced(message: Message) -> bool:
+    newest = BY_MESSAGE[type(message)].delivery == "newest"
+    return newest and not getattr(message, "lockstep", False)

@@ -107,13 +107,16 @@ class Replica:
 
     def _look(self) -> None:
         """Look again and again who does not get on, this process included."""
+        looked_s = time.monotonic()
         while not self._left.wait(LOOK_S):
+            now_s = time.monotonic()
+            paused_s, looked_s = max(now_s - looked_s - 2 * LOOK_S, 0.0), now_s
             stuck_s = max(STUCK_S, STUCK_FACTOR * self._longest_s)
             if self._work.longest_s() > stuck_s:
                 self._withdraw()
             else:
                 self._announce()
-            self._take_over(self.share.redivide(time.monotonic()))
+            self._take_over(self.share.redivide(now_s, paused_s))
 
     def _heard(self, payload: bytes) -> None:
         try:

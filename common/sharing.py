@@ -118,9 +118,15 @@ class Share:
             self._team.heard(name, works, now_s)
             return self._redivided(now_s)
 
-    def redivide(self, now_s: float) -> list[Spare]:
-        """Return what is ours because others have been silent too long."""
+    def redivide(self, now_s: float, paused_s: float = 0.0) -> list[Spare]:
+        """Return what is ours because others have been silent too long.
+
+        Args:
+            now_s: Monotonic time in seconds.
+            paused_s: How long of late this process did not run, and so heard nobody.
+        """
         with self._lock:
+            self._team.excuse(paused_s)
             return self._redivided(now_s)
 
     @property

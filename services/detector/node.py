@@ -3,7 +3,7 @@
 import logging
 import threading
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -56,6 +56,11 @@ class DetectorNode:
         self._counters: Counter[str] = Counter()
         self._faults: dict[str, str] = {}  # what is wrong with the newest frame, by camera
         self._instance = ""
+        self._next: Callable[[], None] = lambda: None
+
+    def set_next(self, let_next: Callable[[], None]) -> None:
+        """Take what lets another thread begin with the next frame; called after the network."""
+        self._next = let_next
 
     def set_instance(self, name: str) -> None:
         """Take the name of this process, by which detections tell who found them."""
@@ -107,6 +112,7 @@ class DetectorNode:
 
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
         people = self._find(frame)
+        self._next()
         with span("locate"):
             people = [self._with_mask(person, frame, info) for person in people]
             detections = self._detections(people, frame, info)

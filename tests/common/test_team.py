@@ -75,3 +75,10 @@ def test_a_heartbeat_without_a_token_is_nobody() -> None:
     one = team(a=1)
     one.heard("b", True, 0.0)
     assert not one.update(0.0)
+
+
+def test_time_in_which_this_process_was_stopped_is_nobodys_silence() -> None:
+    two = team(a=1, b=1)
+    two.excuse(60.0)
+    assert not two.update(60.0 + SILENT_S - 0.01)
+    assert two.update(60.0 + SILENT_S)
