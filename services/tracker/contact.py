@@ -1,15 +1,17 @@
 """People who touch or cross: whose pictures show one person, and what nobody can have done."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from common.messages import F64
 from services.tracker import association
+from services.tracker.config import StrongSort3dConfig
 from services.tracker.identity_config import ContactConfig
 from services.tracker.interface import Measurement, Observation
+from services.tracker.occlusion import NEAR_M, columns, emergence_m, shares
 from services.tracker.population import Target
 
 EDGE_SHARE = 0.01  # of the image's width: so near to its edge a box may be cut off
@@ -18,24 +20,62 @@ BOOL = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What matching has to know of a frame beside people and detections."""
+    """What matching has to know of a frame beside the people followed."""
 
-    stamp_ns: int  # [ns]
+    observation: Observation
     c_cos: float  # largest cosine distance of the embedder
-    unclear: frozenset[int] = field(default_factory=frozenset)  # detections, see `unclear`
+    unclear: frozenset[int] = frozenset()  # detections, see `unclear` and `crowded`
+    crowded: frozenset[int] = frozenset()  # of these, those that could be of several tracks
 
     def clear(self, detections: Sequence[Measurement]) -> BOOL:
         """Tell whose pictures (M) show one person."""
         return np.array([m.index not in self.unclear for m in detections], np.bool_)
 
+    def single(self, detections: Sequence[Measurement]) -> BOOL:
+        """Tell which detections (M) stand where at most one track is."""
+        return np.array([m.index not in self.crowded for m in detections], np.bool_)
 
-def scene(observation: Observation, c_cos: float, config: ContactConfig) -> Scene:
-    """Return the scene of a frame."""
+
+def scene(observation: Observation, tracks_m: F64, config: StrongSort3dConfig) -> Scene:
+    """Return the scene of a frame.
+
+    Args:
+        observation: The frame.
+        tracks_m: Nx3, where people are predicted.
+        config: What is asked for.
+    """
+    c_cos = config.cosine_limit(observation.embedder)
+    if not (config.contact.enabled or config.identity.enabled):
+        return Scene(observation, c_cos)
     measurements = observation.measurements
     boxes = np.array([m.box_xyxy_px for m in measurements], np.float64).reshape(-1, 4)
-    bad = unclear(boxes, observation.size_px, config.covered_max)
-    hazy = (m.index for m, is_bad in zip(measurements, bad, strict=True) if is_bad)
-    return Scene(observation.stamp_ns, c_cos, frozenset(hazy))
+    many = np.zeros(len(measurements), np.bool_)
+    if observation.map_from_camera is not None:
+        found_m = np.array([m.position_m for m in measurements]).reshape(-1, 3)
+        half_m = config.occlusion.half_width_m
+        found, _ = columns(found_m, observation.map_from_camera, half_m)
+        tracks, depth_m = columns(tracks_m, observation.map_from_camera, half_m)
+        many = crowded(found, tracks[depth_m > NEAR_M], config.contact.shared_min)
+    bad = many | unclear(boxes, observation.size_px, config.contact.covered_max)
+
+    def indices(chosen: BOOL) -> frozenset[int]:
+        return frozenset(measurements[k].index for k in np.flatnonzero(chosen))
+
+    return Scene(observation, c_cos, indices(bad), indices(many))
+
+
+def crowded(found: F64, tracks: F64, shared_min: float) -> BOOL:
+    """Tell which detections (M) could be of several tracks that stand in one column of the image.
+
+    Of two people, one before the other, often only one is found, or one that is made of both.
+
+    Args:
+        found: Mx2, strips of the detections, see `columns`.
+        tracks: Nx2, strips where people are predicted.
+        shared_min: Share of either strip that the other covers if they could be of one person.
+    """
+    share = np.maximum(shares(found, tracks), shares(tracks, found).T)
+    return np.asarray((share >= shared_min).sum(axis=1) > 1)
 
 
 def unclear(boxes: F64, size_px: tuple[int, int] | None, covered_max: float) -> BOOL:
@@ -100,6 +140,37 @@ def out_of_reach(
     reach_m = config.jump_m + config.speed_max_mps * unseen_s
     sure = np.array([m.doubt_m2 is None for m in detections])
     return np.asarray((gap_m > reach_m[:, None]) & sure)
+
+
+def in_the_open(
+    targets: Sequence[Target],
+    tracks_m: F64,
+    detections: Sequence[Measurement],
+    now: Scene,
+    config: StrongSort3dConfig,
+) -> BOOL:
+    """Tell to which detections (NxM) a hidden person cannot have gone without being seen.
+
+    Whoever is hidden comes out beside those who hide them, or is where they are predicted; from
+    there they walk as far as they can since they were hidden last.
+
+    Args:
+        targets: N.
+        tracks_m: Nx3, where they are predicted.
+        detections: M.
+        now: The frame.
+        config: What is in reach, and how wide people are.
+    """
+    pose, reach = now.observation.map_from_camera, config.contact
+    hidden_s = np.array([(now.observation.stamp_ns - t.hidden_ns) / 1e9 for t in targets])
+    here = [t.hidden > 0 and t.camera == now.observation.camera for t in targets]
+    if pose is None or not any(here):
+        return np.zeros((len(targets), len(detections)), np.bool_)
+    found_m = np.array([m.position_m for m in detections])
+    out_m = emergence_m(found_m, pose, config.occlusion)
+    gap_m = np.minimum(out_m, association.distances(tracks_m[:, :2], found_m[:, :2]))
+    far = gap_m > reach.jump_m + reach.speed_max_mps * hidden_s[:, None]
+    return np.asarray(far & np.array(here)[:, None])
 
 
 def indistinct(d_cos: F64, looks: F64, alike_max: float) -> F64:

@@ -35,6 +35,10 @@ class ContactConfig(msgspec.Struct, frozen=True, kw_only=True):
     # Share of a box that another box covers, above which its picture shows others, too: it does not
     # change what a track looks like. Nor does one cut off at the left or right of the image
     covered_max: float = 0.3
+    # Share of a track's strip that a detection covers if it could be of that track; a picture that
+    # could be of several tracks is not clear
+    shared_min: float = 0.5
+    crowded_factor: float = 2.0  # by which its cosine distances are divided: position decides
     # A picture that others cover by more than this has the depth of whoever covers it, maybe: its
     # position counts across the line of sight, and along it with this standard deviation more
     doubt_covered: float = 0.35

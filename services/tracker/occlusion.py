@@ -30,18 +30,61 @@ def hidden(positions_m: F64, seen: BOOL, map_from_camera: F64, config: Occlusion
     Returns:
         N, False for those who are seen.
     """
-    points = apply(invert(map_from_camera), positions_m)
-    depth = points[:, 2]
+    strips, depth = columns(positions_m, map_from_camera, config.half_width_m)
     before = depth > NEAR_M
-    scale = 1.0 / np.where(before, depth, 1.0)
-    centre, half = points[:, 0] * scale, config.half_width_m * scale
-    left, right = centre - half, centre + half
-    common = np.minimum(right[:, None], right) - np.maximum(left[:, None], left)
-    share = common / (right - left)[:, None]
+    share = shares(strips, strips)
     hides = seen & before & (depth[None] < depth[:, None] + config.nearer_slack_m)
     covered = np.where(hides, share, 0.0).max(axis=1, initial=0.0)
     result: BOOL = ~seen & before & (covered >= config.covered_min)
     return result
+
+
+def emergence_m(found_m: F64, map_from_camera: F64, config: OcclusionConfig) -> F64:
+    """Return how far each person found is from where they could have been hidden.
+
+    Args:
+        found_m: Nx3, in the map.
+        map_from_camera: 4x4, from the optical frame.
+        config: Width of a person.
+
+    Returns:
+        N, metres between a person and the strip behind somebody found who is not farther away;
+        infinity if there is nobody.
+    """
+    strips, depth = columns(found_m, map_from_camera, config.half_width_m)
+    gap = np.maximum(
+        strips[:, None, 0] - strips[None, :, 1], strips[None, :, 0] - strips[:, None, 1]
+    )
+    nearer = depth[None] < depth[:, None] + config.nearer_slack_m
+    np.fill_diagonal(nearer, False)
+    gap_m = np.where(nearer, np.maximum(gap, 0.0) * depth[:, None], np.inf)
+    return np.asarray(gap_m.min(axis=1, initial=np.inf))
+
+
+def columns(positions_m: F64, map_from_camera: F64, half_width_m: float) -> tuple[F64, F64]:
+    """Return the strips of the image (Nx2: left, right, at focal length 1) where people stand.
+
+    Args:
+        positions_m: Nx3, in the map.
+        map_from_camera: 4x4, from the optical frame.
+        half_width_m: Half of a person's width.
+
+    Returns:
+        The strips, and the depth (N) of each person in metres.
+    """
+    points = apply(invert(map_from_camera), positions_m)
+    depth = points[:, 2]
+    scale = 1.0 / np.where(depth > NEAR_M, depth, 1.0)
+    centre, half = points[:, 0] * scale, half_width_m * scale
+    return np.stack([centre - half, centre + half], axis=-1), depth
+
+
+def shares(strips: F64, others: F64) -> F64:
+    """Return the share (NxM, below 0 if apart) of each strip (Nx2) that each other one covers."""
+    low = np.maximum(strips[:, None, 0], others[None, :, 0])
+    high = np.minimum(strips[:, None, 1], others[None, :, 1])
+    share: F64 = (high - low) / (strips[:, 1] - strips[:, 0])[:, None]
+    return share
 
 
 class Fading:

@@ -57,9 +57,9 @@ class Recognition:
 
         Args:
             sights: Everyone seen in this frame but those seen for the first time.
-            now: Stamp of the frame and C_cos of the embedder.
+            now: The frame and C_cos of the embedder.
         """
-        stamp_ns, limit = now.stamp_ns, self._config.match_max or now.c_cos
+        stamp_ns, limit = now.observation.stamp_ns, self._config.match_max or now.c_cos
         self.gallery.forget_old(stamp_ns)
         for sight in sights:
             look = sight.target.look

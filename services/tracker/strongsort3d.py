@@ -12,6 +12,7 @@ from services.tracker.contact import (
     BOOL,
     Scene,
     doubted,
+    in_the_open,
     indistinct,
     out_of_reach,
     scene,
@@ -62,9 +63,9 @@ class StrongSort3d:
         if self._config.contact.enabled:
             detections = doubted(detections, observation, self._config.contact)
         self._forget_other_embedder(observation)
-        now = self._scene(observation)
         confirmed = [t for t in people.targets if t.confirmed and not self._left(t, observation)]
         tentative = [t for t in people.targets if not t.confirmed]
+        now = scene(observation, self._positions_m(confirmed), self._config)
 
         cost = self._appearance_cost(confirmed, detections, now)
         miss = now.c_cos if self._config.contact.enabled else np.inf
@@ -111,13 +112,6 @@ class StrongSort3d:
         identity = self._config.identity
         return identity.enabled and target.hidden == 0 and unseen_s > identity.handover_s
 
-    def _scene(self, observation: Observation) -> Scene:
-        config = self._config
-        c_cos = config.cosine_limit(observation.embedder)
-        if config.contact.enabled or config.identity.enabled:
-            return scene(observation, c_cos, config.contact)
-        return Scene(observation.stamp_ns, c_cos)
-
     def _appearance_cost(
         self, targets: Sequence[Target], detections: Sequence[Measurement], now: Scene
     ) -> F64:
@@ -133,6 +127,7 @@ class StrongSort3d:
             own = association.cosine_distances(looks, looks)
             d_cos = indistinct(d_cos, own, config.contact.alike_factor * now.c_cos)
             d_cos[:, ~now.clear(detections)] /= config.contact.unclear_factor
+            d_cos[:, ~now.single(detections)] /= config.contact.crowded_factor
             d_m2[self._out_of_reach(targets, detections, now)] = np.inf
         return combined_cost(d_m2, d_cos, now.c_cos, config)
 
@@ -156,9 +151,13 @@ class StrongSort3d:
     def _out_of_reach(
         self, targets: Sequence[Target], detections: Sequence[Measurement], now: Scene
     ) -> BOOL:
-        x, _ = stack(targets)
-        unseen_s = np.array([now.stamp_ns - t.seen_ns for t in targets]) / 1e9
-        return out_of_reach(x[:, self._motion.position], unseen_s, detections, self._config.contact)
+        config, tracks_m = self._config, self._positions_m(targets)
+        unseen_s = np.array([now.observation.stamp_ns - t.seen_ns for t in targets]) / 1e9
+        far = out_of_reach(tracks_m, unseen_s, detections, config.contact)
+        return far | in_the_open(targets, tracks_m, detections, now, config)
+
+    def _positions_m(self, targets: Sequence[Target]) -> F64:
+        return np.array([t.x[self._motion.position] for t in targets]).reshape(-1, 3)
 
     def _certain(
         self, cost: F64, targets: Sequence[Target], detections: Sequence[Measurement]
@@ -178,11 +177,14 @@ class StrongSort3d:
         people = [t for t in self._people.targets if t.confirmed]
         if not self._config.occlusion.enabled or observation.map_from_camera is None or not people:
             return
-        positions_m = np.array([t.x[self._motion.position] for t in people])
         seen = np.array([t.detection is not None for t in people])
-        behind = hidden(positions_m, seen, observation.map_from_camera, self._config.occlusion)
+        behind = hidden(
+            self._positions_m(people), seen, observation.map_from_camera, self._config.occlusion
+        )
         for target, is_hidden in zip(people, behind, strict=True):
-            target.hidden += bool(is_hidden) and target.camera == observation.camera
+            if is_hidden and target.camera == observation.camera:
+                target.hidden += 1
+                target.hidden_ns = observation.stamp_ns
 
     def _update_embeddings(self, pairs: Pairs, now: Scene) -> None:
         skipped = now.unclear if self._config.contact.enabled else frozenset[int]()

@@ -1,10 +1,19 @@
 """People who touch or cross keep their own tracks."""
 
 import numpy as np
+import pytest
 
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
-from services.tracker.contact import covered_shares, doubted, indistinct, out_of_reach, unclear
-from services.tracker.identity_config import ContactConfig
+from services.tracker.contact import (
+    covered_shares,
+    crowded,
+    doubted,
+    indistinct,
+    out_of_reach,
+    scene,
+    unclear,
+)
+from services.tracker.identity_config import ContactConfig, OcclusionConfig
 from services.tracker.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person
 from tests.tracker.test_occlusion import BLUE, RED, of, placed
@@ -31,6 +40,26 @@ def test_out_of_reach() -> None:
     places = np.array([[3, 0, 1], [3, 0, 1.0]])
     told = out_of_reach(places, np.array([0.1, 1.0]), [person(3, 0.6), person(3, 2)], config)
     assert told.tolist() == [[False, True], [False, False]]
+
+
+def test_crowded() -> None:
+    # The first detection covers half of track 0 and all of track 1, the second half of track 1.
+    found = np.array([[0, 0.2], [0.15, 0.35]])
+    tracks = np.array([[-0.1, 0.1], [0.1, 0.2]])
+    assert crowded(found, tracks, 0.5).tolist() == [True, False]
+    assert crowded(found, tracks, 0.51).tolist() == [False, False]
+    assert crowded(found, tracks[:0], 0.5).tolist() == [False, False]
+
+
+def test_one_picture_of_two_people_shows_neither_clearly() -> None:
+    # Tracks stand at 3 and 4 m in one line of sight; one detection at 3 m, one elsewhere.
+    config = StrongSort3dConfig(contact=ON)
+    both = np.array([[3, 0, 1], [4, 0, 1.0]])
+    seen = placed(0, person(3, 0), person(4, 1.2, index=1))
+    assert scene(seen, both, config).unclear == {0}
+    assert scene(seen, both, config).crowded == {0}
+    assert scene(seen, both[:1], config).crowded == set()
+    assert scene(seen, both, StrongSort3dConfig()).unclear == set()
 
 
 def test_only_positions_tell_people_who_look_alike_apart() -> None:
@@ -114,3 +143,22 @@ def test_a_newcomer_does_not_get_the_track_of_who_was_there_a_moment_ago() -> No
 
     assert last(ContactConfig()) == [(1, "confirmed")]
     assert last(ON) == [(1, "lost"), (2, "tentative")]
+
+
+@pytest.mark.parametrize("hidden", [True, False])
+def test_who_is_hidden_comes_out_behind_whoever_hides_them(hidden: bool) -> None:
+    # B, at 4 m, is not found for a second, with A before them. Somebody who looks the same comes
+    # into view 1.5 m to the left: they would have been seen on the way there. If it is not asked
+    # who is hidden, B may have walked there unnoticed, at 1.4 m/s.
+    strong = StrongSort3dConfig(
+        contact=ON, occlusion=OcclusionConfig(enabled=hidden), sigma_acceleration_mps2=3.0
+    )
+    people = StrongSort3d(TrackerConfig(strongsort3d=strong))
+    a = person(3, 0, embedding=RED)
+    for number in range(4):
+        before = people.update(placed(number, a, person(4, 0.1, index=1, embedding=BLUE)))
+    for number in range(4, 14):
+        people.update(placed(number, a))
+    after = people.update(placed(14, a, person(4, 1.6, index=1, embedding=BLUE)))
+    b, newcomer = ([t.id for t in tracks if t.detection == 1] for tracks in (before, after))
+    assert (newcomer != b) == hidden

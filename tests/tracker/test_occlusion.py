@@ -12,7 +12,7 @@ from common.messages import Track
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
 from services.tracker.identity_config import OcclusionConfig
 from services.tracker.interface import Measurement, Observation
-from services.tracker.occlusion import Fading, hidden
+from services.tracker.occlusion import Fading, columns, emergence_m, hidden, shares
 from services.tracker.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person
 
@@ -44,6 +44,24 @@ def test_who_is_hidden() -> None:
     assert told.tolist() == [False, True, False, False]
     told = hidden(people, seen, LINK_FROM_OPTICAL, OcclusionConfig(covered_min=0.29))
     assert told.tolist() == [False, True, True, False]
+
+
+def test_how_much_of_a_strip_another_one_covers() -> None:
+    # At 2 m, half a width of 0.25 m covers -0.125 to 0.125; at 4 m and 0.5 m to the left -0.1875 to
+    # -0.0625. They share 0.0625: a quarter of the first, half of the second.
+    strips, depth_m = columns(np.array([[2, 0, 1], [4, 0.5, 1.0]]), LINK_FROM_OPTICAL, 0.25)
+    np.testing.assert_allclose(strips, [[-0.125, 0.125], [-0.1875, -0.0625]])
+    np.testing.assert_allclose(depth_m, [2, 4])
+    np.testing.assert_allclose(shares(strips, strips), [[1, 0.25], [0.5, 1]])
+
+
+def test_how_far_people_are_from_where_they_could_have_been_hidden() -> None:
+    # A at 2 m, strip -0.125 to 0.125; B at 4 m and 1 m to the right, 0.1875 to 0.3125: between A
+    # and B 0.0625, at 4 m 0.25 m. C at 4 m straight behind A. Nobody stands before A but C and B
+    # are as near as each other: from C's strip, to 0.0625, B is 0.125 * 4 = 0.5 m away.
+    found = np.array([[2, 0, 1], [4, -1, 1], [4, 0, 1.0]])
+    told = emergence_m(found, LINK_FROM_OPTICAL, OcclusionConfig(half_width_m=0.25))
+    np.testing.assert_allclose(told, [np.inf, 0.25, 0.0])
 
 
 def test_nobody_is_hidden_by_somebody_who_is_not_seen() -> None:
