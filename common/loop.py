@@ -27,12 +27,12 @@ class Loop:
     """Runs a node on a bus until it is finished or told to stop.
 
     Args:
-        node: What to run. If it has `set_wake`, it gets a callback that makes `tick` due at once,
-            for nodes that are fed by a thread of their own. If it has `flush`, that is asked at
-            the end for what it held back to wait for more. If it has `set_instance`, it gets the
-            name of this process; if `set_next`, what lets another thread take the next message
-            before `handle` returns. If it has `foreign_inputs`, these topics of others come to
-            `handle`, too. If it has `sharing`, it does that work by turns with its replicas.
+        node: What to run. It is told what it has a method for: `set_wake`, a callback that makes
+            `tick` due at once, for nodes that are fed by a thread of their own; `set_instance`, the
+            name of this process; `set_next`, what lets another thread take the next message before
+            `handle` returns; `set_send`, what publishes one answer before the others. If it has
+            `foreign_inputs`, these topics of others come to `handle`, too. If it has `sharing`, it
+            does that work by turns with its replicas.
         bus: Where messages come from and go to.
         place: Which process this is.
         workers: Threads that call `handle` at once; outputs keep the order of the inputs.
@@ -53,6 +53,7 @@ class Loop:
         self._tracer = Tracer(place, traced)
         self._stopped = False  # no Event: a signal may come while its lock is held
         self._gate = Gate()
+        self._working = threading.local()  # ticket and spans of what this thread handles
         self._turn = threading.Condition()
         self._published = 0
         self._readers: list[threading.Thread] = []
@@ -61,6 +62,7 @@ class Loop:
         """Handle messages until `stop` is called or the node is finished, then what still waits."""
         self._tell_node("set_wake", self.inbox.wake)
         self._tell_node("set_next", self._gate.open)
+        self._tell_node("set_send", self._send)
         self._tell_node("set_instance", self._place.instance)
         foreign: Sequence[ForeignTopic] = getattr(self._node, "foreign_inputs", ())
         topics = [*(BY_MESSAGE[kind] for kind in self._node.inputs), *foreign]
@@ -165,13 +167,13 @@ class Loop:
         message = self._tracer.taken(
             arrival.message, arrival.received_ns, arrival.decoded_ns, taken_ns
         )
+        self._working.ticket = arrival.ticket
         outputs, spans = self._ask(lambda: self._node.handle(message, time.monotonic_ns()))
         self._gate.open()
         spans = self._tracer.handled(taken_ns, spans)
         if self._replica:
             self._replica.worked((time.time_ns() - taken_ns) / 1e9)
-        with self._turn:
-            self._turn.wait_for(lambda: self._published == arrival.ticket)
+        self._wait_turn(arrival.ticket)
         try:
             self._publish(outputs, spans)
         finally:
@@ -179,10 +181,20 @@ class Loop:
                 self._published += 1
                 self._turn.notify_all()
 
+    def _send(self, message: Message) -> None:
+        """Publish what a node has ready before the rest of its answer."""
+        self._wait_turn(self._working.ticket)
+        self._publish([message], self._working.spans)
+
+    def _wait_turn(self, ticket: int) -> None:
+        with self._turn:
+            self._turn.wait_for(lambda: self._published == ticket)
+
     def _ask(
         self, question: Callable[[], Sequence[Message]]
     ) -> tuple[Sequence[Message], list[Span]]:
         with self._work.busy(), self._tracer.working() as spans:
+            self._working.spans = spans
             try:
                 return question(), spans
             except Exception:  # a bug in a node must not end the stream

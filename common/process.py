@@ -26,6 +26,10 @@ from common.zenoh_bus import ZenohBus, read_config
 
 T = TypeVar("T", bound=msgspec.Struct)
 
+# A thread that received a frame, or whose network has run, must not wait 5 ms (the default) until
+# another thread lets go of the interpreter.
+SWITCH_S = 0.0005
+
 log = logging.getLogger("people4d")
 
 
@@ -57,6 +61,7 @@ def main(
         stream=sys.stderr,
     )
     cv2.setNumThreads(1)
+    sys.setswitchinterval(SWITCH_S)
     faulthandler.register(signal.SIGUSR2, all_threads=True)  # says where it hangs
     _on_stop_signals(lambda: sys.exit(0))  # until there is a loop to stop
     try:

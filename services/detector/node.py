@@ -56,7 +56,12 @@ class DetectorNode:
         self._counters: Counter[str] = Counter()
         self._faults: dict[str, str] = {}  # what is wrong with the newest frame, by camera
         self._instance = ""
+        self._send: Callable[[Message], None] | None = None
         self._next: Callable[[], None] = lambda: None
+
+    def set_send(self, send: Callable[[Message], None]) -> None:
+        """Take what publishes crops while the people are still being placed."""
+        self._send = send
 
     def set_next(self, let_next: Callable[[], None]) -> None:
         """Take what lets another thread begin with the next frame; called after the network."""
@@ -113,8 +118,14 @@ class DetectorNode:
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
         people = self._find(frame)
         self._next()
+        if self._config.position == "grown":
+            with span("locate"):
+                people = [self._with_mask(person, frame, info) for person in people]
+        outputs: list[Message] = []
+        if self._config.crops:
+            # Crops first: what the tracker waits for longest is on its way soonest.
+            (self._send or outputs.append)(self._crops(people, frame))
         with span("locate"):
-            people = [self._with_mask(person, frame, info) for person in people]
             detections = self._detections(people, frame, info)
         with self._lock:
             self._counters["people"] += len(people)
@@ -132,8 +143,7 @@ class DetectorNode:
             height=info.height,
             people=detections,
         )
-        # Crops first: what the tracker waits for longest is on its way soonest.
-        return (self._crops(people, frame), result) if self._config.crops else (result,)
+        return [*outputs, result]
 
     def _find(self, frame: RgbdFrame) -> list[Person]:
         """Return the people in the colour image; none, counted, if the model fails."""
@@ -151,8 +161,8 @@ class DetectorNode:
         return people
 
     def _with_mask(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Person:
-        """Return the person with a mask grown in depth, if so configured."""
-        if self._config.position != "grown" or person.keypoints is None:
+        """Return the person with a mask grown in depth."""
+        if person.keypoints is None:
             return person
         return replace(person, mask=grow_mask(person, frame.depth_mm, info, self._config.growth))
 

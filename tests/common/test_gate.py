@@ -74,3 +74,25 @@ def test_frames_that_must_not_be_skipped_are_taken_at_once(network: Network) -> 
         assert sorted(node.handled) == [1, 2]
         node.heavy_done.set()
         node.light_done.set()
+
+
+class Early(Heavy):
+    """Sends Tracks before it is done with the Truth."""
+
+    def set_send(self, send: Callable[[Message], None]) -> None:
+        self.send = send
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        self.send(msgspec.structs.replace(BY_NAME["Tracks"], sequence=message.sequence, trace=()))
+        assert self.heavy_done.wait(WAIT_S)
+        return [Truth(stamp_ns=0, sequence=message.sequence, frame_id="map")]
+
+
+def test_what_is_ready_first_is_sent_first(network: Network) -> None:
+    node = Early()
+    with running(network, node, workers=2) as run:
+        run.send(frame(1, lockstep=True), frame(2, lockstep=True))
+        assert run.tracks(1) == [1]  # while the rest of the answer is still being made
+        node.heavy_done.set()
+        assert run.tracks(1) == [2]
+        assert [run.watcher.wait(Truth).sequence for _ in range(2)] == [1, 2]
