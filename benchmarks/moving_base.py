@@ -58,7 +58,8 @@ def main() -> None:
         rows = [_row(case, _matchings(case.takes, method)) for case in cases]
     parts = [
         f"Preset {arguments.preset}, seeds {', '.join(map(str, arguments.seeds))}; median "
-        "over seeds with least and most. Positions are judged as seen from the camera (docs/evaluation.md).",
+        "over seeds with least and most. Positions are judged as seen from the camera "
+        "(docs/evaluation.md).",
         markdown(HEADER, rows),
     ]
     write(__file__, "People from a robot that drives", *parts)
