@@ -77,9 +77,9 @@ def _others(folder: Path) -> list[Method]:
 def _parts(evaluation: Evaluation, scenes: Sequence[str]) -> list[str]:
     parts = [
         f"Scenes: {', '.join(scenes)}; 60 s at 30 frames a second each, colour and measured depth; "
-        "no frame is skipped, but those with YOLOv8n are given every second one. Mean and spread (standard deviation) over recordings, for "
-        "all and by number of people. Rows of the paper come from its own recordings of real "
-        "people. What the columns mean: docs/evaluation.md."
+        "no frame is skipped, but methods with YOLOv8n are given every second one. Mean and spread "
+        "(standard deviation) over recordings, for all and by number of people. Rows of the paper "
+        "come from its own recordings of real people. What the columns mean: docs/evaluation.md."
     ]
     for table in (evaluation.overview, *evaluation.tables):
         parts += [f"## {table.title}", _text(table)]
