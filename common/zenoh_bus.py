@@ -255,6 +255,15 @@ class ZenohBus:
         self._members.append(members)
         return members
 
+    def present(self) -> list[tuple[str, str, str]]:
+        """Return robot, service and instance of every process that is there, of all robots."""
+        channel: Any = zenoh.handlers.FifoChannel(256)
+        key = f"{prefix('*')}/alive/*/*/*"
+        replies = self._session.liveliness().get(key, channel, timeout=ANSWER_S)
+        keys = sorted({str(reply.ok.key_expr) for reply in replies if reply.ok})
+        parts = (key.split("/") for key in keys)
+        return [(robot, service, instance) for *_, robot, _, service, instance, _ in parts]
+
     def ask(self, name: str, heard: Callable[[bytes], None]) -> None:
         """Put a question; `heard` gets the answer in another thread, or is never called."""
         channel: Any = zenoh.handlers.FifoChannel(1)

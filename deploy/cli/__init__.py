@@ -31,6 +31,7 @@ COMMANDS = (
     ("record", "record", "Record messages to a file."),
     ("csv", "csv", "Write truth and tracks of a recording to a table, CSV or Parquet."),
     ("replay", "replay", "Publish recorded messages, to try one service alone."),
+    ("doctor", "doctor", "Find why there is no output, and what mends it."),
     ("health", "health", "Exit with 0 once a service is healthy."),
     ("run", "run", "Run one service in this terminal."),
     ("keys", "keys", "Make certificates or passwords for hosts and roles, or check them."),

@@ -1,0 +1,126 @@
+"""What a running system lets one hear in a few seconds."""
+
+import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from common.client import Client
+from common.messages import CameraInfo, Detections, Health, Message, StaticTransform, Tracks
+from common.release import release
+
+HEARD = (Health, CameraInfo, StaticTransform, Detections, Tracks)
+
+
+@dataclass(slots=True)
+class Vitals:
+    """The heartbeats of one process.
+
+    Args:
+        first: The first one heard.
+        last: The last one heard.
+        late_ns: Least time from the stamp of a heartbeat to its arrival, by this machine's clock.
+        pids: Process numbers and hosts that used its name.
+    """
+
+    first: Health
+    last: Health
+    late_ns: int
+    pids: set[tuple[str, int]] = field(default_factory=set)
+
+    @property
+    def fault(self) -> str:
+        """Why it is not ready, empty if it is."""
+        return "" if self.last.state == "ready" else self.last.reason or f"it is {self.last.state}"
+
+    def total(self, *names: str) -> int:
+        """Return how often events were counted since the process began."""
+        return sum(self.last.counters.get(name, 0) for name in names)
+
+    def since(self, *names: str) -> int:
+        """Return how often events were counted while this was heard."""
+        return self.total(*names) - sum(self.first.counters.get(name, 0) for name in names)
+
+
+@dataclass(slots=True)
+class Evidence:
+    """All that was heard.
+
+    Args:
+        robot: Name of the robot listened to.
+        release: Release of people4d here.
+        elapsed_s: How long was listened.
+        vitals: Processes by name.
+        present: Robot, service and process of everyone whose token is there, of all robots.
+        infos: Calibrations by camera.
+        transforms: Transforms by their child.
+        detections: Detections by camera.
+        tracks: People messages.
+        refused: Messages that could not be read, by topic.
+        refusal: Why the last of these could not be read.
+    """
+
+    robot: str
+    release: str = field(default_factory=release)
+    elapsed_s: float = 0.0
+    vitals: dict[str, Vitals] = field(default_factory=dict)
+    present: list[tuple[str, str, str]] = field(default_factory=list)
+    infos: dict[str, CameraInfo] = field(default_factory=dict)
+    transforms: dict[str, StaticTransform] = field(default_factory=dict)
+    detections: list[Detections] = field(default_factory=list)
+    tracks: list[Tracks] = field(default_factory=list)
+    refused: Counter[str] = field(default_factory=Counter)
+    refusal: str = ""
+
+    def of(self, service: str) -> list[Vitals]:
+        """Return the processes of a service."""
+        return [v for v in self.vitals.values() if v.last.service == service]
+
+    def hear(self, message: Message, now_ns: int) -> None:
+        """Take a message; `now_ns` is this machine's wall clock."""
+        if isinstance(message, Health):
+            self._hear_health(message, now_ns)
+        elif isinstance(message, CameraInfo):
+            self.infos[message.camera] = message
+        elif isinstance(message, StaticTransform):
+            self.transforms[message.child] = message
+        elif isinstance(message, Detections):
+            self.detections.append(message)
+        elif isinstance(message, Tracks):
+            self.tracks.append(message)
+
+    def _hear_health(self, health: Health, now_ns: int) -> None:
+        if health.state == "stopping":
+            self.vitals.pop(health.instance, None)
+            return
+        late_ns = now_ns - health.stamp_ns
+        vitals = self.vitals.setdefault(health.instance, Vitals(health, health, late_ns))
+        vitals.last, vitals.late_ns = health, min(vitals.late_ns, late_ns)
+        vitals.pids.add((health.host, health.pid))
+
+
+def listen(client: Client, seconds: float) -> Evidence:
+    """Listen to a system for some seconds.
+
+    Args:
+        client: Connected to its router.
+        seconds: How long; heartbeats come twice a second.
+    """
+    evidence = Evidence(robot=client.bus.robot)
+    start_s = time.monotonic()
+    messages = client.messages(*HEARD, timeout_s=seconds)
+    _take(evidence, messages, start_s + seconds)
+    evidence.elapsed_s = time.monotonic() - start_s
+    evidence.present = client.bus.present()
+    for name, count in client.inbox.counters.items():
+        if name.startswith("bad_"):
+            evidence.refused[name.removeprefix("bad_")] = count
+    evidence.refusal = client.inbox.last_error
+    return evidence
+
+
+def _take(evidence: Evidence, messages: Iterable[Message], end_s: float) -> None:
+    for message in messages:
+        evidence.hear(message, time.time_ns())
+        if time.monotonic() > end_s:
+            return

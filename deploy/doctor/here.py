@@ -1,0 +1,137 @@
+"""Checks of this machine: what needs no running system, and why one does not run."""
+
+import importlib
+import re
+import socket
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from common.config import load
+from common.errors import People4dError
+from deploy.doctor.finding import Finding, ok, problem, warning
+from deploy.launcher.launcher import tail
+from deploy.launcher.plan import CONFIG_FILE
+from deploy.launcher.state import State
+from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
+
+CONNECT_S = 1.0
+TAIL_LINES = 200
+ENDPOINT = re.compile(r"(?P<scheme>tcp|tls)/(?P<host>.+):(?P<port>\d+)")
+CONFIGS = {
+    "camera": "services.camera.config:CameraConfig",
+    "detector": "services.detector.config:DetectorConfig",
+    "reid": "services.reid.config:ReidConfig",
+    "tracker": "services.tracker.config:TrackerConfig",
+    "gt_bridge": "services.gt_bridge.config:GtBridgeConfig",
+}
+LOADERS = {
+    "detector": "services.detector.models:load_model",
+    "reid": "services.reid.embedders:load_embedder",
+}
+
+
+def router(endpoint: str, error: People4dError) -> Finding:
+    """Tell why there is no session with a router.
+
+    Args:
+        endpoint: Where it should listen.
+        error: What Zenoh said.
+    """
+    match = ENDPOINT.fullmatch(endpoint.partition(",")[0])
+    if not match:
+        mend = "Write it as tcp/192.168.1.7:7447."
+        return problem("router", f"{endpoint!r} is no endpoint", mend)
+    if not _listens(match["host"], int(match["port"])):
+        mend = "Start the system (people4d up), or name its router: --connect tcp/HOST:7447."
+        return problem("router", f"nobody listens at {endpoint}", mend)
+    mend = (
+        "Does PEOPLE4D_KEYS name the folder of keys for this host and role (people4d keys), do "
+        "router and this command both use tcp or both tls, and is it a people4d router?"
+    )
+    return problem("router", f"{endpoint} refuses this machine: {error.problem}", mend)
+
+
+def _listens(host: str, port: int) -> bool:
+    try:
+        with socket.create_connection((host.strip("[]"), port), CONNECT_S):
+            return True
+    except OSError:
+        return False
+
+
+def running(state: State) -> Iterator[Finding]:
+    """Look at the processes that people4d up started on this machine."""
+    if not state.read():
+        others = sorted(
+            found.name
+            for found in state.folder.parent.glob("*")
+            if found != state.folder and State(found).read()
+        )
+        if others:
+            mend = f"Add --robot {others[0]}, or start it: people4d up --robot {state.folder.name}."
+            what = f"nothing runs here for {state.folder.name}; {', '.join(others)} does"
+            yield warning("processes", what, mend)
+        return
+    try:
+        processes = Supervisor(state).processes()
+    except SupervisorGoneError as error:
+        yield problem("processes", error.problem, error.mend)
+        return
+    down = [found for p in processes.values() if (found := _down(p, state))]
+    yield from down
+    if not down:
+        yield ok("processes", f"{len(processes)} processes run here")
+
+
+def _down(process: Process, state: State) -> Finding | None:
+    if process.state in ("RUNNING", "STARTING", "STOPPED", "STOPPING"):
+        return None
+    if process.finished:
+        what = f"{process.name} came to its end: {_last_word(state.log_of(process.name))}"
+        mend = "A recording is played once: people4d up --loop repeats it."
+        return warning("processes", what, mend, process.name)
+    what = f"{process.name} does not stay up: {_last_word(state.log_of(process.name))}"
+    mend = f"The whole log: {state.log_of(process.name)}"
+    return problem("processes", what, mend, process.name)
+
+
+def _last_word(log: Path) -> str:
+    """Return the last error of a log, else its last line."""
+    lines = [line for line in tail(log, TAIL_LINES).splitlines() if line.strip()]
+    errors = [line.partition(" ERROR ")[2] for line in lines if " ERROR " in line]
+    if errors:
+        return errors[-1]
+    return lines[-1].partition(" INFO ")[2] or lines[-1] if lines else "its log is empty"
+
+
+def settings(config: Path | None, environment: Mapping[str, str]) -> Iterator[Finding]:
+    """Look whether the settings can be read and the models of them loaded."""
+    file = config or Path(environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
+    good = True
+    for service, place in CONFIGS.items():
+        try:
+            record = load(_find(place), service, file, (), environment)
+        except People4dError as error:
+            good = False
+            mend = error.mend or f"Set it right in {file} or in the environment."
+            yield problem("settings", error.problem, mend)
+            continue
+        if service in LOADERS:
+            yield _model(service, record)
+    if good:
+        yield ok("settings", f"{file} can be used")
+
+
+def _model(service: str, config: Any) -> Finding:
+    try:
+        _find(LOADERS[service])(config)
+    except People4dError as error:
+        return problem("model", f"{service}: {error.problem}", error.mend or "See people4d models.")
+    name = getattr(config, "model", None) or getattr(config, "embedder", "")
+    return ok("model", f"{service}: {name} can be loaded")
+
+
+def _find(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)

@@ -1,0 +1,221 @@
+"""Faults caused in a system of real nodes, and what the doctor finds."""
+
+import contextlib
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.client import Client
+from common.codec import encode
+from common.loop import Loop
+from common.messages import U8, Message, RgbdFrame, StaticTransform
+from common.node import Node, Status
+from common.place import Place
+from common.topics import BY_MESSAGE
+from deploy.doctor.evidence import listen
+from deploy.doctor.finding import Finding
+from deploy.doctor.running import examine
+from services.detector.config import DetectorConfig
+from services.detector.models import Person
+from services.detector.node import DetectorNode
+from services.tracker.config import TrackerConfig
+from services.tracker.node import TrackerNode
+from services.tracker.registry import make_tracker
+from tests.detector.cameras import INFO
+from tests.detector.test_node import FixedModel, frame, person
+from tests.network import WAIT_S, Network
+
+PERIOD_NS = 40_000_000
+PLACED = StaticTransform(
+    stamp_ns=0, sequence=0, parent="map", child=INFO.frame_id, matrix=np.eye(4)
+)
+
+
+@dataclass
+class Filming:
+    """A camera of 25 frames a second that tells what it is given to tell."""
+
+    first: Sequence[Message] = (INFO, PLACED)
+    depth_mm: int = 2000
+    inputs: ClassVar[tuple[type[Message], ...]] = ()
+    gives: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    sent: int = -1
+    due_ns: int = 0
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        return ()
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        if now_ns < self.due_ns:
+            return ()
+        self.due_ns, self.sent = now_ns + PERIOD_NS, self.sent + 1
+        if self.sent == 0:
+            return self.first
+        image = frame(self.sent, self.depth_mm)
+        return [msgspec.structs.replace(image, stamp_ns=self.sent * PERIOD_NS)]
+
+    def wake_ns(self) -> int | None:
+        return self.due_ns
+
+    def status(self) -> Status:
+        return Status()
+
+    def close(self) -> None:
+        """Hold nothing."""
+
+
+class SlowModel(FixedModel):
+    """Takes as long as five frames."""
+
+    def detect(self, rgb: U8) -> list[Person]:
+        threading.Event().wait(5 * PERIOD_NS / 1e9)
+        return super().detect(rgb)
+
+
+class FailingModel(FixedModel):
+    """A network that cannot be run."""
+
+    def detect(self, rgb: U8) -> list[Person]:
+        raise RuntimeError("out of memory")
+
+
+def detector(model: FixedModel | None = None) -> Node:
+    return DetectorNode(model or FixedModel([person()]), DetectorConfig())
+
+
+def tracker() -> Node:
+    config = TrackerConfig(tracker="sort3d")
+    return TrackerNode(config, make_tracker(config))
+
+
+@pytest.fixture(scope="module")
+def network() -> Iterator[Network]:
+    network = Network()
+    yield network
+    network.close()
+
+
+@pytest.fixture(autouse=True)
+def quick_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("common.heartbeat.PERIOD_S", 0.1)
+
+
+class System:
+    """Nodes that run, and the doctor beside."""
+
+    def __init__(self, network: Network, nodes: Sequence[tuple[str, Node]]) -> None:
+        self.network, self.robot = network, network.robot()
+        self.bus = network.open(self.robot)
+        self._loops = []
+        for instance, node in nodes:
+            place = Place(instance.partition("-")[0], instance, "robot")
+            self._loops.append(Loop(node, network.open(self.robot), place))
+        self._threads = [threading.Thread(target=loop.run) for loop in self._loops]
+        for thread in self._threads:
+            thread.start()
+
+    def examine(self, check: str, robot: str = "") -> Finding:
+        """Listen until a check says something but good; it takes a moment to start."""
+        with Client(self.network.endpoint, robot or self.robot, WAIT_S) as client:
+            for _ in range(int(WAIT_S)):
+                findings = examine(listen(client, 1.0))
+                found = [f for f in findings if f.check == check and f.level != "ok"]
+                if found:
+                    return found[0]
+        raise AssertionError(f"nothing found but {findings}")
+
+    def close(self) -> None:
+        for loop in self._loops:
+            loop.stop()
+        for thread in self._threads:
+            thread.join(WAIT_S)
+
+
+@contextlib.contextmanager
+def running(network: Network, *nodes: tuple[str, Node]) -> Iterator[System]:
+    system = System(network, nodes)
+    try:
+        yield system
+    finally:
+        system.close()
+
+
+def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Network) -> None:
+    nodes = [("camera-1", Filming()), ("detector-1", detector()), ("tracker-1", tracker())]
+    with running(network, *nodes) as system:
+        with Client(network.endpoint, system.robot, WAIT_S) as client:
+            for _ in range(int(WAIT_S)):
+                findings = examine(listen(client, 1.0))
+                if {f.level for f in findings} == {"ok"}:
+                    break
+        assert {f.level for f in findings} == {"ok"}, findings
+        assert "of up to 1 people" in next(f.what for f in findings if f.check == "output")
+        # Asked under another name, the doctor knows the right one.
+        assert system.examine("robot", "other").mend == f"Add --robot {system.robot}."
+        # Words of another release.
+        good = msgspec.structs.replace(PLACED, stamp_ns=1)
+        other = encode(good).replace(b"\xa7version\x01", b"\xa7version\x02")
+        key = BY_MESSAGE[StaticTransform].key_of(good, system.robot)
+        with network.open(system.robot, timeout_s=WAIT_S)._session.declare_publisher(key) as saying:
+            stop = threading.Event()
+
+            def say() -> None:
+                while not stop.wait(0.05):
+                    saying.put(other)
+
+            speaker = threading.Thread(target=say)
+            speaker.start()
+            try:
+                assert "expected version 1, got 2" in system.examine("release").what
+            finally:
+                stop.set()
+                speaker.join()
+
+
+@pytest.mark.parametrize(
+    ("check", "camera", "model", "says"),
+    [
+        ("depth", Filming(depth_mm=0), None, "depth is all zero"),
+        ("calibration", Filming(first=(PLACED,)), None, "no CameraInfo comes"),
+        (
+            "calibration",
+            Filming(first=(msgspec.structs.replace(INFO, width=80), PLACED)),
+            None,
+            "expected 80x60 as in its CameraInfo, got 40x60",
+        ),
+        ("people", Filming(), FixedModel([]), "the detector finds nobody"),
+        ("model", Filming(), FailingModel([]), "out of memory"),
+        ("load", Filming(), SlowModel([person()]), "detector-1 is too slow"),
+    ],
+)
+def test_what_a_detector_meets(
+    network: Network, check: str, camera: Filming, model: FixedModel | None, says: str
+) -> None:
+    with running(network, ("camera-1", camera), ("detector-1", detector(model))) as system:
+        assert says in system.examine(check).what
+
+
+def test_no_transform_and_two_trackers(network: Network) -> None:
+    nodes = [("camera-1", Filming(first=(INFO,))), ("detector-1", detector())]
+    with running(network, *nodes, ("tracker-1", tracker()), ("tracker-2", tracker())) as system:
+        assert f"map <- {INFO.frame_id}" in system.examine("transform").what
+        assert "2 trackers tell people at once" in system.examine("twice").what
+
+
+def test_a_camera_that_sends_nothing(network: Network) -> None:
+    still = Filming()
+    still.due_ns = 2**62
+    with running(network, ("camera-1", still), ("detector-1", detector())) as system:
+        assert "camera-1 sends no frames" in system.examine("frames").what
+
+
+def test_nothing_runs(network: Network, tmp_path: Path) -> None:
+    with running(network) as system:
+        found = system.examine("services")
+    assert found.what == "camera, detector, tracker does not run"

@@ -1,0 +1,110 @@
+"""What the doctor finds on a machine where nothing runs, and at doors that stay shut."""
+
+import socket
+from pathlib import Path
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from common.ports import free_port
+from deploy.cli import app
+from deploy.doctor import here
+from deploy.doctor.finding import Finding
+from tests.security.guarded import guarded
+
+
+def doctor(folder: Path, *arguments: str, **environment: str) -> tuple[int, list[Finding]]:
+    """Run people4d doctor --json; return its exit code and findings."""
+    command = ["doctor", "--json", "--for", "0.5", *arguments]
+    result = CliRunner().invoke(app, command, env={"PEOPLE4D_STATE": str(folder), **environment})
+    assert result.stdout, result.stderr
+    return result.exit_code, msgspec.json.decode(result.stdout, type=list[Finding])
+
+
+def found(findings: list[Finding], check: str) -> Finding:
+    (finding,) = [f for f in findings if f.check == check and f.level != "ok"]
+    return finding
+
+
+def test_nothing_runs(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    status, findings = doctor(tmp_path, "--connect", endpoint)
+    assert status == 1
+    router = found(findings, "router")
+    assert router.what == f"nobody listens at {endpoint}"
+    assert "people4d up" in router.mend
+
+
+def test_without_keys_a_guarded_router_refuses(tmp_path: Path) -> None:
+    with guarded(tmp_path, passwords=True) as network:
+        status, findings = doctor(tmp_path, "--connect", f"tcp/127.0.0.1:{network.port}")
+    assert status == 1
+    router = found(findings, "router")
+    assert "refuses this machine" in router.what
+    assert "PEOPLE4D_KEYS" in router.mend
+
+
+def test_keys_of_another_folder(tmp_path: Path) -> None:
+    status, findings = doctor(tmp_path, "--connect", "tcp/127.0.0.1:1", PEOPLE4D_KEYS=str(tmp_path))
+    assert status == 1
+    assert "holds neither operator.pem" in found(findings, "settings").what
+
+
+def test_an_endpoint_that_is_none(tmp_path: Path) -> None:
+    _, findings = doctor(tmp_path, "--connect", "192.168.1.7")
+    assert "Write it as tcp/192.168.1.7:7447." in {f.mend for f in findings}
+
+
+def test_who_listens_may_be_no_router(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        _, findings = doctor(tmp_path, "--connect", endpoint)
+    assert found(findings, "router").what.startswith(f"{endpoint} refuses this machine")
+
+
+def settings(folder: Path, text: str, **environment: str) -> list[Finding]:
+    file = folder / "own.toml"
+    file.write_text(text)
+    return list(here.settings(file, environment))
+
+
+def test_the_shipped_settings_and_models_are_good() -> None:
+    findings = list(here.settings(None, {}))
+    assert {f.level for f in findings} == {"ok"}
+    assert {f.check for f in findings} == {"settings", "model"}
+
+
+def test_settings_with_a_mistake(tmp_path: Path) -> None:
+    findings = settings(tmp_path, "[tracker]\ntrackr = 'sort3d'")
+    assert "has no field 'trackr'" in found(findings, "settings").what
+    assert found(findings, "settings").mend == "Did you mean tracker?"
+    wrong = settings(tmp_path, "", PEOPLE4D_TRACKER_MAX_LOST_S="-1")
+    assert "max_lost_s" in found(wrong, "settings").what
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [(None, "does not exist"), (b"", "cannot be loaded"), (b"no network", "cannot be loaded")],
+)
+def test_a_model_that_is_missing_or_corrupt(
+    tmp_path: Path, content: bytes | None, says: str
+) -> None:
+    model = tmp_path / "own.onnx"
+    if content is not None:
+        model.write_bytes(content)
+    finding = found(settings(tmp_path, f'[detector]\nmodel = "{model}"'), "model")
+    assert finding.what.startswith("detector: model file")
+    assert says in finding.what
+    assert finding.mend
+
+
+def test_a_log_s_last_error_says_why_a_process_is_down(tmp_path: Path) -> None:
+    log = tmp_path / "detector-1.log"
+    log.write_text(
+        "2026 detector-1 ERROR model file x does not exist. See: people4d models.\nbye\n"
+    )
+    assert here._last_word(log) == "model file x does not exist. See: people4d models."
+    log.write_text("2026 camera-1 INFO finished: the recording is cut short\n")
+    assert here._last_word(log) == "finished: the recording is cut short"
+    assert here._last_word(tmp_path / "none") == "its log is empty"

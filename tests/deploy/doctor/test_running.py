@@ -1,0 +1,301 @@
+"""What the doctor concludes from what it heard."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.messages import Detection, Detections, Health, Track, Tracks
+from deploy.doctor.evidence import Evidence
+from deploy.doctor.finding import Finding
+from deploy.doctor.running import examine
+
+S = 10**9
+
+
+def health(instance: str, **fields: Any) -> Health:
+    service = instance.partition("-")[0]
+    given: dict[str, Any] = {"stamp_ns": 0, "pid": 1, "host": "robot", "release": "1.0"}
+    given |= {"sequence": 0, "service": service, "instance": instance, "state": "ready"} | fields
+    return Health(**given)
+
+
+def detections(*people: Detection, sequence: int = 0) -> Detections:
+    return Detections(
+        stamp_ns=sequence,
+        sequence=sequence,
+        camera="front",
+        frame_id="optical",
+        model="m",
+        width=64,
+        height=48,
+        people=people,
+    )
+
+
+PERSON = Detection(
+    box_xyxy_px=np.array([1, 1, 9, 9], np.float32), score=0.9, position_m=np.array([0.0, 0.0, 2.0])
+)
+NOWHERE = Detection(box_xyxy_px=np.array([1, 1, 9, 9], np.float32), score=0.9)
+TRACK = Track(
+    id=1,
+    state="confirmed",
+    position_m=np.zeros(3),
+    velocity_mps=np.zeros(3),
+    covariance=np.eye(6),
+    yaw_rad=None,
+    hits=3,
+    age=3,
+    time_since_update_s=0.0,
+    detection=0,
+    score=0.9,
+)
+
+# One second of a system that works, by service: counters at its begin and at its end.
+WORKS: dict[str, tuple[dict[str, int], dict[str, int]]] = {
+    "router-1": ({}, {}),
+    "camera-1": ({"sent_frames": 10}, {"sent_frames": 40}),
+    "detector-1": (
+        {"received_frames": 10, "frames": 10, "no_depth": 0},
+        {"received_frames": 40, "frames": 40, "no_depth": 0},
+    ),
+    "tracker-1": ({"clock_resets": 0}, {"clock_resets": 0}),
+}
+
+
+class Heard:
+    """A system that works, heard for a second; tests change what they cause."""
+
+    def __init__(self) -> None:
+        self.evidence = Evidence(robot="robot", release="1.0", elapsed_s=1.0)
+        self.counters = {name: (dict(a), dict(b)) for name, (a, b) in WORKS.items()}
+        self.fields: dict[str, dict[str, Any]] = {name: {} for name in WORKS}
+        self.late_ns = 1_000_000
+        self.people: tuple[Detection, ...] = (PERSON,)
+        self.tracks: tuple[Track, ...] = (TRACK,)
+
+    def count(self, instance: str, **counts: int) -> None:
+        """Let counters rise by so much while the doctor listens."""
+        first, last = self.counters[instance]
+        for name, count in counts.items():
+            last[name] = first.get(name, 0) + count
+
+    def findings(self) -> list[Finding]:
+        for name, (first, last) in self.counters.items():
+            for counters, stamp_ns in ((first, 0), (last, S)):
+                told = health(
+                    name, counters=counters, **({"stamp_ns": stamp_ns} | self.fields[name])
+                )
+                self.evidence.hear(told, told.stamp_ns + self.late_ns)
+        for number in range(30):
+            self.evidence.hear(detections(*self.people, sequence=number), 0)
+            self.evidence.hear(
+                Tracks(
+                    stamp_ns=number,
+                    sequence=number,
+                    frame_id="map",
+                    tracker="t",
+                    camera="front",
+                    people=self.tracks,
+                ),
+                0,
+            )
+        present = [("robot", name.partition("-")[0], name) for name in self.counters]
+        self.evidence.present = self.evidence.present or present
+        return examine(self.evidence)
+
+    def found(self, check: str) -> Finding:
+        """Return the finding of a check that is not content."""
+        (found,) = [f for f in self.findings() if f.check == check and f.level != "ok"]
+        assert found.mend
+        return found
+
+
+@pytest.fixture
+def heard() -> Heard:
+    return Heard()
+
+
+def test_of_a_system_that_works_nothing_is_said_but_good(heard: Heard) -> None:
+    findings = heard.findings()
+    assert {f.level for f in findings} == {"ok"}
+    told = {f.check: f.what for f in findings}
+    assert told["frames"] == "30 frames a second come"
+    assert told["output"] == "30 messages about people a second, of up to 1 people"
+    assert told["services"] == "camera, detector, router, tracker run"
+
+
+def test_a_service_that_does_not_run(heard: Heard) -> None:
+    del heard.counters["detector-1"]
+    found = heard.found("services")
+    assert found.level == "problem"
+    assert found.what == "detector does not run; camera, router, tracker does"
+
+
+def test_a_wrong_name_of_the_robot(heard: Heard) -> None:
+    heard.counters.clear()
+    heard.evidence.present = [("left", "tracker", "tracker-1"), ("right", "camera", "camera-1")]
+    found = heard.found("robot")
+    assert found.what == "nobody calls this robot robot; there is left, right"
+    assert found.mend == "Add --robot left."
+
+
+def test_one_that_hangs_has_a_token_but_no_heartbeat(heard: Heard) -> None:
+    heard.evidence.present = [("robot", "reid", "reid-1")]
+    assert heard.found("services").what == "reid-1 sent no heartbeat"
+
+
+def test_two_trackers(heard: Heard) -> None:
+    heard.counters["tracker-9"] = ({}, {})
+    heard.fields["tracker-9"] = {"host": "nuc", "pid": 77}
+    found = heard.found("twice")
+    assert "2 trackers tell people at once" in found.what
+    assert "tracker-9 on nuc (process 77)" in found.what
+
+
+def test_two_processes_of_one_name(heard: Heard) -> None:
+    heard.evidence.hear(health("tracker-1", host="nuc", pid=77), 0)
+    assert "several processes call themselves tracker-1" in heard.found("twice").what
+
+
+def test_releases_that_differ(heard: Heard) -> None:
+    heard.fields["tracker-1"] = {"release": "0.9"}
+    heard.fields["camera-1"] = {"release": ""}
+    told = heard.found("release").what
+    assert "0.9: tracker-1" in told
+    assert "an older one: camera-1" in told
+    assert "1.0: here, router-1, detector-1" in told
+
+
+def test_messages_of_another_version(heard: Heard) -> None:
+    heard.evidence.refused["people"] = 3
+    heard.evidence.refusal = "Tracks: expected version 1, got 2"
+    assert "(people): Tracks: expected version 1, got 2" in heard.found("release").what
+
+
+def test_clocks_apart_by_the_reference(heard: Heard) -> None:
+    # 200 ms ahead of the reference, sure to 3 ms; 40 ms would be borne, and so 200 sure to 180.
+    heard.fields["camera-1"] = {
+        "host": "nuc",
+        "gauges": {"clock_offset_ms": 200.0, "clock_error_ms": 3.0},
+    }
+    assert heard.found("clocks").what == "clocks of hosts are apart: nuc is 200 ms ahead"
+
+
+@pytest.mark.parametrize(("offset_ms", "error_ms"), [(40.0, 1.0), (200.0, 180.0)])
+def test_clocks_that_may_agree(heard: Heard, offset_ms: float, error_ms: float) -> None:
+    heard.fields["camera-1"] = {
+        "gauges": {"clock_offset_ms": offset_ms, "clock_error_ms": error_ms}
+    }
+    assert {f.level for f in heard.findings()} == {"ok"}
+
+
+def test_clocks_apart_without_a_reference(heard: Heard) -> None:
+    heard.late_ns = -2 * S  # they come two seconds before they were sent
+    assert heard.found("clocks").what == "clocks of hosts are apart: robot is 2000 ms ahead"
+
+
+def test_a_clock_that_was_set(heard: Heard) -> None:
+    heard.count("tracker-1", clock_steps=1)
+    assert heard.found("clocks").what == "a clock was set while tracker-1 ran"
+
+
+def test_stamps_that_jumped(heard: Heard) -> None:
+    heard.count("tracker-1", clock_resets=2)
+    found = heard.found("clocks")
+    assert (found.level, found.what.partition(" since")[0]) == (
+        "warning",
+        "stamps of frames jumped 2 times",
+    )
+
+
+def test_a_camera_that_sends_nothing_says_why(heard: Heard) -> None:
+    heard.count("camera-1", sent_frames=0)
+    heard.count("detector-1", received_frames=0)
+    heard.fields["camera-1"] = {"state": "degraded", "reason": "the source failed: unplugged"}
+    heard.fields["detector-1"] = {"state": "degraded", "reason": "no frames for 5 s"}
+    found = heard.found("frames")
+    assert found.what == "camera-1 sends no frames: the source failed: unplugged"
+    assert [f.check for f in heard.findings() if f.level != "ok"] == ["frames"]
+
+
+def test_frames_that_do_not_arrive(heard: Heard) -> None:
+    heard.count("detector-1", received_frames=0)
+    assert "do not reach the detector" in heard.found("frames").what
+
+
+def test_colour_and_depth_apart(heard: Heard) -> None:
+    heard.count("camera-1", unpaired=60, sent_frames=30)
+    assert "60 pictures, 40 pairs" in heard.found("pairs").what
+
+
+def test_no_calibration_and_one_of_another_size(heard: Heard) -> None:
+    heard.count("detector-1", no_calibration=30)
+    assert "no CameraInfo comes" in heard.found("calibration").what
+    other = Heard()
+    other.count("detector-1", wrong_size=30)
+    other.fields["detector-1"] = {"state": "degraded", "reason": "expected 640x480, got 320x240"}
+    assert "expected 640x480, got 320x240" in other.found("calibration").what
+
+
+def test_no_transform(heard: Heard) -> None:
+    reason = "no transform map <- optical: the camera is taken as the origin"
+    heard.fields["tracker-1"] = {"state": "degraded", "reason": reason}
+    assert heard.found("transform").what == reason
+
+
+def test_odometry_that_is_missing(heard: Heard) -> None:
+    heard.count("tracker-1", predicted_base=30)
+    assert heard.found("odometry").level == "warning"
+
+
+def test_empty_depth(heard: Heard) -> None:
+    heard.count("detector-1", no_depth=30, frames=30)
+    assert "all zero in 30 of 30 frames" in heard.found("depth").what
+    other = Heard()
+    other.count("detector-1", no_depth=2, frames=30)  # a frame now and then is no fault
+    assert all(f.check != "depth" for f in other.findings())
+
+
+def test_a_model_that_fails(heard: Heard) -> None:
+    heard.count("detector-1", model_errors=5)
+    heard.fields["detector-1"] = {"state": "degraded", "reason": "the model failed: burst"}
+    assert heard.found("model").what == "the model failed: burst"
+
+
+@pytest.mark.parametrize(
+    ("state", "reason"),
+    [
+        ("degraded", "too slow: of 30.0 frames a second 19.0 are skipped"),
+        ("stalled", "busy with one message for 5 s"),
+    ],
+)
+def test_overload(heard: Heard, state: str, reason: str) -> None:
+    heard.fields["detector-1"] = {"state": state, "reason": reason}
+    found = heard.found("load")
+    assert reason in found.what
+    assert found.about == ("detector-1",)
+
+
+def test_nobody_found_nobody_placed_nobody_told(heard: Heard) -> None:
+    heard.people, heard.tracks = (), ()
+    found = heard.found("people")
+    assert (found.level, found.what) == ("warning", "the detector finds nobody in 30 frames")
+    nowhere = Heard()
+    nowhere.people = (NOWHERE,)
+    assert nowhere.found("people").what == "30 people are found, none of them has a position"
+    untold = Heard()
+    untold.tracks = ()
+    assert "no track is told" in untold.found("people").what
+
+
+def test_what_no_check_explains_is_told_in_the_process_s_own_words(heard: Heard) -> None:
+    reason = "its state cannot be kept in /x (No space left on device)"
+    heard.fields["tracker-1"] = {"state": "degraded", "reason": reason}
+    assert heard.found("state").what == f"tracker-1 is degraded: {reason}"
+
+
+def test_a_process_that_leaves_is_not_missed(heard: Heard) -> None:
+    heard.evidence.hear(health("report-1"), 0)
+    heard.evidence.hear(health("report-1", state="stopping"), 0)
+    assert {f.level for f in heard.findings()} == {"ok"}
