@@ -4,6 +4,7 @@ import argparse
 import faulthandler
 import logging
 import os
+import re
 import signal
 import socket
 import sys
@@ -71,7 +72,7 @@ def main(
             node = keep(build(config), flags.instance)
             place = Place(service, flags.instance, socket.gethostname(), flags.capacity)
             if mode == "router":  # everyone reaches it
-                keep_time(bus, place.host)
+                keep_time(bus)
             loop = Loop(node, bus, place, workers, traced=os.environ.get("PEOPLE4D_TRACE") != "off")
             _on_stop_signals(loop.stop)
             log.info("started")
@@ -94,6 +95,12 @@ def _capacity(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= CAPACITY_MAX:
         raise argparse.ArgumentTypeError(f"expected 1 to {CAPACITY_MAX}, got {text!r}")
     return int(text)
+
+
+def _instance(service: str) -> str:
+    """Return a name that no other has: in containers all processes have the same number."""
+    host = re.sub(r"[^A-Za-z0-9.-]", "-", socket.gethostname())[:32]
+    return f"{service}-{host}-{os.getpid()}"
 
 
 def _parser(service: str) -> argparse.ArgumentParser:
@@ -122,7 +129,7 @@ def _parser(service: str) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--instance",
-        default=environment.get("PEOPLE4D_INSTANCE") or f"{service}-{os.getpid()}",
+        default=environment.get("PEOPLE4D_INSTANCE") or _instance(service),
         help="name of this process, unique on the robot; default $PEOPLE4D_INSTANCE",
     )
     parser.add_argument(
