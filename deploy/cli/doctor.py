@@ -9,11 +9,11 @@ import typer
 from rich.console import Console
 
 from common.client import Client
-from common.errors import ConfigError, People4dError
+from common.errors import People4dError
 from deploy.cli.options import Connect, Robot
 from deploy.doctor import here
 from deploy.doctor.evidence import listen
-from deploy.doctor.finding import Finding, Level, ok, problem
+from deploy.doctor.finding import Finding, Level, ok
 from deploy.doctor.running import NEEDED, examine
 from deploy.launcher.plan import Wish
 from deploy.launcher.state import State
@@ -56,8 +56,6 @@ def _examine(robot: str, connect: str, seconds: float, config: Path | None) -> l
         findings.append(ok("router", f"{endpoint} answers"))
         findings += examine(evidence)
         missing = any(not evidence.of(service) for service in NEEDED)
-    except ConfigError as error:
-        findings.append(problem("settings", error.problem, error.mend))
     except People4dError as error:
         findings.append(here.router(endpoint, error))
     if is_here and missing:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from common.config import load
-from common.errors import People4dError
+from common.errors import ConfigError, People4dError
 from deploy.doctor.finding import Finding, ok, problem, warning
 from deploy.launcher.launcher import tail
 from deploy.launcher.plan import CONFIG_FILE
@@ -42,6 +42,8 @@ def router(endpoint: str, error: People4dError) -> Finding:
     if not match:
         mend = "Write it as tcp/192.168.1.7:7447."
         return problem("router", f"{endpoint!r} is no endpoint", mend)
+    if isinstance(error, ConfigError):
+        return problem("settings", error.problem, error.mend)
     if not _listens(match["host"], int(match["port"])):
         mend = "Start the system (people4d up), or name its router: --connect tcp/HOST:7447."
         return problem("router", f"nobody listens at {endpoint}", mend)
