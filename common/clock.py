@@ -5,16 +5,19 @@ two clocks to within half of the time that question and answer were on their way
 known relative to one.
 """
 
+import socket
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import msgspec
 
 NAME = "clock"
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 KEPT = 64  # exchanges
 DRIFT = 1e-4  # two quartz clocks part by less than so much of the time: 50 ppm each
 ROUNDING_NS = 1.0  # of the stamps
@@ -103,7 +106,7 @@ class Comparison:
 class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the reference answers."""
 
-    host: str  # its name
+    clock: str  # which clock that is, see this_clock
     heard_ns: int  # [ns] its clock when the question came
     told_ns: int  # [ns] its clock when the answer left
 
@@ -120,18 +123,27 @@ class Questions(Protocol):
         ...
 
 
-def keep_time(bus: Questions, host: str, now_ns: Callable[[], int] = time.time_ns) -> None:
+def this_clock() -> str:
+    """Return what tells this machine's clock from others: containers of one machine share it."""
+    try:
+        return BOOT_ID.read_text(encoding="ascii").strip()
+    except OSError:  # not Linux
+        return socket.gethostname()
+
+
+def keep_time(bus: Questions, clock: str = "", now_ns: Callable[[], int] = time.time_ns) -> None:
     """Be the reference: answer everyone who asks for the time.
 
     Args:
         bus: Carries the questions.
-        host: Name of this machine.
-        now_ns: Its clock.
+        clock: Which clock is told; empty for this machine's.
+        now_ns: The clock.
     """
+    clock = clock or this_clock()
 
     def reply() -> bytes:
         heard_ns = now_ns()
-        return msgspec.msgpack.encode(Answer(host, heard_ns, now_ns()))
+        return msgspec.msgpack.encode(Answer(clock, heard_ns, now_ns()))
 
     bus.answer(NAME, reply)
 
@@ -141,12 +153,15 @@ class Clock:
 
     Args:
         bus: Carries the questions.
-        host: Name of this machine; where it is the reference's, there is one clock only.
-        now_ns: Its clock.
+        clock: Which clock this is, empty for this machine's; with that of the reference there is
+            nothing to compare.
+        now_ns: The clock.
     """
 
-    def __init__(self, bus: Questions, host: str, now_ns: Callable[[], int] = time.time_ns) -> None:
-        self._bus, self._host, self._now_ns = bus, host, now_ns
+    def __init__(
+        self, bus: Questions, clock: str = "", now_ns: Callable[[], int] = time.time_ns
+    ) -> None:
+        self._bus, self._clock, self._now_ns = bus, clock or this_clock(), now_ns
         self._comparison = Comparison()
         self._same = False
         self._asked_s = 0.0
@@ -185,5 +200,5 @@ class Clock:
             self.bad_answers += 1
             return
         with self._lock:
-            self._same = answer.host == self._host
+            self._same = answer.clock == self._clock
             self._comparison.add(Exchange(asked_ns, answer.heard_ns, answer.told_ns, received_ns))

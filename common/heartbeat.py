@@ -93,7 +93,7 @@ class Heartbeat:
         self._node, self._bus, self._place = node, bus, place
         self._inbox, self._work = inbox, work
         self._process = psutil.Process()
-        self._clock = Clock(bus, place.host)
+        self._clock = Clock(bus)
         self._sequence = 0
         self._before: tuple[float, Counter[str]] = (time.monotonic(), Counter())
         takes, gives = (_topics(getattr(node, name, ())) for name in ("takes", "gives"))

@@ -62,7 +62,7 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
     """Give exporters what comes, until interrupted."""
     host = socket.gethostname()
     monitor = Monitor(Place("export", f"export-{os.getpid()}", host), WINDOW_S)
-    clock = Clock(client.bus, host)
+    clock = Clock(client.bus)
     for arrival in client.arrivals(Health, Tracks):
         clock.ask()
         monitor.add_own_clock(clock.offset())

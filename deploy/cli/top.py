@@ -72,7 +72,7 @@ def watching(client: Client, seconds: float) -> Iterator[Callable[[], Picture]]:
     """
     host = socket.gethostname()
     monitor = Monitor(Place("here", f"top-{os.getpid()}", host), seconds)
-    clock, lock, ended = Clock(client.bus, host), threading.Lock(), threading.Event()
+    clock, lock, ended = Clock(client.bus), threading.Lock(), threading.Event()
     arrivals = client.arrivals(Health, Tracks)
 
     def listen() -> None:

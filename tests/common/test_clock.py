@@ -107,10 +107,10 @@ class Wire:
         self._reply = reply
 
 
-def test_hosts_with_one_clock_need_no_comparison() -> None:
+def test_processes_of_one_machine_have_one_clock_and_need_no_comparison() -> None:
     wire = Wire()
-    keep_time(wire, "robot")
-    clock = Clock(wire, "robot")
+    keep_time(wire)
+    clock = Clock(wire)
     assert clock.offset() is None
     assert clock.gauges() == {}
     clock.ask()
@@ -122,9 +122,9 @@ def test_hosts_with_one_clock_need_no_comparison() -> None:
     [
         b"\xc1",
         b"",
-        msgspec.msgpack.encode({"host": 1}),
+        msgspec.msgpack.encode({"clock": 1}),
         msgspec.msgpack.encode(Answer("h", 1, 1))[:-1],
-        msgspec.msgpack.encode({"host": "h", "heard_ns": 1.5, "told_ns": 1}),
+        msgspec.msgpack.encode({"clock": "h", "heard_ns": 1.5, "told_ns": 1}),
     ],
 )
 def test_a_bad_answer_changes_nothing(payload: bytes) -> None:
