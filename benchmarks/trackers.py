@@ -1,0 +1,302 @@
+"""Trackers: time of one update by the number of people, and SORT in the image beside others.
+
+The second part needs the reference data (`--shared`). `--peers` names a Python interpreter that has
+the packages to compare with; `mot_peers.py` tells how to make one. Without it they are left out.
+"""
+
+import argparse
+import itertools
+import json
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.mot15 import HELD_OUT, TUNING, MotSequence, cells, judge, load_all, quality
+from benchmarks.mot_peers import PEERS
+from benchmarks.table import markdown, spread, write
+from common.messages import F64
+from deploy.evaluation.methods import read_method
+from services.tracker.config import TrackerConfig
+from services.tracker.image_sort import BoxFrame, BoxTracks, ImageSort
+from services.tracker.image_sort_config import ImageSortConfig
+from services.tracker.interface import Measurement, Observation
+from services.tracker.registry import make_tracker
+
+ROOT = Path(__file__).resolve().parents[1]
+PEOPLE = (2, 4, 10, 50, 200)
+FRAMES = {2: 300, 4: 300, 10: 300, 50: 120, 200: 50}
+WARM_UP = 15
+DIMENSION = 512  # of an embedding, as OSNet's
+FRAME_NS = 33_333_333
+SIZE_PX = (640, 480)
+FAITHFUL = ImageSortConfig()
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one tracker with one setting did."""
+
+    words: str
+    told: dict[str, list[BoxTracks]]  # by sequence
+    times_us: dict[str, list[float]]  # of each frame, by sequence
+
+
+def choices() -> Iterator[ImageSortConfig]:
+    """Yield the settings of our own among which the tuning sequences choose."""
+    survivals = [("fixed", 5.0, 30.0)]
+    survivals += [("dynamic", r, age) for r in (2.0, 5.0, 10.0) for age in (8.0, 15.0, 30.0)]
+    for score_high, min_hits, (survival, r, max_age) in itertools.product(
+        (0.0, 0.8), (0, 1), survivals
+    ):
+        yield ImageSortConfig(
+            score_new=0.9,
+            score_high=score_high,
+            confirm="once",
+            min_hits=min_hits,
+            survival="dynamic" if survival == "dynamic" else "fixed",
+            r=r,
+            max_age=max_age,
+        )
+
+
+def observations(people: int, frames: int, seed: int) -> list[Observation]:
+    """Return frames of people who walk back and forth across the image, with noise."""
+    rng = np.random.default_rng(seed)
+    looks = rng.normal(size=(people, DIMENSION))
+    phase, forward_m = rng.uniform(0, 2 * np.pi, people), np.linspace(2.0, 5.0, people)
+    told = []
+    for number in range(frames):
+        stamp_ns = number * FRAME_NS
+        side_m = 1.5 * np.sin(phase + 0.7 * stamp_ns / 1e9)
+        measurements = []
+        for k in range(people):
+            position = np.array([forward_m[k], side_m[k], 1.0]) + rng.normal(0, 0.03, 3)
+            u, half = 320 - 600 * side_m[k] / forward_m[k], 150 / forward_m[k]
+            look = looks[k] + rng.normal(0, 0.1, DIMENSION)
+            measurements.append(
+                Measurement(
+                    index=k,
+                    box_xyxy_px=np.array([u - half, 240 - 3 * half, u + half, 240 + 3 * half]),
+                    score=0.9,
+                    position_m=position,
+                    forward_m=float(position[0]),
+                    covariance_m2=np.diag([0.01, 0.001, 0.001]),
+                    embedding=look / np.linalg.norm(look),
+                    yaw_rad=float(rng.normal(0, 0.3)),
+                    yaw_sigma_rad=0.3,
+                )
+            )
+        camera = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1]])
+        told.append(
+            Observation(
+                stamp_ns,
+                tuple(measurements),
+                embedder="osnet",
+                map_from_camera=camera,
+                size_px=SIZE_PX,
+            )
+        )
+    return told
+
+
+def boxes_of(observation: Observation) -> BoxFrame:
+    """Return what a tracker in the image takes of a frame."""
+    people = observation.measurements
+    boxes = np.array([m.box_xyxy_px for m in people])
+    return BoxFrame(observation.stamp_ns, boxes, np.array([m.score for m in people]), SIZE_PX)
+
+
+def times_us(update: Callable[[T], object], frames: Sequence[T]) -> list[float]:
+    """Return the time of each update in microseconds."""
+    times = []
+    for frame in frames:
+        start_ns = time.perf_counter_ns()
+        update(frame)
+        times.append((time.perf_counter_ns() - start_ns) / 1e3)
+    return times
+
+
+def cost_rows(chosen: ImageSortConfig, rounds: int, quick: bool) -> list[list[str]]:
+    """Return the time of an update of each tracker by the number of people."""
+    solid = {
+        "sort3d": TrackerConfig(tracker="sort3d"),
+        "strongsort3d": TrackerConfig(tracker="strongsort3d"),
+        "strongsort3d of the preset best": read_method("best").tracker,
+    }
+    flat = {"SORT in the image": FAITHFUL, "SORT in the image, chosen": chosen}
+    rows = {name: [name] for name in (*solid, *flat)}
+    for people in PEOPLE:
+        medians: dict[str, list[float]] = {name: [] for name in rows}
+        for seed in range(rounds):
+            frames = observations(people, 20 + WARM_UP if quick else FRAMES[people], seed)
+            boxes = [boxes_of(frame) for frame in frames]
+            for name, config in solid.items():
+                times = times_us(make_tracker(config).update, frames)[WARM_UP:]
+                medians[name].append(float(np.median(times)))
+            for name, image_config in flat.items():
+                times = times_us(ImageSort(image_config).update, boxes)[WARM_UP:]
+                medians[name].append(float(np.median(times)))
+        for name, values in medians.items():
+            rows[name].append(spread(values, "{:.0f}"))
+    return list(rows.values())
+
+
+def follow(config: ImageSortConfig, sequences: dict[str, MotSequence]) -> Result:
+    """Run our own."""
+    told: dict[str, list[BoxTracks]] = {}
+    times: dict[str, list[float]] = {}
+    for name, one in sequences.items():
+        tracker = ImageSort(config)
+        times[name] = times_us(tracker.update, one.frames)
+        tracker = ImageSort(config)
+        told[name] = [tracker.update(frame) for frame in one.frames]
+    return Result(told_settings(config), told, times)
+
+
+def told_settings(config: ImageSortConfig) -> str:
+    """Return what differs from the papers' values, as text."""
+    names = config.__struct_fields__
+    changed = [name for name in names if getattr(config, name) != getattr(FAITHFUL, name)]
+    return ", ".join(f"{name} {getattr(config, name)}" for name in changed) or "SORT's"
+
+
+def ask_peers(
+    python: str, sequences: dict[str, MotSequence], chosen: dict[str, list[int]]
+) -> dict[str, dict[int, Result]]:
+    """Run the packages of others in their own environment.
+
+    Returns:
+        Results by tracker and number of the setting; the first is the package's own.
+    """
+    given: dict[str, npt.NDArray[np.float64]] = {}
+    for name, one in sequences.items():
+        given |= {name: one.rows, f"{name}:info": np.array([one.info.frames, one.info.rate_hz])}
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "detections.npz", Path(folder) / "tracks.npz"
+        np.savez(source, allow_pickle=False, **given)
+        script = Path(__file__).with_name("mot_peers.py")
+        command = [python, "-P", str(script), str(source), str(target), json.dumps(chosen)]
+        subprocess.run(command, check=True)
+        with np.load(target) as file:
+            got = dict(file)
+    results: dict[str, dict[int, Result]] = {}
+    for key in (key for key in got if key.endswith(":words")):
+        tracker, _, number = key.removesuffix(":words").rpartition("/")
+        label = f"{tracker}/{number}"
+        told = {n: by_frame(got[f"{label}/{n}"], s.info.frames) for n, s in sequences.items()}
+        times = {n: got[f"{label}/{n}:us"].tolist() for n in sequences}
+        words = f"{got[f'{tracker}:version']}: {got[key]}"
+        results.setdefault(tracker, {})[int(number)] = Result(words, told, times)
+    return results
+
+
+def by_frame(rows: F64, frames: int) -> list[BoxTracks]:
+    """Return tracks of a text table (frame, identity, corners), frame by frame."""
+    told = []
+    for number in range(1, frames + 1):
+        here = rows[rows[:, 0] == number]
+        ids = here[:, 1].astype(np.int64)
+        told.append(BoxTracks(ids, here[:, 2:], np.ones(len(ids)), np.zeros(len(ids), np.int64)))
+    return told
+
+
+def worth(result: Result, sequences: dict[str, MotSequence]) -> float:
+    """Return how good a result is on the tuning sequences."""
+    return quality(judge(sequences[name], result.told[name]) for name in TUNING)
+
+
+def rate_hz(results: Sequence[Result]) -> str:
+    """Return frames per second over all sequences, with the spread over runs."""
+    rates = []
+    for result in results:
+        times = [t for name in result.times_us for t in result.times_us[name]]
+        rates.append(1e6 * len(times) / sum(times))
+    return spread(rates, "{:.0f}")
+
+
+def mot_row(name: str, results: Sequence[Result], sequences: dict[str, MotSequence]) -> list[str]:
+    """Return one row of the comparison; the runs differ in time only."""
+    row = [name]
+    for names in (HELD_OUT, TUNING):
+        row += cells(judge(sequences[n], results[0].told[n]) for n in names)
+    return [*row, rate_hz(results), results[0].words]
+
+
+def compare(
+    python: str | None, sequences: dict[str, MotSequence], rounds: int, quick: bool
+) -> tuple[ImageSortConfig, list[list[str]]]:
+    """Choose settings on the tuning sequences, for all trackers alike, and judge on the others."""
+    tuning = {name: sequences[name] for name in TUNING}
+    own = [FAITHFUL] if quick else list(choices())
+    chosen = max(own, key=lambda config: worth(follow(config, tuning), sequences))
+    runs = range(rounds)
+    rows = []
+    for name, config in (("ours, SORT", FAITHFUL), ("ours, chosen", chosen)):
+        rows.append(mot_row(name, [follow(config, sequences) for _ in runs], sequences))
+    if python is None:
+        return chosen, rows
+    tried = ask_peers(python, tuning, {name: [0] for name in PEERS} if quick else {})
+    best = {
+        name: max(results, key=lambda number: worth(results[number], sequences))
+        for name, results in tried.items()
+    }
+    again = [
+        ask_peers(python, sequences, {name: sorted({0, k}) for name, k in best.items()})
+        for _ in runs
+    ]
+    for name, number in best.items():
+        kinds = {"own settings": 0, "chosen": number}
+        for words, k in kinds.items():
+            rows.append(mot_row(f"{name}, {words}", [one[name][k] for one in again], sequences))
+    return chosen, rows
+
+
+def main() -> None:
+    """Measure and write the tables."""
+    parser = argparse.ArgumentParser(description="Compare trackers.")
+    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
+    parser.add_argument("--peers", help="Python interpreter with the packages to compare with")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--quick", action="store_true", help="few frames, nothing is chosen")
+    arguments = parser.parse_args()
+    sequences = load_all(arguments.shared)
+    chosen, rows = compare(arguments.peers, sequences, arguments.rounds, arguments.quick)
+    cost = cost_rows(chosen, arguments.rounds, arguments.quick)
+    if not arguments.peers:
+        missing = "Packages of others are missing: see `--peers`."
+    else:
+        missing = "Packages of others run in an environment of their own (mot_peers.py)."
+    write(
+        __file__,
+        "Trackers: cost and quality",
+        f"## Time of one update [us]\n\n{arguments.rounds} rounds, one thread; median of the updates, "
+        "in the middle of the rounds (least to most). Joining, transforms and messages are not included.",
+        markdown(["tracker", *(f"{n} people" for n in PEOPLE)], cost),
+        "## SORT in the image beside others\n\nPublic detections of MOT15, the same for all. Every "
+        f"tracker's settings were chosen on {' and '.join(TUNING)} by the sum of MOTA, IDF1 and "
+        f"HOTA from a grid of 4 to 40 (choices here, PEERS in mot_peers.py). First figures: "
+        f"{', '.join(HELD_OUT)}, on which nothing was chosen. Frames per second over all five "
+        "sequences, from arrays of boxes and scores to identities and boxes, detection not "
+        f"included. {missing}",
+        markdown(
+            [
+                "tracker",
+                *("MOTA %", "IDF1 %", "HOTA %", "ID switches"),
+                *(f"{word}, tuning" for word in ("MOTA", "IDF1", "HOTA", "switches")),
+                *("frames/s", "settings"),
+            ],
+            rows,
+        ),
+    )
+
+
+if __name__ == "__main__":
+    main()
