@@ -1,0 +1,98 @@
+"""A listener that hangs, or whose link is dead, does not hold up the others."""
+
+import queue
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+import zenoh
+
+from common.zenoh_bus import read_config
+from tests.network import WAIT_S, Network
+
+KEY = "people4d/v1/robot/people"
+PAYLOAD = bytes(20_000)
+MESSAGES = 300  # 6 MB: more than the sockets on the way to the listener can hold
+LISTENER = f"""
+import sys, time, zenoh
+from common.zenoh_bus import read_config
+config = read_config(None, "client", {{"PEOPLE4D_CONNECT": sys.argv[1]}})
+config.insert_json5("transport/shared_memory/enabled", "false")
+with zenoh.open(config) as session:
+    heard = session.declare_subscriber("{KEY}")
+    heard.recv()
+    print("heard", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def network() -> Iterator[Network]:
+    network = Network()
+    yield network
+    network.close()
+
+
+def open_session(network: Network) -> zenoh.Session:
+    config = read_config(None, "client", network.environment)
+    config.insert_json5("transport/shared_memory/enabled", "false")  # as between hosts
+    return zenoh.open(config)
+
+
+def test_a_hanging_listener_does_not_hold_up_the_others(network: Network) -> None:
+    """The router once waited five seconds for it, and all that it passes on waited with it."""
+    hanging = subprocess.Popen(
+        [sys.executable, "-c", LISTENER, network.endpoint], stdout=subprocess.PIPE, text=True
+    )
+    assert hanging.stdout
+    try:
+        with open_session(network) as speaker, open_session(network) as other:
+            heard: queue.Queue[bytes] = queue.Queue()
+            _subscriber = other.declare_subscriber(KEY, lambda s: heard.put(s.payload.to_bytes()))
+            publisher = speaker.declare_publisher(
+                KEY, congestion_control=zenoh.CongestionControl.BLOCK, express=True
+            )
+            until_heard(publisher, hanging)
+            hanging.send_signal(signal.SIGSTOP)
+            longest_s = longest_wait_s(publisher, heard)
+            assert longest_s < 1.0
+    finally:
+        hanging.kill()
+        hanging.wait()
+        hanging.stdout.close()
+
+
+def until_heard(publisher: zenoh.Publisher, listener: "subprocess.Popen[str]") -> None:
+    """Publish until a listener has told that it heard something."""
+    assert listener.stdout
+    end_s = time.monotonic() + WAIT_S
+    while time.monotonic() < end_s:
+        publisher.put(b"once")
+        if (line := read_soon(listener)) == "heard\n":
+            return
+        assert line == ""
+    raise TimeoutError("the listener hears nothing")
+
+
+def read_soon(listener: "subprocess.Popen[str]") -> str:
+    """Return a line if one comes within a tenth of a second."""
+    assert listener.stdout
+    ready, _, _ = select.select([listener.stdout], [], [], 0.1)
+    return listener.stdout.readline() if ready else ""
+
+
+def longest_wait_s(publisher: zenoh.Publisher, heard: "queue.Queue[bytes]") -> float:
+    """Publish messages one by one as they are heard and return the longest time of one [s]."""
+    longest_s = 0.0
+    for number in range(MESSAGES):
+        payload = PAYLOAD + number.to_bytes(2, "big")
+        begin_s = time.monotonic()
+        publisher.put(payload)
+        while heard.get(timeout=WAIT_S) != payload:
+            pass  # what came before
+        longest_s = max(longest_s, time.monotonic() - begin_s)
+    return longest_s
