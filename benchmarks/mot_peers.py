@@ -111,14 +111,14 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
         combinations(
             seen=[False, True],
             gate=[0.0, 0.8],
-            distance_threshold=[0.7, 0.5],
+            distance_threshold=[0.7],
             hit_counter_max=[15, 5],
         ),
     ),
     "motrackers SORT": (
         "motrackers",
         motrackers,
-        combinations(kind=["SORT"], seen=[False, True], gate=[0.0, 0.8, 0.9], max_lost=[0, 1, 5]),
+        combinations(kind=["SORT"], seen=[False, True], gate=[0.0, 0.8], max_lost=[0, 1, 5]),
     ),
     "motrackers IOUTracker": (
         "motrackers",
@@ -127,23 +127,21 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
             kind=["IOUTracker"],
             seen=[False, True],
             gate=[0.0, 0.8],
-            max_lost=[2, 5],
+            max_lost=[2],
             iou_threshold=[0.5, 0.3],
         ),
     ),
     "motrackers CentroidKF": (
         "motrackers",
         motrackers,
-        combinations(
-            kind=["CentroidKF_Tracker"], seen=[False, True], gate=[0.0, 0.8], max_lost=[1, 5]
-        ),
+        combinations(kind=["CentroidKF_Tracker"], seen=[False, True], gate=[0.0], max_lost=[1, 5]),
     ),
     "trackers SORT": (
         "trackers",
         roboflow,
         combinations(
             kind=["SORTTracker"],
-            gate=[0.0, 0.8],
+            gate=[0.0],
             minimum_consecutive_frames=[3, 1],
             lost_track_buffer=[30, 5],
             track_activation_threshold=[0.25, 0.9],
@@ -189,7 +187,7 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
         ioutrack,
         combinations(
             kind=["Sort"],
-            gate=[0.0, 0.8],
+            gate=[0.0],
             min_hits=[3, 1],
             max_age=[1, 5],
             init_tracker_min_score=[0.0, 0.9],
@@ -204,7 +202,7 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
             min_hits=[3, 1],
             max_age=[1, 5, 15],
             init_tracker_min_score=[0.8, 0.9],
-            high_score_threshold=[0.7, 0.8],
+            high_score_threshold=[0.7],
         ),
     ),
 }

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from common.messages import F64, Detections, Odometry
@@ -258,7 +259,7 @@ def restarted(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 
 
 def _changed(sample: Sample, **fields: float) -> Sample:
-    return replace(sample, odometry=replace(sample.odometry, **fields))  # type: ignore[arg-type]
+    return replace(sample, odometry=msgspec.structs.replace(sample.odometry, **fields))
 
 
 FAULTS: dict[str, Fault] = {

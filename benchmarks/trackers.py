@@ -52,15 +52,13 @@ class Result:
 def choices() -> Iterator[ImageSortConfig]:
     """Yield the settings of our own among which the tuning sequences choose."""
     survivals = [("fixed", 5.0, 30.0)]
-    survivals += [("dynamic", r, age) for r in (2.0, 5.0, 10.0) for age in (8.0, 15.0, 30.0)]
-    for score_high, min_hits, (survival, r, max_age) in itertools.product(
-        (0.0, 0.8), (0, 1), survivals
-    ):
+    survivals += [("dynamic", r, age) for r in (2.0, 5.0) for age in (8.0, 15.0, 30.0)]
+    for score_high, (survival, r, max_age) in itertools.product((0.0, 0.8), survivals):
         yield ImageSortConfig(
             score_new=0.9,
             score_high=score_high,
             confirm="once",
-            min_hits=min_hits,
+            min_hits=0,
             survival="dynamic" if survival == "dynamic" else "fixed",
             r=r,
             max_age=max_age,
@@ -227,7 +225,9 @@ def mot_row(name: str, results: Sequence[Result], sequences: dict[str, MotSequen
     row = [name]
     for names in (HELD_OUT, TUNING):
         row += cells(judge(sequences[n], results[0].told[n]) for n in names)
-    return [*row, rate_hz(results), results[0].words]
+    row += [rate_hz(results), results[0].words]
+    print(*row, sep=" | ", flush=True)
+    return row
 
 
 def compare(
@@ -277,12 +277,12 @@ def main() -> None:
     write(
         __file__,
         "Trackers: cost and quality",
-        f"## Time of one update [us]\n\n{arguments.rounds} rounds, one thread; median of the updates, "
-        "in the middle of the rounds (least to most). Joining, transforms and messages are not included.",
+        f"## Time of one update [us]\n\n{arguments.rounds} rounds, one thread: median of the updates; "
+        "of the rounds the middle (least to most). Joining and messages are not included.",
         markdown(["tracker", *(f"{n} people" for n in PEOPLE)], cost),
         "## SORT in the image beside others\n\nPublic detections of MOT15, the same for all. Every "
         f"tracker's settings were chosen on {' and '.join(TUNING)} by the sum of MOTA, IDF1 and "
-        f"HOTA from a grid of 4 to 40 (choices here, PEERS in mot_peers.py). First figures: "
+        f"HOTA from 4 to 15 (choices here, PEERS in mot_peers.py). First figures: "
         f"{', '.join(HELD_OUT)}, on which nothing was chosen. Frames per second over all five "
         "sequences, from arrays of boxes and scores to identities and boxes, detection not "
         f"included. {missing}",
