@@ -6,7 +6,8 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from contextlib import closing
-from typing import Any
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from typing import Any, ClassVar
 
 import pytest
 from opentelemetry.sdk.metrics.export import InMemoryMetricReader
@@ -146,6 +147,36 @@ def test_opentelemetry_by_hand() -> None:
     (offset,) = [p for p in points["people4d.clock_offset"] if p.attributes["host"] == "brain"]
     assert offset.value == pytest.approx(0.25)
     exporter.close()
+
+
+class Collector(BaseHTTPRequestHandler):
+    """Takes what OTLP sends over HTTP, and keeps the paths."""
+
+    paths: ClassVar[list[str]] = []
+
+    def do_POST(self) -> None:
+        self.paths.append(self.path)
+        self.rfile.read(int(self.headers["Content-Length"]))
+        self.send_response(200)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Be silent."""
+
+
+def test_otlp_is_sent_at_the_latest_when_it_ends() -> None:
+    server = HTTPServer(("127.0.0.1", 0), Collector)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        exporter = otlp_exporter("robot", f"http://127.0.0.1:{server.server_port}/")
+        give(exporter, 2)
+        exporter.close()
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+    assert set(Collector.paths) == {"/v1/traces", "/v1/metrics"}
 
 
 def test_a_running_system_is_served(talking: str, prometheus: PrometheusExporter) -> None:
