@@ -277,8 +277,8 @@ def main() -> None:
     write(
         __file__,
         "Trackers: cost and quality",
-        f"## Time of one update [us]\n\n{arguments.rounds} rounds, one thread: median of the updates; "
-        "of the rounds the middle (least to most). Joining and messages are not included.",
+        f"## Time of one update [us]\n\n{arguments.rounds} rounds, one thread: median of the "
+        "updates; of the rounds the middle (least to most). Joining and messages are not included.",
         markdown(["tracker", *(f"{n} people" for n in PEOPLE)], cost),
         "## SORT in the image beside others\n\nPublic detections of MOT15, the same for all. Every "
         f"tracker's settings were chosen on {' and '.join(TUNING)} by the sum of MOTA, IDF1 and "
