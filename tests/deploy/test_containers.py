@@ -1,0 +1,139 @@
+"""Dockerfile and compose files, as far as they can be checked without Docker."""
+
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from deploy.compose import interpolate, read
+from deploy.launcher.plan import COMPOSE_FILE
+
+DEPLOY = COMPOSE_FILE.parent
+ROOT = DEPLOY.parent
+DOCKERFILE = DEPLOY / "Dockerfile"
+HOST_FILES = sorted((DEPLOY / "hosts").glob("*.yaml"))
+FILES = [COMPOSE_FILE, *HOST_FILES]
+VARIABLES = {"PEOPLE4D_KEYS": "keys", "PEOPLE4D_CONNECT": "tcp/192.168.1.7:7447"}
+
+
+def services(file: Path) -> dict[str, dict[str, Any]]:
+    """Return the services of a compose file as Docker sees them without further settings."""
+    document = yaml.safe_load(file.read_text(encoding="utf-8"))
+    found: dict[str, dict[str, Any]] = interpolate(document["services"], VARIABLES)
+    return found
+
+
+ALL_SERVICES = [
+    pytest.param(service, id=f"{file.parent.name}/{file.name}-{name}")
+    for file in FILES
+    for name, service in services(file).items()
+]
+
+
+def instructions() -> list[tuple[str, str]]:
+    """Return instruction and argument of each line of the Dockerfile, continued ones joined."""
+    text = re.sub(r"^#.*\n", "", DOCKERFILE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    lines = text.replace("\\\n", " ").splitlines()
+    return [(line.split()[0], line.split(maxsplit=1)[1]) for line in lines if line.strip()]
+
+
+@pytest.mark.parametrize("service", ALL_SERVICES)
+def test_no_container_may_do_more_than_it_must(service: dict[str, Any]) -> None:
+    assert service["user"] not in ("", "0", "root")
+    assert service["read_only"] is True
+    assert service["cap_drop"] == ["ALL"]
+    assert service["security_opt"] == ["no-new-privileges:true"]
+    assert not {"privileged", "cap_add", "devices", "pid"} & service.keys()
+
+
+@pytest.mark.parametrize("service", ALL_SERVICES)
+def test_every_container_can_run_and_be_watched(service: dict[str, Any]) -> None:
+    assert service["init"] is True  # reaps, and passes signals on
+    assert service["ulimits"] == {"memlock": -1}  # Zenoh locks its shared memory
+    assert service["restart"].startswith("on-failure")
+    assert [mount.partition(":")[0] for mount in service["tmpfs"]] == ["/tmp"]
+    check = service["healthcheck"]
+    assert check["test"][:3] == ["CMD", "people4d", "health"]
+    assert {"interval", "timeout", "retries", "start_period", "start_interval"} <= check.keys()
+
+
+@pytest.mark.parametrize("service", ALL_SERVICES)
+def test_only_reports_are_written_to_the_host(service: dict[str, Any]) -> None:
+    for volume in service["volumes"]:
+        _, inside, *mode = volume.rsplit(":", 2 if volume.endswith(":ro") else 1)
+        assert mode == ["ro"] or inside == "/out", volume
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+def test_shared_memory_is_that_of_one_service_and_large_enough(file: Path) -> None:
+    found = services(file)
+    for name, service in found.items():
+        owner = service.get("ipc", "").partition("service:")[2]
+        if owner:
+            assert found[owner]["ipc"] == "shareable"
+            assert owner in service["depends_on"]
+        else:
+            assert service["shm_size"]
+            assert name == "router" or "router" not in found
+
+
+@pytest.mark.parametrize("file", HOST_FILES, ids=lambda file: file.name)
+def test_hosts_run_the_same_services_as_the_whole_system(file: Path) -> None:
+    whole = services(COMPOSE_FILE)
+    for name, service in services(file).items():
+        for field in ("command", "healthcheck", "init", "restart", "stop_grace_period", "user"):
+            assert service[field] == whole[name][field], f"{name}.{field}"
+        added = {"PEOPLE4D_KEYS", "PEOPLE4D_MODE", "PEOPLE4D_SLOW_LINKS", "PEOPLE4D_SLOW_HZ"}
+        assert service["environment"].keys() - added <= whole[name]["environment"].keys()
+
+
+@pytest.mark.parametrize("file", HOST_FILES, ids=lambda file: file.name)
+def test_hosts_insist_on_keys(file: Path) -> None:
+    with pytest.raises(Exception, match="variable PEOPLE4D_KEYS is not set"):
+        read(file, VARIABLES | {"PEOPLE4D_KEYS": ""}, set())
+    for service in services(file).values():
+        assert service["environment"]["PEOPLE4D_KEYS"] == "/keys"
+        assert "keys:/keys:ro" in service["volumes"]
+        assert service["network_mode"] == "host"  # pictures stay on it by the interface they take
+
+
+def test_together_the_hosts_run_all_that_makes_people() -> None:
+    running = [name for file in HOST_FILES for name in services(file)]
+    assert set(running) == {"router", "watchdog", "camera", "detector", "reid", "tracker"}
+    for name in set(running) - {"watchdog"}:
+        assert running.count(name) == 1
+
+
+def test_the_image_runs_as_nobody_in_particular() -> None:
+    stages = "\n".join(f"{name} {rest}" for name, rest in instructions()).split("FROM ")
+    (service,) = (stage for stage in stages if " AS service" in stage)
+    (user,) = re.findall(r"^USER (\S+)", service, re.MULTILINE)
+    assert user.isdecimal()  # by number, so that Kubernetes and others can see that it is not root
+    assert user != "0"
+
+
+def test_the_image_is_made_of_what_is_pinned() -> None:
+    stages: set[str] = set()
+    for name, rest in instructions():
+        assert name not in ("ADD", "MAINTAINER")
+        if name == "FROM":
+            image, _, stage = rest.partition(" AS ")
+            assert image in stages or re.fullmatch(r"[a-z/]+:\d+\.\d+-[a-z]+", image), image
+            stages.add(stage)
+        if name == "RUN" and "pip install" in rest:
+            assert "--require-hashes" in rest or "--no-deps" in rest
+        if name in ("CMD", "ENTRYPOINT"):
+            assert rest.startswith("[")  # a shell would keep SIGTERM to itself
+        if name == "WORKDIR":
+            assert rest.startswith("/")
+        assert "sudo" not in shlex.split(rest, comments=False)
+
+
+def test_what_the_image_copies_is_there() -> None:
+    for name, rest in instructions():
+        if name == "COPY" and "--from" not in rest:
+            for source in rest.split()[:-1]:
+                assert (ROOT / source).exists(), source
