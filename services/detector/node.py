@@ -117,7 +117,8 @@ class DetectorNode:
 
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
         people = self._find(frame)
-        self._next()
+        with span("hand_over"):
+            self._next()
         if self._config.position == "grown":
             with span("locate"):
                 people = [self._with_mask(person, frame, info) for person in people]
