@@ -1,6 +1,7 @@
 # make demo    set up and run the whole pipeline on the shipped recording
 # make test    set up and run the tests
 # make check   format, lint, types, import rules, spelling
+# make fuzz    feed every decoder and file reader with hostile bytes, half an hour
 # make lock    renew the pinned dependencies
 
 PYTHON ?= python3
@@ -8,7 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := common services deploy scripts benchmarks tests
 
-.PHONY: demo test check format lock clean
+.PHONY: demo test check format fuzz lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -28,6 +29,10 @@ check: $(VENV)/.dev
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+fuzz: $(VENV)/.dev
+	$(BIN)/pip install --disable-pip-version-check "atheris>=3"
+	$(BIN)/python -m benchmarks.fuzz --minutes 30
 
 $(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

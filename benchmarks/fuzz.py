@@ -1,25 +1,19 @@
 """Every decoder and every file reader on hostile bytes, each fuzzed for the same time."""
 
 import argparse
-import os
 import re
-import subprocess
-import sys
+import shutil
 import tempfile
-import time
 from pathlib import Path
 
 from benchmarks.table import markdown, write
+from tests.fuzz import harness
 from tests.fuzz.regressions import REGRESSIONS
+from tests.fuzz.target import Target
 
-ROOT = Path(__file__).resolve().parents[1]
-RSS_MB = 2048
-TIMEOUT_S = 30  # of one input
-STATISTICS = {
-    "executions": r"stat::number_of_executed_units:\s+(\d+)",
-    "peak MB": r"stat::peak_rss_mb:\s+(\d+)",
-}
+STATISTICS = (r"stat::number_of_executed_units:\s+(\d+)", r"stat::peak_rss_mb:\s+(\d+)")
 PROGRESS = re.compile(r"cov: (\d+) ft: \d+ corp: (\d+)/(\w+)")
+BESIDE = (".txt", ".dict")  # what lies beside findings
 
 INTRODUCTION = (
     "Each target begins with sound inputs of its own making, and is fuzzed by "
@@ -30,66 +24,57 @@ INTRODUCTION = (
 )
 
 
-def names() -> list[str]:
-    """Return the targets; they are listed by a process of its own, which imports them."""
-    code = "from tests.fuzz.targets import TARGETS; print(*TARGETS, sep='\\n')"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True)
-    return done.stdout.decode().splitlines()
-
-
-def fuzz(name: str, seconds: float, corpus: Path, found: Path) -> list[str]:
+def row(target: Target, seconds: float, corpus: Path, found: Path) -> list[str]:
     """Fuzz one target and return its row of the table."""
-    corpus.mkdir(parents=True, exist_ok=True)
-    found.mkdir(parents=True, exist_ok=True)
-    limits = [f"-max_total_time={seconds:.0f}", f"-rss_limit_mb={RSS_MB}", f"-timeout={TIMEOUT_S}"]
-    command = [sys.executable, "-m", "tests.fuzz.harness", name, str(corpus), str(found)]
-    begin_s = time.monotonic()
-    done = subprocess.run(
-        ["nice", *command, *limits, "-print_final_stats=1", "-close_fd_mask=3"],
-        cwd=ROOT,
-        check=False,  # a finding that ends it is told in the table
-        stderr=subprocess.PIPE,
-        env=os.environ | {"OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"},
-    )
-    told = done.stderr.decode(errors="replace")
-    (found / "log.txt").write_text(told[-20_000:])
-    figures = [(re.findall(pattern, told) or ["?"])[-1] for pattern in STATISTICS.values()]
+    shutil.rmtree(found, ignore_errors=True)
+    took_s = harness.fuzz(target, corpus, found, seconds)
+    told = (found / harness.LOG).read_text(errors="replace")
+    executions, peak_mb = ((re.findall(form, told) or ["?"])[-1] for form in STATISTICS)
     coverage, count, size = (PROGRESS.findall(told) or [("?", "?", "?")])[-1]
-    kept = [file for file in found.iterdir() if file.suffix not in (".txt", ".dict")]
-    findings = str(len(kept)) if figures[0] != "?" or kept else "did not run"
-    took_s = f"{time.monotonic() - begin_s:.0f}"
-    return [name, figures[0], took_s, coverage, f"{count} ({size})", figures[1], findings]
+    kept = [file for file in found.iterdir() if file.suffix not in BESIDE]
+    findings = f"{len(kept)}" if kept or executions != "?" else "did not run"
+    return [
+        target.name,
+        executions,
+        f"{took_s:.0f}",
+        coverage,
+        f"{count} ({size})",
+        peak_mb,
+        findings,
+    ]
 
 
 def main() -> None:
     """Fuzz and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("targets", nargs="*", help="names, or parts of them; all if none")
-    parser.add_argument("--minutes", type=float, default=30.0, help="for all targets together")
+    parser.add_argument(
+        "--minutes", type=float, default=30.0, help="of one processor, for all targets together"
+    )
     parser.add_argument("--corpus", type=Path, help="folder to begin with and to keep inputs in")
     parser.add_argument("--found", type=Path, default=Path("out/fuzz"), help="folder of findings")
     flags = parser.parse_args()
-    chosen = [n for n in names() if not flags.targets or any(t in n for t in flags.targets)]
-    seconds = flags.minutes * 60 / len(chosen)
+    known = harness.load().items()
+    chosen = [t for name, t in known if not flags.targets or any(f in name for f in flags.targets)]
+    seconds = flags.minutes * 60 / max(1, len(chosen))
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
-        corpora = flags.corpus or Path(folder)
-        rows = []
-        for name in chosen:
-            place = re.sub(r"\W+", "_", name)
-            rows.append(fuzz(name, seconds, corpora / place, (flags.found / place).absolute()))
+        for target in chosen:
+            place = re.sub(r"\W+", "_", target.name)
+            corpus = (flags.corpus or Path(folder)) / place
+            rows.append(row(target, seconds, corpus, (flags.found / place).absolute()))
             print(*rows[-1], sep=" | ", flush=True)
-    total = sum(int(row[1]) for row in rows if row[1].isdigit())
+    total = sum(int(cells[1]) for cells in rows if cells[1].isdigit())
     header = ["target", "executions", "seconds", "coverage", "corpus", "peak MB", "findings"]
-    table = markdown(header, rows)
-    past = "\n".join(f"- {regression.name}: {regression.story}" for regression in REGRESSIONS)
+    past = [f"- {regression.name}: {regression.story}" for regression in REGRESSIONS]
     write(
         __file__,
         "Hostile bytes: fuzzing of decoders and file readers",
         INTRODUCTION,
-        f"{total:,} executions in {flags.minutes:g} minutes on one core.",
-        table,
-        "Found by fuzzing and property tests so far, fixed, and kept as a test of its own each:",
-        past or "- nothing",
+        f"{total:,} executions in {flags.minutes:g} minutes of one processor.",
+        markdown(header, rows),
+        "Found so far, fixed, and kept as a test each (`tests/fuzz/regressions.py`):",
+        "\n".join(past) or "- nothing",
     )
 
 

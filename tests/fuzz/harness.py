@@ -1,14 +1,15 @@
-"""Fuzzes one target with Atheris (libFuzzer for Python), within limits of memory and time.
+"""Fuzzes targets with Atheris (libFuzzer for Python), within limits of memory and time.
 
-It is a process of its own, for Atheris ends it: `python -m tests.fuzz.harness NAME CORPUS FOUND`,
-then options of libFuzzer. What is raised and must not be is written to the folder FOUND, the
-shortest input of each kind, and the fuzzing goes on; a crash of the process is written there too.
+Each has a process of its own, for libFuzzer ends it; all are forked from one that has imported what
+is to be instrumented. What is raised and must not be is written to a folder, the shortest input of
+each kind, and the fuzzing goes on; a crash of the process is written there too.
 """
 
 import hashlib
 import importlib
 import os
 import resource
+import signal
 import sys
 import tempfile
 import time
@@ -17,9 +18,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from tests.fuzz.target import Target
+
 HEADROOM_BYTES = 2**30  # of address space, beyond what is used when all is imported
+RSS_MB = 2048
 SLOW_S = 2.0  # [s] of the processor for one input
+TIMEOUT_S = 60  # [s] for one input, until the process is ended
+NICENESS = 3
 SCRATCH = Path("/dev/shm")
+LOG = "log.txt"
 
 # Packages, and modules of the standard library, whose branches the fuzzer sees.
 INSTRUMENTED = (
@@ -34,6 +41,42 @@ INSTRUMENTED = (
 )
 
 
+def load() -> dict[str, Target]:
+    """Import all targets so that their coverage is seen; call it before they are imported."""
+    import atheris  # noqa: PLC0415
+
+    os.environ["OPENCV_LOG_LEVEL"] = "SILENT"
+    with atheris.instrument_imports(include=list(INSTRUMENTED), enable_loader_override=False):
+        groups = list(importlib.import_module("tests.fuzz.targets").groups())
+    return {name: target for group in groups for name, target in group.items()}
+
+
+def fuzz(target: Target, corpus: Path, found: Path, seconds: float) -> float:
+    """Fuzz a target in a process of its own.
+
+    Args:
+        target: The target.
+        corpus: Folder of inputs to begin with and to add to.
+        found: Folder for findings and for what libFuzzer tells (LOG).
+        seconds: Of the processor, so that a busy machine does not cut it short.
+
+    Returns:
+        Seconds of the processor that it took.
+    """
+    corpus.mkdir(parents=True, exist_ok=True)
+    found.mkdir(parents=True, exist_ok=True)
+    scratch = SCRATCH if SCRATCH.is_dir() else None
+    with tempfile.TemporaryDirectory(dir=scratch, prefix="fuzz-") as place:
+        child = os.fork()
+        if not child:
+            try:
+                _child(target, (corpus, found, Path(place)), seconds)
+            finally:
+                os._exit(1)
+        _, _, usage = os.wait4(child, 0)
+    return usage.ru_utime + usage.ru_stime
+
+
 class Judge:
     """Runs inputs and keeps those that end in what they must not.
 
@@ -41,14 +84,16 @@ class Judge:
         read: Reads bytes.
         found: Folder for the inputs.
         allowed: What reading may raise.
+        seconds: Of the processor, until libFuzzer is told to end.
     """
 
     def __init__(
-        self, read: Callable[[bytes], None], found: Path, allowed: type[Exception]
+        self, read: Callable[[bytes], None], found: Path, allowed: type[Exception], seconds: float
     ) -> None:
         self._read = read
         self._found = found
         self._allowed = allowed
+        self._end_s = time.process_time() + seconds
 
     def __call__(self, data: bytes) -> None:
         """Run one input."""
@@ -61,8 +106,11 @@ class Judge:
                 self._keep(data, error.__cause__)
         except Exception as error:
             self._keep(data, error)
-        if time.process_time() - start_s > SLOW_S:
+        now_s = time.process_time()
+        if now_s - start_s > SLOW_S:
             self._keep(data, TimeoutError())
+        if now_s > self._end_s:
+            os.kill(os.getpid(), signal.SIGUSR1)
 
     def _keep(self, data: bytes, error: BaseException) -> None:
         frames = traceback.extract_tb(error.__traceback__)[1:]
@@ -75,39 +123,40 @@ class Judge:
             path.with_suffix(".txt").write_text("".join(lines)[-4000:])
 
 
-def limit_memory() -> None:
+def _child(target: Target, folders: tuple[Path, Path, Path], seconds: float) -> None:
+    import atheris  # noqa: PLC0415
+
+    corpus, found, place = folders
+    os.nice(NICENESS)
+    log = (found / LOG).open("w")
+    os.dup2(log.fileno(), sys.stderr.fileno())
+    allowed: Any = importlib.import_module("common.errors").People4dError
+    with tempfile.TemporaryDirectory() as made:
+        for seed in target.seeds(Path(made)):
+            (corpus / hashlib.sha1(seed).hexdigest()).write_bytes(seed)
+    words = found / "words.dict"
+    words.write_text("".join(f'"{_escaped(word)}"\n' for word in target.words))
+    options = [
+        f"-max_len={target.max_bytes}",
+        f"-dict={words}",
+        f"-artifact_prefix={found}/",
+        f"-rss_limit_mb={RSS_MB}",
+        f"-timeout={TIMEOUT_S}",
+        "-print_final_stats=1",
+        "-close_fd_mask=3",
+    ]
+    judge = Judge(lambda data: target.read(data, place), found, allowed, seconds)
+    atheris.Setup([sys.argv[0], str(corpus), *options], judge)
+    _limit_memory()
+    atheris.Fuzz()
+
+
+def _limit_memory() -> None:
     """Let no input have more than the headroom, whatever it asks for."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     limit = pages * resource.getpagesize() + HEADROOM_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
-def main() -> None:
-    """Fuzz one target until libFuzzer ends the process."""
-    import atheris  # noqa: PLC0415
-
-    name, corpus, found, *options = sys.argv[1:]
-    os.environ["OPENCV_LOG_LEVEL"] = "SILENT"
-    with atheris.instrument_imports(include=list(INSTRUMENTED), enable_loader_override=False):
-        target: Any = importlib.import_module("tests.fuzz.targets").TARGETS[name]
-    allowed = importlib.import_module("common.errors").People4dError
-    folder = tempfile.TemporaryDirectory(dir=SCRATCH if SCRATCH.is_dir() else None)
-    place = Path(folder.name)
-    with tempfile.TemporaryDirectory() as made:
-        for seed in target.seeds(Path(made)):
-            (Path(corpus) / hashlib.sha1(seed).hexdigest()).write_bytes(seed)
-    judge = Judge(lambda data: target.read(data, place), Path(found), allowed)
-    words = Path(found) / "words.dict"
-    words.write_text("".join(f'"{_escaped(word)}"\n' for word in target.words))
-    options += [f"-max_len={target.max_bytes}", f"-dict={words}", f"-artifact_prefix={found}/"]
-    atheris.Setup([sys.argv[0], corpus, *options], judge)
-    limit_memory()
-    atheris.Fuzz()
-
-
 def _escaped(word: bytes) -> str:
     return "".join(f"\\x{byte:02x}" for byte in word)
-
-
-if __name__ == "__main__":
-    main()

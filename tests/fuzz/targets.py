@@ -1,8 +1,20 @@
 """All that is fuzzed, by name."""
 
-from tests.fuzz import files, messages, settings
+import importlib
+from collections.abc import Iterator
+
 from tests.fuzz.target import Target
 
-TARGETS: dict[str, Target] = {
-    target.name: target for target in (*messages.TARGETS, *files.TARGETS, *settings.TARGETS)
-}
+MODULES = ("messages", "files", "settings")  # each with its TARGETS
+
+
+def groups() -> Iterator[dict[str, Target]]:
+    """Yield the targets of one module after the other; each is imported when it is its turn."""
+    for name in MODULES:
+        targets: tuple[Target, ...] = importlib.import_module(f"tests.fuzz.{name}").TARGETS
+        yield {target.name: target for target in targets}
+
+
+def find(name: str) -> Target:
+    """Return the target of a name."""
+    return next(group[name] for group in groups() if name in group)

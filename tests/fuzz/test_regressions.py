@@ -7,7 +7,9 @@ import pytest
 
 from common.errors import People4dError
 from tests.fuzz.regressions import REGRESSIONS
-from tests.fuzz.targets import TARGETS
+from tests.fuzz.targets import groups
+
+TARGETS = {name: target for group in groups() for name, target in group.items()}
 
 
 @pytest.mark.parametrize("name", TARGETS)
