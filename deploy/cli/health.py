@@ -17,11 +17,15 @@ def health(
     timeout_s: Annotated[
         float, typer.Option("--timeout", min=0.1, help="Longest wait in seconds.")
     ] = 3.0,
+    ready: Annotated[bool, typer.Option("--ready", help="Degraded is not good enough.")] = False,
     here: Annotated[bool, typer.Option("--here", help="Only a process on this host.")] = False,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Exit with 0 once a process of the service tells that it works, if with limits."""
+    """Exit with 0 once a process of the service tells that it works, if with limits.
+
+    `people4d doctor` looks at the whole system and says what to do.
+    """
     host = socket.gethostname()
     deadline_s = time.monotonic() + timeout_s
     last: Health | None = None
@@ -29,7 +33,7 @@ def health(
         for message in client.messages(Health, timeout_s=timeout_s):
             if message.service == service and (not here or message.host == host):
                 last = message
-                if works(last):
+                if last.state == "ready" or (works(last) and not ready):
                     typer.echo(f"{last.instance} is {last.state}. {last.reason}".strip())
                     return
             if time.monotonic() > deadline_s:

@@ -1,0 +1,239 @@
+"""What a fault costs: each service killed, and hung, while three people are followed.
+
+The system runs as `people4d up` starts it, with frames at 15 Hz of three people who stand. A
+service is killed (SIGKILL) or made to hang (SIGSTOP) again and again; beside, somebody listens
+through the router. Back: from the signal to the first heartbeat of the service's next process that
+works. Silence: the longest pause between two messages that tell people seen in a frame. Lost:
+frames without an answer in that pause, and beside it. Kept: in how many cases everyone had the same
+identity afterwards.
+"""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.standing import PEOPLE, RATE_HZ
+from benchmarks.table import markdown, spread, write
+from common.client import Client
+from common.messages import Health, Message, Tracks
+from common.ports import free_port
+from deploy.launcher.health import works
+from deploy.launcher.launcher import stop
+from deploy.launcher.state import State
+from deploy.launcher.supervisor import Supervisor
+
+ROBOT = "faults"
+SERVICES = ("detector", "reid", "tracker", "camera", "router")
+SIGNALS = {signal.SIGKILL: "killed", signal.SIGSTOP: "hung"}
+LONGEST_S = 40.0
+SETTLE_S = 2.0  # of undisturbed work before a fault and after it
+FEW = 4  # messages within that time, however slow the machine
+NEAR_M = 0.8  # a person who stands is found within this
+
+
+@dataclass
+class Told:
+    """One message about people, and when it came."""
+
+    at_s: float
+    tracks: Tracks
+
+    @property
+    def seen(self) -> dict[int, np.ndarray]:
+        """Positions by identity of those who were seen in the frame."""
+        people = self.tracks.people
+        return {p.id: p.position_m[:2] for p in people if p.state == "confirmed"}
+
+
+class Ear:
+    """Hears a system through its router, in a thread of its own."""
+
+    def __init__(self, connect: str) -> None:
+        self.told: list[Told] = []
+        self._health: dict[str, Health] = {}
+        self._client = Client(connect, ROBOT, 20.0)
+        self._arrived = threading.Condition()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def wait(self, want: Callable[[], bool], longest_s: float = LONGEST_S) -> float | None:
+        """Wait for something; return when it was so, None if it was not in time."""
+        with self._arrived:
+            return time.monotonic() if self._arrived.wait_for(want, longest_s) else None
+
+    def works_again(self, service: str, pid: int) -> bool:
+        """Return whether another process than `pid` tells that it works."""
+        health = self._health.get(service)
+        return health is not None and works(health) and health.pid != pid
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._client.close()
+
+    def _listen(self) -> None:
+        for message in self._client.messages(Tracks, Health):
+            with self._arrived:
+                self._take(message, time.monotonic())
+                self._arrived.notify_all()
+
+    def _take(self, message: Message, now_s: float) -> None:
+        if isinstance(message, Health):
+            self._health[message.service] = message
+        elif isinstance(message, Tracks):
+            self.told.append(Told(now_s, message))
+
+
+@dataclass
+class Fault:
+    """What one fault cost."""
+
+    back_s: float | None  # [s] None: it did not come back in time
+    silence_s: float  # [s] longest pause of people seen
+    lost: int  # frames without an answer in that pause
+    beyond: int  # and in all others
+    kept: bool  # whether everyone had the same identity afterwards
+
+
+@dataclass
+class Ledger:
+    """Who had which identity, over the whole run."""
+
+    places: dict[int, np.ndarray] = field(default_factory=dict)
+    twice: set[int] = field(default_factory=set)
+
+    def note(self, seen: dict[int, np.ndarray]) -> None:
+        """Note identities; one at another place than before was given twice."""
+        for identity, place in seen.items():
+            before = self.places.setdefault(identity, place)
+            if np.linalg.norm(before - place) > NEAR_M:
+                self.twice.add(identity)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--times", type=int, default=4, help="faults of each kind and service")
+    parser.add_argument("--quick", action="store_true", help="one fault of each, no file written")
+    options = parser.parse_args()
+    times = 1 if options.quick else options.times
+    with tempfile.TemporaryDirectory(prefix="p4d") as folder:
+        faults, ledger = measure(Path(folder), times)
+    table = rows(faults)
+    header = ("service", "fault", "back [s]", "silence [s]", "lost in it", "lost beside", "kept")
+    ids = (
+        f"{len(ledger.places)} identities were given in all, {len(ledger.twice)} of them to more "
+        "than one person."
+    )
+    text = (__doc__ or "").partition("\n\n")[2]
+    if options.quick:
+        print(markdown(header, table), ids, sep="\n\n")
+    else:
+        note = f"Medians with minimum and maximum of {times} faults each."
+        write(__file__, "What a fault costs", text.strip(), note, markdown(header, table), ids)
+
+
+def measure(folder: Path, times: int) -> tuple[dict[tuple[str, str], list[Fault]], Ledger]:
+    """Start the system, break it again and again, and stop it."""
+    state, port = State(folder / ROBOT), free_port()
+    command = [sys.executable, "-m", "deploy.cli", "up", "--detach", "--robot", ROBOT]
+    command += ["--port", str(port), "--source", "benchmarks.standing:Standing"]
+    root = Path(__file__).resolve().parents[1]
+    environment = {**os.environ, "PEOPLE4D_STATE": str(folder), "PYTHONPATH": str(root)}
+    subprocess.run(command, env=environment, check=True, cwd=root)
+    faults: dict[tuple[str, str], list[Fault]] = {}
+    ledger, ear = Ledger(), Ear(f"tcp/127.0.0.1:{port}")
+    try:
+        for _ in range(times):
+            for number, name in SIGNALS.items():
+                for service in SERVICES:
+                    fault = once(ear, ledger, Supervisor(state), service, number)
+                    print(service, name, fault, flush=True)
+                    faults.setdefault((service, name), []).append(fault)
+    finally:
+        ear.close()
+        stop(state)
+    return faults, ledger
+
+
+def once(
+    ear: Ear, ledger: Ledger, supervisor: Supervisor, service: str, number: signal.Signals
+) -> Fault:
+    """Break a service once, when people are followed well, and wait until they are again."""
+    wait_for_people(ear)
+    before = ear.told[-1].seen
+    pid = supervisor.processes()[f"{service}-1"].pid
+    start, start_s = len(ear.told) - 1, time.monotonic()
+    os.kill(pid, number)
+    back_s = ear.wait(lambda: ear.works_again(service, pid))
+    wait_for_people(ear)
+    told = [t for t in ear.told[start:] if t.seen]
+    for one in told:
+        ledger.note(one.seen)
+    pauses = [(b.at_s - a.at_s, unanswered(a, b)) for a, b in pairwise(told)]
+    silence_s, lost = max(pauses, default=(0.0, 0))
+    return Fault(
+        back_s=None if back_s is None else back_s - start_s,
+        silence_s=silence_s,
+        lost=lost,
+        beyond=sum(count for _, count in pauses) - lost,
+        kept=same(before, told[-1].seen),
+    )
+
+
+def wait_for_people(ear: Ear) -> None:
+    """Wait until everyone was seen in every message for a while."""
+
+    def well() -> bool:
+        lately = [t for t in ear.told if t.at_s > time.monotonic() - SETTLE_S]
+        return len(lately) >= FEW and all(len(t.seen) == PEOPLE for t in lately)
+
+    if ear.wait(well) is None:
+        raise TimeoutError("people are not followed any more")
+
+
+def unanswered(a: Told, b: Told) -> int:
+    """Return how many frames between two messages have no answer; a new camera begins at 0."""
+    step = b.tracks.sequence - a.tracks.sequence
+    if step < 0:  # as many as it would have sent meanwhile
+        step = round((b.at_s - a.at_s) * RATE_HZ)
+    return max(step - 1, 0)
+
+
+def same(before: dict[int, np.ndarray], after: dict[int, np.ndarray]) -> bool:
+    """Return whether the same identities are at the same places."""
+    return before.keys() == after.keys() and all(
+        np.linalg.norm(before[i] - after[i]) < NEAR_M for i in before
+    )
+
+
+def rows(faults: dict[tuple[str, str], list[Fault]]) -> list[list[str]]:
+    """Return one row for each service and kind of fault."""
+    table = []
+    for (service, name), found in faults.items():
+        back = [f.back_s for f in found if f.back_s is not None]
+        missing = "" if len(back) == len(found) else f", {len(found) - len(back)} not back"
+        table.append(
+            [
+                service,
+                name,
+                (spread(back, "{:.1f}") if back else "never") + missing,
+                spread([f.silence_s for f in found]),
+                spread([f.lost for f in found], "{:.0f}"),
+                spread([f.beyond for f in found], "{:.0f}"),
+                f"{sum(f.kept for f in found)} of {len(found)}",
+            ]
+        )
+    return table
+
+
+if __name__ == "__main__":
+    main()
