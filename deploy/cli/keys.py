@@ -69,7 +69,7 @@ def _library() -> ModuleType:
         return importlib.import_module("deploy.keys")
     except ModuleNotFoundError as error:
         raise People4dError(
-            f"the package {error.name} is missing", "Install it: pip install 'people4d[keys]'"
+            f"the package {error.name} is missing", "Install it: pip install cryptography"
         ) from error
 
 

@@ -60,7 +60,9 @@ def test_with_the_right_keys_the_door_is_open(network: Guarded, words: Guarded) 
 
 
 def test_without_a_certificate(network: Guarded) -> None:
-    refused(tls(as_planner(network), connect_certificate=None, connect_private_key=None))
+    # With mTLS on, a client without one does not even try.
+    nothing = {"enable_mtls": False, "connect_certificate": None, "connect_private_key": None}
+    refused(tls(as_planner(network), **nothing))
 
 
 def test_with_a_certificate_of_another_authority(network: Guarded, tmp_path: Path) -> None:
@@ -90,16 +92,21 @@ def test_without_encryption(network: Guarded) -> None:
     refused(read_config(None, "client", open_text))
 
 
-def test_a_client_does_not_speak_to_a_false_router(network: Guarded) -> None:
+@pytest.mark.parametrize("role", ["router", "planner"])
+def test_a_client_speaks_only_to_the_router(network: Guarded, role: str) -> None:
     """The planner's certificate must not make it a router whom the others trust."""
     endpoint = f"tls/127.0.0.1:{free_port()}"
     environment = network.environment() | {"PEOPLE4D_LISTEN": endpoint}
-    false = ZenohBus(read_config(None, "router", environment, "planner"), ROBOT)
+    second = ZenohBus(read_config(None, "router", environment, role), ROBOT)
     try:
         environment["PEOPLE4D_CONNECT"] = endpoint
-        refused(read_config(None, "client", environment, "tracker"))
+        client = read_config(None, "client", environment, "tracker")
+        if role == "router":
+            ZenohBus(client, ROBOT, WAIT_S).close()
+        else:
+            refused(client)
     finally:
-        false.close()
+        second.close()
 
 
 @pytest.mark.parametrize(

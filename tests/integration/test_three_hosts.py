@@ -1,0 +1,62 @@
+"""What docs/hosts.md tells a user to type, typed on three hosts made of network namespaces."""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from benchmarks.namespaces import Hosts, hosts, missing
+
+ROOT = Path(__file__).resolve().parents[2]
+BLOCK = re.compile(r"^```sh on=(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+HOSTS = ("tracker", "nuc")  # where something runs
+TIMEOUT_S = 100.0
+
+
+def environment(host: str, home: Path) -> dict[str, str]:
+    """Return the variables of a user who has just logged in."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("PEOPLE4D_")}
+    bin_folder = str(Path(sys.executable).parent)
+    return {
+        **kept,
+        "PATH": f"{bin_folder}:{os.environ['PATH']}",
+        "PEOPLE4D_STATE": str(home / f"state-{host}"),  # they share this machine's disk
+        "OMP_NUM_THREADS": "1",
+    }
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Iterator[Hosts]:
+    if why := missing():
+        pytest.skip(why)
+    for name in ("deploy", "docs"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    with hosts() as world:
+        try:
+            yield world
+        finally:
+            for host in HOSTS:
+                down = [sys.executable, "-m", "deploy.cli", "down"]
+                world.run(host, down, env=environment(host, tmp_path), cwd=ROOT)
+
+
+@pytest.mark.timeout(300)
+def test_the_commands_of_the_docs_bring_people_to_the_planner(world: Hosts, tmp_path: Path) -> None:
+    blocks = BLOCK.findall((ROOT / "docs" / "hosts.md").read_text(encoding="utf-8"))
+    assert [host for host, _ in blocks] == ["nuc", "nuc", "tracker", "planner"]
+    for host, text in blocks:
+        try:
+            printed = world.run(
+                host,
+                ["bash", "-ec", text],
+                env=environment(host, tmp_path),
+                cwd=tmp_path,
+                timeout=TIMEOUT_S,
+            )
+        except subprocess.CalledProcessError as error:
+            pytest.fail(f"{host}: {text}\n{error.stdout}\n{error.stderr}")
+    assert "people in map" in printed  # the last is the planner's
