@@ -85,8 +85,9 @@ class Locator:
             readings_m = np.zeros(1)
         elif method in ("auto", "keypoints") and keypoints is not None:
             point_m = keypoint_mean(keypoints, sight.depth_mm, sight.info, self._rule)
-            depth_m = keypoint_depth(keypoints, sight.depth_mm, sight.info, self._rule)
-            readings_m = depth_m[np.isfinite(depth_m)]
+            if self._config.covariance:
+                depth_m = keypoint_depth(keypoints, sight.depth_mm, sight.info, self._rule)
+                readings_m = depth_m[np.isfinite(depth_m)]
         return None if point_m is None else self._surface(point_m, readings_m, sight)
 
     def _surface(self, point_m: F64, readings_m: F64, sight: Sight) -> Place:
@@ -94,6 +95,8 @@ class Locator:
         rule = self._config.certainty
         if self._trunk:
             point_m = move_to_axis(point_m, sight.yaw_rad, self._trunk)
+        if not self._config.covariance:
+            return Place(point_m)
         z_m = float(point_m[2])
         pixel_m2 = (rule.joint_px * z_m / sight.info.fx) ** 2
         along = along_m2(z_m, readings_m, axis_sigma(self._trunk, sight.yaw_rad, rule), rule)

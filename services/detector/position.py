@@ -148,4 +148,7 @@ def read_depth(pixels: F64, depth_mm: U16, max_depth_m: float, window_px: int = 
 def _torso_depth(depth_m: F64, used: npt.NDArray[np.bool_]) -> float:
     """Return the median depth of the torso's keypoints, of all used ones if none is seen."""
     torso_m = depth_m[TORSO][used[TORSO]]
-    return float(np.median(torso_m if len(torso_m) else depth_m[used]))
+    ranked_m = np.sort(torso_m if len(torso_m) else depth_m[used])
+    # As np.median, which takes ten times as long for so few.
+    middle = len(ranked_m) - 1
+    return float((ranked_m[middle // 2] + ranked_m[(middle + 1) // 2]) / 2)
