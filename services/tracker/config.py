@@ -188,6 +188,10 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     yaw_filter: YawFilterConfig = YawFilterConfig()  # of "keypoints"
     # time
     max_lost_s: float = 5.0  # [s] without a match after which any track is deleted
+    # A tracker that starts again looks for people where they would be after absence_moved_s, even
+    # if it was away for up to absence_max_s: who did not go far keeps their identity
+    absence_max_s: float = 30.0  # [s]
+    absence_moved_s: float = 1.0  # [s]
     clock_jump_s: float = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale
     embedding_wait_s: float = 0.05  # [s] longest wait for the embeddings of a frame
     embedding_patience: int = 3  # frames waited for in vain after which waiting stops
@@ -208,7 +212,8 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Check ranges."""
         _expect_positive(self, "max_lost_s", "clock_jump_s", "predict_after_s", "predict_hz")
-        _expect_positive(self, "embedding_patience", "max_range_m")
+        _expect_positive(self, "embedding_patience", "max_range_m", "absence_max_s")
+        _expect_positive(self, "absence_moved_s")
         for field in ("embedding_wait_s", "odometry_wait_s", "reorder_wait_s", "yaw_speed_min_mps"):
             value = getattr(self, field) or 0.0
             _expect(0 <= value < float("inf"), field, "a finite number >= 0", value)

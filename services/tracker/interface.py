@@ -110,6 +110,10 @@ class Lasting(Protocol):
         """
         ...
 
+    def postpone(self, duration_ns: int) -> None:
+        """Take a time as not passed, since nobody looked: stamps known are so much later."""
+        ...
+
 
 def in_order(measurements: tuple[Measurement, ...]) -> list[Measurement]:
     """Sort measurements by what the camera saw, so that the order of arrival decides nothing."""

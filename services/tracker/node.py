@@ -229,8 +229,17 @@ class TrackerNode:
             observation = observe(
                 detections, embeddings, place, self._config.max_range_m, self._counters
             )
+            self._bridge_absence(observation.stamp_ns)
             people = self._tracker.update(observation)
         return self._publish(detections, people, (embeddings or detections).trace)
+
+    def _bridge_absence(self, stamp_ns: int) -> None:
+        """Let most of the time pass unnoticed in which no process of this name ran."""
+        if self._restored_ns is None or not isinstance(self._tracker, Lasting):
+            return
+        absent_s = (stamp_ns - self._restored_ns) / 1e9
+        if self._config.absence_moved_s < absent_s <= self._config.absence_max_s:
+            self._tracker.postpone(int((absent_s - self._config.absence_moved_s) * 1e9))
 
     def _remember(self, frame: Frame) -> None:
         if self._last:

@@ -182,6 +182,13 @@ class Population:
         self.targets, self.stamp_ns = targets, stamp_ns
         self.identities.raise_to(max((t.id + 1 for t in targets), default=1))
 
+    def postpone(self, duration_ns: int) -> None:
+        """Take a time as not passed: nobody looked, and whoever stands is where they were."""
+        if self.stamp_ns is not None:
+            self.stamp_ns += duration_ns
+        for target in self.targets:
+            target.seen_ns += duration_ns
+
     def _moved(self, targets: Sequence[Target], dt_s: float) -> tuple[F64, F64]:
         """Return predicted states and covariances; whoever was not seen slows down, if asked."""
         x, P = stack(targets)

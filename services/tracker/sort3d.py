@@ -64,6 +64,10 @@ class Sort3d:
         """Go on with what another process saved."""
         state.restore("sort3d", self._people, saved)
 
+    def postpone(self, duration_ns: int) -> None:
+        """Take a time as not passed, since nobody looked."""
+        self._people.postpone(duration_ns)
+
     def _cost(self, targets: Sequence[Target], detections: Sequence[Measurement]) -> F64:
         """Return the cost with its gates, and set tau for the next frame."""
         config = self._config

@@ -106,6 +106,10 @@ class StrongSort3d:
         gallery = self._recognition.gallery if self._recognition else None
         self._embedder = state.restore("strongsort3d", self._people, saved, gallery)
 
+    def postpone(self, duration_ns: int) -> None:
+        """Take a time as not passed, since nobody looked."""
+        self._people.postpone(duration_ns)
+
     def _left(self, target: Target, observation: Observation) -> bool:
         """Tell whether it is up to recognition to find a person again."""
         unseen_s = (observation.stamp_ns - target.seen_ns) / 1e9

@@ -44,6 +44,18 @@ def test_people_who_did_not_move_far_keep_their_identities_over_two_seconds() ->
     assert left > right  # 1 is the one at x = -0.8 in the image, to the left
 
 
+def test_people_who_stand_are_known_after_fifteen_seconds_but_others_are_not() -> None:
+    before = node()
+    told(before, [TRANSFORM, *frames(0, 10)])
+    # 15 s later, where a track that nobody saw for 5 s had ended.
+    shown = told(restarted(before), frames(160, 164, shift_m=0.3))
+    assert [(p.id, p.state) for p in shown[-1].people] == [(1, "confirmed"), (2, "confirmed")]
+    # 3 m away nobody who stands can be; after 31 s nobody is expected any more.
+    for away in (frames(160, 164, shift_m=4.0), frames(330, 334)):
+        people = told(restarted(before), away)[-1].people
+        assert [p.id for p in people if p.state == "confirmed"] == [3, 4]
+
+
 def test_the_camera_s_place_is_known_before_it_is_told_again() -> None:
     before = node()
     told(before, [TRANSFORM, *frames(0, 10)])
