@@ -15,7 +15,7 @@ from common.place import Place
 from common.replica import Replica
 from common.sharing import Sharing
 from common.topics import BY_MESSAGE, ForeignTopic, Topic
-from common.trace import Tracer
+from common.trace import Tracer, span
 
 LONGEST_WAIT_S = 0.25
 READERS_S = 2.0
@@ -183,8 +183,9 @@ class Loop:
 
     def _send(self, message: Message) -> None:
         """Publish what a node has ready before the rest of its answer."""
-        self._wait_turn(self._working.ticket)
-        self._publish([message], self._working.spans)
+        with span("publish"):
+            self._wait_turn(self._working.ticket)
+            self._publish([message], self._working.spans)
 
     def _wait_turn(self, ticket: int) -> None:
         with self._turn:

@@ -1,6 +1,7 @@
 """What a running system tells of itself: processes, stages and clocks, over the last seconds."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Self
 
 import msgspec
@@ -9,13 +10,14 @@ from common.clock import Offset
 from common.inbox import Arrival
 from common.latency import Part, Window, parts, percentiles, summed, whole
 from common.losses import losses
-from common.messages import Health, Span, Tracks
+from common.messages import Detections, Health, Span, Tracks
 from common.place import Place
 from common.trace import Tracer
 
 FRESH_S = 3.0  # a process that has been silent for longer is gone
 MAX_PROCESSES = 256
 MAX_STAGES = 2048
+MAX_WAITING = 256  # frames whose detections came and tracks did not
 
 
 class Durations(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,6 +31,7 @@ class Durations(msgspec.Struct, frozen=True, kw_only=True):
     # [ms] bound of what clocks bring into it: 0 on one host; null: between hosts whose clocks were
     # not compared, so that the figures hold their difference
     error_ms: float | None
+    beside: bool = False  # done for the same frames, but nothing on their way had to wait for it
 
     @classmethod
     def of(cls, stage: str, values_ms: list[float], error_ms: float | None) -> Self:
@@ -77,6 +80,23 @@ class Picture(msgspec.Struct, frozen=True, kw_only=True):
     processes: list[ProcessNow]  # those on the way in its order, then the others
 
 
+@dataclass(frozen=True)
+class Way:
+    """The way of one frame.
+
+    Args:
+        tracks: What it ended in.
+        parts: Its pieces, to the one who listens.
+        beside: What was done for the frame while its way went on elsewhere.
+        whole: From the first stage to the last.
+    """
+
+    tracks: Tracks
+    parts: list[Part]
+    beside: list[Part]
+    whole: Part
+
+
 class Monitor:
     """Adds up messages in bounded memory.
 
@@ -90,31 +110,38 @@ class Monitor:
         self._tracer = Tracer(place)
         self._seconds = seconds
         self._health: dict[str, tuple[float, Health]] = {}
-        self._stages: dict[tuple[str, str], _Stage] = {}
+        self._stages: dict[tuple[str, str, bool], _Stage] = {}
+        self._detections: dict[tuple[str, int], tuple[Span, ...]] = {}  # traces by camera, stamp
         self._whole = _Stage(seconds)
         self.clocks: dict[str, Offset] = {}
 
-    def add(self, arrival: Arrival, now_ns: int, now_s: float) -> tuple[Span, ...]:
+    def add(self, arrival: Arrival, now_ns: int, now_s: float) -> Way | None:
         """Take a message.
 
         Args:
-            arrival: Health or Tracks; others are passed over.
+            arrival: Health, Tracks, or Detections, of which comes what was done for a frame beside
+                its way; others are passed over.
             now_ns: Wall clock.
             now_s: Monotonic clock.
 
         Returns:
-            The trace of Tracks up to here, empty for others.
+            The way of a frame, once its Tracks come.
         """
         message = arrival.message
         if isinstance(message, Health):
             if message.instance in self._health or len(self._health) < MAX_PROCESSES:
                 self._health[message.instance] = (now_s, message)
                 self.clocks |= clocks_of(self.healths(now_s))
+        elif isinstance(message, Detections):
+            self._detections[message.camera, message.stamp_ns] = message.trace
+            while len(self._detections) > MAX_WAITING:
+                del self._detections[next(iter(self._detections))]
         elif isinstance(message, Tracks) and of_frame(message.trace):
             taken = self._tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
-            self._add_trace(taken.trace, now_s)
-            return taken.trace
-        return ()
+            way = self._way(taken)
+            self._add_way(way, now_s)
+            return way
+        return None
 
     def add_own_clock(self, offset: Offset | None) -> None:
         """Take how far the clock of this host is ahead of the router's."""
@@ -131,7 +158,7 @@ class Monitor:
         healths = {health.instance: health for health in self.healths(now_s)}
         stages: dict[str, list[Durations]] = {}
         places: dict[str, tuple[str, str]] = {}
-        for (process, _), stage in self._stages.items():
+        for (process, *_), stage in self._stages.items():
             instance, _, host = process.partition("@")
             durations = stage.durations(now_s)
             if durations:
@@ -149,14 +176,21 @@ class Monitor:
             ],
         )
 
-    def _add_trace(self, trace: tuple[Span, ...], now_s: float) -> None:
-        for part in summed(parts(trace, self.clocks)):
-            key = (part.process, part.stage)
-            if key in self._stages or len(self._stages) < MAX_STAGES:
-                self._stages.setdefault(key, _Stage(self._seconds)).add(part, now_s)
-        total = whole(trace, self.clocks)
-        if total:
-            self._whole.add(total, now_s)
+    def _way(self, tracks: Tracks) -> Way:
+        passed = set(tracks.trace)
+        told = self._detections.pop((tracks.camera, tracks.stamp_ns), ())
+        beside = [parts([span], self.clocks)[0] for span in told if span not in passed]
+        total = whole(tracks.trace, self.clocks)
+        assert total is not None, "only messages with a trace have a way"
+        return Way(tracks, parts(tracks.trace, self.clocks), beside, total)
+
+    def _add_way(self, way: Way, now_s: float) -> None:
+        for parts_, beside in ((way.parts, False), (way.beside, True)):
+            for part in summed(parts_):
+                key = (part.process, part.stage, beside)
+                if key in self._stages or len(self._stages) < MAX_STAGES:
+                    self._stages.setdefault(key, _Stage(self._seconds, beside)).add(part, now_s)
+        self._whole.add(way.whole, now_s)
 
     def _clock(self, host: str) -> ClockNow:
         offset = self.clocks.get(host)
@@ -172,9 +206,11 @@ class _Stage:
 
     Args:
         seconds: How long they count.
+        beside: Whether it is beside the way.
     """
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, seconds: float, beside: bool = False) -> None:
+        self._beside = beside
         self.service = self._name = ""
         self._error_ns: float | None = 0.0
         self._window = Window(seconds)
@@ -188,7 +224,10 @@ class _Stage:
         """Return the durations that count now, None if there are none."""
         values_ms = self._window.values(now_s)
         error_ms = None if self._error_ns is None else self._error_ns / 1e6
-        return Durations.of(self._name, values_ms, error_ms) if values_ms else None
+        if not values_ms:
+            return None
+        found = Durations.of(self._name, values_ms, error_ms)
+        return msgspec.structs.replace(found, beside=self._beside)
 
 
 def of_frame(trace: Sequence[Span]) -> bool:

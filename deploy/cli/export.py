@@ -13,8 +13,7 @@ import typer
 from common.client import Client
 from common.clock import Clock
 from common.errors import ConfigError
-from common.latency import parts, whole
-from common.messages import Health, Tracks
+from common.messages import Detections, Health, Tracks
 from common.place import Place
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.exporters.measures import Exporter
@@ -63,15 +62,14 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
     host = socket.gethostname()
     monitor = Monitor(Place("export", f"export-{os.getpid()}", host), WINDOW_S)
     clock = Clock(client.bus)
-    for arrival in client.arrivals(Health, Tracks):
+    for arrival in client.arrivals(Health, Tracks, Detections):
         clock.ask()
         monitor.add_own_clock(clock.offset())
-        trace = monitor.add(arrival, time.time_ns(), time.monotonic())
-        message, total = arrival.message, whole(trace, monitor.clocks)
+        way = monitor.add(arrival, time.time_ns(), time.monotonic())
         for exporter in exporters:
-            if isinstance(message, Tracks) and total:
-                exporter.add_way(message, parts(trace, monitor.clocks), total)
-            elif isinstance(message, Health):
+            if way:
+                exporter.add_way(way)
+            elif isinstance(arrival.message, Health):
                 exporter.add_healths(monitor.healths(time.monotonic()))
 
 

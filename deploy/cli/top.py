@@ -18,7 +18,7 @@ from rich.text import Text
 from common.client import Client
 from common.clock import Clock
 from common.errors import People4dError
-from common.messages import Health, Tracks
+from common.messages import Detections, Health, Tracks
 from common.place import Place
 from common.topics import TOPICS
 from deploy.cli.live import Json
@@ -73,7 +73,7 @@ def watching(client: Client, seconds: float) -> Iterator[Callable[[], Picture]]:
     host = socket.gethostname()
     monitor = Monitor(Place("here", f"top-{os.getpid()}", host), seconds)
     clock, lock, ended = Clock(client.bus), threading.Lock(), threading.Event()
-    arrivals = client.arrivals(Health, Tracks)
+    arrivals = client.arrivals(Health, Tracks, Detections)
 
     def listen() -> None:
         for arrival in arrivals:
@@ -210,7 +210,8 @@ def _stages(picture: Picture) -> Table:
         name = process.instance if process.state else process.service
         for stage in process.stages:
             figures = (f"{ms:.2f}" for ms in (stage.p50_ms, stage.p95_ms, stage.p99_ms))
-            table.add_row(name, stage.stage, *figures, str(stage.count), _error(stage))
+            note = "beside the way" if stage.beside else _error(stage)
+            table.add_row(name, stage.stage, *figures, str(stage.count), note)
             name = ""
     return table
 

@@ -4,11 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
 
-from common.latency import Part
 from common.losses import losses
-from common.messages import Health, Tracks
+from common.messages import Health
 from common.messages.status import State
-from deploy.monitor import clocks_of
+from deploy.monitor import Way, clocks_of
 
 # [s] upper bounds of the classes of durations
 BUCKETS_S = (1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
@@ -59,8 +58,8 @@ class Sample:
 class Exporter(Protocol):
     """Hands on what a system tells."""
 
-    def add_way(self, tracks: Tracks, way: Sequence[Part], whole: Part) -> None:
-        """Take the way of a frame, piece by piece and as a whole."""
+    def add_way(self, way: Way) -> None:
+        """Take the way of a frame."""
         ...
 
     def add_healths(self, healths: Sequence[Health]) -> None:

@@ -10,8 +10,9 @@ from opentelemetry.sdk.resources import Resource
 from opentelemetry.sdk.trace import SpanProcessor, TracerProvider
 
 from common.latency import Part, summed
-from common.messages import Health, Tracks
+from common.messages import Health
 from deploy.exporters.measures import BUCKETS_S, MEASURES, samples
+from deploy.monitor import Way
 
 MAX_PROCESSES = 256
 SYSTEM = "people4d"
@@ -55,8 +56,9 @@ class OtelExporter:
             )
             create(f"people4d.{name}", [self._observe(name)], measure.unit, measure.text)
 
-    def add_way(self, tracks: Tracks, way: Sequence[Part], whole: Part) -> None:
-        """Take the way of a frame, piece by piece and as a whole."""
+    def add_way(self, way: Way) -> None:
+        """Take the way of a frame."""
+        tracks, whole = way.tracks, way.whole
         frame = self._frames.start_span(
             "frame",
             start_time=whole.start_ns,
@@ -69,7 +71,7 @@ class OtelExporter:
             },
         )
         inside = trace.set_span_in_context(frame)
-        for part in way:
+        for part in (*way.parts, *way.beside):
             tracer = self._tracer(part.service, part.instance, part.process.partition("@")[2])
             piece = tracer.start_span(
                 part.name, inside, start_time=part.start_ns, attributes=_clock(part)
@@ -77,7 +79,7 @@ class OtelExporter:
             # A span cannot end before it begins; the attribute tells that it did.
             piece.end(max(part.end_ns, part.start_ns))
         frame.end(max(whole.end_ns, whole.start_ns))
-        for part in summed(way):
+        for part in [*summed(way.parts), *summed(way.beside)]:
             labels = {"service": part.service, "instance": part.instance, "stage": part.stage}
             if part.ms >= 0:
                 self._stage.record(part.ms / 1e3, labels)

@@ -8,9 +8,10 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from common.errors import People4dError
-from common.latency import Part, summed
-from common.messages import Health, Tracks
+from common.latency import summed
+from common.messages import Health
 from deploy.exporters.measures import BUCKETS_S, MEASURES, Sample, samples
+from deploy.monitor import Way
 
 UNITS = {"s": "_seconds", "By": "_bytes", "1": ""}
 PIECE = ("service", "instance", "stage")
@@ -70,17 +71,18 @@ class PrometheusExporter:
         """Port that it listens at."""
         return self._server.server_port
 
-    def add_way(self, tracks: Tracks, way: Sequence[Part], whole: Part) -> None:
-        """Take the way of a frame, piece by piece and as a whole."""
-        for part in summed(way):
+    def add_way(self, way: Way) -> None:
+        """Take the way of a frame."""
+        for part in [*summed(way.parts), *summed(way.beside)]:
             labels = (part.service, part.instance, part.stage)
             if part.ms < 0:
                 self._negative.labels(*labels).inc()
             else:
                 self._stages.labels(*labels).observe(part.ms / 1e3)
-        self._whole.labels(tracks.camera).observe(whole.ms / 1e3)
-        confirmed = sum(person.state == "confirmed" for person in tracks.people)
-        self._people.labels(tracks.camera).set(confirmed)
+        camera = way.tracks.camera
+        self._whole.labels(camera).observe(way.whole.ms / 1e3)
+        confirmed = sum(person.state == "confirmed" for person in way.tracks.people)
+        self._people.labels(camera).set(confirmed)
 
     def add_healths(self, healths: Sequence[Health]) -> None:
         """Take the fresh heartbeats of all processes; those that are not in it are gone."""

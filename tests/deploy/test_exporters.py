@@ -4,7 +4,7 @@ import sys
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any, ClassVar
@@ -17,16 +17,18 @@ from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner
 
 from common.client import Client
+from common.clock import Offset
 from common.errors import ConfigError, People4dError
 from common.latency import parts, whole
+from common.messages import Span
 from deploy.cli import app
 from deploy.cli.export import feed, otlp_exporter, prometheus_exporter
 from deploy.exporters.measures import Exporter
 from deploy.exporters.otel import OtelExporter
 from deploy.exporters.prometheus import PrometheusExporter
-from deploy.monitor import clocks_of
+from deploy.monitor import Way, clocks_of
 from tests.deploy.test_top import talking
-from tests.deploy.traces import BEGIN_NS, MS, healths, trace_of, tracks
+from tests.deploy.traces import BEGIN_NS, MS, healths, span, trace_of, tracks
 from tests.network import WAIT_S
 
 __all__ = ["talking"]  # a fixture
@@ -37,10 +39,15 @@ def give(exporter: Exporter, frames: int) -> None:
     exporter.add_healths(healths())
     clocks = clocks_of(healths())
     for number in range(frames):
-        trace = trace_of(number)
-        total = whole(trace, clocks)
-        assert total is not None
-        exporter.add_way(tracks(number), parts(trace, clocks), total)
+        exporter.add_way(way(number, trace_of(number), clocks))
+
+
+def way(number: int, trace: Sequence[Span], clocks: Mapping[str, Offset]) -> Way:
+    """Return the way of a frame, beside which its people were placed for 5 ms."""
+    total = whole(trace, clocks)
+    assert total is not None
+    beside = parts([span("detector.locate", 20 * number + 36, 20 * number + 41, "detector-1@nuc")])
+    return Way(tracks(number), parts(trace, clocks), beside, total)
 
 
 def fetched(exporter: PrometheusExporter) -> dict[tuple[str, frozenset[str]], float]:
@@ -73,6 +80,8 @@ def test_prometheus_by_hand(prometheus: PrometheusExporter) -> None:
     assert of("stage_seconds_sum", *inference) == pytest.approx(0.060)
     assert of("stage_seconds_bucket", *inference, "le=0.025") == 0
     assert of("stage_seconds_bucket", *inference, "le=0.05") == 2
+    locate = ("service=detector", "instance=detector-1", "stage=locate")
+    assert of("stage_seconds_sum", *locate) == pytest.approx(4 * 0.005)
     assert of("latency_seconds_sum", "camera=front") == pytest.approx(4 * 0.045)
     detector = ("service=detector", "instance=detector-1", "host=nuc")
     assert of("messages_total", *detector, "direction=in", "topic=frames") == 100
@@ -95,12 +104,10 @@ def test_a_process_that_is_gone_is_no_longer_told(prometheus: PrometheusExporter
 
 
 def test_negative_times_are_counted_not_hidden(prometheus: PrometheusExporter) -> None:
-    total = whole(trace_of(0))
-    assert total is not None
     # A tracker host whose clock is 250 ms behind, and not compared.
     behind = [s for s in trace_of(0) if "tracker" not in s.stage]
     behind += [s for s in trace_of(-25) if "tracker" in s.stage]
-    prometheus.add_way(tracks(0), parts(behind), total)
+    prometheus.add_way(way(0, behind, {}))
     labels = frozenset({"service=tracker", "instance=tracker-1", "stage=transport"})
     got = fetched(prometheus)
     assert got["people4d_stage_negative_total", labels] == 1
@@ -117,18 +124,18 @@ def test_opentelemetry_by_hand() -> None:
     exporter = OtelExporter("robot", SimpleSpanProcessor(spans), metrics)
     give(exporter, 1)
     finished = spans.get_finished_spans()
-    by_name = {span.name: span for span in finished}
+    by_name = {one.name: one for one in finished}
     frame = by_name["frame"]
     assert frame.context is not None
     assert (frame.start_time, frame.end_time) == (BEGIN_NS, BEGIN_NS + 45 * MS)
     assert frame.attributes is not None
     assert frame.attributes["people4d.clock_error_ms"] == 0.5
-    # 10 measured, 2 between processes; all below the frame.
-    children = [span for span in finished if span.parent is not None]
-    assert len(children) == 12
+    # 10 measured, 2 between processes, 1 beside; all below the frame.
+    children = [one for one in finished if one.parent is not None]
+    assert len(children) == 13
     assert {child.parent.span_id for child in children if child.parent} == {frame.context.span_id}
-    way = by_name["tracker.transport"]
-    assert (way.start_time, way.end_time) == (BEGIN_NS + 37 * MS, BEGIN_NS + 40 * MS)
+    ride = by_name["tracker.transport"]
+    assert (ride.start_time, ride.end_time) == (BEGIN_NS + 37 * MS, BEGIN_NS + 40 * MS)
     assert dict(by_name["tracker.association"].resource.attributes) == {
         "service.name": "tracker",
         "service.namespace": "robot",

@@ -4,6 +4,7 @@ import json
 import threading
 from collections.abc import Iterator
 
+import msgspec
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
@@ -12,7 +13,7 @@ from common.place import Place
 from deploy.cli import app
 from deploy.cli.top import drawn
 from deploy.monitor import Monitor, Picture
-from tests.deploy.traces import BEGIN_NS, MS, arrival, healths, tracks
+from tests.deploy.traces import BEGIN_NS, MS, arrival, detections, healths, span, tracks
 from tests.network import Network
 
 HERE = Place("here", "top-1", "nuc")
@@ -50,6 +51,23 @@ def test_every_stage_of_every_instance_on_one_clock() -> None:
     (tracker,) = [p for p in picture.processes if p.instance == "tracker-1"]
     errors = {stage.stage: stage.error_ms for stage in tracker.stages}
     assert (errors["transport"], errors["association"]) == (0.5, 0)
+
+
+def test_what_was_done_beside_the_way_is_no_part_of_it() -> None:
+    """The detector placed people for 5 ms while its pictures of them were under way."""
+    found = Monitor(HERE, 10.0)
+    beside = span("detector.locate", 37, 42, "detector-1@nuc")
+    told = detections(0)
+    told = msgspec.structs.replace(told, trace=(*told.trace, beside))
+    assert found.add(arrival(told), BEGIN_NS, 0.0) is None
+    way = found.add(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 0.0)
+    assert way is not None
+    assert [(part.name, part.ms) for part in way.beside] == [("detector.locate", 5)]
+    assert "detector.locate" not in {part.name for part in way.parts}
+    (detector,) = [p for p in found.picture(0.0).processes if p.instance == "detector-1"]
+    assert [s.stage for s in detector.stages if s.beside] == ["locate"]
+    line = next(line for line in text(found.picture(0.0)).splitlines() if "locate" in line)
+    assert line.split() == ["locate", "5.00", "5.00", "5.00", "1", "beside", "the", "way"]
 
 
 def test_the_surest_process_tells_the_clock_of_its_host() -> None:
