@@ -24,6 +24,7 @@ STEP_DEG = 3
 ANGLES: F64 = np.radians(np.arange(-180, 180, STEP_DEG))
 SINE, COSINE = np.sin(ANGLES), np.cos(ANGLES)
 NEAR_RAD = math.radians(60)  # mean and spread are those of the angles so near to the best
+FAR_MAX = 0.1  # share of the likelihood that may lie elsewhere
 SPAN_M = 1.0  # [m] range of distances between joints that are not this person's
 
 
@@ -37,6 +38,7 @@ class BodyRule(msgspec.Struct, frozen=True, kw_only=True):
     use_hips: bool = True
     use_depth: bool = True  # of shoulders and hips; off: only how far apart they are in the image
     use_head: bool = True
+    use_confidence: bool = True  # networks are surer of a face that they see
     shoulders: PairRule = SHOULDERS
     hips: PairRule = HIPS
     # [m] of two joints less far apart than that across the line of sight, the nearer one's arm or
@@ -50,16 +52,27 @@ class BodyRule(msgspec.Struct, frozen=True, kw_only=True):
     ears_m: float = 0.125  # [m] between the ears, likewise
     sigma_face: float = 0.3  # of the nose's place, over nose_m
     sigma_head_rad: float = 0.3  # [rad] of the head turned on the chest
+    # Mean confidence of the face's points, from the front and from behind: MoveNet's
+    face_front: float = 0.61
+    face_back: float = 0.49
+    sigma_confidence: float = 0.06
+    # A network that is not sure of all points of a side errs more: sigma grows from here downward
+    side_sure: float = 0.6
+    side_power: float = 2.0
+    turned: float = 0.03  # share of people whose left and right are taken for each other
     # Share of measurements that tell nothing: joints of another person, joints that were guessed
     outliers_across: float = 0.05
     outliers_along: float = 0.08
     outliers_head: float = 0.1
+    outliers_confidence: float = 0.1
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         expect_positive(self, "hiding_m", "sigma_width", "joint_px", "depth_per_m", "reach_m")
         expect_positive(self, "nose_m", "ears_m", "sigma_face", "sigma_head_rad")
-        for name in ("outliers_across", "outliers_along", "outliers_head"):
+        expect_positive(self, "sigma_confidence", "side_sure")
+        shares = ("outliers_across", "outliers_along", "outliers_head", "outliers_confidence")
+        for name in (*shares, "turned", "face_front", "face_back"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"{name}: expected between 0 and 1, got {getattr(self, name)}")
 
@@ -88,6 +101,10 @@ def log_likelihood(look: Look, fx: float, rule: BodyRule) -> F64:
             total += _log(seen.along_m - behind_m, noise_m, rule.outliers_along, SPAN_M)
     if rule.use_head:
         total += _head(look, rule)
+    swapped = np.roll(total, len(ANGLES) // 2)
+    total = np.logaddexp(math.log(1 - rule.turned) + total, math.log(rule.turned) + swapped)
+    if rule.use_confidence:
+        total += _seen_face(look, rule)
     return total
 
 
@@ -128,6 +145,13 @@ def _head(look: Look, rule: BodyRule) -> F64:
     return _log(turned, sigma_rad, rule.outliers_head, 2 * math.pi)
 
 
+def _seen_face(look: Look, rule: BodyRule) -> F64:
+    """Return the log likelihood by how sure the network is of the face."""
+    from_behind = (1 + COSINE) / 2
+    expected = rule.face_front + (rule.face_back - rule.face_front) * from_behind
+    return _log(look.face - expected, rule.sigma_confidence, rule.outliers_confidence, 1.0)
+
+
 def _log(error: F64, sigma: npt.ArrayLike, outliers: float, span: float) -> F64:
     """Return the log density of errors: normal, a share of outliers uniform; 0 if not known."""
     if np.isnan(error).any():
@@ -141,8 +165,9 @@ def _log(error: F64, sigma: npt.ArrayLike, outliers: float, span: float) -> F64:
 def best_angle(log_p: F64) -> tuple[float, float] | None:
     """Return the most likely angle and its standard deviation; None if nothing tells.
 
-    The mean and the spread of the angles around the best one. A second best elsewhere, such as the
-    other way round, is left to who knows the person's past.
+    Both are those of the angles around the best one. A small share of the likelihood elsewhere,
+    the other way round for example, is left to who knows the past; more than that tells that the
+    angle is not sure.
 
     Args:
         log_p: Logarithm of the likelihood of each of `ANGLES`, up to a constant.
@@ -150,10 +175,19 @@ def best_angle(log_p: F64) -> tuple[float, float] | None:
     if np.ptp(log_p) < 1e-9:
         return None
     p = np.exp(log_p - log_p.max())
+    p /= p.sum()
     best = float(ANGLES[int(p.argmax())])
     off = np.angle(np.exp(1j * (ANGLES - best)))
-    p[np.abs(off) > NEAR_RAD] = 0.0
-    mean = float(p @ off / p.sum())
-    variance = float(p @ np.square(off - mean) / p.sum())
+    near = np.abs(off) <= NEAR_RAD
+    mean = float(p[near] @ off[near] / p[near].sum())
+    variance = float(p[near] @ np.square(off[near] - mean) / p[near].sum())
+    variance += max(1 - float(p[near].sum()) - FAR_MAX, 0.0) * math.pi**2
     # Angles are counted in steps, whose own spread comes on top.
     return wrap(best + mean), math.sqrt(variance + math.radians(STEP_DEG) ** 2 / 12)
+
+
+def doubt(look: Look, rule: BodyRule) -> float:
+    """Return by how much sigma grows where the network is not sure of the joints."""
+    if not 0 < look.side < rule.side_sure:
+        return 1.0
+    return float((rule.side_sure / look.side) ** rule.side_power)

@@ -12,12 +12,14 @@ import numpy as np
 
 from common.geometry import deproject
 from common.messages import F32, F64
-from services.detector.layers import read_layer
 from services.detector.position import Sight
 
 NOSE, LEFT_EAR, RIGHT_EAR = 0, 3, 4  # COCO
 LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_HIP, RIGHT_HIP = 5, 6, 11, 12
+FACE = [0, 1, 2, 3, 4]
+SIDES = [[1, 3, 5, 7, 9, 11, 13, 15], [2, 4, 6, 8, 10, 12, 14, 16]]  # left, right
 WINDOW_MIN_PX = 5
+SEEN_MIN = 0.2  # of a joint's window that shows the person's own layer: else others hide the joint
 
 
 def expect_positive(record: msgspec.Struct, *names: str) -> None:
@@ -81,6 +83,8 @@ class Look:
     pairs: Mapping[str, Pair]  # "shoulders" and "hips"
     nose_m: float  # [m] nose to the left of the ears' middle; NaN: not known
     ears_m: float  # [m] right ear to the right of the left one; NaN: not known
+    face: float = math.nan  # mean confidence of nose, eyes and ears
+    side: float = math.nan  # mean confidence of the keypoints of the side that is less sure
 
 
 class Viewer:
@@ -115,24 +119,34 @@ class Viewer:
         """
         pixels = keypoints[:, :2].astype(np.float64)
         pixels[keypoints[:, 2] <= self._confidence_min] = np.nan
-        right_m = deproject(pixels, np.full(17, layer_m), sight.info)[:, 0]
-        across_m = right_m * math.cos(ray_rad)
+        across_m = deproject(pixels, np.full(17, layer_m), sight.info)[:, 0] * math.cos(ray_rad)
         pairs = {}
-        for name, (left, right) in self.JOINTS.items():
-            wide_m = right_m[right] - right_m[left]
-            deep_m = self._deeper(pixels[[left, right]], name, layer_m, sight)
-            pairs[name] = Pair(
-                wide_m * math.cos(ray_rad),
-                deep_m / math.cos(ray_rad) - wide_m * math.sin(ray_rad),
-            )
-        ears_m = across_m[[LEFT_EAR, RIGHT_EAR]]
-        return Look(layer_m, pairs, ears_m.mean() - across_m[NOSE], ears_m[1] - ears_m[0])
+        for name, joints in self.JOINTS.items():
+            left, right = joints
+            depth_m = [self._depth(pixels[joint], name, layer_m, sight) for joint in joints]
+            wide_m, deep_m = across_m[right] - across_m[left], depth_m[1] - depth_m[0]
+            if math.isnan(deep_m):
+                wide_m = math.nan  # where a joint is that others hide is a guess
+            pairs[name] = Pair(wide_m, deep_m / math.cos(ray_rad) - wide_m * math.tan(ray_rad))
+        ears_m, confidence = across_m[[LEFT_EAR, RIGHT_EAR]], keypoints[:, 2].astype(np.float64)
+        return Look(
+            z_m=layer_m,
+            pairs=pairs,
+            nose_m=float(ears_m.mean() - across_m[NOSE]),
+            ears_m=float(ears_m[1] - ears_m[0]),
+            face=float(confidence[FACE].mean()),
+            side=min(float(confidence[side].mean()) for side in SIDES),
+        )
 
-    def _deeper(self, pixels: F64, name: str, layer_m: float, sight: Sight) -> float:
-        """Return how much farther along the optical axis the second of two joints is seen."""
-        if np.isnan(pixels).any():
-            return math.nan
-        side_px = round(self._pairs[name].window_m * sight.info.fx / layer_m)
-        side_px = max(side_px, WINDOW_MIN_PX) | 1
-        depth_m = read_layer(pixels, side_px, sight.depth_mm, layer_m, self._reach_m)
-        return float(depth_m[1] - depth_m[0])
+    def _depth(self, pixel: F64, name: str, layer_m: float, sight: Sight) -> float:
+        """Return the depth in the window of a joint, NaN where the person is hardly seen there."""
+        height, width = sight.depth_mm.shape
+        if not ((pixel > -0.5) & (pixel < (width - 0.5, height - 0.5))).all():
+            return math.nan  # NaN pixels too
+        half_px = self._pairs[name].window_m / 2 * sight.info.fx / layer_m
+        reach = max(round(half_px), WINDOW_MIN_PX // 2)
+        u, v = np.rint(pixel).astype(int).tolist()
+        rows = slice(max(v - reach, 0), v + reach + 1)
+        window_m = sight.depth_mm[rows, max(u - reach, 0) : u + reach + 1] / 1000.0
+        own_m = window_m[np.abs(window_m - layer_m) <= self._reach_m]
+        return float(np.median(own_m)) if own_m.size >= SEEN_MIN * window_m.size else math.nan

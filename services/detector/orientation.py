@@ -16,7 +16,7 @@ import numpy as np
 
 from common.geometry import LINK_FROM_OPTICAL, deproject, wrap
 from common.messages import F32, F64, U16, CameraInfo
-from services.detector.body_angle import BodyRule, best_angle, log_likelihood
+from services.detector.body_angle import BodyRule, best_angle, doubt, log_likelihood
 from services.detector.body_look import Viewer
 from services.detector.position import KeypointRule, Sight, keypoint_depth
 
@@ -156,7 +156,9 @@ def whole_body(
     viewer = Viewer({"shoulders": body.shoulders, "hips": body.hips}, confidence_min, body.reach_m)
     seen = viewer.look(keypoints, layer_m, ray_rad, sight)
     found = best_angle(log_likelihood(seen, sight.info.fx, body))
-    return None if found is None else Angle(wrap(found[0] + ray_rad), found[1])
+    if found is None:
+        return None
+    return Angle(wrap(found[0] + ray_rad), min(found[1] * doubt(seen, body), math.pi))
 
 
 def vector_yaw(points_m: F64, rule: OrientationRule) -> Angle | None:
