@@ -148,14 +148,6 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
     # is turned round, or of a neighbour, bends the yaw a little instead of taking it over. inf: all
     # measurements count alike, section 6
     outlier_sigmas: float = float("inf")
-    # R is so many times the variance of a measurement: errors of consecutive ones are much alike
-    noise_factor: float = 1.0
-    # Share of measurements that are the wrong way round: left and right joints are taken for each
-    # other. They are told by what was measured before; 0: there are none, section 6
-    turned_share: float = 0.0
-    turned_alike_s: float = 0.25  # [s] time constant for which such errors last
-    turned_memory_s: float = 2.0  # [s] time constant with which what was measured before fades
-    turned_odds_max: float = 6.0  # most that is believed of it, logarithm of odds
     # [s] time constant with which an unmeasured turn dies out; inf: constant velocity, section 6
     rate_decay_s: float = float("inf")
 
@@ -163,9 +155,6 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
         """Check ranges."""
         _expect_positive(self, "sigma_acceleration_radps2", "sigma_measurement_rad")
         _expect_positive(self, "sigma_start_rate_radps")
-        _expect_positive(self, "noise_factor", "turned_alike_s", "turned_memory_s")
-        _expect_positive(self, "turned_odds_max")
-        _expect(0 <= self.turned_share < 0.5, "turned_share", "0 to below 0.5", self.turned_share)
         for field in ("sigma_walk_rad", "walk_speed_min_mps", "outlier_sigmas", "rate_decay_s"):
             _expect(getattr(self, field) > 0, field, "a number > 0", getattr(self, field))
 
