@@ -21,10 +21,11 @@ from benchmarks.live_camera import DEMO, LiveDemo
 from benchmarks.system import running
 from benchmarks.table import markdown, spread, write
 from benchmarks.tracing_cost import cost_of_marks, tracing
-from common.latency import parts, percentiles, summed
-from common.messages import Span, Tracks
+from common.latency import percentiles, summed
+from common.messages import Detections, Tracks
 from common.place import Place
-from common.trace import STAGES, Tracer
+from common.trace import STAGES
+from deploy.monitor import Monitor, Way
 
 WARM_UP = 15
 RATE_SHARE = 0.6
@@ -37,13 +38,13 @@ class Seen:
     """What a subscriber saw of one run.
 
     Args:
-        traces: Of every frame, up to the subscriber.
+        ways: Of every frame, up to the subscriber.
         end_to_end_ms: From acquisition to the subscriber; empty in lock-step.
         rate_hz: Frames per second.
         cpu_ms: Processor time of all processes for one frame.
     """
 
-    traces: list[tuple[Span, ...]] = field(default_factory=list)
+    ways: list[Way] = field(default_factory=list)
     end_to_end_ms: list[float] = field(default_factory=list)
     rate_hz: float = 0.0
     cpu_ms: float = 0.0
@@ -57,21 +58,20 @@ def play(camera: Sequence[str], frames: int) -> Seen:
         frames: Frames to measure, after those for warming up.
     """
     services = [("tracker", ()), ("reid", ()), ("detector", ()), ("camera", camera)]
-    tracer, seen, count = Tracer(Place("subscriber", "subscriber", "here")), Seen(), 0
+    monitor, seen, count = Monitor(Place("subscriber", "subscriber", "here"), 1.0), Seen(), 0
     begin_s, begin_cpu_s = 0.0, 0.0
     with tempfile.TemporaryDirectory() as logs, running(services, Path(logs)) as client:
-        for arrival in client.arrivals(Tracks, timeout_s=30):
+        for arrival in client.arrivals(Tracks, Detections, timeout_s=30):
             now_ns, message = time.time_ns(), arrival.message
-            if message.trace and not message.trace[0].stage.startswith("camera."):
-                continue  # a prediction
+            way = monitor.add(arrival, now_ns, time.monotonic())
+            if not isinstance(message, Tracks) or (message.trace and not way):
+                continue  # a prediction is of no frame
             count += 1
             if count == WARM_UP:
                 begin_s, begin_cpu_s = time.perf_counter(), _cpu_s()
-            if count <= WARM_UP:
-                continue
-            taken = tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
-            seen.traces.append(taken.trace)
-            seen.end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
+            if count > WARM_UP and way:
+                seen.ways.append(way)
+                seen.end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
             if count == WARM_UP + frames:
                 break
         seen.rate_hz = (count - WARM_UP) / (time.perf_counter() - begin_s)
@@ -96,36 +96,37 @@ def live(rate_hz: float) -> tuple[str, ...]:
     return (f"source={LiveDemo.__module__}:{LiveDemo.__name__}", f"options.rate_hz={rate_hz:.2f}")
 
 
-def stage_table(traces: Sequence[tuple[Span, ...]]) -> str:
+def stage_table(ways: Sequence[Way]) -> str:
     """Return the durations of all stages in the order of the way, and their share of the whole."""
-    found: dict[str, list[float]] = defaultdict(list)
-    for trace in traces:
-        for part in summed(parts(trace)):
-            found[part.name].append(part.ms)
-    whole_ms = sum(sum(values) for values in found.values())
+    found: dict[tuple[str, bool], list[float]] = defaultdict(list)
+    for way in ways:
+        for pieces, beside in ((way.parts, False), (way.beside, True)):
+            for part in summed(pieces):
+                found[part.name, beside].append(part.ms)
+    whole_ms = sum(way.whole.ms for way in ways)
     rows = [
         [
             name,
-            f"{np.sum(values) / len(traces):.2f}",
+            f"{np.sum(values) / len(ways):.2f}",
             *(f"{ms:.2f}" for ms in percentiles(values)),
-            f"{np.sum(values) / whole_ms:.1%}",
+            "beside the way" if beside else f"{np.sum(values) / whole_ms:.1%}",
         ]
-        for name, values in found.items()
+        for (name, beside), values in sorted(found.items(), key=lambda item: item[0][1])
     ]
     return markdown(["stage", "mean ms", "p50 ms", "p95 ms", "p99 ms", "of the whole"], rows)
 
 
-def kinds_table(traces: Sequence[tuple[Span, ...]]) -> str:
+def kinds_table(ways: Sequence[Way]) -> str:
     """Return what is not inference, by kind of stage over all processes, dearest first."""
-    found: dict[str, list[float]] = {}
-    for trace in traces:
+    found: dict[str, list[float]] = defaultdict(list)
+    for way in ways:
         sums: dict[str, float] = defaultdict(float)
-        for part in parts(trace):
+        for part in way.parts:
             if part.stage not in INFERENCE:
                 sums["all but inference"] += part.ms
                 sums[part.stage] += part.ms
         for stage, ms in sums.items():
-            found.setdefault(stage, []).append(ms)
+            found[stage].append(ms)
     dearest = sorted(found.items(), key=lambda item: -float(np.mean(item[1])))
     rows = [
         [stage, *(f"{ms:.2f}" for ms in (np.mean(values), *percentiles(values))), _meaning(stage)]
@@ -142,8 +143,8 @@ def _meaning(stage: str) -> str:
 
 def sums_table(seen: Seen) -> str:
     """Return how much of the end-to-end time the stages explain."""
-    named = [sum(p.ms for p in parts(trace) if p.stage != "other") for trace in seen.traces]
-    every = [sum(p.ms for p in parts(trace)) for trace in seen.traces]
+    named = [sum(p.ms for p in way.parts if p.stage != "other") for way in seen.ways]
+    every = [sum(p.ms for p in way.parts) for way in seen.ways]
     whole = seen.end_to_end_ms
     worst = max(abs(1 - a / b) for a, b in zip(named, whole, strict=True))
     rows = [
@@ -205,7 +206,8 @@ def main() -> None:
     rate_hz = RATE_SHARE * float(np.median([on.rate_hz for on, _ in pairs]))
     print(f"stages at {rate_hz:.1f} frames per second", flush=True)
     seen = play(live(rate_hz), 2 * frames)
-    marks = cost_of_marks(max(seen.traces, key=len), 20 * frames)
+    longest = max((way.tracks.trace for way in seen.ways), key=len)
+    marks = cost_of_marks(longest, 20 * frames)
     values = list(marks.values())
     added_us = values[0] - values[1] + values[2] - values[3]
     cpu_ms = float(np.median([off.cpu_ms for _, off in pairs]))
@@ -216,9 +218,9 @@ def main() -> None:
         "network thread, a subscriber through the router. Stages are explained in "
         "[docs/latency.md](../docs/latency.md).",
         f"## Stages at {RATE_SHARE:.0%} load, {seen.rate_hz:.1f} frames per second",
-        stage_table(seen.traces),
+        stage_table(seen.ways),
         "## What is not inference",
-        kinds_table(seen.traces),
+        kinds_table(seen.ways),
         "## Sum of the stages against the end-to-end time",
         sums_table(seen),
         "## Cost of tracing",

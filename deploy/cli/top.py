@@ -28,6 +28,7 @@ from deploy.monitor import ClockNow, Durations, Monitor, Picture, ProcessNow
 COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "": "dim"}
 STREAMS = tuple(topic.name for topic in TOPICS if topic.rate_hz)  # all but what is sent once
 WIDTH = 120  # where there is no terminal
+HERE = "here"  # service of this command, in the table
 FIRST_S = 3.0  # how long --once listens at least: heartbeats come twice a second
 
 
@@ -71,7 +72,7 @@ def watching(client: Client, seconds: float) -> Iterator[Callable[[], Picture]]:
         What gives the picture of this moment.
     """
     host = socket.gethostname()
-    monitor = Monitor(Place("here", f"top-{os.getpid()}", host), seconds)
+    monitor = Monitor(Place(HERE, f"top-{os.getpid()}", host), seconds)
     clock, lock, ended = Clock(client.bus), threading.Lock(), threading.Event()
     arrivals = client.arrivals(Health, Tracks, Detections)
 
@@ -181,7 +182,7 @@ def _processes(processes: list[ProcessNow]) -> Table:
     table.add_column("out/s", no_wrap=True)
     table.add_column("losses", overflow="fold")
     for process in processes:
-        if not process.state:  # this listener itself
+        if not process.state:  # it sends no heartbeat
             continue
         rates, ages = process.rates_hz, process.ages_ms
         inputs = [topic for topic in STREAMS if f"received_{topic}" in rates]
@@ -207,7 +208,7 @@ def _stages(picture: Picture) -> Table:
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("")
     for process in picture.processes:
-        name = process.instance if process.state else process.service
+        name = HERE if process.service == HERE else process.instance
         for stage in process.stages:
             figures = (f"{ms:.2f}" for ms in (stage.p50_ms, stage.p95_ms, stage.p99_ms))
             note = "beside the way" if stage.beside else _error(stage)
