@@ -204,7 +204,7 @@ def model(evidence: Evidence) -> Sequence[Finding]:
 
 def load(evidence: Evidence) -> Sequence[Finding]:
     """Look whether the machine keeps up."""
-    slow = [v for v in evidence.vitals.values() if _is_slow(v)]
+    slow = [v for v in evidence.vitals.values() if _slowness(v)]
     if not slow:
         return [ok("load", "everyone keeps up")] if evidence.vitals else []
     told = "; ".join(f"{v.last.instance} is {_slowness(v)}" for v in slow)
@@ -215,16 +215,23 @@ def load(evidence: Evidence) -> Sequence[Finding]:
     return [warning("load", told, mend, *(v.last.instance for v in slow))]
 
 
-def _is_slow(vitals: Vitals) -> bool:
-    reason = vitals.last.reason
-    return "too slow" in reason or "overflows" in reason or vitals.last.state == "stalled"
-
-
 def _slowness(vitals: Vitals) -> str:
-    if vitals.last.state == "stalled":
-        return f"stalled: {vitals.last.reason}"
+    """Return what a process says of input that comes too fast, empty if nothing."""
     parts = vitals.last.reason.split("; ")
-    return next(p for p in parts if "too slow" in p or "overflows" in p)
+    return next((p for p in parts if "too slow" in p or "overflows" in p), "")
+
+
+def hanging(evidence: Evidence) -> Sequence[Finding]:
+    """Look whether anyone does not go on."""
+    stalled = [v for v in evidence.vitals.values() if v.last.state == "stalled"]
+    if not stalled:
+        return []
+    told = "; ".join(f"{v.last.instance} is stalled: {v.last.reason}" for v in stalled)
+    mend = (
+        "With people4d up it is started again when that lasts, and its log then says in which "
+        f"line it was: people4d logs {stalled[0].last.service}. kill -9 does so at once."
+    )
+    return [problem("hanging", told, mend, *(v.last.instance for v in stalled))]
 
 
 def people(evidence: Evidence) -> Sequence[Finding]:
@@ -273,14 +280,13 @@ def others(findings: Sequence[Finding], evidence: Evidence) -> list[Finding]:
         if vitals.fault and name not in explained and vitals.last.state != "starting":
             what = f"{name} is {vitals.last.state}: {vitals.fault}"
             mend = f"people4d logs {vitals.last.service} may tell more."
-            stalled = vitals.last.state == "stalled"
-            said.append((problem if stalled else warning)("state", what, mend, name))
+            said.append(warning("state", what, mend, name))
     return said
 
 
 CHECKS: tuple[Check, ...] = (
     *(services, names, releases, clocks, frames, pairs, calibration, transforms, depth),
-    *(model, load, people, output),
+    *(model, hanging, load, people, output),
 )
 
 
