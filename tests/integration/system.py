@@ -13,6 +13,7 @@ from common.messages import Health, Tracks
 from common.ports import free_port
 from common.zenoh_bus import ZenohBus, read_config
 from deploy.cli.up import DEMO
+from deploy.launcher.health import works
 from deploy.launcher.launcher import stop
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
@@ -72,7 +73,7 @@ def running(folder: Path) -> Iterator[System]:
     """Start the system, playing in a loop; everything has ended after the block."""
     port, state = free_port(), State(folder / ROBOT)
     try:
-        done = up(folder, port, "--loop")
+        done = up(folder, port, "--loop", "--set", "watchdog.silent_s=2.5")
         assert done.returncode == 0, done.stderr
         system = System(state, f"tcp/127.0.0.1:{port}")
         try:
@@ -104,4 +105,4 @@ def predicted(tracks: Tracks) -> bool:
 
 def works_again(service: str, pid: int) -> Callable[[Health], bool]:
     """Return the test whether a heartbeat is of a service that works and has another process."""
-    return lambda h: (h.service, h.state) == (service, "ready") and h.pid != pid
+    return lambda h: h.service == service and works(h) and h.pid != pid
