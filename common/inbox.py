@@ -105,6 +105,8 @@ class Inbox:
                 queue.popleft()
                 self.counters[f"dropped_{topic.name}"] += 1
             queue.append(arrival)
+            if again:  # it has waited longest
+                queue.rotate()
             self._changed.notify()
 
     def follow(self, subscription: Subscription, topic: Topic) -> threading.Thread:

@@ -28,11 +28,11 @@ class Loop:
 
     Args:
         node: What to run. It is told what it has a method for: `set_wake`, a callback that makes
-            `tick` due at once, for nodes that are fed by a thread of their own; `set_instance`, the
-            name of this process; `set_next`, what lets another thread take the next message before
-            `handle` returns; `set_send`, what publishes one answer before the others. If it has
-            `foreign_inputs`, these topics of others come to `handle`, too. If it has `sharing`, it
-            does that work by turns with its replicas.
+            `tick` due at once, for nodes that are fed by a thread of their own; `set_next`, what
+            lets another thread take the next message before `handle` returns; `set_send`, what
+            publishes one answer before the others. If it has `foreign_inputs`, these topics of
+            others come to `handle`, too. If it has `sharing`, it does that work by turns with its
+            replicas, and `set_replicas` gets what tells their names.
         bus: Where messages come from and go to.
         place: Which process this is.
         workers: Threads that call `handle` at once; outputs keep the order of the inputs.
@@ -63,7 +63,8 @@ class Loop:
         self._tell_node("set_wake", self.inbox.wake)
         self._tell_node("set_next", self._gate.open)
         self._tell_node("set_send", self._send)
-        self._tell_node("set_instance", self._place.instance)
+        if self._replica:
+            self._tell_node("set_replicas", self._replica.all)
         foreign: Sequence[ForeignTopic] = getattr(self._node, "foreign_inputs", ())
         topics = [*(BY_MESSAGE[kind] for kind in self._node.inputs), *foreign]
         subscriptions = [self._subscribe(topic) for topic in topics]

@@ -70,6 +70,10 @@ class Replica:
         self._announce()
         _start(self._look)
 
+    def all(self) -> tuple[str, tuple[str, ...]]:
+        """Return the name of this process, and those of all that share the work now."""
+        return self._place.instance, self.share.members
+
     def worked(self, duration_s: float) -> None:
         """Note how long a message took."""
         self._longest_s = max(duration_s, FORGET * self._longest_s)

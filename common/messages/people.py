@@ -109,7 +109,10 @@ class Detections(Message, frozen=True, kw_only=True):
     width: int  # [px] of the image
     height: int  # [px] of the image
     people: tuple[Detection, ...] = ()  # in no particular order; other messages refer by index
-    detector: str = ""  # process that found them, one of several replicas; empty: not told
+    detector: str = ""  # process that found them; empty: not told
+    replicas: tuple[
+        str, ...
+    ] = ()  # processes that share the frames by turns now, this one included
 
     def __post_init__(self) -> None:
         """Check names."""

@@ -55,7 +55,7 @@ class DetectorNode:
         self._calibrations: dict[str, CameraInfo] = {}
         self._counters: Counter[str] = Counter()
         self._faults: dict[str, str] = {}  # what is wrong with the newest frame, by camera
-        self._instance = ""
+        self._replicas: Callable[[], tuple[str, tuple[str, ...]]] = lambda: ("", ())
         self._send: Callable[[Message], None] | None = None
         self._next: Callable[[], None] = lambda: None
 
@@ -67,9 +67,9 @@ class DetectorNode:
         """Take what lets another thread begin with the next frame; called after the network."""
         self._next = let_next
 
-    def set_instance(self, name: str) -> None:
-        """Take the name of this process, by which detections tell who found them."""
-        self._instance = name
+    def set_replicas(self, replicas: Callable[[], tuple[str, tuple[str, ...]]]) -> None:
+        """Take what tells the name of this process, and who shares the frames with it."""
+        self._replicas = replicas
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take a calibration, or a frame: return its Detections and, if configured, its Crops."""
@@ -132,6 +132,7 @@ class DetectorNode:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
             self._counters["with_heading"] += sum(d.heading is not None for d in detections)
+        detector, replicas = self._replicas()
         result = Detections(
             stamp_ns=frame.stamp_ns,
             sequence=frame.sequence,
@@ -139,7 +140,8 @@ class DetectorNode:
             camera=frame.camera,
             frame_id=info.frame_id,
             model=self._model.name,
-            detector=self._instance,
+            detector=detector,
+            replicas=replicas,
             width=info.width,
             height=info.height,
             people=detections,

@@ -77,7 +77,7 @@ class Join:
         """
         key = (detections.camera, detections.stamp_ns)
         stream = self._stream(detections)
-        stream.came(detections, now_ns)
+        stream.came(detections)
         if stream.was_given(detections) or any(_key(frame) == key for frame in self._frames):
             self.counters["duplicates"] += 1
             return
@@ -149,7 +149,7 @@ class Join:
         lacks = self._lacks_embeddings(frame) and not self.silent
         wait_ns = self._patience.embedding_ns if lacks else 0
         stream = self._stream(frame.detections)
-        if self._is_ahead(frame) or stream.may_lack(frame.detections, frame.arrived_ns):
+        if self._is_ahead(frame) or stream.may_lack(frame.detections):
             reorder_ns = self._patience.reorder_ns
             wait_ns = max(wait_ns, stream.period_ns if reorder_ns is None else reorder_ns)
         return frame.arrived_ns + wait_ns
@@ -163,7 +163,7 @@ class Join:
         )
 
     def _stream(self, detections: Detections) -> Stream:
-        return self._streams.setdefault(detections.camera, Stream(ACTIVE_NS))
+        return self._streams.setdefault(detections.camera, Stream())
 
 
 def _key(frame: Frame) -> tuple[str, int]:

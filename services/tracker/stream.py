@@ -8,32 +8,31 @@ from common.messages import Detections
 FIRST_PERIOD_NS = 50_000_000  # until two frames have come
 PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000
 PERIODS = 15  # of which the median is taken
-BEGINNING = 16  # a camera whose first frame here has a lower number has only just begun
 REMEMBERED = 64  # frames given out by which a second result is known
+DETECTORS_MAX = 256  # names kept, so that made-up ones fill no memory
 
 
 class Stream:
     """What has come of one camera, and what may still come.
 
-    Each detector sends its results in order, so a frame that is missing comes no more once every
-    detector has sent a later one.
-
-    Args:
-        active_ns: Time after which a detector that sent nothing is not reckoned with.
+    Detectors share the frames, and each sends its results in order. So a frame that is missing
+    comes no more once every one of them has sent a later one.
     """
 
-    def __init__(self, active_ns: int) -> None:
-        self._active_ns = active_ns
-        self._newest: dict[str, tuple[int, int]] = {}  # detector: sequence, monotonic arrival
+    def __init__(self) -> None:
+        self._newest: dict[str, int] = {}  # sequence by detector
         self._last: tuple[int, int] | None = None  # sequence and stamp of the last that came
         self._periods_ns: deque[int] = deque(maxlen=PERIODS)
         self._given: int | None = None  # sequence of the last given out
         self._given_stamps: deque[int] = deque(maxlen=REMEMBERED)
 
-    def came(self, detections: Detections, now_ns: int) -> None:
+    def came(self, detections: Detections) -> None:
         """Note a result."""
         sequence, stamp_ns = detections.sequence, detections.stamp_ns
-        self._newest[detections.detector] = sequence, now_ns
+        self._newest.pop(detections.detector, None)
+        self._newest[detections.detector] = sequence
+        if len(self._newest) > DETECTORS_MAX:
+            del self._newest[next(iter(self._newest))]
         if self._last and sequence > self._last[0]:
             self._periods_ns.append((stamp_ns - self._last[1]) // (sequence - self._last[0]))
         self._last = sequence, stamp_ns
@@ -54,19 +53,10 @@ class Stream:
         period_ns = int(median(self._periods_ns)) if self._periods_ns else FIRST_PERIOD_NS
         return min(max(period_ns, PERIOD_MIN_NS), PERIOD_MAX_NS)
 
-    def may_lack(self, detections: Detections, arrived_ns: int) -> bool:
-        """Return whether a frame before this one may still come.
-
-        Args:
-            detections: The oldest that waits.
-            arrived_ns: Monotonic time at which it came.
-        """
-        sequence = detections.sequence
-        if self._given is None:
-            return 0 < sequence < BEGINNING
-        if sequence <= self._given + 1:
+    def may_lack(self, detections: Detections) -> bool:
+        """Return whether a frame before the oldest that waits may still come."""
+        sequence, given = detections.sequence, self._given
+        if sequence <= (0 if given is None else given + 1):
             return False
-        return any(
-            newest < sequence and arrived_ns - heard_ns < self._active_ns
-            for newest, heard_ns in self._newest.values()
-        )
+        others = set(detections.replicas) - {detections.detector}
+        return any(self._newest.get(name, -1) < sequence for name in others)

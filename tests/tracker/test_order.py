@@ -11,8 +11,9 @@ from services.tracker.node import TrackerNode
 from tests.tracker.test_node import FRAME_MS, MS, TRANSFORM, feed, node, numbers, seen, tracks
 
 
-def by(detector: str, number: int) -> Detections:
-    return msgspec.structs.replace(seen(number, []), detector=detector)
+def by(detector: str, number: int, replicas: str = "ab") -> Detections:
+    """An empty frame done by one of several detectors, each named with a letter."""
+    return msgspec.structs.replace(seen(number, []), detector=detector, replicas=tuple(replicas))
 
 
 def begun(*detectors: str, **fields: float) -> TrackerNode:
@@ -21,7 +22,7 @@ def begun(*detectors: str, **fields: float) -> TrackerNode:
     first = 1 - len(detectors)
     messages: list[Message] = [TRANSFORM]
     for number, detector in enumerate(detectors, first + 100):
-        messages.append(by(detector, number))
+        messages.append(by(detector, number, "".join(detectors)))
     assert len(feed(target, messages)) == len(detectors)
     return target
 
@@ -50,7 +51,7 @@ def test_in_order_nothing_waits() -> None:
 
 def test_any_order_within_the_wait_gives_the_same() -> None:
     # Three detectors; each sends its own frames in order: a 1, 4; b 2, 5; c 3, 6.
-    arrivals = [by("abc"[k % 3], at(k + 1)) for k in range(6)]
+    arrivals = [by("abc"[k % 3], at(k + 1), "abc") for k in range(6)]
     orders = [
         found
         for found in itertools.permutations(arrivals)
@@ -80,7 +81,7 @@ def test_the_wait_can_be_set() -> None:
 
 def test_what_the_only_detector_left_out_is_not_waited_for() -> None:
     target = begun("a")
-    assert order(target, [by("a", at(3)), by("a", at(7))]) == [3, 7]
+    assert order(target, [by("a", at(3), "a"), by("a", at(7), "a")]) == [3, 7]
     assert target.status().counters["missing"] == 2 + 3
 
 
@@ -91,9 +92,22 @@ def test_what_all_detectors_have_gone_past_is_not_waited_for() -> None:
     assert order(target, [by("a", at(5))]) == [4, 5]
 
 
-def test_a_detector_that_has_been_silent_for_a_second_is_not_waited_for() -> None:
+def test_a_detector_that_left_is_not_waited_for() -> None:
     target = begun("a", "b")
-    assert order(target, [by("b", at(2))], 1500 * MS) == [2]
+    assert order(target, [by("b", at(2), "b")]) == [2]
+
+
+def test_a_detector_that_joined_is_waited_for_before_it_was_ever_heard() -> None:
+    target = begun("a", "b")
+    assert order(target, [by("a", at(1), "abc"), by("b", at(3), "abc")]) == [1]
+    assert order(target, [by("c", at(2), "abc")]) == [2, 3]
+
+
+def test_the_frame_of_a_dead_detector_is_waited_for_and_done_by_another() -> None:
+    # b did 2 while a lived; a died with 1, and b takes it over.
+    target = begun("a", "b", reorder_wait_s=4.0)
+    assert order(target, [by("b", at(2))]) == []
+    assert order(target, [by("b", at(1), "b")], 1000 * MS) == [1, 2]
 
 
 def test_the_same_frame_from_two_detectors_counts_once() -> None:
@@ -111,8 +125,10 @@ def test_at_the_very_beginning_the_frames_before_are_waited_for(first: int) -> N
     assert numbers(feed(target, [TRANSFORM, *early])) == [0, 1, 2]
 
 
-def test_a_tracker_that_comes_late_waits_for_nothing() -> None:
-    assert numbers(feed(node(tracker="sort3d"), [TRANSFORM, by("a", 500)])) == [500]
+def test_a_tracker_that_comes_late_waits_until_it_has_heard_all() -> None:
+    target = node(tracker="sort3d")
+    assert feed(target, [TRANSFORM, by("a", 500)]) == []
+    assert numbers(feed(target, [by("b", 501)])) == [500, 501]
 
 
 def test_a_camera_that_counts_from_zero_again_is_not_waited_for() -> None:
