@@ -25,10 +25,11 @@ BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")
 
 CONFIGS = Path(__file__).resolve().parents[1] / "deploy" / "zenoh"
 CLOSE_S = 2.0
-SLOW_HZ = 10.0  # of each topic through $PEOPLE4D_SLOW_LINKS
+SLOW_HZ = "10"  # of each topic through $PEOPLE4D_SLOW_LINKS
 ANSWER_S = 2.0
 QUESTIONS = 64  # that may wait for an answer
 NEWEST = 2  # frames that Zenoh keeps for a reader; the inbox keeps what must not be skipped
+ENCRYPTED = ("tls", "quic")
 UNFIT = {("connect", "router"), ("listen", "client")}
 
 
@@ -71,18 +72,34 @@ def read_config(
 
 def _secure(config: zenoh.Config, mode: str, environment: Mapping[str, str], role: str) -> None:
     """Insert credentials and access rules, and what slow links can carry."""
-    folder = environment.get("PEOPLE4D_KEYS")
-    if folder:
+    keys = environment.get("PEOPLE4D_KEYS")
+    if keys:
         here = environment.get("PEOPLE4D_HERE", "")
-        for path, value in credentials.settings(Path(folder), mode, role, here).items():
-            config.insert_json5(path, json.dumps(value))
-        if credentials.uses_certificates(Path(folder)):
-            for path in ("connect/endpoints", "listen/endpoints"):  # no link stays open
-                config.insert_json5(path, config.get_json(path).replace('"tcp/', '"tls/'))
+        own_rules = json.loads(config.get_json("access_control"))["enabled"]
+        for path, value in credentials.settings(Path(keys), mode, role, here).items():
+            if path != "access_control" or not own_rules:
+                config.insert_json5(path, json.dumps(value))
+        if credentials.uses_certificates(Path(keys)):
+            _encrypt(config)
     slow = environment.get("PEOPLE4D_SLOW_LINKS")
     if slow and mode == "router":
-        rules = downsampling(slow.split(","), float(environment.get("PEOPLE4D_SLOW_HZ") or SLOW_HZ))
-        config.insert_json5("downsampling", json.dumps(rules))
+        most = environment.get("PEOPLE4D_SLOW_HZ") or SLOW_HZ
+        if not re.fullmatch(r"\d+(\.\d+)?", most):
+            raise ConfigError(f"PEOPLE4D_SLOW_HZ: expected a number, got {most!r}")
+        config.insert_json5("downsampling", json.dumps(downsampling(slow.split(","), float(most))))
+
+
+def _encrypt(config: zenoh.Config) -> None:
+    """Let every link be encrypted."""
+    for path in ("connect/endpoints", "listen/endpoints"):
+        endpoints = config.get_json(path).replace('"tcp/', '"tls/')
+        for protocol in re.findall(r'"([\w-]+)/', endpoints):
+            if protocol not in ENCRYPTED:
+                raise ConfigError(
+                    f"{path}: {protocol} is not encrypted, but PEOPLE4D_KEYS holds certificates",
+                    "Use tcp/ (which becomes tls/), tls/ or quic/.",
+                )
+        config.insert_json5(path, endpoints)
 
 
 def _told(error: zenoh.ZError) -> str:

@@ -174,12 +174,13 @@ def generate() -> str:
 def _topics() -> str:
     rows = [
         f"| {t.name} | `{t.key}` | [{t.message.__name__}](#{t.message.__name__.lower()}) | "
-        f"{f'{t.rate_hz:g} Hz' if t.rate_hz else 'once'} | {t.delivery}, {t.depth} | {t.producer} |"
+        f"{f'{t.rate_hz:g} Hz' if t.rate_hz else 'once'} | {t.delivery}, {t.depth} | "
+        f"{t.producer} | {'all' if t.readers == '*' else ', '.join(t.readers.split())} |"
         for t in TOPICS
     ]
-    head = "| topic | key below the prefix | message | rate | delivery, depth | producer |"
+    head = "| topic | key below the prefix | message | rate | delivery, depth | from | may read |"
     legend = [f"- *{name}*: {meaning}." for name, meaning in DELIVERY.items()]
-    return "\n".join([head, "|---|---|---|---|---|---|", *rows, "", *legend])
+    return "\n".join([head, "|---|---|---|---|---|---|---|", *rows, "", *legend])
 
 
 def _message(record: Record, topic: Topic) -> str:

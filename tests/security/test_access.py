@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from common.access import access_control, downsampling, may_publish, may_read, roles
+from common.access import access_control, may_publish, may_read, roles
 from common.codec import encode
 from common.topics import BY_MESSAGE, BY_NAME, TOPICS
 from tests.contract.examples import BY_NAME as EXAMPLES
@@ -132,11 +132,3 @@ def test_raw_pictures_pass_only_where_they_do_not_leave_the_host() -> None:
         keys = {key for r in rules["rules"] if r["id"] in policy["rules"] for key in r["key_exprs"]}
         raw = {key for key in keys if key.endswith(("/rgbd", "/crops"))}
         assert not raw or subjects[name]["interfaces"] == ["lo"], name
-
-
-def test_slow_links_carry_fewer_of_topics_with_one_key() -> None:
-    (rules,) = downsampling(["wlan0"], 10.0)
-    assert rules["interfaces"] == ["wlan0"]
-    keys = {rule["key_expr"].rpartition("/")[2]: rule["freq"] for rule in rules["rules"]}
-    assert keys == {"odometry": 10.0, "people": 10.0, "truth": 10.0, "score": 10.0}
-    assert downsampling(["wlan0"], 100.0) == []  # nothing comes more often

@@ -92,6 +92,21 @@ def test_without_encryption(network: Guarded) -> None:
     refused(read_config(None, "client", open_text))
 
 
+@pytest.mark.parametrize("protocol", ["udp", "ws", "unixsock-stream"])
+def test_with_certificates_no_link_is_open(network: Guarded, protocol: str) -> None:
+    environment = network.environment() | {"PEOPLE4D_CONNECT": f"tcp/a:1,{protocol}/b:2"}
+    with pytest.raises(ConfigError, match=f"{protocol} is not encrypted, but PEOPLE4D_KEYS"):
+        read_config(None, "client", environment, "planner")
+
+
+def test_rules_of_ones_own_win(network: Guarded, tmp_path: Path) -> None:
+    own = '{mode: "router", access_control: {enabled: true, default_permission: "allow"}}'
+    (tmp_path / "router.json5").write_text(own)
+    config = read_config(tmp_path, "router", network.environment(), "router")
+    assert json.loads(config.get_json("access_control"))["default_permission"] == "allow"
+    assert json.loads(config.get_json("transport/link/tls"))["enable_mtls"]
+
+
 @pytest.mark.parametrize("role", ["router", "planner"])
 def test_a_client_speaks_only_to_the_router(network: Guarded, role: str) -> None:
     """The planner's certificate must not make it a router whom the others trust."""
