@@ -99,7 +99,7 @@ def live(rate_hz: float) -> tuple[str, ...]:
 def stage_table(ways: Sequence[Way]) -> str:
     """Return the durations of all stages in the order of the way, and their share of the whole."""
     found: dict[tuple[str, bool], list[float]] = defaultdict(list)
-    for way in ways:
+    for way in sorted(ways, key=lambda way: -len(way.parts)):  # the fullest tells the order
         for pieces, beside in ((way.parts, False), (way.beside, True)):
             for part in summed(pieces):
                 found[part.name, beside].append(part.ms)

@@ -158,7 +158,8 @@ class Monitor:
         healths = {health.instance: health for health in self.healths(now_s)}
         stages: dict[str, list[Durations]] = {}
         places: dict[str, tuple[str, str]] = {}
-        for (process, *_), stage in self._stages.items():
+        in_order = sorted(self._stages.items(), key=lambda item: item[1].after_ns)
+        for (process, *_), stage in in_order:
             instance, _, host = process.partition("@")
             durations = stage.durations(now_s)
             if durations:
@@ -189,8 +190,9 @@ class Monitor:
             for part in summed(parts_):
                 key = (part.process, part.stage, beside)
                 if key in self._stages or len(self._stages) < MAX_STAGES:
-                    self._stages.setdefault(key, _Stage(self._seconds, beside)).add(part, now_s)
-        self._whole.add(way.whole, now_s)
+                    stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
+                    stage.add(part, now_s, part.start_ns - way.whole.start_ns)
+        self._whole.add(way.whole, now_s, 0)
 
     def _clock(self, host: str) -> ClockNow:
         offset = self.clocks.get(host)
@@ -211,12 +213,14 @@ class _Stage:
 
     def __init__(self, seconds: float, beside: bool = False) -> None:
         self._beside = beside
+        self.after_ns = 0  # time since the begin of the way, of the newest frame
         self.service = self._name = ""
         self._error_ns: float | None = 0.0
         self._window = Window(seconds)
 
-    def add(self, part: Part, now_s: float) -> None:
-        """Take a piece of a message's way."""
+    def add(self, part: Part, now_s: float, after_ns: int) -> None:
+        """Take a piece of a message's way, which began some time after the whole did."""
+        self.after_ns = after_ns
         self.service, self._name, self._error_ns = part.service, part.stage, part.error_ns
         self._window.add(now_s, part.ms)
 
