@@ -56,6 +56,7 @@ class Shot:
     info: CameraInfo
     people: Sequence[PersonView]
     places_m: Sequence[F64]  # of the same people, optical frame
+    map_from_optical: F64  # 4x4
 
 
 @dataclass
@@ -86,9 +87,9 @@ class Remembered:
         return self._found[key]
 
 
-def shots() -> Iterator[Shot]:
-    """Draw the frames."""
-    for name, seed, indices in TAKES:
+def shots(takes: Sequence[tuple[str, int, range]] = TAKES) -> Iterator[Shot]:
+    """Draw the frames of scenarios under seeds."""
+    for name, seed, indices in takes:
         world = World(load_scenario(name), seed)
         film = Film(world, FilmSettings())
         for index in indices:
@@ -104,7 +105,7 @@ def shots() -> Iterator[Shot]:
             people = [p for p in person_views(world, t_s, view) if has_to_be_found(p, size)]
             optical_from_map = world.optical_from_map(t_s)
             places_m = [apply(optical_from_map, p.position_m) for p in people]
-            yield Shot(frame, world.info, people, places_m)
+            yield Shot(frame, world.info, people, places_m, world.map_from_optical(t_s))
 
 
 def measure(model: PersonModel, config: DetectorConfig, taken: Sequence[Shot]) -> Errors:
