@@ -258,13 +258,15 @@ def _now() -> Span:
 
 def hops(heard: Sequence[Heard]) -> str:
     """Return the time of every stage, and of each hop between hosts, as a table."""
-    where = {"camera": "nuc", "detector": "nuc", "tracker": "tracker"}
+    where = {"camera": "nuc", "detector": "nuc", "reid": "nuc", "tracker": "tracker"}
     ways = {
         "detector.transport": "camera to detector: on the NUC, shared memory",
+        "reid.transport": "detector to reid: on the NUC, shared memory",
         "tracker.transport": "NUC to tracker: detections through the router, TLS",
     }
     rows = []
-    for name in dict.fromkeys(name for one in heard for name in one.stages_ms):
+    longest_first = sorted(heard, key=lambda one: len(one.stages_ms), reverse=True)
+    for name in dict.fromkeys(name for one in longest_first for name in one.stages_ms):
         values = [one.stages_ms[name] for one in heard if name in one.stages_ms]
         service = name.partition(".")[0]
         rows.append([name, ways.get(name, where.get(service, "")), *quantiles(values)])
@@ -299,7 +301,7 @@ class Phase:
             self.name,
             f"{self.rate_hz(self.near):.1f}",
             f"{self.rate_hz(self.planner):.1f}",
-            *quantiles([one.hop_ms for one in self.planner] or [float("nan")]),
+            *(quantiles([one.hop_ms for one in self.planner]) if self.planner else "---"),
             f"{lost} of {len(self.near)}",
             f"{self._silence_s(self.near):.2f}",
             f"{self._silence_s(self.planner):.2f}",
