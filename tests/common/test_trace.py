@@ -132,3 +132,8 @@ def test_every_stage_of_a_service_is_in_the_table() -> None:
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("span", "record"):
                 names.add(ast.literal_eval(node.args[0]))
     assert {"release", "postprocess", "association"} <= names <= set(STAGES)
+
+
+def test_every_stage_is_in_the_documentation() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "latency.md").read_text("utf-8")
+    assert [name for name in STAGES if f"| `{name}` |" not in page] == []
