@@ -38,7 +38,8 @@ MOVENET_SIZE = (256, 320)
 RECORDED_HZ = 15.0
 WARM_UP = 10
 RATE_SHARE = 0.7  # of what one bare network does
-PATIENCE = ("embedding_wait_s=4.0", "reorder_wait_s=4.0")
+PATIENCE = ("embedding_wait_s=60.0", "reorder_wait_s=60.0")  # of the tracker: nothing is skipped
+PATIENCE_S = 120.0  # for the next people message, the first included
 WINDOW = 4  # frames unanswered in lock-step: two for each detector
 EVERY_S = 6.0  # between two events
 
@@ -81,17 +82,18 @@ def bare_hz(model: str, processes: int, seconds: float) -> float:
 def play(model: str, detectors: int, frames: int) -> Playback:
     """Run the pipeline in lock-step once."""
     camera = (f"source={DEMO}", "loop=true", f"max_frames={frames}", "playback=lockstep")
+    camera = (*camera, f"window={WINDOW}", f"answer_timeout_s={PATIENCE_S}")
     services = [
         ("tracker", PATIENCE),
         ("reid", ()),
         *[("detector", (f"model={model}",))] * detectors,
-        ("camera", (*camera, f"window={WINDOW}")),
+        ("camera", camera),
     ]
     tracks: list[bytes] = []
     times_s: list[float] = []
     with tempfile.TemporaryDirectory() as logs, running(services, Path(logs)) as client:
         last = -1
-        for people in client.messages(Tracks, timeout_s=20):
+        for people in client.messages(Tracks, timeout_s=PATIENCE_S):
             if people.sequence == last:
                 continue  # a prediction, where the machine was slow
             last = people.sequence
@@ -184,7 +186,7 @@ def _watch(client: Client, system: Cluster, model: str) -> tuple[list[Frame], li
     frames: list[Frame] = []
     events: list[Event] = []
     next_s = float("inf")
-    for people in client.messages(Tracks, timeout_s=20):
+    for people in client.messages(Tracks, timeout_s=PATIENCE_S):
         now_s = time.time()
         doer = [s.process for s in people.trace if s.process.startswith("detector")]
         if doer and (not frames or people.sequence > frames[-1].sequence):

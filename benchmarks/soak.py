@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 import psutil
 
-from benchmarks.replicas import DEMO, RECORDED_HZ, play
+from benchmarks.replicas import DEMO, PATIENCE_S, RECORDED_HZ, play
 from benchmarks.system import Cluster, cluster
 from benchmarks.table import markdown, quantiles, write
 from common.client import Client
@@ -141,7 +141,7 @@ def _observed(system: Cluster, client: Client, duration_s: float, rate_hz: float
     latencies_ms: list[tuple[float, float]] = []
     healths: dict[str, Health] = {}
     end_s, last = time.monotonic() + duration_s, -1
-    for message in client.messages(Tracks, Health, timeout_s=20):
+    for message in client.messages(Tracks, Health, timeout_s=PATIENCE_S):
         now_s = time.monotonic()
         if isinstance(message, Health):
             healths[message.instance] = message
