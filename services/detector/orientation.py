@@ -22,6 +22,7 @@ from services.detector.position import KeypointRule, Sight, keypoint_depth
 
 NOSE, LEFT_EYE, RIGHT_EYE, LEFT_EAR, RIGHT_EAR = 0, 1, 2, 3, 4  # COCO
 LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_HIP, RIGHT_HIP = 5, 6, 11, 12
+UNSURE_RAD = math.pi / 2  # an angle that is less sure is not told
 SHOULDERS, HIPS = (LEFT_SHOULDER, RIGHT_SHOULDER), (LEFT_HIP, RIGHT_HIP)
 
 
@@ -158,7 +159,8 @@ def whole_body(
     found = best_angle(log_likelihood(seen, sight.info.fx, body))
     if found is None:
         return None
-    return Angle(wrap(found[0] + ray_rad), min(found[1] * doubt(seen, body), math.pi))
+    sigma_rad = found[1] * doubt(seen, body)
+    return Angle(wrap(found[0] + ray_rad), sigma_rad) if sigma_rad < UNSURE_RAD else None
 
 
 def vector_yaw(points_m: F64, rule: OrientationRule) -> Angle | None:
