@@ -48,6 +48,10 @@ class Bag:
         self._store = store
         self._ros1 = isinstance(reader, Reader1)
         self._packed = _packed_messages(reader)
+        for connection in reader.connections:
+            texts = (connection.topic, connection.msgtype, connection.digest)
+            if not all(isinstance(text, str) for text in texts):
+                raise ValueError(f"expected names of topics and types, got {texts!r:.80}")
         self.bad_messages = 0  # messages that could not be deserialised
         self.types = {c.topic: c.msgtype for c in reader.connections}
         self.counts: dict[str, int] = {}
@@ -74,6 +78,7 @@ class Bag:
         with _told(self._path, "is damaged"):
             for connection, time_ns, data in self._reader.messages(connections):
                 try:
+                    _check(time_ns)
                     message = self._message(data, connection.msgtype)
                 except Exception:  # the bytes are foreign: any error means they are not the type
                     self.bad_messages += 1
@@ -128,6 +133,12 @@ def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
             store = types_of(1 if isinstance(reader, Reader1) else 2, definitions)
             bag = Bag(path, reader, store)
         yield bag
+
+
+def _check(time_ns: object) -> None:
+    # A database holds text where it says number; MCAP has numbers of 64 bits without a sign.
+    if type(time_ns) is not int or not 0 <= time_ns < 2**63:
+        raise ValueError(f"expected nanoseconds, got {time_ns!r:.40}")
 
 
 def _packed_messages(reader: Reader1 | Reader2) -> bool:

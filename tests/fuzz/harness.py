@@ -134,17 +134,19 @@ def _child(target: Target, folders: tuple[Path, Path, Path], seconds: float) -> 
     with tempfile.TemporaryDirectory() as made:
         for seed in target.seeds(Path(made)):
             (corpus / hashlib.sha1(seed).hexdigest()).write_bytes(seed)
-    words = found / "words.dict"
-    words.write_text("".join(f'"{_escaped(word)}"\n' for word in target.words))
     options = [
         f"-max_len={target.max_bytes}",
-        f"-dict={words}",
         f"-artifact_prefix={found}/",
         f"-rss_limit_mb={RSS_MB}",
         f"-timeout={TIMEOUT_S}",
         "-print_final_stats=1",
+        "-report_slow_units=1000",  # by the wall clock; Judge goes by that of the processor
         "-close_fd_mask=3",
     ]
+    if target.words:
+        words = found / "words.dict"
+        words.write_text("".join(f'"{_escaped(word)}"\n' for word in target.words))
+        options.append(f"-dict={words}")
     judge = Judge(lambda data: target.read(data, place), found, allowed, seconds)
     atheris.Setup([sys.argv[0], str(corpus), *options], judge)
     _limit_memory()

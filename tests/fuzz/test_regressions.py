@@ -29,5 +29,8 @@ def test_the_seeds_of_each_target_are_sound(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", range(len(REGRESSIONS)))
 def test_what_was_found_is_refused_or_read(number: int, tmp_path: Path) -> None:
     found = REGRESSIONS[number]
+    (tmp_path / "made").mkdir()
+    data = found.make(tmp_path / "made")
+    (tmp_path / "read").mkdir()
     with contextlib.suppress(People4dError):
-        TARGETS[found.name].read(found.data, tmp_path)
+        TARGETS[found.name].read(data, tmp_path / "read")
