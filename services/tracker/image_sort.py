@@ -104,24 +104,28 @@ class ImageSort:
             frame: The frame; its turn counts only with ego_motion "odometry".
 
         Raises:
-            ValueError: The stamp lies before that of the last frame.
+            ValueError: The stamp lies before that of the last frame, or there is not one score for
+                each box of four numbers.
         """
         steps = self._steps_to(frame.stamp_ns)
+        boxes, scores = _plain(frame.boxes_xyxy_px), _plain(frame.scores)
+        if boxes.shape != (*scores.shape, 4):
+            raise ValueError(f"boxes, scores: expected Nx4, N, got {boxes.shape}, {scores.shape}")
         tracks, known, next_id, frames = self._people
-        room = known + len(frame.boxes_xyxy_px)
+        room = known + len(boxes)
         if room > len(tracks):
             tracks = np.concatenate([tracks, np.zeros(2 * room - len(tracks), TRACK)])
         turn = frame.turn if self._config.ego_motion == "odometry" else STILL
-        known, next_id, ids, boxes, scores, detections = _step(
+        known, next_id, ids, shown, told_scores, detections = _step(
             _Population(tracks, known, next_id, frames + 1),
-            _Sights(frame.stamp_ns, _plain(frame.boxes_xyxy_px), _plain(frame.scores), steps),
+            _Sights(frame.stamp_ns, boxes, scores, steps),
             turn,
             self._lens(frame.size_px),
             self._settings,
         )
         self._people = _Population(tracks, known, next_id, frames + 1)
         self._stamp_ns = frame.stamp_ns
-        return BoxTracks(ids, boxes, scores, detections)
+        return BoxTracks(ids, shown, told_scores, detections)
 
     def reset(self) -> None:
         """Forget all people and times, but not which identities were given."""

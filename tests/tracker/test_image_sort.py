@@ -239,6 +239,12 @@ def test_a_stamp_twice_is_taken_and_one_from_the_past_refused() -> None:
         tracker.update(frame(4, SEEN))
 
 
+@pytest.mark.parametrize(("boxes", "scores"), [((2, 4), 1), ((2, 5), 2), ((4,), 1)])
+def test_boxes_and_scores_have_to_belong_together(boxes: tuple[int, ...], scores: int) -> None:
+    with pytest.raises(ValueError, match="boxes, scores: expected Nx4, N, got"):
+        ImageSort(ImageSortConfig()).update(BoxFrame(0, np.ones(boxes), np.ones(scores)))
+
+
 def test_reset_forgets_people_but_no_identity() -> None:
     tracker = ImageSort(ImageSortConfig())
     tracker.update(frame(5, SEEN))
