@@ -81,8 +81,10 @@ def bare_hz(model: str, processes: int, seconds: float) -> float:
 
 def play(model: str, detectors: int, frames: int) -> Playback:
     """Run the pipeline in lock-step once."""
-    camera = (f"source={DEMO}", "loop=true", f"max_frames={frames}", "playback=lockstep")
-    camera = (*camera, f"window={WINDOW}", f"answer_timeout_s={PATIENCE_S}")
+    camera = (
+        *(f"source={DEMO}", "loop=true", f"max_frames={frames}"),
+        *("playback=lockstep", f"window={WINDOW}", f"answer_timeout_s={PATIENCE_S}"),
+    )
     services = [
         ("tracker", PATIENCE),
         ("reid", ()),
