@@ -206,8 +206,17 @@ def _cell(
 
 
 def _told(tracks: Tracks, place: F64) -> list[str]:
-    near = sorted((_apart_m(t.position_m, place), t.id, t.state) for t in tracks.people)
-    return [f"ID {i}: {state}, {d:.2f} m" for d, i, state in near if d <= NEAR_M]
+    """Return a line for each track near a place, and one with who it was taken for and why."""
+    near = sorted((_apart_m(t.position_m, place), t.id, t) for t in tracks.people)
+    lines = []
+    for apart_m, _, track in near:
+        if apart_m <= NEAR_M:
+            lines.append(f"ID {track.id}: {track.state}, {apart_m:.2f} m")
+            if track.identity is not None:
+                sure = track.identity_confidence
+                known = track.identity if sure is None else f"{track.identity} {sure:.2f}"
+                lines.append(": ".join(filter(None, (known, track.identity_reason))))
+    return lines
 
 
 def _found(frame: Frame, found: Detections | None, place: F64) -> list[str]:
