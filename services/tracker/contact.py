@@ -86,11 +86,16 @@ def unclear(boxes: F64, size_px: tuple[int, int] | None, covered_max: float) -> 
         size_px: Width and height of the image; None: not known.
         covered_max: Share of a box that another one may cover.
     """
-    result: BOOL = covered_shares(boxes) > covered_max
-    if size_px is not None:
-        edge = EDGE_SHARE * size_px[0]
-        result |= (boxes[:, 0] < edge) | (boxes[:, 2] > size_px[0] - edge)
+    result: BOOL = (covered_shares(boxes) > covered_max) | cut_off(boxes, size_px)
     return result
+
+
+def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
+    """Tell which boxes (Nx4, xyxy, pixels) reach the left or right of an image of a size."""
+    if size_px is None:
+        return np.zeros(len(boxes), np.bool_)
+    edge = EDGE_SHARE * size_px[0]
+    return np.asarray((boxes[:, 0] < edge) | (boxes[:, 2] > size_px[0] - edge))
 
 
 def covered_shares(boxes: F64) -> F64:

@@ -76,6 +76,8 @@ class IdentityConfig(msgspec.Struct, frozen=True, kw_only=True):
     # [s] Whoever was not seen for longer, and was never hidden, is known again only as somebody who
     # comes back, with a margin to all others, not as the nearest track that looks like them
     handover_s: float = 1.0
+    # [s] The same for whoever was cut off at the left or right of the image when last seen
+    leaving_s: float = 0.3
     # When it is decided who somebody is
     evidence: int = 2  # clear pictures of a newcomer that are waited for, ...
     wait_s: float = 0.5  # [s] ... for so long at most, while somebody could be back
@@ -92,7 +94,7 @@ class IdentityConfig(msgspec.Struct, frozen=True, kw_only=True):
         _expect_positive(self, "speed_max_mps")
         _expect_within(self, 1.0, "score_min")
         _expect_within(self, 2.0, "view_gap", "margin")
-        _expect_within(self, 60.0, "wait_s", "jump_m", "handover_s")
+        _expect_within(self, 60.0, "wait_s", "jump_m", "handover_s", "leaving_s")
         if self.match_max is not None and not 0 < self.match_max <= 2:
             raise ValueError(f"match_max: expected above 0, at most 2, got {self.match_max}")
 

@@ -43,6 +43,7 @@ class Target:
     age: int = 1  # frames since the beginning, the first included
     missed: int = 0  # frames since the last match, this one included until it is matched
     hidden: int = 0  # of these, frames in which somebody stood before them
+    at_edge: bool = False  # whether the last picture was cut off at the left or right
     hidden_ns: int = 0  # [ns] stamp of the last of them
 
 

@@ -11,6 +11,7 @@ from services.tracker.config import StrongSort3dConfig, TrackerConfig
 from services.tracker.contact import (
     BOOL,
     Scene,
+    cut_off,
     doubted,
     in_the_open,
     indistinct,
@@ -79,6 +80,7 @@ class StrongSort3d:
         self._update_embeddings(first + second, now)
         self._mark_hidden(observation)
         if self._recognition:
+            mark_at_edge(first + second, observation)
             sights = [
                 Sight(t, m, m.index not in now.unclear, certain.get((t.id, m.index), ROUND_2))
                 for t, m in first + second
@@ -114,7 +116,8 @@ class StrongSort3d:
         """Tell whether it is up to recognition to find a person again."""
         unseen_s = (observation.stamp_ns - target.seen_ns) / 1e9
         identity = self._config.identity
-        return identity.enabled and target.hidden == 0 and unseen_s > identity.handover_s
+        longest_s = identity.leaving_s if target.at_edge else identity.handover_s
+        return identity.enabled and target.hidden == 0 and unseen_s > longest_s
 
     def _appearance_cost(
         self, targets: Sequence[Target], detections: Sequence[Measurement], now: Scene
@@ -197,8 +200,13 @@ class StrongSort3d:
                 continue
             if target.embedding is None or measurement.index not in skipped:
                 target.embedding = moving_average(
-                    target.embedding, measurement.embedding, self._config.ema_alpha
+                    target.embedding, measurement.embedding, self._alpha(target)
                 )
+
+    def _alpha(self, target: Target) -> float:
+        """Return alpha of section 5; with contact the first pictures all count alike."""
+        alpha, first = self._config.ema_alpha, 1.0 - 1.0 / target.hits
+        return min(alpha, first) if self._config.contact.enabled else alpha
 
     def _forget_other_embedder(self, observation: Observation) -> None:
         """Drop the embeddings of another model or length: they do not compare."""
@@ -214,6 +222,13 @@ class StrongSort3d:
                 target.embedding = None
             if self._recognition:
                 self._recognition.clear()
+
+
+def mark_at_edge(pairs: Pairs, observation: Observation) -> None:
+    """Note who is cut off at the left or right of the image: if they vanish, they left."""
+    boxes = np.array([m.box_xyxy_px for _, m in pairs], np.float64).reshape(-1, 4)
+    for (target, _), is_cut in zip(pairs, cut_off(boxes, observation.size_px), strict=True):
+        target.at_edge = bool(is_cut)
 
 
 def cosine_distances(targets: Sequence[Target], detections: Sequence[Measurement]) -> F64:

@@ -162,3 +162,19 @@ def test_who_is_hidden_comes_out_behind_whoever_hides_them(hidden: bool) -> None
     after = people.update(placed(14, a, person(4, 1.6, index=1, embedding=BLUE)))
     b, newcomer = ([t.id for t in tracks if t.detection == 1] for tracks in (before, after))
     assert (newcomer != b) == hidden
+
+
+def test_the_first_pictures_of_a_track_count_alike() -> None:
+    # Seen red, then blue: with contact the look is halfway, else 0.9 of the first.
+    first, second = np.array([1.0, 0, 0]), np.array([0, 0.6, 0.8])
+    for contact, share in ((ON, 0.5), (ContactConfig(), 0.9)):
+        config = StrongSort3dConfig(
+            contact=contact, n_init=1, cosine_distance_max={"histogram": 1.5}
+        )
+        people = StrongSort3d(TrackerConfig(strongsort3d=config))
+        people.update(placed(0, person(3, 0, embedding=tuple(first))))
+        people.update(placed(1, person(3, 0, embedding=tuple(second))))
+        (target,) = people._people.targets
+        assert target.embedding is not None
+        mixed = share * first + (1 - share) * second
+        np.testing.assert_allclose(target.embedding, mixed / np.linalg.norm(mixed))

@@ -11,7 +11,7 @@ from services.tracker.interface import Measurement
 from services.tracker.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person
 from tests.tracker.test_invariants import assert_same, run, scene
-from tests.tracker.test_occlusion import BLUE, RED
+from tests.tracker.test_occlusion import BLUE, RED, placed
 
 RED_TOO = (1.0, 0.12, 0.0)  # 0.0002 from RED
 ALL = StrongSort3dConfig(
@@ -138,6 +138,24 @@ def test_after_a_reset_nobody_is_known() -> None:
     stay(sort, 0, 10, person(3, 0, embedding=RED))
     sort.reset()
     assert stay(sort, 0, 3, person(3, 0, embedding=RED)) == [(2, "confirmed", "new")]
+
+
+def test_whoever_left_at_the_edge_of_the_image_is_not_who_comes_in_there() -> None:
+    # At 3 m and 1.5 m to the left: u = 320 - 300 = 20 px, less 50 px of half a width: cut off.
+    # Half a second later somebody comes in there who looks alike but for 0.1: it is asked who.
+    def told(leaving_s: float) -> list[tuple[int, str, str | None]]:
+        identity = IdentityConfig(enabled=True, leaving_s=leaving_s)
+        strong = StrongSort3dConfig(identity=identity)
+        sort = StrongSort3d(TrackerConfig(strongsort3d=strong))
+        for number in range(10):
+            sort.update(placed(number, person(3, 1.5, embedding=RED)))
+        for number in range(10, 15):
+            sort.update(placed(number))
+        tracks = sort.update(placed(15, person(3, 1.5, embedding=(1.0, 0.6, 0.0))))
+        return [(t.id, t.state, t.identity) for t in tracks if t.detection is not None]
+
+    assert told(leaving_s=1.0) == [(1, "confirmed", "continued")]
+    assert told(leaving_s=0.3) == [(2, "tentative", None)]
 
 
 def test_who_was_away_for_longer_comes_back_only_by_recognition() -> None:
