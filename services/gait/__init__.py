@@ -1,0 +1,1 @@
+"""Body extremities of tracked people: a cascaded RGB-D particle filter."""
