@@ -177,9 +177,9 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     yaw_filter: YawFilterConfig = YawFilterConfig()  # of "keypoints"
     # time
     max_lost_s: float = 5.0  # [s] without a match after which any track is deleted
-    # A tracker that starts again looks for people where they would be after absence_moved_s, even
-    # if it was away for up to absence_max_s: who did not go far keeps their identity
-    absence_max_s: float = 30.0  # [s]
+    # Where no frame came for longer than max_lost_s, or the tracker did not run, nobody was missed:
+    # whoever is found where they would be after absence_moved_s keeps their identity
+    absence_max_s: float = 30.0  # [s] longest such time; max_lost_s or less: never
     absence_moved_s: float = 1.0  # [s]
     clock_jump_s: float = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale
     embedding_wait_s: float = 0.05  # [s] longest wait for the embeddings of a frame

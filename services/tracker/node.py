@@ -234,12 +234,17 @@ class TrackerNode:
         return self._publish(detections, people, (embeddings or detections).trace)
 
     def _bridge_absence(self, stamp_ns: int) -> None:
-        """Let most of the time pass unnoticed in which no process of this name ran."""
-        if self._restored_ns is None or not isinstance(self._tracker, Lasting):
+        """Let most of a time pass unnoticed in which no frame came, or no process of this name ran.
+
+        After a short one people are where they were going, after a long one only who stayed is
+        found: nobody looked, so nobody was missed.
+        """
+        last_ns = self._last.detections.stamp_ns if self._last else self._restored_ns
+        if last_ns is None or not isinstance(self._tracker, Lasting):
             return
-        absent_s = (stamp_ns - self._restored_ns) / 1e9
-        if self._config.absence_moved_s < absent_s <= self._config.absence_max_s:
-            self._tracker.postpone(int((absent_s - self._config.absence_moved_s) * 1e9))
+        config, absent_s = self._config, (stamp_ns - last_ns) / 1e9
+        if config.max_lost_s < absent_s <= config.absence_max_s:
+            self._tracker.postpone(int((absent_s - config.absence_moved_s) * 1e9))
 
     def _remember(self, frame: Frame) -> None:
         if self._last:

@@ -56,6 +56,27 @@ def test_people_who_stand_are_known_after_fifteen_seconds_but_others_are_not() -
         assert [p.id for p in people if p.state == "confirmed"] == [3, 4]
 
 
+def test_people_who_stand_are_known_when_no_frame_came_for_fifteen_seconds() -> None:
+    target = node()
+    told(target, [TRANSFORM, *frames(0, 10)])
+    shown = told(target, frames(160, 164, shift_m=0.3))
+    assert [(p.id, p.state) for p in shown[-1].people] == [(1, "confirmed"), (2, "confirmed")]
+    strict = node(absence_max_s=5.0)
+    told(strict, [TRANSFORM, *frames(0, 10)])
+    shown = told(strict, frames(160, 164, shift_m=0.3))
+    assert [p.id for p in shown[-1].people] == [3, 4]
+
+
+def test_people_who_walk_are_where_they_were_going_after_two_seconds() -> None:
+    # Both walk to the right, 0.1 m from frame to frame; 2 s after frame 9 they are 2 m on.
+    before = node()
+    walking = [m for k in range(10) for m in frames(k, k + 1, shift_m=-1.5 + 0.1 * k)]
+    told(before, [TRANSFORM, *walking])
+    after = restarted(before)
+    shown = [t for k in range(29, 33) for t in told(after, frames(k, k + 1, -1.5 + 0.1 * k))]
+    assert [p.id for p in shown[-1].people if p.state == "confirmed"] == [1, 2]
+
+
 def test_the_camera_s_place_is_known_before_it_is_told_again() -> None:
     before = node()
     told(before, [TRANSFORM, *frames(0, 10)])
