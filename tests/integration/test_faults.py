@@ -6,14 +6,18 @@ import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 import zenoh
+from typer.testing import CliRunner
 
 from common.codec import encode
 from common.messages import Detections, Embeddings, Health, Tracks
 from common.ports import free_port
 from common.topics import TOPICS
 from common.zenoh_bus import read_config
+from deploy.cli import app
+from deploy.doctor.finding import Finding
 from deploy.launcher.state import State
 from tests.contract.examples import BY_NAME
 from tests.integration.system import (
@@ -67,6 +71,26 @@ def working(system: System) -> System:
     """The system once people are seen."""
     system.watch(Tracks).wait(Tracks, seen)
     return system
+
+
+def doctor(system: System, robot: str) -> tuple[int, dict[str, str]]:
+    """Run people4d doctor; return its exit code and what it finds that is not good, by check."""
+    command = ["doctor", "--json", "--for", "2", "--robot", robot, "--connect", system.connect]
+    result = CliRunner().invoke(app, command)
+    findings = msgspec.json.decode(result.stdout, type=list[Finding])
+    return result.exit_code, {f.check: f.what for f in findings if f.level != "ok"}
+
+
+def test_the_doctor_finds_nothing_but_a_repeated_recording_and_a_busy_machine(
+    working: System,
+) -> None:
+    status, found = doctor(working, ROBOT)
+    assert (status, found.keys() - {"clocks", "load", "people"}) == (0, set())
+    status, found = doctor(working, "other")
+    assert (status, found["robot"]) == (
+        1,
+        f"nobody calls this robot other; there is {ROBOT}",
+    )
 
 
 def told_of_all(service: str, topics: tuple[str, ...]) -> Callable[[Health], bool]:
