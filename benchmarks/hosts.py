@@ -301,7 +301,7 @@ class Phase:
             self.name,
             f"{self.rate_hz(self.near):.1f}",
             f"{self.rate_hz(self.planner):.1f}",
-            *(quantiles([one.hop_ms for one in self.planner]) if self.planner else "---"),
+            *(quantiles([one.hop_ms for one in self.planner]) if self.planner else ["-"] * 3),
             f"{lost} of {len(self.near)}",
             f"{self._silence_s(self.near):.2f}",
             f"{self._silence_s(self.planner):.2f}",

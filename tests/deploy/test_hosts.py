@@ -1,0 +1,46 @@
+"""What people4d up makes of the configurations for several hosts."""
+
+from pathlib import Path
+
+import pytest
+
+from common.errors import ConfigError
+from deploy.launcher.plan import COMPOSE_FILE, Wish, plan, router_of
+
+HOSTS = COMPOSE_FILE.parent / "hosts"
+ROUTER = "tcp/192.168.1.7:7447"
+
+
+def wish(host: str, environment: dict[str, str]) -> Wish:
+    return Wish(compose=HOSTS / f"{host}.yaml", host="0.0.0.0", port=7000, environment=environment)
+
+
+def test_the_host_of_the_camera_has_the_router(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    wanted = wish("nuc", {"PEOPLE4D_KEYS": "keys/nuc", "PEOPLE4D_CONNECT": ROUTER})
+    services = {service.name: service for service in plan(wanted)}
+    assert router_of(list(services.values()), wanted) == "tcp/127.0.0.1:7000"
+    assert services["router"].environment["PEOPLE4D_LISTEN"] == "tcp/0.0.0.0:7000"
+    for name in ("camera", "detector", "reid"):
+        variables = services[name].environment
+        assert variables["PEOPLE4D_CONNECT"] == "tcp/127.0.0.1:7000"
+        assert variables["PEOPLE4D_LISTEN"] == "tcp/127.0.0.1:0"  # others on this host only
+        # Where supervisord runs, a relative path would be another.
+        assert variables["PEOPLE4D_KEYS"] == str(tmp_path / "keys" / "nuc")
+
+
+def test_the_host_of_the_tracker_goes_to_the_router_of_another() -> None:
+    wanted = wish("tracker", {"PEOPLE4D_KEYS": "/keys/tracker", "PEOPLE4D_CONNECT": ROUTER})
+    services = plan(wanted)
+    assert {service.name for service in services} == {"tracker", "watchdog"}
+    assert router_of(services, wanted) == ROUTER
+    for service in services:
+        assert service.environment["PEOPLE4D_CONNECT"] == ROUTER
+        assert service.environment["PEOPLE4D_MODE"] == "client"
+
+
+def test_without_a_router_to_go_to_nothing_is_started() -> None:
+    with pytest.raises(ConfigError, match="variable PEOPLE4D_CONNECT is not set: endpoint of the"):
+        plan(wish("tracker", {"PEOPLE4D_KEYS": "/keys/tracker"}))
