@@ -32,6 +32,7 @@ from tests.detector.test_node import FixedModel, frame, person
 from tests.network import WAIT_S, Network
 
 PERIOD_NS = 40_000_000
+LISTEN_S = 0.6  # six heartbeats
 PLACED = StaticTransform(
     stamp_ns=0, sequence=0, parent="map", child=INFO.frame_id, matrix=np.eye(4)
 )
@@ -123,8 +124,8 @@ class System:
     def examine(self, check: str, robot: str = "") -> Finding:
         """Listen until a check says something but good; it takes a moment to start."""
         with Client(self.network.endpoint, robot or self.robot, WAIT_S) as client:
-            for _ in range(int(WAIT_S)):
-                findings = examine(listen(client, 1.0))
+            for _ in range(int(WAIT_S / LISTEN_S)):
+                findings = examine(listen(client, LISTEN_S))
                 found = [f for f in findings if f.check == check and f.level != "ok"]
                 if found:
                     return found[0]
@@ -150,8 +151,8 @@ def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Netw
     nodes = [("camera-1", Filming()), ("detector-1", detector()), ("tracker-1", tracker())]
     with running(network, *nodes) as system:
         with Client(network.endpoint, system.robot, WAIT_S) as client:
-            for _ in range(int(WAIT_S)):
-                findings = examine(listen(client, 1.0))
+            for _ in range(int(WAIT_S / LISTEN_S)):
+                findings = examine(listen(client, LISTEN_S))
                 if {f.level for f in findings} == {"ok"}:
                     break
         assert {f.level for f in findings} == {"ok"}, findings
