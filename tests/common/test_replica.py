@@ -27,14 +27,14 @@ class Team:
 
     def __init__(self, network: Network) -> None:
         self._network, self._robot = network, network.robot()
-        self._outside = network.open(self._robot)
+        self._outside = network.open(self._robot, "peer")  # a router may drop in a rush
         self.watcher = Watcher(self._outside, Tracks, Health)
         self._running: list[tuple[Loop, threading.Thread]] = []
         self._sent = 0
 
     def add(self, name: str, node: Echo, capacity: int = 1) -> None:
         place = Place("echo", name, "host", capacity)
-        loop = Loop(node, self._network.open(self._robot), place)
+        loop = Loop(node, self._network.open(self._robot, "peer"), place)
         thread = threading.Thread(target=loop.run)
         thread.start()
         self._running.append((loop, thread))

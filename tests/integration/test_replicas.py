@@ -26,7 +26,7 @@ class Reids:
     def __init__(self, network: Network) -> None:
         self._robot = network.robot()
         self._network = network
-        self._bus = network.open(self._robot)
+        self._bus = network.open(self._robot, "peer")  # a router may drop in a rush
         self._watcher = Watcher(self._bus, Embeddings, Health)
         self._sent = 0
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
