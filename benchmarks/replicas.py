@@ -19,7 +19,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.system import Cluster, cluster, running
+from benchmarks.system import Cluster, Listener, cluster, running
 from benchmarks.table import markdown, spread, write
 from benchmarks.timeline import Event, Frame, draw
 from common.client import Client
@@ -93,7 +93,10 @@ def play(model: str, detectors: int, frames: int) -> Playback:
     ]
     tracks: list[bytes] = []
     times_s: list[float] = []
-    with tempfile.TemporaryDirectory() as logs, running(services, Path(logs)) as client:
+    with (
+        tempfile.TemporaryDirectory() as logs,
+        running(services, Path(logs), direct=True) as client,
+    ):
         last = -1
         for people in client.messages(Tracks, timeout_s=PATIENCE_S):
             if people.sequence == last:
@@ -144,7 +147,7 @@ def failures(model: str) -> list[str]:
     with (
         tempfile.TemporaryDirectory() as logs,
         cluster(Path(logs)) as system,
-        Client(system.endpoint, timeout_s=20) as client,
+        Listener(system.endpoint) as client,
     ):
         for service in ("tracker", "reid"):
             system.start(service, f"{service}-1", ())

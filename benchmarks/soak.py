@@ -21,7 +21,7 @@ import numpy as np
 import psutil
 
 from benchmarks.replicas import DEMO, PATIENCE_S, RECORDED_HZ, play
-from benchmarks.system import Cluster, cluster
+from benchmarks.system import Cluster, Listener, cluster
 from benchmarks.table import markdown, quantiles, write
 from common.client import Client
 from common.messages import Health, Tracks
@@ -123,7 +123,7 @@ def soak(model: str, detectors: int, minutes: float, frames: int) -> tuple[float
     with (
         tempfile.TemporaryDirectory() as logs,
         cluster(Path(logs)) as system,
-        Client(system.endpoint, timeout_s=20) as client,
+        Listener(system.endpoint) as client,
     ):
         names = ["tracker-1", "reid-1", *(f"detector-{k + 1}" for k in range(detectors))]
         for name in names:

@@ -9,10 +9,26 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from common.client import Client
+from common.inbox import Inbox
 from common.messages import Health
 from common.ports import free_port
+from common.zenoh_bus import ZenohBus, read_config
 
 READY_S = 60.0
+CONNECT_S = 20.0
+
+
+class Listener(Client):
+    """A client that the services send to directly: a router drops what it cannot hand on at once.
+
+    Args:
+        endpoint: Of the router.
+    """
+
+    def __init__(self, endpoint: str) -> None:
+        environment = {"PEOPLE4D_CONNECT": endpoint, "PEOPLE4D_LISTEN": "tcp/127.0.0.1:0"}
+        self.bus = ZenohBus(read_config(None, "peer", environment), "robot", CONNECT_S)
+        self.inbox = Inbox()
 
 
 class Cluster:
@@ -88,7 +104,9 @@ def cluster(logs: Path) -> Iterator[Cluster]:
 
 
 @contextlib.contextmanager
-def running(services: Sequence[tuple[str, Sequence[str]]], logs: Path) -> Iterator[Client]:
+def running(
+    services: Sequence[tuple[str, Sequence[str]]], logs: Path, direct: bool = False
+) -> Iterator[Client]:
     """Run services until the block ends.
 
     Args:
@@ -96,13 +114,19 @@ def running(services: Sequence[tuple[str, Sequence[str]]], logs: Path) -> Iterat
             that is there n times gives n processes. The last one is started when the others are
             ready.
         logs: Folder for what they print.
+        direct: Whether the client is linked to the services, not only to the router.
 
     Yields:
         A client of the system, connected before the last service starts.
     """
     names = [name for name, _ in services]
     instances = [f"{name}-{names[: k + 1].count(name)}" for k, name in enumerate(names)]
-    with cluster(logs) as started, Client(started.endpoint, timeout_s=20) as client:
+    with contextlib.ExitStack() as stack:
+        started = stack.enter_context(cluster(logs))
+        client = (
+            Listener(started.endpoint) if direct else Client(started.endpoint, timeout_s=CONNECT_S)
+        )
+        stack.enter_context(client)
         for instance, (service, settings) in zip(instances[:-1], services[:-1], strict=True):
             started.start(service, instance, settings)
         started.wait_ready(client, set(instances[:-1]))
