@@ -40,19 +40,22 @@ def read_arrays(
             if lacking:
                 raise ValueError(f"it has no array {lacking[0]}")
             wanted = [*needed, *(name for name in optional if f"{name}.npy" in there)]
-            return {name: _array(file, name) for name in wanted}
+            return {name: _array(file, name, path.stat().st_size) for name in wanted}
     except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError) as error:
         raise ValueError(f"it is no NPZ file: {error}") from error  # RuntimeError: encrypted
     except (EOFError, zlib.error) as error:
         raise ValueError(f"it is damaged: {error}") from error
 
 
-def _array(file: zipfile.ZipFile, name: str) -> npt.NDArray[Any]:
+def _array(file: zipfile.ZipFile, name: str, end: int) -> npt.NDArray[Any]:
     member = file.getinfo(f"{name}.npy")
     if member.compress_type not in PACKINGS:
         raise ValueError(f"array {name} is packed in a way that numpy does not write")
     if member.file_size > MAX_BYTES:
         raise ValueError(f"array {name} is larger than {MAX_BYTES} bytes")
+    # Read asks for as many bytes at once as are told to be packed.
+    if member.compress_size > end:
+        raise ValueError(f"array {name} is cut")
     data = file.read(member)  # never more than file_size
     try:
         shape, column_major, kind, start = _header(data)

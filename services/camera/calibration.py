@@ -222,13 +222,12 @@ def _from_mat(path: Path, names: MatNames) -> Calibration:
 
 
 def _inside(arrays: Mapping[str, Any], name: str) -> F64:
-    """Return the array of a dotted name; MATLAB wraps every structure in a 1x1 array."""
+    """Return the array of a dotted name."""
     if not name:
         return np.zeros(0)
-    first, *rest = name.split(".")
-    value = arrays[first]
-    for part in rest:
-        value = value[part].item() if value.size == 1 else value[part]
+    value: Any = arrays
+    for part in name.split("."):
+        value = value[part]
     return np.asarray(value, np.float64)
 
 

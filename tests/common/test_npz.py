@@ -108,3 +108,14 @@ def test_what_is_no_archive_is_refused(data: bytes, tmp_path: Path) -> None:
     (tmp_path / "a.npz").write_bytes(data)
     with pytest.raises(ValueError, match=r"no NPZ file|no array"):
         read_arrays(tmp_path / "a.npz", ["a"])
+
+
+def test_more_packed_bytes_than_there_are_are_not_asked_for(tmp_path: Path) -> None:
+    # Found by fuzzing: the size of what is packed was allocated before it was read.
+    path = npz(tmp_path / "a.npz", header((1,)) + bytes(8), zipfile.ZIP_STORED)
+    size = struct.pack("<I", len(header((1,))) + 8)
+    data = path.read_bytes()
+    at = data.rindex(size + size)  # packed and not, in the directory
+    path.write_bytes(data[:at] + struct.pack("<I", 2**32 - 2) + data[at + 4 :])
+    with pytest.raises(ValueError, match="array a is cut"):
+        read_arrays(path, ["a"])

@@ -32,6 +32,33 @@ def _long_heading(_: Path) -> bytes:
     return encode(BY_NAME["Detections"]).replace(heading.tobytes(), long.tobytes())
 
 
+MATLAB = (
+    b"\x04"  # of the kinds of calibration
+    + b"MATLAB 5.0".ljust(124)
+    + b"\0\1IM"
+    + bytes.fromhex(
+        "0e000000380100000600000008000000020000000000000005000000080000000100000001000000"
+        "01000000070000005247425f63616d00050004000900000001000000120000004b00000000000000"
+        "0044697374436f6566000000000000000e0000007800000006000000080000000600000000000000"
+        "0500000008000000030000000300000001000000000000000e000000580000000600000008000000"
+        "06000000000000000500000008000000050004000900000001000000120000004b00000000000000"
+        "0044697374436f6500000000000000000000000000000000000000000000f03f0e00000058000000"
+    )
+)
+
+
+def _flipped_mat(_: Path) -> bytes:
+    """A structure in whose matrix lie the names of fields instead of numbers."""
+    return MATLAB
+
+
+def _told_longer(folder: Path) -> bytes:
+    np.savez(folder / "a.npz", t=np.zeros(1))
+    data = (folder / "a.npz").read_bytes()
+    at = data.rindex(b"PK\x01\x02") + 20  # bytes that are packed, in the directory
+    return data[:at] + b"\xfe\xff\xff\x7f" + data[at + 4 :]
+
+
 def _changed(statement: str) -> Callable[[Path], bytes]:
     """Return what makes a bag and changes its database."""
 
@@ -49,6 +76,16 @@ REGRESSIONS: Sequence[Regression] = (
         "message Detections",
         "a heading of length 1e255 overflowed with a warning instead of being refused",
         _long_heading,
+    ),
+    Regression(
+        "calibration",
+        "a damaged MATLAB file ended the process (in SciPy, which now reads none of them)",
+        _flipped_mat,
+    ),
+    Regression(
+        "folder with gt.npz",
+        "an array whose packed size is told as 2 GiB asked for that much memory",
+        _told_longer,
     ),
     Regression(
         "ROS 2 bag (SQLite)",
