@@ -7,6 +7,9 @@ from common.errors import DecodeError
 from common.messages.base import MAX_PIXELS
 
 MAX_FILE_BYTES = 64 * 2**20
+# Deflate packs at most 1032 to one, and a JPEG takes a bit for each block of 8x8 at least: who
+# tells more has not sent it, but a decoder would allocate it.
+MAX_PIXELS_PER_BYTE = 1100
 MAX_SEGMENTS = 1024  # of a JPEG before its size; a colour profile of 16 MB takes 256
 MAX_SCANS = 64  # of a JPEG: each may take as long as the whole picture; ten are usual
 MAX_CHUNKS = 65536  # of a PNG
@@ -35,6 +38,8 @@ def picture_size(data: bytes, name: str = "picture") -> tuple[int, int]:
         raise DecodeError(f"{name}: {error}") from error
     if width < 1 or height < 1 or width * height > MAX_PIXELS:
         raise DecodeError(f"{name}: expected 1 to {MAX_PIXELS} pixels, got {width}x{height}")
+    if width * height > MAX_PIXELS_PER_BYTE * len(data):
+        raise DecodeError(f"{name}: {width}x{height} pixels are told in {len(data)} bytes")
     return width, height
 
 

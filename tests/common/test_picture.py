@@ -52,6 +52,7 @@ def test_progressive_and_commented_pictures_are_sound() -> None:
         (b"P5" + b"#\n" * 10_000, "got a corrupt one"),
         (b"BM" + bytes(12) + struct.pack("<Iii", 40, 50_000, -50_000), "got 50000x50000"),
         (b"BM" + bytes(12) + struct.pack("<Iii", 40, -5, 5), "got -5x5"),
+        (b"P5 4000 4000 255\n", "4000x4000 pixels are told in 17 bytes"),
         (b"\xff\xd8" + b"\xff" * 10**6, "got a corrupt one"),
         (b"\xff\xd8" + b"\xff\xe0\0\2" * 10**6, "got a corrupt one"),
         (encoded(".jpg") + b"\xff\xda" * MAX_SCANS, "scans"),
@@ -64,3 +65,14 @@ def test_progressive_and_commented_pictures_are_sound() -> None:
 def test_files_that_would_cost_too_much_are_refused(data: bytes, told: str) -> None:
     with pytest.raises(DecodeError, match=told):
         picture_size(data)
+
+
+@pytest.mark.parametrize("ending", [".jpg", ".png"])
+def test_the_plainest_pictures_are_large_enough(ending: str) -> None:
+    plain = np.zeros((1024, 2048, 3), np.uint8)
+    best = (cv2.IMWRITE_PNG_COMPRESSION, 9) if ending == ".png" else (cv2.IMWRITE_JPEG_QUALITY, 1)
+    settings = [*best, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
+    data = cv2.imencode(ending, plain, settings if ending == ".jpg" else best)[1].tobytes()
+    assert picture_size(data) == (2048, 1024)
+    grey = cv2.imencode(ending, plain[..., 0], best)[1].tobytes()
+    assert picture_size(grey) == (2048, 1024)

@@ -45,6 +45,8 @@ def load() -> dict[str, Target]:
     """Import all targets so that their coverage is seen; call it before they are imported."""
     import atheris  # noqa: PLC0415
 
+    if "common.codec" in sys.modules:
+        raise RuntimeError("the targets are imported already: their coverage would not be seen")
     os.environ["OPENCV_LOG_LEVEL"] = "SILENT"
     with atheris.instrument_imports(include=list(INSTRUMENTED), enable_loader_override=False):
         groups = list(importlib.import_module("tests.fuzz.targets").groups())
