@@ -36,7 +36,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "without depth": {"whole": True, "body": {"use_depth": False}},
     "without hips": {"whole": True, "body": {"use_hips": False}},
     "without head": {"whole": True, "body": {"use_head": False}},
-    "without confidence": {"whole": True, "body": {"use_confidence": False}},
+    "with confidence": {"whole": True, "body": {"use_confidence": True}},
 }
 HEADER = [
     "method",

@@ -38,7 +38,8 @@ class BodyRule(msgspec.Struct, frozen=True, kw_only=True):
     use_hips: bool = True
     use_depth: bool = True  # of shoulders and hips; off: only how far apart they are in the image
     use_head: bool = True
-    use_confidence: bool = True  # networks are surer of a face that they see
+    # Networks are surer of a face that they see. That helps less than it errs, so it is not used
+    use_confidence: bool = False
     shoulders: PairRule = SHOULDERS
     hips: PairRule = HIPS
     # [m] of two joints less far apart than that across the line of sight, the nearer one's arm or

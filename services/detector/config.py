@@ -76,7 +76,4 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
         """Return how the way a person faces is read; the face as told, else as suits the model."""
         rules = [rule for name, rule in FACE_RULES.items() if model.startswith(name)]
         face = self.orientation.face or (rules[0] if rules else FaceRule())
-        body = self.orientation.body
-        if not model.startswith("movenet"):  # how sure others are of faces was not measured
-            body = msgspec.structs.replace(body, use_confidence=False)
-        return msgspec.structs.replace(self.orientation, face=face, body=body)
+        return msgspec.structs.replace(self.orientation, face=face)

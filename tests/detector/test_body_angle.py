@@ -110,7 +110,8 @@ def test_an_unsure_face_tells_who_is_seen_from_behind() -> None:
     # Shoulders the wrong way round look like those of somebody who faces the camera. A network is
     # surer of faces that it sees.
     sure, unsure = seen(-180, face=0.62), seen(-180, face=0.45)
-    spread = [best_angle(log_likelihood(look, FX, RULE)) for look in (sure, unsure)]
+    rule = replace(RULE, use_confidence=True)
+    spread = [best_angle(log_likelihood(look, FX, rule)) for look in (sure, unsure)]
     assert spread[0] is not None
     assert spread[1] is not None
     assert spread[1][1] > 2 * spread[0][1]
@@ -118,7 +119,7 @@ def test_an_unsure_face_tells_who_is_seen_from_behind() -> None:
 
 def test_nothing_seen_tells_nothing() -> None:
     assert best_angle(log_likelihood(NOTHING, FX, RULE)) is None
-    off = replace(RULE, use_shoulders=False, use_hips=False, use_head=False, use_confidence=False)
+    off = replace(RULE, use_shoulders=False, use_hips=False, use_head=False)
     assert best_angle(log_likelihood(seen(30), FX, off)) is None
 
 
@@ -201,9 +202,9 @@ def test_a_mirrored_picture_mirrors_the_angle() -> None:
     assert one.sigma_rad == pytest.approx(other.sigma_rad)
 
 
-def test_an_empty_depth_image_tells_only_what_confidence_tells() -> None:
+def test_an_empty_depth_image_tells_nothing_of_shoulders_and_hips() -> None:
     keypoints, depth = scene()
-    rule = OrientationRule(whole=True, body=BodyRule(use_confidence=False))
+    rule = OrientationRule(whole=True)
     assert whole_body(keypoints, 3.0, Sight(np.zeros_like(depth), INFO), rule, 0.3) is None
 
 
