@@ -79,6 +79,8 @@ def _png(data: bytes) -> tuple[int, int]:
         if position + 12 > len(data):
             break
         length, kind = _CHUNK.unpack_from(data, position)
+        if length > len(data) - position - 12:  # OpenCV would allocate what is told
+            raise ValueError("expected a whole PNG, got a cut one")
         packed += kind in PACKED
         if kind == b"acTL":
             raise ValueError("expected a still PNG, got an animated one")

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from common.codec import encode
-from tests.camera.bags import Ros, frames
+from common.images import encode_png16
+from tests.camera.bags import Ros, depth_mm, frames
 from tests.contract.examples import BY_NAME
 
 
@@ -76,6 +77,11 @@ REGRESSIONS: Sequence[Regression] = (
         "message Detections",
         "a heading of length 1e255 overflowed with a warning instead of being refused",
         _long_heading,
+    ),
+    Regression(
+        "PNG depth",
+        "a PNG of 100 bytes with a piece of 800 MB made OpenCV allocate 800 MB",
+        lambda _: encode_png16(depth_mm()).replace(b"\0\0\0\0IEND", b"\x30\0\0\0IEND"),
     ),
     Regression(
         "calibration",
