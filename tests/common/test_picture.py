@@ -1,5 +1,6 @@
 """The size of a picture, told before a decoder believes the file."""
 
+import re
 import struct
 import zlib
 
@@ -56,7 +57,7 @@ def test_progressive_and_commented_pictures_are_sound() -> None:
         (b"\xff\xd8" + b"\xff" * 10**6, "got a corrupt one"),
         (b"\xff\xd8" + b"\xff\xe0\0\2" * 10**6, "got a corrupt one"),
         (encoded(".jpg") + b"\xff\xda" * MAX_SCANS, "scans"),
-        (encoded(".png").replace(b"\0\0\0\0IEND", b"\x30\0\0\0IEND"), "a cut one"),
+        (re.sub(rb"....IDAT", b"\x30\0\0\0IDAT", encoded(".png"), flags=re.DOTALL), "a cut one"),
         (with_chunks(chunk(b"acTL", struct.pack(">II", 9, 0))), "animated"),
         (with_chunks(*[chunk(b"zTXt", b"a\0\0")] * (MAX_PACKED + 1)), "many texts"),
         (encoded(".png")[:33] + chunk(b"tEXt", b"") * 70_000, "many texts or pieces"),

@@ -1,5 +1,6 @@
 """What fuzzing found, as small as it gets: each input once ended in what it must not."""
 
+import re
 import sqlite3
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -80,8 +81,10 @@ REGRESSIONS: Sequence[Regression] = (
     ),
     Regression(
         "PNG depth",
-        "a PNG of 100 bytes with a piece of 800 MB made OpenCV allocate 800 MB",
-        lambda _: encode_png16(depth_mm()).replace(b"\0\0\0\0IEND", b"\x30\0\0\0IEND"),
+        "of 77 bytes, with pixels told to take 800 MB: OpenCV allocated as much",
+        lambda _: re.sub(
+            rb"....IDAT", b"\x30\0\0\0IDAT", encode_png16(depth_mm()), flags=re.DOTALL
+        ),
     ),
     Regression(
         "calibration",
