@@ -159,6 +159,7 @@ def report(sustainable_hz: float, seen: Soak) -> list[str]:
     """Return the tables."""
     times_s = [time_s for time_s, _ in seen.latencies_ms]
     done_hz = len(times_s) / (times_s[-1] - times_s[0])
+    sent_hz = seen.healths["camera-1"].counters["sent_frames"] / (times_s[-1] - times_s[0])
     edges = np.linspace(times_s[0], times_s[-1], PARTS + 1)
     latency_rows = []
     for begin_s, end_s in itertools.pairwise(edges):
@@ -174,8 +175,8 @@ def report(sustainable_hz: float, seen: Soak) -> list[str]:
         if count and cause.startswith(LOSSES)
     ]
     return [
-        f"Sustainable: {sustainable_hz:.1f} frames per second. Sent: {seen.rate_hz:.1f}; people "
-        f"came for {done_hz:.1f} a second.",
+        f"Sustainable: {sustainable_hz:.1f} frames per second. Wanted of the camera: "
+        f"{seen.rate_hz:.1f}, sent: {sent_hz:.1f}; people came for {done_hz:.1f} a second.",
         "## Latency",
         "From the frame being sent to its people in a subscriber's hands.",
         markdown(["minutes", "frames", "p50 ms", "p95 ms", "p99 ms", "longest ms"], latency_rows),
