@@ -1,13 +1,10 @@
 """Which part is played, and when."""
 
-from collections.abc import Iterator
-
 import pytest
 
-from common.messages import Odometry
 from services.camera.pacing import Lockstep, Recorded
 from services.camera.playback import Selection, play
-from services.camera.source import Capture, Source
+from services.camera.source import Source
 from tests.camera.memory import MemorySource, capture, odometry
 
 MS = 1_000_000
@@ -15,7 +12,7 @@ SECOND = 1_000_000_000
 
 
 def stamps_ms(source: Source, selection: Selection, limit: int = 100) -> list[int]:
-    items: Iterator[Capture | Odometry] = play(source, selection)
+    items = play(source, selection)
     return [item.stamp_ns // MS for _, item in zip(range(limit), items, strict=False)]
 
 
