@@ -29,7 +29,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     "surface to axis": ("detector.to_axis=false",),
     "position of the torso": ("detector.position=keypoints",),
     "measured covariance": (f"{STRONG}.noise=constant",),
+    "orientation as a whole": ("detector.orientation.whole=false",),
     "weighted orientation": (
+        "detector.orientation.whole=false",
         "detector.orientation.weighted=false",
         "tracker.yaw_filter.measured_sigma=false",
     ),
