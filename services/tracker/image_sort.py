@@ -48,7 +48,6 @@ class BoxTracks:
 class _Settings(NamedTuple):
     iou_min: float
     score_high: float
-    iou_min_low: float
     score_new: float
     min_hits: int
     streak: bool
@@ -85,7 +84,6 @@ class ImageSort:
         self._settings = _Settings(
             iou_min=float(config.iou_min),
             score_high=float(config.score_high),
-            iou_min_low=float(config.iou_min_low),
             score_new=float(config.score_new),
             min_hits=config.min_hits,
             streak=config.confirm == "streak",
@@ -176,7 +174,7 @@ def _step(
     _match(tracks[: people.known], boxes, high, settings.iou_min, ENDED - 1)
     if settings.score_high > 0:
         low = free & (sights.scores < settings.score_high)
-        _match(tracks[: people.known], boxes, low, settings.iou_min_low, 1)
+        _match(tracks[: people.known], boxes, low, settings.iou_min, 1)
     kept = 0
     for i in range(people.known):
         if tracks[i].detection != NONE:

@@ -18,7 +18,6 @@ class ImageSortConfig(msgspec.Struct, frozen=True, kw_only=True):
     # choose first; the others may only continue a person who was matched in the frame before.
     # 0: one round, SORT.
     score_high: float = 0.0
-    iou_min_low: float = 0.5  # iou_min of the second round; ByteTrack
     # life cycle
     score_new: float = 0.0  # detections of a smaller score begin no track; 0: SORT
     min_hits: int = 3  # matches in a row after the first sight that confirm; SORT
@@ -47,11 +46,11 @@ class ImageSortConfig(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ValueError: A value is out of range.
         """
-        for name in ("score_high", "score_new", "iou_min", "iou_min_low"):
+        for name in ("score_high", "score_new", "iou_min"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name}: expected 0 to 1, got {getattr(self, name)}")
-        if min(self.iou_min, self.iou_min_low) == 0:
-            raise ValueError("iou_min, iou_min_low: expected > 0, got 0")
+        if self.iou_min == 0:
+            raise ValueError("iou_min: expected > 0, got 0")
         for name in ("min_hits", "t_lost", "rate_hz"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(

@@ -264,7 +264,7 @@ def test_arrays_told_are_the_callers_own() -> None:
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"iou_min": 0.0}, "iou_min, iou_min_low: expected > 0, got 0"),
+        ({"iou_min": 0.0}, "iou_min: expected > 0, got 0"),
         ({"score_new": 1.5}, "score_new: expected 0 to 1, got 1.5"),
         ({"t_lost": -1.0}, "t_lost: expected a finite number >= 0, got -1.0"),
         ({"r": 0.0}, "r: expected > 0, got 0.0"),
