@@ -16,7 +16,11 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
     ("Truth", {"sequence": 2**53}, f"expected 0 to {MAX_SEQUENCE}, got {2**53}"),
     ("Truth", {"stamp_ns": 2**63}, "stamp_ns: expected a signed 64-bit number"),
     ("Truth", {"trace": (SPAN,) * 65}, "trace: expected at most 64 stages, got 65"),
-    ("Truth", {"frame_id": "a/b"}, "frame_id: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got 'a/b'"),
+    (
+        "Truth",
+        {"frame_id": "a/b"},
+        "frame_id: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got 'a/b'",
+    ),
     ("CameraInfo", {"fx": float("nan")}, "expected finite numbers, got NaN or infinity"),
     ("CameraInfo", {"fy": 0.0}, "expected > 0, got 600.5, 0.0, 4.0"),
     ("CameraInfo", {"width": 0}, "width, height: expected 1 to 16384, got 0, 480"),
