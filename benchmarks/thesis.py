@@ -63,14 +63,13 @@ def _others(folder: Path) -> list[Method]:
             lines = [
                 f'extends = "{preset}"',
                 f'[detector]\nmodel = "{folder / f"{model}_640.onnx"}"',
-                f"[camera]\nstride = {STRIDE}",
             ]
             if looks:
                 osnet = folder / "osnet_x0_25_msmt17.onnx"
                 lines.append(f'[reid]\nembedder = "osnet"\nmodel = "{osnet}"')
             file = Path(scratch) / f"{preset}-yolov8n.toml"
             file.write_text("\n".join(lines), encoding="utf-8")
-            methods.append(read_method(str(file)))
+            methods.append(read_method(str(file), [f"camera.stride={STRIDE}"]))
     return methods
 
 
