@@ -23,6 +23,7 @@ from common.messages import (
 )
 
 VERSION = "v1"
+LOCKSTEP_MAX = 8  # frames that may be on their way at once where none may be skipped
 
 
 @dataclass(frozen=True)

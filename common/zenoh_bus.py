@@ -18,7 +18,7 @@ from common.codec import encode
 from common.errors import ConfigError, People4dError
 from common.messages import Message, RgbdFrame, Span
 from common.messages.base import check_name
-from common.topics import BY_MESSAGE, Topic, prefix, question
+from common.topics import BY_MESSAGE, LOCKSTEP_MAX, Topic, prefix, question
 
 # What names the machine that Zenoh was built on tells a user nothing.
 BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")
@@ -28,7 +28,6 @@ CLOSE_S = 2.0
 SLOW_HZ = "10"  # of each topic through $PEOPLE4D_SLOW_LINKS
 ANSWER_S = 2.0
 QUESTIONS = 64  # that may wait for an answer
-NEWEST = 2  # frames that Zenoh keeps for a reader; the inbox keeps what must not be skipped
 ENCRYPTED = ("tls", "quic")
 UNFIT = {("connect", "router"), ("listen", "client")}
 
@@ -235,7 +234,7 @@ class ZenohBus:
         """
         key = topic.key_expression(self.robot)
         channel: Any = zenoh.handlers.RingChannel(
-            NEWEST if topic.delivery == "newest" else topic.depth
+            LOCKSTEP_MAX if topic.delivery == "newest" else topic.depth
         )
         subscriber: Any
         if topic.delivery == "latched":

@@ -6,6 +6,7 @@ from typing import Any, Literal
 import msgspec
 
 from common.messages.base import check_name
+from common.topics import LOCKSTEP_MAX
 
 
 class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
@@ -21,7 +22,7 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
     mount_parent: str = "map"  # frame the mount is given in; used if the source knows no transform
     playback: Literal["auto", "recorded", "lockstep", "live"] = "auto"  # auto: recorded, or live
     speed: float = 1.0  # of recorded playback, 2 = twice as fast
-    window: int = 2  # frames that may be unanswered in lockstep
+    window: int = 2  # frames that may be unanswered in lockstep, 8 at most
     answer: Literal["people", "detections"] = "people"  # topic whose stamp answers a frame
     answer_timeout_s: float = 5.0  # [s] until a frame is given up and playback goes on
     loop: bool = False  # begin anew at the end; stamps keep rising
@@ -48,6 +49,8 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError(
                 f"speed, answer_timeout_s: expected > 0, got {self.speed}, {self.answer_timeout_s}"
             )
+        if self.window > LOCKSTEP_MAX:
+            raise ValueError(f"window: expected at most {LOCKSTEP_MAX}, got {self.window}")
         if self.window < 1 or self.stride < 1:
             raise ValueError(f"window, stride: expected >= 1, got {self.window}, {self.stride}")
         if min(self.start_s, self.duration_s, self.max_frames, self.start_delay_s) < 0:
