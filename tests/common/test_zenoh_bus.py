@@ -16,8 +16,8 @@ from common.codec import decode
 from common.errors import ConfigError, People4dError
 from common.messages import CameraInfo, Message, RgbdFrame, StaticTransform, Truth
 from common.ports import free_port
-from common.topics import BY_NAME
-from common.zenoh_bus import NEWEST, ZenohBus, read_config
+from common.topics import BY_NAME, LOCKSTEP_MAX
+from common.zenoh_bus import ZenohBus, read_config
 from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.network import WAIT_S, Network, Watcher
 
@@ -88,14 +88,14 @@ def test_of_frames_a_busy_subscriber_gets_the_newest(network: Network) -> None:
     camera, detector = network.open(robot), network.open(robot)
     frames, marks = detector.subscribe(BY_NAME["frames"]), Watcher(detector, Truth)
     publish_until(arrival(detector, "odometry"), camera, EXAMPLES["Odometry"])
-    for sequence in range(10):
+    for sequence in range(20):
         camera.publish(numbered("RgbdFrame", sequence))
     # It comes last on the same link, so the frames are there.
     camera.publish(EXAMPLES["Truth"])
     marks.wait(Truth)
     waiting = iter(frames)
-    got = [decode(next(waiting)[1]).sequence for _ in range(NEWEST)]
-    assert got == [8, 9]
+    got = [decode(next(waiting)[1]).sequence for _ in range(LOCKSTEP_MAX)]
+    assert got == list(range(20 - LOCKSTEP_MAX, 20))
 
 
 def test_a_frame_of_full_size_arrives_whole(network: Network) -> None:
