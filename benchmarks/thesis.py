@@ -1,7 +1,8 @@
 """The paper's methods, their twins on the shipped model, and `best`, on its seven scenarios.
 
-One constant of `best` was chosen on these films (see the table's note). They are drawn once, which takes half an hour on two cores,
-and kept; people are found in them once for each model, which takes half an hour more.
+One constant of `best` was chosen on these films (see the table's note). They are drawn once, which
+takes half an hour on two cores, and kept; people are found in them once for each model, which takes
+half an hour more.
 """
 
 import argparse
@@ -79,10 +80,10 @@ def _parts(evaluation: Evaluation, scenes: Sequence[str]) -> list[str]:
         "no frame is skipped, but methods with YOLOv8n are given every second one. Mean and spread "
         "(standard deviation) over recordings, for all and by number of people. Rows of the paper "
         "come from its own recordings of real people. What the columns mean: docs/evaluation.md.",
-        "Not held out for `best`: its noise_factor was raised from 2 to 8 after a first run on these "
-        "films, in which it had 1.14 ID switches a minute (2.50 with 4 people; with YOLOv8n 0.29 and "
-        "1.00), position RMSE 0.034 across and 0.054 along, velocity 0.114 and 0.137, yaw 14.0 "
-        "degrees (correlation 0.975) and 77.6 % of returns known. No other constant saw them.",
+        "Not held out for `best`: its noise_factor was raised from 2 to 8 after a first run on "
+        "these films, in which it had 1.14 ID switches a minute (2.50 with 4 people; with YOLOv8n "
+        "0.29 and 1.00), position RMSE 0.034 across and 0.054 along, velocity 0.114 and 0.137, yaw "
+        "14.0 degrees (correlation 0.975) and 77.6 % of returns known. No other constant saw them.",
     ]
     for table in (evaluation.overview, *evaluation.tables):
         parts += [f"## {table.title}", _text(table)]
