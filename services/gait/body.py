@@ -1,0 +1,179 @@
+"""The body in a person's box: holes of the depth filled, the person's component cut out."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from common.compiled import compiled
+from common.messages import F32, F64, U16
+from services.gait.body_config import BodyConfig
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
+I32: TypeAlias = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """The pixels of one person."""
+
+    left_px: int  # of the first column, in the whole image
+    top_px: int  # of the first row
+    depth_m: F32  # hxw, holes filled; 0 off the body
+    mask: Mask  # hxw
+
+
+def find_body(
+    depth_mm: U16, box_xyxy_px: F64, seed_depth_m: float | None, config: BodyConfig
+) -> Body | None:
+    """Cut a person out of the depth image.
+
+    Args:
+        depth_mm: HxW, 0 = no reading.
+        box_xyxy_px: 4, about the person; may reach out of the image.
+        seed_depth_m: How far the track says the person is; None: the largest component is taken.
+        config: Thresholds.
+
+    Returns:
+        The body; None if there is nothing in the box.
+
+    Source: method book section 8.2 [G 4.1].
+    """
+    corners = _inside(box_xyxy_px, depth_mm.shape)
+    if corners is None:
+        return None
+    left, top, right, bottom = corners
+    depth_m = depth_mm[top:bottom, left:right].astype(np.float32) * np.float32(0.001)
+    for _ in range(config.fill_passes):
+        depth_m = fill_holes(depth_m, config.fill_neighbours)
+    seed = float("nan") if seed_depth_m is None else float(seed_depth_m)
+    if np.isfinite(seed):
+        depth_m[np.abs(depth_m - seed) > config.reach_m] = 0
+    labels, count = components(depth_m, config)
+    kept = _choose(depth_m, labels, count, seed, config)
+    if not kept:
+        return None
+    mask: Mask = np.isin(labels, kept)
+    depth_m[~mask] = 0
+    return Body(left_px=left, top_px=top, depth_m=depth_m, mask=mask)
+
+
+def fill_holes(depth_m: F32, neighbours_min: int = 1) -> F32:
+    """Return depth with pixels of no reading set to the median of the readings about them.
+
+    Of an even number of readings the lower middle one is taken: a mean would put a point between
+    a person and the wall.
+
+    Args:
+        depth_m: HxW, 0 = no reading.
+        neighbours_min: Of the 8, that must have a reading.
+
+    Source: method book section 8.2 [G 4.1].
+    """
+    filled = depth_m.copy()
+    _fill(depth_m, neighbours_min, filled)
+    return filled
+
+
+@compiled
+def _fill(depth_m: F32, neighbours_min: int, filled: F32) -> None:
+    height, width = depth_m.shape
+    near = np.empty(8, np.float32)
+    for row in range(height):
+        for column in range(width):
+            if depth_m[row, column] > 0:
+                continue
+            count = 0
+            for r in range(max(row - 1, 0), min(row + 2, height)):
+                for c in range(max(column - 1, 0), min(column + 2, width)):
+                    value = depth_m[r, c]
+                    if value > 0:
+                        place = count
+                        while place > 0 and near[place - 1] > value:
+                            near[place] = near[place - 1]
+                            place -= 1
+                        near[place] = value
+                        count += 1
+            if count >= neighbours_min:
+                filled[row, column] = near[(count - 1) // 2]
+
+
+def components(depth_m: F32, config: BodyConfig) -> tuple[I32, int]:
+    """Label the parts of an image over which the depth is continuous.
+
+    Args:
+        depth_m: HxW, 0 = nothing.
+        config: How far the depth of neighbouring pixels may differ.
+
+    Returns:
+        Labels, HxW, 0 where there is nothing and from 1 on else; and how many there are.
+    """
+    labels = np.zeros(depth_m.shape, np.int32)
+    count = _label(
+        depth_m,
+        config.continuity_m,
+        config.continuity_per_m,
+        config.noise_sigmas * config.noise_per_m2,
+        labels,
+    )
+    return labels, count
+
+
+@compiled
+def _label(depth_m: F32, least_m: float, per_m: float, per_m2: float, labels: I32) -> int:
+    height, width = depth_m.shape
+    stack = np.empty(height * width, np.int32)
+    count = 0
+    for start in range(height * width):
+        row, column = start // width, start % width
+        if depth_m[row, column] <= 0 or labels[row, column] != 0:
+            continue
+        count += 1
+        labels[row, column] = count
+        stack[0] = start
+        size = 1
+        while size > 0:
+            size -= 1
+            row, column = stack[size] // width, stack[size] % width
+            here = depth_m[row, column]
+            limit = max(least_m, per_m * here + per_m2 * here * here)
+            for side in range(4):
+                r = row + (side == 0) - (side == 1)
+                c = column + (side == 2) - (side == 3)
+                if r < 0 or r >= height or c < 0 or c >= width or labels[r, c] != 0:
+                    continue
+                there = depth_m[r, c]
+                if there > 0 and abs(there - here) < limit:
+                    labels[r, c] = count
+                    stack[size] = r * width + c
+                    size += 1
+    return count
+
+
+def _choose(depth_m: F32, labels: I32, count: int, seed_m: float, config: BodyConfig) -> list[int]:
+    """Return the labels of the body's components: the person's first."""
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    votes = sizes
+    if np.isfinite(seed_m):
+        height, width = labels.shape
+        middle = np.s_[: max(height * 2 // 3, 1), width // 4 : max(width - width // 4, 1)]
+        near = np.abs(depth_m[middle] - seed_m) < config.seed_window_m
+        seen = np.bincount(labels[middle][near], minlength=count + 1)
+        seen[0] = 0
+        votes = seen if seen.any() else sizes
+    best = int(np.argmax(votes))
+    return [best] if sizes[best] >= max(config.pixels_min, 1) else []
+
+
+def _inside(box: F64, shape: tuple[int, ...]) -> tuple[int, int, int, int] | None:
+    """Return left, top, right, bottom of the whole pixels of a box in the image."""
+    sides = np.asarray(box, np.float64).ravel()
+    if len(sides) != 4 or not np.isfinite(sides).all() or len(shape) != 2:
+        return None
+    height, width = shape
+    limits = (width, height, width, height)
+    rounded = np.concatenate([np.floor(sides[:2]), np.ceil(sides[2:])])
+    left, top, right, bottom = (int(side) for side in np.clip(rounded, 0, limits))
+    return (left, top, right, bottom) if left < right and top < bottom else None

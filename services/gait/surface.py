@@ -1,0 +1,264 @@
+"""The surface of a body: vertices, their neighbours, and which way each faces."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from common.compiled import compiled
+from common.geometry import deproject
+from common.messages import F32, F64, CameraInfo
+from services.gait.body import Body, Mask
+from services.gait.body_config import BodyConfig
+
+I32: TypeAlias = npt.NDArray[np.int32]
+I64: TypeAlias = npt.NDArray[np.int64]
+
+# The neighbours in the grid, going round: row and column.
+AROUND = np.array(
+    [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)], dtype=np.int32
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """The mesh of one body; V vertices."""
+
+    points_m: F64  # Vx3, optical frame
+    normals: F64  # Vx3, unit length, towards the sensor
+    pixels_px: F64  # Vx2, u and v in the whole image
+    indptr: I32  # V + 1: the neighbours of vertex i are indices[indptr[i] : indptr[i + 1]]
+    indices: I32  # E
+    lengths_m: F64  # E, of the edges
+    resolution_m: float  # median length of the edges; 0 without edges
+    grid: I32  # rows x columns of the vertices, -1 off the body
+    left_px: int  # of the grid in the whole image
+    top_px: int
+    step_px: int  # between vertices
+
+    def vertices_at(self, pixels_px: npt.ArrayLike) -> I64:
+        """Return the vertices at pixels.
+
+        Args:
+            pixels_px: Mx2, u and v in the whole image.
+
+        Returns:
+            M, -1 off the body.
+        """
+        pixels = np.asarray(pixels_px, np.float64).reshape(-1, 2)
+        # A pixel reaches half a pixel to each side of its coordinates.
+        place = np.floor((pixels + 0.5 - (self.left_px, self.top_px)) / self.step_px)
+        rows, columns = self.grid.shape
+        with np.errstate(invalid="ignore"):
+            inside = ((place >= 0) & (place < (columns, rows))).all(axis=1)
+        found = np.full(len(pixels), -1, np.int64)
+        at = place[inside].astype(np.int64)
+        found[inside] = self.grid[at[:, 1], at[:, 0]]
+        return found
+
+    def nearest(self, point_m: npt.ArrayLike) -> int:
+        """Return the vertex nearest to a point.
+
+        Args:
+            point_m: 3, optical frame.
+
+        Returns:
+            The vertex; -1 if there is none.
+        """
+        if not len(self.points_m):
+            return -1
+        away = self.points_m - np.asarray(point_m, np.float64)
+        return int(np.argmin(np.einsum("ij,ij->i", away, away)))
+
+
+def surface_of(body: Body, info: CameraInfo, config: BodyConfig) -> Surface:
+    """Return the mesh of a body.
+
+    Args:
+        body: Its pixels.
+        info: Calibration.
+        config: Number of vertices and lengths of edges.
+
+    Source: method book section 8.2 [G 4.1.4].
+    """
+    step = step_for(body, config)
+    rows, columns = -(-body.mask.shape[0] // step), -(-body.mask.shape[1] // step)
+    grid = np.full((rows, columns), -1, np.int32)
+    seen = np.empty((rows * columns, 3))
+    count = _sample(body.depth_m, body.mask, step, _slopes(config), grid, seen)
+    seen = seen[:count]
+    pixels = seen[:, :2] + (body.left_px, body.top_px)
+    points = deproject(pixels, seen[:, 2], info)
+    spacing = edge_limits(seen[:, 2], step, info, config)
+    indptr = np.zeros(count + 1, np.int32)
+    indices, lengths = np.empty(8 * count, np.int32), np.empty(8 * count)
+    normals = np.empty((count, 3))
+    edges = _mesh(grid, points, spacing, AROUND, indptr, indices, lengths, normals)
+    indices, lengths = indices[:edges].copy(), lengths[:edges].copy()
+    for _ in range(config.normal_passes):
+        normals = _smooth(normals, indptr, indices)
+    return Surface(
+        points_m=points,
+        normals=normals,
+        pixels_px=pixels,
+        indptr=indptr,
+        indices=indices,
+        lengths_m=lengths,
+        resolution_m=float(np.median(lengths)) if edges else 0.0,
+        grid=grid,
+        left_px=body.left_px,
+        top_px=body.top_px,
+        step_px=step,
+    )
+
+
+def step_for(body: Body, config: BodyConfig) -> int:
+    """Return the pixels between vertices, so that time does not grow with a person's size."""
+    if config.vertices == 0:
+        return 1
+    return max(1, round((np.count_nonzero(body.mask) / config.vertices) ** 0.5))
+
+
+def edge_limits(depth_m: F64, step_px: int, info: CameraInfo, config: BodyConfig) -> F64:
+    """Return how long an edge may be at vertices.
+
+    Args:
+        depth_m: V.
+        step_px: Between vertices.
+        info: Calibration.
+        config: Its least length and how it grows.
+
+    Returns:
+        V, metres.
+    """
+    diagonal_m = depth_m * (step_px * 2**0.5 / min(info.fx, info.fy))
+    noise_m = config.noise_sigmas * config.noise_per_m2 * depth_m**2
+    return np.maximum(config.edge_m, config.edge_stretch * diagonal_m + noise_m)
+
+
+def _slopes(config: BodyConfig) -> tuple[float, float, float]:
+    noise = config.noise_sigmas * config.noise_per_m2
+    return config.continuity_m, config.continuity_per_m, noise
+
+
+@compiled
+def _sample(
+    depth_m: F32,
+    mask: Mask,
+    step: int,
+    slopes: tuple[float, float, float],
+    grid: I32,
+    seen: F64,
+) -> int:
+    """Make one vertex of each step x step pixels: the mean of those of the nearest surface."""
+    height, width = depth_m.shape
+    count = 0
+    for row in range(grid.shape[0]):
+        for column in range(grid.shape[1]):
+            nearest = np.inf
+            for r in range(row * step, min((row + 1) * step, height)):
+                for c in range(column * step, min((column + 1) * step, width)):
+                    if mask[r, c] and depth_m[r, c] < nearest:
+                        nearest = depth_m[r, c]
+            if nearest == np.inf:
+                continue
+            grown = slopes[1] * nearest + slopes[2] * nearest * nearest
+            farthest = nearest + step * max(slopes[0], grown)
+            u = v = z = 0.0
+            number = 0
+            for r in range(row * step, min((row + 1) * step, height)):
+                for c in range(column * step, min((column + 1) * step, width)):
+                    if mask[r, c] and depth_m[r, c] <= farthest:
+                        u += c
+                        v += r
+                        z += depth_m[r, c]
+                        number += 1
+            grid[row, column] = count
+            seen[count, 0], seen[count, 1], seen[count, 2] = u / number, v / number, z / number
+            count += 1
+    return count
+
+
+@compiled
+def _mesh(
+    grid: I32,
+    points: F64,
+    limits: F64,
+    around: I32,
+    indptr: I32,
+    indices: I32,
+    lengths: F64,
+    normals: F64,
+) -> int:
+    """Connect neighbours and find the normals; return the number of edges."""
+    rows, columns = grid.shape
+    edges = 0
+    near = np.empty(8, np.int32)
+    side = np.empty((8, 3))
+    long = np.empty(8)
+    for row in range(rows):
+        for column in range(columns):
+            here = grid[row, column]
+            if here < 0:
+                continue
+            for k in range(8):
+                near[k] = -1
+                r, c = row + around[k, 0], column + around[k, 1]
+                if r < 0 or r >= rows or c < 0 or c >= columns or grid[r, c] < 0:
+                    continue
+                there = grid[r, c]
+                square = 0.0
+                for axis in range(3):
+                    side[k, axis] = points[there, axis] - points[here, axis]
+                    square += side[k, axis] ** 2
+                long[k] = np.sqrt(square)
+                if long[k] <= min(limits[here], limits[there]):
+                    near[k] = there
+                    indices[edges] = there
+                    lengths[edges] = long[k]
+                    edges += 1
+            indptr[here + 1] = edges
+            _normal(points[here], near, side, long, normals[here])
+    return edges
+
+
+@compiled
+def _normal(point: F64, near: I32, side: F64, long: F64, normal: F64) -> None:
+    """Set the normal of a vertex: the mean of its faces' weighted by their angles at it."""
+    x = y = z = 0.0
+    for k in range(8):
+        m = (k + 1) % 8
+        if near[k] < 0 or near[m] < 0:
+            continue
+        a, b = side[k], side[m]
+        fx = a[1] * b[2] - a[2] * b[1]
+        fy = a[2] * b[0] - a[0] * b[2]
+        fz = a[0] * b[1] - a[1] * b[0]
+        area = np.sqrt(fx * fx + fy * fy + fz * fz)
+        if area <= 1e-12 * long[k] * long[m]:
+            continue
+        along = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+        weight = np.arctan2(area, along) / area
+        x, y, z = x + weight * fx, y + weight * fy, z + weight * fz
+    size = np.sqrt(x * x + y * y + z * z)
+    if size < 1e-9:  # no face: it is taken to look at the sensor
+        x, y, z = -point[0], -point[1], -point[2]
+        size = np.sqrt(x * x + y * y + z * z)
+    if x * point[0] + y * point[1] + z * point[2] > 0:
+        size = -size
+    normal[0], normal[1], normal[2] = x / size, y / size, z / size
+
+
+@compiled
+def _smooth(normals: F64, indptr: I32, indices: I32) -> F64:
+    """Return each normal averaged with its neighbours'."""
+    smooth = np.empty_like(normals)
+    for here in range(len(normals)):
+        x, y, z = normals[here, 0], normals[here, 1], normals[here, 2]
+        for k in range(indptr[here], indptr[here + 1]):
+            there = indices[k]
+            x, y, z = x + normals[there, 0], y + normals[there, 1], z + normals[there, 2]
+        size = max(np.sqrt(x * x + y * y + z * z), 1e-12)
+        smooth[here, 0], smooth[here, 1], smooth[here, 2] = x / size, y / size, z / size
+    return smooth
