@@ -19,7 +19,7 @@ from common.topics import TOPICS, VERSION, Topic
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = tuple(
     ROOT / "common" / "messages" / f"{name}.py"
-    for name in ("base", "camera", "people", "score", "status")
+    for name in ("base", "camera", "people", "gait", "score", "status")
 )
 TEMPLATE = Path(__file__).with_name("message_docs.template.md")
 TARGET = ROOT / "docs" / "messages.md"

@@ -9,6 +9,7 @@ from common.messages.camera import (
     RgbdFrame,
     StaticTransform,
 )
+from common.messages.gait import BodyPoint, Gait, GaitMeasures, PersonGait
 from common.messages.people import (
     Crop,
     Crops,
@@ -30,6 +31,7 @@ __all__ = [
     "U8",
     "U16",
     "Alignment",
+    "BodyPoint",
     "CameraInfo",
     "CompressedRgbdFrame",
     "Crop",
@@ -37,11 +39,14 @@ __all__ = [
     "Detection",
     "Detections",
     "Embeddings",
+    "Gait",
+    "GaitMeasures",
     "Health",
     "Mask",
     "Message",
     "MovingTransform",
     "Odometry",
+    "PersonGait",
     "PersonScore",
     "RgbdFrame",
     "Score",

@@ -4,6 +4,7 @@ import numpy as np
 
 from common.messages import (
     Alignment,
+    BodyPoint,
     CameraInfo,
     CompressedRgbdFrame,
     Crop,
@@ -11,11 +12,14 @@ from common.messages import (
     Detection,
     Detections,
     Embeddings,
+    Gait,
+    GaitMeasures,
     Health,
     Mask,
     Message,
     MovingTransform,
     Odometry,
+    PersonGait,
     PersonScore,
     RgbdFrame,
     Score,
@@ -181,6 +185,37 @@ FULL: tuple[Message, ...] = (
         camera="front",
         people=(TRACK,),
     ),
+    Gait(
+        stamp_ns=STAMP_NS,
+        sequence=8,
+        trace=(SPAN,),
+        frame_id="map",
+        camera="front",
+        people=(
+            PersonGait(
+                id=7,
+                box_xyxy_px=np.array([-1.5, 0, 2, 1], np.float32),
+                points=(
+                    BodyPoint(
+                        name="left_foot",
+                        state="measured",
+                        position_m=np.array([1.0, 2.0, 0.125]),
+                        velocity_mps=np.array([0.5, 0.25, 0.0]),
+                        covariance=np.arange(36.0).reshape(6, 6),
+                        confidence=0.75,
+                    ),
+                ),
+                measures=GaitMeasures(
+                    steps=6,
+                    step_length_m=0.625,
+                    stride_length_m=1.25,
+                    cadence_per_min=110.5,
+                    walking_speed_mps=1.125,
+                    step_time_asymmetry=-0.0625,
+                ),
+            ),
+        ),
+    ),
     Truth(
         stamp_ns=STAMP_NS,
         sequence=9,
@@ -285,6 +320,13 @@ SPARSE: tuple[Message, ...] = (
         vectors=np.zeros((0, 512), np.float32),
     ),
     Tracks(stamp_ns=0, sequence=0, frame_id="map", tracker="t", camera="c"),
+    Gait(
+        stamp_ns=0,
+        sequence=0,
+        frame_id="map",
+        camera="c",
+        people=(PersonGait(id=1, box_xyxy_px=np.zeros(4, np.float32), measures=GaitMeasures()),),
+    ),
     Truth(
         stamp_ns=0, sequence=0, frame_id="map", people=(TruthPerson(id="", position_m=np.ones(3)),)
     ),

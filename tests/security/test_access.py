@@ -26,13 +26,14 @@ SPEAKERS = {
     "crops": "detector",
     "embeddings": "reid",
     "people": "tracker",
+    "gait": "gait",
     "truth": "gt_bridge",
     "score": "gt_bridge",
     "health": "tracker",  # the example is the tracker's, and nobody speaks for another
 }
-PLANNER_HEARS = {"camera_info", "static_transforms", "people", "health"}
+PLANNER_HEARS = {"camera_info", "static_transforms", "people", "gait", "health"}
 PICTURES_GO_TO = {
-    "frames": {"detector", "report", "operator"},
+    "frames": {"detector", "gait", "report", "operator"},
     "compressed": {"detector", "report", "operator"},
     "crops": {"reid", "operator"},
 }
