@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 import psutil
 
-from benchmarks.replicas import DEMO, PATIENCE_S, RECORDED_HZ, play
+from benchmarks.replicas import PATIENCE_S, RECORDED_HZ, SOURCE, play
 from benchmarks.system import Cluster, Listener, cluster
 from benchmarks.table import markdown, quantiles, write
 from common.client import Client
@@ -130,7 +130,7 @@ def soak(model: str, detectors: int, minutes: float, frames: int) -> tuple[float
             service = name.partition("-")[0]
             system.start(service, name, (f"model={model}",) if service == "detector" else ())
         system.wait_ready(client, set(names))
-        camera = (f"source={DEMO}", "loop=true", f"speed={rate_hz / RECORDED_HZ}")
+        camera = (f"source={SOURCE}", "loop=true", f"speed={rate_hz / RECORDED_HZ}")
         system.start("camera", "camera-1", camera)
         return sustainable_hz, _observed(system, client, minutes * 60, rate_hz)
 
@@ -231,7 +231,7 @@ def main() -> None:
         __file__,
         f"Soak: {flags.minutes:g} minutes at twice the sustainable rate",
         f"{Path(flags.model).stem}, {flags.detectors} detectors of one thread, 640x480, the "
-        "shipped recording in a loop. Memory is what only that process has; its slope is fitted "
+        "shipped recording in a loop, from memory. Memory is what only that process has; its slope is fitted "
         f"after the first {WARM_UP_SHARE:.0%} of the time, with the standard error.",
         *report(sustainable_hz, seen),
     )
