@@ -257,7 +257,8 @@ def main() -> None:
         __file__,
         "Replicas: detectors that share the frames of one camera",
         f"{Path(flags.model).stem}, one thread for each detector, 640x480, the shipped recording "
-        "(three people) played from memory. Camera, re-ID and tracker run beside them on the same cores.",
+        "(three people) played from memory. Camera, re-ID and tracker run beside them on the same "
+        "cores.",
         *throughput(flags.model, rounds, frames),
         *failures(flags.model),
     )

@@ -231,8 +231,8 @@ def main() -> None:
         __file__,
         f"Soak: {flags.minutes:g} minutes at twice the sustainable rate",
         f"{Path(flags.model).stem}, {flags.detectors} detectors of one thread, 640x480, the "
-        "shipped recording in a loop, from memory. Memory is what only that process has; its slope is fitted "
-        f"after the first {WARM_UP_SHARE:.0%} of the time, with the standard error.",
+        "shipped recording in a loop, from memory. Memory is what only that process has; its slope "
+        f"is fitted after the first {WARM_UP_SHARE:.0%} of the time, with the standard error.",
         *report(sustainable_hz, seen),
     )
 
