@@ -42,7 +42,7 @@ def crop_person(index: int, person: Person, rgb: U8, height_max_px: int) -> Crop
     if bottom - top > height_max_px:
         size = (max(1, round((right - left) * height_max_px / (bottom - top))), height_max_px)
         scale = np.divide(size, (right - left, bottom - top))
-        picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+        picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR), np.uint8)
         if mask is not None:
             mask = np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)
     keypoints = _move(person.keypoints, (left, top), scale.astype(np.float32))

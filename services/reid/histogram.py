@@ -52,28 +52,41 @@ class HistogramEmbedder:
     def embed(self, crops: Sequence[Crop]) -> F32:
         """Embed pictures; rows are of unit length."""
         with span("embedding"):
-            vectors = [_embed(crop) for crop in crops]
-        return np.array(vectors, np.float32).reshape(-1, self.dimension)
+            return _embed(crops)
 
 
-def _embed(crop: Crop) -> F64:
-    """Return the vector of one picture."""
+def _embed(crops: Sequence[Crop]) -> F32:
+    """Return the vectors of pictures, all of whose pixels are sorted into bins together."""
+    parts = len(PART_WEIGHTS)
+    pixels = [np.empty((0, 3), np.float32)]
+    weights, starts = [np.empty(0)], [np.empty(0, np.intp)]
+    for number, crop in enumerate(crops):
+        rgb, weight, part = _pixels(crop)
+        pixels.append(rgb)
+        weights.append(weight)
+        starts.append((part + number * parts) * BINS)
+    bins, shares = _bins(np.concatenate(pixels))
+    bins += np.concatenate(starts)
+    shares *= np.concatenate(weights)
+    counts = np.bincount(bins.ravel(), shares.ravel(), minlength=len(crops) * parts * BINS)
+    counts = counts.reshape(len(crops), parts, BINS)
+    prior = np.maximum(PRIOR_SHARE * counts.sum(axis=2, keepdims=True), 1e-6) / BINS
+    filled = counts + prior
+    share = np.array(PART_WEIGHTS)[:, None] * filled / filled.sum(axis=2, keepdims=True)
+    return np.asarray(np.sqrt(share).reshape(len(crops), parts * BINS), np.float32)
+
+
+def _pixels(crop: Crop) -> tuple[F32, F64, npt.NDArray[np.intp]]:
+    """Return the pixels that count of one picture made small: Nx3 colour, 0 to 1, weight, part."""
     height = min(HEIGHT_PX, crop.rgb.shape[0])
     width = max(1, round(crop.rgb.shape[1] * height / crop.rgb.shape[0]))
-    rgb = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_NEAREST)
+    rgb = np.asarray(cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_NEAREST))
     weights = _body_weights(crop, (height, width))
-    bins, shares = _bins(np.asarray(rgb / np.float32(255), np.float32))
-    edges = np.rint(_part_edges(crop) * height).astype(int)
-    vector = []
-    for share, top, bottom in zip(PART_WEIGHTS, edges[:-1], edges[1:], strict=True):
-        counts = np.bincount(
-            bins[:, top:bottom].ravel(),
-            (shares[:, top:bottom] * weights[top:bottom]).ravel(),
-            minlength=BINS,
-        )
-        prior = max(PRIOR_SHARE * counts.sum(), 1e-6) / BINS
-        vector.append(np.sqrt(share * (counts + prior) / (counts + prior).sum()))
-    return np.concatenate(vector)
+    edges = np.rint(_part_edges(crop) * height)
+    part = np.searchsorted(edges[1:-1], np.arange(height), side="right")
+    there = weights > 0
+    rows = np.broadcast_to(part[:, None], there.shape)
+    return rgb[there] / np.float32(255), weights[there], rows[there]
 
 
 def _body_weights(crop: Crop, shape: tuple[int, int]) -> F64:
@@ -99,7 +112,7 @@ def _skeleton(keypoints: F32, scale: float, shape: tuple[int, int]) -> U8:
     # A wild coordinate must not overflow the integers of the drawing.
     points = np.rint(np.clip(keypoints[:, :2] * scale, -9999, 9999)).astype(np.int32)
     seen = keypoints[:, 2] > CONFIDENCE_MIN
-    shoulders, hips = points[TORSO[:2]].mean(axis=0), points[TORSO[2:]].mean(axis=0)
+    shoulders, hips = points[TORSO].reshape(2, 2, 2).mean(axis=1)
     thick = max(1, round(float(np.linalg.norm(shoulders - hips)) * LIMB_WIDTH))
     image = np.zeros(shape, np.uint8)
     cv2.fillConvexPoly(image, points[TORSO], 1)
@@ -128,26 +141,28 @@ def _bins(rgb: F32) -> tuple[npt.NDArray[np.intp], F64]:
     """Return the six bins that each pixel falls between, and its share in each.
 
     Args:
-        rgb: HxWx3, 0 to 1.
+        rgb: Nx3, 0 to 1.
 
     Returns:
-        6xHxW bins and shares; a pixel's shares add up to 1. The first four are neighbours in hue
+        6xN bins and shares; a pixel's shares add up to 1. The first four are neighbours in hue
         and saturation, the last two in grey.
     """
-    hue, saturation, value = np.moveaxis(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV).astype(float), 2, 0)
+    if not len(rgb):
+        return np.empty((6, 0), np.intp), np.empty((6, 0))
+    hue, saturation, value = cv2.cvtColor(rgb[None], cv2.COLOR_RGB2HSV)[0].astype(float).T
     chroma = np.clip((saturation * value - CHROMA_GREY) / (CHROMA_FULL - CHROMA_GREY), 0, 1)
     h, h_rest = _split(hue / 360 * HUES)
     s, s_rest = _split(saturation * (SATURATIONS - 1))
     g, g_rest = _split(value * (GREYS - 1))
-    bins, shares = [], []
-    for dh, ds in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        row = np.minimum(s + ds, SATURATIONS - 1)
-        bins.append((h + dh) % HUES * SATURATIONS + row)
-        shares.append(chroma * np.abs(1 - dh - h_rest) * np.abs(1 - ds - s_rest))
+    bins, shares = np.empty((6, len(rgb)), np.intp), np.empty((6, len(rgb)))
+    for row, (dh, ds) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
+        column = np.minimum(s + ds, SATURATIONS - 1)
+        bins[row] = (h + dh) % HUES * SATURATIONS + column
+        shares[row] = chroma * np.abs(1 - dh - h_rest) * np.abs(1 - ds - s_rest)
     for dg in (0, 1):
-        bins.append(HUES * SATURATIONS + np.minimum(g + dg, GREYS - 1))
-        shares.append((1 - chroma) * np.abs(1 - dg - g_rest))
-    return np.array(bins), np.array(shares)
+        bins[4 + dg] = HUES * SATURATIONS + np.minimum(g + dg, GREYS - 1)
+        shares[4 + dg] = (1 - chroma) * np.abs(1 - dg - g_rest)
+    return bins, shares
 
 
 def _split(position: F64) -> tuple[npt.NDArray[np.intp], F64]:
