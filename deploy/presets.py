@@ -30,6 +30,10 @@ PRESETS = {
     "seg-sort-movenet": "the first on the shipped model: masks grown in depth from its keypoints",
     "seg-strongsort-movenet": "the second on the shipped models: grown masks, colour histograms",
     "pose-strongsort-movenet": "the third on the shipped models: keypoints, colour histograms",
+    "image-sort": "boxes alone: SORT in the image, the base of the odometry paper",
+    "image-sort-dynamic": "its dynamic survival: who was seen long is waited for longer",
+    "image-sort-odom": "its correction of the robot's turns by odometry",
+    "image-sort-odom-dynamic": "the odometry paper's method: both",
 }
 
 

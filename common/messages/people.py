@@ -229,6 +229,49 @@ class Tracks(Message, frozen=True, kw_only=True):
         check_name("camera", self.camera)
 
 
+class ImageTrack(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One person over time, in the image of one camera."""
+
+    id: int  # identity, >= 1; the same person has it in Tracks, where their place is known
+    state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not seen in this frame
+    box_xyxy_px: F64  # [px] 4: left, top, right, bottom, filtered; may reach beyond the image
+    hits: int  # frames in which the person was matched
+    time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
+    detection: int | None  # index into Detections.people of this stamp; absent if not matched
+    score: float  # confidence of the last matched detection, 0 to 1
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers."""
+        check_shape("box_xyxy_px", self.box_xyxy_px, (4,))
+        check_finite("box_xyxy_px, time_since_update_s", self.box_xyxy_px, self.time_since_update_s)
+        if self.id < 1 or min(self.hits, self.detection or 0) < 0:
+            raise ValueError(
+                "id, hits, detection: expected id >= 1 and no negative number, got "
+                f"{self.id}, {self.hits}, {self.detection}"
+            )
+        if not 0 <= self.score <= 1:
+            raise ValueError(f"score: expected 0 to 1, got {self.score}")
+
+
+class ImageTracks(Message, frozen=True, kw_only=True):
+    """The people in the image of one camera, whether or not their place is known.
+
+    Only trackers that follow boxes send it: one message for every frame, empty ones too.
+    """
+
+    camera: str  # name of the camera
+    tracker: str  # name of the tracking method
+    width: int  # [px] of the image
+    height: int  # [px] of the image
+    people: tuple[ImageTrack, ...] = ()  # confirmed and lost, and tentative ones if configured
+
+    def __post_init__(self) -> None:
+        """Check names."""
+        super().__post_init__()
+        check_name("camera", self.camera)
+        check_size(self.width, self.height)
+
+
 class TruthPerson(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One person as motion capture sees them."""
 

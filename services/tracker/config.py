@@ -6,6 +6,7 @@ import msgspec
 
 from common.trail import TrailConfig
 from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.image_sort_config import ImageSortConfig
 
 CHI2_3DOF_95 = 7.8147
 
@@ -162,7 +163,8 @@ class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
 class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Configuration of the tracker service."""
 
-    tracker: str = "strongsort3d"  # sort3d, strongsort3d, or module:Class of your own
+    # sort3d, strongsort3d, image_sort, or module:Class of your own
+    tracker: str = "strongsort3d"
     frame_id: str = "map"  # frame that tracks are in
     # True: a frame without a transform from its camera is dropped. False: the camera is taken to
     # stand at the origin and look along +x, which the status tells.
@@ -196,6 +198,8 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()
     strongsort3d: StrongSort3dConfig = StrongSort3dConfig()
+    # Places of people are filtered with the constants of strongsort3d
+    image_sort: ImageSortConfig = ImageSortConfig()
     options: dict[str, Any] = msgspec.field(default_factory=dict)  # for a tracker of your own
 
     def __post_init__(self) -> None:

@@ -18,6 +18,7 @@ from services.tracker.box_kalman import TRACK, begin, correct, predict
 from services.tracker.camera_turn import STILL, Lens, Turn, turn_track
 from services.tracker.image_sort_config import ImageSortConfig
 
+FOV_DEG = 69.0  # [deg] of a camera that nobody described: colour of a RealSense D435i
 NONE = -1
 ENDED = 2**62  # missed frames of a track that ends without choosing again
 BOOL = npt.NDArray[np.bool_]
@@ -33,6 +34,7 @@ class BoxFrame:
     scores: F64  # N, 0 to 1; those that are not finite are left out
     size_px: tuple[int, int] = (640, 480)  # [px] width and height of the image
     turn: Turn = STILL  # of the camera since the last frame
+    fov_deg: float = FOV_DEG  # [deg] horizontal field of view, unless the configuration has one
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +45,14 @@ class BoxTracks:
     boxes_xyxy_px: F64  # [px] Nx4, filtered
     scores: F64  # N, of the detections
     detections: I64  # N, rows of the detections matched in this frame
+
+
+class ImageMemory(NamedTuple):
+    """What outlives a process."""
+
+    stamp_ns: int | None  # [ns] of the last frame
+    frames: int  # since the beginning
+    tracks: bytes  # of `box_kalman.TRACK`
 
 
 class _Settings(NamedTuple):
@@ -118,12 +128,52 @@ class ImageSort:
             _Population(tracks, known, next_id, frames + 1),
             _Sights(frame.stamp_ns, boxes, scores, steps),
             turn,
-            self._lens(frame.size_px),
+            self._lens(frame),
             self._settings,
         )
         self._people = _Population(tracks, known, next_id, frames + 1)
         self._stamp_ns = frame.stamp_ns
         return BoxTracks(ids, shown, told_scores, detections)
+
+    @property
+    def tracks(self) -> Records:
+        """All who are followed, seen or not, as `box_kalman.TRACK`."""
+        return self._people.tracks[: self._people.known].copy()
+
+    @property
+    def next_id(self) -> int:
+        """The next identity to be given."""
+        return self._people.next_id
+
+    def raise_to(self, next_id: int) -> None:
+        """Take all identities below a number as given."""
+        self._people = self._people._replace(next_id=max(self.next_id, next_id))
+
+    def save(self) -> ImageMemory:
+        """Return all that is known of people."""
+        return ImageMemory(self._stamp_ns, self._people.frames, self.tracks.tobytes())
+
+    def restore(self, memory: ImageMemory) -> None:
+        """Go on with what another one saved.
+
+        Raises:
+            ValueError: It cannot be the people of an image.
+        """
+        if len(memory.tracks) % TRACK.itemsize:
+            raise ValueError(f"expected tracks of {TRACK.itemsize} bytes, got {len(memory.tracks)}")
+        tracks = np.frombuffer(memory.tracks, TRACK).copy()
+        numbers = [tracks[name] for name in ("x", "v", "pp", "pv", "vv", "box", "score")]
+        if not all(np.isfinite(column).all() for column in numbers) or (tracks["id"] < 1).any():
+            raise ValueError("expected finite numbers and identities >= 1")
+        self._people = _Population(tracks, len(tracks), self.next_id, memory.frames)
+        self.raise_to(int(tracks["id"].max(initial=0)) + 1)
+        self._stamp_ns = memory.stamp_ns
+
+    def postpone(self, duration_ns: int) -> None:
+        """Take a time as not passed: nobody looked."""
+        if self._stamp_ns is not None:
+            self._stamp_ns += duration_ns
+        self._people.tracks["seen_ns"] += duration_ns
 
     def reset(self) -> None:
         """Forget all people and times, but not which identities were given."""
@@ -138,9 +188,10 @@ class ImageSort:
         rate_hz = self._config.rate_hz
         return (stamp_ns - self._stamp_ns) / 1e9 * rate_hz if rate_hz else 1.0
 
-    def _lens(self, size_px: tuple[int, int]) -> Lens:
-        width, height = size_px
-        fov_rad = math.radians(self._config.fov_deg)
+    def _lens(self, frame: BoxFrame) -> Lens:
+        width, height = frame.size_px
+        own_deg = self._config.fov_deg
+        fov_rad = math.radians(frame.fov_deg if own_deg is None else own_deg)
         pinhole = self._config.projection == "pinhole"
         focal_px = width / 2 / math.tan(fov_rad / 2) if pinhole else 0.0
         return Lens(width / fov_rad, focal_px, width / 2, height / 2)
@@ -163,7 +214,7 @@ def _step(
     tracks, boxes = people.tracks, sights.boxes
     for i in range(people.known):
         track = tracks[i]
-        if turn.rad != 0 or turn.sigma_rad != 0:
+        if turn.rad != 0 or turn.up_rad != 0 or turn.sigma_rad != 0:
             turn_track(track, turn, lens)
         predict(track, sights.steps)
         track.detection = NONE

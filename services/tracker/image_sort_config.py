@@ -30,8 +30,10 @@ class ImageSortConfig(msgspec.Struct, frozen=True, kw_only=True):
     max_age: float = 30.0  # [frames] survived at most, if dynamic; section 7
     lost_max_s: float = 5.0  # [s] without a match after which any track ends; this project's
     # ego motion
-    ego_motion: Literal["none", "odometry"] = "none"  # how camera motion is corrected; section 7
-    fov_deg: float = 69.0  # [deg] horizontal field of view; colour camera of a RealSense D435i
+    # Whether turns of the camera are corrected; section 7. "odometry": as odometry and transforms
+    # tell them
+    ego_motion: Literal["none", "odometry"] = "none"
+    fov_deg: float | None = None  # [deg] horizontal field of view; absent: by the calibration
     # "linear": all columns move alike, section 7; "pinhole": by the place in the image, as a
     # camera without distortion sees them move; this project's
     projection: Literal["linear", "pinhole"] = "linear"
@@ -59,5 +61,5 @@ class ImageSortConfig(msgspec.Struct, frozen=True, kw_only=True):
         for name in ("r", "max_age", "lost_max_s"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected > 0, got {getattr(self, name)}")
-        if not 0 < self.fov_deg < 180:
+        if self.fov_deg is not None and not 0 < self.fov_deg < 180:
             raise ValueError(f"fov_deg: expected above 0, below 180, got {self.fov_deg}")

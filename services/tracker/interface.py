@@ -4,7 +4,7 @@ import enum
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
-from common.messages import F32, F64, Track
+from common.messages import F32, F64, ImageTrack, Track
 
 
 class Need(enum.Enum):
@@ -32,6 +32,15 @@ class Measurement:
 
 
 @dataclass(frozen=True, slots=True)
+class Unplaced:
+    """One detected person whose place is unknown; only trackers that follow boxes look at it."""
+
+    index: int  # index into Detections.people of the frame
+    box_xyxy_px: F32 | F64  # [px] 4, width and height > 0
+    score: float  # detection confidence, 0 to 1
+
+
+@dataclass(frozen=True, slots=True)
 class Observation:
     """All that one frame told."""
 
@@ -41,6 +50,10 @@ class Observation:
     embedder: str = ""  # name of the model that made the embeddings; empty if there are none
     map_from_camera: F64 | None = None  # 4x4, where the camera stands; None if unknown
     size_px: tuple[int, int] | None = None  # [px] width and height of the image; None if unknown
+    # Left and right edge of the image at focal length 1, x right; None if unknown
+    edges: tuple[float, float] | None = None
+    unplaced: tuple[Unplaced, ...] = ()  # people who are no measurements, in any order
+    turn_sigma_rad: float = 0.0  # [rad] of the camera's direction, where it is a guess
 
 
 class Tracker(Protocol):
@@ -73,6 +86,15 @@ class Tracker(Protocol):
 
     def reset(self) -> None:
         """Forget all people and times, but not which identities were given."""
+        ...
+
+
+@runtime_checkable
+class InImage(Protocol):
+    """A tracker that tells where people are in the image, too."""
+
+    def in_image(self) -> tuple[ImageTrack, ...]:
+        """Return the people in the image of the last update, ordered by id."""
         ...
 
 

@@ -2,14 +2,17 @@
 
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import ClassVar
 
 from common.errors import DecodeError
 from common.messages import (
+    CameraInfo,
     Detections,
     Embeddings,
+    ImageTrack,
+    ImageTracks,
     Message,
     MovingTransform,
     Odometry,
@@ -21,9 +24,9 @@ from common.messages import (
 from common.node import Status
 from common.trace import span
 from services.tracker.config import TrackerConfig
-from services.tracker.interface import Lasting, Need, Tracker
+from services.tracker.interface import InImage, Lasting, Need, Tracker
 from services.tracker.join import Frame, Join, Patience
-from services.tracker.observe import observe
+from services.tracker.observe import edges, observe
 from services.tracker.placing import Places
 from services.tracker.state import Memory, pack, unpack
 
@@ -58,7 +61,7 @@ class TrackerNode:
 
     inputs: ClassVar[tuple[type[Message], ...]] = (
         *(Detections, Embeddings),
-        *(StaticTransform, MovingTransform, Odometry),
+        *(CameraInfo, StaticTransform, MovingTransform, Odometry),
     )
     takes: ClassVar[tuple[type[Message], ...]] = (Detections,)
 
@@ -75,6 +78,7 @@ class TrackerNode:
             )
         )
         self._places = Places(config.frame_id, config.base, config.require_transform)
+        self._edges: dict[str, tuple[float, float]] = {}  # by camera, see Observation
         self._held: Frame | None = None  # its odometry has yet to come
         self._last: _Last | None = None
         self._last_of_camera: dict[str, int] = {}
@@ -91,6 +95,8 @@ class TrackerNode:
             flushed = self._take_detections(message, now_ns)
         elif isinstance(message, Embeddings) and self._joins:
             self._join.add_embeddings(message, late=self._is_late(message))
+        elif isinstance(message, CameraInfo):
+            self._edges[message.camera] = edges(message)
         elif isinstance(message, PLACING) and self._places.add(message):
             # The people tracked so far stand where the camera was thought to be.
             self._counters["transform_changes"] += 1
@@ -199,7 +205,8 @@ class TrackerNode:
         while frame := self._next(now_ns, flush):
             tracks = self._track(frame)
             if tracks:
-                outputs.append(tracks)
+                # A camera in lock-step goes on at the tracks: they come last.
+                outputs += [*self._in_image(frame.detections, tracks), tracks]
                 self._remember(frame)
         return outputs
 
@@ -229,6 +236,7 @@ class TrackerNode:
             observation = observe(
                 detections, embeddings, place, self._config.max_range_m, self._counters
             )
+            observation = replace(observation, edges=self._edges.get(detections.camera))
             self._bridge_absence(observation.stamp_ns)
             people = self._tracker.update(observation)
         return self._publish(detections, people, (embeddings or detections).trace)
@@ -280,9 +288,7 @@ class TrackerNode:
         trace: tuple[Span, ...],
         stamp_ns: int | None = None,
     ) -> Tracks:
-        shown = {"confirmed": True, "lost": self._config.publish_lost}
-        shown["tentative"] = self._config.publish_tentative
-        chosen = tuple(track for track in people if shown[track.state])
+        chosen = tuple(track for track in people if self._is_shown(track))
         self._showing = bool(chosen)
         return Tracks(
             stamp_ns=detections.stamp_ns if stamp_ns is None else stamp_ns,
@@ -293,3 +299,24 @@ class TrackerNode:
             camera=detections.camera,
             people=chosen,
         )
+
+    def _in_image(self, detections: Detections, tracks: Tracks) -> list[Message]:
+        """Return the people in the image, if the tracker follows them there."""
+        if not isinstance(self._tracker, InImage):
+            return []
+        told = ImageTracks(
+            stamp_ns=tracks.stamp_ns,
+            sequence=tracks.sequence,
+            trace=tracks.trace,
+            camera=tracks.camera,
+            tracker=tracks.tracker,
+            width=detections.width,
+            height=detections.height,
+            people=tuple(track for track in self._tracker.in_image() if self._is_shown(track)),
+        )
+        return [told]
+
+    def _is_shown(self, track: Track | ImageTrack) -> bool:
+        config = self._config
+        told = {"tentative": config.publish_tentative, "lost": config.publish_lost}
+        return told.get(track.state, True)

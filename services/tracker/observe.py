@@ -6,9 +6,9 @@ from collections import Counter
 import numpy as np
 
 from common.geometry import apply
-from common.messages import F64, Detections, Embeddings
+from common.messages import F64, CameraInfo, Detections, Embeddings
 from common.trail import Placement
-from services.tracker.interface import Measurement, Observation
+from services.tracker.interface import Measurement, Observation, Unplaced
 
 GUESS_MIN_M = 0.01  # [m] a base that is known better than this adds no doubt
 LEVEL_MIN = 0.2  # a heading whose level part is shorter than this (steeper than 78 deg) has no yaw
@@ -32,15 +32,14 @@ def observe(
     """
     vectors = _unit_vectors(embeddings, len(detections.people), counters) if embeddings else {}
     map_from_camera = place.matrix
-    measurements = []
+    measurements, unplaced = list[Measurement](), list[Unplaced]()
     for index, person in enumerate(detections.people):
         left, top, right, bottom = map(float, person.box_xyxy_px)
-        if person.position_m is None:
-            counters["without_position"] += 1
-        elif np.abs(person.position_m).max() > max_range_m:
-            counters["out_of_range"] += 1
-        elif right - left < 1.0 or bottom - top < 1.0:
+        if right - left < 1.0 or bottom - top < 1.0:
             counters["empty_boxes"] += 1
+        elif person.position_m is None or np.abs(person.position_m).max() > max_range_m:
+            counters["without_position" if person.position_m is None else "out_of_range"] += 1
+            unplaced.append(Unplaced(index, person.box_xyxy_px, person.score))
         else:
             measurements.append(
                 Measurement(
@@ -65,7 +64,14 @@ def observe(
         embedder=embeddings.model if embeddings else "",
         map_from_camera=map_from_camera,
         size_px=(detections.width, detections.height),
+        unplaced=tuple(unplaced),
+        turn_sigma_rad=place.sigma_rad,
     )
+
+
+def edges(info: CameraInfo) -> tuple[float, float]:
+    """Return the left and right edge of a camera's image at focal length 1, x right."""
+    return -info.cx / info.fx, (info.width - info.cx) / info.fx
 
 
 def doubt(position_m: F64, place: Placement) -> F64:

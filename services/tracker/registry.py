@@ -8,6 +8,7 @@ from services.tracker.interface import Need, Tracker
 TRACKERS: dict[str, str] = {
     "sort3d": "services.tracker.sort3d:Sort3d",
     "strongsort3d": "services.tracker.strongsort3d:StrongSort3d",
+    "image_sort": "services.tracker.image_tracker:ImageTracker",
 }
 
 

@@ -15,6 +15,8 @@ from common.messages import (
     Gait,
     GaitMeasures,
     Health,
+    ImageTrack,
+    ImageTracks,
     Mask,
     Message,
     MovingTransform,
@@ -185,6 +187,26 @@ FULL: tuple[Message, ...] = (
         camera="front",
         people=(TRACK,),
     ),
+    ImageTracks(
+        stamp_ns=STAMP_NS,
+        sequence=8,
+        trace=(SPAN,),
+        camera="front",
+        tracker="image_sort",
+        width=640,
+        height=480,
+        people=(
+            ImageTrack(
+                id=7,
+                state="lost",
+                box_xyxy_px=np.array([-1.5, 0, 2, 1]),
+                hits=4,
+                time_since_update_s=0.125,
+                detection=0,
+                score=0.5,
+            ),
+        ),
+    ),
     Gait(
         stamp_ns=STAMP_NS,
         sequence=8,
@@ -320,6 +342,7 @@ SPARSE: tuple[Message, ...] = (
         vectors=np.zeros((0, 512), np.float32),
     ),
     Tracks(stamp_ns=0, sequence=0, frame_id="map", tracker="t", camera="c"),
+    ImageTracks(stamp_ns=0, sequence=0, camera="c", tracker="t", width=1, height=1),
     Gait(
         stamp_ns=0,
         sequence=0,

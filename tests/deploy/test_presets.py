@@ -17,6 +17,7 @@ from services.detector.orientation import FaceRule, OrientationRule
 from services.detector.position import KeypointRule
 from services.reid.config import ReidConfig
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.image_sort_config import ImageSortConfig
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -87,6 +88,20 @@ def test_the_third_method_measures_by_sections_2_and_6() -> None:
     twin = config_of(DetectorConfig, "detector", "pose-strongsort-movenet")
     assert twin.keypoint_rule(twin.model) == KeypointRule(confidence_min=0.3)
     assert twin.orientation_rule(twin.model).face == FaceRule(cue="nose", confidence_min=0.3)
+
+
+def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:
+    names = ("image-sort", "image-sort-dynamic", "image-sort-odom", "image-sort-odom-dynamic")
+    found = [config_of(TrackerConfig, "tracker", name) for name in names]
+    assert {config.tracker for config in found} == {"image_sort"}
+    assert [(c.image_sort.ego_motion, c.image_sort.survival) for c in found] == [
+        ("none", "fixed"),
+        ("none", "dynamic"),
+        ("odometry", "fixed"),
+        ("odometry", "dynamic"),
+    ]
+    assert found[0].image_sort == ImageSortConfig()  # SORT as published
+    assert not any(config.publish_lost for config in found)
 
 
 def test_a_later_setting_wins_over_the_preset() -> None:

@@ -26,12 +26,13 @@ SPEAKERS = {
     "crops": "detector",
     "embeddings": "reid",
     "people": "tracker",
+    "boxes": "tracker",
     "gait": "gait",
     "truth": "gt_bridge",
     "score": "gt_bridge",
     "health": "tracker",  # the example is the tracker's, and nobody speaks for another
 }
-PLANNER_HEARS = {"camera_info", "static_transforms", "people", "gait", "health"}
+PLANNER_HEARS = {"camera_info", "static_transforms", "people", "boxes", "gait", "health"}
 PICTURES_GO_TO = {
     "frames": {"detector", "gait", "report", "operator"},
     "compressed": {"detector", "report", "operator"},

@@ -39,8 +39,16 @@ def test_an_unsure_turn_makes_the_place_unsure() -> None:
     assert track["pp"][0] == pytest.approx(10 + (640 / 60) ** 2)
 
 
-def seen(points_m: F64, turned_rad: float) -> F64:
-    """Return the pixels of points of the map by a pinhole camera that has turned to the left."""
+def test_turning_up_moves_the_image_down() -> None:
+    # As sideways: 3 degrees move all by 640 * 3 / 60 = 32 px.
+    track = begun(100, 240)
+    lens = Lens(640 / math.radians(60), 0.0, 320.0, 240.0)
+    turn_track(track, Turn(0.0, up_rad=math.radians(3)), lens)
+    assert list(track["x"]) == pytest.approx([100, 272, 4000, 0.4])
+
+
+def seen(points_m: F64, turned_rad: float, up_rad: float = 0.0) -> F64:
+    """Return the pixels of points by a pinhole camera that has turned to the left, or up."""
     info = CameraInfo(
         stamp_ns=0,
         sequence=0,
@@ -53,7 +61,7 @@ def seen(points_m: F64, turned_rad: float) -> F64:
         cx=320.0,
         cy=240.0,
     )
-    link = points_m @ rotation_from_rpy(0, 0, turned_rad)  # the inverse of the turn
+    link = points_m @ rotation_from_rpy(0, -up_rad, turned_rad)  # the inverse of the turn
     return project(np.column_stack([-link[:, 1], -link[:, 2], link[:, 0]]), info)
 
 
@@ -65,6 +73,26 @@ def test_a_pinhole_camera_sees_points_move_by_their_place() -> None:
         track = begun(*before)
         turn_track(track, Turn(turn_rad), Lens(0.0, 400.0, 320.0, 240.0))
         np.testing.assert_allclose(track["x"][:2], after, atol=1e-9)
+
+
+def test_a_pinhole_camera_that_is_tilted_up_sees_points_move_by_their_place() -> None:
+    up_rad = math.radians(5)
+    points = np.array([[4.0, y, z] for y in (-2.0, 0.0, 1.5) for z in (-1.0, 0.0, 1.0)])
+    for before, after in zip(seen(points, 0.0), seen(points, 0.0, up_rad), strict=True):
+        track = begun(*before)
+        turn_track(track, Turn(0.0, up_rad=up_rad), Lens(0.0, 400.0, 320.0, 240.0))
+        np.testing.assert_allclose(track["x"][:2], after, atol=1e-9)
+
+
+def test_a_tilted_camera_sees_boxes_grow_towards_the_rim() -> None:
+    # At 20 degrees below the axis, then at 30: as wide as before times cos 20 / cos 30, as high
+    # times its square, so width over height is less by it.
+    v = 240 + 400 * math.tan(math.radians(20))
+    track = begun(320, v, 2, 2)
+    turn_track(track, Turn(0.0, up_rad=math.radians(10)), Lens(0.0, 400.0, 320.0, 240.0))
+    grown = math.cos(math.radians(20)) / math.cos(math.radians(30))
+    assert track["x"][2] == pytest.approx(4 * grown**3)
+    assert track["x"][3] == pytest.approx(1 / grown)
 
 
 def test_a_pinhole_camera_sees_boxes_grow_towards_the_rim() -> None:

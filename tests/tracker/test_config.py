@@ -60,7 +60,7 @@ def test_every_tracker_can_be_made(name: str) -> None:
 
 
 def test_unknown_trackers_are_told() -> None:
-    with pytest.raises(ConfigError, match="Choose sort3d, strongsort3d, or module:Class"):
+    with pytest.raises(ConfigError, match="Choose sort3d, strongsort3d, image_sort, or"):
         make_tracker(config("tracker=deepsort"))
     with pytest.raises(ConfigError, match="cannot be loaded: No module named 'nowhere'"):
         make_tracker(config("tracker=nowhere:Tracker"))

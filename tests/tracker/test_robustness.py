@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from common.messages import Detection, Detections, Embeddings, Message, Tracks
+from common.messages import Detection, Detections, Embeddings, ImageTracks, Message, Tracks
 from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
 from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
 from services.tracker.node import TrackerNode
@@ -157,5 +157,7 @@ def test_people_whose_depth_is_never_read(config: TrackerConfig) -> None:
     node = TrackerNode(config, make_tracker(config))
     told = [m for k, frame in enumerate(blind) for m in node.handle(frame, 40 * k * MS)]
     told += node.tick(10_000 * MS)
-    assert all(isinstance(m, Tracks) and not m.people for m in told)
+    assert all(not m.people for m in told if isinstance(m, Tracks))
+    in_image = [len(m.people) for m in told if isinstance(m, ImageTracks)]
+    assert in_image == [1] * 5 * (config.tracker == "image_sort")
     assert node.status().counters["without_position"] == 5
