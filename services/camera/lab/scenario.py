@@ -49,6 +49,22 @@ class Waypoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         _check("stop_s", self.stop_s, 0, math.inf)
 
 
+class Gesture(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An arm that is moved on purpose, standing or walking, and then hangs again."""
+
+    at_s: float  # [s] when it begins
+    for_s: float = 4.0  # [s] until the arm is back
+    move_s: float = 1.0  # [s] to move it there, and to move it back
+    hand: Literal["left", "right"] = "right"
+    move: Literal["before_torso", "raise"] = "before_torso"  # across the trunk; above the head
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check("at_s", self.at_s, 0, math.inf)
+        _check("move_s", self.move_s, 0.5, math.inf)
+        _check("for_s", self.for_s, 2 * self.move_s, math.inf)
+
+
 class PersonPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One person and their way."""
 
@@ -59,6 +75,7 @@ class PersonPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     wait_s: float = 0.0  # [s] to stand before the first step
     path: tuple[Waypoint, ...] = ()  # in order; empty: stands all the time
     repeat: bool = False  # begin the path anew at its end
+    gestures: tuple[Gesture, ...] = ()
 
     def __post_init__(self) -> None:
         """Check name and numbers."""

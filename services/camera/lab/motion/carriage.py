@@ -7,14 +7,16 @@ from scipy.ndimage import gaussian_filter1d
 
 from common.messages import F64
 from services.camera.lab.motion import stance
+from services.camera.lab.motion.arms import ArmAngles, arm_rotations, with_gestures
 from services.camera.lab.motion.bouts import Track
 from services.camera.lab.motion.foot_path import FootPath, foot_path
-from services.camera.lab.motion.footfalls import SIDES, Build, Steps, plan_steps
+from services.camera.lab.motion.footfalls import Build, Steps, plan_steps
 from services.camera.lab.motion.gait import REFERENCE_MPS, Gait, load_gait, step_length_m
 from services.camera.lab.motion.legs import bend_leg, lacking_height_m, smooth_cover
 from services.camera.lab.motion.rotations import about_x, about_y, about_z, turn
 from services.camera.lab.motion.walker import STEP_S
 from services.camera.lab.posture import INDEX, PARENTS, SEGMENTS, Skeleton
+from services.camera.lab.scenario import Gesture
 
 PERSON_KEY = 7100
 BLEND_S = 0.2  # between walking and standing
@@ -23,7 +25,6 @@ WALK_LOW_M = 0.022  # mean height of the pelvis in walking at 1.3 m/s, below sta
 ANTICIPATION_S = 0.5  # the head turns to where the way leads then
 MOST_GAZE_RAD = 0.7
 GAZE_OF_CHEST = 0.25  # part of a look to the side that the chest turns along
-ABDUCTION_RAD, ELBOW_INWARD_RAD = 0.13, 0.25
 HANGING_ELBOW_DEG, HANGING_SHOULDER_DEG = 14.0, 0.0
 
 
@@ -38,6 +39,7 @@ class Person:
         quickness: Cadence over that of the average person.
         arm_swing: Amplitude over that of the average person.
         first_foot: That likes to step first, 0 left or 1 right.
+        gestures: That the person makes.
     """
 
     skeleton: Skeleton
@@ -46,9 +48,12 @@ class Person:
     quickness: float
     arm_swing: float
     first_foot: int
+    gestures: tuple[Gesture, ...] = ()
 
     @classmethod
-    def draw(cls, skeleton: Skeleton, seed: int, index: int) -> "Person":
+    def draw(
+        cls, skeleton: Skeleton, seed: int, index: int, gestures: tuple[Gesture, ...] = ()
+    ) -> "Person":
         """Return a person of a scenario."""
         rng = np.random.default_rng([seed, PERSON_KEY, index])
         return cls(
@@ -58,6 +63,7 @@ class Person:
             quickness=float(rng.uniform(0.95, 1.05)),
             arm_swing=float(rng.uniform(0.75, 1.2)),
             first_foot=int(rng.integers(2)),
+            gestures=gestures,
         )
 
     def build(self) -> Build:
@@ -78,12 +84,14 @@ class Pace:
     """How much of the gait table applies; arrays are T long.
 
     Args:
+        times_s: As of the way.
         phase: Cycles of the left leg.
         stepping: 0 standing to 1 stepping.
         stride: Step length over the table's.
         speed: Speed over the table's.
     """
 
+    times_s: F64
     phase: F64
     stepping: F64
     stride: F64
@@ -100,7 +108,9 @@ class Trunk:
     head: F64
 
 
-def posture_arrays(person: Person, track: Track, seated: F64, looking: F64) -> tuple[F64, F64, F64]:
+def posture_arrays(
+    person: Person, track: Track, seated: F64, looking: F64
+) -> tuple[F64, F64, Steps]:
     """Return a person's posture at all times of a way.
 
     Args:
@@ -111,7 +121,7 @@ def posture_arrays(person: Person, track: Track, seated: F64, looking: F64) -> t
 
     Returns:
         Pelvis Tx3 in metres, frame: map; rotations Tx13x3x3 parent_from_segment, the first
-        map_from_pelvis; T, 1 while stepping.
+        map_from_pelvis; the steps.
     """
     gait = load_gait()
     steps = plan_steps(track, person.build())
@@ -131,7 +141,7 @@ def posture_arrays(person: Person, track: Track, seated: F64, looking: F64) -> t
         leg = _leg(person.skeleton, track, trunk, feet[side], side)
         rotations[:, INDEX[f"thigh_{end}"]], rotations[:, INDEX[f"shank_{end}"]] = leg
         rotations[:, INDEX[f"foot_{end}"]] = feet[side].map_from_foot
-    return trunk.pelvis_m, _from_parents(rotations), steps.stepping
+    return trunk.pelvis_m, _from_parents(rotations), steps
 
 
 def _pace(track: Track, steps: Steps, person: Person) -> Pace:
@@ -142,7 +152,7 @@ def _pace(track: Track, steps: Steps, person: Person) -> Pace:
     stepping = gaussian_filter1d(steps.stepping, soft, mode="nearest")
     stride = step_length_m(speed, stature_m) / step_length_m(REFERENCE_MPS, stature_m)
     phase = gaussian_filter1d(steps.phase, soft / 2, mode="nearest")
-    return Pace(phase, stepping, stride * stepping, speed / REFERENCE_MPS * stepping)
+    return Pace(track.times_s, phase, stepping, stride * stepping, speed / REFERENCE_MPS * stepping)
 
 
 def _trunk(
@@ -230,15 +240,10 @@ def _arm(
     elbow = HANGING_ELBOW_DEG + elbow * np.minimum(swing, 1.2)
     shoulder = shoulder + (stance.RESTING_SHOULDER_DEG - shoulder) * sitting.rest
     elbow = elbow + (stance.RESTING_ELBOW_DEG - elbow) * sitting.rest
+    angles = with_gestures(ArmAngles(shoulder, elbow), person.gestures, side, pace.times_s)
     # Leaning forward leaves the arms hanging.
     lean = np.arctan2(-trunk.chest[:, 2, 0], trunk.chest[:, 2, 2])
-    upper = (
-        trunk.chest
-        @ about_y(-np.radians(shoulder) - 0.6 * lean)
-        @ about_x(SIDES[side] * ABDUCTION_RAD)
-        @ about_z(-SIDES[side] * ELBOW_INWARD_RAD)
-    )
-    return upper, upper @ about_y(-np.radians(elbow))
+    return arm_rotations(angles, trunk.chest, lean, side)
 
 
 def _leg(skeleton: Skeleton, track: Track, trunk: Trunk, foot: FootPath, side: int) -> F64:

@@ -20,6 +20,7 @@ from services.camera.lab.motion.crowd import (
     Surroundings,
     simulate_paths,
 )
+from services.camera.lab.motion.footfalls import Feet, Steps
 from services.camera.lab.motion.walker import STEP_S, Walker
 from services.camera.lab.posture import SEGMENTS, Posture, Skeleton
 from services.camera.lab.scenario import PersonPlan
@@ -31,13 +32,19 @@ SMOOTH_S = 0.08  # nobody's body follows its plan without inertia
 class Motion:
     """One person's motion."""
 
-    def __init__(self, track: Track, pelvis_m: F64, rotations: F64, stepping: F64):
+    def __init__(self, track: Track, pelvis_m: F64, rotations: F64, steps: Steps):
         self._begin_s = float(track.times_s[0])
         self._path = np.stack([track.x_m, track.y_m, track.yaw_rad], axis=-1)
         # Two columns make a rotation; the third is their cross product.
         axes = rotations[..., :2].reshape(len(pelvis_m), -1)
         self._samples = np.concatenate([pelvis_m, axes], axis=-1)
-        self._stepping = stepping
+        self._stepping = steps.stepping
+        self._feet = steps.feet
+
+    @property
+    def feet(self) -> tuple[Feet, Feet]:
+        """When and where the left and the right foot stand."""
+        return self._feet
 
     def at(self, t_s: float) -> Posture:
         """Return the posture at a time; position and rotations have smooth derivatives."""
@@ -125,7 +132,11 @@ def simulate(
     bounds_m = _bounds(people) if area_m is None else area_m
     stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
     paths = simulate_paths(walkers, times_s, Surroundings(bounds_m, stools_m, obstacle))
-    return tuple(_motion(paths, index, skeleton, seed) for index, skeleton in enumerate(skeletons))
+    drawn = [
+        Person.draw(skeleton, seed, index, plan.gestures)
+        for index, (skeleton, plan) in enumerate(zip(skeletons, people, strict=True))
+    ]
+    return tuple(_motion(paths, index, person) for index, person in enumerate(drawn))
 
 
 def _bounds(people: Sequence[PersonPlan]) -> F64:
@@ -137,7 +148,7 @@ def _bounds(people: Sequence[PersonPlan]) -> F64:
     return np.stack([places.min(axis=0) - BOUND_MARGIN_M, places.max(axis=0) + BOUND_MARGIN_M])
 
 
-def _motion(paths: Paths, index: int, skeleton: Skeleton, seed: int) -> Motion:
+def _motion(paths: Paths, index: int, person: Person) -> Motion:
     """Return the motion of one person on their way."""
     x, y, yaw = (
         gaussian_filter1d(values[index], SMOOTH_S / STEP_S, mode="nearest")
@@ -145,8 +156,7 @@ def _motion(paths: Paths, index: int, skeleton: Skeleton, seed: int) -> Motion:
     )
     speed = np.hypot(np.gradient(x, STEP_S), np.gradient(y, STEP_S))
     track = Track(paths.times_s, x, y, yaw, speed, np.gradient(yaw, STEP_S))
-    person = Person.draw(skeleton, seed, index)
-    pelvis_m, rotations, stepping = posture_arrays(
+    pelvis_m, rotations, steps = posture_arrays(
         person, track, paths.seated[index], paths.looking[index]
     )
-    return Motion(track, pelvis_m, rotations, stepping)
+    return Motion(track, pelvis_m, rotations, steps)
