@@ -84,7 +84,8 @@ def test_a_mark_is_seen_from_its_side_only() -> None:
     of = standing()
     (mesh,) = of.meshes(0.0)
     chest_m = of.keypoints_m(0.0)[0][[5, 6]].mean(axis=0) - (0, 0, 0.1)
-    marks = mark(of, 0, 0.0, chest_m + [[-0.3, 0, 0], [0.3, 0, 0]])
+    sides_m = np.array([[-0.3, 0, 0], [0.3, 0, 0]])
+    marks = mark(of, 0, 0.0, chest_m + sides_m)
     view = draw_depth([of.room.mesh, mesh], of.optical_from_map(0.0), of.info, 0.05)
     points_m = places_m(of, 0.0, [marks])[0]
     assert seen(of, points_m, view.depth_m, view.owners, 0).tolist() == [1, 0]
