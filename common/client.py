@@ -35,6 +35,16 @@ class Client:
         self.bus = ZenohBus(config, robot, connect_timeout_s=timeout_s)
         self.inbox = Inbox()
 
+    @property
+    def counters(self) -> dict[str, int]:
+        """What came and what did not, by cause since the start.
+
+        `received_people`; `gaps_people`: camera frames for which no people came, lost on the way or
+        skipped by a busy detector; `dropped_people`: pushed out because nobody took them;
+        `bad_people`: bytes that are no such message. Likewise for other streams.
+        """
+        return dict(self.inbox.counters)
+
     def messages(self, *kinds: type[M], timeout_s: float | None = None) -> Iterator[M]:
         """Subscribe, and yield messages as they come.
 

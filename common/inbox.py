@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from common.bus import Subscription
 from common.codec import decode
 from common.errors import DecodeError
-from common.messages import Message, RgbdFrame
+from common.messages import Message, RgbdFrame, Tracks
 from common.sharing import Share, Spare, head_of
 from common.topics import ForeignTopic, Topic
 
@@ -97,7 +97,9 @@ class Inbox:
         arrival = Arrival(message, received_ns, time.time_ns())
         with self._changed:
             if not again:
-                self._count_gap(topic, key, message.sequence)
+                # People of several cameras come on one key, each with its camera's numbers.
+                source = f"{key} {message.camera}" if isinstance(message, Tracks) else key
+                self._count_gap(topic, source, message.sequence)
             queue = self._queues.setdefault(key, deque())
             skippable = not (isinstance(message, RgbdFrame) and message.lockstep)
             keep = 0 if topic.delivery == "newest" and skippable else topic.depth - 1
@@ -149,10 +151,11 @@ class Inbox:
         """Return whether bytes failed to decode within the last seconds."""
         return time.monotonic() - self._failed_s < FRESH_S
 
-    def _count_gap(self, topic: Topic, key: str, sequence: int) -> None:
+    def _count_gap(self, topic: Topic, source: str, sequence: int) -> None:
         self.counters[f"received_{topic.name}"] += 1
-        last = self._last.get(key)
-        self._last[key] = sequence
+        last = self._last.get(source)
+        self._last[source] = sequence
+        numbered = topic.delivery == "newest" or topic.message is Tracks
         # A sequence that goes back is a restarted publisher, not a gap.
-        if topic.delivery == "newest" and last is not None and sequence > last + 1:
+        if numbered and last is not None and sequence > last + 1:
             self.counters[f"gaps_{topic.name}"] += sequence - last - 1

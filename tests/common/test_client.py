@@ -54,6 +54,7 @@ def test_several_kinds_come_together(network: Network, talking: str) -> None:
             if len(seen) == 2:
                 break
         assert seen == {Tracks, Health}
+        assert client.counters["received_people"] >= 1
 
 
 def test_the_iteration_ends_when_nothing_comes(network: Network, talking: str) -> None:

@@ -99,6 +99,15 @@ def test_gaps_of_two_cameras_are_told_apart() -> None:
     assert inbox.counters["gaps_frames"] == 0
 
 
+def test_frames_without_people_are_counted_for_each_camera() -> None:
+    # left: 3 and 4 never came; right: 11; both come on the key of all people.
+    inbox = Inbox()
+    for sequence, camera in ((2, "left"), (10, "right"), (5, "left"), (12, "right"), (13, "right")):
+        tracks = msgspec.structs.replace(EXAMPLES["Tracks"], sequence=sequence, camera=camera)
+        inbox.put(BY_NAME["people"], "people", encode(tracks))
+    assert inbox.counters["gaps_people"] == 2 + 1
+
+
 def test_the_largest_gaps_can_still_be_told() -> None:
     # Counters of 64 bits once overflowed after two such messages, which silenced the heartbeat.
     inbox = Inbox()
