@@ -6,7 +6,10 @@ import msgspec
 
 
 class OcclusionConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """People hidden behind others keep their tracks. All values are this project's."""
+    """People hidden behind others, or whom the camera turns away from, keep their tracks.
+
+    All values are this project's.
+    """
 
     enabled: bool = False  # section 5: False
     # [m] half of a person's width: who stands before whom is told by such upright strips
@@ -16,6 +19,9 @@ class OcclusionConfig(msgspec.Struct, frozen=True, kw_only=True):
     # [m] someone seen hides a person who is not nearer to the camera than they by more than this:
     # of two who touch, one is often found for both
     nearer_slack_m: float = 0.2
+    # A camera has turned away from somebody if it shows less than this share of what it showed of
+    # their width where they were seen last: that they are not seen says nothing then
+    watched_min: float = 0.5
     # A person not seen may stop or turn: their velocity dies out with this time constant, and its
     # uncertainty goes back to that of somebody walking anywhere
     velocity_decay_s: float = 0.7  # [s]
@@ -24,7 +30,7 @@ class OcclusionConfig(msgspec.Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Check ranges."""
         _expect_positive(self, "half_width_m", "velocity_decay_s", "walk_sigma_mps")
-        _expect_within(self, 1.0, "covered_min")
+        _expect_within(self, 1.0, "covered_min", "watched_min")
         _expect_within(self, 10.0, "nearer_slack_m")
 
 

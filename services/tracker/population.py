@@ -43,6 +43,10 @@ class Target:
     age: int = 1  # frames since the beginning, the first included
     missed: int = 0  # frames since the last match, this one included until it is matched
     hidden: int = 0  # of these, frames in which somebody stood before them
+    unwatched: int = 0  # of these, frames in which the camera had turned away from them
+    unwatched_ns: int = 0  # [ns] how long it had
+    watched_m: F64 | None = None  # [m] 3, where they were when last seen
+    shown: float = 1.0  # part of a person's width there that the image had room for, 0 to 1
     at_edge: bool = False  # whether the last picture was cut off at the left or right
     hidden_ns: int = 0  # [ns] stamp of the last of them
 
@@ -66,7 +70,7 @@ class Survival:
     def ended(self, target: Target) -> bool:
         """Tell whether too many frames have missed the person."""
         limit = self.lost_frames if target.confirmed else self.tentative_frames
-        return target.missed - target.hidden >= limit
+        return target.missed - target.hidden - target.unwatched >= limit
 
     def expired(self, target: Target, stamp_ns: int) -> bool:
         """Tell whether the person was not seen for too long to be predicted."""
@@ -127,7 +131,7 @@ class Population:
             target.camera, target.seen_ns = observation.camera, observation.stamp_ns
             target.hits += 1
             target.streak += 1
-            target.missed = target.hidden = 0
+            target.missed = target.hidden = target.unwatched = target.unwatched_ns = 0
             target.confirmed |= target.streak >= self._survival.confirm_hits
 
     def finish(self, newcomers: Sequence[Measurement], observation: Observation) -> list[Track]:

@@ -24,6 +24,7 @@ from services.tracker.motion import PointMotion
 from services.tracker.occlusion import Fading, hidden
 from services.tracker.population import Population, Survival, Target, stack
 from services.tracker.recognition import Recognition, Sight
+from services.tracker.watching import mark_unwatched, mark_watched
 from services.tracker.yaw import make_yaw
 
 ROUND_2 = 0.5  # certainty of a match for no other reason than that somebody is near
@@ -58,8 +59,11 @@ class StrongSort3d:
 
     def update(self, observation: Observation) -> list[Track]:
         """Predict, assign twice, correct; begin and end tracks."""
-        people = self._people
+        people, occlusion = self._people, self._config.occlusion
+        elapsed_ns = observation.stamp_ns - (people.stamp_ns or observation.stamp_ns)
         people.advance(observation)
+        if occlusion.enabled:
+            mark_unwatched(people.targets, observation, elapsed_ns, occlusion)
         detections = in_order(observation.measurements)
         if self._config.contact.enabled:
             detections = doubted(detections, observation, self._config.contact)
@@ -78,6 +82,8 @@ class StrongSort3d:
 
         people.match(first + second, observation)
         self._update_embeddings(first + second, now)
+        if occlusion.enabled:
+            mark_watched([t for t, _ in first + second], observation, occlusion)
         self._mark_hidden(observation)
         if self._recognition:
             mark_at_edge(first + second, observation)
@@ -114,10 +120,11 @@ class StrongSort3d:
 
     def _left(self, target: Target, observation: Observation) -> bool:
         """Tell whether it is up to recognition to find a person again."""
-        unseen_s = (observation.stamp_ns - target.seen_ns) / 1e9
         identity = self._config.identity
-        longest_s = identity.leaving_s if target.at_edge else identity.handover_s
-        return identity.enabled and target.hidden == 0 and unseen_s > longest_s
+        if not identity.enabled or target.hidden or target.embedding is None:
+            return False
+        missed_s = (observation.stamp_ns - target.seen_ns - target.unwatched_ns) / 1e9
+        return missed_s > (identity.leaving_s if target.at_edge else identity.handover_s)
 
     def _appearance_cost(
         self, targets: Sequence[Target], detections: Sequence[Measurement], now: Scene
