@@ -138,7 +138,8 @@ class Heartbeat:
             pid=os.getpid(),
             release=release(),
             state="stopping" if now == "finished" else now,
-            reason=reason,
+            # It may quote an error of somebody else's code, of many lines.
+            reason="".join(c if c.isprintable() else " " for c in reason),
             counters=dict(counters),
             gauges=self._gauges(counters),
         )

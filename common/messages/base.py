@@ -70,6 +70,21 @@ def check_name(field: str, value: str) -> None:
         )
 
 
+def check_text(field: str, *values: str) -> None:
+    """Check that texts for people hold nothing that a terminal takes for a command.
+
+    Args:
+        field: Name of the field, for the error.
+        values: The texts.
+
+    Raises:
+        ValueError: One has a character that cannot be printed, a line break among them.
+    """
+    for value in values:
+        if not value.isprintable():
+            raise ValueError(f"{field}: expected printable text, got {value!r:.80}")
+
+
 def check_size(width: int, height: int) -> None:
     """Check that a picture can be of these many pixels.
 

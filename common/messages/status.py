@@ -4,7 +4,7 @@ from typing import Literal
 
 import msgspec
 
-from common.messages.base import Message, check_finite, check_name
+from common.messages.base import Message, check_finite, check_name, check_text
 
 State = Literal["starting", "ready", "degraded", "stalled", "stopping"]
 
@@ -30,4 +30,6 @@ class Health(Message, frozen=True, kw_only=True):
         super().__post_init__()
         check_name("service", self.service)
         check_name("instance", self.instance)
+        check_text("host, reason, release", self.host, self.reason, self.release)
+        check_text("counters, gauges", *self.counters, *self.gauges)
         check_finite("gauges", *self.gauges.values())

@@ -31,6 +31,7 @@ class Echo:
         self.hook = hook
         self.handled: list[int] = []
         self.state: Literal["starting", "ready", "degraded", "finished"] = "ready"
+        self.reason = ""
         self.due: list[Message] = []
         self.closed = False
 
@@ -60,7 +61,8 @@ class Echo:
         return None
 
     def status(self) -> Status:
-        return Status(state=self.state, counters={"handled": len(self.handled), "skipped": 0})
+        counters = {"handled": len(self.handled), "skipped": 0}
+        return Status(state=self.state, reason=self.reason, counters=counters)
 
     def close(self) -> None:
         self.closed = True

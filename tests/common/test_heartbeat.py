@@ -67,6 +67,12 @@ def test_the_state_of_the_node_is_told(beating: Beating) -> None:
     beating.wait("stopping")
 
 
+def test_a_reason_of_many_lines_is_told_in_one(beating: Beating) -> None:
+    beating.node.reason = "the model failed:\n\x1b[31mno memory"
+    beating.node.state = "degraded"
+    assert beating.wait("degraded").reason == "the model failed:  [31mno memory"
+
+
 def test_a_node_that_hangs_is_told_as_stalled_until_it_goes_on(beating: Beating) -> None:
     release = threading.Event()
 

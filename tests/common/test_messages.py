@@ -21,6 +21,9 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
         {"frame_id": "a/b"},
         "frame_id: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got 'a/b'",
     ),
+    # Escape sequences once went through to the terminal of whoever looked at the system.
+    ("Health", {"reason": "all\x1b[2Jwell"}, "reason, release: expected printable text, got"),
+    ("Health", {"counters": {"a\nb": 1}}, "counters, gauges: expected printable text"),
     ("CameraInfo", {"fx": float("nan")}, "expected finite numbers, got NaN or infinity"),
     ("CameraInfo", {"fy": 0.0}, "expected > 0, got 600.5, 0.0, 4.0"),
     ("CameraInfo", {"width": 0}, "width, height: expected 1 to 16384, got 0, 480"),
