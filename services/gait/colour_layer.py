@@ -1,19 +1,19 @@
 """The colour layer: people's boxes followed by their colours (method book section 8.1)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from common.messages import F64, U8
 from services.gait.colour_config import ColourLayerConfig
-from services.gait.histogram import HueSaturation, bhattacharyya, weights_of
+from services.gait.histogram import HueSaturation, Part, part_of, weights_of
 from services.gait.motion_models import STATES, MotionModel
 from services.gait.particles import ESTIMATORS, spread_px
 from services.gait.resampling import RESAMPLERS
 
-SQRT2 = 2**0.5
 SIZE = slice(4, 6)  # width and height in a state
+WIDER = np.array([1.0, 1.0, 2**0.5, 2**0.5])  # of a box of twice the area, which surrounds it
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ class ColourLayer:
         self._generator = np.random.default_rng(seed)
         self._colours = HueSaturation(config.hue_bins, config.saturation_bins, config.points)
         self._model = MotionModel(config)
+        self._surround = config.surround
         self._resample = RESAMPLERS[config.resampling]
         self._estimate = ESTIMATORS[config.estimate]
         self._people: list[int] = []
@@ -101,38 +102,41 @@ class ColourLayer:
             return {}
         before = self._states
         states = self._model(before, self._before, self._generator)
-        _, distances = self._distances(rgb, states)
+        boxes = states[..., [0, 1, 4, 5]]
+        covered = boxes * WIDER if self._surround else boxes
+        parts = [part_of(rgb, own) for own in covered]
+        _, distances = self._distances(parts, boxes)
         weights = weights_of(distances, self._config.sigma)
         estimates = self._estimate(states, weights, self._config.robust_window_px)
-        told = self._told(rgb, estimates, spread_px(states, weights))
+        told = self._told(parts, estimates, spread_px(states, weights))
         chosen = self._resample(weights, self._generator)
         self._states = np.take_along_axis(states, chosen[..., None], axis=1)
         self._before = np.take_along_axis(before, chosen[..., None], axis=1)
         return told
 
-    def _distances(self, rgb: U8, states: F64) -> tuple[F64, F64]:
-        """Compare each particle's colours and those around it with the person's.
+    def _distances(self, parts: Sequence[Part], boxes: F64) -> tuple[F64, F64]:
+        """Compare the colours of each person's boxes and those around them with the person's.
+
+        Args:
+            parts: P, of the image.
+            boxes: PxNx4: centre x, y, width, height.
 
         Returns:
             PxN Bhattacharyya distances, and PxN with what the surroundings add to them.
         """
-        people, count = states.shape[:2]
-        references = self._references[:, None]
-        boxes = states[..., [0, 1, 4, 5]].reshape(-1, 4)
-        found = self._colours(rgb, boxes)
-        distances = bhattacharyya(found.reshape(people, count, -1), references)
-        if not self._config.surround:
-            return distances, distances
-        # A box of twice the area: what is not of the box itself surrounds it.
-        wider = self._colours(rgb, boxes * (1, 1, SQRT2, SQRT2))
-        around = np.clip(2 * wider - found, 0.0, 1.0).reshape(people, count, -1)
-        alike = 1 - bhattacharyya(around, references) ** 2
-        return distances, np.sqrt(distances**2 + (self._config.surround * alike) ** 2)
+        found = np.empty((2, *boxes.shape[:2]))
+        for row, (part, own) in enumerate(zip(parts, boxes, strict=True)):
+            compared = self._colours.compare(part, own, self._references[row], self._surround)
+            found[:, row] = compared
+        return found[0], found[1]
 
-    def _told(self, rgb: U8, estimates: F64, spreads: F64) -> dict[int, ColourEstimate]:
+    def _told(
+        self, parts: Sequence[Part], estimates: F64, spreads: F64
+    ) -> dict[int, ColourEstimate]:
         centres, sizes = estimates[:, :2], estimates[:, SIZE]
         boxes = np.concatenate([centres - sizes / 2, centres + sizes / 2], axis=1)
-        distances = self._distances(rgb, estimates[:, None])[0][:, 0]
+        # The estimate lies among the particles, so the parts cover it.
+        distances = self._distances(parts, estimates[:, None, [0, 1, 4, 5]])[0][:, 0]
         rows = zip(self._people, boxes, estimates[:, 2:4], distances, spreads, strict=True)
         return {
             person: ColourEstimate(box, velocity, float(distance), float(spread))
