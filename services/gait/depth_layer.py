@@ -1,0 +1,405 @@
+"""The depth layer: points of one person's body followed in depth (method book section 8.3)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.geometry import project
+from common.messages import F32, F64, CameraInfo
+from services.gait.depth_config import DepthLayerConfig
+from services.gait.floor import Floor
+from services.gait.geodesic import geodesic_m
+from services.gait.limbs import UP, Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
+from services.gait.point_filter import PointEstimate, PointFilter, Proposal
+from services.gait.points import PAIRS, Anchor, anchors
+from services.gait.spin_image import similarity, spin_images
+from services.gait.surface import I64, Surface
+from services.gait.tips import tips_of
+from services.gait.trunk import Trunk
+from services.gait.weighing import Hints, Weighed, agreement, alone, together
+
+__all__ = ["DepthLayer", "PointEstimate", "Sight"]
+
+MIN_VERTICES = 30  # fewer are no body
+SURE = 0.5  # of a keypoint or an end of a limb from which a lost point starts
+APART = 3.0  # [standard deviations] of a point and its keypoint, which then disagree
+PATIENCE = 4  # frames of disagreement
+CROSSING_M = 0.12  # [m] between left and right, nearer than which they may be taken for each other
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What is seen of one person in a frame."""
+
+    surface: Surface | None  # None: nothing
+    dt_s: float  # since the last frame
+    keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
+    floor: Floor | None = None
+    facing: F64 | None = None  # 3, the way the person faces, optical frame
+
+
+class DepthLayer:
+    """Follows the points of one person.
+
+    Args:
+        config: Which points, models and constants.
+        info: Calibration.
+        seed: Of the random numbers; the same seed and calls give the same points.
+
+    Source: method book section 8.3.
+    """
+
+    def __init__(self, config: DepthLayerConfig, info: CameraInfo, seed: int = 0) -> None:
+        self._config, self._info = config, info
+        self._generator = np.random.default_rng(seed)
+        self._trunk = Trunk(config)
+        self._points = {name: self._new(name) for name in config.points}
+        self._disagreed = dict.fromkeys(config.points, 0)
+        self._votes: dict[str, float] = {}
+        self._stature_m = 0.0
+        self._combined = config.feature == "combined"
+        self.body: Body3d | None = None  # of the last frame
+        self.trust: dict[str, dict[str, float]] = {}  # by point and feature, of the last frame
+
+    @property
+    def filters(self) -> Mapping[str, PointFilter]:
+        """The particle filters by the names of their points."""
+        return self._points
+
+    def start(self, name: str, point_m: F64, sight: Sight) -> bool:
+        """Follow a point from now on, or again from here.
+
+        Args:
+            name: Of the point; a new name marks one more.
+            point_m: 3, optical frame; the nearest vertex is taken.
+            sight: The frame that it is of.
+
+        Returns:
+            Whether there is a body to mark it on.
+        """
+        body = self._look(sight)
+        if body is None or not np.all(np.isfinite(point_m)):
+            return False
+        self._start(name, body.surface.nearest(point_m), body, marked=True)
+        return True
+
+    def stop(self, name: str) -> None:
+        """Follow a point no longer."""
+        self._points.pop(name, None)
+        self._disagreed.pop(name, None)
+
+    def update(self, sight: Sight) -> Mapping[str, PointEstimate]:
+        """Return where the points are in the next frame.
+
+        Args:
+            sight: What is seen of the person.
+        """
+        body = self._look(sight)
+        if body is None:
+            for point in self._points.values():
+                self._skip(point, sight.dt_s)
+            return self._told()
+        found = self._anchors(sight)
+        ends = limb_ends(body, self._config) if self._combined or not self._begun() else []
+        self._move(sight, found, ends)
+        self._weigh(sight, body, found)
+        self._begin(sight, body, found, ends)
+        return self._told()
+
+    def ahead(self, dt_s: float) -> Mapping[str, PointEstimate]:
+        """Return where the points will be after some time, if nothing is seen of them."""
+        return {name: point.ahead(dt_s) for name, point in self._points.items()}
+
+    def interrupt(self) -> None:
+        """Nothing was seen for so long that all points are lost."""
+        for point in self._points.values():
+            point.state = "lost"
+
+    def _new(self, name: str) -> PointFilter:
+        return PointFilter(name, self._config, self._info, self._generator)
+
+    def _begun(self) -> bool:
+        return all(point.motion is not None for point in self._points.values())
+
+    def _told(self) -> dict[str, PointEstimate]:
+        return {name: point.estimate() for name, point in self._points.items()}
+
+    def _skip(self, point: PointFilter, dt_s: float) -> None:
+        if point.motion is not None:
+            point.motion.predict(dt_s)
+        point.missed(dt_s)
+
+    def _look(self, sight: Sight) -> Body3d | None:
+        """Measure what all points need: heights, distances along the body, ends of limbs."""
+        surface, config = sight.surface, self._config
+        self.body = None
+        if surface is None or len(surface.points_m) < MIN_VERTICES:
+            return None
+        heights = heights_of(surface, sight.floor)
+        self._stature_m = max(0.998 * self._stature_m, float(np.quantile(heights, 0.995)))
+        if self._combined or config.source == "body":
+            source = self._trunk.vertex(surface, heights, self._stature_m, sight.keypoints)
+        else:
+            source = int(np.argmax(heights))
+        along = geodesic_m(surface, source)
+        tips = tips_of(surface, along, config.tip_m)
+        self.body = body_of(surface, heights, self._stature_m, along, tips)
+        return self.body
+
+    def _anchors(self, sight: Sight) -> Mapping[str, Anchor]:
+        """Return where keypoints put the points; left and right as they were."""
+        if not (self._combined and self._config.keypoints):
+            return {}
+        found = dict(anchors(sight.keypoints, self._config))
+        for left, right in PAIRS:
+            self._unswap(found, left, right, sight.dt_s)
+        return {name: anchor for name, anchor in found.items() if name in self._points}
+
+    def _unswap(self, found: dict[str, Anchor], left: str, right: str, dt_s: float) -> None:
+        """Exchange the anchors of a pair that fit better the other way round.
+
+        A detector takes left for right at times; if it does so for long, it is the points that are
+        exchanged.
+        """
+        pair = [self._points.get(left), self._points.get(right)]
+        if left not in found or right not in found or not all(p and p.alive for p in pair):
+            return
+        here = np.stack([p.motion.position_m for p in pair if p and p.motion])
+        pixels = project(here, self._info)
+        a, b = found[left].pixel, found[right].pixel
+        kept = np.linalg.norm(pixels[0] - a) + np.linalg.norm(pixels[1] - b)
+        crossed = np.linalg.norm(pixels[0] - b) + np.linalg.norm(pixels[1] - a)
+        apart = np.linalg.norm(a - b) > self._pixels(CROSSING_M, here[0, 2])
+        votes = self._votes.get(left, 0.0) + (dt_s if crossed < kept and apart else -dt_s)
+        self._votes[left] = max(votes, 0.0)
+        if votes > self._config.swap_s:
+            self._votes[left] = 0.0
+            self._exchange(left, right)
+        elif crossed < kept:
+            found[left], found[right] = found[right], found[left]
+
+    def _exchange(self, left: str, right: str) -> None:
+        """Give the points of a pair each other's name."""
+        points = self._points
+        points[left], points[right] = points[right], points[left]
+        points[left].name, points[right].name = left, right
+
+    def _move(self, sight: Sight, found: Mapping[str, Anchor], ends: Sequence[LimbEnd]) -> None:
+        for name, point in self._points.items():
+            if point.motion is None:
+                continue
+            proposals = self._proposals(point, found.get(name), ends) if self._combined else []
+            point.propagate(sight.dt_s, proposals)
+
+    def _proposals(
+        self, point: PointFilter, anchor: Anchor | None, ends: Sequence[LimbEnd]
+    ) -> list[Proposal]:
+        """Return where else a point may be: at its keypoint, at an end of a limb of its kind."""
+        assert point.motion is not None
+        share = self._config.proposed
+        proposals = []
+        if anchor is not None:
+            sigma = self._anchor_sigma(point.motion.position_m[2], anchor)
+            proposals.append(Proposal(anchor.pixel, sigma, share / 2))
+        near = [end for end in ends if end.kind == point.kind]
+        if near:
+            positions = np.stack([end.position_m for end in near])
+            best = int(np.argmin(np.linalg.norm(positions - point.motion.position_m, axis=1)))
+            sigma = self._pixels(0.03, positions[best, 2])
+            proposals.append(Proposal(project(positions[best], self._info)[0], sigma, share / 2))
+        return proposals
+
+    def _weigh(self, sight: Sight, body: Body3d, found: Mapping[str, Anchor]) -> None:
+        """Weigh the particles of all points, and take in what they tell."""
+        points = [point for point in self._points.values() if point.motion is not None]
+        for point in points:
+            point.settle(body)
+        alike = self._alike(points, body)
+        weighed = [
+            self._weighed(point, body, like, found.get(point.name))
+            for point, like in zip(points, alike, strict=True)
+        ]
+        for point, result in zip(points, weighed, strict=True):
+            self.trust[point.name] = result.trust
+            self._take(point, body, result, found.get(point.name), sight.dt_s)
+
+    def _alike(self, points: Sequence[PointFilter], body: Body3d) -> list[F64]:
+        """Return how like the reference the spin images of all particles are."""
+        if self._config.feature == "geodesic":
+            return [np.zeros(len(point.vertices)) for point in points]
+        vertices: list[I64] = [point.vertices for point in points]
+        distinct, inverse = np.unique(np.concatenate([[-1], *vertices]), return_inverse=True)
+        images = spin_images(body.surface, distinct, self._config.spin)
+        found, at = [], 1
+        for point in points:
+            mine = inverse[at : at + len(point.vertices)]
+            at += len(mine)
+            rows, back = np.unique(mine, return_inverse=True)
+            assert point.spin is not None
+            found.append(similarity(images[rows], point.spin)[back])
+        return found
+
+    def _weighed(
+        self, point: PointFilter, body: Body3d, alike: F64, anchor: Anchor | None
+    ) -> Weighed:
+        if not self._combined:
+            return alone(point, body, alike, self._config)
+        assert point.motion is not None
+        sigma = self._anchor_sigma(point.motion.position_m[2], anchor) if anchor else 1.0
+        hints = Hints(anchor, sigma, self._other(point))
+        return together(point, body, alike, hints, self._config)
+
+    def _other(self, point: PointFilter) -> PointFilter | None:
+        for left, right in PAIRS:
+            if point.name in (left, right):
+                return self._points.get(right if point.name == left else left)
+        return None
+
+    def _take(
+        self, point: PointFilter, body: Body3d, result: Weighed, anchor: Anchor | None, dt_s: float
+    ) -> None:
+        logs = result.logs
+        best = int(np.argmax(logs))
+        if not np.isfinite(logs[best]):
+            point.missed(dt_s)
+            point.scatter(body)
+            return
+        weights = np.exp(logs - logs[best])
+        weights /= weights.sum()
+        places = body.surface.points_m[np.maximum(point.vertices, 0)]
+        if self._combined:
+            near = np.linalg.norm(places - places[best], axis=1) <= self._config.window_m
+            kept = weights * near * (point.vertices >= 0)
+            position = (kept / kept.sum()) @ places
+            self._judge(point, body, position, best, result, anchor, dt_s)
+        else:
+            point.measured(places[best], 1.0)
+        point.resample(weights)
+
+    def _judge(
+        self,
+        point: PointFilter,
+        body: Body3d,
+        position: F64,
+        best: int,
+        result: Weighed,
+        anchor: Anchor | None,
+        dt_s: float,
+    ) -> None:
+        """Take a position in if enough speaks for it."""
+        assert point.motion is not None
+        config = self._config
+        noise = point.noise_m2(position)
+        off = float(np.sqrt(point.motion.distances2(position[None], noise)[0]))
+        support = self._support(point, body, point.vertices[best])
+        if anchor is not None:
+            pixel = project(position, self._info)[0]
+            sigma = self._anchor_sigma(position[2], anchor)
+            apart = float(np.linalg.norm(pixel - anchor.pixel)) / sigma
+            sure = float(np.clip((anchor.confidence - 0.3) / 0.4, 0.0, 1.0))
+            support = max(support, sure * float(agreement(np.array(apart / 1.5))))
+            self._disagreed[point.name] = (
+                self._disagreed.get(point.name, 0) + 1
+                if apart > APART and anchor.confidence > SURE
+                else 0
+            )
+        confidence = support * float(agreement(np.array(off / config.gate * 1.5)))
+        if off > config.gate or confidence < config.confidence_min or point.state == "lost":
+            point.missed(dt_s)
+            return
+        point.measured(position, confidence)
+        vertex = point.vertices[best]
+        if confidence > SURE and np.isfinite(body.along_m[vertex]):
+            point.along_m += config.adapt * (float(body.along_m[vertex]) - point.along_m)
+
+    def _support(self, point: PointFilter, body: Body3d, vertex: int) -> float:
+        """Return what the body's shape says for a vertex, 0 to 1."""
+        config = self._config
+        off = (body.along_m[vertex] - point.along_m) / config.geodesic_sigma_m
+        by_distance = float(agreement(np.array(np.nan_to_num(off, posinf=9.0) / 1.5)))
+        by_limb = 0.0
+        basin = body.tips.basin[vertex]
+        if np.isfinite(point.below_m) and basin >= 0 and body.kinds[basin] == point.kind:
+            off = (body.below_m[vertex] - point.below_m) / config.tip_sigma_m
+            by_limb = float(body.strengths[basin] * agreement(np.array(off / 1.5)))
+        return max(by_distance, by_limb)
+
+    def _begin(
+        self, sight: Sight, body: Body3d, found: Mapping[str, Anchor], ends: Sequence[LimbEnd]
+    ) -> None:
+        """Start points that are not followed, and again those that their keypoints contradict."""
+        for name, point in self._points.items():
+            contradicted = self._disagreed.get(name, 0) > PATIENCE
+            idle = point.motion is None or (self._combined and point.state == "lost")
+            anchor = found.get(name)
+            if not (idle or contradicted) or (anchor is not None and anchor.confidence < SURE):
+                continue
+            if anchor is not None:
+                self._start_near(name, anchor.pixel, body, 0.05)
+        if not (self._combined and self._config.keypoints and sight.keypoints is not None):
+            self._begin_at_ends(sight, body, ends)
+
+    def _start_near(self, name: str, pixel: F64, body: Body3d, reach_m: float) -> None:
+        away = np.linalg.norm(body.surface.pixels_px - pixel, axis=1)
+        vertex = int(np.argmin(away))
+        if away[vertex] <= self._pixels(reach_m, body.surface.points_m[vertex, 2]):
+            self._start(name, vertex, body)
+
+    def _begin_at_ends(self, sight: Sight, body: Body3d, ends: Sequence[LimbEnd]) -> None:
+        """Start points at the ends of limbs; which is left tells the way the person faces."""
+        forward = np.array([0.0, 0.0, -1.0]) if sight.facing is None else sight.facing
+        left = np.cross(UP, forward)
+        for kind in ("head", "hand", "foot"):
+            idle = [p for p in self._points.values() if p.kind == kind and not p.alive]
+            if not self._combined:
+                idle = [p for p in idle if p.motion is None]
+            taken = [
+                p.motion.position_m
+                for p in self._points.values()
+                if p.kind == kind and p.alive and p.motion is not None
+            ]
+            free = [
+                end.position_m
+                for end in ends
+                if end.kind == kind
+                and all(np.linalg.norm(end.position_m - t) > 0.15 for t in taken)
+            ]
+            self._assign(idle, free[: len(idle)], left, body)
+
+    def _assign(
+        self, idle: Sequence[PointFilter], places: Sequence[F64], left: F64, body: Body3d
+    ) -> None:
+        if not idle or not places:
+            return
+        middle = np.median(body.surface.points_m, axis=0)
+        if len(idle) == 2 and len(places) == 2:
+            ordered = sorted(places, key=lambda place: -float((place - middle) @ left))
+            names = sorted(idle, key=lambda point: not point.name.startswith("left"))
+            for point, place in zip(names, ordered, strict=True):
+                self._start(point.name, body.surface.nearest(place), body)
+            return
+        place = places[0]
+        side = "left" if float((place - middle) @ left) > 0 else "right"
+        chosen = next((p for p in idle if p.name.startswith(side)), None)
+        if chosen is None and (len(idle) == 1 or not idle[0].name.startswith(("left", "right"))):
+            chosen = idle[0]
+        if chosen is not None:
+            self._start(chosen.name, body.surface.nearest(place), body)
+
+    def _start(self, name: str, vertex: int, body: Body3d, *, marked: bool = False) -> None:
+        point = self._points.get(name) or self._new(name)
+        self._points[name] = point
+        self._disagreed[name] = 0
+        point.start(vertex, body, spin_images(body.surface, [vertex], self._config.spin)[0])
+        point.below_m = lengths_m(self._config).get(point.kind, np.nan)
+        basin = body.tips.basin[vertex]
+        if marked and basin >= 0:
+            below = float(body.below_m[vertex])
+            point.below_m = below if body.kinds[basin] == point.kind and below < 0.4 else np.nan
+
+    def _pixels(self, length_m: float, depth_m: float) -> float:
+        return float(self._info.fx * length_m / max(depth_m, 0.1))
+
+    def _anchor_sigma(self, depth_m: float, anchor: Anchor) -> float:
+        return anchor.sigma * self._pixels(self._config.keypoint_sigma_m, depth_m)
