@@ -39,6 +39,7 @@ SERVICES: dict[str, dict[str, Any]] = {
     "reid": {},
     "tracker": {},
     "tracker-sort3d": {"tracker": "sort3d"},
+    "gait": {},
     "gt_bridge": {},
     "report": {"video": False, "sheet_frames": 2},
 }

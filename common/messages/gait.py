@@ -55,8 +55,9 @@ class PersonGait(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """One person's points and measures in one frame."""
 
     id: int  # as in Tracks
-    box_xyxy_px: F32  # [px] 4: left, top, right, bottom; may reach beyond the image
     measures: GaitMeasures  # of the last seconds, this frame included
+    # [px] 4: left, top, right, bottom; may reach beyond the image; absent: nobody knows where
+    box_xyxy_px: F32 | None = None
     points: tuple[BodyPoint, ...] = ()  # each name once
 
     def __post_init__(self) -> None:

@@ -85,6 +85,9 @@ def up(
         Path | None,
         typer.Option(help="Run to the end of the source, write a report to this folder, stop."),
     ] = None,
+    gait: Annotated[
+        bool, typer.Option("--gait", help="Follow heads, hands and feet, and tell how people walk.")
+    ] = False,
     robot: Robot = "robot",
     host: Annotated[
         str, typer.Option(help="Address of the router; 0.0.0.0 lets other machines connect.")
@@ -128,6 +131,7 @@ def up(
         settings=[*settings, *set_],
         scale=scale,
         report=report,
+        gait=gait,
     )
     if compose == COMPOSE_FILE:
         check_source(wish)

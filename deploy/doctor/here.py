@@ -23,6 +23,7 @@ CONFIGS = {
     "detector": "services.detector.config:DetectorConfig",
     "reid": "services.reid.config:ReidConfig",
     "tracker": "services.tracker.config:TrackerConfig",
+    "gait": "services.gait.config:GaitConfig",
     "gt_bridge": "services.gt_bridge.config:GtBridgeConfig",
 }
 LOADERS = {

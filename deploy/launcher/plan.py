@@ -14,10 +14,12 @@ from deploy.compose import Service
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
 CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
 REPORT = "report"  # profile and service that writes the report
+GAIT = "gait"  # profile and service that follows points of bodies
 PROCESSES = "processes"  # profile of what only processes of this machine need
 CAMERA = "camera"
 ROUTER = "router"
-ONCE = frozenset(("router", CAMERA, "tracker", "gt_bridge", REPORT, "watchdog"))
+ONCE = frozenset(("router", CAMERA, "tracker", GAIT, "gt_bridge", REPORT, "watchdog"))
+ASKED_FOR = {GAIT: "--gait", REPORT: "--report FOLDER"}  # services that run only then
 HOST = "127.0.0.1"
 PORT = 7447
 
@@ -35,6 +37,7 @@ class Wish:
         settings: "service.field=value", the last one of a field wins.
         scale: "service=number".
         report: Folder for a report, None for none.
+        gait: Whether points of bodies are followed.
         environment: The caller's environment variables.
     """
 
@@ -46,6 +49,7 @@ class Wish:
     settings: Sequence[str] = ()
     scale: Sequence[str] = ()
     report: Path | None = None
+    gait: bool = False
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
 
     @property
@@ -63,7 +67,8 @@ def plan(wish: Wish) -> tuple[Service, ...]:
     settings = list(wish.settings)
     if wish.report:
         settings.append(setting(f"{REPORT}.folder", str(wish.report.absolute())))
-    profiles = {PROCESSES} | ({REPORT} if wish.report else set())
+    asked = {REPORT: wish.report is not None, GAIT: wish.gait}
+    profiles = {PROCESSES} | {name for name, wanted in asked.items() if wanted}
     services = compose.read(wish.compose, variables(wish), profiles)
     arguments = _arguments(settings, services)
     replicas = replicas_of(wish.scale, services)
@@ -163,6 +168,8 @@ def replicas_of(scale: Sequence[str], services: Sequence[Service]) -> dict[str, 
 
 
 def _known(name: str, services: Mapping[str, object]) -> None:
+    if name in ASKED_FOR and name not in services:
+        raise ConfigError(f"{name} does not run unless asked for", f"Add {ASKED_FOR[name]}.")
     if name not in services:
         raise ConfigError(f"there is no service {name!r}", f"Services are {', '.join(services)}.")
 

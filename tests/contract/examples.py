@@ -348,7 +348,7 @@ SPARSE: tuple[Message, ...] = (
         sequence=0,
         frame_id="map",
         camera="c",
-        people=(PersonGait(id=1, box_xyxy_px=np.zeros(4, np.float32), measures=GaitMeasures()),),
+        people=(PersonGait(id=1, measures=GaitMeasures()),),
     ),
     Truth(
         stamp_ns=0, sequence=0, frame_id="map", people=(TruthPerson(id="", position_m=np.ones(3)),)

@@ -45,10 +45,19 @@ def test_a_report_adds_its_service_and_plays_the_source_once(tmp_path: Path) -> 
     assert planned(Wish(environment={}))["camera"].restart == "on-failure"
 
 
+def test_gait_runs_only_if_asked_for() -> None:
+    assert "gait" not in planned(Wish(environment={}))
+    services = planned(Wish(gait=True, settings=["gait.people_max=2"], environment={}))
+    assert services["gait"].command[-2:] == ("--set", "people_max=2")
+    assert "gait" in [one.service for one in services["camera"].depends_on]
+
+
 @pytest.mark.parametrize(
     ("wish", "message"),
     [
         (Wish(settings=["nobody.field=1"]), "there is no service 'nobody'"),
+        (Wish(settings=["gait.people_max=2"]), "gait does not run unless asked for. Add --gait"),
+        (Wish(scale=["gait=2"], gait=True), "gait runs once"),
         (Wish(settings=["tracker=1"]), "Write service.field=value"),
         (Wish(settings=["tracker.field"]), "Write service.field=value"),
         (Wish(scale=["detector"]), "Write service=number"),
