@@ -164,7 +164,7 @@ class Loop:
 
     def _handle(self, arrival: Arrival) -> None:
         taken_ns = time.time_ns()
-        self._work.took(BY_MESSAGE[type(arrival.message)].name, arrival.received_ns)
+        self._work.took(_name(arrival.message), arrival.received_ns)
         message = self._tracer.taken(
             arrival.message, arrival.received_ns, arrival.decoded_ns, taken_ns
         )
@@ -215,6 +215,13 @@ class Loop:
                 log.exception("%s could not be sent", type(message).__name__)
 
 
+def _name(message: Message) -> str:
+    """Return the name of a message's topic; what others define may be no message of ours."""
+    topic = BY_MESSAGE.get(type(message))
+    return topic.name if topic else type(message).__name__
+
+
 def _may_be_replaced(message: Message) -> bool:
-    newest = BY_MESSAGE[type(message)].delivery == "newest"
+    topic = BY_MESSAGE.get(type(message))
+    newest = topic is not None and topic.delivery == "newest"
     return newest and not getattr(message, "lockstep", False)

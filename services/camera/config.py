@@ -7,6 +7,34 @@ import msgspec
 
 from common.messages.base import check_name
 from common.topics import LOCKSTEP_MAX
+from services.camera.ros_motion import JointConfig
+
+
+class MotionConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """What the robot's ROS 2 tells now of its motion: zenoh: and the key of a topic in CDR."""
+
+    odometry: str = ""  # nav_msgs/Odometry, for example zenoh:odom; empty: none
+    joints: str = ""  # sensor_msgs/JointState whose wheels make odometry; empty: none
+    wheels: JointConfig = JointConfig()  # of joints
+    # tf2_msgs/TFMessage, for example ["zenoh:tf"]: what a camera hangs on that pans, tilts, swings
+    transforms: tuple[str, ...] = ()
+    offset_s: float = 0.0  # [s] added to their stamps: from the robot's clock to the camera's
+
+    @property
+    def used(self) -> bool:
+        """Whether anything is read."""
+        return bool(self.odometry or self.joints or self.transforms)
+
+    def __post_init__(self) -> None:
+        """Check that odometry has one source.
+
+        Raises:
+            ValueError: It has two, or the offset is no number.
+        """
+        if self.odometry and self.joints:
+            raise ValueError("odometry, joints: expected one of them, got both")
+        if not math.isfinite(self.offset_s):
+            raise ValueError(f"offset_s: expected a finite number, got {self.offset_s}")
 
 
 class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
@@ -20,6 +48,7 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
     mount_parent: str = "map"  # frame the mount is given in; used if the source knows no transform
+    motion: MotionConfig = MotionConfig()  # of the robot, beside what the source tells
     playback: Literal["auto", "recorded", "lockstep", "live"] = "auto"  # auto: recorded, or live
     speed: float = 1.0  # of recorded playback, 2 = twice as fast
     window: int = 2  # frames that may be unanswered in lockstep, 8 at most

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 import numpy as np
@@ -19,6 +19,7 @@ from common.messages import (
     Tracks,
 )
 from common.node import Status
+from common.topics import ForeignTopic
 from common.trace import record, span
 from services.camera.calibration import OPTICAL_FRAME, static_transform
 from services.camera.config import CameraConfig
@@ -26,6 +27,9 @@ from services.camera.pacing import AsTheyCome, Lockstep, Pacing, Recorded, is_ju
 from services.camera.playback import Selection, play
 from services.camera.prefetch import Prefetch, Reading
 from services.camera.source import Capture, Source
+
+if TYPE_CHECKING:
+    from services.camera.live_motion import LiveMotion
 
 FRAMES_AHEAD = 4
 POLL_NS = 2_000_000
@@ -60,6 +64,8 @@ class CameraNode:
         self._pacing = _pacing(config, source.live)
         self._info = _info(config, source)
         self._transforms = _transforms(config, source, self._info.frame_id)
+        self._motion = _motion(config)
+        self.foreign_inputs: Sequence[ForeignTopic] = self._motion.topics if self._motion else ()
         selection = Selection(
             start_s=config.start_s,
             duration_s=config.duration_s,
@@ -83,7 +89,10 @@ class CameraNode:
         self._wake = wake
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Take an answer to a frame; the tick that follows sends the next."""
+        """Take an answer to a frame; the tick that follows sends the next. Pass motion on."""
+        if self._motion and type(message) not in self.inputs:
+            hangs_on = [self._info.frame_id, *(t.parent for t in self._transforms)]
+            return self._motion.taken(message, hangs_on)
         answer = ANSWERS[self._config.answer]
         if isinstance(message, answer) and getattr(message, "camera", "") == self._info.camera:
             self._pacing.answered(message.stamp_ns)
@@ -128,10 +137,13 @@ class CameraNode:
     def status(self) -> Status:
         """Say whether frames come, and what was dropped and why."""
         counters = Counter(self._source.counters) + self._counters
+        counters += Counter(self._motion.counters if self._motion else {})
         counters += Counter(source_errors=self._prefetch.errors, skipped=self._prefetch.skipped)
         reason = self._prefetch.reason
         if self._ignored and not reason:
             reason = f"frames get no answer on {self._config.answer}"
+        if self._motion and self._motion.silent and self._sequence and not reason:
+            reason = f"nothing comes on {', '.join(self._motion.silent)}"
         if self._is_finished():
             if counters["cut_short"]:
                 reason = reason or "the recording is cut short, what lies before was played"
@@ -212,6 +224,14 @@ def _acquired_ns(reading: Reading, capture: Capture) -> int:
     return capture.stamp_ns if 0 <= age_ns < OLDEST_NS else reading.start_ns
 
 
+def _motion(config: CameraConfig) -> "LiveMotion | None":
+    if not config.motion.used:
+        return None
+    from services.camera.live_motion import LiveMotion  # noqa: PLC0415  # has the types of ROS
+
+    return LiveMotion(config.motion)
+
+
 def _pacing(config: CameraConfig, live: bool) -> Pacing:
     if config.playback not in ("auto", *(("live",) if live else ("recorded", "lockstep"))):
         what = "live camera" if live else "recording"
@@ -241,7 +261,7 @@ def _info(config: CameraConfig, source: Source) -> CameraInfo:
 
 def _transforms(config: CameraConfig, source: Source, frame_id: str) -> list[StaticTransform]:
     """Take the source's transforms, else the configured mount."""
-    if source.transforms:
+    if source.transforms or source.moves:
         known = source.info.frame_id
         return [
             msgspec.structs.replace(

@@ -16,11 +16,24 @@ sensor_msgs/CameraInfo depth_camera_info
 sensor_msgs/Image rgb
 sensor_msgs/Image depth
 """
+# Not among the types of ROS 1 that rosbags brings; the latter is the older name.
+TRANSFORMS, OLD_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+TRANSFORMS_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
+DEFINITIONS = {
+    RGBD: RGBD_DEFINITION,
+    TRANSFORMS: TRANSFORMS_DEFINITION,
+    OLD_TRANSFORMS: TRANSFORMS_DEFINITION,
+}
+
+
+def ros1_types() -> Typestore:
+    """Return the types of ROS 1 with those of transforms."""
+    return ros_bag.types_of(1, DEFINITIONS)
 
 
 def ros2_types() -> Typestore:
     """Return the types of ROS 2 with realsense2_camera_msgs/RGBD."""
-    return ros_bag.types_of(2, {RGBD: RGBD_DEFINITION})
+    return ros_bag.types_of(2, DEFINITIONS)
 
 
 def open_bag(path: Path) -> AbstractContextManager[Bag]:
@@ -29,4 +42,4 @@ def open_bag(path: Path) -> AbstractContextManager[Bag]:
     Raises:
         SourceError: The bag is absent, cut short, damaged, or would cost more than a bag does.
     """
-    return ros_bag.open_bag(path, {RGBD: RGBD_DEFINITION})
+    return ros_bag.open_bag(path, DEFINITIONS)

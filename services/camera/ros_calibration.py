@@ -1,14 +1,14 @@
-"""Calibration, transforms and odometry of ROS messages as ours."""
+"""Calibration and transforms of ROS messages as ours."""
 
-import math
 from typing import Any
 
 import numpy as np
 
-from common.errors import DecodeError, SourceError
-from common.geometry import invert, rotation_from_quaternion, transform_from
-from common.messages import F64, Odometry
-from services.camera.calibration import Lens, frame_name
+from common.errors import SourceError
+from common.geometry import invert
+from common.messages import F64
+from services.camera.calibration import Lens
+from services.camera.ros_motion import Lineage, edges_of
 
 DISTORTIONS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "none": (0,), "": (0, 4, 5)}
 
@@ -52,31 +52,50 @@ def lens_of(message: Any, rectified: bool = False) -> Lens:
 
 
 class Transforms:
-    """A tree of static transforms."""
+    """A tree of transforms, some of which may move."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, F64]] = {}
+        self._moving = Lineage()
 
     def add(self, message: Any) -> None:
-        """Take a tf2_msgs TFMessage; a transform that is not one is left out."""
-        for item in message.transforms:
-            t, q = item.transform.translation, item.transform.rotation
-            try:
-                rotation = rotation_from_quaternion(q.x, q.y, q.z, q.w)
-            except ValueError:
-                continue
-            matrix = transform_from((t.x, t.y, t.z), rotation)
-            if np.all(np.isfinite(matrix)):
-                child = item.child_frame_id.strip("/")
-                self._parents[child] = (item.header.frame_id.strip("/"), matrix)
+        """Take a tf2_msgs TFMessage of what stands; a transform that is not one is left out."""
+        for edge in edges_of(message):
+            self._parents[edge.child] = (edge.parent, edge.matrix)
+
+    def add_moving(self, message: Any) -> None:
+        """Take a tf2_msgs TFMessage of what moves: only what hangs on what counts."""
+        for edge in edges_of(message):
+            if edge.child not in self._parents:
+                self._moving.add(edge.parent, edge.child)
 
     def find(self, target: str, source: str) -> F64 | None:
-        """Return target_from_source, None if the tree does not connect them."""
+        """Return target_from_source, None if the tree does not connect them, or moves there."""
         ours, theirs = self._ancestors(source.strip("/")), self._ancestors(target.strip("/"))
         for frame, ancestor_from_source in ours.items():
             if frame in theirs:
                 return invert(theirs[frame]) @ ancestor_from_source
         return None
+
+    def climb(self, frame: str) -> list[tuple[str, str, F64 | None]]:
+        """Return the way from a frame to the root of its tree.
+
+        Returns:
+            Parent, child and parent_from_child of each transform, nearest first; those that stand
+            in a row are one, and None is one that moves.
+        """
+        here, way, seen = frame.strip("/"), list[tuple[str, str, F64 | None]](), set[str]()
+        while here not in seen:
+            seen.add(here)
+            top, top_from_here = list(self._ancestors(here).items())[-1]
+            if top != here:
+                way.append((top, here, top_from_here))
+            (_, *above) = self._moving.above(top)[:2]
+            if not above:
+                break
+            way.append((above[0], top, None))
+            here = above[0]
+        return way
 
     def _ancestors(self, frame: str) -> dict[str, F64]:
         """Return ancestor_from_frame for the frame and all above it, nearest first."""
@@ -89,30 +108,3 @@ class Transforms:
                 break
             found[frame] = matrix
         return found
-
-
-def odometry_of(message: Any, stamp_ns: int, sequence: int) -> Odometry:
-    """Read a nav_msgs Odometry.
-
-    Raises:
-        DecodeError: Its numbers cannot be used.
-    """
-    pose, twist = message.pose.pose, message.twist.twist
-    q = pose.orientation
-    yaw_rad = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
-    planar = np.ix_((0, 1, 5), (0, 1, 5))
-    covariance = np.array(message.pose.covariance, np.float64).reshape(6, 6)[planar]
-    try:
-        return Odometry(
-            stamp_ns=stamp_ns,
-            sequence=sequence,
-            frame_id=frame_name(message.header.frame_id),
-            child_frame_id=frame_name(message.child_frame_id),
-            x_m=pose.position.x,
-            y_m=pose.position.y,
-            theta_rad=yaw_rad,
-            covariance=covariance if np.any(covariance) else None,
-            twist=np.array([twist.linear.x, twist.linear.y, twist.angular.z]),
-        )
-    except ValueError as error:
-        raise DecodeError(f"odometry: {error}") from error

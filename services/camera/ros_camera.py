@@ -24,8 +24,10 @@ from services.camera.calibration import (
 from services.camera.registration import Registration
 from services.camera.ros_calibration import Transforms, lens_of
 from services.camera.ros_images import colour_image, depth_image
+from services.camera.ros_motion import JointConfig
 from services.camera.ros_topics import TRANSFORMS, Topics
 
+TF_HEADS = 2000  # messages of /tf in which is looked for what moves: some ten seconds
 MAX_BAD_HEADS = 30  # images tried before a topic is given up: one second
 
 
@@ -40,9 +42,26 @@ class RosbagOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     sync_slop_s: float = 0.5  # [s] largest distance in time of colour and depth
     map_frame: str = "map"  # frame of the bag that becomes `map`
     tf_as_static: bool = False  # True: take /tf as static too (a camera that stands still)
+    # Wheels of a base whose odometry nobody told: sensor_msgs/JointState, or a topic of a number
+    # (std_msgs) for the left wheel and one for the right
+    wheel_topics: tuple[str, ...] = ()
+    wheels: JointConfig = JointConfig()
     depth_aligned: bool | None = None  # None: found from frames, sizes and calibration
     depth_offset_px: tuple[float, float] = (0.0, 0.0)  # [px] u, v, see Registration
     calibration: str = ""  # calibration file that is used instead of CameraInfo
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """Where a camera sits in the map or on the base, as far as the bag says.
+
+    Args:
+        transforms: Those that stand.
+        moving: Parent and child of those that /tf tells anew each time.
+    """
+
+    transforms: list[StaticTransform]
+    moving: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -51,12 +70,12 @@ class RosCamera:
 
     Args:
         info: Calibration of colour.
-        transforms: Where it sits in the map or on the base; empty if the bag does not say.
+        mounting: Where it sits.
         registration: Moves depth into the view of colour; None if it is there already.
     """
 
     info: CameraInfo
-    transforms: list[StaticTransform]
+    mounting: Mounting
     registration: Registration | None
 
 
@@ -85,7 +104,13 @@ def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
     register = registration(calibration, info, depth.size)
     if register is None and depth.size != colour.size:
         raise SourceError(f"depth is {depth.size}, colour {colour.size}: it cannot be aligned")
-    return RosCamera(info, _mounting(bag, topics, options, (tree, colour.frame)), register)
+    if not options.tf_as_static:
+        _add_moving(bag, tree)
+    base = _base(bag, topics, options)
+    mounting = _on_what_moves(tree, colour.frame, base, options) or _on_what_stands(
+        tree, colour.frame, base, options
+    )
+    return RosCamera(info, mounting, register)
 
 
 def _heads(bag: Bag, topics: Topics) -> tuple[_Head, _Head]:
@@ -127,7 +152,7 @@ def _tree(bag: Bag, tf_as_static: bool) -> Transforms:
     wanted = [
         topic
         for topic, kind in bag.types.items()
-        if kind == TRANSFORMS and (tf_as_static or topic.endswith("tf_static"))
+        if kind in TRANSFORMS and (tf_as_static or topic.endswith("tf_static"))
     ]
     for _, _, message in bag.messages(wanted):
         tree.add(message)
@@ -185,17 +210,62 @@ def _aligned(
     return colour.frame == depth.frame or bool(np.allclose(ours, theirs, atol=0.01, rtol=0))
 
 
-def _mounting(
-    bag: Bag, topics: Topics, options: RosbagOptions, place: tuple[Transforms, str]
-) -> list[StaticTransform]:
+def _add_moving(bag: Bag, tree: Transforms) -> None:
+    wanted = [
+        topic
+        for topic, kind in bag.types.items()
+        if kind in TRANSFORMS and not topic.endswith("tf_static")
+    ]
+    for _, _, message in islice(bag.messages(wanted), TF_HEADS):
+        tree.add_moving(message)
+
+
+def _base(bag: Bag, topics: Topics, options: RosbagOptions) -> tuple[str, str] | None:
+    """Return the frames of odometry: that of the pose and that of the base."""
+    if options.wheel_topics:
+        return options.wheels.frame_id, options.wheels.child_frame_id
+    if not (topics.odometry and bag.counts[topics.odometry]):
+        return None
+    odometry = bag.first(topics.odometry)
+    return odometry.header.frame_id.strip("/"), odometry.child_frame_id.strip("/")
+
+
+def _on_what_moves(
+    tree: Transforms, optical: str, base: tuple[str, str] | None, options: RosbagOptions
+) -> Mounting | None:
+    """Return the way from the camera to the map, else to the base, else as far as /tf moves it.
+
+    Returns:
+        None if /tf moves nothing on that way, beside what odometry tells.
+    """
+    way = tree.climb(optical)
+    frames = [parent for parent, _, _ in way]
+    if options.map_frame in frames:
+        way = way[: frames.index(options.map_frame) + 1]
+    elif base and base[1] in frames:
+        way = way[: frames.index(base[1]) + 1]
+    moving = [(parent, child) for parent, child, matrix in way if matrix is None]
+    moving = [edge for edge in moving if edge != base]
+    if not moving:
+        return None
+    names = {options.map_frame: "map"}
+    standing = [
+        static_transform(names.get(parent, parent), child, matrix)
+        for parent, child, matrix in way
+        if matrix is not None
+    ]
+    return Mounting(standing, tuple(moving))
+
+
+def _on_what_stands(
+    tree: Transforms, optical: str, base: tuple[str, str] | None, options: RosbagOptions
+) -> Mounting:
     """Find where the camera sits: in the map, else on the base that odometry moves."""
-    tree, optical = place
     parents = {options.map_frame: "map"}
-    if topics.odometry and bag.counts[topics.odometry]:
-        base = bag.first(topics.odometry).child_frame_id
-        parents[base] = base
+    if base:
+        parents[base[1]] = base[1]
     for frame, name in parents.items():
         matrix = tree.find(frame, optical)
         if matrix is not None:
-            return [static_transform(name, optical, matrix)]
-    return []
+            return Mounting([static_transform(name, optical, matrix)])
+    return Mounting([])

@@ -9,7 +9,8 @@ IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 ODOMETRY = "nav_msgs/msg/Odometry"
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
+JOINTS = "sensor_msgs/msg/JointState"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")  # the latter of old ROS 1
 RGBD = "realsense2_camera_msgs/msg/RGBD"
 
 # Transports append their name to the topic; the earlier here, the better for depth and colour.

@@ -36,6 +36,7 @@ class Source(ABC):
 
     info: CameraInfo  # calibration; the configuration may overrule `camera` and `max_depth_m`
     transforms: Sequence[StaticTransform] = ()  # where the camera sits, if the source knows
+    moves: bool = False  # True: what it yields tells where the camera sits, so no mount is needed
     counters: Mapping[str, int] = MappingProxyType({})  # events since opening, drops by cause
     live: bool = False  # True: a device, whose newest capture matters; False: a recording
 

@@ -11,9 +11,8 @@ import numpy.typing as npt
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
 
-from services.camera.ros_bag import ros2_types
+from services.camera.ros_bag import ros1_types, ros2_types
 
 COLOUR, DEPTH = "/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw"
 INFO, ODOMETRY, TF = "/camera/color/camera_info", "/odom", "/tf_static"
@@ -28,7 +27,7 @@ class Ros:
 
     def __init__(self, version: int) -> None:
         self.version = version
-        self.store = get_typestore(Stores.ROS1_NOETIC) if version == 1 else ros2_types()
+        self.store = ros1_types() if version == 1 else ros2_types()
 
     def make(self, kind: str, **fields: Any) -> Any:
         return self.store.types[kind](**fields)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from services.tracker.wheel_odometry import WheelConfig, WheelOdometry
+from common.wheel_odometry import WheelConfig, WheelOdometry
 
 # 100 ticks are 1 m of way; the wheels are 0.5 m apart.
 WHEELS = WheelConfig(radius_m=1 / (2 * math.pi), track_m=0.5, ticks_per_turn=100)

@@ -13,7 +13,8 @@ class WheelConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     radius_m: float = 0.035  # [m] of a wheel
     track_m: float = 0.108  # [m] between the wheels
-    ticks_per_turn: int = 374  # of the encoder in one turn of the wheel
+    # What the encoder counts in one turn of the wheel; 2 pi where it tells radians
+    ticks_per_turn: float = 374.0
     # Number of different readings of an encoder that begins anew, for example 65536; 0: it never
     # does
     wraps_at: int = 0
@@ -38,11 +39,11 @@ class WheelOdometry:
 
     def __init__(self, config: WheelConfig) -> None:
         self._config = config
-        self._ticks: tuple[int, int] | None = None
+        self._ticks: tuple[float, float] | None = None
         self._pose = (0.0, 0.0, 0.0)
         self._sequence = 0
 
-    def add(self, stamp_ns: int, left: int, right: int) -> Odometry:
+    def add(self, stamp_ns: int, left: float, right: float) -> Odometry:
         """Take a reading of both encoders.
 
         Args:
@@ -72,14 +73,14 @@ class WheelOdometry:
             theta_rad=self._pose[2],
         )
 
-    def _steps_m(self, left: int, right: int) -> tuple[float, float]:
+    def _steps_m(self, left: float, right: float) -> tuple[float, float]:
         if self._ticks is None:
             return 0.0, 0.0
         tick_m = 2 * math.pi * self._config.radius_m / self._config.ticks_per_turn
         steps = self._step(left - self._ticks[0]), self._step(right - self._ticks[1])
         return steps[0] * tick_m, steps[1] * tick_m
 
-    def _step(self, ticks: int) -> int:
+    def _step(self, ticks: float) -> float:
         """Return the shortest step that explains a difference of readings."""
         wraps_at = self._config.wraps_at
         return (ticks + wraps_at // 2) % wraps_at - wraps_at // 2 if wraps_at else ticks
