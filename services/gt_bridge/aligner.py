@@ -6,7 +6,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from common.frames import FrameGraph
 from common.geometry import apply
 from common.messages import F64, Alignment, Tracks
 from common.metrics import (
@@ -18,6 +17,7 @@ from common.metrics import (
     paths_of,
 )
 from common.metrics.paths import Path
+from common.moving_frames import MovingFrames
 from services.gt_bridge.config import GtBridgeConfig
 
 EVERY_NS = 5 * 10**9  # from one estimate to the next, in stamps
@@ -56,7 +56,7 @@ class Aligner:
         matrix = self.found.matrix if self.found and self.found.applied else None
         return np.eye(4) if matrix is None else matrix
 
-    def observe(self, tracks: Tracks, trail: TruthTrail, frames: FrameGraph) -> None:
+    def observe(self, tracks: Tracks, trail: TruthTrail, frames: MovingFrames) -> None:
         """Take tracks whose truth is there; now and then estimate anew."""
         if not self._wanted:
             return
@@ -67,7 +67,7 @@ class Aligner:
             self._next_ns = tracks.stamp_ns + EVERY_NS
             self._estimate(trail, frames, tracks.frame_id)
 
-    def _estimate(self, trail: TruthTrail, frames: FrameGraph, frame_id: str) -> None:
+    def _estimate(self, trail: TruthTrail, frames: MovingFrames, frame_id: str) -> None:
         start_ns = self._tracks[0].stamp_ns
         told = (
             (track.id, tracks.stamp_ns, track.position_m)
@@ -107,14 +107,14 @@ def _moved(paths: Mapping[Any, Path], matrix: F64) -> dict[Any, Path]:
 
 
 def _placed(
-    trail: TruthTrail, frames: FrameGraph, frame_id: str, since_ns: int
+    trail: TruthTrail, frames: MovingFrames, frame_id: str, since_ns: int
 ) -> Iterator[tuple[str, int, F64]]:
     """Yield identity, stamp and position of people in the frame of the tracks."""
     last_ns = since_ns
     for truth in trail.messages:
-        matrix = frames.find(frame_id, truth.frame_id)
+        place = frames.find(frame_id, truth.frame_id, truth.stamp_ns)
         # Paths need rising stamps, and captures may have the same stamp twice.
-        if truth.stamp_ns > last_ns and matrix is not None:
+        if truth.stamp_ns > last_ns and place is not None:
             last_ns = truth.stamp_ns
             for person in {person.id: person for person in truth.people}.values():
-                yield person.id, truth.stamp_ns, apply(matrix, person.position_m)
+                yield person.id, truth.stamp_ns, apply(place.matrix, person.position_m)

@@ -6,11 +6,21 @@ from typing import ClassVar
 
 import msgspec
 
-from common.frames import FrameGraph
-from common.messages import CameraInfo, Detections, Message, StaticTransform, Tracks, Truth
+from common.messages import (
+    CameraInfo,
+    Detections,
+    Message,
+    MovingTransform,
+    Odometry,
+    StaticTransform,
+    Tracks,
+    Truth,
+)
 from common.metrics import moved
+from common.moving_frames import MovingFrames
 from common.node import Status
 from common.topics import ForeignTopic
+from common.trail import TrailConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.judge import near
 from services.gt_bridge.scorer import Scorer
@@ -18,6 +28,7 @@ from services.gt_bridge.stored import LEAD_NS, StoredTruth
 from services.gt_bridge.views import Views
 
 DEFAULT = GtBridgeConfig()
+MOTION = TrailConfig(keep_s=30.0)  # truth may come late, and alignments look back
 
 
 class GtBridgeNode:
@@ -29,13 +40,16 @@ class GtBridgeNode:
         config: The configuration.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Detections, Tracks, CameraInfo, StaticTransform)
+    inputs: ClassVar[tuple[type[Message], ...]] = (
+        *(Detections, Tracks, CameraInfo),
+        *(StaticTransform, MovingTransform, Odometry),
+    )
 
     def __init__(self, truth: Iterable[Truth], config: GtBridgeConfig = DEFAULT) -> None:
         self._config = config
         self.foreign_inputs: Sequence[ForeignTopic] = getattr(truth, "topics", ())
         self._counters: Counter[str] = Counter()
-        self._frames = FrameGraph()
+        self._frames = MovingFrames(MOTION)
         self._views = Views(self._frames)
         self._scorer = Scorer(config, self._frames, self._views, self._counters)
         self._stored = StoredTruth(config, truth, self._counters, self._take_in)
@@ -58,7 +72,7 @@ class GtBridgeNode:
             sent += self._publish(self._captured(message))
         elif isinstance(message, CameraInfo):
             self._views.add(message)
-        elif isinstance(message, StaticTransform):
+        elif isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._frames.add(message)
         return sent + self._scorer.due()
 
@@ -120,11 +134,11 @@ class GtBridgeNode:
     def _placed(self, truth: Truth) -> Truth:
         """Bring truth to the wanted frame if the way is known, and number it."""
         target = self._config.frame_id
-        matrix = self._frames.find(target, truth.frame_id)
-        self._unplaced = "" if matrix is not None else truth.frame_id
-        if matrix is None:
+        place = self._frames.find(target, truth.frame_id, truth.stamp_ns)
+        self._unplaced = "" if place is not None else truth.frame_id
+        if place is None:
             self._counters["unplaced"] += 1
         elif target != truth.frame_id:
-            truth = moved(truth, matrix, target)
+            truth = moved(truth, place.matrix, target)
         self._sequence += 1
         return msgspec.structs.replace(truth, sequence=self._sequence - 1)

@@ -4,9 +4,9 @@ from collections import Counter, deque
 
 import msgspec
 
-from common.frames import FrameGraph
 from common.messages import Score, Tracks, Truth
 from common.metrics import TruthTrail, moved
+from common.moving_frames import MovingFrames
 from services.gt_bridge.aligner import Aligner
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.judge import Judge, frame_of, near
@@ -28,7 +28,7 @@ class Scorer:
     """
 
     def __init__(
-        self, config: GtBridgeConfig, frames: FrameGraph, views: Views, counters: Counter[str]
+        self, config: GtBridgeConfig, frames: MovingFrames, views: Views, counters: Counter[str]
     ) -> None:
         self._config = config
         self._frames, self._views, self._counters = frames, views, counters
@@ -84,11 +84,11 @@ class Scorer:
         if truth is None:
             self._counters["without_truth"] += 1
             return None
-        matrix = self._frames.find(tracks.frame_id, truth.frame_id)
-        if matrix is None:
+        place = self._frames.find(tracks.frame_id, truth.frame_id, tracks.stamp_ns)
+        if place is None:
             self._counters["without_transform"] += 1
             return None
-        truth = moved(truth, self._aligner.matrix @ matrix, tracks.frame_id)
+        truth = moved(truth, self._aligner.matrix @ place.matrix, tracks.frame_id)
         return msgspec.structs.replace(truth, people=near(truth.people))
 
     def _score(self, tracks: Tracks, truth: Truth) -> Score:
@@ -96,7 +96,7 @@ class Scorer:
             self._counters["recounts"] += 1
             self._judge = Judge(self._config.gate_m)
         positions = [person.position_m for person in truth.people]
-        outside = self._views.outside(positions, tracks.frame_id)
+        outside = self._views.outside(positions, tracks.frame_id, tracks.stamp_ns)
         people, false_alarms = self._judge.judge(frame_of(tracks, truth, outside))
         self._sequence += 1
         return Score(

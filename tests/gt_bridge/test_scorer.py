@@ -6,17 +6,28 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
-from common.frames import FrameGraph
-from common.messages import Message, Score, Tracks, Truth, TruthPerson
+from common.geometry import transform_from
+from common.messages import (
+    Message,
+    MovingTransform,
+    Odometry,
+    Score,
+    Tracks,
+    Truth,
+    TruthPerson,
+)
 from common.metrics import Frame, GroundDistance, TrackedPeople, TruePeople, score
 from common.metrics import Sequence as Frames
+from common.moving_frames import MovingFrames
+from common.trail import TrailConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.scorer import WAITING, Scorer
 from services.gt_bridge.views import Views
-from tests.gt_bridge.scene import INFO, POSE, person, track, tracks, truth
+from tests.gt_bridge.scene import INFO, MS, POSE, person, track, tracks, truth
 
 
 class Bench:
@@ -24,8 +35,8 @@ class Bench:
 
     def __init__(self, camera: bool = True, **settings: Any) -> None:
         self.counters: Counter[str] = Counter()
-        self.frames = FrameGraph()
-        views = Views(self.frames)
+        self.frames = MovingFrames(TrailConfig())
+        self.views = views = Views(self.frames)
         if camera:
             self.frames.add(POSE)
             views.add(INFO)
@@ -95,6 +106,58 @@ def test_whoever_is_outside_of_the_view_is_marked_and_never_a_miss() -> None:
     assert got.people[0].position_error_m is None
     assert got.false_alarms == ()
     assert (got.total.truths, got.total.matched, got.total.outside) == (1, 0, 2)
+
+
+def test_the_view_is_that_of_a_robot_where_it_is_by_then() -> None:
+    # The robot drives 1 m/s along x and turns left by 90 degrees within the second second. Ahead
+    # of the start: at first 2 m off, later behind its back. To the left: in view after the turn.
+    bench = Bench(camera=False)
+    bench.frames.add(msgspec.structs.replace(POSE, parent="base_link", matrix=POSE.matrix))
+    bench.views.add(INFO)
+    for ms in range(0, 2001, 20):
+        bench.frames.add(drive(ms, ms / 1000, math.radians(max(ms - 1000, 0) * 0.09)))
+    ahead, left = person("ahead", 2.0, 0.0), person("left", 2.0, 3.0)
+    scores = bench.feed(
+        [
+            *(truth(ms, ahead, left) for ms in range(0, 2001, 100)),
+            *(tracks(ms) for ms in (10, 1950)),
+        ]
+    )
+    assert [[p.view for p in score.people] for score in scores] == [
+        ["inside", "outside"],  # 2 m ahead; 56 degrees to the left
+        ["outside", "inside"],  # the robot is at x = 1.95 and looks 85 degrees to the left
+    ]
+    assert scores[-1].total.outside == 2
+
+
+def test_truth_is_brought_to_a_frame_that_moves() -> None:
+    # Tracks are in odom, which localisation puts 1 m farther ahead in the map each second.
+    bench = Bench(camera=False)
+    for ms in (0, 1000):
+        matrix = transform_from((ms / 1000, 0, 0), np.eye(3))
+        bench.frames.add(
+            MovingTransform(stamp_ns=ms * MS, sequence=0, parent="map", child="odom", matrix=matrix)
+        )
+    (got,) = bench.feed(
+        [
+            *(truth(ms, person("a", 2.0, 0.0)) for ms in range(0, 1001, 100)),
+            tracks(500, track(1, 1.6, 0.0), frame_id="odom"),
+        ]
+    )
+    # At 500 ms x = 2 of the map is 1.5 of odom.
+    assert got.people[0].position_error_m == pytest.approx([0.1, 0.0])
+
+
+def drive(ms: int, x_m: float, theta_rad: float) -> Odometry:
+    return Odometry(
+        stamp_ns=ms * MS,
+        sequence=0,
+        frame_id="map",
+        child_frame_id="base_link",
+        x_m=x_m,
+        y_m=0.0,
+        theta_rad=theta_rad,
+    )
 
 
 def test_without_a_camera_everyone_counts_and_the_score_says_so() -> None:
