@@ -31,7 +31,7 @@ from services.gait.places import Places
 OWN_COUNTERS = ("passed_over", "no_camera_info", "no_transform")
 CAMERAS_MAX = 64  # with people; whoever sends more names is no camera
 
-Watch = Callable[[Moment, Scene, Sequence[Found]], None]
+Watch = Callable[[CameraInfo, Scene, Sequence[Found]], None]
 
 
 class GaitNode:
@@ -126,7 +126,7 @@ class GaitNode:
         if found is None:
             return []
         if self._watch:
-            self._watch(moment, scene, found)
+            self._watch(info, scene, found)
         told = Gait(
             stamp_ns=tracks.stamp_ns,
             sequence=tracks.sequence,
