@@ -94,7 +94,7 @@ class People:
     def _told(self, estimate: GaitEstimate, scene: Scene) -> PersonGait:
         motion = self._motion(scene)
         points = {
-            name: _point(name, point, scene.fixed_from_optical, motion)
+            name: fixed_point(name, point, scene.fixed_from_optical, motion)
             for name, point in estimate.points.items()
         }
         meter = self._meters.setdefault(estimate.id, StepMeter(self._config.steps, UP))
@@ -122,7 +122,7 @@ def _box(estimate: GaitEstimate) -> F32 | None:
     return None if box is None else np.clip(box, -FAR_PX, FAR_PX).astype(np.float32)
 
 
-def _point(name: str, point: PointEstimate, pose: F64, motion: F64) -> BodyPoint | None:
+def fixed_point(name: str, point: PointEstimate, pose: F64, motion: F64) -> BodyPoint | None:
     """Return a point in the fixed frame, None where it is not known.
 
     Args:
