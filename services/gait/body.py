@@ -51,10 +51,14 @@ def find_body(
     if np.isfinite(seed):
         depth_m[np.abs(depth_m - seed) > config.reach_m] = 0
     labels, count = components(depth_m, config)
-    kept = _choose(depth_m, labels, count, seed, config)
-    if not kept:
+    best = _seeded(depth_m, labels, count, seed, config)
+    if best is None:
         return None
-    mask: Mask = np.isin(labels, kept)
+    kept = np.zeros(count + 1, np.bool_)
+    kept[best] = True
+    if config.join_m > 0:
+        _join(depth_m, labels, kept, config)
+    mask: Mask = kept[labels]
     depth_m[~mask] = 0
     return Body(left_px=left, top_px=top, depth_m=depth_m, mask=mask)
 
@@ -151,8 +155,8 @@ def _label(depth_m: F32, least_m: float, per_m: float, per_m2: float, labels: I3
     return count
 
 
-def _choose(depth_m: F32, labels: I32, count: int, seed_m: float, config: BodyConfig) -> list[int]:
-    """Return the labels of the body's components: the person's first."""
+def _seeded(depth_m: F32, labels: I32, count: int, seed_m: float, config: BodyConfig) -> int | None:
+    """Return the label of the person's component; None if it is too small."""
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0
     votes = sizes
@@ -164,7 +168,56 @@ def _choose(depth_m: F32, labels: I32, count: int, seed_m: float, config: BodyCo
         seen[0] = 0
         votes = seen if seen.any() else sizes
     best = int(np.argmax(votes))
-    return [best] if sizes[best] >= max(config.pixels_min, 1) else []
+    return best if sizes[best] >= max(config.pixels_min, 1) else None
+
+
+def _join(depth_m: F32, labels: I32, kept: Mask, config: BodyConfig) -> None:
+    """Keep components, too, that are likely a part of the body which is hidden at its joint.
+
+    Such a part lies beside the body in the image, little before or behind it, and within the box:
+    what reaches the box's sides is another person, a wall or furniture.
+    """
+    sizes = np.bincount(labels.ravel(), minlength=len(kept))
+    most = sizes[kept].sum() // 2
+    possible = (sizes >= max(config.pixels_min, 1)) & (sizes <= most)
+    possible[0] = False
+    possible[labels[:, [0, -1]]] = False
+    while True:
+        possible &= ~kept
+        if not possible.any():
+            return
+        touches = np.zeros(len(kept), np.int64)
+        _touch(depth_m, labels, kept, possible, config.join_px, config.join_m, touches)
+        joined = touches > config.join_px
+        if not joined.any():
+            return
+        kept |= joined
+
+
+@compiled
+def _touch(
+    depth_m: F32,
+    labels: I32,
+    kept: Mask,
+    possible: Mask,
+    gap_px: int,
+    gap_m: float,
+    touches: npt.NDArray[np.int64],
+) -> None:
+    """Count the pixels of possible components that lie beside a kept one."""
+    height, width = labels.shape
+    for row in range(height):
+        for column in range(width):
+            label = labels[row, column]
+            if not possible[label] or touches[label] > gap_px:
+                continue
+            here = depth_m[row, column]
+            found = False
+            for r in range(max(row - gap_px, 0), min(row + gap_px + 1, height)):
+                for c in range(max(column - gap_px, 0), min(column + gap_px + 1, width)):
+                    if kept[labels[r, c]] and abs(depth_m[r, c] - here) < gap_m:
+                        found = True
+            touches[label] += found
 
 
 def _inside(box: F64, shape: tuple[int, ...]) -> tuple[int, int, int, int] | None:

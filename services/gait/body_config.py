@@ -22,11 +22,24 @@ class BodyConfig(msgspec.Struct, frozen=True, kw_only=True):
     noise_sigmas: float = 3.0  # how much of it counts; 0 for a camera without
     seed_window_m: float = 0.25  # [m] about the track's depth, where the component is looked for
     reach_m: float = 1.0  # [m] from the seed's depth; no part of a person is farther
-    join_m: float = 0.4  # [m] gap in depth to a part that is hidden at its joint; 0: never joined
+    # [m] gap to a part that is hidden at its joint, as the far leg is by the near one; 0, as in the
+    # paper: what is not connected is no part, or no way along the surface leads to it
+    join_m: float = 0.4
+    join_px: int = 4  # [px] beside the body such a part is at most; default
     pixels_min: int = 30  # of a body and of a joined part; default
     vertices: int = 3000  # about as many, at most, has a surface; 0: one for each pixel
     edge_m: float = 0.015  # [m] between neighbouring vertices; section 8.2
+    # [px] about a vertex within which depth is averaged: what is left of a stereo camera's noise is
+    # longer than the edges and would lengthen all ways along the surface; 0 in the paper
+    smooth_px: int = 6
     edge_stretch: float = 2.0  # times the spacing that a surface seen head-on has; default
+    edge_noise_per_m2: float = 0.003  # [m/m^2] of neighbouring vertices, by the distance squared
+    # Shares of the body's height, from its top down: no neck is above the first or below the second
+    neck_rows: tuple[float, float] = (0.06, 1 / 3)  # section 8.2; the paper begins at the top
+    # Lengths in heads, from the top of the head to the neck 1 (Winter 2009, neck at 0.87, shoulders
+    # at 0.82, hips at 0.53 of the stature)
+    shoulders_heads: float = 1.5  # from the top of the head to where the torso begins
+    hips_heads: float = 3.6  # and to where the legs begin
     normal_passes: int = 1  # how often normals are averaged with their neighbours'; 0 in the paper
 
     def __post_init__(self) -> None:
@@ -35,11 +48,25 @@ class BodyConfig(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ValueError: One is out of range.
         """
-        counts = (self.fill_passes, self.normal_passes, self.pixels_min, self.vertices)
-        if min(counts) < 0 or max(self.fill_passes, self.normal_passes) > 100:
-            raise ValueError(f"fill_passes, normal_passes, ...: expected 0 to 100, got {counts}")
+        repeats = (self.fill_passes, self.normal_passes, self.smooth_px, self.join_px)
+        if min(repeats) < 0 or max(repeats) > 100:
+            raise ValueError(
+                f"fill_passes, normal_passes, smooth_px, join_px: expected 0 to 100, got {repeats}"
+            )
+        if min(self.pixels_min, self.vertices) < 0:
+            raise ValueError(
+                f"pixels_min, vertices: expected >= 0, got {self.pixels_min}, {self.vertices}"
+            )
         if not 1 <= self.fill_neighbours <= 8:
             raise ValueError(f"fill_neighbours: expected 1 to 8, got {self.fill_neighbours}")
+        above, below = self.neck_rows
+        if not 0 <= above < below <= 1:
+            raise ValueError(f"neck_rows: expected 0 <= first < second <= 1, got {self.neck_rows}")
+        if not 1 <= self.shoulders_heads <= self.hips_heads < math.inf:
+            raise ValueError(
+                "shoulders_heads, hips_heads: expected 1 <= first <= second, got "
+                f"{self.shoulders_heads}, {self.hips_heads}"
+            )
         lengths = {
             "continuity_m": self.continuity_m,
             "continuity_per_m": self.continuity_per_m,
@@ -50,6 +77,7 @@ class BodyConfig(msgspec.Struct, frozen=True, kw_only=True):
             "join_m": self.join_m,
             "edge_m": self.edge_m,
             "edge_stretch": self.edge_stretch,
+            "edge_noise_per_m2": self.edge_noise_per_m2,
         }
         for name, value in lengths.items():
             if not 0 <= value < math.inf:

@@ -5,6 +5,8 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from common.compiled import compiled
 from common.geometry import deproject
@@ -15,6 +17,7 @@ from services.gait.body_config import BodyConfig
 I32: TypeAlias = npt.NDArray[np.int32]
 I64: TypeAlias = npt.NDArray[np.int64]
 
+MAX_BRIDGES = 12  # between pieces of one mesh
 # The neighbours in the grid, going round: row and column.
 AROUND = np.array(
     [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)], dtype=np.int32
@@ -88,6 +91,8 @@ def surface_of(body: Body, info: CameraInfo, config: BodyConfig) -> Surface:
     seen = np.empty((rows * columns, 3))
     count = _sample(body.depth_m, body.mask, step, _slopes(config), grid, seen)
     seen = seen[:count]
+    if config.smooth_px:
+        _smooth_depth(body.depth_m, config.smooth_px, _slopes(config), seen)
     pixels = seen[:, :2] + (body.left_px, body.top_px)
     points = deproject(pixels, seen[:, 2], info)
     spacing = edge_limits(seen[:, 2], step, info, config)
@@ -98,6 +103,12 @@ def surface_of(body: Body, info: CameraInfo, config: BodyConfig) -> Surface:
     indices, lengths = indices[:edges].copy(), lengths[:edges].copy()
     for _ in range(config.normal_passes):
         normals = _smooth(normals, indptr, indices)
+    resolution = float(np.median(lengths)) if edges else 0.0
+    if config.join_m > 0:
+        cells = max(-(-config.join_px // step), 1)
+        indptr, indices, lengths = _bridged(
+            grid, points, (indptr, indices, lengths), cells, config.join_m
+        )
     return Surface(
         points_m=points,
         normals=normals,
@@ -105,7 +116,7 @@ def surface_of(body: Body, info: CameraInfo, config: BodyConfig) -> Surface:
         indptr=indptr,
         indices=indices,
         lengths_m=lengths,
-        resolution_m=float(np.median(lengths)) if edges else 0.0,
+        resolution_m=resolution,
         grid=grid,
         left_px=body.left_px,
         top_px=body.top_px,
@@ -133,13 +144,77 @@ def edge_limits(depth_m: F64, step_px: int, info: CameraInfo, config: BodyConfig
         V, metres.
     """
     diagonal_m = depth_m * (step_px * 2**0.5 / min(info.fx, info.fy))
-    noise_m = config.noise_sigmas * config.noise_per_m2 * depth_m**2
-    return np.maximum(config.edge_m, config.edge_stretch * diagonal_m + noise_m)
+    noise_m = config.edge_noise_per_m2 * depth_m**2
+    return np.maximum(config.edge_m, np.hypot(config.edge_stretch * diagonal_m, noise_m))
 
 
 def _slopes(config: BodyConfig) -> tuple[float, float, float]:
     noise = config.noise_sigmas * config.noise_per_m2
     return config.continuity_m, config.continuity_per_m, noise
+
+
+Edges: TypeAlias = tuple[I32, I32, F64]  # indptr, indices, lengths
+
+
+def _bridged(grid: I32, points: F64, edges: Edges, cells: int, gap_m: float) -> Edges:
+    """Connect the pieces of a mesh to the largest where they come nearest beside each other."""
+    indptr, indices, lengths = edges
+    count = len(points)
+    graph = csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(count, count))
+    pieces, piece = connected_components(graph, directed=False)
+    if pieces < 2:
+        return edges
+    joined = np.zeros(pieces, np.bool_)
+    joined[np.argmax(np.bincount(piece))] = True
+    starts, ends, spans = [], [], []
+    link = np.empty(2, np.int64)
+    for _ in range(min(pieces - 1, MAX_BRIDGES)):
+        span = _nearest_link(grid, points, piece, joined, cells, gap_m, link)
+        if span >= gap_m:
+            break
+        joined[piece[link[0]]] = True
+        starts += [link[0], link[1]]
+        ends += [link[1], link[0]]
+        spans += [span, span]
+    if not starts:
+        return edges
+    at = np.concatenate([np.repeat(np.arange(count), np.diff(indptr)), starts])
+    order = np.argsort(at, kind="stable")
+    bounds = np.concatenate([[0], np.cumsum(np.bincount(at, minlength=count))]).astype(np.int32)
+    merged = np.concatenate([indices, np.array(ends, np.int32)])[order]
+    return bounds, merged, np.concatenate([lengths, spans])[order]
+
+
+@compiled
+def _nearest_link(
+    grid: I32,
+    points: F64,
+    piece: I32,
+    joined: Mask,
+    cells: int,
+    gap_m: float,
+    link: I64,
+) -> float:
+    """Set the shortest link between a piece that is not joined yet and one that is."""
+    rows, columns = grid.shape
+    best = gap_m * gap_m
+    for row in range(rows):
+        for column in range(columns):
+            here = grid[row, column]
+            if here < 0 or joined[piece[here]]:
+                continue
+            for r in range(max(row - cells, 0), min(row + cells + 1, rows)):
+                for c in range(max(column - cells, 0), min(column + cells + 1, columns)):
+                    there = grid[r, c]
+                    if there < 0 or not joined[piece[there]]:
+                        continue
+                    square = 0.0
+                    for axis in range(3):
+                        square += (points[here, axis] - points[there, axis]) ** 2
+                    if square < best:
+                        best = square
+                        link[0], link[1] = here, there
+    return float(np.sqrt(best))
 
 
 @compiled
@@ -178,6 +253,26 @@ def _sample(
             seen[count, 0], seen[count, 1], seen[count, 2] = u / number, v / number, z / number
             count += 1
     return count
+
+
+@compiled
+def _smooth_depth(depth_m: F32, radius: int, slopes: tuple[float, float, float], seen: F64) -> None:
+    """Set the depth of vertices to the mean of what is about them on the same surface."""
+    height, width = depth_m.shape
+    for k in range(len(seen)):
+        column, row, here = int(seen[k, 0] + 0.5), int(seen[k, 1] + 0.5), seen[k, 2]
+        limit = max(slopes[0], slopes[1] * here + slopes[2] * here * here)
+        total, number = 0.0, 0
+        # As far to each side as there are pixels: a one-sided mean would bend the rims.
+        across = min(radius, column, width - 1 - column)
+        down = min(radius, row, height - 1 - row)
+        for r in range(row - down, row + down + 1):
+            for c in range(column - across, column + across + 1):
+                if depth_m[r, c] > 0 and abs(depth_m[r, c] - here) < limit:
+                    total += depth_m[r, c]
+                    number += 1
+        if number > 0:
+            seen[k, 2] = total / number
 
 
 @compiled
