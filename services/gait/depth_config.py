@@ -33,7 +33,7 @@ class DepthLayerConfig(msgspec.Struct, frozen=True, kw_only=True):
     hand_reach: float = 0.4  # of the forearm, from the wrist to the middle of the hand
     foot_reach: float = 0.12  # of the shank, from the ankle to the middle of the foot
     tip_m: float = 0.06  # [m] that the end of a limb must stand out along the body; default
-    hand_m: float = 0.08  # [m] along the body from the fingertips to the middle of the hand
+    hand_m: float = 0.09  # [m] along the body from the fingertips to the middle of the hand
     foot_m: float = 0.10  # [m] from the toes to the middle of the foot
     head_m: float = 0.12  # [m] from the top to the middle of the head
     tip_sigma_m: float = 0.04  # [m] of these three
@@ -44,7 +44,7 @@ class DepthLayerConfig(msgspec.Struct, frozen=True, kw_only=True):
     confidence_min: float = 0.25  # below it nothing is measured; default
     patience_s: float = 0.4  # [s] without a measurement until a point is lost; default
     spread_max_m: float = 0.35  # [m] standard deviation of a prediction beyond which it is lost
-    swap_s: float = 0.5  # [s] that keypoints must contradict left and right of points; default
+    swap_s: float = 0.25  # [s] that keypoints must contradict left and right of points; default
     gate: float = 5.0  # [standard deviations] from its prediction that a point is believed to be
     proposed: float = 0.4  # share of particles that are placed by keypoints and ends of limbs
     adapt: float = 0.03  # of references, that each measured frame adds

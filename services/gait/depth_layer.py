@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.geometry import project
+from common.geometry import deproject, project
 from common.messages import F32, F64, CameraInfo
 from services.gait.depth_config import DepthLayerConfig
 from services.gait.floor import Floor
 from services.gait.geodesic import geodesic_m
 from services.gait.limbs import UP, Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
+from services.gait.matching import match
 from services.gait.point_filter import PointEstimate, PointFilter, Proposal
 from services.gait.points import PAIRS, Anchor, anchors
 from services.gait.spin_image import similarity, spin_images
@@ -57,6 +58,7 @@ class DepthLayer:
         self._points = {name: self._new(name) for name in config.points}
         self._disagreed = dict.fromkeys(config.points, 0)
         self._votes: dict[str, float] = {}
+        self._ends: dict[str, LimbEnd] = {}  # of the points' limbs
         self._stature_m = 0.0
         self._combined = config.feature == "combined"
         self.body: Body3d | None = None  # of the last frame
@@ -105,6 +107,8 @@ class DepthLayer:
         self._move(sight, found, ends)
         self._weigh(sight, body, found)
         self._begin(sight, body, found, ends)
+        if not found and self._combined:
+            self._check_sides(sight)
         return self._told()
 
     def ahead(self, dt_s: float) -> Mapping[str, PointEstimate]:
@@ -171,8 +175,9 @@ class DepthLayer:
         kept = np.linalg.norm(pixels[0] - a) + np.linalg.norm(pixels[1] - b)
         crossed = np.linalg.norm(pixels[0] - b) + np.linalg.norm(pixels[1] - a)
         apart = np.linalg.norm(a - b) > self._pixels(CROSSING_M, here[0, 2])
-        votes = self._votes.get(left, 0.0) + (dt_s if crossed < kept and apart else -dt_s)
-        self._votes[left] = max(votes, 0.0)
+        vote = (dt_s if crossed < kept else -dt_s) if apart else 0.0
+        votes = max(self._votes.get(left, 0.0) + vote, 0.0)
+        self._votes[left] = votes
         if votes > self._config.swap_s:
             self._votes[left] = 0.0
             self._exchange(left, right)
@@ -186,28 +191,41 @@ class DepthLayer:
         points[left].name, points[right].name = left, right
 
     def _move(self, sight: Sight, found: Mapping[str, Anchor], ends: Sequence[LimbEnd]) -> None:
+        self._match(found, ends)
         for name, point in self._points.items():
             if point.motion is None:
                 continue
-            proposals = self._proposals(point, found.get(name), ends) if self._combined else []
+            proposals = self._proposals(point, found.get(name)) if self._combined else []
             point.propagate(sight.dt_s, proposals)
 
-    def _proposals(
-        self, point: PointFilter, anchor: Anchor | None, ends: Sequence[LimbEnd]
-    ) -> list[Proposal]:
-        """Return where else a point may be: at its keypoint, at an end of a limb of its kind."""
+    def _match(self, found: Mapping[str, Anchor], ends: Sequence[LimbEnd]) -> None:
+        """Find which limb each point is at the end of."""
+        anchors_m = {
+            name: deproject(anchor.pixel, [point.motion.position_m[2]], self._info)[0]
+            for name, anchor in found.items()
+            if (point := self._points[name]).motion is not None
+        }
+        self._ends = {}
+        for kind in ("head", "hand", "foot"):
+            points = [p for p in self._points.values() if p.kind == kind and p.alive]
+            same = [end for end in ends if end.kind == kind][:6]
+            self._ends |= match(points, same, anchors_m)
+
+    def _proposals(self, point: PointFilter, anchor: Anchor | None) -> list[Proposal]:
+        """Return where else a point may be: at its keypoint, at the end of its limb."""
         assert point.motion is not None
         share = self._config.proposed
-        proposals = []
+        ahead = project(point.motion.position_m, self._info)[0]
+        spread = self._pixels(min(point.motion.spread_m, 0.15), point.motion.position_m[2])
+        proposals = [Proposal(ahead, spread, share / 2)]
         if anchor is not None:
             sigma = self._anchor_sigma(point.motion.position_m[2], anchor)
             proposals.append(Proposal(anchor.pixel, sigma, share / 2))
-        near = [end for end in ends if end.kind == point.kind]
-        if near:
-            positions = np.stack([end.position_m for end in near])
-            best = int(np.argmin(np.linalg.norm(positions - point.motion.position_m, axis=1)))
-            sigma = self._pixels(0.03, positions[best, 2])
-            proposals.append(Proposal(project(positions[best], self._info)[0], sigma, share / 2))
+        end = self._ends.get(point.name)
+        if end is not None:
+            sigma = self._pixels(0.03, end.position_m[2])
+            pixel = project(end.position_m, self._info)[0]
+            proposals.append(Proposal(pixel, sigma, share / 2))
         return proposals
 
     def _weigh(self, sight: Sight, body: Body3d, found: Mapping[str, Anchor]) -> None:
@@ -247,7 +265,9 @@ class DepthLayer:
             return alone(point, body, alike, self._config)
         assert point.motion is not None
         sigma = self._anchor_sigma(point.motion.position_m[2], anchor) if anchor else 1.0
-        hints = Hints(anchor, sigma, self._other(point))
+        other = self._other(point)
+        taken = self._ends.get(other.name) if other is not None else None
+        hints = Hints(anchor, sigma, other, self._ends.get(point.name), taken)
         return together(point, body, alike, hints, self._config)
 
     def _other(self, point: PointFilter) -> PointFilter | None:
@@ -272,7 +292,7 @@ class DepthLayer:
             near = np.linalg.norm(places - places[best], axis=1) <= self._config.window_m
             kept = weights * near * (point.vertices >= 0)
             position = (kept / kept.sum()) @ places
-            self._judge(point, body, position, best, result, anchor, dt_s)
+            self._judge(point, body, position, best, anchor, dt_s)
         else:
             point.measured(places[best], 1.0)
         point.resample(weights)
@@ -283,7 +303,6 @@ class DepthLayer:
         body: Body3d,
         position: F64,
         best: int,
-        result: Weighed,
         anchor: Anchor | None,
         dt_s: float,
     ) -> None:
@@ -292,18 +311,13 @@ class DepthLayer:
         config = self._config
         noise = point.noise_m2(position)
         off = float(np.sqrt(point.motion.distances2(position[None], noise)[0]))
-        support = self._support(point, body, point.vertices[best])
+        support = self._by_limb(point, body, point.vertices[best])
         if anchor is not None:
-            pixel = project(position, self._info)[0]
-            sigma = self._anchor_sigma(position[2], anchor)
-            apart = float(np.linalg.norm(pixel - anchor.pixel)) / sigma
-            sure = float(np.clip((anchor.confidence - 0.3) / 0.4, 0.0, 1.0))
-            support = max(support, sure * float(agreement(np.array(apart / 1.5))))
-            self._disagreed[point.name] = (
-                self._disagreed.get(point.name, 0) + 1
-                if apart > APART and anchor.confidence > SURE
-                else 0
-            )
+            support = max(support, self._by_anchor(point, position, anchor))
+        point.unsupported_s = 0.0 if support > config.confidence_min else point.unsupported_s + dt_s
+        # Neither limb nor keypoint: what is alike elsewhere is believed for a while only.
+        waned = float(np.exp(-point.unsupported_s / config.patience_s)) if point.kind else 1.0
+        support = max(support, waned * self._by_distance(point, body, point.vertices[best]))
         confidence = support * float(agreement(np.array(off / config.gate * 1.5)))
         if off > config.gate or confidence < config.confidence_min or point.state == "lost":
             point.missed(dt_s)
@@ -313,17 +327,29 @@ class DepthLayer:
         if confidence > SURE and np.isfinite(body.along_m[vertex]):
             point.along_m += config.adapt * (float(body.along_m[vertex]) - point.along_m)
 
-    def _support(self, point: PointFilter, body: Body3d, vertex: int) -> float:
-        """Return what the body's shape says for a vertex, 0 to 1."""
-        config = self._config
-        off = (body.along_m[vertex] - point.along_m) / config.geodesic_sigma_m
-        by_distance = float(agreement(np.array(np.nan_to_num(off, posinf=9.0) / 1.5)))
-        by_limb = 0.0
-        basin = body.tips.basin[vertex]
-        if np.isfinite(point.below_m) and basin >= 0 and body.kinds[basin] == point.kind:
-            off = (body.below_m[vertex] - point.below_m) / config.tip_sigma_m
-            by_limb = float(body.strengths[basin] * agreement(np.array(off / 1.5)))
-        return max(by_distance, by_limb)
+    def _by_limb(self, point: PointFilter, body: Body3d, vertex: int) -> float:
+        """Return how well a vertex fits the end of the point's limb, 0 to 1."""
+        end = self._ends.get(point.name)
+        if end is None or body.tips.basin[vertex] != end.basin or not np.isfinite(point.below_m):
+            return 0.0
+        off = (body.below_m[vertex] - point.below_m) / self._config.tip_sigma_m
+        return end.strength * float(agreement(np.array(off / 1.5)))
+
+    def _by_distance(self, point: PointFilter, body: Body3d, vertex: int) -> float:
+        """Return how well a vertex fits the point's distance along the body, 0 to 1."""
+        off = (body.along_m[vertex] - point.along_m) / self._config.geodesic_sigma_m
+        return float(agreement(np.array(np.nan_to_num(off, posinf=9.0) / 1.5)))
+
+    def _by_anchor(self, point: PointFilter, position: F64, anchor: Anchor) -> float:
+        """Return how well a position fits the point's keypoint, 0 to 1."""
+        pixel = project(position, self._info)[0]
+        apart = float(np.linalg.norm(pixel - anchor.pixel))
+        apart /= self._anchor_sigma(position[2], anchor)
+        count = self._disagreed.get(point.name, 0) + 1
+        wrong = apart > APART and anchor.confidence > SURE
+        self._disagreed[point.name] = count if wrong else 0
+        sure = float(np.clip((anchor.confidence - 0.4) / 0.3, 0.0, 1.0))
+        return sure * float(agreement(np.array(apart / 1.5)))
 
     def _begin(
         self, sight: Sight, body: Body3d, found: Mapping[str, Anchor], ends: Sequence[LimbEnd]
@@ -351,21 +377,45 @@ class DepthLayer:
         forward = np.array([0.0, 0.0, -1.0]) if sight.facing is None else sight.facing
         left = np.cross(UP, forward)
         for kind in ("head", "hand", "foot"):
-            idle = [p for p in self._points.values() if p.kind == kind and not p.alive]
-            if not self._combined:
-                idle = [p for p in idle if p.motion is None]
+            points = [point for point in self._points.values() if point.kind == kind]
+            idle = [point for point in points if self._is_idle(point)]
             taken = [
-                p.motion.position_m
-                for p in self._points.values()
-                if p.kind == kind and p.alive and p.motion is not None
+                point.motion.position_m
+                for point in points
+                if point not in idle and point.motion is not None
             ]
             free = [
                 end.position_m
                 for end in ends
                 if end.kind == kind
-                and all(np.linalg.norm(end.position_m - t) > 0.15 for t in taken)
+                and end.strength > SURE
+                and all(np.linalg.norm(end.position_m - place) > 0.12 for place in taken)
             ]
             self._assign(idle, free[: len(idle)], left, body)
+
+    def _is_idle(self, point: PointFilter) -> bool:
+        """Tell whether a point waits for the end of a limb: it is lost, or on none for long."""
+        if point.motion is None or not self._combined:
+            return point.motion is None
+        return not point.alive or point.unsupported_s > self._config.patience_s
+
+    def _check_sides(self, sight: Sight) -> None:
+        """Exchange left and right that contradict the way the person walks for long."""
+        if sight.facing is None:
+            return
+        side = np.cross(UP, sight.facing)
+        for left, right in PAIRS:
+            pair = [self._points.get(left), self._points.get(right)]
+            if not all(p and p.state == "measured" for p in pair):
+                continue
+            a, b = (p.motion.position_m for p in pair if p and p.motion)
+            apart = float((a - b) @ side)
+            votes = self._votes.get(left, 0.0)
+            votes += sight.dt_s * (1.0 if apart < -CROSSING_M / 2 else -1.0)
+            self._votes[left] = max(votes, 0.0)
+            if votes > 2 * self._config.swap_s:
+                self._votes[left] = 0.0
+                self._exchange(left, right)
 
     def _assign(
         self, idle: Sequence[PointFilter], places: Sequence[F64], left: F64, body: Body3d

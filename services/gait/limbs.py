@@ -15,7 +15,7 @@ UP = np.array([0.0, -1.0, 0.0])  # of a camera that is held level
 TRUNK = (0.55, 0.8)  # of the stature, from the loins to the armpits
 FOOT_SHARE = 0.14  # of the stature, below which limbs end in feet
 HEAD_SHARE = 0.82  # above which they may end in the head
-KINDS = ("head", "hand", "foot")
+HAND_ALONG_M = 0.3  # nearer to the trunk's middle there are elbows and shoulders, no hands
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,10 @@ class Body3d:
 class LimbEnd:
     """The end of a limb."""
 
+    basin: int  # number of the tip
     kind: str  # head, hand or foot
     position_m: F64  # 3, of its middle
+    along_m: float  # distance of the tip along the body
     strength: float  # 0 to 1, how far it stands out
 
 
@@ -92,11 +94,16 @@ def limb_ends(body: Body3d, config: DepthLayerConfig) -> list[LimbEnd]:
     depths = lengths_m(config)
     ends = []
     for k, kind in enumerate(body.kinds):
-        if not kind or (kind == "hand" and body.along_m[body.tips.vertices[k]] < 0.3):
+        along = float(body.along_m[body.tips.vertices[k]])
+        if not kind or (kind == "hand" and along < HAND_ALONG_M):
             continue
         near = (body.tips.basin == k) & (body.below_m <= 2 * depths[kind])
-        position = body.surface.points_m[near].mean(axis=0)
-        ends.append(LimbEnd(kind, position, float(body.strengths[k])))
+        places = body.surface.points_m[near]
+        # Not the mean: more of the nearer side of a limb is seen.
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2
+        away = np.linalg.norm(places - middle, axis=1)
+        position = places[away <= away.min() + config.window_m / 2].mean(axis=0)
+        ends.append(LimbEnd(k, kind, position, along, float(body.strengths[k])))
     return sorted(ends, key=lambda end: -end.strength)
 
 

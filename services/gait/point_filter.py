@@ -72,7 +72,8 @@ class PointFilter:
         self.along_m = np.nan  # reference: distance from the source
         self.below_m = np.nan  # reference: distance to the tip of the limb; NaN: at no limb
         self.confidence = 0.0
-        self.missed_s = 0.0
+        self.missed_s = 0.0  # since it was measured
+        self.unsupported_s = 0.0  # since limb or keypoint spoke for it
         self.state: State = "lost"
 
     @property
@@ -95,6 +96,7 @@ class PointFilter:
         self.spin = spin
         self.along_m = float(body.along_m[vertex])
         self.state, self.missed_s, self.confidence = "measured", 0.0, 1.0
+        self.unsupported_s = 0.0
 
     def propagate(self, dt_s: float, proposals: Sequence[Proposal]) -> None:
         """Move the particles, by their motion and by what else tells where the point may be."""

@@ -21,6 +21,8 @@ JOINTS: Mapping[str, tuple[int, int]] = MappingProxyType(
     {LEFT_HAND: (9, 7), RIGHT_HAND: (10, 8), LEFT_FOOT: (15, 13), RIGHT_FOOT: (16, 14)}
 )
 BENT = 1.5  # times the noise, where the direction of a limb is not known
+# Times the noise: the face is beside the head's middle, the ankle behind the foot's.
+LOOSE: Mapping[str, float] = MappingProxyType({"head": 2.0, "hand": 1.0, "foot": 2.5})
 
 
 @dataclass(frozen=True)
@@ -58,15 +60,15 @@ def anchors(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, Anc
     found = {}
     face = np.flatnonzero(sure[FACE] > least)
     if len(face):
-        # One ear is beside the head's middle, two are about it.
-        found[HEAD] = Anchor(uv[face].mean(axis=0), BENT, float(sure[face].max()))
+        found[HEAD] = Anchor(uv[face].mean(axis=0), LOOSE["head"], float(sure[face].max()))
     for point, (end, before) in JOINTS.items():
         if sure[end] <= least:
             continue
         reach = config.hand_reach if kind_of(point) == "hand" else config.foot_reach
         known = sure[before] > least
         pixel = uv[end] + reach * (uv[end] - uv[before]) if known else uv[end]
-        found[point] = Anchor(pixel, 1.0 if known else BENT, float(sure[end]))
+        sigma = LOOSE[kind_of(point)] * (1.0 if known else BENT)
+        found[point] = Anchor(pixel, sigma, float(sure[end]))
     return found
 
 

@@ -6,11 +6,13 @@ import numpy as np
 
 from common.messages import F64
 from services.gait.depth_config import DepthLayerConfig
-from services.gait.limbs import Body3d
+from services.gait.limbs import Body3d, LimbEnd
 from services.gait.point_filter import PointFilter
 from services.gait.points import Anchor
+from services.gait.surface import I64
 
 CLIP = 8.0  # no feature alone rules a particle out
+ENDLESS = 0.3  # of the trust in a distance along the body, while the limb's end is not found
 WRONG_LIMB = 6.0  # logarithm of how much less a particle on another kind of limb weighs
 
 
@@ -21,6 +23,8 @@ class Hints:
     anchor: Anchor | None = None  # of its keypoint
     anchor_sigma_px: float = 1.0
     other: PointFilter | None = None  # the same on the other side of the body
+    end: LimbEnd | None = None  # of the point's limb
+    taken: LimbEnd | None = None  # of the limb on the other side
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class Weighed:
 
 def agreement(away: F64) -> F64:
     """Return exp(-x^2 / 2), 0 to 1, of departures in standard deviations."""
-    return np.asarray(np.exp(-0.5 * np.minimum(away**2, 80.0)))
+    return np.asarray(np.exp(-0.5 * np.minimum(np.abs(away), 9.0) ** 2))
 
 
 def alone(point: PointFilter, body: Body3d, alike: F64, config: DepthLayerConfig) -> Weighed:
@@ -70,11 +74,13 @@ def together(
     trust = {}
     off = _off_along(point, body, config)
     trust["geodesic"] = float(agreement(off[on]).max(initial=0.0))
+    if hints.end is None and point.kind:
+        trust["geodesic"] *= ENDLESS
     logs -= trust["geodesic"] * np.minimum(0.5 * off**2, CLIP)
     trust["spin"] = float(np.clip(np.where(on, alike, -1.0).max(initial=0.0) / 2.0, 0.0, 1.0))
     best = np.where(on, alike, -np.inf).max(initial=-1.0)
     logs -= trust["spin"] * np.minimum((best - np.maximum(alike, -2.0)) / config.spin_sigma, CLIP)
-    logs -= _off_limb(point, body, at, config)
+    logs -= _off_limb(point, body, at, hints, config)
     points_m = body.surface.points_m[at]
     if point.alive and point.motion is not None:
         logs += _by_motion(point, points_m)
@@ -94,18 +100,24 @@ def _off_along(point: PointFilter, body: Body3d, config: DepthLayerConfig) -> F6
     return np.asarray(np.where(np.isfinite(off), off, 1e3))
 
 
-def _off_limb(point: PointFilter, body: Body3d, at: F64, config: DepthLayerConfig) -> F64:
-    """Return what speaks against particles by where they are on their limb."""
+def _off_limb(
+    point: PointFilter, body: Body3d, at: I64, hints: Hints, config: DepthLayerConfig
+) -> F64:
+    """Return what speaks against particles by the limb that they are on, and by where on it."""
     if not np.isfinite(point.below_m):
         return np.zeros(len(at))
     basin = body.tips.basin[at]
-    kinds = np.array([*(kind == point.kind for kind in body.kinds), False])
-    others = np.array([*(kind not in (point.kind, "") for kind in body.kinds), False])
     strengths = np.append(body.strengths, 0.0)[basin]
     off = (body.below_m[at] - point.below_m) / config.tip_sigma_m
-    same = strengths * np.minimum(0.5 * np.nan_to_num(off, posinf=1e3) ** 2, CLIP)
-    wrong = 0.5 * WRONG_LIMB + 0.5 * WRONG_LIMB * strengths
-    return np.asarray(np.where(kinds[basin], same, np.where(others[basin], wrong, 2.0)))
+    along = strengths * np.minimum(0.5 * np.nan_to_num(off, posinf=1e3) ** 2, CLIP)
+    same = np.array([*(kind in (point.kind, "") for kind in body.kinds), True])[basin]
+    if hints.end is not None:
+        own = basin == hints.end.basin
+    else:
+        own = same & (basin != (hints.taken.basin if hints.taken else -2))
+    wrong = 0.5 * WRONG_LIMB * (1.0 + strengths)
+    nearly = np.where(own & (hints.end is None), 1.0, 0.0)
+    return np.asarray(np.where(own, along + nearly, wrong))
 
 
 def _by_motion(point: PointFilter, points_m: F64) -> F64:
