@@ -134,11 +134,12 @@ def _body(panel: U8, estimate: GaitEstimate, surface: Surface) -> None:
     cv2.polylines(panel, list(_fixed(edges)), False, FAINT, 1, cv2.LINE_AA, 4)
     lit = np.clip(surface.normals @ (SUN / np.linalg.norm(SUN)), 0.0, 1.0)
     for (u, v), light in zip(vertices, lit, strict=True):
-        shade = int(220 - 150 * light)
-        cv2.circle(panel, (round(u), round(v)), 1, (shade, shade, shade), cv2.FILLED)
+        shade = int(225 - 75 * light)
+        colour = (shade - 8, shade, shade + 8)
+        cv2.circle(panel, (round(u), round(v)), 1, colour, cv2.FILLED)
     for name, particles in estimate.particles.items():
         for u, v in placed(particles[:, :2]):
-            cv2.circle(panel, (round(u), round(v)), 1, colour_of_point(name), cv2.FILLED)
+            cv2.circle(panel, (round(u), round(v)), 2, colour_of_point(name), cv2.FILLED)
     for name, point in estimate.points.items():
         if point.state == "measured":
             at = surface.pixels_px[surface.nearest(point.position_m)]

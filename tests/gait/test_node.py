@@ -1,11 +1,13 @@
 """The gait node on a person of one colour before a wall, whose place is known by hand."""
 
+import sys
 from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 import pytest
 
+from common.codec import decode, encode
 from common.messages import (
     CameraInfo,
     Detection,
@@ -23,6 +25,7 @@ from services.gait.config import GaitConfig
 from services.gait.node import GaitNode
 from services.gait.people import fixed_point
 from services.gait.point_filter import PointEstimate
+from services.gait.warm_up import warm_up
 
 HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0
 DEPTH_M = 2.5
@@ -315,3 +318,25 @@ def test_who_watches_sees_what_is_told() -> None:
 def test_a_wrong_configuration_is_told(fields: dict[str, int]) -> None:
     with pytest.raises(ValueError, match=next(iter(fields))):
         msgspec.structs.replace(GaitConfig(), **fields)
+
+
+def test_after_warming_up_nothing_is_left_to_compile() -> None:
+    """A process that compiles while it has a frame in hand looks as if it hung."""
+    warm_up(GaitConfig())
+    before = compiled_functions()
+    node = calibrated()
+    read_only = [decode(encode(m)) for k in range(4) for m in moment(k, track(), track(2))]
+    assert feed(node, read_only)
+    assert compiled_functions() == before
+    assert sum(before.values()) > 5
+
+
+def compiled_functions() -> dict[str, int]:
+    """Return for how many kinds of arguments each function is compiled by now."""
+    return {
+        f"{module}.{name}": len(function.signatures)
+        for module, found in tuple(sys.modules.items())
+        if module.startswith("services.gait.")
+        for name, function in vars(found).items()
+        if hasattr(function, "signatures")
+    }

@@ -1,0 +1,58 @@
+"""Compiles what is compiled on first use, before anybody waits for it."""
+
+from collections import Counter
+
+import numpy as np
+
+from common.messages import CameraInfo
+from services.gait.cascade import Seen
+from services.gait.config import GaitConfig
+from services.gait.people import COUNTERS, People, Scene
+
+HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0
+FIGURE_MM, WALL_MM = 2500, 4000
+# Of a figure: rows, columns and depth.
+PARTS = (
+    (slice(20, 33), slice(75, 85), FIGURE_MM),  # head
+    (slice(33, 70), slice(70, 90), FIGURE_MM),  # trunk
+    (slice(70, 110), slice(70, 78), FIGURE_MM),  # legs
+    (slice(70, 110), slice(82, 90), FIGURE_MM),
+    (slice(52, 62), slice(70, 80), FIGURE_MM - 200),  # a hand before the trunk
+)
+BOX = (68.0, 18.0, 92.0, 112.0)
+PERIOD_NS = 33_000_000
+
+
+def warm_up(config: GaitConfig) -> None:
+    """Follow a figure of rectangles, as two people, for three frames; the last one has no boxes.
+
+    Args:
+        config: What shall be ready.
+    """
+    info = CameraInfo(
+        stamp_ns=0,
+        sequence=0,
+        camera="none",
+        frame_id="none",
+        width=WIDTH,
+        height=HEIGHT,
+        fx=FOCAL_PX,
+        fy=FOCAL_PX,
+        cx=WIDTH / 2,
+        cy=HEIGHT / 2,
+    )
+    rgb = np.full((HEIGHT, WIDTH, 3), (120, 130, 140), np.uint8)
+    depth_mm = np.full((HEIGHT, WIDTH), WALL_MM, np.uint16)
+    for rows, columns, distance_mm in PARTS:
+        rgb[rows, columns] = (200, 40, 40)
+        depth_mm[rows, columns] = distance_mm
+    for image in (rgb, depth_mm):  # as pictures come out of messages; code is compiled for that
+        image.flags.writeable = False
+    keypoints = np.zeros((17, 3), np.float32)
+    people = People(config, info, Counter(dict.fromkeys(COUNTERS, 0)))
+    for number, box in enumerate((np.array(BOX), np.array(BOX), None)):
+        seen = [
+            Seen(id=key, box_xyxy_px=box, keypoints=keypoints, depth_m=FIGURE_MM / 1000)
+            for key in (1, 2)
+        ]
+        people.update(Scene(number * PERIOD_NS, rgb, depth_mm, seen, np.eye(4)))
