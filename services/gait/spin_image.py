@@ -13,6 +13,7 @@ from services.gait.surface import Surface
 
 NO_MATCH = -math.inf
 R_MAX = 1 - 1e-6  # atanh of 1 is infinite
+FILLED = 1e-3  # points in a bin; less is what rounding leaves to a neighbouring bin
 I64: TypeAlias = npt.NDArray[np.int64]
 
 
@@ -136,16 +137,16 @@ def similarity(images: F64, reference: F64, overlap_min: int = 10) -> F64:
     Source: method book section 8.3 [G 4.2.2].
     """
     count = len(images)
-    flat, other = images.reshape(count, -1), reference.ravel()
-    filled = flat > 0
-    both = (filled & (other > 0)).astype(np.float64)
+    flat, other = images.reshape(count, reference.size), reference.ravel()
+    filled = flat > FILLED
+    both = (filled & (other > FILLED)).astype(np.float64)
     n = both.sum(axis=1)
     found = np.full(count, NO_MATCH)
     enough = n >= max(overlap_min, 4)
     if not enough.any():
         return found
     n, both, a = n[enough], both[enough], flat[enough]
-    b = other - other[other > 0].mean()
+    b = other - other[other > FILLED].mean()
     a = (a - (both * a).sum(axis=1, keepdims=True) / n[:, None]) * both
     spread_b = both @ b**2 - (both @ b) ** 2 / n
     spread_a = (a**2).sum(axis=1)
