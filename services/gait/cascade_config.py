@@ -14,8 +14,7 @@ class CascadeConfig(msgspec.Struct, frozen=True, kw_only=True):
     """From boxes and depth to the points of people (method book section 8)."""
 
     colour: ColourLayerConfig = ColourLayerConfig()  # carries boxes between detections
-    # Limbs before the trunk are to stay apart from it: edges are shorter than a surface needs
-    body: BodyConfig = BodyConfig(noise_sigmas=1.5, edge_stretch=1.5)
+    body: BodyConfig = BodyConfig()
     floor: FloorConfig = FloorConfig()
     depth: DepthLayerConfig = DepthLayerConfig()
     seed: int = 0  # of all random numbers

@@ -47,7 +47,8 @@ class DepthLayerConfig(msgspec.Struct, frozen=True, kw_only=True):
     swap_s: float = 0.25  # [s] that keypoints must contradict left and right of points; default
     gate: float = 5.0  # [standard deviations] from its prediction that a point is believed to be
     proposed: float = 0.4  # share of particles that are placed by keypoints and ends of limbs
-    adapt: float = 0.03  # of references, that each measured frame adds
+    adapt: float = 0.03  # of the reference distance, that each measured frame adds
+    adapt_max_m: float = 0.10  # [m] that it may change in all
     walk_mps: float = 0.3  # [m/s] from which on people are taken to face the way they move
 
     def __post_init__(self) -> None:

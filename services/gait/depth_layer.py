@@ -11,7 +11,7 @@ from services.gait.depth_config import DepthLayerConfig
 from services.gait.floor import Floor
 from services.gait.geodesic import geodesic_m
 from services.gait.limbs import UP, Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
-from services.gait.matching import match
+from services.gait.matching import ALONG_SIGMA_M, match
 from services.gait.point_filter import PointEstimate, PointFilter, Proposal
 from services.gait.points import PAIRS, Anchor, anchors
 from services.gait.spin_image import similarity, spin_images
@@ -25,7 +25,8 @@ __all__ = ["DepthLayer", "PointEstimate", "Sight"]
 MIN_VERTICES = 30  # fewer are no body
 SURE = 0.5  # of a keypoint or an end of a limb from which a lost point starts
 APART = 3.0  # [standard deviations] of a point and its keypoint, which then disagree
-PATIENCE = 4  # frames of disagreement
+PATIENCE = 2  # frames of disagreement
+ARM = 0.3  # of the stature, from the trunk's middle to the fingertips, at least
 CROSSING_M = 0.12  # [m] between left and right, nearer than which they may be taken for each other
 
 
@@ -316,7 +317,7 @@ class DepthLayer:
             support = max(support, self._by_anchor(point, position, anchor))
         point.unsupported_s = 0.0 if support > config.confidence_min else point.unsupported_s + dt_s
         # Neither limb nor keypoint: what is alike elsewhere is believed for a while only.
-        waned = float(np.exp(-point.unsupported_s / config.patience_s)) if point.kind else 1.0
+        waned = float(np.exp(-point.unsupported_s / (2 * config.patience_s))) if point.kind else 1.0
         support = max(support, waned * self._by_distance(point, body, point.vertices[best]))
         confidence = support * float(agreement(np.array(off / config.gate * 1.5)))
         if off > config.gate or confidence < config.confidence_min or point.state == "lost":
@@ -324,8 +325,8 @@ class DepthLayer:
             return
         point.measured(position, confidence)
         vertex = point.vertices[best]
-        if confidence > SURE and np.isfinite(body.along_m[vertex]):
-            point.along_m += config.adapt * (float(body.along_m[vertex]) - point.along_m)
+        if confidence > SURE:
+            point.adapt(float(body.along_m[vertex]))
 
     def _by_limb(self, point: PointFilter, body: Body3d, vertex: int) -> float:
         """Return how well a vertex fits the end of the point's limb, 0 to 1."""
@@ -385,10 +386,11 @@ class DepthLayer:
                 if point not in idle and point.motion is not None
             ]
             free = [
-                end.position_m
+                end
                 for end in ends
                 if end.kind == kind
                 and end.strength > SURE
+                and (kind != "hand" or end.along_m > ARM * self._stature_m)
                 and all(np.linalg.norm(end.position_m - place) > 0.12 for place in taken)
             ]
             self._assign(idle, free[: len(idle)], left, body)
@@ -418,24 +420,24 @@ class DepthLayer:
                 self._exchange(left, right)
 
     def _assign(
-        self, idle: Sequence[PointFilter], places: Sequence[F64], left: F64, body: Body3d
+        self, idle: Sequence[PointFilter], ends: Sequence[LimbEnd], left: F64, body: Body3d
     ) -> None:
-        if not idle or not places:
-            return
+        """Start points of one kind at ends of limbs, left ones on the left."""
         middle = np.median(body.surface.points_m, axis=0)
-        if len(idle) == 2 and len(places) == 2:
-            ordered = sorted(places, key=lambda place: -float((place - middle) @ left))
-            names = sorted(idle, key=lambda point: not point.name.startswith("left"))
-            for point, place in zip(names, ordered, strict=True):
-                self._start(point.name, body.surface.nearest(place), body)
-            return
-        place = places[0]
-        side = "left" if float((place - middle) @ left) > 0 else "right"
-        chosen = next((p for p in idle if p.name.startswith(side)), None)
-        if chosen is None and (len(idle) == 1 or not idle[0].name.startswith(("left", "right"))):
-            chosen = idle[0]
-        if chosen is not None:
-            self._start(chosen.name, body.surface.nearest(place), body)
+        for end in sorted(ends, key=lambda end: -abs(float((end.position_m - middle) @ left))):
+            likely = [point for point in idle if self._fits(point, end)]
+            side = "left" if float((end.position_m - middle) @ left) > 0 else "right"
+            # Of two that wait the one of that side; one that waits alone is the other one's pair.
+            chosen = [point for point in likely if point.name.startswith(side) or len(idle) == 1]
+            chosen = chosen or [point for point in likely if point.kind == "head"]
+            if chosen:
+                self._start(chosen[0].name, body.surface.nearest(end.position_m), body)
+                idle = [point for point in idle if point is not chosen[0]]
+
+    def _fits(self, point: PointFilter, end: LimbEnd) -> bool:
+        """Tell whether a limb is as long as it was; a point keeps that while it is lost."""
+        length = point.along_m + np.nan_to_num(point.below_m)
+        return bool(np.isnan(length) or abs(end.along_m - length) < 2.5 * ALONG_SIGMA_M)
 
     def _start(self, name: str, vertex: int, body: Body3d, *, marked: bool = False) -> None:
         point = self._points.get(name) or self._new(name)

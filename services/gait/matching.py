@@ -10,7 +10,7 @@ from services.gait.limbs import LimbEnd
 from services.gait.point_filter import PointFilter
 
 REACH_M = 0.30  # from where a point is expected to where its limb ends, at most
-ALONG_SIGMA_M = 0.15  # of the distance of a tip along the body
+ALONG_SIGMA_M = 0.10  # of the distance of a tip along the body
 NEAR_SIGMA_M = 0.10  # of an end about where its point is expected
 NONE_COST = 9.0  # of a point that has no end
 

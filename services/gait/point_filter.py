@@ -70,6 +70,7 @@ class PointFilter:
         self.weights: F64 = np.empty(0)
         self.spin: F64 | None = None  # reference: spin image
         self.along_m = np.nan  # reference: distance from the source
+        self.first_m = np.nan  # along_m at the start
         self.below_m = np.nan  # reference: distance to the tip of the limb; NaN: at no limb
         self.confidence = 0.0
         self.missed_s = 0.0  # since it was measured
@@ -94,7 +95,7 @@ class PointFilter:
         self.particles[:, :2] = pixel
         self.vertices = np.full(config.particles, vertex)
         self.spin = spin
-        self.along_m = float(body.along_m[vertex])
+        self.along_m = self.first_m = float(body.along_m[vertex])
         self.state, self.missed_s, self.confidence = "measured", 0.0, 1.0
         self.unsupported_s = 0.0
 
@@ -138,6 +139,14 @@ class PointFilter:
         self.motion.correct(position_m, self.noise_m2(position_m))
         self.shown_m = self.motion.position_m if self._combined else position_m
         self.state, self.missed_s, self.confidence = "measured", 0.0, confidence
+
+    def adapt(self, along_m: float) -> None:
+        """Let the reference distance follow what is measured, within bounds: limbs do not grow."""
+        config = self._config
+        if np.isfinite(along_m) and np.isfinite(self.along_m):
+            moved = self.along_m + config.adapt * (along_m - self.along_m)
+            low, high = self.first_m - config.adapt_max_m, self.first_m + config.adapt_max_m
+            self.along_m = float(np.clip(moved, low, high))
 
     def missed(self, dt_s: float) -> None:
         """The point was not seen: it is where its motion takes it, for a while."""
