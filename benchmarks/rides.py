@@ -1,5 +1,6 @@
 """Boxes from a camera that moves, with what is true and what odometry tells."""
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -72,6 +73,25 @@ class Ride:
         ]
         return Scored(self.name, tuple(frames))
 
+    def faultless(self, gone: int) -> list[BoxTracks]:
+        """Return what a tracker would tell that errs nowhere, but knows nobody again.
+
+        Args:
+            gone: Frames out of sight after which a person is somebody new.
+        """
+        last, ids, numbers, told = dict[int, int](), dict[int, int](), itertools.count(1), []
+        for number, truth in enumerate(self.truth):
+            hidden = np.zeros(len(truth.ids), bool) if truth.occluded is None else truth.occluded
+            rows = np.flatnonzero(~hidden)
+            for person in (int(truth.ids[row]) for row in rows):
+                if number - last.get(person, -gone - 2) > gone + 1:
+                    ids[person] = next(numbers)
+                last[person] = number
+            found = np.array([ids[int(truth.ids[row])] for row in rows], np.int64)
+            boxes = np.asarray(truth.boxes_xyxy_px)[rows].reshape(-1, 4)
+            told.append(BoxTracks(found, boxes, np.ones(len(rows)), np.arange(len(rows))))
+        return told
+
 
 def lab_ride(scenario: str, seed: int, errors: SightingConfig) -> Ride:
     """Return a scenario of the virtual lab as a detector sees it, without pictures."""
@@ -95,31 +115,39 @@ def lab_ride(scenario: str, seed: int, errors: SightingConfig) -> Ride:
     )
 
 
-def film_rides(
-    scenarios: Sequence[str], seeds: Sequence[int], detector: DetectorConfig, cache: Path
-) -> list[Ride]:
-    """Return scenarios as a network sees their pictures; they are drawn unless they were before."""
-    names = [f"lab:{scenario}" for scenario in scenarios]
-    rides = []
-    for take in plan_takes(names, seeds, "colour", cache):
-        film(take, 2, print)
-        seen = look(Look(take.path, CameraConfig(), detector, (), cache))
-        frames, samples = list[BoxFrame](), list[Odometry]()
-        for message in read(seen.detections, None):
-            if isinstance(message, Detections):
-                frames.append(_boxes(message))
-            elif isinstance(message, Odometry):
-                samples.append(message)
-        with np.load(take.truth_file) as file:
-            boxes, shares, lens = file["bbox"].astype(np.float64), file["vis"], file["K"]
-        people = [list(range(boxes.shape[1]))] * len(boxes)
-        truth = [
-            _truth(k, b, s, frames[0].size_px)
-            for k, b, s in zip(people, boxes, shares, strict=True)
-        ]
-        fov_deg = _fov_deg(frames[0].size_px[0], float(lens[0]))
-        rides.append(Ride(take.name, tuple(frames), tuple(truth), _prompt(samples), fov_deg))
-    return rides
+def films(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
+    """Return what was filmed of some scenarios, newest first of each; empty if one is wanting."""
+    found = []
+    for scenario in scenarios:
+        takes = (cache / "scenes").glob(f"{scenario}@{seed}-colour-*.mcap")
+        drawn = [take for take in takes if take.with_suffix(".truth.npz").exists()]
+        found += sorted(drawn, key=lambda take: take.stat().st_mtime)[-1:]
+    return found if len(found) == len(scenarios) else []
+
+
+def draw(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
+    """Film some scenarios, unless they were filmed before."""
+    takes = plan_takes([f"lab:{scenario}" for scenario in scenarios], [seed], "colour", cache)
+    for take in takes:
+        film(take, 2, lambda what, share: print(f"{what}: {100 * share:.0f} %"))
+    return [take.path for take in takes]
+
+
+def film_ride(take: Path, detector: DetectorConfig, cache: Path) -> Ride:
+    """Return a film as a network sees its pictures, which it looks at but once."""
+    seen = look(Look(take, CameraConfig(), detector, (), cache))
+    frames, samples = list[BoxFrame](), list[Odometry]()
+    for message in read(seen.detections, None):
+        if isinstance(message, Detections):
+            frames.append(_boxes(message))
+        elif isinstance(message, Odometry):
+            samples.append(message)
+    with np.load(take.with_suffix(".truth.npz")) as file:
+        boxes, shares, lens = file["bbox"].astype(np.float64), file["vis"], file["K"]
+    people = list(range(boxes.shape[1]))
+    truth = [_truth(people, b, s, frames[0].size_px) for b, s in zip(boxes, shares, strict=True)]
+    fov_deg = _fov_deg(frames[0].size_px[0], float(lens[0]))
+    return Ride(take.stem, tuple(frames), tuple(truth), _prompt(samples), fov_deg)
 
 
 def kitti_ride(folder: Path, seed: int) -> Ride:
