@@ -24,6 +24,7 @@ class MovingFrames:
         self._config = config
         self._graph = FrameGraph()
         self._trails: dict[Edge, Trail] = {}
+        self._bases: set[Edge] = set()  # of these, the ones that odometry tells
 
     def add(self, message: StaticTransform | MovingTransform | Odometry) -> None:
         """Take a transform that holds for ever, or one at its stamp."""
@@ -33,6 +34,7 @@ class MovingFrames:
             self._follow((message.parent, message.child), message.stamp_ns, message.matrix)
         else:
             edge = message.frame_id, message.child_frame_id
+            self._bases.add(edge)
             self._follow(edge, message.stamp_ns, matrix_of(message))
 
     def _follow(self, edge: Edge, stamp_ns: int, matrix: F64) -> None:
@@ -62,6 +64,18 @@ class MovingFrames:
         if way is None or any(self._trail(edge) for edge in way):
             return None
         return compose(way.values())
+
+    def ground(self, frame: str) -> str:
+        """Return the frame that a frame on a moving base moves in; itself if it is on none.
+
+        A base is the child of odometry, or of another moving transform if nothing moves in it.
+        """
+        parents = {parent for parent, _ in self._trails}
+        for parent, child in self._trails:
+            is_base = (parent, child) in self._bases or frame not in parents
+            if is_base and self.standing(frame, child) is not None:
+                return parent
+        return frame
 
     def waits(self, target: str, source: str, stamp_ns: int) -> bool:
         """Tell whether a sample may yet come that tells a transform at a time."""

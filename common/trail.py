@@ -28,12 +28,19 @@ class TrailConfig(msgspec.Struct, frozen=True, kw_only=True):
     # Standard deviations of what a base does that nobody told of
     sigma_acceleration_mps2: float = 1.0  # [m/s^2]
     sigma_turn_radps2: float = 2.0  # [rad/s^2]
+    # Standard deviations of the errors that odometry makes as a base moves, which grow with the
+    # root of the way and of the angle; 0: it makes none
+    drift_way_m: float = 0.02  # [m] in 1 m
+    drift_turn_rad: float = 0.05  # [rad] in 1 rad
 
     def __post_init__(self) -> None:
         """Check ranges."""
         for name in self.__struct_fields__:
             value = getattr(self, name)
-            if not 0 < value < math.inf:
+            if name.startswith("drift"):
+                if not 0 <= value < math.inf:
+                    raise ValueError(f"{name}: expected a finite number >= 0, got {value}")
+            elif not 0 < value < math.inf:
                 raise ValueError(f"{name}: expected a finite number > 0, got {value}")
 
 

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterable
 
-import numpy as np
-from msgspec.structs import replace
-
-from common.geometry import apply, invert, wrap
+from common.geometry import invert
 from common.messages import F64, Message, MovingTransform, Odometry, StaticTransform, Track
 from common.moving_frames import MovingFrames
-from common.trail import TrailConfig
+from common.trail import Placement, TrailConfig
+from services.tracker import placing
 
 
 class Drift:
@@ -46,12 +44,4 @@ class Drift:
 
 def carried(track: Track, matrix: F64 | None) -> Track:
     """Return a track moved and turned by a 4x4 transform of the ground; None: as it is."""
-    if matrix is None:
-        return track
-    turn_rad = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
-    return replace(
-        track,
-        position_m=apply(matrix, track.position_m),
-        velocity_mps=matrix[:3, :3] @ track.velocity_mps,
-        yaw_rad=None if track.yaw_rad is None else wrap(track.yaw_rad + turn_rad),
-    )
+    return track if matrix is None else placing.carried(track, Placement(matrix))

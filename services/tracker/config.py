@@ -7,6 +7,7 @@ import msgspec
 from common.trail import TrailConfig
 from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
 from services.tracker.image_sort_config import ImageSortConfig
+from services.tracker.standing_config import StandingConfig
 
 CHI2_3DOF_95 = 7.8147
 
@@ -113,6 +114,7 @@ class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
     occlusion: OcclusionConfig = OcclusionConfig()  # whoever is hidden keeps their track
     contact: ContactConfig = ContactConfig()  # whoever touches somebody keeps their own track
     identity: IdentityConfig = IdentityConfig()  # whoever comes back gets their identity back
+    standing: StandingConfig = StandingConfig()  # whoever stands has no velocity
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -165,7 +167,9 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     # sort3d, strongsort3d, image_sort, or module:Class of your own
     tracker: str = "strongsort3d"
-    frame_id: str = "map"  # frame that tracks are in
+    # Frame that tracks are in: one that stands, or the robot's own ("base_link") where there is no
+    # map; velocities are over the ground then, too
+    frame_id: str = "map"
     # True: a frame without a transform from its camera is dropped. False: the camera is taken to
     # stand at the origin and look along +x, which the status tells.
     require_transform: bool = False

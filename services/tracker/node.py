@@ -288,10 +288,12 @@ class TrackerNode:
         trace: tuple[Span, ...],
         stamp_ns: int | None = None,
     ) -> Tracks:
+        stamp_ns = detections.stamp_ns if stamp_ns is None else stamp_ns
+        people = self._places.told(people, stamp_ns)
         chosen = tuple(track for track in people if self._is_shown(track))
         self._showing = bool(chosen)
         return Tracks(
-            stamp_ns=detections.stamp_ns if stamp_ns is None else stamp_ns,
+            stamp_ns=stamp_ns,
             sequence=detections.sequence,
             trace=trace,
             frame_id=self._config.frame_id,

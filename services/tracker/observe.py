@@ -9,6 +9,7 @@ from common.geometry import apply
 from common.messages import F64, CameraInfo, Detections, Embeddings
 from common.trail import Placement
 from services.tracker.interface import Measurement, Observation, Unplaced
+from services.tracker.placing import doubt
 
 GUESS_MIN_M = 0.01  # [m] a base that is known better than this adds no doubt
 LEVEL_MIN = 0.2  # a heading whose level part is shorter than this (steeper than 78 deg) has no yaw
@@ -52,7 +53,7 @@ def observe(
                     embedding=vectors.get(index),
                     yaw_rad=yaw_of(person.heading, map_from_camera),
                     yaw_sigma_rad=person.heading_sigma_rad,
-                    doubt_m2=doubt(person.position_m, place)
+                    doubt_m2=doubt(map_from_camera[:3, :3] @ person.position_m, place)
                     if place.sigma_m > GUESS_MIN_M
                     else None,
                 )
@@ -72,19 +73,6 @@ def observe(
 def edges(info: CameraInfo) -> tuple[float, float]:
     """Return the left and right edge of a camera's image at focal length 1, x right."""
     return -info.cx / info.fx, (info.width - info.cx) / info.fx
-
-
-def doubt(position_m: F64, place: Placement) -> F64:
-    """Return the covariance (3x3, tracks' frame) of a position because the camera's is a guess.
-
-    Args:
-        position_m: 3, in the optical frame.
-        place: Where the camera is guessed to be.
-    """
-    away_m = place.matrix[:3, :3] @ position_m
-    # A turn about the vertical moves what is seen at right angles to the way there.
-    aside_m = place.sigma_rad * np.array([-away_m[1], away_m[0], 0.0])
-    return place.sigma_m**2 * np.diag([1.0, 1.0, 0.0]) + np.outer(aside_m, aside_m)
 
 
 def rotated(covariance_m2: F64 | None, map_from_camera: F64) -> F64 | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from services.tracker import kalman
 from services.tracker.interface import Identities, Measurement, Observation
 from services.tracker.motion import Motion
 from services.tracker.occlusion import Fading
+from services.tracker.standing import Pace, StandOrWalk
 from services.tracker.yaw import Yaw, YawState
 
 
@@ -38,6 +39,7 @@ class Target:
     embedding: F64 | None = None
     look: Look = Look()
     yaw: YawState | None = None
+    pace: Pace | None = None  # as two models have them, of which x and P are the mean
     hits: int = 1  # frames matched, the first included
     streak: int = 1  # frames matched since the last miss
     age: int = 1  # frames since the beginning, the first included
@@ -49,6 +51,9 @@ class Target:
     shown: float = 1.0  # part of a person's width there that the image had room for, 0 to 1
     at_edge: bool = False  # whether the last picture was cut off at the left or right
     hidden_ns: int = 0  # [ns] stamp of the last of them
+
+
+State: TypeAlias = tuple[F64, F64, Pace | None]  # x, P and, with two models, what they make
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +90,18 @@ class Population:
     """
 
     def __init__(
-        self, motion: Motion, survival: Survival, yaw: Yaw, fading: Fading | None = None
+        self,
+        motion: Motion,
+        survival: Survival,
+        yaw: Yaw,
+        fading: Fading | None = None,
+        paces: StandOrWalk | None = None,
     ) -> None:
         self.targets: list[Target] = []
         self.identities = Identities()
         self._fading = fading
         self._motion = motion
+        self._paces = paces
         self._survival = survival
         self._yaw = yaw
         self.stamp_ns: int | None = None
@@ -108,13 +119,22 @@ class Population:
         ]
         if not self.targets:
             return
-        states, covariances = self._moved(self.targets, dt_s)
+        states = self._moved(self.targets, dt_s)
         yaws = self._yaw.predict([t.yaw for t in self.targets], dt_s)
-        for target, x, P, yaw in zip(self.targets, states, covariances, yaws, strict=True):
-            target.x, target.P, target.yaw = x, P, yaw
+        for target, (x, P, pace), yaw in zip(self.targets, states, yaws, strict=True):
+            target.x, target.P, target.pace, target.yaw = x, P, pace, yaw
             target.age += 1
             target.detection = None
             target.missed += target.camera == observation.camera
+
+    def doubt(self, covariances_m2: F64, camera: str) -> None:
+        """Add covariances (Nx3x3) to the positions of people whom a camera saw last."""
+        places = np.ix_(self._motion.position, self._motion.position)
+        for target, covariance_m2 in zip(self.targets, covariances_m2, strict=True):
+            if target.camera == camera:
+                target.P[places] += covariance_m2
+                if target.pace:
+                    target.pace.P[:, :3, :3] += covariance_m2
 
     def match(self, pairs: Sequence[tuple[Target, Measurement]], observation: Observation) -> None:
         """Correct people with the measurements matched to them."""
@@ -122,11 +142,11 @@ class Population:
             return
         targets, measurements = [t for t, _ in pairs], [m for _, m in pairs]
         z, R = self._motion.measure(measurements), self._motion.noise(measurements)
-        states, covariances = kalman.update(*stack(targets), z, self._motion.H, R)
-        velocities = states[:, self._motion.velocity]
+        states = self._corrected(targets, z, R)
+        velocities = np.array([x[self._motion.velocity] for x, _, _ in states])
         yaws = self._yaw.update([t.yaw for t in targets], measurements, velocities)
-        for (target, measurement), x, P, yaw in zip(pairs, states, covariances, yaws, strict=True):
-            target.x, target.P, target.yaw = x, P, yaw
+        for (target, measurement), (x, P, pace), yaw in zip(pairs, states, yaws, strict=True):
+            target.x, target.P, target.pace, target.yaw = x, P, pace, yaw
             target.score, target.detection = measurement.score, measurement.index
             target.camera, target.seen_ns = observation.camera, observation.stamp_ns
             target.hits += 1
@@ -156,6 +176,7 @@ class Population:
                     confirmed=self._survival.confirm_hits <= 1,
                     embedding=measurement.embedding,
                     yaw=yaw,
+                    pace=self._paces.start(x, P) if self._paces else None,
                 )
             )
         return [self._track(t, observation.stamp_ns) for t in self.targets]
@@ -166,11 +187,11 @@ class Population:
         if not present:
             return []
         dt_s = self._seconds_to(stamp_ns)
-        states, covariances = self._moved(present, dt_s)
+        states = self._moved(present, dt_s)
         yaws = self._yaw.predict([t.yaw for t in present], dt_s)
         return [
             self._track(replace(t, x=x, P=P, yaw=yaw, detection=None), stamp_ns)
-            for t, x, P, yaw in zip(present, states, covariances, yaws, strict=True)
+            for t, (x, P, _), yaw in zip(present, states, yaws, strict=True)
         ]
 
     def restore(self, targets: list[Target], stamp_ns: int | None) -> None:
@@ -182,6 +203,8 @@ class Population:
         n = self._motion.H.shape[1]
         if any(t.x.shape != (n,) or t.P.shape != (n, n) for t in targets):
             raise ValueError(f"expected states of {n} numbers, got others")
+        if any(t.pace and not t.pace.fits(n) for t in targets):
+            raise ValueError(f"expected two states of {n} numbers each, got others")
         if len({t.id for t in targets}) < len(targets) or any(t.id < 1 for t in targets):
             raise ValueError("expected identities >= 1, each once")
         self.targets, self.stamp_ns = targets, stamp_ns
@@ -194,12 +217,25 @@ class Population:
         for target in self.targets:
             target.seen_ns += duration_ns
 
-    def _moved(self, targets: Sequence[Target], dt_s: float) -> tuple[F64, F64]:
-        """Return predicted states and covariances; whoever was not seen slows down, if asked."""
+    def _moved(self, targets: Sequence[Target], dt_s: float) -> list[State]:
+        """Return predicted states; whoever was not seen slows down, if asked."""
+        unseen = np.array([t.missed > 0 for t in targets])
+        if self._paces:
+            paces = self._paces.predict([_pace(t, self._paces) for t in targets], unseen, dt_s)
+            return [(*self._paces.told(pace), pace) for pace in paces]
         x, P = stack(targets)
         if self._fading:
-            x, P = self._fading(x, P, np.array([t.missed > 0 for t in targets]), dt_s)
-        return self._motion.predict(x, P, dt_s)
+            x, P = self._fading(x, P, unseen, dt_s)
+        return [
+            (x_k, P_k, None) for x_k, P_k in zip(*self._motion.predict(x, P, dt_s), strict=True)
+        ]
+
+    def _corrected(self, targets: Sequence[Target], z: F64, R: F64) -> list[State]:
+        if self._paces:
+            paces = self._paces.update([_pace(t, self._paces) for t in targets], z, R)
+            return [(*self._paces.told(pace), pace) for pace in paces]
+        states = kalman.update(*stack(targets), z, self._motion.H, R)
+        return [(x, P, None) for x, P in zip(*states, strict=True)]
 
     def _seconds_to(self, stamp_ns: int) -> float:
         if self.stamp_ns is None:
@@ -230,6 +266,10 @@ class Population:
             identity_confidence=target.look.confidence,
             identity_reason=target.look.reason,
         )
+
+
+def _pace(target: Target, paces: StandOrWalk) -> Pace:
+    return target.pace or paces.start(target.x, target.P)
 
 
 def stack(targets: Sequence[Target]) -> tuple[F64, F64]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from common.messages import F64, Track
 from services.tracker import association, kalman, state
+from services.tracker.base_drift import BaseDrift
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
 from services.tracker.contact import (
     BOOL,
@@ -24,6 +25,7 @@ from services.tracker.motion import PointMotion
 from services.tracker.occlusion import Fading, hidden
 from services.tracker.population import Population, Survival, Target, stack
 from services.tracker.recognition import Recognition, Sight
+from services.tracker.standing import StandOrWalk
 from services.tracker.watching import mark_unwatched, mark_watched
 from services.tracker.yaw import make_yaw
 
@@ -52,9 +54,12 @@ class StrongSort3d:
             lost_s=config.max_lost_s,
         )
         fading = Fading(occlusion, self._motion.velocity) if occlusion.enabled else None
-        self._people = Population(self._motion, survival, make_yaw(config), fading)
+        standing = self._config.standing
+        paces = StandOrWalk(self._motion, standing, fading) if standing.enabled else None
+        self._people = Population(self._motion, survival, make_yaw(config), fading, paces)
         self._recognition = Recognition(identity, self._people) if identity.enabled else None
         self.identities = self._people.identities
+        self._drift = BaseDrift(config.base)
         self._embedder = ("", 0)
 
     def update(self, observation: Observation) -> list[Track]:
@@ -62,6 +67,7 @@ class StrongSort3d:
         people, occlusion = self._people, self._config.occlusion
         elapsed_ns = observation.stamp_ns - (people.stamp_ns or observation.stamp_ns)
         people.advance(observation)
+        self._doubt_drift(observation)
         if occlusion.enabled:
             mark_unwatched(people.targets, observation, elapsed_ns, occlusion)
         detections = in_order(observation.measurements)
@@ -101,6 +107,7 @@ class StrongSort3d:
     def reset(self) -> None:
         """Forget all people and times, but not which identities were given."""
         self._people.clear()
+        self._drift.clear()
         if self._recognition:
             self._recognition.clear()
 
@@ -117,6 +124,12 @@ class StrongSort3d:
     def postpone(self, duration_ns: int) -> None:
         """Take a time as not passed, since nobody looked."""
         self._people.postpone(duration_ns)
+
+    def _doubt_drift(self, observation: Observation) -> None:
+        """Doubt where people are as far as the base that carries the camera may have erred."""
+        doubts_m2 = self._drift.since_last(observation, self._positions_m(self._people.targets))
+        if doubts_m2 is not None:
+            self._people.doubt(doubts_m2, observation.camera)
 
     def _left(self, target: Target, observation: Observation) -> bool:
         """Tell whether it is up to recognition to find a person again."""

@@ -7,7 +7,8 @@ import numpy as np
 from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from common.messages import Detection, Detections
 from common.trail import Placement
-from services.tracker.observe import doubt, observe, rotated
+from services.tracker.observe import observe, rotated
+from services.tracker.placing import doubt
 
 BOX = np.array([0.0, 0.0, 10.0, 20.0], np.float32)
 
@@ -52,7 +53,7 @@ def test_turning_keeps_the_size_of_a_covariance() -> None:
 def test_a_guessed_base_puts_positions_in_doubt() -> None:
     # The camera looks along x, the person is 4 m before it: a turn by 0.05 rad moves them 0.2 m
     # along y, on top of 0.1 m of the base each way.
-    matrix = doubt(np.array([0.0, 0.0, 4.0]), Placement(LINK_FROM_OPTICAL, 0.1, 0.05))
+    matrix = doubt(np.array([4.0, 0.0, 0.0]), Placement(LINK_FROM_OPTICAL, 0.1, 0.05))
     np.testing.assert_allclose(matrix, np.diag([0.01, 0.01 + 0.04, 0.0]), atol=1e-12)
 
 

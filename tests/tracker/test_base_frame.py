@@ -1,0 +1,142 @@
+"""Tracks in the frame of a base that moves: as in the map, seen from there."""
+
+import math
+
+import numpy as np
+import pytest
+
+from common.geometry import LINK_FROM_OPTICAL, apply, invert, rotation_from_rpy, transform_from
+from common.messages import (
+    F64,
+    Detection,
+    Detections,
+    Message,
+    Odometry,
+    StaticTransform,
+    Track,
+    Tracks,
+)
+from common.moving_frames import MovingFrames, matrix_of
+from common.trail import Placement, TrailConfig
+from services.tracker.config import TrackerConfig
+from services.tracker.node import TrackerNode
+from services.tracker.placing import carried
+from services.tracker.registry import make_tracker
+
+CAMERA = "front_optical_frame"
+STEP_NS = 100_000_000
+MOUNT = transform_from([0.2, 0.0, 1.0], LINK_FROM_OPTICAL[:3, :3])
+STANDS, WALKS = np.array([4.0, 0.5, 1.0]), np.array([3.5, -1.0, 1.0])
+
+
+def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
+    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+
+
+def driven(number: int) -> Odometry:
+    """A robot that weaves: 0.3 m/s forward, up to 50 degrees a second to either side."""
+    t = number / 10
+    return Odometry(
+        stamp_ns=number * STEP_NS,
+        sequence=number,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x_m=0.3 * t,
+        y_m=0.05 * math.sin(t),
+        theta_rad=0.35 * math.sin(2.5 * t),
+    )
+
+
+def seen(number: int) -> Detections:
+    """One person who stands and one who walks along y at 0.5 m/s, both measured without error."""
+    optical_from_odom = invert(matrix_of(driven(number)) @ MOUNT)
+    people = []
+    for place_m in (STANDS, WALKS + np.array([0.0, 0.05 * number, 0.0])):
+        x, y, z = apply(optical_from_odom, place_m)
+        u = 320 + 500 * x / z
+        box = np.array([u - 60, 100.0, u + 60, 400.0], np.float32)
+        people.append(Detection(box_xyxy_px=box, score=0.9, position_m=np.array([x, y, z])))
+    return Detections(
+        stamp_ns=number * STEP_NS,
+        sequence=number,
+        camera="front",
+        frame_id=CAMERA,
+        model="fixed",
+        width=640,
+        height=480,
+        people=tuple(people),
+    )
+
+
+def run(frame_id: str, *transforms: Message) -> list[Tracks]:
+    config = TrackerConfig(frame_id=frame_id, embedding_wait_s=0.0)
+    node = TrackerNode(config, make_tracker(config))
+    outputs: list[Message] = []
+    for message in (*transforms, fixed("base_link", CAMERA, MOUNT)):
+        outputs += node.handle(message, 0)
+    for number in range(40):
+        outputs += node.handle(driven(number), 0)
+        outputs += node.handle(seen(number), 0)
+    return [message for message in outputs if isinstance(message, Tracks)]
+
+
+def test_tracks_in_the_base_are_those_in_the_map_seen_from_there() -> None:
+    map_from_odom = transform_from([2.0, 1.0, 0.0], rotation_from_rpy(0.0, 0.0, 0.7))
+    in_map, in_base = run("map", fixed("map", "odom", map_from_odom)), run("base_link")
+    assert len(in_map) == len(in_base) == 40
+    assert {tracks.frame_id for tracks in in_base} == {"base_link"}
+    for number, (there, here) in enumerate(zip(in_map, in_base, strict=True)):
+        base_from_map = invert(map_from_odom @ matrix_of(driven(number)))
+        for a, b in zip(there.people, here.people, strict=True):
+            expected = carried(a, Placement(base_from_map))
+            assert b.id == a.id
+            np.testing.assert_allclose(b.position_m, expected.position_m, atol=1e-9)
+            np.testing.assert_allclose(b.velocity_mps, expected.velocity_mps, atol=1e-9)
+            np.testing.assert_allclose(b.covariance, expected.covariance, atol=1e-9)
+
+
+@pytest.mark.parametrize("frame_id", ["base_link", "odom"])
+def test_a_person_who_stands_has_no_velocity_before_a_robot_that_drives_and_turns(
+    frame_id: str,
+) -> None:
+    last = run(frame_id)[-1]
+    stands, walks = (np.linalg.norm(track.velocity_mps) for track in last.people)
+    assert stands < 1e-9
+    assert walks == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_track_seen_from_a_base_that_has_turned() -> None:
+    # The base is 1 m ahead and has turned to the left by 90 degrees: whoever is at (3, 0) and walks
+    # along x is 2 m to its right, (0, -2), and walks along its -y. The variance of the way along x
+    # becomes that along y; where the base is a guess by 0.1 m and 0.05 rad, 0.01 each way and
+    # (0.05 * 2)^2 = 0.01 at right angles to the way there, along x.
+    track = Track(
+        id=1,
+        state="confirmed",
+        position_m=np.array([3.0, 0.0, 1.0]),
+        velocity_mps=np.array([1.0, 0.0, 0.0]),
+        covariance=np.diag([0.04, 0.01, 0.01, 0.2, 0.1, 0.1]),
+        yaw_rad=0.5,
+        hits=1,
+        age=1,
+        time_since_update_s=0.0,
+        detection=None,
+        score=0.9,
+    )
+    base = transform_from([1.0, 0.0, 0.0], rotation_from_rpy(0.0, 0.0, math.pi / 2))
+    told = carried(track, Placement(invert(base), 0.1, 0.05))
+    np.testing.assert_allclose(told.position_m, [0.0, -2.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(told.velocity_mps, [0.0, -1.0, 0.0], atol=1e-12)
+    expected = [0.01 + 0.01 + 0.01, 0.04 + 0.01, 0.01, 0.1, 0.2, 0.1]
+    np.testing.assert_allclose(np.diag(told.covariance), expected)
+    assert told.yaw_rad == pytest.approx(0.5 - math.pi / 2)
+
+
+def test_only_frames_on_a_base_move_with_it() -> None:
+    frames = MovingFrames(TrailConfig())
+    assert frames.ground("base_link") == "base_link"
+    for message in (fixed("base_link", CAMERA, MOUNT), fixed("map", "odom", np.eye(4)), driven(0)):
+        frames.add(message)
+    assert frames.ground("base_link") == frames.ground(CAMERA) == "odom"
+    assert frames.ground("odom") == "odom"
+    assert frames.ground("map") == "map"
