@@ -130,7 +130,7 @@ def _check(found: Sequence[Found] | None, seen: Seen) -> None:
     if seen.box_xyxy_px is not None and not known:
         raise SourceError(
             "nobody is in that box of the first frame",
-            "Look at it with people4d info, or leave the box out: --person auto.",
+            "Write it as left,top,right,bottom in pixels, or leave it out: --person auto.",
         )
 
 
