@@ -33,6 +33,7 @@ STAGES = {
     "embedding": "pictures become appearance vectors without a network",
     "association": "detections are matched with the tracks, and tracks updated",
     "prediction": "tracks go on without a frame",
+    "points": "heads, hands and feet are followed in depth",
     "handle": "all the work of a process that measures no stages of its own",
     "publish": "after the work: for its turn, for outputs sent before it, and encoding",
     "other": "* work of a process between its stages",

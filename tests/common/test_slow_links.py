@@ -59,7 +59,8 @@ def test_topics_with_one_key_are_slowed_down() -> None:
     (rules,) = downsampling(["wlan0"], 10.0)
     assert rules["interfaces"] == ["wlan0"]
     keys = {rule["key_expr"].rpartition("/")[2]: rule["freq"] for rule in rules["rules"]}
-    assert keys == {"odometry": 10.0, "people": 10.0, "truth": 10.0, "score": 10.0}
+    names = ("odometry", "people", "gait", "truth", "score")
+    assert keys == dict.fromkeys(names, 10.0)
     assert downsampling(["wlan0"], 100.0) == []  # nothing comes more often
 
 

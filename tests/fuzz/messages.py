@@ -13,8 +13,9 @@ from common.images import decode_jpeg, decode_png16, decompress, encode_jpeg, en
 from common.messages import CompressedRgbdFrame, Detections, Message
 from common.ros_bag import types_of
 from services.camera.ros_bag import RGBD, RGBD_DEFINITION
-from services.camera.ros_calibration import Transforms, lens_of, odometry_of
+from services.camera.ros_calibration import Transforms, lens_of
 from services.camera.ros_images import colour_image, depth_image
+from services.camera.ros_motion import odometry_of
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.live import LiveTruth
 from services.gt_bridge.people_msgs import PEOPLE, people_typestore, truth_of
