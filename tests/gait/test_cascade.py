@@ -1,0 +1,137 @@
+"""The cascade on somebody of one colour before a wall: what it tells, and what bad input does."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from common.messages import F64, U8, U16
+from services.gait.cascade import Cascade, GaitEstimate, Seen
+from services.gait.cascade_config import CascadeConfig
+from services.gait.depth_config import DepthLayerConfig
+from services.gait.points import POINTS
+from tests.gait.bodies import INFO
+
+DEPTH_M = 2.5
+PERIOD_NS = 33_000_000
+BOX = np.array([270.0, 70.0, 370.0, 440.0])
+PARTS = (  # rows and columns of head, trunk, arms and legs
+    (slice(80, 130), slice(300, 340)),
+    (slice(130, 280), slice(280, 360)),
+    (slice(280, 430), slice(280, 312)),
+    (slice(280, 430), slice(328, 360)),
+)
+
+
+def picture(shift_px: int = 0) -> tuple[U8, U16]:
+    rgb = np.full((480, 640, 3), (120, 130, 140), np.uint8)
+    depth_mm = np.full((480, 640), 4000, np.uint16)
+    for rows, columns in PARTS:
+        moved = slice(columns.start + shift_px, columns.stop + shift_px)
+        rgb[rows, moved] = (200, 40, 40)
+        depth_mm[rows, moved] = round(DEPTH_M * 1000)
+    return rgb, depth_mm
+
+
+def seen(person: int = 1, box: F64 | None = BOX) -> Seen:
+    return Seen(person, box, None, DEPTH_M)
+
+
+def play(cascade: Cascade, frames: int, people: Sequence[Seen]) -> list[list[GaitEstimate]]:
+    rgb, depth_mm = picture()
+    return [cascade.update(n * PERIOD_NS, rgb, depth_mm, people) for n in range(frames)]
+
+
+def states(estimate: GaitEstimate) -> set[str]:
+    return {point.state for point in estimate.points.values()}
+
+
+def test_points_lie_on_the_body() -> None:
+    # The trunk's middle is at column 320, the crown at row 80, the soles at row 430; f = 500 px.
+    (estimate,) = play(Cascade(CascadeConfig(), INFO), 8, [seen()])[-1]
+    head = estimate.points["head"]
+    assert head.state == "measured"
+    assert head.position_m[0] == pytest.approx(0.0, abs=0.15)
+    assert head.position_m[1] == pytest.approx((105 - 240) / 500 * DEPTH_M, abs=0.15)
+    for name in POINTS:
+        if name in estimate.points and estimate.points[name].state == "measured":
+            assert estimate.points[name].position_m[2] == pytest.approx(DEPTH_M, abs=0.1)
+
+
+@pytest.mark.parametrize("feature", ["spin", "geodesic", "combined"])
+def test_every_feature_is_repeatable(feature: str) -> None:
+    config = CascadeConfig(depth=DepthLayerConfig(feature=feature))  # type: ignore[arg-type]
+    first, second = (play(Cascade(config, INFO), 5, [seen()])[-1][0] for _ in range(2))
+    assert first.points.keys() == second.points.keys()
+    for name, point in first.points.items():
+        np.testing.assert_array_equal(point.position_m, second.points[name].position_m)
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        np.array([300.0, 100.0, 300.0, 100.0]),  # empty
+        np.array([340.0, 100.0, 300.0, 90.0]),  # inside out
+        np.array([900.0, 900.0, 990.0, 990.0]),  # outside of the image
+        np.array([320.0, 200.0, 321.0, 201.0]),  # a person of one pixel
+        np.array([np.nan, 0.0, 10.0, 10.0]),
+        np.array([0.0, 0.0, np.inf, 10.0]),
+        None,
+    ],
+)
+def test_a_bad_box_measures_no_point(box: F64 | None) -> None:
+    for told in play(Cascade(CascadeConfig(), INFO), 3, [seen(box=box)]):
+        assert "measured" not in states(told[0])
+
+
+def test_without_depth_no_point_is_measured() -> None:
+    cascade = Cascade(CascadeConfig(), INFO)
+    play(cascade, 5, [seen()])
+    rgb, depth_mm = picture()
+    for number in range(5, 60):
+        (estimate,) = cascade.update(number * PERIOD_NS, rgb, 0 * depth_mm, [seen()])
+        assert "measured" not in states(estimate)
+    # Nearly two seconds later nobody predicts any more.
+    assert states(estimate) <= {"lost"}
+
+
+def test_somebody_lost_comes_back() -> None:
+    cascade = Cascade(CascadeConfig(), INFO)
+    play(cascade, 5, [seen()])
+    rgb, depth_mm = picture()
+    for number in range(5, 100):
+        assert cascade.update(number * PERIOD_NS, rgb, depth_mm, []) == []
+    assert cascade.people == ()  # forgotten after two seconds
+    for number in range(100, 108):
+        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [seen()])
+    assert estimate.points["head"].state == "measured"
+
+
+def test_colours_carry_the_box_where_nobody_is_detected() -> None:
+    cascade = Cascade(CascadeConfig(), INFO)
+    play(cascade, 5, [seen()])
+    for number in range(5, 10):
+        rgb, depth_mm = picture(3 * (number - 4))
+        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [seen(box=None)])
+    assert estimate.box_xyxy_px is not None
+    # In five frames of 3 px the person went 15 px to the right.
+    middle = float(estimate.box_xyxy_px[[0, 2]].mean())
+    assert middle == pytest.approx(320 + 15, abs=12)
+
+
+def test_of_twenty_people_everyone_has_their_turn() -> None:
+    people = [seen(person) for person in range(1, 21)]
+    config = CascadeConfig(people_max=6)
+    looked = [
+        {one.id for one in told if one.fresh} for told in play(Cascade(config, INFO), 4, people)
+    ]
+    assert [len(ids) for ids in looked] == [6] * 4
+    assert set.union(*looked) == set(range(1, 21))  # 4 x 6 turns are enough for 20
+
+
+def test_a_recording_that_begins_anew_begins_with_nobody() -> None:
+    cascade = Cascade(CascadeConfig(), INFO)
+    play(cascade, 3, [seen(1)])
+    rgb, depth_mm = picture()
+    cascade.update(0, rgb, depth_mm, [seen(2)])
+    assert cascade.people == (2,)
