@@ -36,15 +36,16 @@ class Arrival:
 class Inbox:
     """One bounded queue per key, emptied oldest first across keys.
 
-    Of a "newest" topic only the newest message waits, unless it must not be skipped (lock-step).
+    Of a "newest" topic only the newest messages wait, unless they must not be skipped (lock-step).
     Bytes that do not decode, messages pushed out and gaps in the sequence are counted.
 
     Args:
         share: Tells which messages other replicas do; these do not wait here. None: all are ours.
+        newest: How many messages of a "newest" topic wait.
     """
 
-    def __init__(self, share: Share | None = None) -> None:
-        self._share = share
+    def __init__(self, share: Share | None = None, newest: int = 1) -> None:
+        self._share, self._newest = share, newest
         self.counters: Counter[str] = Counter()
         self.last_error = ""
         self._failed_s = -math.inf
@@ -102,7 +103,8 @@ class Inbox:
                 self._count_gap(topic, source, message.sequence)
             queue = self._queues.setdefault(key, deque())
             skippable = not (isinstance(message, RgbdFrame) and message.lockstep)
-            keep = 0 if topic.delivery == "newest" and skippable else topic.depth - 1
+            is_newest = topic.delivery == "newest" and skippable
+            keep = (self._newest if is_newest else topic.depth) - 1
             while len(queue) > keep:
                 queue.popleft()
                 self.counters[f"dropped_{topic.name}"] += 1

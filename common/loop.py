@@ -31,7 +31,8 @@ class Loop:
             `tick` due at once, for nodes that are fed by a thread of their own; `set_next`, what
             lets another thread take the next message before `handle` returns; `set_send`, what
             publishes one answer before the others. If it has `foreign_inputs`, these topics of
-            others come to `handle`, too. If it has `sharing`, it does that work by turns with its
+            others come to `handle`, too. If it has `newest`, so many frames wait while it is busy,
+            else one. If it has `sharing`, it does that work by turns with its
             replicas, and `set_replicas` gets what tells their names.
         bus: Where messages come from and go to.
         place: Which process this is.
@@ -45,7 +46,8 @@ class Loop:
         sharing: Sharing | None = getattr(node, "sharing", None)
         self._work = Work()
         self._replica = Replica(bus, place, sharing, self._work) if sharing else None
-        self.inbox = Inbox(self._replica.share if self._replica else None)
+        share = self._replica.share if self._replica else None
+        self.inbox = Inbox(share, getattr(node, "newest", 1))
         self._node = node
         self._bus = bus
         self._place = place

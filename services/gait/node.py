@@ -29,6 +29,7 @@ from services.gait.people import COUNTERS, Found, People, Scene
 from services.gait.places import Places
 
 OWN_COUNTERS = ("passed_over", "no_camera_info", "no_transform")
+PATIENCE = 10  # times settle_s, after which a frame is done in any case
 CAMERAS_MAX = 64  # with people; whoever sends more names is no camera
 
 Watch = Callable[[CameraInfo, Scene, Sequence[Found]], None]
@@ -38,8 +39,9 @@ class GaitNode:
     """Follows points on the bodies of tracked people, at its own rate.
 
     Live, the newest complete frame of a camera wins and older ones are counted `passed_over`: what
-    takes long delays nobody. In lock-step playback frames are done in turn, as far as they are
-    kept; nobody waits for the answer.
+    takes long delays nobody. Frames that come meanwhile wait for their tracks, since whoever took
+    only the newest would have none for as long as the pipeline takes. In lock-step playback frames
+    are done in turn, as far as they are kept; nobody waits for the answer.
 
     Args:
         config: The configuration.
@@ -54,12 +56,13 @@ class GaitNode:
 
     def __init__(self, config: GaitConfig, watch: Watch | None = None) -> None:
         self._config, self._watch = config, watch
+        self.newest = config.frames  # that wait while this one is busy
         self._join = Join(config.frames)
         self._places = Places(config.base)
         self._infos: dict[str, CameraInfo] = {}
         self._people: dict[str, People] = {}
         self._ready: dict[str, Moment] = {}
-        self._due_ns = 0
+        self._due_ns, self._first_ns = 0, 0
         self._counters = Counter(dict.fromkeys((*OWN_COUNTERS, *COUNTERS), 0))
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
@@ -73,9 +76,7 @@ class GaitNode:
             if moment and moment.frame.lockstep:
                 return self._follow(moment)
             if moment:
-                self._counters["passed_over"] += moment.frame.camera in self._ready
-                self._ready[moment.frame.camera] = moment
-                self._due_ns = now_ns + int(self._config.settle_s * 1e9)
+                self._wait(moment, now_ns)
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
@@ -94,6 +95,14 @@ class GaitNode:
 
     def close(self) -> None:
         """Hold nothing that needs releasing."""
+
+    def _wait(self, moment: Moment, now_ns: int) -> None:
+        """Let a frame wait until no newer one comes at once, but not for ever."""
+        settle_ns = int(self._config.settle_s * 1e9)
+        self._first_ns = self._first_ns if self._ready else now_ns
+        self._counters["passed_over"] += moment.frame.camera in self._ready
+        self._ready[moment.frame.camera] = moment
+        self._due_ns = min(now_ns + settle_ns, self._first_ns + PATIENCE * settle_ns)
 
     def _calibrate(self, info: CameraInfo) -> None:
         before = self._infos.get(info.camera)

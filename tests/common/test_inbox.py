@@ -208,3 +208,11 @@ def test_bytes_of_others_are_read_by_their_own_decoder() -> None:
     assert [first.message.stamp_ns, second.message.stamp_ns] == [7, 8]
     assert inbox.counters["bad_counts"] == 2
     assert inbox.last_error == "count: expected digits, got other bytes"
+
+
+def test_who_joins_frames_with_later_messages_may_keep_some() -> None:
+    inbox = Inbox(newest=3)
+    for sequence in range(5):
+        put(inbox, FRAMES, sequence)
+    assert taken(inbox) == [2, 3, 4]
+    assert inbox.counters == {"received_frames": 5, "dropped_frames": 2}
