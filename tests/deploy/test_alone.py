@@ -16,12 +16,15 @@ from common.messages import (
     Crops,
     Detections,
     Embeddings,
+    Gait,
     Message,
     Tracks,
     Truth,
 )
 from common.recording import RecordingWriter, open_recording
 from deploy.cli.up import DEMO
+from services.gait.config import GaitConfig
+from services.gait.warm_up import warm_up
 
 PEOPLE4D = (sys.executable, "-m", "deploy.cli")
 TIMEOUT_S = 20.0
@@ -134,6 +137,31 @@ def test_each_stage_alone(demo: Path, tmp_path: Path, environment: Mapping[str, 
     tracks = [m for m in people(tracked, Tracks) if isinstance(m, Tracks)]
     assert len({m.stamp_ns for m in tracks} & {m.stamp_ns for m in detections}) == len(detections)
     assert max(len(m.people) for m in tracks) == 3
+
+    warm_up(GaitConfig())  # what is compiled is kept, so that the process need not
+    whole, walked = tmp_path / "all.mcap", tmp_path / "walked.mcap"
+    merge(whole, demo, seen, tracked)
+    with ExitStack() as stack:
+        stack.enter_context(service("gait", environment))
+        stack.enter_context(recording(walked, "gait", environment))
+        topics = "frames,camera_info,static_transforms,detections,people"
+        people4d(environment, "replay", str(whole), "--topics", topics, "--hold", "0.3")
+    told = [m for m in people(walked, Gait) if isinstance(m, Gait)]
+    # At its own rate, and only where frames, detections and tracks have one stamp.
+    assert len(told) >= 2
+    assert {m.stamp_ns for m in told} <= {m.stamp_ns for m in tracks}
+    assert max(len(m.people) for m in told) == 3
+
+
+def merge(whole: Path, demo: Path, *made: Path) -> None:
+    """Write what was made of the demo behind its frames, in the order of their stamps."""
+    messages = [m for _, m in open_recording(demo).messages()]
+    messages += [m for file in made for _, m in open_recording(file).messages(Detections, Tracks)]
+    with RecordingWriter(whole) as writer:
+        for name, values in open_recording(demo).notes.items():
+            writer.note(name, values)
+        for message in sorted(messages, key=lambda m: m.stamp_ns):
+            writer.write(message, message.stamp_ns)
 
 
 def test_the_camera_and_the_bridge_alone(
