@@ -174,7 +174,7 @@ def once(
     start, start_s = len(ear.told) - 1, time.monotonic()
     os.kill(pid, number)
     back_s = ear.wait(lambda: ear.works_again(service, pid))
-    wait_for_people(ear)
+    wait_for_people(ear, since_s=time.monotonic())
     told = [t for t in ear.told[start:] if t.seen]
     for one in told:
         ledger.note(one.seen)
@@ -189,12 +189,14 @@ def once(
     )
 
 
-def wait_for_people(ear: Ear) -> None:
-    """Wait until everyone was seen in every message for a while."""
+def wait_for_people(ear: Ear, since_s: float = 0.0) -> None:
+    """Wait until everyone was seen in every message for a while after some moment."""
 
     def well() -> bool:
-        lately = [t for t in ear.told if t.at_s > time.monotonic() - SETTLE_S]
-        return len(lately) >= FEW and all(len(t.seen) == PEOPLE for t in lately)
+        begin_s = time.monotonic() - SETTLE_S
+        lately = [t for t in ear.told if t.at_s > begin_s]
+        complete = len(lately) >= FEW and all(len(t.seen) == PEOPLE for t in lately)
+        return complete and begin_s >= since_s
 
     if ear.wait(well) is None:
         raise TimeoutError("people are not followed any more")

@@ -1,6 +1,7 @@
 """What comes over the network: messages, people in CDR, pictures."""
 
 import contextlib
+import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,12 @@ from common.errors import DecodeError
 from common.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
 from common.messages import CompressedRgbdFrame, Detections, Message
 from common.ros_bag import types_of
+from services.camera.config import MotionConfig
+from services.camera.live_motion import LiveMotion
 from services.camera.ros_bag import RGBD, RGBD_DEFINITION
 from services.camera.ros_calibration import Transforms, lens_of
 from services.camera.ros_images import colour_image, depth_image
-from services.camera.ros_motion import odometry_of
+from services.camera.ros_motion import JointConfig, odometry_of
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.live import LiveTruth
 from services.gt_bridge.people_msgs import PEOPLE, people_typestore, truth_of
@@ -126,6 +129,39 @@ def _ros_seeds(_: Path) -> Sequence[bytes]:
     ]
 
 
+def _motion(data: bytes, _: Path) -> None:
+    """Decode what a robot tells of its motion; what passes is taken in as the camera does."""
+    motion = LiveMotion(MOTIONS[data[0] % len(MOTIONS)] if data else MOTIONS[0])
+    topic = motion.topics[data[1] % len(motion.topics) if len(data) > 1 else 0]
+    for told in motion.taken(topic.decode(data[2:]), ("base", "camera")):
+        encode(told)
+
+
+def _motion_seeds(_: Path) -> Sequence[bytes]:
+    ros = Ros(2)
+    header = ros.header(10**9)
+    joints = ros.make(
+        "sensor_msgs/msg/JointState",
+        header=header,
+        name=["left", "right"],
+        position=np.array([1.0, 2.0]),
+        velocity=np.empty(0),
+        effort=np.empty(0),
+    )
+    transform = ros.transform("map", "base", (1, 2, 3), (0, 0, 0, 1))
+    stamped = dataclasses.replace(transform.transforms[0], header=header)
+    transform = dataclasses.replace(transform, transforms=[stamped])
+    seeds = [
+        (b"\0\0", "nav_msgs/msg/Odometry", ros.odometry(1.0, 2.0, 3.0, 10**9)),
+        (b"\0\1", "tf2_msgs/msg/TFMessage", transform),
+        (b"\0\2", "tf2_msgs/msg/TFMessage", transform),
+        (b"\1\0", "sensor_msgs/msg/JointState", joints),
+    ]
+    return [
+        chosen + bytes(ros.store.serialize_cdr(message, kind)) for chosen, kind, message in seeds
+    ]
+
+
 def _jpeg(data: bytes, _: Path) -> None:
     decode_jpeg(data)
 
@@ -156,11 +192,17 @@ def _people_seeds(_: Path) -> Sequence[bytes]:
 
 
 PEOPLE_STORE = people_typestore()
+TREES = ("zenoh:tf", "zenoh:tf_static")
+MOTIONS = (
+    MotionConfig(odometry="zenoh:odom", transforms=TREES),
+    MotionConfig(joints="zenoh:joints", wheels=JointConfig(joints=("left", "right"))),
+)
 LIVE = LiveTruth(GtBridgeConfig(truth="zenoh:people"))
 
 TARGETS = (
     *(message_target(name) for name in MESSAGES),
     Target("CDR images and calibration", _ros, _ros_seeds, (b"rgb8", b"16UC1", b"32FC1", b"png")),
+    Target("CDR of motion", _motion, _motion_seeds, (b"base", b"camera", b"left", b"right")),
     Target("CDR people", _people, _people_seeds, (b"yaw_rad", b"path_yaw_rad", b"nan", b"1e999")),
     Target("JPEG", _jpeg, lambda _: [encode_jpeg(rgb())]),
     Target(
