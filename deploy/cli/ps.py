@@ -1,6 +1,7 @@
 """people4d ps."""
 
 import time
+from collections import Counter
 from typing import Annotated
 
 import msgspec
@@ -11,7 +12,7 @@ from rich.table import Table
 from common.errors import People4dError
 from common.messages import Health
 from deploy.cli.options import Connect, Robot
-from deploy.launcher.health import Heartbeats
+from deploy.launcher.health import Heartbeats, of_instance
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Process, Supervisor
 
@@ -56,8 +57,9 @@ def ps(
     own = running if running and connect in ("", running.connect) else None
     processes = Supervisor(state).processes() if own else {}
     healths = _heartbeats(connect or (running.connect if running else ""), robot, bool(own))
-    names = [*processes, *(name for name in sorted(healths) if name not in processes)]
-    rows = [_row(name, processes.get(name), healths.get(name)) for name in names]
+    told = {name: of_instance(healths, name) for name in processes}
+    rows = [_row(name, process, told[name]) for name, process in processes.items()]
+    rows += [_row(h.instance, None, h) for h in healths if h not in told.values()]
     if json:
         typer.echo(msgspec.json.encode(rows).decode())
     else:
@@ -68,7 +70,7 @@ def ps(
                 console.print(f"{row.instance}: {row.reason}", markup=False, highlight=False)
 
 
-def _heartbeats(connect: str, robot: str, optional: bool) -> dict[str, Health]:
+def _heartbeats(connect: str, robot: str, optional: bool) -> list[Health]:
     """Listen for a moment; without a router there is nothing to hear from own processes."""
     heartbeats = Heartbeats(connect, robot)
     try:
@@ -76,10 +78,10 @@ def _heartbeats(connect: str, robot: str, optional: bool) -> dict[str, Health]:
         deadline_s = time.monotonic() + LISTEN_S
         while (left_s := deadline_s - time.monotonic()) > 0:
             heartbeats.wait(left_s)
-        return {health.instance: health for health in heartbeats.all()}
+        return sorted(heartbeats.all(), key=lambda health: (health.instance, health.host))
     except People4dError:
         if optional:
-            return {}
+            return []
         raise
     finally:
         heartbeats.close()
@@ -112,10 +114,11 @@ def _table(rows: list[Row]) -> Table:
     for title in ("in/s", "out/s"):
         table.add_column(title, no_wrap=True)
     table.add_column("losses", overflow="fold")
+    count = Counter(row.instance for row in rows)
     for row in rows:
         state = _state(row)
         table.add_row(
-            row.instance,
+            row.instance if count[row.instance] == 1 else f"{row.instance} ({row.host})",
             f"[{COLOURS.get(state, 'red')}]{state}[/]",
             str(row.pid or ""),
             duration(row.uptime_s) if row.uptime_s else "",

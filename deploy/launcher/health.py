@@ -1,5 +1,6 @@
 """How the launcher knows that a service is healthy."""
 
+import socket
 import subprocess
 import threading
 import time
@@ -31,7 +32,7 @@ class Heartbeats:
         self._robot = robot
         self._client: Client | None = None
         self._thread: threading.Thread | None = None
-        self._last: dict[str, tuple[float, Health]] = {}
+        self._last: dict[tuple[str, str], tuple[float, Health]] = {}  # by host and instance
         self._arrived = threading.Condition()
 
     def connect(self, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
@@ -47,20 +48,18 @@ class Heartbeats:
         self._thread.start()
 
     def of_instance(self, instance: str, pid: int = 0) -> Health | None:
-        """Return the fresh heartbeat of a process, None if there is none.
+        """Return the fresh heartbeat of a process on this machine, None if there is none.
 
         Args:
             instance: Name of the process.
             pid: Its number; another process of that name does not count. 0: any.
         """
-        when, health = self._last.get(instance, (0.0, None))
-        fresh = time.monotonic() - when < FRESH_S
-        return health if health and fresh and pid in (0, health.pid) else None
+        return of_instance(self.all(), instance, pid)
 
     def all(self) -> list[Health]:
         """Return all fresh heartbeats."""
-        found = (self.of_instance(instance) for instance in list(self._last))
-        return [health for health in found if health]
+        oldest_s = time.monotonic() - FRESH_S
+        return [health for when_s, health in list(self._last.values()) if when_s > oldest_s]
 
     def wait(self, timeout_s: float) -> bool:
         """Wait for the next heartbeat of any process; return whether one came."""
@@ -74,9 +73,25 @@ class Heartbeats:
 
     def _listen(self, client: Client) -> None:
         for health in client.messages(Health):
-            self._last[health.instance] = (time.monotonic(), health)
+            self._last[health.host, health.instance] = (time.monotonic(), health)
             with self._arrived:
                 self._arrived.notify_all()
+
+
+def of_instance(healths: Sequence[Health], instance: str, pid: int = 0) -> Health | None:
+    """Return the heartbeat of a process on this machine, None if there is none.
+
+    Each machine has a watchdog-1, and in a container a machine has another name: only where nobody
+    of that name is here, that of another machine counts.
+
+    Args:
+        healths: All that came.
+        instance: Name of the process.
+        pid: Its number; another process of that name does not count. 0: any.
+    """
+    found = [h for h in healths if h.instance == instance and pid in (0, h.pid)]
+    here = socket.gethostname()
+    return min(found, key=lambda health: health.host != here, default=None)
 
 
 def works(health: Health | None) -> bool:
