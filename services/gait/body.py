@@ -12,6 +12,7 @@ from services.gait.body_config import BodyConfig
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 I32: TypeAlias = npt.NDArray[np.int32]
+I64: TypeAlias = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,17 +50,17 @@ def find_body(
         depth_m = fill_holes(depth_m, config.fill_neighbours)
     seed = float("nan") if seed_depth_m is None else float(seed_depth_m)
     if np.isfinite(seed):
-        depth_m[np.abs(depth_m - seed) > config.reach_m] = 0
-    labels, count = components(depth_m, config)
-    best = _seeded(depth_m, labels, count, seed, config)
+        depth_m[np.abs(depth_m - np.float32(seed)) > config.reach_m] = 0
+    labels, sizes = components(depth_m, config)
+    best = _seeded(depth_m, labels, sizes, seed, config)
     if best is None:
         return None
-    kept = np.zeros(count + 1, np.bool_)
+    kept = np.zeros(len(sizes), np.bool_)
     kept[best] = True
     if config.join_m > 0:
-        _join(depth_m, labels, kept, config)
+        _join(depth_m, labels, sizes, kept, config)
     mask: Mask = kept[labels]
-    depth_m[~mask] = 0
+    depth_m *= mask
     return Body(left_px=left, top_px=top, depth_m=depth_m, mask=mask)
 
 
@@ -103,7 +104,7 @@ def _fill(depth_m: F32, neighbours_min: int, filled: F32) -> None:
                 filled[row, column] = near[(count - 1) // 2]
 
 
-def components(depth_m: F32, config: BodyConfig) -> tuple[I32, int]:
+def components(depth_m: F32, config: BodyConfig) -> tuple[I32, I64]:
     """Label the parts of an image over which the depth is continuous.
 
     Args:
@@ -111,73 +112,98 @@ def components(depth_m: F32, config: BodyConfig) -> tuple[I32, int]:
         config: How far the depth of neighbouring pixels may differ.
 
     Returns:
-        Labels, HxW, 0 where there is nothing and from 1 on else; and how many there are.
+        Labels, HxW, 0 where there is nothing and from 1 on else; and how many pixels each has.
     """
     labels = np.zeros(depth_m.shape, np.int32)
+    sizes = np.zeros(depth_m.size + 1, np.int64)
     count = _label(
         depth_m,
         config.continuity_m,
         config.continuity_per_m,
         config.noise_sigmas * config.noise_per_m2,
         labels,
+        sizes,
     )
-    return labels, count
+    return labels, sizes[: count + 1]
 
 
 @compiled
-def _label(depth_m: F32, least_m: float, per_m: float, per_m2: float, labels: I32) -> int:
+def _label(
+    depth_m: F32, least_m: float, per_m: float, per_m2: float, labels: I32, sizes: I64
+) -> int:
+    """Label pixels by their neighbours above and on the left, then join what turns out to be one.
+
+    Two passes over the rows are several times faster than following each component's outline.
+    """
     height, width = depth_m.shape
-    stack = np.empty(height * width, np.int32)
+    parents = np.zeros(len(sizes), np.int32)
     count = 0
-    for start in range(height * width):
-        row, column = start // width, start % width
-        if depth_m[row, column] <= 0 or labels[row, column] != 0:
-            continue
-        count += 1
-        labels[row, column] = count
-        stack[0] = start
-        size = 1
-        while size > 0:
-            size -= 1
-            row, column = stack[size] // width, stack[size] % width
+    for row in range(height):
+        for column in range(width):
             here = depth_m[row, column]
+            if here <= 0:
+                continue
             limit = max(least_m, per_m * here + per_m2 * here * here)
-            for side in range(4):
-                r = row + (side == 0) - (side == 1)
-                c = column + (side == 2) - (side == 3)
-                if r < 0 or r >= height or c < 0 or c >= width or labels[r, c] != 0:
-                    continue
-                there = depth_m[r, c]
-                if there > 0 and abs(there - here) < limit:
-                    labels[r, c] = count
-                    stack[size] = r * width + c
-                    size += 1
-    return count
+            label = 0
+            if column > 0 and abs(depth_m[row, column - 1] - here) < limit:
+                label = _first(parents, labels[row, column - 1])
+            above = labels[row - 1, column] if row > 0 else 0
+            if above > 0 and abs(depth_m[row - 1, column] - here) < limit:
+                above = _first(parents, above)
+                low = min(label, above) if label > 0 else above
+                parents[max(label, above)] = low
+                label = low
+            if label == 0:
+                count += 1
+                label = count
+                parents[count] = count
+            labels[row, column] = label
+    numbers = np.zeros(count + 1, np.int32)
+    kept = 0
+    for label in range(1, count + 1):  # the first of a component comes before the rest
+        first = _first(parents, label)
+        if first == label:
+            kept += 1
+            numbers[label] = kept
+        else:
+            numbers[label] = numbers[first]
+    for row in range(height):
+        for column in range(width):
+            label = numbers[labels[row, column]]
+            labels[row, column] = label
+            sizes[label] += 1
+    return kept
 
 
-def _seeded(depth_m: F32, labels: I32, count: int, seed_m: float, config: BodyConfig) -> int | None:
+@compiled
+def _first(parents: I32, label: int) -> int:
+    while parents[label] != label:
+        parents[label] = parents[parents[label]]
+        label = parents[label]
+    return label
+
+
+def _seeded(depth_m: F32, labels: I32, sizes: I64, seed_m: float, config: BodyConfig) -> int | None:
     """Return the label of the person's component; None if it is too small."""
-    sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    sizes[0] = 0
-    votes = sizes
+    votes = sizes.copy()
+    votes[0] = 0
     if np.isfinite(seed_m):
         height, width = labels.shape
         middle = np.s_[: max(height * 2 // 3, 1), width // 4 : max(width - width // 4, 1)]
-        near = np.abs(depth_m[middle] - seed_m) < config.seed_window_m
-        seen = np.bincount(labels[middle][near], minlength=count + 1)
+        near = np.abs(depth_m[middle] - np.float32(seed_m)) < config.seed_window_m
+        seen = np.bincount(labels[middle][near], minlength=len(sizes))
         seen[0] = 0
-        votes = seen if seen.any() else sizes
+        votes = seen if seen.any() else votes
     best = int(np.argmax(votes))
-    return best if sizes[best] >= max(config.pixels_min, 1) else None
+    return best if best and sizes[best] >= max(config.pixels_min, 1) else None
 
 
-def _join(depth_m: F32, labels: I32, kept: Mask, config: BodyConfig) -> None:
+def _join(depth_m: F32, labels: I32, sizes: I64, kept: Mask, config: BodyConfig) -> None:
     """Keep components, too, that are likely a part of the body which is hidden at its joint.
 
     Such a part lies beside the body in the image, little before or behind it, and within the box:
     what reaches the box's sides is another person, a wall or furniture.
     """
-    sizes = np.bincount(labels.ravel(), minlength=len(kept))
     most = sizes[kept].sum() // 2
     possible = (sizes >= max(config.pixels_min, 1)) & (sizes <= most)
     possible[0] = False
@@ -202,7 +228,7 @@ def _touch(
     possible: Mask,
     gap_px: int,
     gap_m: float,
-    touches: npt.NDArray[np.int64],
+    touches: I64,
 ) -> None:
     """Count the pixels of possible components that lie beside a kept one."""
     height, width = labels.shape
@@ -211,13 +237,20 @@ def _touch(
             label = labels[row, column]
             if not possible[label] or touches[label] > gap_px:
                 continue
-            here = depth_m[row, column]
-            found = False
-            for r in range(max(row - gap_px, 0), min(row + gap_px + 1, height)):
-                for c in range(max(column - gap_px, 0), min(column + gap_px + 1, width)):
-                    if kept[labels[r, c]] and abs(depth_m[r, c] - here) < gap_m:
-                        found = True
-            touches[label] += found
+            touches[label] += _is_beside(depth_m, labels, kept, row, column, gap_px, gap_m)
+
+
+@compiled
+def _is_beside(
+    depth_m: F32, labels: I32, kept: Mask, row: int, column: int, gap_px: int, gap_m: float
+) -> bool:
+    """Tell whether a pixel of a kept component is near a pixel, in the image and in depth."""
+    height, width = labels.shape
+    for r in range(max(row - gap_px, 0), min(row + gap_px + 1, height)):
+        for c in range(max(column - gap_px, 0), min(column + gap_px + 1, width)):
+            if kept[labels[r, c]] and abs(depth_m[r, c] - depth_m[row, column]) < gap_m:
+                return True
+    return False
 
 
 def _inside(box: F64, shape: tuple[int, ...]) -> tuple[int, int, int, int] | None:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
+from common.compiled import compiled
 from common.geometry import deproject
-from common.messages import F64, U16, CameraInfo
+from common.messages import F32, F64, U16, CameraInfo
 
 
 class FloorConfig(msgspec.Struct, frozen=True, kw_only=True):
@@ -64,7 +65,7 @@ class FloorFinder:
         v, u = np.mgrid[: info.height, : info.width]
         pixels = np.column_stack([u.ravel(), v.ravel()])
         rays = deproject(pixels, np.ones(len(pixels)), info)
-        self._rays = rays.reshape(info.height, info.width, 3).astype(np.float32)
+        self._rays: F32 = rays.T.reshape(3, info.height, info.width).astype(np.float32)
         self._far_m = info.max_depth_m
         self._frames = 0
         self.floor: Floor | None = None
@@ -75,7 +76,7 @@ class FloorFinder:
         Args:
             depth_mm: HxW, 0 = no reading.
         """
-        if self._frames % self._config.every == 0 and depth_mm.shape == self._rays.shape[:2]:
+        if self._frames % self._config.every == 0 and depth_mm.shape == self._rays.shape[1:]:
             self.floor = self._found(depth_mm) or self.floor
         self._frames += 1
         return self.floor
@@ -87,23 +88,23 @@ class FloorFinder:
             return depth_mm
         height, width = depth_mm.shape
         left, top, right, bottom = np.clip(box_xyxy_px, 0, [width, height] * 2).astype(int)
-        part = np.s_[top : bottom + 1, left : right + 1]
-        z = depth_mm[part] * np.float32(0.001)
-        rise = self._rays[part] @ floor.up.astype(np.float32)
-        limit = config.height_m + 2 * config.noise_per_m2 * z**2 * np.abs(rise)
+        rows, columns = slice(top, bottom + 1), slice(left, right + 1)
         cut = depth_mm.copy()
-        cut[part][z * rise + np.float32(floor.camera_m) < limit] = 0
+        plane = np.array([*floor.up, floor.camera_m], np.float32)
+        limits = np.array([config.height_m, 2 * config.noise_per_m2], np.float32)
+        _cut(cut[rows, columns], self._rays[:, rows, columns], plane, limits)
         return cut
 
     def _found(self, depth_mm: U16) -> Floor | None:
         stride = self._config.stride_px
         z = depth_mm[::stride, ::stride].astype(np.float64).ravel() / 1000
         seen = (z > 0) & (z <= self._far_m)
-        points = self._rays[::stride, ::stride].reshape(-1, 3)[seen] * z[seen, None]
+        points = (self._rays[:, ::stride, ::stride].reshape(3, -1)[:, seen] * z[seen]).T
         if len(points) < 50:
             return None
         limits = 0.02 + self._config.noise_per_m2 * z[seen] ** 2
-        guess = self._best(points, limits)
+        # The last floor is nearly always this one: planes are drawn only where it does not fit.
+        guess = self._still(points, limits) or self._best(points, limits)
         if guess is None:
             return None
         for _ in range(2):
@@ -111,6 +112,15 @@ class FloorFinder:
             fitted = self._fitted(points[near])
             guess = fitted if fitted is not None else guess
         return guess
+
+    def _still(self, points: F64, limits: F64) -> Floor | None:
+        """Return the last floor if enough points lie on it still."""
+        if self.floor is None:
+            return None
+        heights = self.floor.heights_m(points)
+        on, below = np.abs(heights) < limits, heights < -2 * limits
+        fits = on.mean() >= self._config.share_min and below.mean() < self._config.below_max
+        return self.floor if fits else None
 
     def _best(self, points: F64, limits: F64) -> Floor | None:
         """Return the plane through three points that most points lie on."""
@@ -139,3 +149,17 @@ class FloorFinder:
         if -up[1] < np.cos(np.radians(self._config.tilt_max_deg)):
             return None
         return Floor(up, float(-middle @ up))
+
+
+@compiled
+def _cut(depth_mm: U16, rays: F32, plane: F32, limits: F32) -> None:
+    """Set pixels on a plane or below it to 0; the limit grows with the noise of the depth."""
+    height, width = depth_mm.shape
+    for row in range(height):
+        for column in range(width):  # without branches: many pixels at once
+            away = np.float32(0.001) * np.float32(depth_mm[row, column])
+            rise = plane[0] * rays[0, row, column] + plane[1] * rays[1, row, column]
+            rise += plane[2] * rays[2, row, column]
+            limit = limits[0] + limits[1] * away * away * abs(rise)
+            on = away * rise + plane[3] < limit
+            depth_mm[row, column] = np.uint16(0) if on else depth_mm[row, column]

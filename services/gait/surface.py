@@ -5,8 +5,6 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from common.compiled import compiled
 from common.geometry import deproject
@@ -160,8 +158,8 @@ def _bridged(grid: I32, points: F64, edges: Edges, cells: int, gap_m: float) -> 
     """Connect the pieces of a mesh to the largest where they come nearest beside each other."""
     indptr, indices, lengths = edges
     count = len(points)
-    graph = csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(count, count))
-    pieces, piece = connected_components(graph, directed=False)
+    piece = np.full(count, -1, np.int32)
+    pieces = _pieces(indptr, indices, piece)
     if pieces < 2:
         return edges
     joined = np.zeros(pieces, np.bool_)
@@ -183,6 +181,30 @@ def _bridged(grid: I32, points: F64, edges: Edges, cells: int, gap_m: float) -> 
     bounds = np.concatenate([[0], np.cumsum(np.bincount(at, minlength=count))]).astype(np.int32)
     merged = np.concatenate([indices, np.array(ends, np.int32)])[order]
     return bounds, merged, np.concatenate([lengths, spans])[order]
+
+
+@compiled
+def _pieces(indptr: I32, indices: I32, piece: I32) -> int:
+    """Number the pieces of a mesh that no edge connects; return how many there are."""
+    stack = np.empty(len(piece), np.int32)
+    count = 0
+    for start in range(len(piece)):
+        if piece[start] >= 0:
+            continue
+        piece[start] = count
+        stack[0] = start
+        size = 1
+        while size > 0:
+            size -= 1
+            here = stack[size]
+            for k in range(indptr[here], indptr[here + 1]):
+                there = indices[k]
+                if piece[there] < 0:
+                    piece[there] = count
+                    stack[size] = there
+                    size += 1
+        count += 1
+    return count
 
 
 @compiled
@@ -263,13 +285,15 @@ def _smooth_depth(depth_m: F32, radius: int, slopes: tuple[float, float, float],
         column, row, here = int(seen[k, 0] + 0.5), int(seen[k, 1] + 0.5), seen[k, 2]
         limit = max(slopes[0], slopes[1] * here + slopes[2] * here * here)
         total, number = 0.0, 0
-        # As far to each side as there are pixels: a one-sided mean would bend the rims.
+        # As far to each side as there are pixels: a one-sided mean would bend the rims. Every other
+        # pixel is enough, since a stereo camera's noise is alike in neighbouring ones.
         across = min(radius, column, width - 1 - column)
         down = min(radius, row, height - 1 - row)
-        for r in range(row - down, row + down + 1):
-            for c in range(column - across, column + across + 1):
-                if depth_m[r, c] > 0 and abs(depth_m[r, c] - here) < limit:
-                    total += depth_m[r, c]
+        for r in range(row - down, row + down + 1, 2):
+            for c in range(column - across, column + across + 1, 2):
+                value = depth_m[r, c]
+                if value > 0 and abs(value - here) < limit:
+                    total += value
                     number += 1
         if number > 0:
             seen[k, 2] = total / number
@@ -287,62 +311,76 @@ def _mesh(
     normals: F64,
 ) -> int:
     """Connect neighbours and find the normals; return the number of edges."""
-    rows, columns = grid.shape
+    near, long = np.full((len(points), 8), -1, np.int32), np.empty((len(points), 8))
+    _connect(grid, points, limits, around, near, long)
     edges = 0
-    near = np.empty(8, np.int32)
-    side = np.empty((8, 3))
-    long = np.empty(8)
+    for here in range(len(points)):
+        for k in range(8):
+            if near[here, k] >= 0:
+                indices[edges], lengths[edges] = near[here, k], long[here, k]
+                edges += 1
+        indptr[here + 1] = edges
+        _normal(points, here, near, long, normals)
+    return edges
+
+
+@compiled
+def _connect(grid: I32, points: F64, limits: F64, around: I32, near: I32, long: F64) -> None:
+    """Set the neighbours of vertices, going round, and how far they are."""
+    rows, columns = grid.shape
     for row in range(rows):
         for column in range(columns):
             here = grid[row, column]
             if here < 0:
                 continue
-            for k in range(8):
-                near[k] = -1
+            for k in range(4):  # the other four are these, seen from the other end
                 r, c = row + around[k, 0], column + around[k, 1]
                 if r < 0 or r >= rows or c < 0 or c >= columns or grid[r, c] < 0:
                     continue
                 there = grid[r, c]
-                square = 0.0
-                for axis in range(3):
-                    side[k, axis] = points[there, axis] - points[here, axis]
-                    square += side[k, axis] ** 2
-                long[k] = np.sqrt(square)
-                if long[k] <= min(limits[here], limits[there]):
-                    near[k] = there
-                    indices[edges] = there
-                    lengths[edges] = long[k]
-                    edges += 1
-            indptr[here + 1] = edges
-            _normal(points[here], near, side, long, normals[here])
-    return edges
+                x = points[there, 0] - points[here, 0]
+                y = points[there, 1] - points[here, 1]
+                z = points[there, 2] - points[here, 2]
+                length = np.sqrt(x * x + y * y + z * z)
+                if length <= min(limits[here], limits[there]):
+                    near[here, k], near[there, k + 4] = there, here
+                    long[here, k] = long[there, k + 4] = length
 
 
 @compiled
-def _normal(point: F64, near: I32, side: F64, long: F64, normal: F64) -> None:
+def _normal(points: F64, here: int, near: I32, long: F64, normals: F64) -> None:
     """Set the normal of a vertex: the mean of its faces' weighted by their angles at it."""
+    px, py, pz = points[here, 0], points[here, 1], points[here, 2]
     x = y = z = 0.0
     for k in range(8):
         m = (k + 1) % 8
-        if near[k] < 0 or near[m] < 0:
+        one, other = near[here, k], near[here, m]
+        if one < 0 or other < 0:
             continue
-        a, b = side[k], side[m]
-        fx = a[1] * b[2] - a[2] * b[1]
-        fy = a[2] * b[0] - a[0] * b[2]
-        fz = a[0] * b[1] - a[1] * b[0]
+        ax, ay, az = points[one, 0] - px, points[one, 1] - py, points[one, 2] - pz
+        bx, by, bz = points[other, 0] - px, points[other, 1] - py, points[other, 2] - pz
+        fx, fy, fz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         area = np.sqrt(fx * fx + fy * fy + fz * fz)
-        if area <= 1e-12 * long[k] * long[m]:
+        both = long[here, k] * long[here, m]
+        if area <= 1e-12 * both:
             continue
-        along = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-        weight = np.arctan2(area, along) / area
+        weight = _angle((ax * bx + ay * by + az * bz) / both) / area
         x, y, z = x + weight * fx, y + weight * fy, z + weight * fz
     size = np.sqrt(x * x + y * y + z * z)
     if size < 1e-9:  # no face: it is taken to look at the sensor
-        x, y, z = -point[0], -point[1], -point[2]
+        x, y, z = -px, -py, -pz
         size = np.sqrt(x * x + y * y + z * z)
-    if x * point[0] + y * point[1] + z * point[2] > 0:
+    if x * px + y * py + z * pz > 0:
         size = -size
-    normal[0], normal[1], normal[2] = x / size, y / size, z / size
+    normals[here, 0], normals[here, 1], normals[here, 2] = x / size, y / size, z / size
+
+
+@compiled
+def _angle(cosine: float) -> float:
+    """Return an angle by its cosine, in radians, to 0.0001 (Abramowitz and Stegun 4.4.45)."""
+    c = min(abs(cosine), 1.0)
+    angle = np.sqrt(1 - c) * (1.5707288 + c * (-0.2121144 + c * (0.0742610 - 0.0187293 * c)))
+    return float(np.pi - angle if cosine < 0 else angle)
 
 
 @compiled

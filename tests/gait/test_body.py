@@ -53,22 +53,30 @@ def test_a_wide_hole_is_filled_from_its_rim() -> None:
 def test_components_by_hand() -> None:
     # Neighbours differ by 5 mm (one part), 25 mm (two parts) or lie at a corner (two parts).
     depth = np.array([[2.000, 2.005, 2.030], [0.0, 0.0, 2.035], [2.030, 0.0, 0.0]], np.float32)
-    labels, count = components(depth, PAPER)
+    labels, sizes = components(depth, PAPER)
     assert labels.tolist() == [[1, 1, 2], [0, 0, 2], [3, 0, 0]]
-    assert count == 3
+    assert sizes.tolist() == [4, 2, 2, 1]
+
+
+def test_arms_that_meet_further_down_are_one_component() -> None:
+    # The arms of a U are labelled apart until the row in which they meet.
+    depth = np.array([[2, 0, 2, 0, 0, 2], [2, 0, 2, 0, 0, 0], [2, 2, 2, 0, 2, 2]], np.float32)
+    labels, sizes = components(depth, PAPER)
+    assert labels.tolist() == [[1, 0, 1, 0, 0, 2], [1, 0, 1, 0, 0, 0], [1, 1, 1, 0, 3, 3]]
+    assert sizes.tolist() == [8, 7, 1, 2]
 
 
 def test_a_slope_is_one_component() -> None:
     # 9 mm from pixel to pixel, 0.9 m in all.
     depth = (2 + 0.009 * np.arange(101, dtype=np.float32))[None]
-    assert components(depth, PAPER)[1] == 1
+    assert components(depth, PAPER)[0].max() == 1
 
 
 def test_what_is_continuous_grows_with_the_distance() -> None:
     # 6 mm by metre and three times 2.5 mm by square metre: 13.5 mm at 1 m, 144 mm at 4 m.
     config = BodyConfig()
     for near, far, parts in [(1.0, 1.012, 1), (1.0, 1.015, 2), (4.0, 4.12, 1), (4.0, 4.16, 2)]:
-        assert components(np.array([[near, far]], np.float32), config)[1] == parts
+        assert components(np.array([[near, far]], np.float32), config)[0].max() == parts
 
 
 def test_without_a_seed_the_largest_component_is_the_body() -> None:
