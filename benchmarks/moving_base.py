@@ -115,6 +115,9 @@ def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
     pairs = [_velocities(matching) for matching in matchings]
     speeds = [s for true, told in pairs if len(s := _lengths(told[_lengths(true) < STANDING_MPS]))]
 
+    errors = [(told - true)[_lengths(true) >= WALKING_MPS] for true, told in pairs]
+    walking = [_rmse_mps(error) for error in errors if len(error)]
+
     def of(name: str, form: str = "{:.3f}", factor: float = 1.0) -> str:
         return spread([factor * (figure[name] or 0.0) for figure in figures], form)
 
@@ -123,7 +126,7 @@ def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
         case.name,
         spread([float(np.median(s)) for s in speeds], "{:.3f}") if speeds else "-",
         spread([float(np.percentile(s, 95)) for s in speeds], "{:.3f}") if speeds else "-",
-        spread([_walking_mps(*pair) for pair in pairs], "{:.3f}"),
+        spread(walking, "{:.3f}") if walking else "-",
         spread([_position_m(figure) for figure in figures], "{:.3f}"),
         of("position_rmse_across_m"),
         of("position_rmse_along_m"),
@@ -137,10 +140,8 @@ def _position_m(figure: Mapping[str, float | None]) -> float:
     return math.hypot(*(figure[f"position_rmse_{way}_m"] or 0.0 for way in ("across", "along")))
 
 
-def _walking_mps(true: F64, told: F64) -> float:
-    """Return the error of the velocity of people who truly walk."""
-    walks = _lengths(true) >= WALKING_MPS
-    return math.sqrt(float(np.mean(np.sum((told - true)[walks] ** 2, axis=1))))
+def _rmse_mps(errors: F64) -> float:
+    return math.sqrt(float(np.mean(np.sum(errors**2, axis=1))))
 
 
 def _lengths(vectors: F64) -> F64:
