@@ -1,0 +1,66 @@
+"""Points of one picture, found again in another."""
+
+import cv2
+import numpy as np
+
+from common.messages import F32, U8
+from services.visual_odometry.config import FlowConfig
+from services.visual_odometry.fit import BOOL
+
+SMALL = 4  # pixels in one of a small picture
+BACK_LEVELS = 1  # on the way back it begins where it ought to end
+CONTRAST_MIN = 1e-4  # OpenCV's: a patch without contrast is not followed
+
+
+def follow(before: U8, now: U8, pixels: F32, guess: F32, config: FlowConfig) -> tuple[F32, BOOL]:
+    """Return where points are seen now (Nx2), and which of them (N) that is to be believed of.
+
+    Args:
+        before: HxW, grey.
+        now: HxW, likewise.
+        pixels: Nx2, where they were before.
+        guess: Nx2, where they may be now.
+        config: How they are followed.
+
+    Source: Lucas and Kanade on pyramids (Bouguet, 2001), followed back to where each began.
+    """
+    window = config.window_px, config.window_px
+    until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, config.steps, 0.03)
+
+    def flow(
+        start: U8, end: U8, points: F32, guessed: F32, levels: int
+    ) -> tuple[F32, BOOL]:
+        found, status, _ = cv2.calcOpticalFlowPyrLK(
+            start,
+            end,
+            points[:, None],
+            guessed[:, None].copy(),
+            winSize=window,
+            maxLevel=levels,
+            criteria=until,
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+            minEigThreshold=CONTRAST_MIN,
+        )
+        return np.asarray(found[:, 0], np.float32), status[:, 0] != 0
+
+    if not len(pixels):
+        return np.empty((0, 2), np.float32), np.empty(0, np.bool_)
+    found, there = flow(before, now, pixels, guess, config.levels)
+    back, again = flow(now, before, found, pixels, BACK_LEVELS)
+    size = np.array(now.shape[::-1])
+    inside = np.all((found >= 0) & (found <= size - 1), axis=1)
+    near = np.linalg.norm(back - pixels, axis=1) <= config.back_max_px
+    return found, there & again & inside & near
+
+
+def small(grey: U8) -> F32:
+    """Return a picture that is small enough to be compared as a whole."""
+    size = grey.shape[1] // SMALL, grey.shape[0] // SMALL
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def shift_px(before: F32, now: F32) -> F32:
+    """Return by how much (2) most of a picture has moved, from two small ones."""
+    window = cv2.createHanningWindow(before.shape[::-1], cv2.CV_32F)
+    moved, _ = cv2.phaseCorrelate(before, now, window)
+    return np.array(moved, np.float32) * SMALL

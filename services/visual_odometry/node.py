@@ -1,0 +1,255 @@
+"""Frames in, odometry out."""
+
+from collections import Counter, deque
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from common.frames import FrameGraph
+from common.messages import (
+    F64,
+    CameraInfo,
+    Detections,
+    Message,
+    MovingTransform,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+)
+from common.node import Status
+from common.trace import span
+from services.visual_odometry.config import VisualOdometryConfig
+from services.visual_odometry.fit import Mount
+from services.visual_odometry.keyframe import Place
+from services.visual_odometry.odometer import COUNTERS, START, Odometer
+from services.visual_odometry.points import Lens, People, View
+
+OWN_COUNTERS = (
+    *("no_camera_info", "no_transform", "wrong_size", "stale", "clock_resets", "other_cameras"),
+    *("calibration_changes", "other_odometry", "untold"),
+)
+OWN_KEPT = 256  # messages of its own that may come back
+SILENT_FRAMES = 5  # without odometry, after which it says so
+CAUSES = {
+    "no_texture": "there is nothing to see that could be followed",
+    "no_depth": "what can be followed has no depth",
+    "not_followed": "nothing of the last pictures is found again",
+    "too_few_agree": "too little of what is seen moves alike",
+    "unsure": "what is seen does not tell the motion well enough",
+    "implausible": "the motion would be faster than the base can move",
+}
+
+
+class VisualOdometryNode:
+    """Tells the motion of the base that one camera hangs on.
+
+    Every frame is answered by an Odometry of its stamp (a MovingTransform if the base moves any
+    way), or by nothing, counted `untold` beside its cause. Where somebody else tells odometry of
+    the base, this is silent: two origins would make people jump.
+
+    Args:
+        config: The configuration.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (
+        *(RgbdFrame, Detections, CameraInfo),
+        *(StaticTransform, Odometry),
+    )
+    takes: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+
+    def __init__(self, config: VisualOdometryConfig) -> None:
+        self._config = config
+        self._camera = config.camera
+        self._info: CameraInfo | None = None
+        self._infos: dict[str, CameraInfo] = {}
+        self._frames = FrameGraph()
+        self._odometer: Odometer | None = None
+        self._mount: F64 | None = None  # base_from_optical that the odometer knows
+        self._place: Place = START
+        self._found: tuple[int, People] | None = None  # who was found last, and when
+        self._last_ns: int | None = None
+        self._sequence = 0
+        self._silent = 0  # frames in a row
+        self._sent: deque[tuple[int, float, float]] = deque(maxlen=OWN_KEPT)
+        self._others = False  # tell odometry
+        self._counters = Counter(dict.fromkeys((*OWN_COUNTERS, *COUNTERS), 0))
+        self._cause = ""
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Take one message; return the odometry that follows from a frame."""
+        if isinstance(message, RgbdFrame):
+            return self._follow(message)
+        if isinstance(message, Detections):
+            self._leave_out(message)
+        elif isinstance(message, CameraInfo):
+            self._calibrate(message)
+        elif isinstance(message, StaticTransform):
+            self._frames.add(message)
+        elif isinstance(message, Odometry):
+            self._notice(message)
+        return ()
+
+    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Return nothing: only frames bring motion."""
+        return ()
+
+    def wake_ns(self) -> int | None:
+        """Return that no tick is wanted."""
+        return None
+
+    def status(self) -> Status:
+        """Tell why there is no odometry, and what was counted."""
+        reason = self._reason()
+        state = "degraded" if reason else "ready"
+        return Status(state=state, reason=reason, counters=dict(self._counters))
+
+    def close(self) -> None:
+        """Hold nothing that needs releasing."""
+
+    def _follow(self, frame: RgbdFrame) -> list[Message]:
+        if not self._is_next(frame):
+            return []
+        odometer = self._ready(frame)
+        place = None
+        if odometer:
+            before = dict(self._counters)
+            with span("motion"):
+                place = odometer.update(self._view(frame))
+            self._place = odometer.place
+            self._cause = next((c for c in CAUSES if self._counters[c] > before[c]), self._cause)
+        if place is None or self._others:
+            self._silent += 1
+            self._counters["untold"] += 1
+            return []
+        self._silent = 0
+        return [self._told(frame, place)]
+
+    def _is_next(self, frame: RgbdFrame) -> bool:
+        """Tell whether a frame is of our camera and newer than the last; begin anew if need be."""
+        self._camera = self._camera or frame.camera
+        if frame.camera != self._camera:
+            self._counters["other_cameras"] += 1
+            return False
+        last_ns, jump_ns = self._last_ns, self._config.clock_jump_s * 1e9
+        if last_ns is not None and last_ns - frame.stamp_ns > jump_ns:
+            self._counters["clock_resets"] += 1
+            self._odometer, self._place, self._found = None, START, None
+        elif last_ns is not None and frame.stamp_ns <= last_ns:
+            self._counters["stale"] += 1
+            return False
+        self._last_ns = frame.stamp_ns
+        return True
+
+    def _ready(self, frame: RgbdFrame) -> Odometer | None:
+        """Return what follows the motion, made anew if lens or mounting changed."""
+        info = self._infos.get(frame.camera)
+        if info is None:
+            return self._refuse("no_camera_info")
+        if frame.rgb.shape[:2] != (info.height, info.width):
+            return self._refuse("wrong_size")
+        mount = self._frames.find(self._config.child_frame_id, info.frame_id)
+        if mount is None:
+            return self._refuse("no_transform")
+        known = self._info is not None and self._mount is not None
+        changed = known and not (_lens(info) == _lens(self._info) and np.array_equal(mount, self._mount))
+        self._counters["calibration_changes"] += changed
+        if self._odometer is None or changed:
+            self._info, self._mount = info, mount
+            lens = Lens(info, self._config.corners.width_px)
+            hangs = Mount(mount, self._config.planar)
+            self._odometer = Odometer(self._config, lens, hangs, self._counters, self._place)
+        return self._odometer
+
+    def _refuse(self, cause: str) -> None:
+        self._counters[cause] += 1
+        self._cause = cause
+
+    def _view(self, frame: RgbdFrame) -> View:
+        people = People()
+        if self._found:
+            found_ns, found = self._found
+            age_s = (frame.stamp_ns - found_ns) / 1e9
+            people = found if 0 <= age_s <= self._config.corners.people_age_s else people
+        return View(frame.stamp_ns, frame.rgb, frame.depth_mm, people)
+
+    def _leave_out(self, detections: Detections) -> None:
+        if detections.camera != self._camera:
+            return
+        found = people_of(detections)
+        if self._found is None or detections.stamp_ns > self._found[0] or self._odometer is None:
+            self._found = detections.stamp_ns, found
+        if self._odometer:
+            self._odometer.mark(detections.stamp_ns, found)
+
+    def _calibrate(self, info: CameraInfo) -> None:
+        if info.camera in self._infos or len(self._infos) < 64:  # more are no cameras
+            self._infos[info.camera] = info
+
+    def _notice(self, odometry: Odometry) -> None:
+        if odometry.child_frame_id != self._config.child_frame_id:
+            return
+        if (odometry.stamp_ns, odometry.x_m, odometry.theta_rad) not in self._sent:
+            self._counters["other_odometry"] += 1
+            self._others = True
+
+    def _told(self, frame: RgbdFrame, place: Place) -> Message:
+        config, sequence = self._config, self._sequence
+        self._sequence += 1
+        parent = config.frame_id
+        if self._frames.way(config.map_id, parent) is None:
+            parent = config.map_id
+        if not config.planar:
+            return MovingTransform(
+                stamp_ns=frame.stamp_ns,
+                sequence=sequence,
+                trace=frame.trace,
+                parent=parent,
+                child=config.child_frame_id,
+                matrix=place.matrix,
+            )
+        theta_rad = float(np.arctan2(place.matrix[1, 0], place.matrix[0, 0]))
+        told = Odometry(
+            stamp_ns=frame.stamp_ns,
+            sequence=sequence,
+            trace=frame.trace,
+            frame_id=parent,
+            child_frame_id=config.child_frame_id,
+            x_m=float(place.matrix[0, 3]),
+            y_m=float(place.matrix[1, 3]),
+            theta_rad=theta_rad,
+            covariance=place.covariance,
+        )
+        self._sent.append((told.stamp_ns, told.x_m, told.theta_rad))
+        return told
+
+    def _reason(self) -> str:
+        config = self._config
+        if self._others:
+            return f"somebody else tells odometry of {config.child_frame_id}: none is told here"
+        if self._silent < SILENT_FRAMES:
+            return ""
+        size = f"{self._infos[self._camera].width} px wide" if self._camera in self._infos else ""
+        waits = {
+            "no_camera_info": f"no calibration of camera {self._camera} came",
+            "wrong_size": f"pictures of {self._camera} are not as its calibration says ({size})",
+            "no_transform": f"no transform {config.child_frame_id} <- {self._camera} "
+            f"(camera.mount_parent={config.child_frame_id} places it there)",
+        }
+        return f"no odometry: {(waits | CAUSES).get(self._cause, 'motion is not known')}"
+
+
+def people_of(detections: Detections) -> People:
+    """Return who was found."""
+    found = detections.people
+    boxes = np.array([one.box_xyxy_px for one in found], np.float64).reshape(-1, 4)
+    depths = [np.nan if one.position_m is None else float(one.position_m[2]) for one in found]
+    return People(boxes, np.array(depths, np.float64))
+
+
+def _lens(info: CameraInfo | None) -> tuple[object, ...]:
+    """Return what of a calibration counts here."""
+    if info is None:
+        return ()
+    numbers = (info.width, info.height, info.fx, info.fy, info.cx, info.cy)
+    return (*numbers, info.distortion_model, tuple(info.distortion))

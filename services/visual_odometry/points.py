@@ -1,0 +1,149 @@
+"""Points of a picture that can be found again, and where they are."""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from common.geometry import deproject
+from common.messages import F32, F64, U8, U16, CameraInfo
+from services.visual_odometry.config import CornerConfig
+from services.visual_odometry.fit import BOOL
+
+BLOCK_PX = 5  # side of what the contrast of a corner is of
+SOBEL = 8 / (4 * BLOCK_PX * 255)  # what OpenCV makes of one grey level a pixel
+PATCH = np.array([(x, y) for y in range(-2, 3) for x in range(-2, 3)])
+KNOWN_SHARE = 0.5  # of a corner's surroundings that must have depth
+
+
+@dataclass(frozen=True)
+class People:
+    """Who was found in a picture.
+
+    Args:
+        boxes_xyxy_px: Nx4, in the whole picture.
+        depths_m: N, along the optical axis; NaN where not known.
+    """
+
+    boxes_xyxy_px: F64 = field(default_factory=lambda: np.empty((0, 4)))
+    depths_m: F64 = field(default_factory=lambda: np.empty(0))
+
+    def cover(self, pixels: F64, depths_m: F64, config: CornerConfig) -> BOOL:
+        """Return which points (N) may be people's.
+
+        Args:
+            pixels: Nx2, in the whole picture.
+            depths_m: N, of them.
+            config: How far around a person.
+        """
+        covered = np.zeros(len(pixels), np.bool_)
+        for box, depth_m in zip(self.boxes_xyxy_px, self.depths_m, strict=True):
+            margin = config.people_margin * (box[2:] - box[:2])
+            inside = np.all((pixels >= box[:2] - margin) & (pixels <= box[2:] + margin), axis=1)
+            far = np.abs(depths_m - depth_m) > config.people_depth_m  # not, where it is NaN
+            covered |= inside & ~far
+        return covered
+
+
+@dataclass(frozen=True)
+class View:
+    """One frame.
+
+    Args:
+        stamp_ns: When it was seen.
+        rgb: HxWx3, red first.
+        depth_mm: HxW.
+        people: Who is in it, as far as is known.
+    """
+
+    stamp_ns: int
+    rgb: U8
+    depth_mm: U16
+    people: People = field(default_factory=People)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A calibration, and the width that pictures are reduced to.
+
+    Args:
+        info: Of the whole picture.
+        width_px: Most columns.
+    """
+
+    info: CameraInfo
+    width_px: int
+
+    @property
+    def scale(self) -> float:
+        """Whole pixels in a reduced one."""
+        return max(self.info.width / self.width_px, 1.0)
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in reduced pixels."""
+        return (self.info.fx + self.info.fy) / 2 / self.scale
+
+    def grey(self, rgb: U8) -> U8:
+        """Return the reduced picture."""
+        grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+        if self.scale > 1:
+            size = (self.width_px, round(self.info.height / self.scale))
+            grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+        return np.asarray(grey, np.uint8)
+
+    def whole(self, pixels: F32) -> F64:
+        """Return where points (Nx2) of the reduced picture are in the whole one."""
+        return (pixels.astype(np.float64) + 0.5) * self.scale - 0.5
+
+    def reduced(self, pixels: F64) -> F32:
+        """Return where points (Nx2) of the whole picture are in the reduced one."""
+        return ((pixels + 0.5) / self.scale - 0.5).astype(np.float32)
+
+    def rays(self, pixels: F32) -> F64:
+        """Return x / z and y / z (Nx2) of points of the reduced picture, distortion removed."""
+        return deproject(self.whole(pixels), np.ones(len(pixels)), self.info)[:, :2]
+
+
+def find_corners(grey: U8, config: CornerConfig) -> F32:
+    """Return the best corners (Nx2) of a picture, one of each cell, the best first.
+
+    Source: Shi and Tomasi, Good features to track, 1994.
+    """
+    half, cell = cv2.pyrDown(grey), config.cell_px // 2  # finer ones are not followed through blur
+    rows, columns = half.shape[0] // cell, half.shape[1] // cell
+    if not rows or not columns:
+        return np.empty((0, 2), np.float32)
+    strength = cv2.cornerMinEigenVal(half, BLOCK_PX)[: rows * cell, : columns * cell]
+    cells = strength.reshape(rows, cell, columns, cell).swapaxes(1, 2).reshape(-1, cell * cell)
+    best = cells.argmax(axis=1)
+    row, column = np.divmod(np.arange(len(best)), columns)
+    pixels = np.stack([column * cell + best % cell, row * cell + best // cell], axis=1)
+    worth = cells[np.arange(len(best)), best]
+    least = (BLOCK_PX * SOBEL * 2 * config.contrast_min) ** 2
+    order = np.argsort(-worth, kind="stable")
+    return (2 * pixels[order[worth[order] > least]]).astype(np.float32)
+
+
+def read_depth_m(depth_mm: U16, pixels: F64, config: CornerConfig) -> tuple[F64, BOOL]:
+    """Return the depth (N) at points (Nx2), and which of them (N) are too far for the sensor.
+
+    Args:
+        depth_mm: HxW, 0 = no reading.
+        pixels: Nx2.
+        config: What is believed.
+
+    Returns:
+        Depth, NaN at the rim of a surface and where there is none; the latter are the far ones.
+    """
+    size = np.array(depth_mm.shape[::-1])
+    at = np.rint(pixels).astype(np.int64)[:, None] + PATCH
+    at = at.clip(0, size - 1)
+    found = np.sort(depth_mm[at[..., 1], at[..., 0]].astype(np.float64) / 1000, axis=1)
+    missing = len(PATCH) - np.count_nonzero(found, axis=1)  # these come first
+    last, each = len(PATCH) - 1, np.arange(len(found))
+    middle = found[each, np.minimum((missing + last + 1) // 2, last)]
+    spread = found[:, -1] - found[each, np.minimum(missing, last)]
+    good = (missing <= len(PATCH) * (1 - KNOWN_SHARE)) & (spread <= config.edge_share * middle)
+    good &= (middle >= config.range_min_m) & (middle <= config.range_max_m)
+    return np.where(good, middle, np.nan), missing == len(PATCH)

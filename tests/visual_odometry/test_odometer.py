@@ -1,0 +1,243 @@
+"""The base's way by pictures of a room whose every view is known."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from common.messages import F64
+from services.visual_odometry.config import CornerConfig, VisualOdometryConfig
+from services.visual_odometry.fit import Mount
+from services.visual_odometry.keyframe import Place
+from services.visual_odometry.odometer import COUNTERS, Odometer
+from services.visual_odometry.points import Lens, People
+from tests.visual_odometry.room import (
+    BASE_FROM_OPTICAL,
+    FOCAL,
+    HEIGHT,
+    INFO,
+    WIDTH,
+    Board,
+    as_view,
+    base,
+    view,
+)
+
+CONFIG = VisualOdometryConfig()
+PLAIN = np.full((HEIGHT, WIDTH), 90, np.uint8)
+
+
+def odometer(config: VisualOdometryConfig = CONFIG) -> tuple[Odometer, Counter[str]]:
+    counters = Counter(dict.fromkeys(COUNTERS, 0))
+    lens = Lens(INFO, config.corners.width_px)
+    mount = Mount(BASE_FROM_OPTICAL, config.planar)
+    return Odometer(config, lens, mount, counters), counters
+
+
+def off(place: Place | None, true: F64) -> tuple[float, float]:
+    """Metres and radians."""
+    assert place is not None
+    way = np.linalg.inv(true) @ place.matrix
+    return float(np.linalg.norm(way[:3, 3])), abs(math.atan2(way[1, 0], way[0, 0]))
+
+
+def follow(one: Odometer, poses: Iterable[F64], boards: tuple[Board, ...] = ()) -> list[Place | None]:
+    return [
+        one.update(view(pose, number, boards, noise_seed=number))
+        for number, pose in enumerate(poses)
+    ]
+
+
+def test_a_base_that_drives_and_turns_is_followed() -> None:
+    """Twenty frames of 2 cm and 2 degrees each: never more than 1.5 cm and 0.4 degrees off."""
+    poses = [base(0.0)]
+    for _ in range(20):
+        poses.append(poses[-1] @ base(0.02, 0.0, math.radians(2)))
+    one, counters = odometer()
+    places = follow(one, poses)
+    assert places[0] is not None
+    assert np.array_equal(places[0].matrix, np.eye(4))
+    assert not places[0].covariance.any()
+    for place, pose in zip(places, poses, strict=True):
+        metres, radians = off(place, pose)
+        assert metres < 0.015
+        assert radians < math.radians(0.4)
+    assert counters["keyframes"] > 1  # 40 degrees are two thirds of the picture
+    assert counters["lost"] == 0
+
+
+def test_who_stands_does_not_drift() -> None:
+    """Sixty noisy pictures of one view: one keyframe, and no error that grows."""
+    one, counters = odometer()
+    places = follow(one, [base()] * 60)
+    offs = np.array([off(place, base()) for place in places])
+    assert offs[:, 0].max() < 0.003
+    assert offs[:, 1].max() < math.radians(0.1)
+    assert counters["keyframes"] == 1
+
+
+def test_who_looks_back_meets_the_first_picture_again() -> None:
+    """40 degrees to the left and back: at the end the error is that of one picture, as at first."""
+    angles = [20 * (1 - math.cos(math.pi * k / 15)) for k in range(31)]
+    one, counters = odometer()
+    places = follow(one, [base(theta_rad=math.radians(a)) for a in angles])
+    assert off(places[-1], base())[1] < math.radians(0.1)
+    assert counters["keyframes_met_again"] > 0
+    last = places[-1]
+    assert last is not None
+    assert max(p.covariance[2, 2] for p in places if p) > last.covariance[2, 2]
+
+
+def test_the_error_is_as_large_as_is_said() -> None:
+    """Five keyframes on: heading and place are within three standard deviations."""
+    poses = [base(theta_rad=math.radians(4 * k)) for k in range(30)]
+    one, _ = odometer()
+    places = follow(one, poses)
+    metres, radians = off(places[-1], poses[-1])
+    last = places[-1]
+    assert last is not None
+    sigmas = np.sqrt(np.diag(last.covariance))
+    assert radians < 3 * sigmas[2]
+    assert metres < 3 * math.hypot(sigmas[0], sigmas[1])
+    assert sigmas[2] < math.radians(2)
+
+
+def test_people_who_walk_do_not_move_the_camera() -> None:
+    """Somebody crosses at 2 m, a third of the picture wide, 6 cm a frame: nobody told of them."""
+    one, _ = odometer()
+    for number in range(25):
+        walker = Board(x_m=2.0, y_m=1.0 - 0.06 * number, half_m=0.3)
+        place = one.update(view(base(), number, (walker,), noise_seed=number))
+        metres, radians = off(place, base())
+        assert metres < 0.004
+        assert radians < math.radians(0.15)
+
+
+def test_people_who_fill_most_of_the_picture_count_only_if_nobody_knows_of_them() -> None:
+    """1.1 m before the camera somebody moves 2 cm a frame to the left, before 70 % of the picture.
+
+    The box says whose points these are, and what is left is the room, which stands.
+    """
+    half_px, step_px = 0.4 / 1.0 * FOCAL, 0.02 / 1.0 * FOCAL
+    box = np.array([[WIDTH / 2 - half_px, 0.0, WIDTH / 2 + half_px, HEIGHT]])
+    config = VisualOdometryConfig(corners=CornerConfig(people_margin=0.1, cell_px=10))
+    one, _ = odometer(config)
+    for number in range(12):
+        walker = Board(x_m=1.1, y_m=0.02 * number, half_m=0.35)
+        seen = view(base(), number, (walker,), noise_seed=number)
+        place = one.update(replace(seen, people=People(box - [number * step_px, 0, number * step_px, 0], np.array([1.0]))))
+        assert off(place, base())[0] < 0.01
+
+
+def test_people_found_late_are_marked_then() -> None:
+    one, _ = odometer()
+    one.update(view(base(), 0, (Board(x_m=2.0, y_m=0.0, half_m=0.4),)))
+    edge_px = 0.4 / 1.9 * FOCAL
+    people = People(
+        np.array([[WIDTH / 2 - edge_px, 0.0, WIDTH / 2 + edge_px, HEIGHT]]), np.array([1.9])
+    )
+    one.mark(12345, people)
+    assert not one._keyframes[-1].points.people.any()
+    one.mark(0, people)
+    points = one._keyframes[-1].points
+    assert 0 < points.people.sum() < len(points.pixels) - 10
+    inside = np.abs(points.pixels[:, 0] - WIDTH / 2) < edge_px
+    assert points.people[inside & (np.abs(points.places_m[:, 2] - 1.9) < 0.3)].all()
+
+
+def test_carried_in_the_hand_it_follows_any_way() -> None:
+    lift = base()
+    lift[2, 3] = 0.05
+    one, _ = odometer(VisualOdometryConfig(planar=False))
+    one.update(view(base(), 0))
+    metres, _ = off(one.update(view(lift, 1)), lift)
+    assert metres < 0.005
+
+
+@pytest.mark.parametrize(
+    ("grey", "depth_m", "cause"),
+    [
+        (PLAIN, 2.0, "no_texture"),
+        (None, 0.0, "no_depth"),
+        (None, 20.0, "no_depth"),
+    ],
+)
+def test_without_texture_or_depth_no_motion_is_told(
+    grey: np.ndarray | None,  # type: ignore[type-arg]
+    depth_m: float,
+    cause: str,
+) -> None:
+    one, counters = odometer()
+    for number in range(4):
+        pattern = view(base()).rgb[..., 0] if grey is None else grey
+        blind = as_view(pattern, np.full((HEIGHT, WIDTH), depth_m), number)
+        place = one.update(blind)
+        assert (place is None) == (number > 0)  # where it begins is known by definition
+    assert counters[cause] == 4
+    # As soon as there is something to see it goes on, but no longer says that it knows where it is.
+    assert one.update(view(base(), 5)) is None
+    place = one.update(view(base(), 6))
+    assert place is not None
+    assert place.covariance[2, 2] > 0
+
+
+def test_a_moment_in_the_dark_is_bridged() -> None:
+    """Three frames without a picture are not told; then the room is known again, exactly."""
+    one, counters = odometer()
+    follow(one, [base()] * 3)
+    for number in (3, 4, 5):
+        assert one.update(as_view(0 * PLAIN, np.full(PLAIN.shape, 2.0), number)) is None
+    assert counters["not_followed"] == 3
+    assert off(one.update(view(base(), 6)), base())[0] < 0.003
+    assert counters["lost"] == 0
+
+
+def test_in_another_place_it_says_that_it_is_lost_and_how_unsure() -> None:
+    """The lens was covered for a second, and the base turned by 90 degrees meanwhile."""
+    one, counters = odometer()
+    follow(one, [base()] * 3)
+    for number in range(3, 18):
+        assert one.update(as_view(0 * PLAIN, np.full(PLAIN.shape, 2.0), number)) is None
+    turned = base(theta_rad=math.pi / 2)
+    assert one.update(view(turned, 18)) is None
+    place = one.update(view(turned, 19))
+    assert counters["lost"] == 1
+    assert place is not None
+    assert math.sqrt(place.covariance[2, 2]) > 0.8  # [rad] half of 2 rad/s^2 for 1.07 s: 1.1
+    step = one.update(view(turned @ base(0.03), 20))
+    assert step is not None
+    way = np.linalg.inv(place.matrix) @ step.matrix
+    assert way[0, 3] == pytest.approx(0.03, abs=0.003)  # from there on it is followed as before
+
+
+def test_nobody_moves_like_that() -> None:
+    """A metre in a fifteenth of a second is 15 m/s: what is seen is something else."""
+    one, counters = odometer(VisualOdometryConfig(speed_max_mps=1.0))
+    one.update(view(base(), 0))
+    one.update(view(base(0.01), 1))
+    assert one.update(view(base(0.5), 2)) is None
+    assert counters["implausible"] + counters["not_followed"] + counters["too_few_agree"] == 1
+
+
+def test_a_wide_picture_is_reduced() -> None:
+    """Half as many pixels across: the same motion, from points of the small picture."""
+    one, _ = odometer(VisualOdometryConfig(corners=CornerConfig(width_px=160, cell_px=10)))
+    one.update(view(base(), 0))
+    assert one._keyframes[-1].grey.shape == (HEIGHT // 2, WIDTH // 2)
+    metres, radians = off(one.update(view(base(0.02, 0.0, 0.05), 1)), base(0.02, 0.0, 0.05))
+    assert metres < 0.006
+    assert radians < math.radians(0.3)
+
+
+def test_the_same_pictures_tell_the_same_twice() -> None:
+    poses = [base(0.02 * k, 0.0, 0.03 * k) for k in range(6)]
+    first, second = (follow(odometer()[0], poses) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        assert a is not None
+        assert b is not None
+        assert np.array_equal(a.matrix, b.matrix)
+
+

@@ -1,0 +1,60 @@
+"""Which points are followed: corners, where depth is known, not people's."""
+
+import numpy as np
+import pytest
+
+from services.visual_odometry.config import CornerConfig
+from services.visual_odometry.points import People, find_corners, read_depth_m
+
+CONFIG = CornerConfig()
+
+
+def test_the_best_corner_of_each_cell_is_taken_the_best_first() -> None:
+    """A bright and a dimmer square: corners in the four cells about each, the bright one's first."""
+    grey = np.zeros((120, 160), np.uint8)
+    grey[30:50, 30:50] = 200
+    grey[30:50, 110:130] = 60
+    corners = find_corners(grey, CONFIG)
+    cells = {tuple(cell) for cell in (corners // CONFIG.cell_px).astype(int).tolist()}
+    assert len(cells) == len(corners)  # one each
+    near = np.array([(x, y) for x in (30, 49) for y in (30, 49)])
+    for corner in corners[:4]:
+        assert np.abs(near - corner).max(axis=1).min() <= 3
+
+
+@pytest.mark.parametrize("grey", [np.full((120, 160), 90, np.uint8), np.zeros((4, 4), np.uint8)])
+def test_what_is_plain_has_no_corners(grey: np.ndarray) -> None:  # type: ignore[type-arg]
+    assert not len(find_corners(grey, CONFIG))
+
+
+def test_an_edge_is_no_corner() -> None:
+    grey = np.zeros((120, 160), np.uint8)
+    grey[:, 75:] = 200
+    assert not len(find_corners(grey, CONFIG))
+
+
+def test_depth_is_the_middle_of_what_is_around() -> None:
+    depth_mm = np.full((60, 60), 2000, np.uint16)
+    depth_mm[20, 20] = 0  # 24 of 25 are left
+    depth_mm[40:, :] = 4000  # a rim between rows 39 and 40
+    depth_mm[:, 50:] = 0  # 10 of the 25 about column 50 are left: too few
+    pixels = np.array([[20.0, 20.0], [20.0, 39.0], [50.0, 50.0], [55.0, 10.0], [0.0, 0.0]])
+    depths, far = read_depth_m(depth_mm, pixels, CONFIG)
+    assert depths == pytest.approx([2.0, np.nan, np.nan, np.nan, 2.0], nan_ok=True)
+    assert far.tolist() == [False, False, False, True, False]
+
+
+def test_depth_out_of_range_is_none() -> None:
+    depth_mm = np.full((60, 60), 12_000, np.uint16)
+    depth_mm[:, :30] = 200
+    assert np.isnan(read_depth_m(depth_mm, np.array([[40.0, 30.0], [10.0, 30.0]]), CONFIG)[0]).all()
+
+
+def test_people_cover_what_is_in_their_box_at_their_depth() -> None:
+    """Box of 100 x 200 px with 15 % around it: 85 to 215 across; the person at 3 m, +- 0.7 m."""
+    people = People(np.array([[100.0, 100.0, 200.0, 300.0]]), np.array([3.0]))
+    pixels = np.array([[150, 200], [150, 200], [90, 200], [80, 200], [150, 340]], np.float64)
+    depths = np.array([3.2, 4.0, 3.0, 3.0, 3.0])
+    assert people.cover(pixels, depths, CONFIG).tolist() == [True, False, True, False, False]
+    unknown = People(people.boxes_xyxy_px, np.array([np.nan]))
+    assert unknown.cover(pixels, depths, CONFIG).tolist() == [True, True, True, False, False]
