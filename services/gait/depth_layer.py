@@ -13,7 +13,7 @@ from services.gait.geodesic import geodesic_m
 from services.gait.limbs import UP, Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
 from services.gait.matching import ALONG_SIGMA_M, match
 from services.gait.point_filter import PointEstimate, PointFilter, Proposal
-from services.gait.points import PAIRS, Anchor, anchors
+from services.gait.points import PAIRS, Anchor, anchors, stepped
 from services.gait.spin_image import similarity, spin_images
 from services.gait.surface import I64, Surface
 from services.gait.tips import tips_of
@@ -103,7 +103,7 @@ class DepthLayer:
             for point in self._points.values():
                 self._skip(point, sight.dt_s)
             return self._told()
-        found = self._anchors(sight)
+        found = self._anchors(sight, body)
         ends = limb_ends(body, self._config) if self._combined or not self._begun() else []
         self._move(sight, found, ends)
         self._weigh(sight, body, found)
@@ -152,38 +152,15 @@ class DepthLayer:
         self.body = body_of(surface, heights, self._stature_m, along, tips)
         return self.body
 
-    def _anchors(self, sight: Sight) -> Mapping[str, Anchor]:
-        """Return where keypoints put the points; left and right as they were."""
+    def _anchors(self, sight: Sight, body: Body3d) -> Mapping[str, Anchor]:
+        """Return where keypoints put the points."""
         if not (self._combined and self._config.keypoints):
             return {}
-        found = dict(anchors(sight.keypoints, self._config))
-        for left, right in PAIRS:
-            self._unswap(found, left, right, sight.dt_s)
+        found = anchors(sight.keypoints, self._config)
+        if sight.facing is not None:
+            depth_m = float(np.median(body.surface.points_m[:, 2]))
+            found = stepped(found, depth_m, sight.facing, self._info, self._config)
         return {name: anchor for name, anchor in found.items() if name in self._points}
-
-    def _unswap(self, found: dict[str, Anchor], left: str, right: str, dt_s: float) -> None:
-        """Exchange the anchors of a pair that fit better the other way round.
-
-        A detector takes left for right at times; if it does so for long, it is the points that are
-        exchanged.
-        """
-        pair = [self._points.get(left), self._points.get(right)]
-        if left not in found or right not in found or not all(p and p.alive for p in pair):
-            return
-        here = np.stack([p.motion.position_m for p in pair if p and p.motion])
-        pixels = project(here, self._info)
-        a, b = found[left].pixel, found[right].pixel
-        kept = np.linalg.norm(pixels[0] - a) + np.linalg.norm(pixels[1] - b)
-        crossed = np.linalg.norm(pixels[0] - b) + np.linalg.norm(pixels[1] - a)
-        apart = np.linalg.norm(a - b) > self._pixels(CROSSING_M, here[0, 2])
-        vote = (dt_s if crossed < kept else -dt_s) if apart else 0.0
-        votes = max(self._votes.get(left, 0.0) + vote, 0.0)
-        self._votes[left] = votes
-        if votes > self._config.swap_s:
-            self._votes[left] = 0.0
-            self._exchange(left, right)
-        elif crossed < kept:
-            found[left], found[right] = found[right], found[left]
 
     def _exchange(self, left: str, right: str) -> None:
         """Give the points of a pair each other's name."""
@@ -339,7 +316,7 @@ class DepthLayer:
     def _by_distance(self, point: PointFilter, body: Body3d, vertex: int) -> float:
         """Return how well a vertex fits the point's distance along the body, 0 to 1."""
         off = (body.along_m[vertex] - point.along_m) / self._config.geodesic_sigma_m
-        return float(agreement(np.array(np.nan_to_num(off, posinf=9.0) / 1.5)))
+        return float(agreement(np.array(np.nan_to_num(off, nan=9.0, posinf=9.0) / 1.5)))
 
     def _by_anchor(self, point: PointFilter, position: F64, anchor: Anchor) -> float:
         """Return how well a position fits the point's keypoint, 0 to 1."""

@@ -95,7 +95,8 @@ class PointFilter:
         self.particles[:, :2] = pixel
         self.vertices = np.full(config.particles, vertex)
         self.spin = spin
-        self.along_m = self.first_m = float(body.along_m[vertex])
+        self.along_m = self.first_m = np.nan  # unless a way leads there
+        self.adapt(float(body.along_m[vertex]))
         self.state, self.missed_s, self.confidence = "measured", 0.0, 1.0
         self.unsupported_s = 0.0
 
@@ -143,7 +144,9 @@ class PointFilter:
     def adapt(self, along_m: float) -> None:
         """Let the reference distance follow what is measured, within bounds: limbs do not grow."""
         config = self._config
-        if np.isfinite(along_m) and np.isfinite(self.along_m):
+        if np.isfinite(along_m) and np.isnan(self.along_m):
+            self.along_m = self.first_m = along_m
+        elif np.isfinite(along_m):
             moved = self.along_m + config.adapt * (along_m - self.along_m)
             low, high = self.first_m - config.adapt_max_m, self.first_m + config.adapt_max_m
             self.along_m = float(np.clip(moved, low, high))

@@ -6,7 +6,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from common.messages import F32, F64
+from common.geometry import deproject, project
+from common.messages import F32, F64, CameraInfo
 from services.gait.depth_config import DepthLayerConfig
 
 HEAD, LEFT_HAND, RIGHT_HAND = "head", "left_hand", "right_hand"
@@ -21,7 +22,7 @@ JOINTS: Mapping[str, tuple[int, int]] = MappingProxyType(
     {LEFT_HAND: (9, 7), RIGHT_HAND: (10, 8), LEFT_FOOT: (15, 13), RIGHT_FOOT: (16, 14)}
 )
 BENT = 1.5  # times the noise, where the direction of a limb is not known
-# Times the noise: the face is beside the head's middle, the ankle behind the foot's.
+# Times the noise: the face is beside the head's middle; where a foot points is not known at first.
 LOOSE: Mapping[str, float] = MappingProxyType({"head": 2.0, "hand": 1.0, "foot": 2.5})
 
 
@@ -70,6 +71,31 @@ def anchors(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, Anc
         sigma = LOOSE[kind_of(point)] * (1.0 if known else BENT)
         found[point] = Anchor(pixel, sigma, float(sure[end]))
     return found
+
+
+def stepped(
+    found: Mapping[str, Anchor],
+    depth_m: float,
+    facing: F64,
+    info: CameraInfo,
+    config: DepthLayerConfig,
+) -> Mapping[str, Anchor]:
+    """Return anchors with those of feet moved ahead of their ankles.
+
+    Args:
+        found: Anchors.
+        depth_m: Of the body.
+        facing: 3, unit length, optical frame: the way the person faces, as feet do.
+        info: Calibration.
+        config: How far.
+    """
+    moved = dict(found)
+    for name, anchor in found.items():
+        if kind_of(name) == "foot":
+            place = deproject(anchor.pixel, [depth_m], info)[0] + config.foot_ahead_m * facing
+            pixel = project(place, info)[0]
+            moved[name] = Anchor(pixel, anchor.sigma / LOOSE["foot"], anchor.confidence)
+    return moved
 
 
 def torso_pixel(keypoints: F32 | None, config: DepthLayerConfig) -> F64 | None:

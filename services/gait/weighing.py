@@ -12,6 +12,8 @@ from services.gait.points import Anchor
 from services.gait.surface import I64
 
 CLIP = 8.0  # no feature alone rules a particle out
+BODY_CLIP = 3.0  # what the body tells together, where a keypoint tells which limb it is
+BELIEVED = 0.6  # confidence of a keypoint from which on it is hardly ever on the wrong limb
 ENDLESS = 0.3  # of the trust in a distance along the body, while the limb's end is not found
 WRONG_LIMB = 6.0  # logarithm of how much less a particle on another kind of limb weighs
 
@@ -66,7 +68,8 @@ def together(
 
     Distance along the body is trusted as far as any particle agrees with the one at the start: a
     hand that touches the trunk is nearer along the mesh, and then it tells nothing. Spin images are
-    trusted as far as any is like the reference.
+    trusted as far as any is like the reference. Keypoints tell which limb is which; the body then
+    tells only what of it is near the keypoint.
     """
     on = point.vertices >= 0
     at = np.where(on, point.vertices, 0)
@@ -81,13 +84,15 @@ def together(
     best = np.where(on, alike, -np.inf).max(initial=-1.0)
     logs -= trust["spin"] * np.minimum((best - np.maximum(alike, -2.0)) / config.spin_sigma, CLIP)
     logs -= _off_limb(point, body, at, hints, config)
+    if hints.anchor is not None:
+        logs = np.where(on, np.maximum(logs - logs.max(initial=-1e3), -BODY_CLIP), -np.inf)
     points_m = body.surface.points_m[at]
     if point.alive and point.motion is not None:
         logs += _by_motion(point, points_m)
         logs += _by_other(point, points_m, hints.other)
     if hints.anchor is not None:
         away = np.linalg.norm(point.particles[:, :2] - hints.anchor.pixel, axis=1)
-        sure = 0.98 * min(hints.anchor.confidence, 1.0)
+        sure = 0.98 * min(hints.anchor.confidence / BELIEVED, 1.0)
         near = agreement(away / hints.anchor_sigma_px)
         logs += np.log(sure * near + (1 - sure) * 0.05 + 1e-3)
     return Weighed(logs, trust)

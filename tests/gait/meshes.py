@@ -1,0 +1,34 @@
+"""Meshes of a few vertices, whose distances are found by hand."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from services.gait.surface import Surface
+from tests.gait.bodies import INFO
+
+
+def mesh_of(points_m: npt.ArrayLike, edges: Sequence[tuple[int, int]]) -> Surface:
+    """A mesh of points and the edges between them, as INFO's camera would see it."""
+    points = np.asarray(points_m, np.float64)
+    both = sorted([*edges, *((end, start) for start, end in edges)])
+    starts, ends = np.array(both, np.int32).reshape(-1, 2).T
+    lengths = np.linalg.norm(points[ends] - points[starts], axis=1)
+    pixels = points[:, :2] / points[:, 2:] * INFO.fx + (INFO.cx, INFO.cy)
+    columns, rows = np.rint(pixels).astype(int).T
+    grid = np.full((INFO.height, INFO.width), -1, np.int32)
+    grid[rows, columns] = np.arange(len(points))
+    return Surface(
+        points_m=points,
+        normals=np.tile((0.0, 0.0, -1.0), (len(points), 1)),
+        pixels_px=pixels,
+        indptr=np.searchsorted(starts, np.arange(len(points) + 1)).astype(np.int32),
+        indices=ends.astype(np.int32),
+        lengths_m=lengths,
+        resolution_m=float(np.median(lengths)),
+        grid=grid,
+        left_px=0,
+        top_px=0,
+        step_px=1,
+    )
