@@ -61,7 +61,7 @@ def listen(topic: str, file: Path) -> None:
 
 def send(topic: str, rate_hz: float) -> None:
     """Publish people or frames at a rate until interrupted; runs on one of the hosts."""
-    role = BY_NAME[topic].producer
+    (role,) = BY_NAME[topic].producers
     samples = list(itertools.islice(_samples(BY_NAME[topic].message), 30))
     bus = ZenohBus(read_config(None, "client", role=role), "robot", PATIENCE_S)
     due_s = time.monotonic()

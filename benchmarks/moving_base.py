@@ -112,7 +112,7 @@ def _matchings(takes: Sequence[Take], method: Method) -> list[Matching]:
 
 def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
     figures = [score_matching(matching).row() for matching in matchings]
-    pairs = [_velocities(matching) for matching in matchings]
+    pairs = [velocities(matching) for matching in matchings]
     speeds = [s for true, told in pairs if len(s := _lengths(told[_lengths(true) < STANDING_MPS]))]
 
     errors = [(told - true)[_lengths(true) >= WALKING_MPS] for true, told in pairs]
@@ -148,7 +148,7 @@ def _lengths(vectors: F64) -> F64:
     return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
-def _velocities(matching: Matching) -> tuple[F64, F64]:
+def velocities(matching: Matching) -> tuple[F64, F64]:
     """Return the true and the told velocities [m/s] of people in view, Nx2 each."""
     pairs = list[tuple[F64, F64]]()
     for frame, step in zip(matching.sequence.frames, matching.steps, strict=True):

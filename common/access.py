@@ -10,9 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from common.clock import NAME as CLOCK
-from common.topics import TOPICS, Topic, prefix, question
+from common.topics import EVERY_SERVICE, TOPICS, Topic, prefix, question
 
-EVERY_SERVICE = "every service"
 WATCHDOG = "watchdog"  # only hears how the others are
 ROUTER = "router"
 PEOPLE = ("planner", "operator")  # roles of programs that are no service of ours
@@ -31,13 +30,13 @@ Said = tuple[Sequence[str], list[str]]  # kinds of Zenoh's messages, and their k
 
 def roles() -> tuple[str, ...]:
     """Return all roles: the services, then those of `PEOPLE`."""
-    named = {WATCHDOG}.union(*({topic.producer, *topic.readers.split()} for topic in TOPICS))
+    named = {WATCHDOG}.union(*({*topic.producers, *topic.readers.split()} for topic in TOPICS))
     return (ROUTER, *sorted(named - {ROUTER, EVERY_SERVICE, "*", *PEOPLE}), *PEOPLE)
 
 
 def may_publish(role: str, topic: Topic) -> bool:
     """Return whether a role may publish a topic; of health only its own."""
-    return topic.producer == role or (topic.producer == EVERY_SERVICE and role not in PEOPLE)
+    return role in topic.producers or (topic.producer == EVERY_SERVICE and role not in PEOPLE)
 
 
 def may_read(role: str, topic: Topic) -> bool:

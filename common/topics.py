@@ -25,6 +25,7 @@ from common.messages import (
 )
 
 VERSION = "v1"
+EVERY_SERVICE = "every service"
 LOCKSTEP_MAX = 8  # frames that may be on their way at once where none may be skipped
 
 
@@ -41,7 +42,8 @@ class Topic:
             "queue": kept in order up to depth; "latched": sent once, late joiners get the last.
         depth: Messages that a subscriber keeps while it is busy; of "newest" only those that must
             not be skipped (lock-step), else one.
-        producer: Service that publishes it; no other may where access is restricted.
+        producer: Service that publishes it, or several with spaces between; no other may where
+            access is restricted.
         readers: Roles that may read it there, with spaces between, "*" for all: services,
             "planner", and "operator" (the command line). See common/access.py.
         leaves_host: Whether it may leave the host it was made on, where access is restricted.
@@ -56,6 +58,12 @@ class Topic:
     producer: str
     readers: str = field(default="", kw_only=True)
     leaves_host: bool = field(default=True, kw_only=True)
+
+    @property
+    def producers(self) -> frozenset[str]:
+        """The services that publish it."""
+        one = self.producer == EVERY_SERVICE
+        return frozenset([self.producer] if one else self.producer.split())
 
     def key_of(self, message: Message, robot: str) -> str:
         """Return the full key of a message."""
@@ -97,19 +105,20 @@ class _Fields(dict[str, str]):
 # fmt: off
 TOPICS: tuple[Topic, ...] = (
     Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 32, "camera",
-          readers="detector gait report operator", leaves_host=False),
+          readers="detector gait visual_odometry report operator", leaves_host=False),
     Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 32, "camera",
           readers="detector report operator"),
     Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera",
-          readers="detector tracker gait gt_bridge report planner operator"),
+          readers="detector tracker gait visual_odometry gt_bridge report planner operator"),
     Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera",
-          readers="tracker gait gt_bridge report planner operator"),
-    Topic("moving_transforms", "moving/{child}", MovingTransform, 50, "queue", 256, "camera",
+          readers="tracker gait visual_odometry gt_bridge report planner operator"),
+    Topic("moving_transforms", "moving/{child}", MovingTransform, 50, "queue", 256,
+          "camera visual_odometry",
           readers="tracker gait gt_bridge report operator"),
-    Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera",
-          readers="tracker gait gt_bridge report operator"),
+    Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera visual_odometry",
+          readers="tracker gait visual_odometry gt_bridge report operator"),
     Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector",
-          readers="camera detector tracker gait gt_bridge report operator"),
+          readers="camera detector tracker gait visual_odometry gt_bridge report operator"),
     Topic("crops", "raw/{camera}/crops", Crops, 30, "queue", 8, "detector",
           readers="reid operator", leaves_host=False),
     Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid",
@@ -124,7 +133,7 @@ TOPICS: tuple[Topic, ...] = (
           readers="report operator"),
     Topic("score", "score", Score, 30, "queue", 256, "gt_bridge",
           readers="report operator"),
-    Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, "every service",
+    Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, EVERY_SERVICE,
           readers="*"),
 )
 # fmt: on

@@ -175,7 +175,8 @@ def _topics() -> str:
     rows = [
         f"| {t.name} | `{t.key}` | [{t.message.__name__}](#{t.message.__name__.lower()}) | "
         f"{f'{t.rate_hz:g} Hz' if t.rate_hz else 'once'} | {t.delivery}, {t.depth} | "
-        f"{t.producer} | {'all' if t.readers == '*' else ', '.join(t.readers.split())} |"
+        f"{', '.join(sorted(t.producers))} | "
+        f"{'all' if t.readers == '*' else ', '.join(t.readers.split())} |"
         for t in TOPICS
     ]
     head = "| topic | key below the prefix | message | rate | delivery, depth | from | may read |"

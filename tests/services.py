@@ -40,6 +40,7 @@ SERVICES: dict[str, dict[str, Any]] = {
     "tracker": {},
     "tracker-sort3d": {"tracker": "sort3d"},
     "gait": {},
+    "visual_odometry": {},
     "gt_bridge": {},
     "report": {"video": False, "sheet_frames": 2},
 }

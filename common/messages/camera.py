@@ -118,7 +118,7 @@ class MovingTransform(Message, frozen=True, kw_only=True):
 
 
 class Odometry(Message, frozen=True, kw_only=True):
-    """Pose of the moving base from its wheels."""
+    """Pose of the moving base, from its wheels or from what its camera sees."""
 
     frame_id: str  # frame of the pose, for example "odom"
     child_frame_id: str  # frame of the base, for example "base_link"

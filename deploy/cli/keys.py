@@ -15,7 +15,7 @@ from common.errors import ConfigError, People4dError
 
 # The hosts of docs/hosts.md; with --host others.
 HOSTS = (
-    "nuc=router,camera,detector,reid,gait,report,watchdog,operator",
+    "nuc=router,camera,detector,reid,gait,visual_odometry,report,watchdog,operator",
     "tracker=tracker,gt_bridge,watchdog,operator",
     "planner=planner",
 )

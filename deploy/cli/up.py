@@ -36,6 +36,8 @@ from services.gt_bridge.sources import SCHEME as LIVE_TRUTH
 
 # In lock-step nobody waits for the result: the same recording gives the same tracks on any machine.
 PATIENCE = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
+# A camera whose place its source does not know hangs on the base, not in the map.
+ON_BASE = f"{CAMERA}.mount_parent=base_link"
 DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 DRAIN_TIMEOUT_S = 120.0
@@ -88,6 +90,13 @@ def up(
     gait: Annotated[
         bool, typer.Option("--gait", help="Follow heads, hands and feet, and tell how people walk.")
     ] = False,
+    visual_odometry: Annotated[
+        bool,
+        typer.Option(
+            "--visual-odometry",
+            help="The robot moves and tells no odometry: see it in its pictures.",
+        ),
+    ] = False,
     robot: Robot = "robot",
     host: Annotated[
         str, typer.Option(help="Address of the router; 0.0.0.0 lets other machines connect.")
@@ -122,6 +131,7 @@ def up(
         settings += scenarios.truth_settings(truth, loop)
     settings += [f"{CAMERA}.loop=true"] if loop else []
     settings += PATIENCE if playback == "lockstep" else ()
+    settings += [ON_BASE] if visual_odometry else []
     wish = Wish(
         robot=robot,
         host=host,
@@ -132,6 +142,7 @@ def up(
         scale=scale,
         report=report,
         gait=gait,
+        visual_odometry=visual_odometry,
     )
     if compose == COMPOSE_FILE:
         check_source(wish)

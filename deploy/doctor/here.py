@@ -24,6 +24,7 @@ CONFIGS = {
     "reid": "services.reid.config:ReidConfig",
     "tracker": "services.tracker.config:TrackerConfig",
     "gait": "services.gait.config:GaitConfig",
+    "visual_odometry": "services.visual_odometry.config:VisualOdometryConfig",
     "gt_bridge": "services.gt_bridge.config:GtBridgeConfig",
 }
 LOADERS = {

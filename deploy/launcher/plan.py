@@ -14,12 +14,17 @@ from deploy.compose import Service
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
 CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
 REPORT = "report"  # profile and service that writes the report
+VISUAL = "visual_odometry"  # profile and service that sees how the base moves
 GAIT = "gait"  # profile and service that follows points of bodies
 PROCESSES = "processes"  # profile of what only processes of this machine need
 CAMERA = "camera"
 ROUTER = "router"
-ONCE = frozenset(("router", CAMERA, "tracker", GAIT, "gt_bridge", REPORT, "watchdog"))
-ASKED_FOR = {GAIT: "--gait", REPORT: "--report FOLDER"}  # services that run only then
+ONCE = frozenset(("router", CAMERA, "tracker", GAIT, VISUAL, "gt_bridge", REPORT, "watchdog"))
+ASKED_FOR = {
+    GAIT: "--gait",
+    VISUAL: "--visual-odometry",
+    REPORT: "--report FOLDER",
+}  # services that run only then
 HOST = "127.0.0.1"
 PORT = 7447
 
@@ -38,6 +43,7 @@ class Wish:
         scale: "service=number".
         report: Folder for a report, None for none.
         gait: Whether points of bodies are followed.
+        visual_odometry: Whether the motion of the base is seen in its pictures.
         environment: The caller's environment variables.
     """
 
@@ -50,6 +56,7 @@ class Wish:
     scale: Sequence[str] = ()
     report: Path | None = None
     gait: bool = False
+    visual_odometry: bool = False
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
 
     @property
@@ -67,7 +74,7 @@ def plan(wish: Wish) -> tuple[Service, ...]:
     settings = list(wish.settings)
     if wish.report:
         settings.append(setting(f"{REPORT}.folder", str(wish.report.absolute())))
-    asked = {REPORT: wish.report is not None, GAIT: wish.gait}
+    asked = {REPORT: wish.report is not None, GAIT: wish.gait, VISUAL: wish.visual_odometry}
     profiles = {PROCESSES} | {name for name, wanted in asked.items() if wanted}
     services = compose.read(wish.compose, variables(wish), profiles)
     arguments = _arguments(settings, services)

@@ -39,7 +39,9 @@ class CornerConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        _expect_positive(self, "cell_px", "near_max", "far_max", "people_max", "contrast_min", "edge_share")
+        _expect_positive(
+            self, "cell_px", "near_max", "far_max", "people_max", "contrast_min", "edge_share"
+        )
         _expect_positive(self, "people_depth_m", "sigma_inverse", "near_min")
         _expect(self.width_px >= 64, "width_px: expected >= 64", self.width_px)
         _expect(self.cell_px >= 4, "cell_px: expected >= 4", self.cell_px)
@@ -92,7 +94,9 @@ class VisualOdometryConfig(msgspec.Struct, frozen=True, kw_only=True):
     camera: str = ""  # the camera whose pictures are taken; empty: the first that sends one
     child_frame_id: str = "base_link"  # frame whose motion is told; the camera is fixed to it
     frame_id: str = "odom"  # frame that it is told in, where a transform tells where in the map ...
-    map_id: str = "map"  # ... that lies; else it is told in the map, from where the base stood first
+    map_id: str = (
+        "map"  # ... that lies; else it is told in the map, from where the base stood first
+    )
     planar: bool = True  # the base moves on a floor: Odometry; False: any way: MovingTransform
     corners: CornerConfig = CornerConfig()
     flow: FlowConfig = FlowConfig()
@@ -110,8 +114,8 @@ class VisualOdometryConfig(msgspec.Struct, frozen=True, kw_only=True):
     # Nobody moves like that
     speed_max_mps: float = 4.0  # [m/s]
     turn_max_radps: float = 6.0  # [rad/s]
-    # How freely a planar base moves sideways, of how it moves ahead: two driven wheels hardly let it,
-    # 1.0 for wheels that roll any way
+    # How freely a planar base moves sideways, of how it moves ahead: two driven wheels hardly let
+    # it; 1.0 for wheels that roll any way
     sideways: float = 0.05
     # Standard deviations of what a base does: at first, and then
     speed_sigma_mps: float = 0.5  # [m/s]

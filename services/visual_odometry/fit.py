@@ -17,7 +17,7 @@ PLANAR = np.array([0, 1, 5])  # of it what a base on a floor does
 SAMPLE = 3  # points of a random sample
 SAMPLE_STEPS, STEPS = 2, 6
 SMALL_STEP = 1e-5  # [m, rad]
-AS_ROOM = 2.0  # standard deviations that people may change what the room tells
+AS_ROOM = 3.0  # standard deviations that people may change what the room tells
 FIRST_GATE = 4.0  # of the gate, at the first step
 EASY_SHARE = 0.7  # of the points agree: no samples are needed
 BEHIND = 1e-3  # of the axis: a point seen at right angles to it, or behind, is not seen
@@ -214,7 +214,11 @@ class _Scene:
     def best_sample(self, rounds: int) -> F64:
         """Return the motion (4x4) by a few points that the most others agree on."""
         count = len(self._sights.then)
-        room = np.flatnonzero(~self._sights.people) if not self._sights.people.all() else np.arange(count)
+        room = (
+            np.flatnonzero(~self._sights.people)
+            if not self._sights.people.all()
+            else np.arange(count)
+        )
         chosen = room[np.random.default_rng(0).integers(0, len(room), (rounds, SAMPLE))]
         poses = np.repeat(self._prior.before_from_now[None], rounds, axis=0)
         for _ in range(SAMPLE_STEPS):
@@ -227,9 +231,7 @@ class _Scene:
         total = np.minimum(cost, self._gate**2).sum(axis=1) + self._unexpected(poses)
         return np.asarray(poses[total.argmin()], np.float64)
 
-    def _step(
-        self, poses: F64, chosen: INDICES, weights: F64, seen: _Seen
-    ) -> tuple[F64, F64]:
+    def _step(self, poses: F64, chosen: INDICES, weights: F64, seen: _Seen) -> tuple[F64, F64]:
         """Return a step of Gauss-Newton from each of H motions, and the inverse of its matrix.
 
         Args:
@@ -303,7 +305,7 @@ class _Scene:
 
     def away(self, start: F64, end: F64) -> F64:
         """Return the twist (K) that leads from one motion (4x4) to another."""
-        return self._away(start[None], end)[0]
+        return np.asarray(self._away(start[None], end)[0])
 
     def _unexpected(self, poses: F64) -> F64:
         away = self._away(poses, self._prior.before_from_now)
@@ -332,7 +334,9 @@ def _moves(twists: F64) -> F64:
 def _turns(rotations: F64) -> F64:
     """Return rotation vectors (Hx3) of Hx3x3, by less than a quarter turn."""
     r = rotations
-    sines = np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], 1) / 2
+    sines = (
+        np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], 1) / 2
+    )
     length = np.linalg.norm(sines, axis=1, keepdims=True).clip(1e-12, 1.0)
     return np.asarray(sines * np.arcsin(length) / length)
 

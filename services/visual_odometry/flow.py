@@ -27,9 +27,7 @@ def follow(before: U8, now: U8, pixels: F32, guess: F32, config: FlowConfig) -> 
     window = config.window_px, config.window_px
     until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, config.steps, 0.03)
 
-    def flow(
-        start: U8, end: U8, points: F32, guessed: F32, levels: int
-    ) -> tuple[F32, BOOL]:
+    def flow(start: U8, end: U8, points: F32, guessed: F32, levels: int) -> tuple[F32, BOOL]:
         found, status, _ = cv2.calcOpticalFlowPyrLK(
             start,
             end,

@@ -101,8 +101,11 @@ class VisualOdometryNode:
     def status(self) -> Status:
         """Tell why there is no odometry, and what was counted."""
         reason = self._reason()
-        state = "degraded" if reason else "ready"
-        return Status(state=state, reason=reason, counters=dict(self._counters))
+        return Status(
+            state="degraded" if reason else "ready",
+            reason=reason,
+            counters=dict(self._counters),
+        )
 
     def close(self) -> None:
         """Hold nothing that needs releasing."""
@@ -145,14 +148,18 @@ class VisualOdometryNode:
         """Return what follows the motion, made anew if lens or mounting changed."""
         info = self._infos.get(frame.camera)
         if info is None:
-            return self._refuse("no_camera_info")
+            self._lacks("no_camera_info")
+            return None
         if frame.rgb.shape[:2] != (info.height, info.width):
-            return self._refuse("wrong_size")
+            self._lacks("wrong_size")
+            return None
         mount = self._frames.find(self._config.child_frame_id, info.frame_id)
         if mount is None:
-            return self._refuse("no_transform")
-        known = self._info is not None and self._mount is not None
-        changed = known and not (_lens(info) == _lens(self._info) and np.array_equal(mount, self._mount))
+            self._lacks("no_transform")
+            return None
+        changed = self._mount is not None and not (
+            np.array_equal(mount, self._mount) and _lens(info) == _lens(self._info)
+        )
         self._counters["calibration_changes"] += changed
         if self._odometer is None or changed:
             self._info, self._mount = info, mount
@@ -161,7 +168,7 @@ class VisualOdometryNode:
             self._odometer = Odometer(self._config, lens, hangs, self._counters, self._place)
         return self._odometer
 
-    def _refuse(self, cause: str) -> None:
+    def _lacks(self, cause: str) -> None:
         self._counters[cause] += 1
         self._cause = cause
 

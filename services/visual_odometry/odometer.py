@@ -1,6 +1,5 @@
 """Where a base is, by what the camera on it sees."""
 
-import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -59,12 +58,11 @@ class _Found:
         """Where the base is: at the keyframe's place, moved by what was found since."""
         then = self.keyframe.place
         matrix = then.matrix @ self.fit.before_from_now
-        turn, lever = np.eye(3), np.eye(3)
-        turn[:2, :2] = matrix[:2, :2]
+        lever = np.eye(3)
         away_m = matrix[:2, 3] - then.matrix[:2, 3]
         lever[:2, 2] = -away_m[1], away_m[0]  # what an error of the keyframe's heading does here
         rows = FLOOR if len(self.fit.covariance) > len(FLOOR) else np.arange(len(FLOOR))
-        own = turn @ self.fit.covariance[np.ix_(rows, rows)] @ turn.T
+        own = _turned(self.fit.covariance[np.ix_(rows, rows)], matrix)
         return Place(matrix, lever @ then.covariance @ lever.T + own)
 
 
@@ -149,8 +147,7 @@ class Odometer:
                 self._course = correct(course, found.fit, free)
                 return self._use(found, grey)
             if found and found.share >= self._config.overlap_min:
-                way = invert(self._course.keyframe_from_base) @ course.keyframe_from_base
-                guess = Place(self.place.matrix @ way, self.place.covariance)
+                guess = self._guessed(course)
                 self._course = since(course, found.fit.before_from_now, found.fit.covariance)
                 return self._use(self._without_jump(found, guess), grey)
         self._counters[next(iter(causes))] += 1  # what was wrong with the one in use
@@ -181,9 +178,7 @@ class Odometer:
             prior = Prior(way, known.covariance + np.diag(sigmas**2))
             yield _Try(keyframe, self._seen_from(keyframe, fixed_from_base), prior)
 
-    def _compare(
-        self, view: View, grey: U8, attempt: _Try, causes: Counter[str]
-    ) -> _Found | None:
+    def _compare(self, view: View, grey: U8, attempt: _Try, causes: Counter[str]) -> _Found | None:
         keyframe, config = attempt.keyframe, self._config.fit
         points = keyframe.points
         flow = self._config.flow
@@ -219,7 +214,7 @@ class Odometer:
         return not far and turned_rad <= config.turn_max_radps * elapsed_s + 0.1
 
     def _again(self, view: View, grey: U8, found: _Found) -> _Found:
-        """Return the frame compared with an earlier keyframe that serves better, if there is one."""
+        """Return the frame compared with an earlier keyframe that serves better, if any does."""
         assert self._course is not None
         for attempt in self._others(found.place.matrix, prior_of(self._course, self._mount.free)):
             other = self._compare(view, grey, attempt, Counter())
@@ -231,7 +226,7 @@ class Odometer:
         return found
 
     def _without_jump(self, found: _Found, place: Place) -> _Found:
-        """Return what was found, with the keyframe where it lies as seen from where the base is now.
+        """Return what was found, with the keyframe where it lies as seen from the base now.
 
         What was known of both differs by drift. A little of it is made good; more would be a jump.
         """
@@ -276,18 +271,20 @@ class Odometer:
         if self._keyframes and alone_s < config.lost_s:
             return
         course = predict(self._course, view.stamp_ns, free, config)
-        doubt = np.diag(
-            [
-                *2 * [(config.sigma_acceleration_mps2 * alone_s**2 / 2) ** 2],
-                min(config.sigma_turn_radps2 * alone_s**2 / 2, math.pi) ** 2,
-            ]
-        )
-        way = invert(self._course.keyframe_from_base) @ course.keyframe_from_base
-        guess = Place(self.place.matrix @ way, self.place.covariance + doubt)
+        guess = self._guessed(course)
         if self._begin(view, grey, guess):
             self._counters["lost"] += 1
             self.place = guess
             self._course = since(course, np.eye(4), np.zeros((len(free), len(free))))
+
+    def _guessed(self, course: Course) -> Place:
+        """Return where the base is thought to be, as doubtful as the course is."""
+        assert self._course is not None
+        way = invert(self._course.keyframe_from_base) @ course.keyframe_from_base
+        matrix, count = self.place.matrix @ way, len(self._mount.free)
+        known = course.P[:count, :count]
+        doubt = known if self._mount.planar else known[np.ix_(FLOOR, FLOOR)]
+        return Place(matrix, self.place.covariance + _turned(doubt, matrix))
 
     def _use(self, found: _Found, grey: U8) -> _Found:
         kept = (k for k in self._keyframes if k is not found.keyframe)
@@ -298,3 +295,10 @@ class Odometer:
 
     def _seen_from(self, keyframe: Keyframe, fixed_from_base: F64) -> F32:
         return keyframe.seen_from(fixed_from_base, self._mount, self._lens)[0]
+
+
+def _turned(covariance: F64, fixed_from_base: F64) -> F64:
+    """Return the covariance (3x3) of x, y and heading in the fixed frame, from that in the base."""
+    turn = np.eye(3)
+    turn[:2, :2] = fixed_from_base[:2, :2]
+    return np.asarray(turn @ covariance @ turn.T)

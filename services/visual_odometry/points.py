@@ -122,7 +122,7 @@ def find_corners(grey: U8, config: CornerConfig) -> F32:
     worth = cells[np.arange(len(best)), best]
     least = (BLOCK_PX * SOBEL * 2 * config.contrast_min) ** 2
     order = np.argsort(-worth, kind="stable")
-    return (2 * pixels[order[worth[order] > least]]).astype(np.float32)
+    return np.asarray(2 * pixels[order[worth[order] > least]], np.float32)
 
 
 def read_depth_m(depth_mm: U16, pixels: F64, config: CornerConfig) -> tuple[F64, BOOL]:

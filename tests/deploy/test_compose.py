@@ -153,21 +153,26 @@ def test_a_missing_file_is_told(tmp_path: Path) -> None:
         read(tmp_path / "none.yaml", {}, set())
 
 
+EVERYTHING = {"report", "gait", "visual_odometry"}  # profiles
+
+
 def test_the_shipped_file_starts_the_camera_last() -> None:
     """Nothing of a recording is lost only if all that listen are there before the camera."""
-    names = [service.name for service in read(COMPOSE_FILE, {}, {"report", "gait"})]
+    names = [service.name for service in read(COMPOSE_FILE, {}, EVERYTHING)]
     assert names[0] == "router"
     assert names[-1] == "camera"
     assert set(names) == {
-        *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report", "camera")
+        *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report", "camera"),
+        "visual_odometry",
     }
-    camera = read(COMPOSE_FILE, {}, {"report", "gait"})[-1]
+    camera = read(COMPOSE_FILE, {}, EVERYTHING)[-1]
     assert {d.service for d in camera.depends_on if d.condition == "service_healthy"} == {
-        *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report")
+        *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report"),
+        "visual_odometry",
     }
 
 
 def test_every_shipped_service_has_a_health_check() -> None:
-    for service in read(COMPOSE_FILE, {}, {"report", "gait"}):
+    for service in read(COMPOSE_FILE, {}, EVERYTHING):
         assert service.healthcheck is not None
         assert service.healthcheck.test == ("people4d", "health", service.name, "--here")

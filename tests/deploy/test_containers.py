@@ -102,7 +102,9 @@ def test_hosts_insist_on_keys(file: Path) -> None:
 
 def test_together_the_hosts_run_all_that_makes_people() -> None:
     running = [name for file in HOST_FILES for name in services(file)]
-    assert set(running) == {"router", "watchdog", "camera", "detector", "reid", "gait", "tracker"}
+    assert set(running) == {
+        *("router", "watchdog", "camera", "detector", "reid", "gait", "visual_odometry", "tracker")
+    }
     for name in set(running) - {"watchdog"}:
         assert running.count(name) == 1
 

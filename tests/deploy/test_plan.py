@@ -52,6 +52,14 @@ def test_gait_runs_only_if_asked_for() -> None:
     assert "gait" in [one.service for one in services["camera"].depends_on]
 
 
+def test_motion_is_seen_in_pictures_only_if_asked_for() -> None:
+    assert "visual_odometry" not in planned(Wish(environment={}))
+    settings = ["visual_odometry.planar=false"]
+    services = planned(Wish(visual_odometry=True, settings=settings, environment={}))
+    assert services["visual_odometry"].command[-2:] == ("--set", "planar=false")
+    assert "visual_odometry" in [one.service for one in services["camera"].depends_on]
+
+
 @pytest.mark.parametrize(
     ("wish", "message"),
     [

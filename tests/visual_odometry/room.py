@@ -76,7 +76,9 @@ def view(
     grey = np.zeros((HEIGHT, WIDTH), np.float32)
     hit = place + depth[..., None] * ways
     for wall in range(6):
-        on = (axis == wall // 2) & ((np.take_along_axis(ways, axis[..., None], -1)[..., 0] > 0) == wall % 2)
+        on = (axis == wall // 2) & (
+            (np.take_along_axis(ways, axis[..., None], -1)[..., 0] > 0) == wall % 2
+        )
         across = [hit[..., k] for k in range(3) if k != wall // 2]
         grey[on] = _texture(WALLS[wall], across[0] + 3.0, across[1] + 3.0)[on]
     for board in boards:
@@ -87,7 +89,7 @@ def view(
         grey[on] = _texture(CLOTH, aside + 3.0, up + 3.0)[on]
         depth[on] = far[on]
     if noise_seed is not None:
-        grey = grey + np.random.default_rng(noise_seed).normal(0, 2, grey.shape)
+        grey += np.random.default_rng(noise_seed).normal(0, 2, grey.shape).astype(np.float32)
     return as_view(grey.clip(0, 255).astype(np.uint8), depth, number)
 
 

@@ -36,9 +36,13 @@ def prior(mount: Mount, sigma: float = 10.0) -> Prior:
 
 
 def fitted(
-    points_m: F64, rays: F64, mount: Mount = PLANAR, config: FitConfig = CONFIG, **known: F64
+    points_m: F64,
+    rays: F64,
+    mount: Mount = PLANAR,
+    config: FitConfig = CONFIG,
+    known: dict[str, F64] | None = None,
 ) -> Fit | None:
-    depths = points_m[:, 2]
+    depths, known = points_m[:, 2], known or {}
     sights = Sights(
         points_m[:, :2] / depths[:, None],
         rays,
@@ -89,7 +93,7 @@ def test_points_too_far_for_the_sensor_tell_the_turn_but_not_the_way() -> None:
     known *= np.random.default_rng(4).uniform(6, 20, (40, 1)) / known[:, 2:]
     far = {"inverse": np.full(40, 0.1), "sigmas": np.full(40, 0.06)}
     motion = base(0.1, 0.0, 0.1)
-    fit = fitted(known, seen(known, motion), **far)
+    fit = fitted(known, seen(known, motion), known=far)
     assert fit is not None
     turned = np.arctan2(fit.before_from_now[1, 0], fit.before_from_now[0, 0])
     assert turned == pytest.approx(0.1, abs=2e-3)
@@ -105,7 +109,7 @@ def test_a_known_motion_tells_depth() -> None:
     inverse = 1 / known[:, 2]
     thought, sigmas = inverse.copy(), np.full(60, 1e-4)
     thought[30:], sigmas[30:] = 0.4, 0.2
-    fit = fitted(known, seen(known, motion), inverse=thought, sigmas=sigmas)
+    fit = fitted(known, seen(known, motion), known={"inverse": thought, "sigmas": sigmas})
     assert fit is not None
     told = thought + fit.depth_errors
     sure = fit.inliers & (fit.depth_sigmas < 0.1)
@@ -115,7 +119,7 @@ def test_a_known_motion_tells_depth() -> None:
 
 
 def test_the_errors_are_as_large_as_is_said() -> None:
-    """Of a hundred motions from points seen 0.7 px off, chi-squared of the mean error is about 1."""
+    """Of a hundred motions from points seen 0.7 px off, the mean chi-squared is about 1."""
     rng, motion = np.random.default_rng(1), base(0.1, 0.0, 0.1)
     config, shares = FitConfig(sigma_factor=1.0), []
     for trial in range(100):

@@ -44,7 +44,9 @@ def off(place: Place | None, true: F64) -> tuple[float, float]:
     return float(np.linalg.norm(way[:3, 3])), abs(math.atan2(way[1, 0], way[0, 0]))
 
 
-def follow(one: Odometer, poses: Iterable[F64], boards: tuple[Board, ...] = ()) -> list[Place | None]:
+def follow(
+    one: Odometer, poses: Iterable[F64], boards: tuple[Board, ...] = ()
+) -> list[Place | None]:
     return [
         one.update(view(pose, number, boards, noise_seed=number))
         for number, pose in enumerate(poses)
@@ -128,7 +130,12 @@ def test_people_who_fill_most_of_the_picture_count_only_if_nobody_knows_of_them(
     for number in range(12):
         walker = Board(x_m=1.1, y_m=0.02 * number, half_m=0.35)
         seen = view(base(), number, (walker,), noise_seed=number)
-        place = one.update(replace(seen, people=People(box - [number * step_px, 0, number * step_px, 0], np.array([1.0]))))
+        place = one.update(
+            replace(
+                seen,
+                people=People(box - [number * step_px, 0, number * step_px, 0], np.array([1.0])),
+            )
+        )
         assert off(place, base())[0] < 0.01
 
 
@@ -166,7 +173,7 @@ def test_carried_in_the_hand_it_follows_any_way() -> None:
     ],
 )
 def test_without_texture_or_depth_no_motion_is_told(
-    grey: np.ndarray | None,  # type: ignore[type-arg]
+    grey: np.ndarray | None,
     depth_m: float,
     cause: str,
 ) -> None:
@@ -239,5 +246,3 @@ def test_the_same_pictures_tell_the_same_twice() -> None:
         assert a is not None
         assert b is not None
         assert np.array_equal(a.matrix, b.matrix)
-
-

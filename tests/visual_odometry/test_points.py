@@ -10,7 +10,7 @@ CONFIG = CornerConfig()
 
 
 def test_the_best_corner_of_each_cell_is_taken_the_best_first() -> None:
-    """A bright and a dimmer square: corners in the four cells about each, the bright one's first."""
+    """A bright and a dimmer square: the bright one's four corners come first."""
     grey = np.zeros((120, 160), np.uint8)
     grey[30:50, 30:50] = 200
     grey[30:50, 110:130] = 60
@@ -23,7 +23,7 @@ def test_the_best_corner_of_each_cell_is_taken_the_best_first() -> None:
 
 
 @pytest.mark.parametrize("grey", [np.full((120, 160), 90, np.uint8), np.zeros((4, 4), np.uint8)])
-def test_what_is_plain_has_no_corners(grey: np.ndarray) -> None:  # type: ignore[type-arg]
+def test_what_is_plain_has_no_corners(grey: np.ndarray) -> None:
     assert not len(find_corners(grey, CONFIG))
 
 
