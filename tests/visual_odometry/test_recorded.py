@@ -1,0 +1,102 @@
+"""The motion in a recording: worked through offline, and told by the process."""
+
+import math
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from common.geometry import invert
+from common.images import compress
+from common.messages import Detections, Message, Odometry, RgbdFrame
+from common.recording import RecordingWriter, open_recording
+from deploy.evaluation.visual_motion import Seen, VisualMotion, write_seen
+from services.camera.config import CameraConfig
+from services.visual_odometry.config import VisualOdometryConfig
+from tests.deploy.test_alone import (  # noqa: F401  # a fixture is one by its name
+    environment,
+    people,
+    people4d,
+    recording,
+    service,
+)
+from tests.visual_odometry.room import BASE_FROM_OPTICAL, INFO, base
+from tests.visual_odometry.test_node import MOUNT, found, frame
+
+FRAMES = 10
+WRONG = Odometry(
+    stamp_ns=1,
+    sequence=0,
+    frame_id="odom",
+    child_frame_id="base_link",
+    x_m=9.0,
+    y_m=0.0,
+    theta_rad=1.0,
+)
+
+
+def heading(number: int) -> float:
+    return 0.1 * (1 - math.cos(0.25 * number))
+
+
+@pytest.fixture(scope="module")
+def ride(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A base that turns, with one person found, and odometry that is wrong."""
+    path = tmp_path_factory.mktemp("ride") / "ride.mcap"
+    with RecordingWriter(path) as writer:
+        for message in (INFO, MOUNT, WRONG):
+            writer.write(message, 0)
+        for number in range(FRAMES):
+            pose = base(theta_rad=heading(number))
+            seen = frame(pose, number)
+            person = (invert(pose @ BASE_FROM_OPTICAL) @ [3.0, 0.5, 1.0, 1.0])[:3]
+            writer.write(compress(seen), seen.stamp_ns)
+            writer.write(found(person, number), seen.stamp_ns)
+    return path
+
+
+def test_a_recording_is_worked_through_without_its_odometry(ride: Path, tmp_path: Path) -> None:
+    messages: list[Message] = [m for _, m in open_recording(ride).messages()]
+    visual = VisualMotion(CameraConfig(source=str(ride)), VisualOdometryConfig(), messages)
+    seen = list(visual)
+    assert len(seen) == FRAMES
+    assert visual.counters["untold"] == 0
+    for number, one in enumerate(seen):
+        assert isinstance(one.motion, Odometry)
+        assert one.motion.theta_rad == pytest.approx(heading(number), abs=0.004)
+        assert one.took_ms > 0
+
+    path = tmp_path / "again.mcap"
+    kept = [m for m in messages if not isinstance(m, RgbdFrame)]
+    write_seen(kept, seen, path)
+    again = [m for _, m in open_recording(path).messages()]
+    told = [m for m in again if isinstance(m, Odometry)]
+    assert [m.stamp_ns for m in told] == [one.stamp_ns for one in seen]
+    order = [(m.stamp_ns, type(m)) for m in again if isinstance(m, Odometry | Detections)]
+    assert order == sorted(order, key=lambda item: (item[0], item[1] is Detections))
+
+
+def test_what_is_not_told_is_not_written(ride: Path, tmp_path: Path) -> None:
+    path = tmp_path / "none.mcap"
+    messages = [m for _, m in open_recording(ride).messages()]
+    write_seen(messages, [Seen(0, None, 0.0)], path)
+    assert not list(open_recording(path).messages(Odometry))
+
+
+def test_the_process_tells_odometry(
+    ride: Path,
+    tmp_path: Path,
+    environment: Mapping[str, str],  # noqa: F811
+) -> None:
+    out = tmp_path / "odometry.mcap"
+    with ExitStack() as stack:
+        stack.enter_context(service("visual_odometry", environment))
+        stack.enter_context(recording(out, "odometry", environment))
+        topics = "frames,camera_info,static_transforms,detections"
+        people4d(environment, "replay", str(ride), "--topics", topics, "--speed", "0.5")
+    told = [m for m in people(out, Odometry) if isinstance(m, Odometry)]
+    assert len(told) >= FRAMES // 2
+    for one in told:
+        number = round(one.stamp_ns / 66_666_667)
+        assert one.theta_rad == pytest.approx(heading(number), abs=0.006)
