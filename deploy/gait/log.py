@@ -19,7 +19,7 @@ POINT_FIELDS = (
     *("time_s", "person", "point", "state", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps"),
     *("sigma_x_m", "sigma_y_m", "sigma_z_m", "confidence"),
 )
-STEP_FIELDS = ("person", "foot", "landed_s", "step_length_m", "stride_length_m")
+STEP_FIELDS = ("person", "foot", "landed_s", "step_length_m", "stride_length_m", "stride_s")
 MEASURES = GaitMeasures.__struct_fields__
 
 
@@ -114,7 +114,8 @@ class Log:
     def _step_cells(self) -> Iterator[Sequence[object]]:
         for person in self.people:
             for step in self.steps(person):
-                yield person, step.foot, step.landed_s, step.length_m, step.stride_m
+                stride = (step.stride.length_m, step.stride.time_s) if step.stride else ("", "")
+                yield person, step.foot, step.landed_s, step.length_m, *stride
 
 
 def _cells(row: _Row) -> Sequence[object]:

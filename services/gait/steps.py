@@ -1,54 +1,69 @@
 """Steps out of the paths of two feet.
 
-While one foot stands, the other swings past it: the separation of the feet along the way changes
-its sign. There the standing foot lies flat, and the swing is fastest, so that both its place and
-that moment are told best. Between two passes the feet are farthest apart: the heel came down.
+While somebody walks, one foot stands whenever the other one moves. So the places at which some foot
+was for a while are footprints, and it does not matter which foot each sample is said to be of: who
+follows feet by what is seen of them takes one for the other now and then. Three footprints in a row
+are a stride if the one between, of the other foot, lies halfway; where one was missed it does not.
+Measures are made of strides: both ends are of one foot and seen alike, while of one foot the toes
+may be seen and the heel of the other.
 """
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Literal
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, median_filter
-from scipy.signal import savgol_filter
+import numpy.typing as npt
 
 from common.messages import F64, GaitMeasures
 from services.gait.steps_config import StepConfig
 
-GRID_S = 0.02
-SPIKE, SPIKE_M = 3, 0.2  # samples of a median, and how far off it a single one is wrong
-HYSTERESIS = 0.35  # of the separation at heel contact: less is no change of the foot in front
+AT, ABOUT = 2.0, 2.5  # times the noise: where a foot stands, and where no other is looked for
+COME = 0.75  # times the noise, before its place, where a foot has come down
+STILL = 0.45  # of the samples of one foot about a time, from which on it stands
+SHARED = 0.65  # of the time of a footprint, which another one may share
+HALFWAY = (0.38, 0.62)  # of a stride; where a footprint was missed, the next is at two thirds
+IN_TIME = (0.3, 0.7)  # the same of its time: who limps is late
+IN_AIR = 0.25  # of a step: so long neither foot seems to stand
+SIDES_MIN = 2  # steps of each foot, from which on they are compared
 
-LANDING = 0.75  # of the way ahead, which a swinging foot goes evenly
-PAUSE = 1.6  # of the usual time of a step, from which on somebody paused
-
+Indices: TypeAlias = npt.NDArray[np.intp]
 Side = Literal["left", "right"]
 FEET: tuple[Side, Side] = ("left", "right")
 
 
 @dataclass(frozen=True)
-class Step:
-    """One foot, from where the other stands to where this one comes down.
+class Stride:
+    """A foot that went from one place to its next, past the other foot.
 
     Args:
-        foot: The foot that moved.
-        landed_s: When the foot came down.
-        passed_s: When the foot passed the other one.
-        ended_s: When the other foot passed it.
-        length_m: Along the way, from the other foot to this one.
-        stride_m: Of this foot, from its stance before; None where that is not known.
+        length_m: From place to place.
+        time_s: That it took.
+        step_time_s: Since the other foot came down.
+    """
+
+    length_m: float
+    time_s: float
+    step_time_s: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """A foot that came down.
+
+    Args:
+        foot: Which.
+        landed_s: When.
+        length_m: Along the way, from where the other foot stands.
+        stride: That ended so; None where it was not seen.
     """
 
     foot: Side
     landed_s: float
-    passed_s: float
-    ended_s: float
     length_m: float
-    stride_m: float | None
+    stride: Stride | None
 
 
 @dataclass(frozen=True)
@@ -65,39 +80,40 @@ class Path:
 
 
 @dataclass(frozen=True)
-class _Pass:
-    """A foot that swings past the other one.
+class _Samples:
+    """What was seen of both feet; arrays are N long, in the order of time.
 
     Args:
-        time_s: When.
-        side: 1: the left foot passes, -1: the right one.
-        stance_m: 2, where the other foot stands.
-        heading: 2, unit, the way of walking.
-    """
-
-    time_s: float
-    side: int
-    stance_m: F64
-    heading: F64
-
-
-@dataclass(frozen=True)
-class _Walk:
-    """A stretch of time in which both feet are known; arrays are T long.
-
-    Args:
-        times_s: In steps of GRID_S.
-        feet_m: 2xTx2, left and right on the ground.
-        heading: Tx2, unit, the way of walking.
-        moving: Whether the person walks.
-        ahead_m: How far the left foot is ahead of the right one.
+        times_s: When.
+        places_m: Nx2, on the ground.
+        sides: 1: said to be the left foot, -1: the right one.
     """
 
     times_s: F64
-    feet_m: F64
-    heading: F64
-    moving: np.ndarray
-    ahead_m: F64
+    places_m: F64
+    sides: F64
+
+
+@dataclass(frozen=True)
+class _Print:
+    """Where a foot stood.
+
+    Args:
+        place_m: 2, on the ground.
+        landed_s: When it came down.
+        lifted_s: When it left.
+        samples: What was seen there.
+    """
+
+    place_m: F64
+    landed_s: float
+    lifted_s: float
+    samples: _Samples
+
+    @property
+    def side(self) -> float:
+        """Above 0: more samples are said to be of the left foot than of the right one."""
+        return float(self.samples.sides.sum())
 
 
 def find_steps(left: Path, right: Path, up: F64, config: StepConfig) -> list[Step]:
@@ -109,11 +125,14 @@ def find_steps(left: Path, right: Path, up: F64, config: StepConfig) -> list[Ste
         up: 3, unit, away from the ground.
         config: What counts as a step.
     """
-    steps: list[Step] = []
-    for walk in _walks(left, right, up, config):
-        for chain in _chains(_passes(walk, config), config):
-            steps += _steps(walk, chain)
-    return steps
+    prints = _prints(_samples((left, right), up), config)
+    steps: dict[int, Step] = {}
+    for k, (first, other, last) in enumerate(zip(prints, prints[1:], prints[2:], strict=False)):
+        if _is_stride(first, other, last, config):
+            before, step = _steps(first, other, last)
+            steps.setdefault(k, before)  # unless it is known as the end of a stride
+            steps[k + 1] = step
+    return list(steps.values())
 
 
 def measures_of(steps: Sequence[Step], config: StepConfig) -> GaitMeasures:
@@ -123,150 +142,178 @@ def measures_of(steps: Sequence[Step], config: StepConfig) -> GaitMeasures:
         steps: Of one person, in the order of time.
         config: How many are needed.
     """
-    timed = _timed(steps)
-    if len(steps) < config.steps_min or not timed:
+    even = even_strides(steps, config)
+    if len(even) < config.strides_min:
         return GaitMeasures()
-    times_s = [time_s for _, time_s in timed]
-    limit_s = PAUSE * float(np.median(times_s))
-    timed = [(foot, time_s) for foot, time_s in timed if time_s <= limit_s]
-    step_s = float(np.mean([time_s for _, time_s in timed]))
-    strides = [step.stride_m for step in steps if step.stride_m is not None]
-    # What is seen of a foot may lie ahead of what is seen of the other, which makes one side's
-    # steps longer and the other's shorter: their mean is right.
-    sides = [[step.length_m for step in steps if step.foot == foot] for foot in FEET]
-    length_m = float(np.mean([np.mean(side) for side in sides if side]))
+    length_m, time_s = (
+        float(np.mean([getattr(stride, name) for _, stride in even]))
+        for name in ("length_m", "time_s")
+    )
     uneven = None
-    left, right = ([time_s for side, time_s in timed if side == foot] for foot in FEET)
-    if min(len(left), len(right)) >= 2:
-        uneven = float((np.mean(left) - np.mean(right)) / step_s)
+    left, right = ([one.step_time_s for step, one in even if step.foot == foot] for foot in FEET)
+    if min(len(left), len(right)) >= SIDES_MIN:
+        uneven = float(np.mean(left) - np.mean(right)) / (time_s / 2)
     return GaitMeasures(
-        steps=len(steps),
-        step_length_m=length_m,
-        stride_length_m=float(np.mean(strides)) if strides else None,
-        cadence_per_min=60.0 / step_s,
-        walking_speed_mps=length_m / step_s,
+        steps=len(even),
+        step_length_m=length_m / 2,
+        stride_length_m=length_m,
+        cadence_per_min=2 * 60 / time_s,
+        walking_speed_mps=length_m / time_s,
         step_time_asymmetry=uneven,
     )
 
 
-def _timed(steps: Sequence[Step]) -> list[tuple[Side, float]]:
-    """Return the foot and the time of steps that follow one: from its coming down to theirs."""
-    return [
-        (step.foot, step.landed_s - before.landed_s)
-        for before, step in pairwise(steps)
-        if step.passed_s == before.ended_s
-    ]
+def even_strides(steps: Sequence[Step], config: StepConfig) -> list[tuple[Step, Stride]]:
+    """Return the strides that are like most others: no start, no stop, no turn.
 
-
-def _walks(left: Path, right: Path, up: F64, config: StepConfig) -> Iterator[_Walk]:
-    """Yield the stretches in which both feet are known well enough."""
-    if min(len(left.times_s), len(right.times_s)) < 2 * SPIKE:
-        return
-    begin = max(left.times_s[0], right.times_s[0])
-    end = min(left.times_s[-1], right.times_s[-1])
-    times_s = np.arange(begin, end, GRID_S)
-    known = _near(left.times_s, times_s, config.gap_s) & _near(right.times_s, times_s, config.gap_s)
-    ground = _ground(up)
-    feet_m = np.stack([_resampled(path, times_s) @ ground.T for path in (left, right)])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
-    for first, last in edges.reshape(-1, 2):
-        if (last - first) * GRID_S >= 2 * config.step_min_s:
-            yield _walk(times_s[first:last], feet_m[:, first:last], config)
-
-
-def _walk(times_s: F64, feet_m: F64, config: StepConfig) -> _Walk:
-    length = min(round(config.heading_s / GRID_S), len(times_s)) // 2 * 2 - 1
-    velocity = savgol_filter(feet_m.mean(axis=0), length, 1, deriv=1, delta=GRID_S, axis=0)
-    speed = np.linalg.norm(velocity, axis=1)
-    heading = velocity / np.maximum(speed, 1e-9)[:, None]
-    ahead_m = np.einsum("tk,tk->t", feet_m[0] - feet_m[1], heading)
-    ahead_m = gaussian_filter1d(ahead_m, config.smooth_s / GRID_S, mode="nearest")
-    return _Walk(times_s, feet_m, heading, speed >= config.speed_min_mps, ahead_m)
-
-
-def _passes(walk: _Walk, config: StepConfig) -> list[_Pass]:
-    """Return the moments at which one foot passes the other."""
-    usual_m = float(np.percentile(np.abs(walk.ahead_m[walk.moving]), 80)) if any(walk.moving) else 0
-    threshold_m = max(HYSTERESIS * usual_m, config.separation_min_m / 2)
-    clear = np.flatnonzero((np.abs(walk.ahead_m) > threshold_m) & walk.moving)
-    signs = np.sign(walk.ahead_m[clear]).astype(int)
-    half = round(config.stance_s / 2 / GRID_S)
-    passes = []
-    for k in np.flatnonzero(np.diff(signs)):
-        begin, end, side = int(clear[k]), int(clear[k + 1]), int(signs[k + 1])
-        if not walk.moving[begin : end + 1].all():
-            continue
-        part = slice(begin, end + 1)
-        slope, start = np.polyfit(walk.times_s[part] - walk.times_s[begin], walk.ahead_m[part], 1)
-        if slope * side <= 0:
-            continue
-        time_s = float(walk.times_s[begin] - start / slope)
-        middle = int(np.clip(round((time_s - walk.times_s[0]) / GRID_S), begin, end))
-        still = walk.feet_m[int(side > 0), max(middle - half, 0) : middle + half + 1]
-        passes.append(_Pass(time_s, side, np.median(still, axis=0), walk.heading[middle]))
-    return passes
-
-
-def _chains(passes: Sequence[_Pass], config: StepConfig) -> Iterator[list[_Pass]]:
-    """Yield passes that follow one another as those of somebody walking do."""
-    chain: list[_Pass] = []
-    for one in passes:
-        gap_s = one.time_s - chain[-1].time_s if chain else 0.0
-        if chain and not (
-            config.step_min_s <= gap_s <= config.step_max_s and one.side == -chain[-1].side
-        ):
-            yield chain
-            chain = []
-        chain.append(one)
-    yield chain
-
-
-def _steps(walk: _Walk, chain: Sequence[_Pass]) -> Iterator[Step]:
-    """Yield the steps between passes: a foot passes the other, which then passes it."""
-    for k, (passed, after) in enumerate(pairwise(chain)):
-        heading = passed.heading + after.heading
-        heading = heading / max(float(np.linalg.norm(heading)), 1e-9)
-        # What stood while the other foot passed before is the foot that moves now.
-        stride = after.stance_m - chain[k - 1].stance_m if k else None
-        yield Step(
-            foot="left" if passed.side > 0 else "right",
-            landed_s=_landed_s(walk, passed, after),
-            passed_s=passed.time_s,
-            ended_s=after.time_s,
-            length_m=float((after.stance_m - passed.stance_m) @ heading),
-            stride_m=None if stride is None else float(np.linalg.norm(stride)),
-        )
-
-
-def _landed_s(walk: _Walk, passed: _Pass, after: _Pass) -> float:
-    """Return when a foot that passed the other one came down.
-
-    How far it is ahead changes little about that moment but much before: it would have been as far
-    ahead as it came, had it gone on as evenly as it began.
+    Args:
+        steps: Of one person.
+        config: How much strides differ in an even walk.
     """
-    within = (walk.times_s > passed.time_s) & (walk.times_s < after.time_s)
-    ahead_m = walk.ahead_m[within] * passed.side
-    most_m = float(ahead_m.max())
-    k = int(np.argmax(ahead_m >= LANDING * most_m))
-    times_s = walk.times_s[within]
-    before_s, before_m = (times_s[k - 1], ahead_m[k - 1]) if k else (passed.time_s, 0.0)
-    share = (LANDING * most_m - before_m) / (ahead_m[k] - before_m)
-    reached_s = before_s + share * (times_s[k] - before_s)
-    return float(passed.time_s + (reached_s - passed.time_s) / LANDING)
+    known = [(step, step.stride) for step in steps if step.stride]
+    if not known:
+        return []
+    sizes = np.array([(stride.length_m, stride.time_s) for _, stride in known])
+    off = np.abs(sizes / np.median(sizes, axis=0) - 1)
+    even = (off <= (config.length_spread, config.time_spread)).all(axis=1)
+    return [one for one, is_even in zip(known, even, strict=True) if is_even]
 
 
-def _near(samples_s: F64, times_s: F64, gap_s: float) -> np.ndarray:
-    """Tell which times lie between two samples that are not far from each other."""
-    after = np.clip(np.searchsorted(samples_s, times_s), 1, len(samples_s) - 1)
-    return np.asarray(samples_s[after] - samples_s[after - 1] <= gap_s)
+def _samples(feet: Sequence[Path], up: F64) -> _Samples:
+    times_s = np.concatenate([foot.times_s for foot in feet])
+    order = np.argsort(times_s, kind="stable")
+    places_m = np.concatenate([foot.points_m for foot in feet]).reshape(-1, 3) @ _ground(up).T
+    sides = np.repeat([1.0, -1.0], [len(foot.times_s) for foot in feet])
+    return _Samples(times_s[order], places_m[order], sides[order])
 
 
-def _resampled(path: Path, times_s: F64) -> F64:
-    """Return a foot's places at other times, Tx3, without single samples that stick out."""
-    usual = median_filter(path.points_m, (SPIKE, 1), mode="nearest")
-    off_m = np.linalg.norm(path.points_m - usual, axis=1, keepdims=True)
-    points = np.where(off_m > SPIKE_M, usual, path.points_m)
-    return np.stack([np.interp(times_s, path.times_s, column) for column in points.T], axis=1)
+def _prints(samples: _Samples, config: StepConfig) -> list[_Print]:
+    """Return where feet stood, in the order of time; of those at one time the surest."""
+    still = _stillness(samples, config)
+    found: list[_Print] = []
+    while still.max(initial=0.0) >= STILL:
+        best = int(np.argmax(still))
+        near = _stay(samples, best, samples.places_m[best], config)
+        near = _stay(samples, best, np.median(samples.places_m[near], axis=0), config)
+        still[best] = 0.0
+        if len(near):
+            one = _print(samples, near)
+            span = slice(near[0], near[-1] + 1)
+            off_m = np.linalg.norm(samples.places_m[span] - one.place_m, axis=1)
+            still[span][off_m <= ABOUT * config.noise_m] = 0.0
+            if _is_whole(samples, near, config):
+                found.append(one)
+    kept: list[_Print] = []
+    for one in sorted(found, key=lambda each: -len(each.samples.times_s)):
+        if all(_shared(one, other) <= SHARED for other in kept):
+            kept.append(one)
+    return _timed(sorted(kept, key=lambda each: each.landed_s + each.lifted_s), config)
+
+
+def _stillness(samples: _Samples, config: StepConfig) -> F64:
+    """Return for each sample how many of one foot's samples about its time are near it.
+
+    Returns:
+        N: 1 of a foot that stands, 2 of feet that stand together, little of one that swings.
+    """
+    near, all_ = np.ones(len(samples.times_s)), np.ones(len(samples.times_s))
+    for k in range(1, len(near)):
+        soon = samples.times_s[k:] - samples.times_s[:-k] <= config.still_s
+        if not soon.any():
+            break
+        off_m = np.linalg.norm(samples.places_m[k:] - samples.places_m[:-k], axis=1)
+        alike = soon * np.exp(-((off_m / (2 * config.noise_m)) ** 2))
+        for part in (slice(k, None), slice(None, -k)):
+            near[part] += alike
+            all_[part] += soon
+    return np.asarray(near / np.maximum(all_ / 2, 1.0))  # of two feet
+
+
+def _stay(samples: _Samples, at: int, place_m: F64, config: StepConfig) -> Indices:
+    """Return the samples at a place without a break, before and after one of them."""
+    time_s = samples.times_s[at]
+    reach_s = 2 * config.step_max_s
+    begin, end = np.searchsorted(samples.times_s, (time_s - reach_s, time_s + reach_s))
+    off_m = np.linalg.norm(samples.places_m[begin:end] - place_m, axis=1)
+    near: Indices = begin + np.flatnonzero(off_m <= AT * config.noise_m)
+    for part in np.split(near, np.flatnonzero(np.diff(samples.times_s[near]) > config.gap_s) + 1):
+        if len(part) and samples.times_s[part[0]] <= time_s <= samples.times_s[part[-1]]:
+            return np.asarray(part)
+    return near[:0]
+
+
+def _print(samples: _Samples, near: Indices) -> _Print:
+    seen = _Samples(samples.times_s[near], samples.places_m[near], samples.sides[near])
+    begin_s, end_s = seen.times_s[[0, -1]].tolist()
+    return _Print(np.median(seen.places_m, axis=0), begin_s, end_s, seen)
+
+
+def _is_whole(samples: _Samples, near: Indices, config: StepConfig) -> bool:
+    """Tell whether a foot stood for long enough and was seen coming, or could have been."""
+    times_s, first = samples.times_s, near[0]
+    if not first or times_s[first] - times_s[first - 1] > config.gap_s:
+        return False
+    return bool(
+        times_s[first] > times_s[0] and times_s[near[-1]] - times_s[first] >= config.stance_min_s
+    )
+
+
+def _timed(prints: Sequence[_Print], config: StepConfig) -> list[_Print]:
+    """Return footprints with the times at which feet came there, by the way between the others.
+
+    How long a foot is near its place before that depends on how fast it swings.
+    """
+    timed = []
+    for k, one in enumerate(prints):
+        way = prints[min(k + 1, len(prints) - 1)].place_m - prints[max(k - 1, 0)].place_m
+        way = way / max(float(np.linalg.norm(way)), 1e-9)
+        to_go_m = (one.place_m - one.samples.places_m) @ way - COME * config.noise_m
+        n = int(np.argmax(to_go_m <= 0.0))
+        if n:
+            share = to_go_m[n - 1] / (to_go_m[n - 1] - to_go_m[n])
+            begin_s, end_s = one.samples.times_s[[n - 1, n]].tolist()
+            one = replace(one, landed_s=begin_s + share * (end_s - begin_s))
+        timed.append(one)
+    return timed
+
+
+def _shared(one: _Print, other: _Print) -> float:
+    """Return for which part of the shorter one's time both are there."""
+    both_s = min(one.lifted_s, other.lifted_s) - max(one.landed_s, other.landed_s)
+    return both_s / min(one.lifted_s - one.landed_s, other.lifted_s - other.landed_s)
+
+
+def _is_stride(first: _Print, other: _Print, last: _Print, config: StepConfig) -> bool:
+    """Tell whether a foot went from one print to another, past the other foot."""
+    way = last.place_m - first.place_m
+    length_m, time_s = float(np.linalg.norm(way)), last.landed_s - first.landed_s
+    if not 2 * config.step_min_s <= time_s <= 2 * config.step_max_s:
+        return False
+    if length_m < max(2 * config.length_min_m, config.speed_min_mps * time_s):
+        return False
+    halfway = float((other.place_m - first.place_m) @ way) / length_m**2
+    in_time = (other.landed_s - first.landed_s) / time_s
+    in_air_s = max(other.landed_s - first.lifted_s, last.landed_s - other.lifted_s)
+    return (
+        HALFWAY[0] <= halfway <= HALFWAY[1]
+        and IN_TIME[0] <= in_time <= IN_TIME[1]
+        and in_air_s <= IN_AIR * time_s / 2
+    )
+
+
+def _steps(first: _Print, other: _Print, last: _Print) -> tuple[Step, Step]:
+    """Return both steps of a stride: the other foot's, and that which ends it."""
+    way = last.place_m - first.place_m
+    length_m = float(np.linalg.norm(way))
+    halfway_m = float((other.place_m - first.place_m) @ way) / length_m
+    stride = Stride(
+        length_m, last.landed_s - first.landed_s, step_time_s=last.landed_s - other.landed_s
+    )
+    foot, beside = FEET if first.side + last.side >= other.side else FEET[::-1]
+    return (
+        Step(beside, other.landed_s, halfway_m, None),
+        Step(foot, last.landed_s, length_m - halfway_m, stride),
+    )
 
 
 def _ground(up: F64) -> F64:

@@ -8,9 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from common.messages import F64, GaitMeasures
+from services.camera.lab.marks import footfalls
 from services.camera.lab.scenario import Waypoint, load_scenario
 from services.camera.lab.world import World
-from services.gait.steps import Path, StepMeter, find_steps, measures_of
+from services.gait.steps import Path, Step, StepMeter, even_strides, find_steps, measures_of
 from services.gait.steps_config import StepConfig
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -37,16 +38,21 @@ def feet(
     )
 
 
+def found_steps(left: F64, right: F64, times_s: F64, up: F64 = UP) -> list[Step]:
+    return find_steps(Path(times_s, left), Path(times_s, right), up, CONFIG)
+
+
 def measured(left: F64, right: F64, times_s: F64, up: F64 = UP) -> GaitMeasures:
-    steps = find_steps(Path(times_s, left), Path(times_s, right), up, CONFIG)
-    return measures_of(steps, CONFIG)
+    return measures_of(found_steps(left, right, times_s, up), CONFIG)
 
 
 def test_an_even_walk_by_hand() -> None:
     # 0.6 m in 0.5 s: 120 steps a minute, 1.2 m/s, and a foot moves by 1.2 m in a stride.
     times_s = np.arange(0, 6, 1 / 30)
     found = measured(*feet(times_s), times_s)
-    assert found.steps == 11  # of 12: nobody sees the last one being passed
+    # Feet come down at 0.5, 1.0, ... 5.5 s; those that stand in the first frame were not seen to.
+    # From the third on each ends a stride.
+    assert found.steps == 9
     assert found.step_length_m == pytest.approx(0.6, abs=0.005)
     assert found.stride_length_m == pytest.approx(1.2, abs=0.01)
     assert found.cadence_per_min == pytest.approx(120, abs=1)
@@ -62,17 +68,74 @@ def test_a_limp_by_hand() -> None:
     assert found.cadence_per_min == pytest.approx(120, abs=2)
 
 
+def test_a_limp_of_unlike_lengths_by_hand() -> None:
+    # 0.7 m to the left foot, 0.5 m to the right one: a stride is 1.2 m, the mean step 0.6 m.
+    times_s = np.arange(0, 6, 1 / 30)
+    left, right = feet(times_s)
+    steps = found_steps(left + np.array([0.1, 0, 0]), right, times_s)
+    lengths = {(step.foot, round(step.length_m, 2)) for step in steps}
+    assert lengths == {("left", 0.7), ("right", 0.5)}
+    assert measures_of(steps, CONFIG).step_length_m == pytest.approx(0.6, abs=0.005)
+
+
+def test_it_does_not_matter_which_foot_is_said_to_be_which() -> None:
+    """Whoever follows feet takes one for the other now and then, most of all where they pass."""
+    times_s = np.arange(0, 6, 1 / 30)
+    left, right = feet(times_s)
+    taken = (np.random.default_rng(2).random(len(times_s)) < 0.4)[:, None]
+    found = measured(np.where(taken, right, left), np.where(taken, left, right), times_s)
+    assert found == measured(left, right, times_s)
+
+
+def test_a_footprint_that_was_missed_makes_no_long_step() -> None:
+    # The right foot comes down at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nobody sees
+    # it. Left places on both sides of it are a stride all the same; without the one halfway that
+    # is not known to be one, and the steps there are 1.5 s long for nobody.
+    times_s = np.arange(0, 6, 1 / 30)
+    left, right = feet(times_s)
+    seen = (times_s < 2.3) | (times_s > 3.2)
+    steps = find_steps(Path(times_s, left), Path(times_s[seen], right[seen]), UP, CONFIG)
+    assert [s.length_m for s in steps] == pytest.approx([0.6] * len(steps), abs=0.02)
+    assert not [s for s in steps if s.stride and s.stride.time_s > 1.1]
+    assert measures_of(steps, CONFIG).cadence_per_min == pytest.approx(120, abs=2)
+
+
+def test_one_foot_alone_tells_nothing() -> None:
+    """As if its places were those of both, at half the pace."""
+    times_s = np.arange(0, 6, 1 / 30)
+    left, _ = feet(times_s)
+    nobody = np.zeros((0, 3))
+    assert find_steps(Path(times_s, left), Path(times_s[:0], nobody), UP, CONFIG) == []
+    assert measured(left, left, times_s) == NOTHING
+
+
+def test_who_turns_round_walks_on() -> None:
+    # Six steps along x, a second of standing, and the same steps back: no step joins both ways.
+    there_s = np.arange(0, 3.5, 1 / 30)
+    left, right = feet(there_s)
+    stand = np.repeat([[left[-1]], [right[-1]]], 30, axis=1)
+    left = np.concatenate([left, stand[0], left[::-1]])
+    right = np.concatenate([right, stand[1], right[::-1]])
+    times_s = np.arange(len(left)) / 30
+    steps = found_steps(left, right, times_s)
+    assert [step.length_m for step in steps] == pytest.approx([0.6] * len(steps), abs=0.02)
+    found = measures_of(steps, CONFIG)
+    assert found.step_length_m == pytest.approx(0.6, abs=0.005)
+    assert found.cadence_per_min == pytest.approx(120, abs=2)
+
+
 def test_left_and_right_are_told_apart() -> None:
     times_s = np.arange(0, 4, 1 / 30)
     left, right = feet(times_s)
-    steps = find_steps(Path(times_s, left), Path(times_s, right), UP, CONFIG)
+    steps = found_steps(left, right, times_s)
     # Right feet come down at 0.5, 1.5, ... s, left ones at 1.0, 2.0, ... s.
     for step in steps:
         expected_s = (
             round(step.landed_s) if step.foot == "left" else math.floor(step.landed_s) + 0.5
         )
         assert step.landed_s == pytest.approx(expected_s, abs=0.05)
-    assert [step.foot for step in steps[:4]] == ["right", "left", "right", "left"]
+    # The first one, at 0.5 s, came from where nobody saw it stand.
+    assert [step.foot for step in steps[:4]] == ["left", "right", "left", "right"]
 
 
 def test_the_frame_does_not_matter() -> None:
@@ -173,28 +236,21 @@ def test_steps_of_the_lab(noise_m: float, rate_hz: float, unseen: float) -> None
     seen = generator.random((2, len(times_s))) >= unseen
     paths = [Path(times_s[seen[k]], ankles[seen[k], k]) for k in (0, 1)]
     steps = find_steps(paths[0], paths[1], UP, CONFIG)
-    true = {
-        foot: sorted(zip(feet.down_s[1:], feet.place[1:, :2], strict=True), key=lambda one: one[0])
-        for foot, feet in zip(("left", "right"), world.motions[0].feet, strict=True)
-    }
-    lengths_m, times = [], []
-    for step in steps:
-        other = "right" if step.foot == "left" else "left"
-        at_s, place = min(true[step.foot], key=lambda one: abs(one[0] - step.landed_s))
-        before_s, from_place = max(
-            (one for one in true[other] if one[0] < at_s), key=lambda o: o[0]
-        )
-        way = np.array((-3.4, -2.8)) / math.hypot(3.4, 2.8)
-        lengths_m.append(float((place - from_place) @ way))
-        times.append(float(at_s - before_s))
+    falls = footfalls(world, 0)
+    ends = [
+        min(range(len(falls)), key=lambda k: abs(falls[k].time_s - step.landed_s))
+        for step, _ in even_strides(steps, CONFIG)
+    ]
+    assert len(set(ends)) == len(ends) >= 3
+    lengths_m = [np.linalg.norm(falls[k].place_m - falls[k - 2].place_m) / 2 for k in ends]
+    times = [(falls[k].time_s - falls[k - 2].time_s) / 2 for k in ends]
     found = measures_of(steps, CONFIG)
-    assert len(steps) >= 4
-    assert found.step_length_m == pytest.approx(float(np.mean(lengths_m)), abs=0.04)
+    assert found.step_length_m == pytest.approx(float(np.mean(lengths_m)), abs=0.02)
     assert found.cadence_per_min == pytest.approx(60 / float(np.mean(times)), rel=0.03)
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("gap_s", 0.0), ("window_s", math.inf), ("steps_min", 2)]
+    ("field", "value"), [("gap_s", 0.0), ("window_s", math.inf), ("strides_min", 1)]
 )
 def test_a_wrong_configuration_is_told(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):
