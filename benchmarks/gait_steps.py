@@ -10,7 +10,7 @@ from benchmarks.gait_takes import POINTS, Take
 from benchmarks.table import markdown
 from common.messages import F64
 from services.camera.lab.marks import Footfall
-from services.gait.steps import FEET, Step, StepMeter
+from services.gait.steps import FEET, Step, StepMeter, Stride, even_strides
 from services.gait.steps_config import StepConfig
 
 NEAR_S = 0.3  # between a step that is told and the true one
@@ -25,16 +25,17 @@ class Errors:
 
     Args:
         length_m: Of each step, measured minus true.
-        mean_m: Of the mean of the last seconds, each time it was told.
-        cadence: Relative, likewise.
+        means: Nx4, each time that measures were told, measured minus true: step length in m;
+            cadence and speed, relative; step time asymmetry, NaN where it was not told.
+        asked: How often it was compared whether measures were told.
         found: Steps told for a true one.
-        true: Steps truly made between the first and the last that were told.
+        true: Steps truly made.
         extra: Steps told for none.
     """
 
     length_m: F64
-    mean_m: F64
-    cadence: F64
+    means: F64
+    asked: int
     found: int
     true: int
     extra: int
@@ -44,69 +45,79 @@ def judge(take: Take, followed: Followed, person: int) -> Errors:
     """Return how well the steps of one person in a film are told."""
     feet = in_map(take, followed.points_m[:, person])
     feet[~followed.measured[:, person]] = np.nan
-    falls = take.footfalls[person]
-    meter, whole = StepMeter(StepConfig(), UP), StepMeter(StepConfig(window_s=600.0), UP)
-    means, cadences, due_s = list[float](), list[float](), 0.0
-    for index, points in enumerate(feet):
-        t_s = take.world.frame_s(index)
-        both = [_known(points[POINTS.index(f"{foot}_foot")]) for foot in FEET]
-        told = meter.update(t_s, *both)
-        whole.update(t_s, *both)
-        if t_s < due_s or told.step_length_m is None or told.cadence_per_min is None:
+    places_m = np.stack([feet[:, POINTS.index(f"{foot}_foot")] for foot in FEET], axis=1)
+    times_s = np.array([take.world.frame_s(index) for index in range(len(feet))])
+    return compare(times_s, places_m, take.footfalls[person])
+
+
+def compare(times_s: F64, feet_m: F64, falls: Sequence[Footfall]) -> Errors:
+    """Return how well steps are told by paths of feet.
+
+    Args:
+        times_s: N.
+        feet_m: Nx2x3, left and right, frame: map; NaN where a foot was not seen.
+        falls: The true steps, in order.
+    """
+    config = StepConfig()
+    meter, whole = StepMeter(config, UP), StepMeter(StepConfig(window_s=600.0), UP)
+    means, asked = list[tuple[float, ...]](), 0
+    for time_s, feet in zip(times_s.tolist(), feet_m, strict=True):
+        both = [foot if np.isfinite(foot).all() else None for foot in feet]
+        told = meter.update(time_s, *both)
+        whole.update(time_s, *both)
+        if time_s < (asked + 1) * EVERY_S:
             continue
-        due_s = t_s + EVERY_S
-        true = _true_measures(meter.steps(), falls)
-        if true is not None:
-            means.append(told.step_length_m - true[0])
-            cadences.append(told.cadence_per_min / true[1] - 1)
+        asked += 1
+        true = _true(even_strides(meter.steps(), config), falls)
+        if true is not None and told.step_length_m and told.cadence_per_min:
+            length_m, cadence = told.step_length_m - true[0], told.cadence_per_min / true[1] - 1
+            speed = (told.walking_speed_mps or np.nan) / (true[0] * true[1] / 60) - 1
+            uneven = told.step_time_asymmetry
+            means.append((length_m, cadence, speed, np.nan if uneven is None else uneven - true[2]))
     steps = whole.steps()
-    matched = [(step, _match(step, falls)) for step in steps]
-    known = [(step, k) for step, k in matched if k is not None]
+    known = [(step, k) for step in steps if (k := _match(step, falls)) is not None]
     lengths = [step.length_m - _length_m(falls, k) for step, k in known if 0 < k < len(falls) - 1]
-    numbers = [k for _, k in known]
-    true_count = max(numbers) - min(numbers) + 1 if numbers else 0
-    return Errors(
-        np.array(lengths),
-        np.array(means),
-        np.array(cadences),
-        len(set(numbers)),
-        true_count,
-        len(steps) - len(set(numbers)),
-    )
+    found = len({k for _, k in known})
+    table = np.array(means).reshape(-1, 4)
+    return Errors(np.array(lengths), table, asked, found, len(falls), len(steps) - found)
 
 
 def table(found: Mapping[str, Sequence[Errors]]) -> str:
     """Return the errors by case; each is of all films and seeds together."""
     header = [
         "case",
-        "steps found",
-        "told for none",
+        "steps found, told for none",
         "one step: median, p90 cm",
-        "mean of the last seconds: bias, median, worst cm",
-        "cadence: median, worst %",
+        "measures told %",
+        "mean step: bias, median, worst cm",
+        "cadence: median, p90, worst %",
+        "speed: median, worst %",
+        "asymmetry: median, worst",
     ]
     return markdown(header, [[case, *_cells(errors)] for case, errors in found.items()])
 
 
 def _cells(errors: Sequence[Errors]) -> list[str]:
-    lengths = 100 * np.concatenate([e.length_m for e in errors])
-    means = 100 * np.concatenate([e.mean_m for e in errors])
-    cadences = 100 * np.abs(np.concatenate([e.cadence for e in errors]))
-    count = f"{sum(e.found for e in errors)} of {sum(e.true for e in errors)}"
-    if not len(means) or not len(lengths):
-        return [count, str(sum(e.extra for e in errors)), "-", "-", "-"]
-    size = np.abs(means)
+    lengths = 100 * np.abs(np.concatenate([e.length_m for e in errors]))
+    means = np.concatenate([e.means for e in errors]) * (100, 100, 100, 1)
+    told = 100 * len(means) / max(sum(e.asked for e in errors), 1)
+    counts = [sum(getattr(e, name) for e in errors) for name in ("found", "true", "extra")]
     return [
-        count,
-        str(sum(e.extra for e in errors)),
-        f"{np.median(np.abs(lengths)):.1f}, {np.quantile(np.abs(lengths), 0.9):.1f}",
-        f"{means.mean():+.1f}, {np.median(size):.1f}, {size.max():.1f}",
-        f"{np.median(cadences):.1f}, {cadences.max():.1f}",
+        "{} of {}, {}".format(*counts),
+        _quantiles(lengths, (0.5, 0.9)),
+        f"{told:.0f}",
+        f"{means[:, 0].mean():+.1f}, {_quantiles(means[:, 0], (0.5, 1))}" if len(means) else "-",
+        _quantiles(means[:, 1], (0.5, 0.9, 1)),
+        _quantiles(means[:, 2], (0.5, 1)),
+        _quantiles(means[:, 3], (0.5, 1), digits=2),
     ]
 
 
-def _known(point_m: F64) -> F64 | None:
-    return point_m if np.isfinite(point_m).all() else None
+def _quantiles(values: F64, shares: Sequence[float], digits: int = 1) -> str:
+    known = np.abs(values[np.isfinite(values)])
+    if not len(known):
+        return "-"
+    return ", ".join(f"{value:.{digits}f}" for value in np.quantile(known, shares))
 
 
 def _match(step: Step, falls: Sequence[Footfall]) -> int | None:
@@ -127,18 +138,29 @@ def _length_m(falls: Sequence[Footfall], k: int) -> float:
     return float((falls[k].place_m - falls[k - 1].place_m) @ way)
 
 
-def _true_measures(steps: Sequence[Step], falls: Sequence[Footfall]) -> tuple[float, float] | None:
-    """Return the true mean step length and cadence of the steps that were told."""
-    numbers = sorted({k for step in steps if (k := _match(step, falls)) is not None})
-    numbers = [k for k in numbers if 0 < k < len(falls) - 1]
-    if len(numbers) < 3:
+def _true(
+    told: Sequence[tuple[Step, Stride]], falls: Sequence[Footfall]
+) -> tuple[float, float, float] | None:
+    """Return the true mean step length in m, cadence a minute and step time asymmetry.
+
+    They are of the times of the strides that were told. How many steps were truly made in these
+    tells of one that was none, or two.
+    """
+    landed_s = np.array([fall.time_s for fall in falls])
+    spans = []
+    for step, stride in told:
+        times_s = np.array([[step.landed_s - stride.time_s], [step.landed_s]])
+        begin, end = np.argmin(np.abs(landed_s - times_s), axis=1).tolist()
+        if end > begin:
+            spans.append((falls[begin], falls[end - 1], falls[end], end - begin))
+    if not spans:
         return None
-    lengths = [_length_m(falls, k) for k in numbers]
-    sides = [
-        [m for m, k in zip(lengths, numbers, strict=True) if falls[k].side == s] for s in (0, 1)
-    ]
-    times_s = [falls[k].time_s - falls[k - 1].time_s for k in numbers if k - 1 in numbers]
-    if not times_s:
-        return None
-    mean_m = float(np.mean([np.mean(side) for side in sides if side]))
-    return mean_m, 60 / float(np.mean(times_s))
+    count = sum(steps for *_, steps in spans)
+    gone_m = sum(float(np.linalg.norm(last.place_m - first.place_m)) for first, _, last, _ in spans)
+    time_s = sum(last.time_s - first.time_s for first, _, last, _ in spans)
+    left, right = (
+        [last.time_s - other.time_s for _, other, last, _ in spans if last.side == side]
+        for side in (0, 1)
+    )
+    uneven = float(np.mean(left) - np.mean(right)) / (time_s / count) if left and right else 0.0
+    return gone_m / count, 60 * count / time_s, uneven
