@@ -14,7 +14,9 @@ from deploy.presets import FOLDER, preset_settings
 from services.camera.lab.scenario import load_scenario
 from tests.fuzz.target import Target
 
-SERVICES = ("camera", "detector", "reid", "tracker", "gait", "gt_bridge", "report")
+SERVICES = (
+    *("camera", "detector", "reid", "tracker", "gait", "visual_odometry", "gt_bridge", "report"),
+)
 CONFIG = Path(FOLDER).parent / "people4d.toml"
 
 
