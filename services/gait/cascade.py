@@ -11,7 +11,6 @@ from services.gait.body import find_body
 from services.gait.cascade_config import CascadeConfig
 from services.gait.colour_layer import ColourLayer
 from services.gait.depth_layer import DepthLayer, Sight
-from services.gait.facing import Facing
 from services.gait.floor import FloorFinder
 from services.gait.point_filter import PointEstimate
 from services.gait.surface import Surface, surface_of
@@ -46,7 +45,6 @@ class _Person:
     """What is kept of a person."""
 
     layer: DepthLayer
-    facing: Facing
     box: F64 | None = None
     depth_m: float | None = None
     detected_ns: int = 0  # when a box was last given
@@ -135,7 +133,7 @@ class Cascade:
             if one.id not in self._people:
                 seed = hash((self._config.seed, one.id)) % 2**32
                 layer = DepthLayer(self._config.depth, self._info, seed)
-                self._people[one.id] = _Person(layer, Facing(self._config.depth))
+                self._people[one.id] = _Person(layer)
             self._people[one.id].told_ns = stamp_ns
         limit_ns = stamp_ns - round(self._config.forget_s * 1e9)
         for person in [p for p, kept in self._people.items() if kept.told_ns < limit_ns]:
@@ -185,8 +183,7 @@ class Cascade:
             return GaitEstimate(one.id, kept.box, points, fresh=False)
         surface = self._surface(kept, depth_mm) if kept.box is not None else None
         kept.looked, kept.looked_ns = self._frame, self._stamp_ns
-        facing = kept.facing.update(surface, elapsed_s)
-        sight = Sight(surface, elapsed_s, one.keypoints, self._floor.floor, facing)
+        sight = Sight(surface, elapsed_s, one.keypoints, self._floor.floor)
         points = kept.layer.update(sight)
         if surface is not None:
             kept.depth_m = float(np.median(surface.points_m[:, 2]))

@@ -30,13 +30,15 @@ class DepthLayerConfig(msgspec.Struct, frozen=True, kw_only=True):
     # What follows is of combined only.
     keypoint_sigma_m: float = 0.04  # [m] of a keypoint, across the line of sight; default
     keypoint_confidence_min: float = 0.4  # keypoints of less are not used
-    hand_reach: float = 0.4  # of the forearm, from the wrist to the middle of the hand
+    hand_reach: float = 0.5  # of the forearm, from the wrist to the middle of the hand
     foot_reach: float = 0.12  # of the shank, from the ankle to the middle of the foot
     foot_ahead_m: float = 0.07  # [m] from the ankle ahead to the middle of the foot
     tip_m: float = 0.06  # [m] that the end of a limb must stand out along the body; default
-    hand_m: float = 0.09  # [m] along the body from the fingertips to the middle of the hand
+    hand_m: float = (
+        0.07  # [m] along the body from where fingers are seen to end to the hand's middle
+    )
     foot_m: float = 0.10  # [m] from the toes to the middle of the foot
-    head_m: float = 0.12  # [m] from the top to the middle of the head
+    head_m: float = 0.17  # [m] from the top of the head, round it, to its middle
     tip_sigma_m: float = 0.04  # [m] of these three
     window_m: float = 0.06  # [m] about the best particle, over which an estimate is averaged
     acceleration_mps2: float = 12.0  # [m/s^2] of hands and feet, standard deviation; default
@@ -50,7 +52,6 @@ class DepthLayerConfig(msgspec.Struct, frozen=True, kw_only=True):
     proposed: float = 0.4  # share of particles that are placed by keypoints and ends of limbs
     adapt: float = 0.03  # of the reference distance, that each measured frame adds
     adapt_max_m: float = 0.10  # [m] that it may change in all
-    walk_mps: float = 0.3  # [m/s] from which on people are taken to face the way they move
 
     def __post_init__(self) -> None:
         """Check numbers.

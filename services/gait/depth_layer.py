@@ -8,6 +8,7 @@ import numpy as np
 from common.geometry import deproject, project
 from common.messages import F32, F64, CameraInfo
 from services.gait.depth_config import DepthLayerConfig
+from services.gait.facing import Facing
 from services.gait.floor import Floor
 from services.gait.geodesic import geodesic_m
 from services.gait.limbs import UP, Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
@@ -38,7 +39,6 @@ class Sight:
     dt_s: float  # since the last frame
     keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
     floor: Floor | None = None
-    facing: F64 | None = None  # 3, the way the person faces, optical frame
 
 
 class DepthLayer:
@@ -56,6 +56,8 @@ class DepthLayer:
         self._config, self._info = config, info
         self._generator = np.random.default_rng(seed)
         self._trunk = Trunk(config)
+        self._facing = Facing()
+        self.facing: F64 | None = None  # 3, level, optical frame
         self._points = {name: self._new(name) for name in config.points}
         self._disagreed = dict.fromkeys(config.points, 0)
         self._votes: dict[str, float] = {}
@@ -140,8 +142,10 @@ class DepthLayer:
         surface, config = sight.surface, self._config
         self.body = None
         if surface is None or len(surface.points_m) < MIN_VERTICES:
+            self.facing = self._facing.update(None, np.empty(0), sight.dt_s)
             return None
         heights = heights_of(surface, sight.floor)
+        self.facing = self._facing.update(surface, heights, sight.dt_s)
         self._stature_m = max(0.998 * self._stature_m, float(np.quantile(heights, 0.995)))
         if self._combined or config.source == "body":
             source = self._trunk.vertex(surface, heights, self._stature_m, sight.keypoints)
@@ -157,9 +161,9 @@ class DepthLayer:
         if not (self._combined and self._config.keypoints):
             return {}
         found = anchors(sight.keypoints, self._config)
-        if sight.facing is not None:
+        if self.facing is not None:
             depth_m = float(np.median(body.surface.points_m[:, 2]))
-            found = stepped(found, depth_m, sight.facing, self._info, self._config)
+            found = stepped(found, depth_m, self.facing, self._info, self._config)
         return {name: anchor for name, anchor in found.items() if name in self._points}
 
     def _exchange(self, left: str, right: str) -> None:
@@ -352,7 +356,7 @@ class DepthLayer:
 
     def _begin_at_ends(self, sight: Sight, body: Body3d, ends: Sequence[LimbEnd]) -> None:
         """Start points at the ends of limbs; which is left tells the way the person faces."""
-        forward = np.array([0.0, 0.0, -1.0]) if sight.facing is None else sight.facing
+        forward = np.array([0.0, 0.0, -1.0]) if self.facing is None else self.facing
         left = np.cross(UP, forward)
         for kind in ("head", "hand", "foot"):
             points = [point for point in self._points.values() if point.kind == kind]
@@ -380,9 +384,9 @@ class DepthLayer:
 
     def _check_sides(self, sight: Sight) -> None:
         """Exchange left and right that contradict the way the person walks for long."""
-        if sight.facing is None:
+        if self.facing is None:
             return
-        side = np.cross(UP, sight.facing)
+        side = np.cross(UP, self.facing)
         for left, right in PAIRS:
             pair = [self._points.get(left), self._points.get(right)]
             if not all(p and p.state == "measured" for p in pair):

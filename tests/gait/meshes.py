@@ -26,7 +26,7 @@ def mesh_of(points_m: npt.ArrayLike, edges: Sequence[tuple[int, int]]) -> Surfac
         indptr=np.searchsorted(starts, np.arange(len(points) + 1)).astype(np.int32),
         indices=ends.astype(np.int32),
         lengths_m=lengths,
-        resolution_m=float(np.median(lengths)),
+        resolution_m=float(np.median(lengths)) if len(lengths) else 0.0,
         grid=grid,
         left_px=0,
         top_px=0,
