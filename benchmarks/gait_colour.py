@@ -15,10 +15,11 @@ import numpy as np
 from benchmarks.gait_takes import Take, overlap
 from benchmarks.table import markdown, spread
 from common.messages import F64, U8
-from services.gait.colour_config import ColourLayerConfig
+from services.gait.colour_config import PAPER_TAU, ColourLayerConfig
 from services.gait.colour_layer import ColourLayer
 from services.gait.histogram import HueSaturation, part_of
-from tests.gait.numpy_colours import NumpyHueSaturation, compare
+from services.gait.pixel_ratios import PixelRatios, grid_of
+from tests.gait.numpy_colours import scores
 
 SUCCESS = 0.5  # overlap from which on a frame counts
 PARTICLES = tuple(range(20, 180, 20))
@@ -26,8 +27,8 @@ TIMED_PARTICLES = tuple(range(20, 140, 20))
 SIZES = ((100, 150), (150, 150), (150, 200), (150, 250))
 ROUND_FRAMES = 30  # whose mean time is one round of a timing
 # As the paper has it but for one constant: with its own, 1, all particles weigh nearly the same.
-PAPER: dict[str, Any] = {"surround": 0.0}
-PAPER_SIGMA: dict[str, Any] = {"surround": 0.0, "sigma": 1.0}
+PAPER: dict[str, Any] = {"weights": "distance", "tau": PAPER_TAU}
+PAPER_SIGMA: dict[str, Any] = {**PAPER, "sigma": 1.0}
 OURS: dict[str, Any] = {}
 
 KINDS = {"as in the paper, sigma 1": PAPER_SIGMA, "as in the paper": PAPER, "default": OURS}
@@ -253,21 +254,22 @@ def _rounds(
 
 
 def comparing_ms(film: Reel, rounds: int) -> dict[str, list[float]]:
-    """Return the times of comparing 100 boxes of 150x250, the plain way and the compiled one."""
+    """Return the times of weighing 100 boxes of 150x250, the plain way and the compiled one."""
     chance = np.random.default_rng(0)
     middle = (film.boxes_px[0, :2] + film.boxes_px[0, 2:]) / 2
     centres = middle + chance.normal(0, 10, (100, 2))
     boxes = np.concatenate([centres, np.full((100, 2), (150.0, 250.0))], axis=1)
-    config = ColourLayerConfig()
-    bins = config.hue_bins, config.saturation_bins, config.points
-    rgb, plain, compiled = film.frames[0], NumpyHueSaturation(*bins), HueSaturation(*bins)
-    reference = compiled(rgb, boxes[:1])[0]
+    config, rgb = ColourLayerConfig(), film.frames[0]
+    bins = HueSaturation(config.hue_bins, config.saturation_bins, config.points)
+    ratios = PixelRatios(config, bins)
+    colours = ratios.learn(part_of(rgb, boxes[:1] * ratios.reach), boxes[0])
+    grid = grid_of(config.points, (1.0, 1.0), config.bands)
     times: dict[str, list[float]] = {"numpy": [], "compiled": []}
     for _ in range(rounds + 1):
         begin_ns = time.perf_counter_ns()
-        compare(plain, rgb, boxes, reference, 1.0)
+        scores(rgb, boxes, colours, grid, bins)
         middle_ns = time.perf_counter_ns()
-        compiled.compare(part_of(rgb, boxes * (1, 1, 2**0.5, 2**0.5)), boxes, reference, 1.0)
+        ratios.scores(part_of(rgb, boxes), boxes, colours)
         times["numpy"].append((middle_ns - begin_ns) / 1e6)
         times["compiled"].append((time.perf_counter_ns() - middle_ns) / 1e6)
     return {name: values[1:] for name, values in times.items()}

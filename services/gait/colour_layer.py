@@ -7,13 +7,14 @@ import numpy as np
 
 from common.messages import F64, U8
 from services.gait.colour_config import ColourLayerConfig
-from services.gait.histogram import HueSaturation, Part, part_of, weights_of
+from services.gait.histogram import HueSaturation, Part, logs_of, part_of, weights_of
 from services.gait.motion_models import STATES, MotionModel
 from services.gait.particles import ESTIMATORS, spread_px
+from services.gait.pixel_ratios import Colours, PixelRatios
 from services.gait.resampling import RESAMPLERS
 
-SIZE = slice(4, 6)  # width and height in a state
-WIDER = np.array([1.0, 1.0, 2**0.5, 2**0.5])  # of a box of twice the area, which surrounds it
+BOX = [0, 1, 4, 5]  # centre, width and height in a state
+SIZE = slice(4, 6)
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,19 @@ class ColourEstimate:
     velocity_px: F64  # [px a frame] 2: of the centre
     distance: float  # Bhattacharyya distance of the box's colours to the first ones, 0 to 1
     spread_px: float  # [px] standard deviation of the particles' centres
+
+
+@dataclass
+class _Person:
+    """What is kept of a person. Colours are learnt only when they are first needed."""
+
+    first: tuple[U8, F64] | None  # the frame and box of the start, until colours are learnt
+    states: F64  # Nx8
+    before: F64  # Nx8, one frame earlier
+    box: F64  # 4: centre x, y, width, height
+    aspect: float  # logarithm of the first box's width by its height
+    reference: F64  # histogram of the first box
+    colours: Colours | None = None  # only with weights by ratio
 
 
 class ColourLayer:
@@ -39,15 +53,12 @@ class ColourLayer:
     def __init__(self, config: ColourLayerConfig, seed: int = 0) -> None:
         self._config = config
         self._generator = np.random.default_rng(seed)
-        self._colours = HueSaturation(config.hue_bins, config.saturation_bins, config.points)
+        self._bins = HueSaturation(config.hue_bins, config.saturation_bins, config.points)
+        self._ratios = PixelRatios(config, self._bins) if config.weights == "ratio" else None
         self._model = MotionModel(config)
-        self._surround = config.surround
         self._resample = RESAMPLERS[config.resampling]
         self._estimate = ESTIMATORS[config.estimate]
-        self._people: list[int] = []
-        self._states = np.empty((0, config.particles, STATES))
-        self._before = self._states
-        self._references = np.empty((0, self._colours.bins))
+        self._people: dict[int, _Person] = {}
 
     @property
     def people(self) -> tuple[int, ...]:
@@ -59,38 +70,29 @@ class ColourLayer:
 
         Args:
             person: Who it is.
-            rgb: HxWx3, the frame that the box is of.
+            rgb: HxWx3, the frame that the box is of; it is kept until the next update.
             box_xyxy_px: 4: left, top, right, bottom.
 
         Returns:
             Whether the box shows anything; if not, the person is not followed.
         """
-        left, top, right, bottom = np.asarray(box_xyxy_px, np.float64).tolist()
-        box = np.array([[(left + right) / 2, (top + bottom) / 2, right - left, bottom - top]])
         self.stop(person)
-        if not np.all(np.isfinite(box)) or box[0, 2:].min() < self._config.box_min_px:
+        left, top, right, bottom = np.asarray(box_xyxy_px, np.float64).tolist()
+        box = np.array([(left + right) / 2, (top + bottom) / 2, right - left, bottom - top])
+        if not np.all(np.isfinite(box)) or box[2:].min() < self._config.box_min_px:
             return False
-        reference = self._colours(rgb, box)
-        if not reference.any():
+        height, width = rgb.shape[:2]
+        if right < 1 or bottom < 1 or left > width - 1 or top > height - 1:
             return False
-        state = np.zeros(STATES)
-        state[:2], state[SIZE] = box[0, :2], box[0, 2:]
-        particles = np.broadcast_to(state, (1, self._config.particles, STATES))
-        self._people.append(person)
-        self._states = np.concatenate([self._states, particles])
-        self._before = np.concatenate([self._before, particles])
-        # What of the box lies outside of the image is not of the person.
-        self._references = np.concatenate([self._references, reference / reference.sum()])
+        state = np.zeros((self._config.particles, STATES))
+        state[:, BOX] = box
+        aspect = float(np.log(box[2] / box[3]))
+        self._people[person] = _Person((rgb, box), state, state, box, aspect, np.empty(0))
         return True
 
     def stop(self, person: int) -> None:
         """Follow a person no longer; does nothing if they are not followed."""
-        if person in self._people:
-            row = self._people.index(person)
-            self._people.pop(row)
-            self._states = np.delete(self._states, row, axis=0)
-            self._before = np.delete(self._before, row, axis=0)
-            self._references = np.delete(self._references, row, axis=0)
+        self._people.pop(person, None)
 
     def update(self, rgb: U8) -> Mapping[int, ColourEstimate]:
         """Return where everyone who is followed is in the next frame.
@@ -98,47 +100,60 @@ class ColourLayer:
         Args:
             rgb: HxWx3.
         """
-        if not self._people:
+        people = list(self._people.values())
+        if not people:
             return {}
-        before = self._states
-        states = self._model(before, self._before, self._generator)
-        boxes = states[..., [0, 1, 4, 5]]
-        covered = boxes * WIDER if self._surround else boxes
-        parts = [part_of(rgb, own) for own in covered]
-        _, distances = self._distances(parts, boxes)
-        weights = weights_of(distances, self._config.sigma)
+        for person in people:
+            if person.first is not None:
+                self._learn(person, *person.first)
+        before = np.stack([person.states for person in people])
+        states = self._model(before, np.stack([p.before for p in people]), self._generator)
+        boxes = states[..., BOX]
+        parts = [self._part(rgb, own) for own in boxes]
+        weights = weights_of(np.stack(list(map(self._logs, people, parts, boxes))))
         estimates = self._estimate(states, weights, self._config.robust_window_px)
-        told = self._told(parts, estimates, spread_px(states, weights))
         chosen = self._resample(weights, self._generator)
-        self._states = np.take_along_axis(states, chosen[..., None], axis=1)
-        self._before = np.take_along_axis(before, chosen[..., None], axis=1)
-        return told
+        for k, person in enumerate(people):
+            person.states, person.before = states[k, chosen[k]], before[k, chosen[k]]
+            person.box = estimates[k, BOX]
+            if self._ratios is not None and person.colours is not None:
+                around = self._ratios.learn(parts[k], person.box).around
+                person.colours = Colours(person.colours.person, around)
+        return self._told(parts, estimates, spread_px(states, weights))
 
-    def _distances(self, parts: Sequence[Part], boxes: F64) -> tuple[F64, F64]:
-        """Compare the colours of each person's boxes and those around them with the person's.
+    def _part(self, rgb: U8, boxes: F64) -> Part:
+        """Return what of an image is looked at for boxes."""
+        return part_of(rgb, boxes if self._ratios is None else boxes * self._ratios.reach)
 
-        Args:
-            parts: P, of the image.
-            boxes: PxNx4: centre x, y, width, height.
+    def _learn(self, person: _Person, rgb: U8, box: F64) -> None:
+        """Learn a person's colours from the first box."""
+        reference = self._bins(rgb, box[None])[0]
+        # What of the box lies outside of the image is not of the person.
+        person.reference = reference / max(reference.sum(), 1e-9)
+        if self._ratios is not None:
+            person.colours = self._ratios.learn(self._part(rgb, box[None]), box)
+        person.first = None
 
-        Returns:
-            PxN Bhattacharyya distances, and PxN with what the surroundings add to them.
-        """
-        found = np.empty((2, *boxes.shape[:2]))
-        for row, (part, own) in enumerate(zip(parts, boxes, strict=True)):
-            compared = self._colours.compare(part, own, self._references[row], self._surround)
-            found[:, row] = compared
-        return found[0], found[1]
+    def _logs(self, person: _Person, part: Part, boxes: F64) -> F64:
+        """Return the logarithms of the weights of boxes, N."""
+        config = self._config
+        if self._ratios is None or person.colours is None:
+            return logs_of(self._bins.distances(part, boxes, person.reference), config.sigma)
+        scores = self._ratios.scores(part, boxes, person.colours)
+        # By the pixels of a box: neighbouring ones tell the same, however many there are.
+        logs = scores / (person.box[2] * person.box[3] * config.ratio_sigma)
+        stretch = np.log(boxes[:, 2] / boxes[:, 3]) - person.aspect
+        return np.asarray(logs - 0.5 * (stretch / config.aspect_sigma) ** 2)
 
     def _told(
         self, parts: Sequence[Part], estimates: F64, spreads: F64
     ) -> dict[int, ColourEstimate]:
-        centres, sizes = estimates[:, :2], estimates[:, SIZE]
-        boxes = np.concatenate([centres - sizes / 2, centres + sizes / 2], axis=1)
-        # The estimate lies among the particles, so the parts cover it.
-        distances = self._distances(parts, estimates[:, None, [0, 1, 4, 5]])[0][:, 0]
-        rows = zip(self._people, boxes, estimates[:, 2:4], distances, spreads, strict=True)
-        return {
-            person: ColourEstimate(box, velocity, float(distance), float(spread))
-            for person, box, velocity, distance, spread in rows
-        }
+        told = {}
+        for k, (key, person) in enumerate(self._people.items()):
+            centre, size = estimates[k, :2], estimates[k, SIZE]
+            box = np.concatenate([centre - size / 2, centre + size / 2])
+            # The estimate lies among the particles, so the part covers it.
+            (distance,) = self._bins.distances(parts[k], person.box[None], person.reference)
+            velocity = estimates[k, 2:4]
+            told[key] = ColourEstimate(box, velocity, float(distance), float(spreads[k]))
+        return told

@@ -45,8 +45,11 @@ class HueSaturation:
     def __init__(self, hue_bins: int, saturation_bins: int, points: tuple[int, int]) -> None:
         self.bins = hue_bins * saturation_bins
         levels = np.arange(256)
-        self._hue = (levels * hue_bins // 256 * saturation_bins).astype(np.int32)
-        self._saturation = (levels * saturation_bins // 256).astype(np.int32)
+        # By the value of a pixel: what hue and saturation add to the number of its bin.
+        self.tables: tuple[I32, I32] = (
+            (levels * hue_bins // 256 * saturation_bins).astype(np.int32),
+            (levels * saturation_bins // 256).astype(np.int32),
+        )
         across, down = points
         # Where the points lie in a box from -1/2 to 1/2, each in the middle of its cell.
         self._u = (np.arange(across) + 0.5) / across - 0.5
@@ -64,30 +67,25 @@ class HueSaturation:
         """
         part = part_of(rgb, boxes)
         found = np.empty((len(boxes), self.bins))
-        _histograms(part.hsv, (part.left, part.top), *self._tables(), boxes, found)
+        where = part.left, part.top
+        _histograms(part.hsv, where, *self.tables, self._u, self._v, boxes, found)
         return found
 
-    def compare(self, part: Part, boxes: F64, reference: F64, surround: float) -> tuple[F64, F64]:
-        """Compare the colours of boxes, and of what surrounds them, with a person's.
-
-        A box of twice the area is looked at, too: what is not of the box itself surrounds it.
+    def distances(self, part: Part, boxes: F64, reference: F64) -> F64:
+        """Compare the colours of boxes with a person's.
 
         Args:
-            part: Of the image, from `part_of` these boxes or wider ones.
+            part: Of the image, covers the boxes.
             boxes: [px] Mx4: centre x, y, width, height.
             reference: bins, the person's histogram.
-            surround: How much alike surroundings speak against a box; 0: they are not looked at.
 
         Returns:
-            M Bhattacharyya distances, and M with what the surroundings add to them.
+            M Bhattacharyya distances.
         """
-        distances, judged = np.empty((2, len(boxes)))
+        found = np.empty(len(boxes))
         where = part.left, part.top
-        _compare(part.hsv, where, *self._tables(), boxes, reference, surround, distances, judged)
-        return distances, judged
-
-    def _tables(self) -> tuple[I32, I32, F64, F64]:
-        return self._hue, self._saturation, self._u, self._v
+        _compare(part.hsv, where, *self.tables, self._u, self._v, boxes, reference, found)
+        return found
 
 
 def part_of(rgb: U8, boxes: F64) -> Part:
@@ -159,33 +157,17 @@ def _compare(
     v: F64,
     boxes: F64,
     reference: F64,
-    surround: float,
-    distances: F64,
-    judged: F64,
+    found: F64,
 ) -> None:
     share = 1.0 / (len(u) * len(v))
     bins = np.flatnonzero(reference)  # others add nothing
     counts = np.empty(len(reference), np.int32)
-    wider_counts = np.empty(len(reference), np.int32)
-    wider = np.empty(4)
     for m in range(len(boxes)):
         _count(hsv, where, hue, saturation, u, v, boxes[m], counts)
         alike = 0.0
         for b in bins:
             alike += math.sqrt(counts[b] * share * reference[b])
-        squared = min(max(1.0 - alike, 0.0), 1.0)
-        distances[m] = judged[m] = math.sqrt(squared)
-        if surround == 0.0:
-            continue
-        wider[:2] = boxes[m, :2]
-        wider[2:] = boxes[m, 2:] * math.sqrt(2.0)
-        _count(hsv, where, hue, saturation, u, v, wider, wider_counts)
-        alike = 0.0
-        for b in bins:
-            around = 2 * wider_counts[b] - counts[b]
-            if around > 0:
-                alike += math.sqrt(min(around * share, 1.0) * reference[b])
-        judged[m] = math.sqrt(squared + (surround * min(alike, 1.0)) ** 2)
+        found[m] = math.sqrt(min(max(1.0 - alike, 0.0), 1.0))
 
 
 def bhattacharyya(p: F64, q: F64) -> F64:
@@ -201,19 +183,29 @@ def bhattacharyya(p: F64, q: F64) -> F64:
     return np.asarray(np.sqrt(np.clip(1.0 - alike, 0.0, 1.0)))
 
 
-def weights_of(distances: F64, sigma: float) -> F64:
-    """Return the weights of particles by their distance to the reference.
+def logs_of(distances: F64, sigma: float) -> F64:
+    """Return the logarithms of particles' weights by their distance to the reference.
 
     Args:
-        distances: ... x N.
+        distances: Any shape.
         sigma: Of the distance.
+
+    Source: method book section 8.1 [G 3.8].
+    """
+    return np.asarray(-(distances**2) / (2 * sigma**2))
+
+
+def weights_of(logs: F64) -> F64:
+    """Return weights by their logarithms.
+
+    Args:
+        logs: ... x N.
 
     Returns:
         ... x N, each row sums to 1.
 
-    Source: method book section 8.1 [G 3.8, 3.9].
+    Source: method book section 8.1 [G 3.9].
     """
-    exponents = -(distances**2) / (2 * sigma**2)
     # Only ratios count: without this all would be 0 for a small sigma.
-    weights = np.exp(exponents - exponents.max(axis=-1, keepdims=True))
+    weights = np.exp(logs - logs.max(axis=-1, keepdims=True))
     return np.asarray(weights / weights.sum(axis=-1, keepdims=True))

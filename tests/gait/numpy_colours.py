@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from common.messages import F64, U8
-from services.gait.histogram import bhattacharyya
+from services.gait.histogram import HueSaturation
+from services.gait.pixel_ratios import Colours, Grid
 
 I32: TypeAlias = npt.NDArray[np.int32]
 
@@ -79,13 +80,20 @@ def _part(rgb: U8, boxes: F64) -> tuple[int, int, U8]:
     return int(top), int(left), rgb[top:bottom, left:right]
 
 
-def compare(
-    colours: NumpyHueSaturation, rgb: U8, boxes: F64, reference: F64, surround: float
-) -> tuple[F64, F64]:
-    """Compare boxes and what surrounds them with a person; see `HueSaturation.compare`."""
-    found = colours(rgb, boxes)
-    distances = bhattacharyya(found, reference)
-    wider = colours(rgb, boxes * (1, 1, 2**0.5, 2**0.5))
-    around = np.clip(2 * wider - found, 0.0, 1.0)
-    alike = 1 - bhattacharyya(around, reference) ** 2
-    return distances, np.sqrt(distances**2 + (surround * alike) ** 2)
+def scores(rgb: U8, boxes: F64, colours: Colours, grid: Grid, bins: HueSaturation) -> F64:
+    """Return how much likelier boxes are the person; see `PixelRatios.scores`."""
+    top, left, part = _part(rgb, boxes)
+    height, width = part.shape[:2]
+    if not height or not width:
+        return np.zeros(len(boxes))
+    hue, saturation = bins.tables
+    hsv = cv2.cvtColor(part, cv2.COLOR_RGB2HSV_FULL)
+    found = hue[hsv[..., 0]] + saturation[hsv[..., 1]]
+    logs = np.log1p(np.arange(10)[:, None] / 10 * (colours.ratios[:, None] - 1))
+    u = np.floor(boxes[:, :1] + boxes[:, 2:3] * grid.u).astype(np.int64) - left
+    v = np.floor(boxes[:, 1:2] + boxes[:, 3:] * grid.v).astype(np.int64) - top
+    inside = ((v >= 0) & (v < height))[:, :, None] & ((u >= 0) & (u < width))[:, None, :]
+    rows, columns = np.clip(v, 0, height - 1)[:, :, None], np.clip(u, 0, width - 1)[:, None, :]
+    values = logs[grid.bands[:, None], grid.tenths, found[rows, columns]]
+    mean = (values * inside).mean(axis=(1, 2))
+    return np.asarray(mean * boxes[:, 2] * boxes[:, 3])

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from common.messages import F64, U8
-from services.gait.histogram import HueSaturation, bhattacharyya, part_of, weights_of
-from tests.gait.numpy_colours import NumpyHueSaturation, compare
+from services.gait.histogram import (
+    HueSaturation,
+    bhattacharyya,
+    logs_of,
+    part_of,
+    weights_of,
+)
+from tests.gait.numpy_colours import NumpyHueSaturation
 
 RED, GREEN, GREY = (255, 0, 0), (0, 255, 0), (90, 90, 90)
 
@@ -71,9 +77,10 @@ def test_bhattacharyya_of_known_histograms() -> None:
 
 def test_weights_by_hand() -> None:
     # exp(-d^2 / 2) for sigma 1 and d = 0, 1: 1 and 0.60653, of 1.60653.
-    assert weights_of(np.array([0.0, 1.0]), 1.0) == pytest.approx([0.62246, 0.37754], abs=1e-5)
+    found = weights_of(logs_of(np.array([0.0, 1.0]), 1.0))
+    assert found == pytest.approx([0.62246, 0.37754], abs=1e-5)
     # A small sigma would make all of them 0 if it were not for their ratios.
-    assert weights_of(np.array([[0.9, 1.0]]), 0.001).tolist() == [[1.0, 0.0]]
+    assert weights_of(logs_of(np.array([[0.9, 1.0]]), 0.001)).tolist() == [[1.0, 0.0]]
 
 
 def chance_boxes() -> tuple[U8, F64]:
@@ -90,21 +97,17 @@ def test_compiled_histograms_are_those_of_the_plain_way() -> None:
     assert np.array_equal(HueSaturation(20, 20, (12, 32))(rgb, boxes), plain)
 
 
-@pytest.mark.parametrize("surround", [0.0, 1.0, 0.3])
-def test_compiled_comparison_is_that_of_the_plain_way(surround: float) -> None:
+def test_compiled_distances_are_those_of_the_plain_way() -> None:
     rgb, boxes = chance_boxes()
     colours = HueSaturation(20, 20, (12, 32))
     reference = colours(rgb, np.array([box(20, 20, 90, 110)]))[0]
-    part = part_of(rgb, boxes * (1, 1, 2**0.5, 2**0.5))
-    found = colours.compare(part, boxes, reference, surround)
-    plain = compare(NumpyHueSaturation(20, 20, (12, 32)), rgb, boxes, reference, surround)
-    np.testing.assert_allclose(found[0], plain[0], atol=1e-7)
-    np.testing.assert_allclose(found[1], plain[1], atol=1e-7)
+    found = colours.distances(part_of(rgb, boxes), boxes, reference)
+    plain = bhattacharyya(NumpyHueSaturation(20, 20, (12, 32))(rgb, boxes), reference)
+    np.testing.assert_allclose(found, plain, atol=1e-7)
 
 
 def test_boxes_outside_of_the_image_have_no_part() -> None:
-    part = part_of(image(), np.array([box(500, 500, 520, 520)]))
-    found = HueSaturation(20, 20, (4, 4)).compare(
-        part, np.array([box(500, 500, 520, 520)]), np.full(400, 1 / 400), 1.0
-    )
-    assert [distances.tolist() for distances in found] == [[1.0], [1.0]]
+    outside = np.array([box(500, 500, 520, 520)])
+    colours = HueSaturation(20, 20, (4, 4))
+    found = colours.distances(part_of(image(), outside), outside, np.full(400, 1 / 400))
+    assert found.tolist() == [1.0]

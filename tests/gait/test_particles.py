@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.gait.colour_config import ColourLayerConfig
+from services.gait.colour_config import PAPER_TAU, ColourLayerConfig
 from services.gait.motion_models import MotionModel
 from services.gait.particles import ESTIMATORS, spread_px
 from services.gait.resampling import RESAMPLERS, systematic
@@ -94,7 +94,7 @@ def test_the_second_order_by_hand() -> None:
 
 
 def test_noise_is_as_large_as_tau() -> None:
-    model = MotionModel(ColourLayerConfig(particles=20_000))
+    model = MotionModel(ColourLayerConfig(particles=20_000, tau=PAPER_TAU))
     still = np.zeros((1, 20_000, 8))
     still[..., 4:6] = 100.0
     noise = model(still, still, np.random.default_rng(0))[0] - still[0]
@@ -105,6 +105,7 @@ def test_noise_is_as_large_as_tau() -> None:
 def hierarchical(vx: float, vy: float) -> np.ndarray:
     config = ColourLayerConfig(
         particles=20_000,
+        tau=PAPER_TAU,
         sampling="hierarchical",
         growth_sideways_px2=0.05,
         growth_upright=0.02,
@@ -140,6 +141,10 @@ def test_hierarchical_sampling_places_more_along_the_motion() -> None:
     [
         {"particles": 0},
         {"sigma": 0.0},
+        {"ratio_sigma": 0.0},
+        {"aspect_sigma": float("inf")},
+        {"bands": 0},
+        {"around": 1.0},
         {"tau": (-1.0,) * 8},
         {"along_share": 1.5},
         {"points": (0, 5)},
