@@ -92,6 +92,10 @@ def _box(text: str) -> tuple[float, float, float, float] | None:
 
 
 def _show(log: "Log") -> None:
+    if not log.people:
+        typer.echo("Nobody was followed: people are told from their third frame on. In less frames")
+        typer.echo("or where nobody is detected say who: --person left,top,right,bottom")
+        return
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("person")
     for title in ("steps", "step m", "stride m", "steps/min", "m/s", "asymmetry"):

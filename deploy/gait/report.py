@@ -95,9 +95,9 @@ class Report:
         """
         if self._video:
             self._video.close()
+        self.log.write(self._folder)
         if not self.log.people:
             return
-        self.log.write(self._folder)
         sheet = grid(self._stills.pick(STILLS), COLUMNS)
         _, png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
         write_bytes(self._folder / "frames.png", png.tobytes())

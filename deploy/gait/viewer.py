@@ -43,7 +43,7 @@ class Viewer:
         for one in found:
             for point in one.person.points:
                 path = self._paths[one.person.id, point.name]
-                if point.state != "lost":
+                if point.state == "measured":
                     path.append((scene.stamp_ns, point.position_m))
         for path in self._paths.values():
             while path and scene.stamp_ns - path[0][0] > PATH_S * 1e9:
@@ -78,8 +78,9 @@ class Viewer:
             pixels = self._pixels(scene, places) * scale
             if len(pixels) > 1:
                 put_path(frame, pixels, colour_of_point(point.name), 2)
-            if point.state != "lost" and len(pixels):
-                _dot(frame, pixels[-1], colour_of_point(point.name), point.state == "measured")
+            here = self._pixels(scene, point.position_m[None]) * scale
+            if point.state != "lost" and len(here):
+                _dot(frame, here[0], colour_of_point(point.name), point.state == "measured")
 
     def _pixels(self, scene: Scene, points_m: F64) -> F64:
         optical = apply(invert(scene.fixed_from_optical), points_m)

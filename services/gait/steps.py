@@ -272,7 +272,7 @@ def _timed(prints: Sequence[_Print], config: StepConfig) -> list[_Print]:
         if n:
             share = to_go_m[n - 1] / (to_go_m[n - 1] - to_go_m[n])
             begin_s, end_s = one.samples.times_s[[n - 1, n]].tolist()
-            one = replace(one, landed_s=begin_s + share * (end_s - begin_s))
+            one = replace(one, landed_s=float(begin_s + share * (end_s - begin_s)))
         timed.append(one)
     return timed
 
