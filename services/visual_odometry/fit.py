@@ -17,6 +17,7 @@ PLANAR = np.array([0, 1, 5])  # of it what a base on a floor does
 SAMPLE = 3  # points of a random sample
 SAMPLE_STEPS, STEPS = 2, 6
 SMALL_STEP = 1e-5  # [m, rad]
+TOGETHER = 0.5  # of the doubt about depths is the same for all: how large a room is
 AS_ROOM = 3.0  # standard deviations that people may change what the room tells
 FIRST_GATE = 4.0  # of the gate, at the first step
 EASY_SHARE = 0.7  # of the points agree: no samples are needed
@@ -91,6 +92,8 @@ class Fit:
         before_from_now: 4x4, the base now in the frame of the base then.
         covariance: KxK, of the free entries of the twist by which the base may be elsewhere, frame:
             the base now.
+        common: KxK, likewise, by what all depths are wrong together. It stays as long as the
+            keyframe, so that it says nothing of the motion from frame to frame.
         inliers: N, points that agree.
         depth_errors: N, by how much each inverse depth seems to be more than thought, in 1/m.
         depth_sigmas: N, standard deviations of that.
@@ -98,6 +101,7 @@ class Fit:
 
     before_from_now: F64
     covariance: F64
+    common: F64
     inliers: BOOL
     depth_errors: F64
     depth_sigmas: F64
@@ -140,7 +144,8 @@ def fit_motion(sights: Sights, mount: Mount, prior: Prior, config: FitConfig) ->
     information = np.linalg.inv(prior.covariance)
     seen = np.linalg.inv(solved.inverse) - information
     covariance = np.linalg.inv(seen / spread + information)
-    return Fit(pose, covariance, inliers, *scene.depths(pose, covariance))
+    told = scene.depths(pose, covariance)
+    return Fit(pose, covariance, scene.common(pose, inliers, solved.inverse), inliers, *told)
 
 
 @dataclass(frozen=True)
@@ -206,6 +211,16 @@ class _Scene:
         by_motion = np.einsum("nk,kl,nl->n", by_twist, covariance, by_twist)
         errors = -np.einsum("ni,ni->n", along, seen.off[0]) / length
         return errors, np.sqrt(self._sights.noise**2 + by_motion) / length
+
+    def common(self, pose: F64, inliers: BOOL, inverse: F64) -> F64:
+        """Return what a motion is off by (KxK) if all depths are wrong by a part of their doubt."""
+        everything = np.arange(len(inliers))[None]
+        seen = self._look(pose[None], everything)
+        blind = (seen.by_depth[..., None, :] @ self._by_twist(seen, everything))[0, :, 0]
+        length = (seen.by_depth[0] ** 2).sum(axis=-1)
+        counts = inliers / self._sights.noise**2 * (1 - self._along(seen, everything)[0] * length)
+        shift = inverse @ ((TOGETHER * self._sights.sigmas * counts) @ blind)
+        return np.outer(shift, shift)
 
     def unexpected(self, pose: F64) -> float:
         """Return how many standard deviations a motion is off the one thought likeliest."""

@@ -30,6 +30,8 @@ COUNTERS = (
 OTHERS_MAX = 2  # keyframes that are tried beside the one in use
 # What keyframes may be off one another, by drift between them
 OTHER_SIGMA_M, OTHER_SIGMA_RAD = 0.05, 0.02
+# On the standard deviation of a motion as it adds up: one keyframe errs as the one before
+DRIFT_FACTOR = 2.5
 FLOOR = np.array([0, 1, 5])  # of a twist: along x and y, and about the vertical
 START = Place(np.eye(4), np.zeros((3, 3)))
 
@@ -62,7 +64,8 @@ class _Found:
         away_m = matrix[:2, 3] - then.matrix[:2, 3]
         lever[:2, 2] = -away_m[1], away_m[0]  # what an error of the keyframe's heading does here
         rows = FLOOR if len(self.fit.covariance) > len(FLOOR) else np.arange(len(FLOOR))
-        own = _turned(self.fit.covariance[np.ix_(rows, rows)], matrix)
+        own = self.fit.covariance + self.fit.common
+        own = DRIFT_FACTOR**2 * _turned(own[np.ix_(rows, rows)], matrix)
         return Place(matrix, lever @ then.covariance @ lever.T + own)
 
 
