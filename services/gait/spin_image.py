@@ -75,8 +75,8 @@ def spin_images(surface: Surface, vertices: npt.ArrayLike, config: SpinConfig) -
     kept = _sample(count, config.points)
     # Single precision is twice as fast, and exact enough from the body's middle.
     middle = surface.points_m.mean(axis=0)
-    points = ((surface.points_m[kept] - middle) / bin_m).T.astype(np.float32)
-    normals = surface.normals[kept].T.astype(np.float32)
+    points = ((surface.points_m[kept] - middle) / bin_m).T.astype(np.float32, order="C")
+    normals = surface.normals[kept].T.astype(np.float32, order="C")
     valid = np.flatnonzero((chosen >= 0) & (chosen < count))
     at = ((surface.points_m[chosen[valid]] - middle) / bin_m).astype(np.float32)
     facing = surface.normals[chosen[valid]].astype(np.float32)
