@@ -10,7 +10,7 @@ from services.gait.config import GaitConfig
 from services.gait.people import COUNTERS, People, Scene
 
 HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0
-FIGURE_MM, WALL_MM = 2500, 4000
+FIGURE_MM, WALL_MM, CAMERA_MM = 2500, 4000, 1000  # the last one above the floor
 # Of a figure: rows, columns and depth.
 PARTS = (
     (slice(20, 33), slice(75, 85), FIGURE_MM),  # head
@@ -42,7 +42,9 @@ def warm_up(config: GaitConfig) -> None:
         cy=HEIGHT / 2,
     )
     rgb = np.full((HEIGHT, WIDTH, 3), (120, 130, 140), np.uint8)
-    depth_mm = np.full((HEIGHT, WIDTH), WALL_MM, np.uint16)
+    down = np.arange(HEIGHT) - HEIGHT / 2
+    floor_mm = FOCAL_PX * CAMERA_MM / np.maximum(down, FOCAL_PX * CAMERA_MM / WALL_MM)
+    depth_mm = np.repeat(floor_mm.astype(np.uint16)[:, None], WIDTH, axis=1)
     for rows, columns, distance_mm in PARTS:
         rgb[rows, columns] = (200, 40, 40)
         depth_mm[rows, columns] = distance_mm
