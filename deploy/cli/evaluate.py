@@ -54,6 +54,10 @@ def evaluate(
         list[str],
         typer.Option("--set", metavar="SERVICE.FIELD=VALUE", help="A setting of all methods."),
     ] = [],  # noqa: B006 (typer copies it)
+    visual_odometry: Annotated[
+        bool,
+        typer.Option("--visual-odometry", help="The motion of the base by pictures, not wheels."),
+    ] = False,
     figures: Annotated[
         bool, typer.Option(help="Draw figures; that takes matplotlib, the extra 'evaluate'.")
     ] = True,
@@ -65,7 +69,10 @@ def evaluate(
     from deploy.evaluation.methods import read_methods  # noqa: PLC0415
     from deploy.evaluation.preparation import Plan  # noqa: PLC0415
     from deploy.evaluation.takes import plan_takes  # noqa: PLC0415
+    from services.visual_odometry.config import VisualOdometryConfig  # noqa: PLC0415
 
+    if visual_odometry and speed == "geometry":
+        raise ConfigError("--speed geometry has no pictures", "Film them: --speed colour.")
     if figures and importlib.util.find_spec("matplotlib") is None:
         raise ConfigError(
             "figures are drawn with matplotlib, which is not installed",
@@ -78,6 +85,7 @@ def evaluate(
         cache=folder,
         jobs=jobs or cores(),
         figures=figures,
+        motion=VisualOdometryConfig() if visual_odometry else None,
     )
     kept = f"What is filmed and detected is kept in {folder}: the same command goes on."
     with interruptible(kept), progress() as report:

@@ -18,6 +18,8 @@ from deploy.evaluation.pool import Pool
 from deploy.evaluation.takes import Take, film
 from deploy.evaluation.trial import Trial
 from deploy.evaluation.truth import Happening, read_truth
+from deploy.evaluation.visual_motion import Watch, watch
+from services.visual_odometry.config import VisualOdometryConfig
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -35,6 +37,7 @@ class Plan:
         cache: Folder of films and detections, which are made once.
         jobs: Processes at once; the result does not depend on it.
         figures: Whether figures are drawn, which takes matplotlib.
+        motion: Sees the base move in its pictures; None: odometry is as recorded.
     """
 
     methods: tuple[Method, ...]
@@ -42,6 +45,7 @@ class Plan:
     cache: Path
     jobs: int = 1
     figures: bool = True
+    motion: VisualOdometryConfig | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,8 @@ def trials_of(plan: Plan, work: Work) -> list[Trial]:
             _ask(looks, take, method, plan.cache)
     turns = _in_turn(looks)
     seen = dict(zip(turns, work.do("detecting", look, list(turns.values())), strict=True))
+    if plan.motion:
+        seen = _with_motion(plan, looks, seen, work)
     asked: dict[tuple[str, bytes], tuple[Take, Path]] = {}
     for take in plan.takes:
         for method in plan.methods:
@@ -119,6 +125,26 @@ def trials_of(plan: Plan, work: Work) -> list[Trial]:
             truth = told[take.name, _key(method.camera)]
             trials.append(Trial(method, take, seen[way].detections, vectors, truth))
     return trials
+
+
+def _with_motion(
+    plan: Plan, looks: Mapping[W, Look], seen: Mapping[W, Seen], work: Work
+) -> dict[W, Seen]:
+    """Return what was seen, with the motion that pictures tell in place of odometry."""
+    if plan.motion is None:
+        return dict(seen)
+    watches = [
+        Watch(
+            msgspec.structs.replace(looks[way].camera, source=str(looks[way].source)),
+            plan.motion,
+            one.detections,
+            plan.cache,
+        )
+        for way, one in seen.items()
+    ]
+    told = work.do("watching motion", watch, watches)
+    pairs = zip(seen.items(), told, strict=True)
+    return {way: replace(one, detections=path) for (way, one), path in pairs}
 
 
 def _ask(looks: dict[tuple[str, bytes], Look], take: Take, method: Method, cache: Path) -> None:

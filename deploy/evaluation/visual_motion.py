@@ -1,9 +1,14 @@
 """What the pictures of a recording tell of its camera's motion, in place of its odometry."""
 
+import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import TypeAlias
+
+import msgspec
 
 from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from common.messages import (
@@ -14,13 +19,18 @@ from common.messages import (
     Odometry,
     RgbdFrame,
 )
-from common.recording import RecordingWriter
+from common.recording import RecordingWriter, open_recording
+from deploy.evaluation.cache import code_digest, key_of
 from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
 from services.camera.source import Capture
 from services.camera.sources import open_source
 from services.visual_odometry.__main__ import build
 from services.visual_odometry.config import VisualOdometryConfig
+
+CODE = ("common/*.py", "services/camera/**/*.py", "services/visual_odometry/*.py")
+Notes: TypeAlias = Mapping[str, Mapping[str, str]]
+NO_NOTES: Notes = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -95,17 +105,59 @@ class VisualMotion:
         return Seen(capture.stamp_ns, motion, took_ms)
 
 
-def write_seen(messages: Iterable[Message], seen: Iterable[Seen], path: Path) -> None:
+@dataclass(frozen=True)
+class Watch:
+    """What is watched for its motion.
+
+    Args:
+        camera: How it is played.
+        config: Of the visual odometry.
+        detections: Recording of what was found in it.
+        folder: Where results are kept.
+    """
+
+    camera: CameraConfig
+    config: VisualOdometryConfig
+    detections: Path
+    folder: Path
+
+
+def watch(wanted: Watch) -> Path:
+    """Return the detections with the motion that pictures tell, unless they were watched before.
+
+    Raises:
+        SourceError: The recording has no pictures.
+    """
+    records = map(msgspec.to_builtins, (wanted.camera, wanted.config))
+    key = key_of(wanted.detections.name, code_digest(CODE), *records)
+    path = wanted.folder / "motion" / f"{Path(wanted.camera.source).stem}-{key}.mcap"
+    if path.exists():
+        return path
+    stored = open_recording(wanted.detections)
+    messages = [message for _, message in stored.messages()]
+    new = path.with_suffix(f".{os.getpid()}.new")
+    new.parent.mkdir(parents=True, exist_ok=True)
+    write_seen(messages, VisualMotion(wanted.camera, wanted.config, messages), new, stored.notes)
+    new.replace(path)
+    return path
+
+
+def write_seen(
+    messages: Iterable[Message], seen: Iterable[Seen], path: Path, notes: Notes = NO_NOTES
+) -> None:
     """Write a recording again, with the motion that its pictures tell for what it had.
 
     Args:
         messages: Of the recording, by time.
         seen: By time; the motion of a frame comes before all else of its time.
         path: The new recording.
+        notes: Of the recording.
     """
     waiting = iter(seen)
     upcoming = next(waiting, None)
     with RecordingWriter(path) as writer:
+        for name, values in notes.items():
+            writer.note(name, values)
         for message in messages:
             if isinstance(message, Odometry | MovingTransform):
                 continue

@@ -11,7 +11,7 @@ from common.geometry import invert
 from common.images import compress
 from common.messages import Detections, Message, Odometry, RgbdFrame
 from common.recording import RecordingWriter, open_recording
-from deploy.evaluation.visual_motion import Seen, VisualMotion, write_seen
+from deploy.evaluation.visual_motion import Seen, VisualMotion, Watch, watch, write_seen
 from services.camera.config import CameraConfig
 from services.visual_odometry.config import VisualOdometryConfig
 from tests.deploy.test_alone import (  # noqa: F401  # a fixture is one by its name
@@ -75,6 +75,19 @@ def test_a_recording_is_worked_through_without_its_odometry(ride: Path, tmp_path
     assert [m.stamp_ns for m in told] == [one.stamp_ns for one in seen]
     order = [(m.stamp_ns, type(m)) for m in again if isinstance(m, Odometry | Detections)]
     assert order == sorted(order, key=lambda item: (item[0], item[1] is Detections))
+
+
+def test_what_was_watched_is_kept_and_wheels_do_not_count(ride: Path, tmp_path: Path) -> None:
+    wanted = Watch(CameraConfig(source=str(ride)), VisualOdometryConfig(), ride, tmp_path)
+    path = watch(wanted)
+    told = [m for _, m in open_recording(path).messages(Odometry) if isinstance(m, Odometry)]
+    assert len(told) == FRAMES
+    assert max(m.x_m for m in told) < 0.1  # the wheels said 9 m
+    made_ns = path.stat().st_mtime_ns
+    assert watch(wanted) == path
+    assert path.stat().st_mtime_ns == made_ns
+    slower = VisualOdometryConfig(overlap_min=0.6)
+    assert watch(Watch(wanted.camera, slower, ride, tmp_path)) != path
 
 
 def test_what_is_not_told_is_not_written(ride: Path, tmp_path: Path) -> None:
