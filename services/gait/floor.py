@@ -107,8 +107,8 @@ class FloorFinder:
         guess = self._still(points, limits) or self._best(points, limits)
         if guess is None:
             return None
-        for _ in range(2):
-            near = np.abs(guess.heights_m(points)) < limits
+        for share in (1.0, 0.7, 0.5):  # ever less of the feet of walls counts as floor
+            near = np.abs(guess.heights_m(points)) < share * limits
             fitted = self._fitted(points[near])
             guess = fitted if fitted is not None else guess
         return guess
@@ -124,8 +124,11 @@ class FloorFinder:
 
     def _best(self, points: F64, limits: F64) -> Floor | None:
         """Return the plane through three points that most points lie on."""
-        draws = self._generator.integers(0, len(points), (100, 3))
-        a, b, c = points[draws].swapaxes(0, 1)
+        lower = points[points[:, 1] > 0]  # of the image, where floors are
+        if len(lower) < 3:
+            return None
+        draws = self._generator.integers(0, len(lower), (100, 3))
+        a, b, c = lower[draws].swapaxes(0, 1)
         normals = np.cross(b - a, c - a)
         sizes = np.linalg.norm(normals, axis=1)
         normals = normals / np.maximum(sizes, 1e-9)[:, None]
