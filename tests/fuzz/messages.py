@@ -131,7 +131,7 @@ def _ros_seeds(_: Path) -> Sequence[bytes]:
 
 def _motion(data: bytes, _: Path) -> None:
     """Decode what a robot tells of its motion; what passes is taken in as the camera does."""
-    motion = LiveMotion(MOTIONS[data[0] % len(MOTIONS)] if data else MOTIONS[0])
+    motion = MOTIONS[data[0] % len(MOTIONS) if data else 0]
     topic = motion.topics[data[1] % len(motion.topics) if len(data) > 1 else 0]
     for told in motion.taken(topic.decode(data[2:]), ("base", "camera")):
         encode(told)
@@ -193,9 +193,12 @@ def _people_seeds(_: Path) -> Sequence[bytes]:
 
 PEOPLE_STORE = people_typestore()
 TREES = ("zenoh:tf", "zenoh:tf_static")
-MOTIONS = (
-    MotionConfig(odometry="zenoh:odom", transforms=TREES),
-    MotionConfig(joints="zenoh:joints", wheels=JointConfig(joints=("left", "right"))),
+MOTIONS = tuple(
+    LiveMotion(config)
+    for config in (
+        MotionConfig(odometry="zenoh:odom", transforms=TREES),
+        MotionConfig(joints="zenoh:joints", wheels=JointConfig(joints=("left", "right"))),
+    )
 )
 LIVE = LiveTruth(GtBridgeConfig(truth="zenoh:people"))
 
