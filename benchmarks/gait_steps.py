@@ -58,7 +58,7 @@ def compare(times_s: F64, feet_m: F64, falls: Sequence[Footfall]) -> Errors:
         feet_m: Nx2x3, left and right, frame: map; NaN where a foot was not seen.
         falls: The true steps, in order.
     """
-    config = StepConfig()
+    config = StepConfig(every_s=1e-3)  # what is told is of the frame that it is compared in
     meter, whole = StepMeter(config, UP), StepMeter(StepConfig(window_s=600.0), UP)
     means, asked = list[tuple[float, ...]](), 0
     for time_s, feet in zip(times_s.tolist(), feet_m, strict=True):
