@@ -252,8 +252,8 @@ def speed(plan: Plan) -> Sections:
                 "One person, each stage with all that it calls, under a profiler, which slows "
                 "small functions:",
                 gait_speed.profile(walk),
-                "What compiled code and shared work are worth: 100 boxes of 150x250 and their "
-                "surroundings compared with a person's colours took ms in NumPy: "
+                "What compiled code and shared work are worth: 100 boxes of 150x250 "
+                "weighed by their pixels took ms in NumPy: "
                 f"{spread(comparing['numpy'])}; now: {spread(comparing['compiled'])}.",
             ]
         ),
