@@ -87,6 +87,21 @@ def test_it_does_not_matter_which_foot_is_said_to_be_which() -> None:
     assert found == measured(left, right, times_s)
 
 
+def test_noise_gaps_and_exchanged_feet_together() -> None:
+    # 0.6 m in 0.5 s, seen with 5 cm of noise; a tenth of the samples is absent, in a fifth of the
+    # frames each foot is said to be the other one.
+    generator, times_s = np.random.default_rng(4), np.arange(0, 8, 1 / 30)
+    both = np.stack(feet(times_s))
+    both += generator.normal(0, 0.05, both.shape)
+    taken = generator.random(len(times_s)) < 0.2
+    both[:, taken] = both[::-1, taken]
+    seen = generator.random(both.shape[:2]) > 0.1
+    left, right = (Path(times_s[seen[k]], both[k, seen[k]]) for k in (0, 1))
+    found = measures_of(find_steps(left, right, UP, CONFIG), CONFIG)
+    assert found.step_length_m == pytest.approx(0.6, abs=0.02)
+    assert found.cadence_per_min == pytest.approx(120, rel=0.03)
+
+
 def test_a_footprint_that_was_missed_makes_no_long_step() -> None:
     # The right foot comes down at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nobody sees
     # it. Left places on both sides of it are a stride all the same; without the one halfway that
