@@ -47,7 +47,7 @@ class DepthLayerConfig(msgspec.Struct, frozen=True, kw_only=True):
     confidence_min: float = 0.25  # below it nothing is measured; default
     patience_s: float = 0.4  # [s] without a measurement until a point is lost; default
     spread_max_m: float = 0.35  # [m] standard deviation of a prediction beyond which it is lost
-    swap_s: float = 0.25  # [s] that keypoints must contradict left and right of points; default
+    swap_s: float = 0.15  # [s] that left and right must be on the wrong side, to be exchanged
     gate: float = 5.0  # [standard deviations] from its prediction that a point is believed to be
     proposed: float = 0.4  # share of particles that are placed by keypoints and ends of limbs
     adapt: float = 0.03  # of the reference distance, that each measured frame adds

@@ -11,24 +11,24 @@ from services.gait.depth_config import DepthLayerConfig
 from services.gait.facing import Facing
 from services.gait.floor import Floor
 from services.gait.geodesic import geodesic_m
-from services.gait.limbs import UP, Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
-from services.gait.matching import ALONG_SIGMA_M, match
+from services.gait.judging import Judge
+from services.gait.limbs import Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
+from services.gait.matching import match
 from services.gait.point_filter import PointEstimate, PointFilter, Proposal
-from services.gait.points import PAIRS, Anchor, anchors, stepped
+from services.gait.points import PAIRS, SURE, Anchor, anchors, stepped
+from services.gait.sides import Sides
 from services.gait.spin_image import similarity, spin_images
+from services.gait.starting import starts
 from services.gait.surface import I64, Surface
 from services.gait.tips import tips_of
 from services.gait.trunk import Trunk
-from services.gait.weighing import Hints, Weighed, agreement, alone, together
+from services.gait.weighing import Hints, alone, together
 
 __all__ = ["DepthLayer", "PointEstimate", "Sight"]
 
 MIN_VERTICES = 30  # fewer are no body
-SURE = 0.5  # of a keypoint or an end of a limb from which a lost point starts
-APART = 3.0  # [standard deviations] of a point and its keypoint, which then disagree
-PATIENCE = 2  # frames of disagreement
-ARM = 0.3  # of the stature, from the trunk's middle to the fingertips, at least
-CROSSING_M = 0.12  # [m] between left and right, nearer than which they may be taken for each other
+PATIENCE = 2  # frames in which a keypoint contradicts a point, until that starts again
+BEGIN_M = 0.05  # [m] of a keypoint to the body, at most, for a point to start there
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ class DepthLayer:
         self._facing = Facing()
         self.facing: F64 | None = None  # 3, level, optical frame
         self._points = {name: self._new(name) for name in config.points}
-        self._disagreed = dict.fromkeys(config.points, 0)
-        self._votes: dict[str, float] = {}
+        self._judge = Judge(config, info)
+        self._sides = Sides(config.swap_s)
         self._ends: dict[str, LimbEnd] = {}  # of the points' limbs
         self._stature_m = 0.0
         self._combined = config.feature == "combined"
@@ -92,7 +92,6 @@ class DepthLayer:
     def stop(self, name: str) -> None:
         """Follow a point no longer."""
         self._points.pop(name, None)
-        self._disagreed.pop(name, None)
 
     def update(self, sight: Sight) -> Mapping[str, PointEstimate]:
         """Return where the points are in the next frame.
@@ -111,7 +110,8 @@ class DepthLayer:
         self._weigh(sight, body, found)
         self._begin(sight, body, found, ends)
         if not found and self._combined:
-            self._check_sides(sight)
+            for left, right in self._sides.wrong(self._points, self.facing, sight.dt_s):
+                self._exchange(left, right)
         return self._told()
 
     def ahead(self, dt_s: float) -> Mapping[str, PointEstimate]:
@@ -215,42 +215,39 @@ class DepthLayer:
         points = [point for point in self._points.values() if point.motion is not None]
         for point in points:
             point.settle(body)
-        alike = self._alike(points, body)
-        weighed = [
-            self._weighed(point, body, like, found.get(point.name))
-            for point, like in zip(points, alike, strict=True)
-        ]
-        for point, result in zip(points, weighed, strict=True):
-            self.trust[point.name] = result.trust
-            self._take(point, body, result, found.get(point.name), sight.dt_s)
-
-    def _alike(self, points: Sequence[PointFilter], body: Body3d) -> list[F64]:
-        """Return how like the reference the spin images of all particles are."""
-        if self._config.feature == "geodesic":
-            return [np.zeros(len(point.vertices)) for point in points]
-        vertices: list[I64] = [point.vertices for point in points]
-        distinct, inverse = np.unique(np.concatenate([[-1], *vertices]), return_inverse=True)
-        images = spin_images(body.surface, distinct, self._config.spin)
-        found, at = [], 1
+        hints = {point.name: self._hints(point, found.get(point.name)) for point in points}
+        weigh = together if self._combined else alone
+        weighed = {
+            point.name: weigh(point, body, alike, hints[point.name], self._config)
+            for point, alike in zip(points, self._alike(points, body), strict=True)
+        }
         for point in points:
-            mine = inverse[at : at + len(point.vertices)]
-            at += len(mine)
-            rows, back = np.unique(mine, return_inverse=True)
-            assert point.spin is not None
-            found.append(similarity(images[rows], point.spin)[back])
+            self.trust[point.name] = weighed[point.name].trust
+            self._judge.take(point, body, weighed[point.name], hints[point.name], sight.dt_s)
+
+    def _alike(self, points: Sequence[PointFilter], body: Body3d) -> list[F64 | None]:
+        """Return how like the reference the spin images of all particles are."""
+        vertices: list[I64] = [p.vertices for p in points if p.spin is not None]
+        if not vertices:
+            return [None] * len(points)
+        distinct = np.unique(np.concatenate([[-1], *vertices]))
+        images = spin_images(body.surface, distinct, self._config.spin)
+        found: list[F64 | None] = []
+        for point in points:
+            if point.spin is None:
+                found.append(None)
+                continue
+            rows, back = np.unique(point.vertices, return_inverse=True)
+            alike = similarity(images[np.searchsorted(distinct, rows)], point.spin)
+            found.append(alike[back])
         return found
 
-    def _weighed(
-        self, point: PointFilter, body: Body3d, alike: F64, anchor: Anchor | None
-    ) -> Weighed:
-        if not self._combined:
-            return alone(point, body, alike, self._config)
+    def _hints(self, point: PointFilter, anchor: Anchor | None) -> Hints:
         assert point.motion is not None
-        sigma = self._anchor_sigma(point.motion.position_m[2], anchor) if anchor else 1.0
+        sigma_px = self._anchor_sigma(point.motion.position_m[2], anchor) if anchor else 1.0
         other = self._other(point)
         taken = self._ends.get(other.name) if other is not None else None
-        hints = Hints(anchor, sigma, other, self._ends.get(point.name), taken)
-        return together(point, body, alike, hints, self._config)
+        return Hints(anchor, sigma_px, other, self._ends.get(point.name), taken)
 
     def _other(self, point: PointFilter) -> PointFilter | None:
         for left, right in PAIRS:
@@ -258,123 +255,22 @@ class DepthLayer:
                 return self._points.get(right if point.name == left else left)
         return None
 
-    def _take(
-        self, point: PointFilter, body: Body3d, result: Weighed, anchor: Anchor | None, dt_s: float
-    ) -> None:
-        logs = result.logs
-        best = int(np.argmax(logs))
-        if not np.isfinite(logs[best]):
-            point.missed(dt_s)
-            point.scatter(body)
-            return
-        weights = np.exp(logs - logs[best])
-        weights /= weights.sum()
-        places = body.surface.points_m[np.maximum(point.vertices, 0)]
-        if self._combined:
-            near = np.linalg.norm(places - places[best], axis=1) <= self._config.window_m
-            kept = weights * near * (point.vertices >= 0)
-            position = (kept / kept.sum()) @ places
-            self._judge(point, body, position, best, anchor, dt_s)
-        else:
-            point.measured(places[best], 1.0)
-        point.resample(weights)
-
-    def _judge(
-        self,
-        point: PointFilter,
-        body: Body3d,
-        position: F64,
-        best: int,
-        anchor: Anchor | None,
-        dt_s: float,
-    ) -> None:
-        """Take a position in if enough speaks for it."""
-        assert point.motion is not None
-        config = self._config
-        noise = point.noise_m2(position)
-        off = float(np.sqrt(point.motion.distances2(position[None], noise)[0]))
-        support = self._by_limb(point, body, point.vertices[best])
-        if anchor is not None:
-            support = max(support, self._by_anchor(point, position, anchor))
-        point.unsupported_s = 0.0 if support > config.confidence_min else point.unsupported_s + dt_s
-        # Neither limb nor keypoint: what is alike elsewhere is believed for a while only.
-        waned = float(np.exp(-point.unsupported_s / (2 * config.patience_s))) if point.kind else 1.0
-        support = max(support, waned * self._by_distance(point, body, point.vertices[best]))
-        confidence = support * float(agreement(np.array(off / config.gate * 1.5)))
-        if off > config.gate or confidence < config.confidence_min or point.state == "lost":
-            point.missed(dt_s)
-            return
-        point.measured(position, confidence)
-        vertex = point.vertices[best]
-        if confidence > SURE:
-            point.adapt(float(body.along_m[vertex]))
-
-    def _by_limb(self, point: PointFilter, body: Body3d, vertex: int) -> float:
-        """Return how well a vertex fits the end of the point's limb, 0 to 1."""
-        end = self._ends.get(point.name)
-        if end is None or body.tips.basin[vertex] != end.basin or not np.isfinite(point.below_m):
-            return 0.0
-        off = (body.below_m[vertex] - point.below_m) / self._config.tip_sigma_m
-        return end.strength * float(agreement(np.array(off / 1.5)))
-
-    def _by_distance(self, point: PointFilter, body: Body3d, vertex: int) -> float:
-        """Return how well a vertex fits the point's distance along the body, 0 to 1."""
-        off = (body.along_m[vertex] - point.along_m) / self._config.geodesic_sigma_m
-        return float(agreement(np.array(np.nan_to_num(off, nan=9.0, posinf=9.0) / 1.5)))
-
-    def _by_anchor(self, point: PointFilter, position: F64, anchor: Anchor) -> float:
-        """Return how well a position fits the point's keypoint, 0 to 1."""
-        pixel = project(position, self._info)[0]
-        apart = float(np.linalg.norm(pixel - anchor.pixel))
-        apart /= self._anchor_sigma(position[2], anchor)
-        count = self._disagreed.get(point.name, 0) + 1
-        wrong = apart > APART and anchor.confidence > SURE
-        self._disagreed[point.name] = count if wrong else 0
-        sure = float(np.clip((anchor.confidence - 0.4) / 0.3, 0.0, 1.0))
-        return sure * float(agreement(np.array(apart / 1.5)))
-
     def _begin(
         self, sight: Sight, body: Body3d, found: Mapping[str, Anchor], ends: Sequence[LimbEnd]
     ) -> None:
         """Start points that are not followed, and again those that their keypoints contradict."""
         for name, point in self._points.items():
-            contradicted = self._disagreed.get(name, 0) > PATIENCE
-            idle = point.motion is None or (self._combined and point.state == "lost")
+            lost = point.motion is None or (self._combined and point.state == "lost")
             anchor = found.get(name)
-            if not (idle or contradicted) or (anchor is not None and anchor.confidence < SURE):
+            if anchor is None or anchor.confidence < SURE:
                 continue
-            if anchor is not None:
-                self._start_near(name, anchor.pixel, body, 0.05)
+            if lost or point.contradicted > PATIENCE:
+                self._start_near(name, anchor.pixel, body)
         if not (self._combined and self._config.keypoints and sight.keypoints is not None):
-            self._begin_at_ends(sight, body, ends)
-
-    def _start_near(self, name: str, pixel: F64, body: Body3d, reach_m: float) -> None:
-        away = np.linalg.norm(body.surface.pixels_px - pixel, axis=1)
-        vertex = int(np.argmin(away))
-        if away[vertex] <= self._pixels(reach_m, body.surface.points_m[vertex, 2]):
-            self._start(name, vertex, body)
-
-    def _begin_at_ends(self, sight: Sight, body: Body3d, ends: Sequence[LimbEnd]) -> None:
-        """Start points at the ends of limbs; which is left tells the way the person faces."""
-        forward = np.array([0.0, 0.0, -1.0]) if self.facing is None else self.facing
-        left = np.cross(UP, forward)
-        for kind in ("head", "hand", "foot"):
-            points = [point for point in self._points.values() if point.kind == kind]
+            points = self._points.values()
             idle = [point for point in points if self._is_idle(point)]
-            taken = [
-                point.motion.position_m
-                for point in points
-                if point not in idle and point.motion is not None
-            ]
-            free = [
-                end
-                for end in ends
-                if end.kind == kind
-                and end.strength > SURE
-                and (kind != "hand" or end.along_m > ARM * self._stature_m)
-                and all(np.linalg.norm(end.position_m - place) > 0.12 for place in taken)
-            ]
-            self._assign(idle, free[: len(idle)], left, body)
+            for name, end in starts(points, idle, ends, body, self.facing):
+                self._start(name, body.surface.nearest(end.position_m), body)
 
     def _is_idle(self, point: PointFilter) -> bool:
         """Tell whether a point waits for the end of a limb: it is lost, or on none for long."""
@@ -382,54 +278,33 @@ class DepthLayer:
             return point.motion is None
         return not point.alive or point.unsupported_s > self._config.patience_s
 
-    def _check_sides(self, sight: Sight) -> None:
-        """Exchange left and right that contradict the way the person walks for long."""
-        if self.facing is None:
-            return
-        side = np.cross(UP, self.facing)
-        for left, right in PAIRS:
-            pair = [self._points.get(left), self._points.get(right)]
-            if not all(p and p.state == "measured" for p in pair):
-                continue
-            a, b = (p.motion.position_m for p in pair if p and p.motion)
-            apart = float((a - b) @ side)
-            votes = self._votes.get(left, 0.0)
-            votes += sight.dt_s * (1.0 if apart < -CROSSING_M / 2 else -1.0)
-            self._votes[left] = max(votes, 0.0)
-            if votes > 2 * self._config.swap_s:
-                self._votes[left] = 0.0
-                self._exchange(left, right)
-
-    def _assign(
-        self, idle: Sequence[PointFilter], ends: Sequence[LimbEnd], left: F64, body: Body3d
-    ) -> None:
-        """Start points of one kind at ends of limbs, left ones on the left."""
-        middle = np.median(body.surface.points_m, axis=0)
-        for end in sorted(ends, key=lambda end: -abs(float((end.position_m - middle) @ left))):
-            likely = [point for point in idle if self._fits(point, end)]
-            side = "left" if float((end.position_m - middle) @ left) > 0 else "right"
-            # Of two that wait the one of that side; one that waits alone is the other one's pair.
-            chosen = [point for point in likely if point.name.startswith(side) or len(idle) == 1]
-            chosen = chosen or [point for point in likely if point.kind == "head"]
-            if chosen:
-                self._start(chosen[0].name, body.surface.nearest(end.position_m), body)
-                idle = [point for point in idle if point is not chosen[0]]
-
-    def _fits(self, point: PointFilter, end: LimbEnd) -> bool:
-        """Tell whether a limb is as long as it was; a point keeps that while it is lost."""
-        length = point.along_m + np.nan_to_num(point.below_m)
-        return bool(np.isnan(length) or abs(end.along_m - length) < 2.5 * ALONG_SIGMA_M)
+    def _start_near(self, name: str, pixel: F64, body: Body3d) -> None:
+        away = np.linalg.norm(body.surface.pixels_px - pixel, axis=1)
+        vertex = int(np.argmin(away))
+        if away[vertex] <= self._pixels(BEGIN_M, body.surface.points_m[vertex, 2]):
+            self._start(name, vertex, body)
 
     def _start(self, name: str, vertex: int, body: Body3d, *, marked: bool = False) -> None:
         point = self._points.get(name) or self._new(name)
         self._points[name] = point
-        self._disagreed[name] = 0
-        point.start(vertex, body, spin_images(body.surface, [vertex], self._config.spin)[0])
+        point.start(vertex, body, self._spin(point, vertex, body))
         point.below_m = lengths_m(self._config).get(point.kind, np.nan)
         basin = body.tips.basin[vertex]
         if marked and basin >= 0:
             below = float(body.below_m[vertex])
             point.below_m = below if body.kinds[basin] == point.kind and below < 0.4 else np.nan
+
+    def _spin(self, point: PointFilter, vertex: int, body: Body3d) -> F64 | None:
+        """Return the reference of a point that is followed by its spin image.
+
+        Combined, those are marked points that end no limb: limbs bend, and are followed by
+        distances; what is rigid, the trunk, is known again by its spin image.
+        """
+        feature = self._config.feature
+        if feature == "geodesic" or (feature == "combined" and point.kind):
+            return None
+        image: F64 = spin_images(body.surface, [vertex], self._config.spin)[0]
+        return image
 
     def _pixels(self, length_m: float, depth_m: float) -> float:
         return float(self._info.fx * length_m / max(depth_m, 0.1))

@@ -74,6 +74,7 @@ class PointFilter:
         self.below_m = np.nan  # reference: distance to the tip of the limb; NaN: at no limb
         self.confidence = 0.0
         self.missed_s = 0.0  # since it was measured
+        self.contradicted = 0  # frames in a row, by its keypoint
         self.unsupported_s = 0.0  # since limb or keypoint spoke for it
         self.state: State = "lost"
 
@@ -82,7 +83,7 @@ class PointFilter:
         """Whether the point is followed."""
         return self.motion is not None and self.state != "lost"
 
-    def start(self, vertex: int, body: Body3d, spin: F64) -> None:
+    def start(self, vertex: int, body: Body3d, spin: F64 | None) -> None:
         """Follow the point from a vertex on."""
         config = self._config
         position = body.surface.points_m[vertex]
@@ -98,7 +99,7 @@ class PointFilter:
         self.along_m = self.first_m = np.nan  # unless a way leads there
         self.adapt(float(body.along_m[vertex]))
         self.state, self.missed_s, self.confidence = "measured", 0.0, 1.0
-        self.unsupported_s = 0.0
+        self.unsupported_s, self.contradicted = 0.0, 0
 
     def propagate(self, dt_s: float, proposals: Sequence[Proposal]) -> None:
         """Move the particles, by their motion and by what else tells where the point may be."""

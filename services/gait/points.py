@@ -21,6 +21,7 @@ TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
 JOINTS: Mapping[str, tuple[int, int]] = MappingProxyType(
     {LEFT_HAND: (9, 7), RIGHT_HAND: (10, 8), LEFT_FOOT: (15, 13), RIGHT_FOOT: (16, 14)}
 )
+SURE = 0.5  # confidence of a keypoint or of an end of a limb at which a lost point starts
 BENT = 1.5  # times the noise, where the direction of a limb is not known
 # Times the noise: the face is beside the head's middle; where a foot points is not known at first.
 LOOSE: Mapping[str, float] = MappingProxyType({"head": 2.0, "hand": 1.0, "foot": 2.5})

@@ -42,19 +42,25 @@ def agreement(away: F64) -> F64:
     return np.asarray(np.exp(-0.5 * np.minimum(np.abs(away), 9.0) ** 2))
 
 
-def alone(point: PointFilter, body: Body3d, alike: F64, config: DepthLayerConfig) -> Weighed:
+def alone(
+    point: PointFilter,
+    body: Body3d,
+    alike: F64 | None,
+    _hints: Hints,
+    config: DepthLayerConfig,
+) -> Weighed:
     """Weigh particles by one feature.
 
     Args:
         point: With particles on the body.
         body: Its surface.
-        alike: N, similarity of spin images to the reference; not used for geodesic.
+        alike: N, similarity of spin images to the reference; None: distances are compared.
         config: Which feature, and its noise.
 
     Source: method book section 8.3 [G 4.2.3, 4.3].
     """
     on = point.vertices >= 0
-    if config.feature == "spin":
+    if alike is not None:
         logs = alike / config.spin_sigma
     else:
         logs = -0.5 * (_off_along(point, body, config) ** 2)
@@ -62,7 +68,7 @@ def alone(point: PointFilter, body: Body3d, alike: F64, config: DepthLayerConfig
 
 
 def together(
-    point: PointFilter, body: Body3d, alike: F64, hints: Hints, config: DepthLayerConfig
+    point: PointFilter, body: Body3d, alike: F64 | None, hints: Hints, config: DepthLayerConfig
 ) -> Weighed:
     """Weigh particles by all there is, each feature trusted by its own confidence.
 
@@ -80,9 +86,11 @@ def together(
     if hints.end is None and point.kind:
         trust["geodesic"] *= ENDLESS
     logs -= trust["geodesic"] * np.minimum(0.5 * off**2, CLIP)
-    trust["spin"] = float(np.clip(np.where(on, alike, -1.0).max(initial=0.0) / 2.0, 0.0, 1.0))
-    best = np.where(on, alike, -np.inf).max(initial=-1.0)
-    logs -= trust["spin"] * np.minimum((best - np.maximum(alike, -2.0)) / config.spin_sigma, CLIP)
+    if alike is not None:
+        best = float(np.where(on, alike, -np.inf).max(initial=0.0))
+        trust["spin"] = min(best / 2.0, 1.0)
+        off = (best - np.maximum(alike, -2.0)) / config.spin_sigma
+        logs -= trust["spin"] * np.minimum(off, CLIP)
     logs -= _off_limb(point, body, at, hints, config)
     if hints.anchor is not None:
         logs = np.where(on, np.maximum(logs - logs.max(initial=-1e3), -BODY_CLIP), -np.inf)

@@ -23,7 +23,7 @@ def legs_towards(ahead_m: tuple[float, float]) -> tuple[Surface, F64]:
     x, z = ahead_m
     rows = np.arange(30) / 1000
     shins = np.column_stack([rows, np.full(30, 0.8), np.full(30, 3.0)])
-    feet = shins + (x, 0.15, z)
+    feet = shins + np.array([x, 0.15, z])
     return mesh_of([*shins, *feet], [(0, 1)]), np.repeat([0.2, 0.05], 30)
 
 
