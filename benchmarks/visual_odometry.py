@@ -1,8 +1,8 @@
 """Motion from pictures beside that from wheels: how far off it is, and what it does to tracks.
 
-The six scenarios of the odometry paper in the virtual lab, as they were filmed in colour; those of
-them that are not filmed yet are, which takes some minutes each. Pictures of people who walk before
-a real camera that stands (`--shared`) show what is told of a motion that is none.
+Scenarios of the odometry paper in the virtual lab, filmed in colour; what is not filmed yet is,
+which takes some minutes each. Pictures of people who walk before a real camera that stands
+(`--shared`) show what is told of a motion that is none.
 """
 
 import argparse
@@ -43,7 +43,7 @@ from services.tracker.image_sort_config import ImageSortConfig
 from services.visual_odometry.config import VisualOdometryConfig
 
 ROOT = Path(__file__).resolve().parents[1]
-SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2", "port1", "port2")
+SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2")  # and port1, port2, in which it turns slowly
 WAY_M, TURN_DEG = 1.0, 90.0  # of stretches that drift is told of
 DYNAMIC = ImageSortConfig(r=10.0, max_age=5.0)  # as chosen on MOT15 (benchmarks/odometry.md)
 POSES = (
@@ -266,7 +266,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Judge odometry from pictures.")
     parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
     parser.add_argument("--scenarios", nargs="+", default=list(SCENARIOS))
-    parser.add_argument("--seed", type=int, default=101)
+    parser.add_argument("--seed", type=int, default=102)
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     cache = default_folder()
@@ -303,13 +303,14 @@ def main() -> None:
 
 
 INTRODUCTION = """\
-Films of the virtual lab in colour, seed {seed}: 640x480 pixels at 15 or 20 Hz, blurred by 15 ms of
-exposure, depth up to 5 m with the errors of a D435i; boxes of people are MoveNet's. *Wheels* is the
-lab's odometry of wheels that slip, with errors of radius and track; *none* believes that the base
-stands. *Off by* is the error of the motion from one frame to the next; *after 1 m* and *after 90°*
-is the median error over all stretches of that much way and turn. *Within 2 sigma*: share of frames
-whose heading, counted from the start, is as near to the truth as its covariance says. Milliseconds
-are of processor time, in one thread."""
+Films of the virtual lab in colour, seed {seed} (settings were chosen on 101): 640x480 pixels at 15
+or 20 Hz, blurred by 15 ms of exposure, depth up to 5 m with the errors of a D435i; boxes of people
+are MoveNet's. *Wheels* is the lab's odometry of wheels that slip, with errors of radius and track;
+*none* believes that the base stands. *Off by* is the error of the motion from one frame to the
+next; *after 1 m* and *after 90°* is the median error over all stretches of that much way and turn.
+*Within 2 sigma*: share of frames whose heading, counted from the start, is as near to the truth as
+its covariance says. Milliseconds are of processor time, in one thread of a machine that does other
+work, too."""
 
 
 if __name__ == "__main__":

@@ -71,7 +71,7 @@ class FitConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     rounds: int = 32  # random samples
     sigma_px: float = 0.7  # standard deviation of where a point is found
-    people_sigma_px: float = 2.0  # likewise of one on a person, who hardly ever stands quite still
+    people_sigma_px: float = 3.0  # likewise of one on a person, who hardly ever stands quite still
     gate_sigmas: float = 3.0  # that a point of the room may be off; people are what is farther off
     prior_sigmas: float = 5.0  # that a motion may be off what the one before led to expect
     points_min: int = 12  # that have to agree ...

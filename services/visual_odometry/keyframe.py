@@ -13,7 +13,7 @@ from services.visual_odometry.points import Lens, People, View, find_corners, re
 HARDLY_M = 0.5  # standard deviation of a depth from which on it is hardly known
 LEAST = 0.005  # [1/m] inverse depth
 LEARNT = 0.6  # of what was not known of a depth at first: less is worth handing on
-FAR, FAR_SIGMA = 0.5, 0.3  # of the least inverse depth that is read: all between it and none
+FAR, FAR_SIGMA = 0.6, 0.3  # of the least inverse depth that is read: all between it and none
 
 
 @dataclass(frozen=True)
