@@ -34,9 +34,7 @@ class DepthLayerConfig(msgspec.Struct, frozen=True, kw_only=True):
     foot_reach: float = 0.12  # of the shank, from the ankle to the middle of the foot
     foot_ahead_m: float = 0.07  # [m] from the ankle ahead to the middle of the foot
     tip_m: float = 0.06  # [m] that the end of a limb must stand out along the body; default
-    hand_m: float = (
-        0.07  # [m] along the body from where fingers are seen to end to the hand's middle
-    )
+    hand_m: float = 0.09  # [m] along the body from the fingertips to the middle of the hand
     foot_m: float = 0.10  # [m] from the toes to the middle of the foot
     head_m: float = 0.17  # [m] from the top of the head, round it, to its middle
     tip_sigma_m: float = 0.04  # [m] of these three
