@@ -74,6 +74,7 @@ class FitConfig(msgspec.Struct, frozen=True, kw_only=True):
     people_sigma_px: float = 3.0  # likewise of one on a person, who hardly ever stands quite still
     gate_sigmas: float = 3.0  # that a point of the room may be off; people are what is farther off
     prior_sigmas: float = 5.0  # that a motion may be off what the one before led to expect
+    room_min: int = 4  # points of the room that have to agree, whatever people do
     points_min: int = 12  # that have to agree ...
     share_min: float = 0.4  # ... and of those followed
     # Errors of points close together are alike, so that there is less to average over than it seems
@@ -85,6 +86,7 @@ class FitConfig(msgspec.Struct, frozen=True, kw_only=True):
         """Check ranges."""
         _expect_positive(self, *(name for name in self.__struct_fields__ if name != "points_min"))
         _expect(self.share_min <= 1, "share_min: expected at most 1", self.share_min)
+        _expect(self.room_min >= 3, "room_min: expected >= 3", self.room_min)
         _expect(self.points_min >= 6, "points_min: expected >= 6", self.points_min)
 
 

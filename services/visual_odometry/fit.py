@@ -122,11 +122,10 @@ def fit_motion(sights: Sights, mount: Mount, prior: Prior, config: FitConfig) ->
     Source: random samples (Fischler and Bolles, 1981), then Gauss-Newton on the distances in the
     image with Huber's weights.
     """
-    if len(sights.then) < config.points_min:
+    room, everything = ~sights.people, np.ones(len(sights.then), np.bool_)
+    if room.sum() < config.room_min or len(room) < config.points_min:
         return None
     scene = _Scene(sights, mount, prior, config.gate_sigmas)
-    everything = np.ones(len(sights.then), np.bool_)
-    room = ~sights.people if (~sights.people).sum() >= config.points_min else everything
     solved = scene.solved(prior.before_from_now, room, FIRST_GATE)
     if (solved.off < config.gate_sigmas)[room].mean() < EASY_SHARE:
         solved = scene.solved(scene.best_sample(config.rounds), room, FIRST_GATE)
@@ -137,7 +136,9 @@ def fit_motion(sights: Sights, mount: Mount, prior: Prior, config: FitConfig) ->
             solved = both
     pose, off = solved.pose, solved.off
     inliers = off < config.gate_sigmas
-    if inliers.sum() < config.points_min or scene.unexpected(pose) > config.prior_sigmas:
+    if inliers[room].sum() < config.room_min or inliers.sum() < config.points_min:
+        return None
+    if scene.unexpected(pose) > config.prior_sigmas:
         return None
     # Errors larger than thought make it less sure; smaller ones are luck.
     spread = max(float(np.mean(off[inliers] ** 2)) / 2, 1.0) * config.sigma_factor**2
@@ -229,11 +230,7 @@ class _Scene:
     def best_sample(self, rounds: int) -> F64:
         """Return the motion (4x4) by a few points that the most others agree on."""
         count = len(self._sights.then)
-        room = (
-            np.flatnonzero(~self._sights.people)
-            if not self._sights.people.all()
-            else np.arange(count)
-        )
+        room = np.flatnonzero(~self._sights.people)
         chosen = room[np.random.default_rng(0).integers(0, len(room), (rounds, SAMPLE))]
         poses = np.repeat(self._prior.before_from_now[None], rounds, axis=0)
         for _ in range(SAMPLE_STEPS):

@@ -186,16 +186,16 @@ class Odometer:
         points = keyframe.points
         flow = self._config.flow
         pixels, there = follow(keyframe.grey, grey, points.pixels, attempt.guess_px, flow)
-        if there.sum() < config.points_min:
+        room = ~points.people
+        if there.sum() < config.points_min or (room & there).sum() < config.room_min:
             causes["not_followed"] += 1
             return None
         focal_px = self._lens.focal_px
         noise = config.sigma_px / focal_px, config.people_sigma_px / focal_px
         sights = points.sights(there, self._lens.rays(pixels[there]), noise)
         fit = fit_motion(sights, self._mount, attempt.prior, config)
-        room = ~points.people
         agree = 0 if fit is None else int(fit.inliers[room[there]].sum())
-        if fit is None or agree < max(config.share_min * (room & there).sum(), 1):
+        if fit is None or agree < config.share_min * (room & there).sum():
             causes["too_few_agree"] += 1
             return None
         sigmas, way = np.sqrt(np.diag(fit.covariance)), self._mount.free < 3
