@@ -155,6 +155,15 @@ def test_people_found_late_are_marked_then() -> None:
     assert points.people[inside & (np.abs(points.places_m[:, 2] - 1.9) < 0.3)].all()
 
 
+def test_if_all_that_is_seen_may_be_people_nothing_is_told() -> None:
+    """Somebody before the whole picture: what is followed may be them as well as the room."""
+    one, counters = odometer()
+    one.update(view(base(), 0))
+    one.mark(0, People(np.array([[0.0, 0.0, WIDTH, HEIGHT]]), np.array([np.nan])))
+    assert one.update(view(base(0.02), 1)) is None
+    assert counters["not_followed"] == 1
+
+
 def test_carried_in_the_hand_it_follows_any_way() -> None:
     lift = base()
     lift[2, 3] = 0.05
