@@ -105,7 +105,7 @@ class DepthLayer:
                 self._skip(point, sight.dt_s)
             return self._told()
         found = self._anchors(sight, body)
-        ends = limb_ends(body, self._config) if self._combined or not self._begun() else []
+        ends = self._limb_ends(body) if self._combined or not self._begun() else []
         self._move(sight, found, ends)
         self._weigh(sight, body, found)
         self._begin(sight, body, found, ends)
@@ -155,6 +155,14 @@ class DepthLayer:
         tips = tips_of(surface, along, config.tip_m)
         self.body = body_of(surface, heights, self._stature_m, along, tips)
         return self.body
+
+    def _limb_ends(self, body: Body3d) -> list[LimbEnd]:
+        """Return the ends of limbs that are not merely where the picture ends."""
+        margin = 2 * body.surface.step_px
+        last = np.array([self._info.width, self._info.height]) - 1 - margin
+        pixels = body.surface.pixels_px[body.tips.vertices]
+        inside = np.all((pixels > margin) & (pixels < last), axis=1)
+        return [end for end in limb_ends(body, self._config) if inside[end.basin]]
 
     def _anchors(self, sight: Sight, body: Body3d) -> Mapping[str, Anchor]:
         """Return where keypoints put the points."""

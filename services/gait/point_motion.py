@@ -4,7 +4,7 @@ import numpy as np
 
 from common.messages import F64
 
-H = np.eye(3, 6)
+H, EYE = np.eye(3, 6), np.eye(3)
 
 
 class PointMotion:
@@ -27,6 +27,7 @@ class PointMotion:
         self.covariance[:3, :3] = noise_m2
         self.covariance[3:, 3:] = speed_mps**2 * np.eye(3)
         self._acceleration = acceleration_mps2
+        self._spread_m: float | None = None  # found when it is asked for
 
     @property
     def position_m(self) -> F64:
@@ -36,25 +37,33 @@ class PointMotion:
     @property
     def spread_m(self) -> float:
         """Standard deviation of the position where it is largest."""
-        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))
+        if self._spread_m is None:
+            self._spread_m = float(np.sqrt(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))
+        return self._spread_m
 
     def predict(self, dt_s: float) -> None:
         """Move ahead in time."""
         self.state, self.covariance = self.ahead(dt_s)
+        self._spread_m = None
 
     def ahead(self, dt_s: float) -> tuple[F64, F64]:
         """Return state, 6, and covariance, 6x6, after some time."""
-        step = np.eye(6)
-        step[:3, 3:] = dt_s * np.eye(3)
-        push = np.concatenate([dt_s**2 / 2 * np.eye(3), dt_s * np.eye(3)])
-        noise = self._acceleration**2 * push @ push.T
-        return step @ self.state, step @ self.covariance @ step.T + noise
+        P, noise = self.covariance, self._acceleration**2
+        moved = P[:3, 3:] + dt_s * P[3:, 3:]
+        ahead = np.empty((6, 6))
+        ahead[:3, :3] = P[:3, :3] + dt_s * (P[3:, :3] + moved) + noise * dt_s**4 / 4 * EYE
+        ahead[:3, 3:] = moved + noise * dt_s**3 / 2 * EYE
+        ahead[3:, :3] = ahead[:3, 3:].T
+        ahead[3:, 3:] = P[3:, 3:] + noise * dt_s**2 * EYE
+        state = self.state.copy()
+        state[:3] += dt_s * state[3:]
+        return state, ahead
 
     def distances2(self, points_m: F64, noise_m2: F64) -> F64:
         """Return squared Mahalanobis distances of Nx3 measured points to the prediction, N."""
         away = points_m - self.position_m
         S = self.covariance[:3, :3] + noise_m2
-        return np.asarray(np.einsum("ni,ni->n", away, np.linalg.solve(S, away.T).T))
+        return np.asarray(((away @ np.linalg.inv(S)) * away).sum(axis=1))
 
     def correct(self, point_m: F64, noise_m2: F64) -> None:
         """Take in a measured point, 3, and its covariance, 3x3."""
@@ -62,5 +71,7 @@ class PointMotion:
         gain = np.linalg.solve(S, self.covariance[:3]).T
         self.state = self.state + gain @ (point_m - self.position_m)
         left = np.eye(6) - gain @ H
-        # Joseph's form stays symmetric and positive definite.
-        self.covariance = left @ self.covariance @ left.T + gain @ noise_m2 @ gain.T
+        # Joseph's form stays positive definite; what rounding leaves of asymmetry would grow.
+        corrected = left @ self.covariance @ left.T + gain @ noise_m2 @ gain.T
+        self.covariance = (corrected + corrected.T) / 2
+        self._spread_m = None

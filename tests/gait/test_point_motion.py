@@ -44,3 +44,27 @@ def test_distances_are_in_standard_deviations() -> None:
     # Variance 0.01 of the point and 0.01 of what is measured: 0.2 m is sqrt(0.04 / 0.02) of them.
     squares = still().distances2(np.array([[0.0, 0.2, 0.0], [0.0, 0.0, 0.0]]), NOISE_M2)
     assert squares == pytest.approx([2.0, 0.0])
+
+
+def test_prediction_is_that_of_the_matrices() -> None:
+    # F P F' + G G' q of the book, of a covariance that is not symmetric between the axes.
+    motion = PointMotion(np.zeros(3), np.diag([0.01, 0.02, 0.03]), 1.0, 2.0)
+    motion.predict(0.1)
+    motion.correct(np.array([0.1, 0.0, 0.0]), np.diag([0.03, 0.01, 0.02]))
+    F, G = np.eye(6), np.zeros((6, 3))
+    F[:3, 3:] = 0.2 * np.eye(3)
+    G[:3], G[3:] = 0.2**2 / 2 * np.eye(3), 0.2 * np.eye(3)
+    state, covariance = motion.ahead(0.2)
+    assert state == pytest.approx(F @ motion.state)
+    np.testing.assert_allclose(covariance, F @ motion.covariance @ F.T + 4.0 * G @ G.T, atol=1e-12)
+
+
+def test_covariances_stay_symmetric() -> None:
+    # What rounding left of asymmetry once grew until points were nowhere.
+    motion = PointMotion(np.array([0.3, 0.7, 3.0]), NOISE_M2, 1.5, 12.0)
+    noise_m2 = np.array([[2.5, -0.5, -3.1], [-0.5, 3.5, 7.5], [-3.1, 7.5, 46.0]]) * 1e-4
+    for _ in range(1000):
+        motion.predict(1 / 30)
+        motion.correct(np.array([0.3, 0.7, 3.0]), noise_m2)
+    np.testing.assert_allclose(motion.covariance, motion.covariance.T, atol=1e-12)
+    assert np.linalg.eigvalsh(motion.covariance).min() > 0
