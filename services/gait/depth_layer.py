@@ -28,6 +28,7 @@ __all__ = ["DepthLayer", "PointEstimate", "Sight"]
 
 MIN_VERTICES = 30  # fewer are no body
 PATIENCE = 2  # frames in which a keypoint contradicts a point, until that starts again
+WHOLE = 0.94  # of the picture's height: legs that go on below are cut off there
 BEGIN_M = 0.05  # [m] of a keypoint to the body, at most, for a point to start there
 
 
@@ -159,7 +160,7 @@ class DepthLayer:
     def _limb_ends(self, body: Body3d) -> list[LimbEnd]:
         """Return the ends of limbs that are not merely where the picture ends."""
         margin = 2 * body.surface.step_px
-        last = np.array([self._info.width, self._info.height]) - 1 - margin
+        last = np.array([self._info.width - 1 - margin, WHOLE * self._info.height])
         pixels = body.surface.pixels_px[body.tips.vertices]
         inside = np.all((pixels > margin) & (pixels < last), axis=1)
         return [end for end in limb_ends(body, self._config) if inside[end.basin]]

@@ -135,3 +135,14 @@ def test_a_recording_that_begins_anew_begins_with_nobody() -> None:
     rgb, depth_mm = picture()
     cascade.update(0, rgb, depth_mm, [seen(2)])
     assert cascade.people == (2,)
+
+
+def test_legs_that_the_picture_cuts_off_have_no_feet() -> None:
+    # Knees at the lowest rows: nobody tells feet there. 110 rows lower than in `picture`.
+    rgb, depth_mm = (np.roll(image, 110, axis=0) for image in picture())
+    rgb[:110], depth_mm[:110] = (120, 130, 140), 4000
+    cascade, box = Cascade(CascadeConfig(), INFO), BOX + np.array([0, 110, 0, 110])
+    for number in range(8):
+        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [seen(box=box)])
+    assert estimate.points["head"].state == "measured"
+    assert {estimate.points[name].state for name in ("left_foot", "right_foot")} == {"lost"}
