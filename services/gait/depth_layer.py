@@ -15,7 +15,7 @@ from services.gait.judging import Judge
 from services.gait.limbs import Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
 from services.gait.matching import match
 from services.gait.point_filter import PointEstimate, PointFilter, Proposal
-from services.gait.points import PAIRS, SURE, Anchor, anchors, stepped
+from services.gait.points import HEAD, PAIRS, SURE, Anchor, anchors, stepped
 from services.gait.sides import Sides
 from services.gait.spin_image import similarity, spin_images
 from services.gait.starting import starts
@@ -29,6 +29,7 @@ __all__ = ["DepthLayer", "PointEstimate", "Sight"]
 MIN_VERTICES = 30  # fewer are no body
 PATIENCE = 2  # frames in which a keypoint contradicts a point, until that starts again
 WHOLE = 0.94  # of the picture's height: legs that go on below are cut off there
+CALM_S = 0.05  # [s] in which a hidden point's own motion dies down
 BEGIN_M = 0.05  # [m] of a keypoint to the body, at most, for a point to start there
 
 
@@ -109,6 +110,8 @@ class DepthLayer:
         ends = self._limb_ends(body) if self._combined or not self._begun() else []
         self._move(sight, found, ends)
         self._weigh(sight, body, found)
+        if self._combined:
+            self._calm(sight.dt_s)
         self._begin(sight, body, found, ends)
         if not found and self._combined:
             for left, right in self._sides.wrong(self._points, self.facing, sight.dt_s):
@@ -263,6 +266,16 @@ class DepthLayer:
             if point.name in (left, right):
                 return self._points.get(right if point.name == left else left)
         return None
+
+    def _calm(self, dt_s: float) -> None:
+        """Let points that are hidden move as the head does, soon: arms do not fly off."""
+        head = self._points.get(HEAD)
+        if head is None or head.motion is None or head.state != "measured":
+            return
+        share = 1 - float(np.exp(-dt_s / CALM_S))
+        for point in self._points.values():
+            if point.motion is not None and point.state != "measured":
+                point.motion.slow(head.motion.state[3:], share)
 
     def _begin(
         self, sight: Sight, body: Body3d, found: Mapping[str, Anchor], ends: Sequence[LimbEnd]

@@ -59,6 +59,10 @@ class PointMotion:
         state[:3] += dt_s * state[3:]
         return state, ahead
 
+    def slow(self, velocity_mps: F64, share: float) -> None:
+        """Move the velocity, 3, a share of the way to another."""
+        self.state[3:] += share * (velocity_mps - self.state[3:])
+
     def distances2(self, points_m: F64, noise_m2: F64) -> F64:
         """Return squared Mahalanobis distances of Nx3 measured points to the prediction, N."""
         away = points_m - self.position_m

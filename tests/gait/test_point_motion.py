@@ -68,3 +68,10 @@ def test_covariances_stay_symmetric() -> None:
         motion.correct(np.array([0.3, 0.7, 3.0]), noise_m2)
     np.testing.assert_allclose(motion.covariance, motion.covariance.T, atol=1e-12)
     assert np.linalg.eigvalsh(motion.covariance).min() > 0
+
+
+def test_a_velocity_goes_a_share_of_the_way_to_another() -> None:
+    motion = still()
+    motion.state[3:] = (3.0, 0.0, 0.0)
+    motion.slow(np.array([1.0, 0.0, 2.0]), 0.5)
+    assert motion.state == pytest.approx([0, 0, 0, 2.0, 0.0, 1.0])
