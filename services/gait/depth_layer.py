@@ -5,21 +5,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.geometry import deproject, project
+from common.geometry import deproject
 from common.messages import F32, F64, CameraInfo
 from services.gait.depth_config import DepthLayerConfig
 from services.gait.facing import Facing
 from services.gait.floor import Floor
 from services.gait.geodesic import geodesic_m
 from services.gait.judging import Judge
+from services.gait.likeness import likeness, reference
 from services.gait.limbs import Body3d, LimbEnd, body_of, heights_of, lengths_m, limb_ends
 from services.gait.matching import match
-from services.gait.point_filter import PointEstimate, PointFilter, Proposal
+from services.gait.point_filter import PointEstimate, PointFilter
 from services.gait.points import HEAD, PAIRS, SURE, Anchor, anchors, stepped
+from services.gait.proposals import pixels_of, proposals, sigma_px
 from services.gait.sides import Sides
-from services.gait.spin_image import similarity, spin_images
 from services.gait.starting import starts
-from services.gait.surface import I64, Surface
+from services.gait.surface import Surface
 from services.gait.tips import tips_of
 from services.gait.trunk import Trunk
 from services.gait.weighing import Hints, alone, together
@@ -189,8 +190,9 @@ class DepthLayer:
         for name, point in self._points.items():
             if point.motion is None:
                 continue
-            proposals = self._proposals(point, found.get(name)) if self._combined else []
-            point.propagate(sight.dt_s, proposals)
+            told = found.get(name), self._ends.get(name)
+            near = proposals(point, *told, self._info, self._config) if self._combined else []
+            point.propagate(sight.dt_s, near)
 
     def _match(self, found: Mapping[str, Anchor], ends: Sequence[LimbEnd]) -> None:
         """Find which limb each point is at the end of."""
@@ -205,23 +207,6 @@ class DepthLayer:
             same = [end for end in ends if end.kind == kind][:6]
             self._ends |= match(points, same, anchors_m)
 
-    def _proposals(self, point: PointFilter, anchor: Anchor | None) -> list[Proposal]:
-        """Return where else a point may be: at its keypoint, at the end of its limb."""
-        assert point.motion is not None
-        share = self._config.proposed
-        ahead = project(point.motion.position_m, self._info)[0]
-        spread = self._pixels(min(point.motion.spread_m, 0.15), point.motion.position_m[2])
-        proposals = [Proposal(ahead, spread, share / 2)]
-        if anchor is not None:
-            sigma = self._anchor_sigma(point.motion.position_m[2], anchor)
-            proposals.append(Proposal(anchor.pixel, sigma, share / 2))
-        end = self._ends.get(point.name)
-        if end is not None:
-            sigma = self._pixels(0.03, end.position_m[2])
-            pixel = project(end.position_m, self._info)[0]
-            proposals.append(Proposal(pixel, sigma, share / 2))
-        return proposals
-
     def _weigh(self, sight: Sight, body: Body3d, found: Mapping[str, Anchor]) -> None:
         """Weigh the particles of all points, and take in what they tell."""
         points = [point for point in self._points.values() if point.motion is not None]
@@ -231,35 +216,21 @@ class DepthLayer:
         weigh = together if self._combined else alone
         weighed = {
             point.name: weigh(point, body, alike, hints[point.name], self._config)
-            for point, alike in zip(points, self._alike(points, body), strict=True)
+            for point, alike in zip(
+                points, likeness(points, body.surface, self._config), strict=True
+            )
         }
         for point in points:
             self.trust[point.name] = weighed[point.name].trust
             self._judge.take(point, body, weighed[point.name], hints[point.name], sight.dt_s)
 
-    def _alike(self, points: Sequence[PointFilter], body: Body3d) -> list[F64 | None]:
-        """Return how like the reference the spin images of all particles are."""
-        vertices: list[I64] = [p.vertices for p in points if p.spin is not None]
-        if not vertices:
-            return [None] * len(points)
-        distinct = np.unique(np.concatenate([[-1], *vertices]))
-        images = spin_images(body.surface, distinct, self._config.spin)
-        found: list[F64 | None] = []
-        for point in points:
-            if point.spin is None:
-                found.append(None)
-                continue
-            rows, back = np.unique(point.vertices, return_inverse=True)
-            alike = similarity(images[np.searchsorted(distinct, rows)], point.spin)
-            found.append(alike[back])
-        return found
-
     def _hints(self, point: PointFilter, anchor: Anchor | None) -> Hints:
         assert point.motion is not None
-        sigma_px = self._anchor_sigma(point.motion.position_m[2], anchor) if anchor else 1.0
+        depth_m = point.motion.position_m[2]
+        noise_px = sigma_px(anchor, depth_m, self._info, self._config) if anchor else 1.0
         other = self._other(point)
         taken = self._ends.get(other.name) if other is not None else None
-        return Hints(anchor, sigma_px, other, self._ends.get(point.name), taken)
+        return Hints(anchor, noise_px, other, self._ends.get(point.name), taken)
 
     def _other(self, point: PointFilter) -> PointFilter | None:
         for left, right in PAIRS:
@@ -303,33 +274,15 @@ class DepthLayer:
     def _start_near(self, name: str, pixel: F64, body: Body3d) -> None:
         away = np.linalg.norm(body.surface.pixels_px - pixel, axis=1)
         vertex = int(np.argmin(away))
-        if away[vertex] <= self._pixels(BEGIN_M, body.surface.points_m[vertex, 2]):
+        if away[vertex] <= pixels_of(BEGIN_M, body.surface.points_m[vertex, 2], self._info):
             self._start(name, vertex, body)
 
     def _start(self, name: str, vertex: int, body: Body3d, *, marked: bool = False) -> None:
         point = self._points.get(name) or self._new(name)
         self._points[name] = point
-        point.start(vertex, body, self._spin(point, vertex, body))
+        point.start(vertex, body, reference(point, vertex, body.surface, self._config))
         point.below_m = lengths_m(self._config).get(point.kind, np.nan)
         basin = body.tips.basin[vertex]
         if marked and basin >= 0:
             below = float(body.below_m[vertex])
             point.below_m = below if body.kinds[basin] == point.kind and below < 0.4 else np.nan
-
-    def _spin(self, point: PointFilter, vertex: int, body: Body3d) -> F64 | None:
-        """Return the reference of a point that is followed by its spin image.
-
-        Combined, those are marked points that end no limb: limbs bend, and are followed by
-        distances; what is rigid, the trunk, is known again by its spin image.
-        """
-        feature = self._config.feature
-        if feature == "geodesic" or (feature == "combined" and point.kind):
-            return None
-        image: F64 = spin_images(body.surface, [vertex], self._config.spin)[0]
-        return image
-
-    def _pixels(self, length_m: float, depth_m: float) -> float:
-        return float(self._info.fx * length_m / max(depth_m, 0.1))
-
-    def _anchor_sigma(self, depth_m: float, anchor: Anchor) -> float:
-        return anchor.sigma * self._pixels(self._config.keypoint_sigma_m, depth_m)
