@@ -14,7 +14,6 @@ from services.gait.surface import I64
 CLIP = 8.0  # no feature alone rules a particle out
 BODY_CLIP = 3.0  # what the body tells together, where a keypoint tells which limb it is
 BELIEVED = 0.6  # confidence of a keypoint from which on it is hardly ever on the wrong limb
-ENDLESS = 0.3  # of the trust in a distance along the body, while the limb's end is not found
 WRONG_LIMB = 6.0  # logarithm of how much less a particle on another kind of limb weighs
 
 
@@ -83,8 +82,6 @@ def together(
     trust = {}
     off = _off_along(point, body, config)
     trust["geodesic"] = float(agreement(off[on]).max(initial=0.0))
-    if hints.end is None and point.kind:
-        trust["geodesic"] *= ENDLESS
     logs -= trust["geodesic"] * np.minimum(0.5 * off**2, CLIP)
     if alike is not None:
         best = float(np.where(on, alike, -np.inf).max(initial=0.0))
