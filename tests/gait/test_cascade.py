@@ -140,7 +140,8 @@ def test_a_recording_that_begins_anew_begins_with_nobody() -> None:
 def test_legs_that_the_picture_cuts_off_have_no_feet() -> None:
     # Knees at the lowest rows: nobody tells feet there. 110 rows lower than in `picture`.
     rgb, depth_mm = picture()
-    rgb, depth_mm = np.roll(rgb, 110, axis=0), np.roll(depth_mm, 110, axis=0)
+    rgb = np.roll(rgb, 110, axis=0)
+    depth_mm = np.roll(depth_mm, 110, axis=0)
     rgb[:110], depth_mm[:110] = (120, 130, 140), 4000
     cascade, box = Cascade(CascadeConfig(), INFO), BOX + np.array([0, 110, 0, 110])
     for number in range(8):
