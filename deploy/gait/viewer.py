@@ -1,4 +1,4 @@
-"""A frame with what goes on in it: boxes, points, their paths, mesh, particles, spin images."""
+"""A frame with what goes on in it: boxes, points, paths, parts, mesh, particles, spin images."""
 
 from collections import defaultdict, deque
 from collections.abc import Sequence
@@ -138,6 +138,10 @@ def _body(panel: U8, estimate: GaitEstimate, surface: Surface) -> None:
         shade = int(225 - 75 * light)
         colour = (shade - 8, shade, shade + 8)
         cv2.circle(panel, (round(u), round(v)), 1, colour, cv2.FILLED)
+    for name, row_px in estimate.rows_px.items():
+        at = round(float(placed(np.array([[0.0, row_px]]))[0, 1]))
+        cv2.line(panel, (0, at), (panel.shape[1], at), FAINT, 1)
+        put_text(panel, name, (GAP_PX, at + 12), 9, GREY)
     for name, particles in estimate.particles.items():
         for u, v in placed(particles[:, :2]):
             cv2.circle(panel, (round(u), round(v)), 2, colour_of_point(name), cv2.FILLED)

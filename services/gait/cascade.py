@@ -7,11 +7,12 @@ import numpy as np
 
 from common.boxes import iou_xyxy
 from common.messages import F32, F64, U8, U16, CameraInfo
-from services.gait.body import find_body
+from services.gait.body import Body, find_body
 from services.gait.cascade_config import CascadeConfig
 from services.gait.colour_layer import ColourLayer
 from services.gait.depth_layer import DepthLayer, Sight
 from services.gait.floor import FloorFinder
+from services.gait.parts import rows_px_of
 from services.gait.point_filter import PointEstimate
 from services.gait.surface import Surface, surface_of
 
@@ -37,6 +38,8 @@ class GaitEstimate:
     points: Mapping[str, PointEstimate]
     fresh: bool = True  # the person's depth was looked at in this frame
     surface: Surface | None = None  # with keep_details only
+    # First rows of head, shoulders, torso and legs by the silhouette; with keep_details only
+    rows_px: Mapping[str, int] = field(default_factory=dict)
     particles: Mapping[str, F64] = field(default_factory=dict)  # Nx4 each; with keep_details only
 
 
@@ -114,9 +117,10 @@ class Cascade:
         kept = self._people.get(person)
         if kept is None or kept.box is None:
             return False
-        surface = self._surface(kept, depth_mm)
-        if surface is None:
+        body = self._body(kept, depth_mm)
+        if body is None:
             return False
+        surface = surface_of(body, self._info, self._config.body)
         vertex = int(surface.vertices_at(pixel)[0])
         if vertex < 0:
             return False
@@ -181,7 +185,8 @@ class Cascade:
         if not fresh and kept.box is not None:
             points = kept.layer.ahead(elapsed_s)
             return GaitEstimate(one.id, kept.box, points, fresh=False)
-        surface = self._surface(kept, depth_mm) if kept.box is not None else None
+        body = self._body(kept, depth_mm) if kept.box is not None else None
+        surface = surface_of(body, self._info, config.body) if body is not None else None
         kept.looked, kept.looked_ns = self._frame, self._stamp_ns
         sight = Sight(surface, elapsed_s, one.keypoints, self._floor.floor)
         points = kept.layer.update(sight)
@@ -194,19 +199,19 @@ class Cascade:
             box_xyxy_px=kept.box,
             points=points,
             surface=surface if details else None,
+            rows_px=rows_px_of(body, config.body) if details else {},
             particles=particles if details else {},
         )
 
-    def _surface(self, kept: _Person, depth_mm: U16) -> Surface | None:
-        """Return the mesh of a person's body; None if there is none."""
+    def _body(self, kept: _Person, depth_mm: U16) -> Body | None:
+        """Return a person's body; None if there is none."""
         assert kept.box is not None
         config = self._config
         carried = kept.detected_ns != self._stamp_ns
         share = config.colour_margin if carried else config.box_margin
         margin = share * (kept.box[3] - kept.box[1])
         box = kept.box + margin * np.array([-1.0, -1.0, 1.0, 1.0])
-        body = find_body(self._floor.without(depth_mm, box), box, kept.depth_m, config.body)
-        return surface_of(body, self._info, config.body) if body is not None else None
+        return find_body(self._floor.without(depth_mm, box), box, kept.depth_m, config.body)
 
 
 def _checked(box: F64 | None) -> F64 | None:

@@ -9,6 +9,7 @@ from services.gait.body import Body, Mask
 from services.gait.body_config import BodyConfig
 
 HEAD, SHOULDERS, TORSO, LEGS = 1, 2, 3, 4
+NAMES = ("head", "shoulders", "torso", "legs")
 # Of the height: where the neck is if the silhouette shows none (Winter 2009).
 NECK_SHARE = 0.13
 
@@ -57,6 +58,20 @@ def parts_of(body: Body | None, config: BodyConfig) -> Parts | None:
         hips_row=int(starts[2]),
         neck_found=neck is not None,
     )
+
+
+def rows_px_of(body: Body | None, config: BodyConfig) -> dict[str, int]:
+    """Return the first row of each part in the whole image; nothing if there is no body.
+
+    Args:
+        body: Its pixels.
+        config: As for `parts_of`.
+    """
+    parts = parts_of(body, config)
+    if body is None or parts is None:
+        return {}
+    rows = (parts.top_row, parts.neck_row, parts.shoulders_row, parts.hips_row)
+    return {name: body.top_px + row for name, row in zip(NAMES, rows, strict=True)}
 
 
 def silhouette_widths(mask: Mask) -> F64:

@@ -1,10 +1,20 @@
 """A silhouette divided by hand."""
 
+import dataclasses
+
 import numpy as np
 
 from services.gait.body import Mask
 from services.gait.body_config import BodyConfig
-from services.gait.parts import HEAD, LEGS, SHOULDERS, TORSO, parts_of, silhouette_widths
+from services.gait.parts import (
+    HEAD,
+    LEGS,
+    SHOULDERS,
+    TORSO,
+    parts_of,
+    rows_px_of,
+    silhouette_widths,
+)
 from tests.gait.bodies import body_of
 
 
@@ -58,7 +68,14 @@ def test_a_body_without_a_neck_is_divided_as_most_are() -> None:
     assert parts.neck_row == 13
 
 
+def test_rows_of_the_parts_count_in_the_whole_image() -> None:
+    body = dataclasses.replace(body_of(silhouette() * 2.0), top_px=100)
+    told = rows_px_of(body, BodyConfig())
+    assert told == {"head": 102, "shoulders": 115, "torso": 122, "legs": 149}
+
+
 def test_no_body_has_no_parts() -> None:
+    assert rows_px_of(None, BodyConfig()) == {}
     assert parts_of(None, BodyConfig()) is None
     assert parts_of(body_of(np.zeros((5, 5))), BodyConfig()) is None
 
