@@ -34,6 +34,7 @@ STAGES = {
     "association": "detections are matched with the tracks, and tracks updated",
     "prediction": "tracks go on without a frame",
     "points": "heads, hands and feet are followed in depth",
+    "motion": "the base is followed in the picture",
     "handle": "all the work of a process that measures no stages of its own",
     "publish": "after the work: for its turn, for outputs sent before it, and encoding",
     "other": "* work of a process between its stages",

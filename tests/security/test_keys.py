@@ -140,7 +140,7 @@ def test_the_command_makes_the_hosts_of_the_docs(tmp_path: Path) -> None:
     assert (status, "ends soon" in output) == (0, True)
     (folder / "planner" / "planner.key").unlink()
     status, _, error = run(str(folder), "--check")
-    assert (status, "1 of 13 keys" in error) == (1, True)
+    assert (status, "1 of 14 keys" in error) == (1, True)
 
 
 @pytest.mark.parametrize(
