@@ -130,8 +130,8 @@ class Trail:
         elapsed_s = (stamp_ns - self._stamps_ns[-1]) / 1e9
         self._counters["motion_gaps"] += elapsed_s > self._config.gap_s
         way = invert(self._matrices[-1]) @ self._parent_from_told @ matrix
-        far = float(np.linalg.norm(way[:3, 3])) > self._config.speed_max_mps * elapsed_s + 0.1
-        turned_rad = Rotation.from_matrix(way[:3, :3]).magnitude()
+        moved_m, turned_rad = extent(way)
+        far = moved_m > self._config.speed_max_mps * elapsed_s + 0.1
         turned = turned_rad > self._config.turn_max_radps * elapsed_s + 0.1
         if far or turned:
             self._counters["motion_jumps"] += 1
@@ -159,6 +159,12 @@ class Trail:
         oldest_ns = self._stamps_ns[-1] - int(self._config.keep_s * 1e9)
         count = bisect.bisect_left(self._stamps_ns, oldest_ns)
         del self._stamps_ns[:count], self._matrices[:count]
+
+
+def extent(motion: F64) -> tuple[float, float]:
+    """Return how far a rigid motion (4x4) goes [m], and by what angle it turns [rad]."""
+    turned_rad = float(Rotation.from_matrix(motion[:3, :3]).magnitude())
+    return float(np.linalg.norm(motion[:3, 3])), turned_rad
 
 
 def moved(start: F64, end: F64, share: float) -> F64:

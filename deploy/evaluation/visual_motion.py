@@ -10,7 +10,6 @@ from typing import TypeAlias
 
 import msgspec
 
-from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from common.messages import (
     CameraInfo,
     Detections,
@@ -67,9 +66,8 @@ class VisualMotion:
         self._source = open_source(camera.source, camera.kind, camera.options)
         self._found = {m.stamp_ns: m for m in found if isinstance(m, Detections)}
         self._node = build(config)
-        turned = rotation_from_rpy(*camera.mount_rpy_rad)
-        mount = transform_from(camera.mount_xyz_m, turned) @ LINK_FROM_OPTICAL
-        hangs = static_transform(config.child_frame_id, self._source.info.frame_id, mount)
+        frame_id = self._source.info.frame_id
+        hangs = static_transform(config.child_frame_id, frame_id, camera.mount_from_optical)
         self._transforms = list(self._source.transforms) or [hangs]
 
     @property

@@ -5,6 +5,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from common.messages import F64
 from common.messages.base import check_name
 from common.topics import LOCKSTEP_MAX
 from services.camera.ros_motion import JointConfig
@@ -62,6 +64,12 @@ class CameraConfig(msgspec.Struct, frozen=True, kw_only=True):
     # [Hz] at most so many frames are sent as JPEG and PNG, too, which may leave the host; 0: none
     compressed_hz: float = 0.0
     start_delay_s: float = 0.5  # [s] between calibration and the first frame, for late subscribers
+
+    @property
+    def mount_from_optical(self) -> F64:
+        """The camera's place in `mount_parent` (4x4), as configured."""
+        turned = rotation_from_rpy(*self.mount_rpy_rad)
+        return transform_from(self.mount_xyz_m, turned) @ LINK_FROM_OPTICAL
 
     def __post_init__(self) -> None:
         """Check names and numbers.

@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 
 from common.errors import ConfigError
-from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from common.images import compress
 from common.messages import (
     CameraInfo,
@@ -269,5 +268,4 @@ def _transforms(config: CameraConfig, source: Source, frame_id: str) -> list[Sta
             )
             for transform in source.transforms
         ]
-    parent_from_link = transform_from(config.mount_xyz_m, rotation_from_rpy(*config.mount_rpy_rad))
-    return [static_transform(config.mount_parent, frame_id, parent_from_link @ LINK_FROM_OPTICAL)]
+    return [static_transform(config.mount_parent, frame_id, config.mount_from_optical)]

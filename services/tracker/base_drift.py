@@ -1,11 +1,10 @@
 """What a base that drives adds to the doubt about where people are: its odometry drifts."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from common.geometry import invert
 from common.messages import F64
-from common.trail import TrailConfig
+from common.trail import TrailConfig, extent
 from services.tracker.interface import Observation
 
 
@@ -40,9 +39,7 @@ class BaseDrift:
         self._poses[observation.camera] = pose
         if before is None or np.array_equal(before, pose):
             return None
-        way = invert(before) @ pose
-        way_m = float(np.linalg.norm(way[:3, 3]))
-        turn_rad = float(Rotation.from_matrix(way[:3, :3]).magnitude())
+        way_m, turn_rad = extent(invert(before) @ pose)
         away_m = places_m - pose[:3, 3]
         aside_m = np.stack([-away_m[:, 1], away_m[:, 0], np.zeros(len(away_m))], axis=-1)
         turned = self._config.drift_turn_rad**2 * turn_rad * aside_m[:, :, None] * aside_m[:, None]

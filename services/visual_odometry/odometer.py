@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from common.geometry import invert
 from common.messages import F32, F64, U8
+from common.trail import extent
 from services.visual_odometry.config import VisualOdometryConfig
 from services.visual_odometry.course import Course, begin, correct, predict, prior_of, since
 from services.visual_odometry.fit import BOOL, Fit, Mount, Prior, fit_motion
@@ -210,10 +210,9 @@ class Odometer:
     def _plausible(self, matrix: F64, stamp_ns: int) -> bool:
         assert self._course is not None
         elapsed_s = (stamp_ns - self._course.stamp_ns) / 1e9
-        way = invert(self.place.matrix) @ matrix
+        moved_m, turned_rad = extent(invert(self.place.matrix) @ matrix)
         config = self._config
-        far = float(np.linalg.norm(way[:3, 3])) > config.speed_max_mps * elapsed_s + 0.1
-        turned_rad = float(Rotation.from_matrix(way[:3, :3]).magnitude())
+        far = moved_m > config.speed_max_mps * elapsed_s + 0.1
         return not far and turned_rad <= config.turn_max_radps * elapsed_s + 0.1
 
     def _again(self, view: View, grey: U8, found: _Found) -> _Found:
@@ -233,10 +232,8 @@ class Odometer:
 
         What was known of both differs by drift. A little of it is made good; more would be a jump.
         """
-        way = invert(place.matrix) @ found.place.matrix
-        turned_rad = float(Rotation.from_matrix(way[:3, :3]).magnitude())
-        near = float(np.linalg.norm(way[:3, 3])) <= self._config.jump_max_m
-        if near and turned_rad <= self._config.jump_max_rad:
+        moved_m, turned_rad = extent(invert(place.matrix) @ found.place.matrix)
+        if moved_m <= self._config.jump_max_m and turned_rad <= self._config.jump_max_rad:
             return found
         moved = Place(place.matrix @ invert(found.fit.before_from_now), place.covariance)
         keyframe = replace(found.keyframe, place=moved)
