@@ -7,7 +7,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PACKAGES := common services deploy scripts benchmarks tests
+
 
 .PHONY: demo test check format fuzz lock clean
 .DELETE_ON_ERROR:

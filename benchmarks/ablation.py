@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.table import markdown, write
+from benchmarks.lib.table import markdown, write
 from common.metrics import Row, combine
-from deploy.evaluation.cache import default_folder
-from deploy.evaluation.methods import Method, read_method
-from deploy.evaluation.pool import Pool
-from deploy.evaluation.preparation import Plan, Work, check_models, film_all, trials_of
-from deploy.evaluation.takes import plan_takes
-from deploy.evaluation.trial import Result, Trial, judge, run
+from evaluation.cache import default_folder
+from evaluation.methods import Method, read_method
+from evaluation.pool import Pool
+from evaluation.preparation import Plan, Work, check_models, film_all, trials_of
+from evaluation.takes import plan_takes
+from evaluation.trial import Result, Trial, judge, run
 
 SCENARIOS = (
     *("two_easy", "two_crossing", "three_easy", "three_crossing", "three_dense"),

@@ -11,13 +11,13 @@ import numpy as np
 import psutil
 import zenoh
 
+from benchmarks.lib.system import Cluster
+from benchmarks.lib.table import markdown, write
 from benchmarks.message_sizes import SPAN, STAGES
-from benchmarks.system import Cluster
-from benchmarks.table import markdown, write
-from common.codec import decode, encode
-from common.messages import Track, Tracks
-from common.topics import prefix
-from common.zenoh_bus import read_config
+from common.transport.zenoh_bus import read_config
+from people4d.codec import decode, encode
+from people4d.messages import Track, Tracks
+from people4d.topics import prefix
 
 ROBOTS = (1, 10, 100)
 RATE_HZ = 1000.0  # of all robots together; what a busy machine can do too

@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from benchmarks.table import markdown, write
+from benchmarks.lib.table import markdown, write
 from tests.fuzz import harness
 from tests.fuzz.target import Target
 

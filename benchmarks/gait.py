@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import gait_colour, gait_points, gait_speed, gait_steps
-from benchmarks.gait_picture import draw
-from benchmarks.gait_points import CASES, FEATURES, LIMBS, RIGHT_HAND, Followed, Way
-from benchmarks.gait_takes import Take
-from benchmarks.table import machine, markdown, spread
+from benchmarks.lib import gait_colour, gait_points, gait_speed, gait_steps
+from benchmarks.lib.gait_picture import draw
+from benchmarks.lib.gait_points import CASES, FEATURES, LIMBS, RIGHT_HAND, Followed, Way
+from benchmarks.lib.gait_takes import Take
+from benchmarks.lib.table import machine, markdown, spread
 
 REPORT = Path(__file__).with_suffix(".md")
 PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "gait-errors.png"

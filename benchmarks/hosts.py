@@ -16,15 +16,15 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.namespaces import Link, hosts, missing
-from benchmarks.site import PATIENCE_S, ROOT, Heard, Log, Site
-from benchmarks.table import markdown, quantiles, write
-from common.client import Client
-from common.latency import parts, summed
-from common.messages import CompressedRgbdFrame, Message, Span, Track, Tracks
-from common.recording import open_recording
-from common.topics import BY_NAME
-from common.zenoh_bus import ZenohBus, read_config
+from benchmarks.lib.namespaces import Link, hosts, missing
+from benchmarks.lib.site import PATIENCE_S, ROOT, Heard, Log, Site
+from benchmarks.lib.table import markdown, quantiles, write
+from common.io.recording import open_recording
+from common.runtime.latency import parts, summed
+from common.transport.zenoh_bus import ZenohBus, read_config
+from people4d.client import Client
+from people4d.messages import CompressedRgbdFrame, Message, Span, Track, Tracks
+from people4d.topics import BY_NAME
 
 SOURCE = ROOT / "deploy" / "demo" / "crossing.mcap"
 GOOD = Link()

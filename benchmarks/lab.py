@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from benchmarks.lab_shots import Shot, has_to_be_found, inside, is_alone, shots
-from benchmarks.table import markdown, spread, write
-from common.boxes import iou_xyxy
-from common.messages import F32, F64, U8
-from services.camera.lab.film import Film, FilmSettings
-from services.camera.lab.scenario import load_scenario
-from services.camera.lab.sighting_config import SightingConfig
-from services.camera.lab.sightings import Sightings
-from services.camera.lab.views import PersonView
-from services.camera.lab.world import World
+from benchmarks.lib.lab_shots import Shot, has_to_be_found, inside, is_alone, shots
+from benchmarks.lib.table import markdown, spread, write
+from common.geometry.boxes import iou_xyxy
+from lab.film import Film, FilmSettings
+from lab.scenario import load_scenario
+from lab.sighting_config import SightingConfig
+from lab.sightings import Sightings
+from lab.views import PersonView
+from lab.world import World
+from people4d.messages import F32, F64, U8
 from services.detector.config import DetectorConfig
 from services.detector.models import ModelSettings, Person, PersonModel, load_model
 

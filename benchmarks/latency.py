@@ -17,15 +17,15 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from benchmarks.live_camera import DEMO, LiveDemo
-from benchmarks.system import running
-from benchmarks.table import markdown, spread, write
-from benchmarks.tracing_cost import cost_of_marks, tracing
-from common.latency import percentiles, summed
-from common.messages import Detections, Tracks
-from common.place import Place
-from common.trace import STAGES
+from benchmarks.lib.live_camera import DEMO, LiveDemo
+from benchmarks.lib.system import running
+from benchmarks.lib.table import markdown, spread, write
+from benchmarks.lib.tracing_cost import cost_of_marks, tracing
+from common.runtime.latency import percentiles, summed
+from common.runtime.process_id import Place
+from common.transport.trace import STAGES
 from deploy.monitor import Monitor, Way
+from people4d.messages import Detections, Tracks
 
 WARM_UP = 15
 RATE_SHARE = 0.6

@@ -8,19 +8,19 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.table import markdown, write
-from common.codec import encode
+from benchmarks.lib.table import markdown, write
 from common.config import load
-from common.images import compress
-from common.messages import Health, Message, RgbdFrame, Span
-from common.node import Node
-from common.topics import BY_MESSAGE, TOPICS
-from deploy.evaluation.chain import pipeline, play
+from common.io.images import compress
+from common.runtime.node import Node
+from evaluation.chain import pipeline, play
+from people4d.codec import encode
+from people4d.messages import Health, Message, RgbdFrame, Span
+from people4d.topics import BY_MESSAGE, TOPICS
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
-from services.gt_bridge.sources import open_truth
+from services.gt_bridge.sources.registry import open_truth
 from services.tracker.config import TrackerConfig
 
 DEPLOY = Path(__file__).resolve().parents[1] / "deploy"
@@ -97,8 +97,8 @@ def main() -> None:
         __file__,
         "Sizes of messages",
         "The shipped recording (640x480, three people, all in view most of the time), the shipped "
-        "configuration. Rates are those of the table of streams (`common/topics.py`); the trace of "
-        "a message has as many stages as in a running system. Health is a typical one, made up.",
+        "configuration. Rates are those of the table of streams (`people4d/topics.py`); the trace "
+        "of a message has as many stages as in a running system. Health is a typical one, made up.",
         markdown(header, rows),
         f"One stage of a trace takes {len(encode(traced)) - len(encode(HEALTH))} bytes.",
     )

@@ -16,20 +16,20 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.table import markdown, spread, write
-from common.messages import F64, Message, Odometry
+from benchmarks.lib.table import markdown, spread, write
+from common.io.recording import RecordingWriter, open_recording
 from common.metrics import Matching, score_matching
-from common.recording import RecordingWriter, open_recording
 from deploy.cli.progress import progress
-from deploy.evaluation.cache import default_folder
-from deploy.evaluation.methods import Method, read_method
-from deploy.evaluation.pool import Pool
-from deploy.evaluation.preparation import Plan, Work, film_all, trials_of
-from deploy.evaluation.takes import Take, plan_takes
-from deploy.evaluation.trial import run
+from evaluation.cache import default_folder
+from evaluation.methods import Method, read_method
+from evaluation.pool import Pool
+from evaluation.preparation import Plan, Work, film_all, trials_of
+from evaluation.takes import Take, plan_takes
+from evaluation.trial import run
+from people4d.messages import F64, Message, Odometry
 
 SCENARIOS = ("psrm", "pmrr", "pmrm1", "pmrm2", "port1", "port2")
-FOLDER = Path(__file__).parents[1] / "services" / "camera" / "lab" / "scenarios"
+FOLDER = Path(__file__).parents[1] / "lab" / "scenarios"
 STANDING_MPS = 0.05  # [m/s] people who are truly slower stand
 WALKING_MPS = 0.3  # [m/s] and those who are faster walk
 HEADER = [

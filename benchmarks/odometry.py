@@ -16,14 +16,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.mot15 import HELD_OUT, TUNING, judge, load_all, quality
-from benchmarks.rides import FAULTS, Ride, draw, film_ride, films, kitti_ride, lab_ride
-from benchmarks.table import markdown, spread, write
+from benchmarks.lib.mot15 import HELD_OUT, TUNING, judge, load_all, quality
+from benchmarks.lib.rides import FAULTS, Ride, draw, film_ride, films, kitti_ride, lab_ride
+from benchmarks.lib.table import markdown, spread, write
 from common.metrics import Scores, box_overlap, combine, id_switches, match, score_matching
-from services.camera.lab.sighting_config import SightingConfig
+from lab.sighting_config import SightingConfig
 from services.detector.config import DetectorConfig
-from services.tracker.image_sort import BoxTracks, ImageSort
-from services.tracker.image_sort_config import ImageSortConfig
+from services.tracker.image_sort.config import ImageSortConfig
+from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
 
 ROOT = Path(__file__).resolve().parents[1]
 CACHE = Path.home() / ".cache" / "people4d" / "evaluation"

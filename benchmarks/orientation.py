@@ -12,9 +12,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from benchmarks.lib.table import markdown, write
 from benchmarks.positions import Remembered, Shot, pairs, shots
-from benchmarks.table import markdown, write
-from common.messages import F64, Detections
+from people4d.messages import F64, Detections
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import load_model
 from services.detector.node import DetectorNode

@@ -16,16 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.system import running
-from benchmarks.table import markdown, quantiles, spread, write
+from benchmarks.lib.system import running
+from benchmarks.lib.table import markdown, quantiles, spread, write
 from common.inference import OnnxSession
-from common.latency import parts, summed
-from common.messages import Span, Tracks
-from common.weights import choose, find, folders, load_manifest
+from common.io.weights import choose, find, folders, load_manifest
+from common.runtime.latency import parts, summed
+from people4d.messages import Span, Tracks
 from services.detector.models import ModelSettings
 from services.detector.models.network import ImageInput
 
-SOURCE = "benchmarks.live_camera:StoredDemo"  # a camera that costs nothing
+SOURCE = "benchmarks.lib.live_camera:StoredDemo"  # a camera that costs nothing
 MOVENET_SIZE = (256, 320)
 WARM_UP = 10
 RATE_SHARE = 0.6

@@ -12,17 +12,17 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from benchmarks.lab_shots import has_to_be_found
+from benchmarks.lib.lab_shots import has_to_be_found
+from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT, models
-from benchmarks.table import markdown, write
-from common.boxes import iou_xyxy
-from common.geometry import apply
-from common.messages import F64, U8, CameraInfo, Detection, Detections, RgbdFrame
-from services.camera.lab.film import Film, FilmSettings
-from services.camera.lab.frame_truth import person_views
-from services.camera.lab.scenario import load_scenario
-from services.camera.lab.views import PersonView
-from services.camera.lab.world import World
+from common.geometry.boxes import iou_xyxy
+from common.geometry.transforms import apply
+from lab.film import Film, FilmSettings
+from lab.frame_truth import person_views
+from lab.scenario import load_scenario
+from lab.views import PersonView
+from lab.world import World
+from people4d.messages import F64, U8, CameraInfo, Detection, Detections, RgbdFrame
 from services.detector.config import DetectorConfig
 from services.detector.models.base import Person, PersonModel
 from services.detector.models.registry import load_model

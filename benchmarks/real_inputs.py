@@ -13,13 +13,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.by_eye import TORSO_MM, compare, match
-from benchmarks.table import markdown, write
+from benchmarks.lib.by_eye import TORSO_MM, compare, match
+from benchmarks.lib.table import markdown, write
 from common.drawing.people import annotate
 from common.drawing.tiles import shrink
-from common.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Tracks
-from common.node import Node
-from deploy.evaluation.chain import Step, pipeline, play, track_again
+from common.runtime.node import Node
+from evaluation.chain import Step, pipeline, play, track_again
+from people4d.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Tracks
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 from services.reid.config import ReidConfig

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.lab_shots import Shot, inside, shots
-from benchmarks.table import markdown, write
+from benchmarks.lib.lab_shots import Shot, inside, shots
+from benchmarks.lib.table import markdown, write
 from common.inference import OnnxSession
-from common.messages import F32, F64, U8, Crop
-from services.camera.lab.views import PersonView
+from lab.views import PersonView
+from people4d.messages import F32, F64, U8, Crop
 from services.detector.crops import crop_person
 from services.detector.models import InstanceMask, Person
 from services.reid import histogram, osnet

@@ -19,19 +19,19 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.system import Cluster, Listener, cluster, running
-from benchmarks.table import markdown, spread, write
-from benchmarks.timeline import Event, Frame, draw, lost
-from common.client import Client
-from common.codec import encode
+from benchmarks.lib.system import Cluster, Listener, cluster, running
+from benchmarks.lib.table import markdown, spread, write
+from benchmarks.lib.timeline import Event, Frame, draw, lost
 from common.inference import OnnxSession
-from common.messages import Tracks
-from common.weights import choose, find, folders, load_manifest
+from common.io.weights import choose, find, folders, load_manifest
+from people4d.client import Client
+from people4d.codec import encode
+from people4d.messages import Tracks
 from services.detector.models import ModelSettings
 from services.detector.models.network import ImageInput
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCE = "benchmarks.live_camera:StoredDemo"  # a camera that costs nothing
+SOURCE = "benchmarks.lib.live_camera:StoredDemo"  # a camera that costs nothing
 YOLO = ROOT.parent / "shared" / "data" / "models" / "yolov8n-pose_640.onnx"
 PICTURE = ROOT / "docs" / "pictures" / "replicas.png"
 MOVENET_SIZE = (256, 320)

@@ -20,11 +20,11 @@ from typing import TypeVar
 import numpy as np
 import psutil
 
+from benchmarks.lib.system import Cluster, Listener, cluster
+from benchmarks.lib.table import markdown, quantiles, write
 from benchmarks.replicas import PATIENCE_S, RECORDED_HZ, SOURCE, play
-from benchmarks.system import Cluster, Listener, cluster
-from benchmarks.table import markdown, quantiles, write
-from common.client import Client
-from common.messages import Health, Tracks
+from people4d.client import Client
+from people4d.messages import Health, Tracks
 
 T = TypeVar("T")
 

@@ -10,16 +10,16 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT
-from benchmarks.table import markdown, write
 from deploy.cli.progress import progress
-from deploy.evaluation.cache import default_folder
-from deploy.evaluation.evaluation import Evaluation, evaluate
-from deploy.evaluation.evaluation import write as write_report
-from deploy.evaluation.methods import Method, read_method
-from deploy.evaluation.preparation import Plan
-from deploy.evaluation.tables import Table
-from deploy.evaluation.takes import plan_takes
+from evaluation.cache import default_folder
+from evaluation.evaluation import Evaluation, evaluate
+from evaluation.evaluation import write as write_report
+from evaluation.methods import Method, read_method
+from evaluation.preparation import Plan
+from evaluation.tables import Table
+from evaluation.takes import plan_takes
 
 SEED = 51
 SCENARIOS = (

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.by_eye import compare
+from benchmarks.lib.by_eye import compare
+from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT, Played, filinha, gather, lockstep, models
-from benchmarks.table import markdown, write
-from common.geometry import wrap
-from common.messages import Tracks, Truth
-from deploy.evaluation.chain import pipeline, play, track_again
+from common.geometry.transforms import wrap
+from evaluation.chain import pipeline, play, track_again
+from people4d.messages import Tracks, Truth
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources import open_truth
+from services.gt_bridge.sources.registry import open_truth
 from services.report.accuracy import TruthCheck, match
 from services.tracker.config import Sort3dConfig, StrongSort3dConfig, TrackerConfig
 

@@ -19,14 +19,14 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.mot15 import HELD_OUT, TUNING, MotSequence, cells, judge, load_all, quality
-from benchmarks.mot_peers import PEERS
-from benchmarks.table import markdown, spread, write
-from common.messages import F64
-from deploy.evaluation.methods import read_method
+from benchmarks.lib.mot15 import HELD_OUT, TUNING, MotSequence, cells, judge, load_all, quality
+from benchmarks.lib.mot_peers import PEERS
+from benchmarks.lib.table import markdown, spread, write
+from evaluation.methods import read_method
+from people4d.messages import F64
 from services.tracker.config import TrackerConfig
-from services.tracker.image_sort import BoxFrame, BoxTracks, ImageSort
-from services.tracker.image_sort_config import ImageSortConfig
+from services.tracker.image_sort.config import ImageSortConfig
+from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks, ImageSort
 from services.tracker.interface import Measurement, Observation
 from services.tracker.registry import make_tracker
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import zmq
 
-from benchmarks.table import markdown, quantiles, spread, write
-from common.codec import decode, encode
-from common.messages import RgbdFrame
-from common.ports import free_port
-from common.topics import BY_MESSAGE
-from common.zenoh_bus import ZenohBus, read_config
+from benchmarks.lib.table import markdown, quantiles, spread, write
+from common.transport.ports import free_port
+from common.transport.zenoh_bus import ZenohBus, read_config
+from people4d.codec import decode, encode
+from people4d.messages import RgbdFrame
+from people4d.topics import BY_MESSAGE
 
 ROUNDS = 5
 FRAMES = 150

@@ -16,30 +16,30 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.lib.rides import Ride, Sample, film_ride
+from benchmarks.lib.table import markdown, write
 from benchmarks.moving_base import STANDING_MPS, WALKING_MPS, velocities
 from benchmarks.odometry import OWN, figures, run, variants
 from benchmarks.real_inputs import filinha
-from benchmarks.rides import Ride, Sample, film_ride
-from benchmarks.table import markdown, write
-from common.geometry import invert, wrap
-from common.messages import F64, Odometry
+from common.geometry.moving_frames import matrix_of
+from common.geometry.transform_buffer import Trail, TrailConfig
+from common.geometry.transforms import invert, wrap
 from common.metrics import Matching, score_matching
-from common.moving_frames import matrix_of
-from common.trail import Trail, TrailConfig
-from deploy.evaluation.cache import default_folder
-from deploy.evaluation.detections import read
-from deploy.evaluation.methods import read_method
-from deploy.evaluation.pool import Pool
-from deploy.evaluation.preparation import Plan, Work, trials_of
-from deploy.evaluation.takes import film, plan_takes
-from deploy.evaluation.trial import Trial
-from deploy.evaluation.trial import run as run_trial
-from deploy.evaluation.visual_motion import Seen, VisualMotion, write_seen
+from evaluation.cache import default_folder
+from evaluation.detections import read
+from evaluation.methods import read_method
+from evaluation.pool import Pool
+from evaluation.preparation import Plan, Work, trials_of
+from evaluation.takes import film, plan_takes
+from evaluation.trial import Trial
+from evaluation.trial import run as run_trial
+from evaluation.visual_motion import Seen, VisualMotion, write_seen
+from lab.scenario import load_scenario
+from lab.world import EPOCH_NS, World
+from people4d.messages import F64, Odometry
 from services.camera.config import CameraConfig
-from services.camera.lab.scenario import load_scenario
-from services.camera.lab.world import EPOCH_NS, World
 from services.detector.config import DetectorConfig
-from services.tracker.image_sort_config import ImageSortConfig
+from services.tracker.image_sort.config import ImageSortConfig
 from services.visual_odometry.config import VisualOdometryConfig
 
 ROOT = Path(__file__).resolve().parents[1]

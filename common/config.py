@@ -1,6 +1,7 @@
 """Configuration: a typed record per service, from TOML file, environment and command line."""
 
 import difflib
+import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,8 +9,8 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from common.errors import ConfigError
-from common.files import parse_toml, read_toml
+from common.io.files import parse_toml, read_toml
+from people4d.errors import ConfigError
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -119,3 +120,9 @@ def _check_names(kind: type[msgspec.Struct], section: str, values: Mapping[str, 
         below = _table(_hint(kind, [name]))
         if below and isinstance(value, dict):
             _check_names(below, f"{section}.{name}", value)
+
+
+def setting(name: str, text: str) -> str:
+    """Write a setting whose value is text, whatever it looks like."""
+    # A JSON string without escapes above ASCII is a TOML string.
+    return f"{name}={json.dumps(text, ensure_ascii=False)}"

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
-from common.errors import ModelError
-from common.trace import span
+from common.transport.trace import span
+from people4d.errors import ModelError
 
 Array = npt.NDArray[np.generic]
 

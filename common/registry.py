@@ -4,7 +4,7 @@ import importlib
 from collections.abc import Mapping
 from typing import Any
 
-from common.errors import ConfigError
+from people4d.errors import ConfigError
 
 
 def find(what: str, registry: Mapping[str, str], name: str, *others: str) -> Any:

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from common.clock import Offset
-from common.latency import Part, parts
-from common.messages import Detections, Embeddings, Health, Message, Span, Tracks
+from common.runtime.latency import Part, parts
+from common.transport.clock import Offset
 from deploy.monitor import clocks_of, of_frame
+from people4d.messages import Detections, Embeddings, Health, Message, Span, Tracks
 
 KINDS = (Detections, Embeddings, Tracks, Health)
 WAY, WORK = 100, 1  # first lanes (threads) of a process: what comes to it, what it does

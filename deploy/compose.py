@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from common.errors import ConfigError
+from people4d.errors import ConfigError
 
 CONDITIONS = ("service_started", "service_healthy", "service_completed_successfully")
 RESTARTS = ("no", "always", "unless-stopped", "on-failure")

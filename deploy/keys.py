@@ -19,9 +19,9 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from common.access import PEOPLE, ROUTER, roles
-from common.credentials import AUTHORITY, PASSWORDS
-from common.errors import ConfigError
+from common.transport.access import PEOPLE, ROUTER, roles
+from common.transport.credentials import AUTHORITY, PASSWORDS
+from people4d.errors import ConfigError
 
 AUTHORITY_KEY = "ca.key"
 AUTHORITY_DAYS = 3650

@@ -6,13 +6,13 @@ from typing import Self
 
 import msgspec
 
-from common.clock import Offset
-from common.inbox import Arrival
-from common.latency import Part, Window, parts, percentiles, summed, whole
-from common.losses import losses
-from common.messages import Detections, Health, Span, Tracks
-from common.place import Place
-from common.trace import Tracer
+from common.runtime.inbox import Arrival
+from common.runtime.latency import Part, Window, parts, percentiles, summed, whole
+from common.runtime.losses import losses
+from common.runtime.process_id import Place
+from common.transport.clock import Offset
+from common.transport.trace import Tracer
+from people4d.messages import Detections, Health, Span, Tracks
 
 FRESH_S = 3.0  # a process that has been silent for longer is gone
 MAX_PROCESSES = 256
@@ -23,7 +23,7 @@ MAX_WAITING = 256  # frames whose detections came and tracks did not
 class Durations(msgspec.Struct, frozen=True, kw_only=True):
     """How long one stage took, over the last seconds."""
 
-    stage: str  # see common.trace.STAGES; "whole" for the whole way
+    stage: str  # see common.transport.trace.STAGES; "whole" for the whole way
     p50_ms: float  # [ms] median
     p95_ms: float  # [ms]
     p99_ms: float  # [ms]

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from common.errors import ConfigError, SourceError
-from common.people_table import COLUMNS, NAMES, Cell
+from common.io.people_table import COLUMNS, NAMES, Cell
+from people4d.errors import ConfigError, SourceError
 
 BATCH = 50_000  # rows that are written to Parquet at once
 Row: TypeAlias = Mapping[str, Cell]

@@ -6,11 +6,11 @@ from pathlib import Path
 import cv2
 
 from common.drawing.tiles import Tile, grid, shrink
-from common.messages import U8
-from services.camera.lab.film import Film, FilmSettings
-from services.camera.lab.output.preview import Preview
-from services.camera.lab.scenario import load_scenario
-from services.camera.lab.world import World
+from lab.film import Film, FilmSettings
+from lab.output.preview import Preview
+from lab.scenario import load_scenario
+from lab.world import World
+from people4d.messages import U8
 
 FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 85]

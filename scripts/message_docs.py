@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.codec import MAX_BYTES
-from common.topics import TOPICS, VERSION, Topic
+from people4d.codec import MAX_BYTES
+from people4d.topics import TOPICS, VERSION, Topic
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = tuple(

@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from common.codec import decode
-from common.errors import DecodeError
-from common.messages import Health, Message
-from common.ports import free_port
-from common.topics import BY_MESSAGE, TOPICS
-from common.zenoh_bus import ZenohBus, read_config
+from common.transport.ports import free_port
+from common.transport.zenoh_bus import ZenohBus, read_config
+from people4d.codec import decode
+from people4d.errors import DecodeError
+from people4d.messages import Health, Message
+from people4d.topics import BY_MESSAGE, TOPICS
 
 WAIT_S = 10.0
 

@@ -8,8 +8,8 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
-from common.messages import Odometry
-from common.node import Node
+from common.runtime.node import Node
+from people4d.messages import Odometry
 from services.camera.calibration import Lens, camera_info
 from services.camera.source import Capture, Source
 
@@ -54,6 +54,6 @@ def node_of(name: str, folder: Path) -> Node:
         folder: Where it may write.
     """
     service = name.partition("-")[0]
-    build: Callable[[Any], Node] = importlib.import_module(f"services.{service}.__main__").build
+    build: Callable[[Any], Node] = importlib.import_module(f"services.{service}.build").build
     fields = SERVICES[name] | ({"folder": str(folder)} if service == "report" else {})
     return build(get_type_hints(build)["config"](**fields))

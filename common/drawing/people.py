@@ -7,8 +7,8 @@ import numpy as np
 
 from common.drawing.palette import GREY, WHITE, Colour, colour_of
 from common.drawing.strokes import put_label, put_path
-from common.geometry import apply, project
-from common.messages import F32, F64, U8, CameraInfo, Detection, Detections, Mask, Track, Tracks
+from common.geometry.transforms import apply, project
+from people4d.messages import F32, F64, U8, CameraInfo, Detection, Detections, Mask, Track, Tracks
 
 TINT = 0.38  # share of the colour in a mask
 SURE = 0.3  # confidence from which a keypoint is drawn

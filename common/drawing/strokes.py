@@ -5,7 +5,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.drawing.palette import INK, Colour, ink_on
-from common.messages import U8
+from people4d.messages import U8
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 UNIT_PX = 22.0  # [px] height of a line of text at scale 1 of the font, about

@@ -8,7 +8,7 @@ import numpy as np
 
 from common.drawing.palette import PAPER, Colour
 from common.drawing.strokes import put_label
-from common.messages import U8
+from people4d.messages import U8
 
 GAP = 8  # [px] between tiles
 TALLEST = 2  # times its width: a tile of a stranger image is squeezed

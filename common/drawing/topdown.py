@@ -8,7 +8,7 @@ import numpy as np
 
 from common.drawing.palette import FAINT, GREY, PAPER, colour_of
 from common.drawing.strokes import put_label, put_path, put_text
-from common.messages import F64, U8
+from people4d.messages import F64, U8
 
 MARGIN_M = 0.5
 LEAST_M = 3.0  # side of the smallest map

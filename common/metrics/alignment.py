@@ -12,10 +12,10 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from common.geometry import apply, transform_from, wrap
-from common.messages import F64, Truth, TruthPerson
+from common.geometry.transforms import apply, transform_from, wrap
 from common.metrics.paths import Pairs, Paths, cost, pair_up
 from common.metrics.record import BOOL
+from people4d.messages import F64, Truth, TruthPerson
 
 COARSE_S = 0.1  # [s] step of the first search for the clock
 MIN_SAMPLES = 20

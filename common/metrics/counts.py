@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from common.messages import F64
+from people4d.messages import F64
 
 
 class Counts:

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from common.messages import F64
 from common.metrics.counts import Counts, ratios
 from common.metrics.matching import ROUNDING, Matching
 from common.metrics.record import I64
+from people4d.messages import F64
 
 ALPHAS: F64 = np.arange(1.0, 20.0) * 0.05  # localisation thresholds 0.05 to 0.95
 

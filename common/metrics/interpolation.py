@@ -5,8 +5,8 @@ from collections.abc import Iterable
 
 import msgspec
 
-from common.geometry import wrap
-from common.messages import F64, Truth, TruthPerson
+from common.geometry.transforms import wrap
+from people4d.messages import F64, Truth, TruthPerson
 
 MAX_GAP_NS = 200_000_000  # people move 0.3 m in this time; what lies farther apart is not known
 KEEP = 2048  # messages that are remembered, 20 s at 100 Hz

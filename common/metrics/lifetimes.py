@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.messages import F64
 from common.metrics.counts import Counts, ratio
 from common.metrics.matching import History, Matching
 from common.metrics.returns import find_returns
+from people4d.messages import F64
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from common.messages import F64
-from common.messages.base import check_finite, check_shape
 from common.metrics.record import BOOL, I64, Frame, Id, Sequence
 from common.metrics.similarity import Similarity
+from people4d.messages import F64
+from people4d.messages.base import check_finite, check_shape
 
 KEPT = 1000.0  # worth of keeping a pair: more than all similarities of a frame together
 ROUNDING = 1e-12  # a similarity at the threshold is a match, however it was rounded

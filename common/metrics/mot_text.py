@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.errors import DecodeError
-from common.files import MAX_TEXT_BYTES, read_text
-from common.messages import F64
+from common.io.files import MAX_TEXT_BYTES, read_text
 from common.metrics.record import BOOL, I64, Frame, Sequence, TrackedPeople, TruePeople
+from people4d.errors import DecodeError
+from people4d.messages import F64
 
 MAX_BYTES = 256 * 2**20  # of a text: three hours of thirty people
 MAX_NUMBER = 2**53  # of a frame or an identity

@@ -7,9 +7,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from common.geometry import apply
-from common.messages import F64
+from common.geometry.transforms import apply
 from common.metrics.record import BOOL, I64
+from people4d.messages import F64
 
 GATE_M = 1.0  # [m] a track farther from everyone in the truth says nothing
 CLEAR_M = 0.3  # [m] the second nearest person must be farther by so much

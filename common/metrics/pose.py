@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from common.messages import F64
 from common.metrics.matching import Matching, Step
 from common.metrics.record import BOOL, Frame
+from people4d.messages import F64
 
 POSITION_LIMITS_M = (0.15, 0.3, 0.5)
 VELOCITY_LIMITS_MPS = (0.15, 0.3, 0.5)

@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import F64
-from common.messages.base import check_finite, check_shape
+from people4d.messages import F64
+from people4d.messages.base import check_finite, check_shape
 
 BOOL = npt.NDArray[np.bool_]
 I64 = npt.NDArray[np.int64]

@@ -6,9 +6,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from common.boxes import iou_xyxy
-from common.messages import F64
+from common.geometry.boxes import iou_xyxy
 from common.metrics.record import TrackedPeople, TruePeople
+from people4d.messages import F64
 
 Similarity: TypeAlias = Callable[[TruePeople, TrackedPeople], F64]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from common.geometry import apply, deproject, project
-from common.messages import F64, CameraInfo
+from common.geometry.transforms import apply, deproject, project
 from common.metrics.record import BOOL
+from people4d.messages import F64, CameraInfo
 
 NEAR_M = 1e-3  # [m] what is nearer along the axis, or behind, has no pixel
 SAME = 0.01  # [m] per metre of depth: so near a pixel must lead back to its point

@@ -8,7 +8,7 @@ import typer
 import typer.core
 from rich.console import Console
 
-from common.errors import People4dError
+from people4d.errors import People4dError
 
 # Command, its module below this package, its line in the help. A module is imported on use, so
 # that help and completion stay fast.

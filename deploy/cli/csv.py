@@ -8,14 +8,14 @@ from typing import Annotated
 import msgspec
 import typer
 
-from common.errors import SourceError
-from common.messages import Tracks, Truth
+from common.io.people_table import rows_of
+from common.io.recording import Recording, open_recording
 from common.metrics.interpolation import TruthTrail
-from common.people_table import rows_of
-from common.recording import Recording, open_recording
 from deploy.tables import open_table
+from people4d.errors import SourceError
+from people4d.messages import Tracks, Truth
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources import open_truth
+from services.gt_bridge.sources.registry import open_truth
 
 
 def csv(

@@ -8,8 +8,6 @@ import msgspec
 import typer
 from rich.console import Console
 
-from common.client import Client
-from common.errors import People4dError
 from deploy.cli.options import Connect, Robot
 from deploy.doctor import here
 from deploy.doctor.evidence import listen
@@ -17,6 +15,8 @@ from deploy.doctor.finding import Finding, Level, ok
 from deploy.doctor.running import NEEDED, examine
 from deploy.launcher.plan import Wish
 from deploy.launcher.state import State
+from people4d.client import Client
+from people4d.errors import People4dError
 
 COLOURS: dict[Level, str] = {"ok": "green", "warning": "yellow", "problem": "bold red"}
 CONNECT_S = 3.0

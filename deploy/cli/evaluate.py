@@ -10,14 +10,14 @@ import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from common.errors import ConfigError
 from deploy.cli.progress import cores, interruptible, progress
-from deploy.presets import PRESETS
+from people4d.errors import ConfigError
+from services.presets import PRESETS
 
 # What is needed to do it is imported on use: compiled code takes a second to load.
 
 if TYPE_CHECKING:
-    from deploy.evaluation.tables import Table
+    from evaluation.tables import Table
 
 
 def evaluate(
@@ -63,12 +63,12 @@ def evaluate(
     ] = True,
 ) -> None:
     """Judge methods on recordings with truth; the same figures every time, on any machine."""
-    from deploy.evaluation.cache import default_folder  # noqa: PLC0415
-    from deploy.evaluation.evaluation import evaluate as do  # noqa: PLC0415
-    from deploy.evaluation.evaluation import write  # noqa: PLC0415
-    from deploy.evaluation.methods import read_methods  # noqa: PLC0415
-    from deploy.evaluation.preparation import Plan  # noqa: PLC0415
-    from deploy.evaluation.takes import plan_takes  # noqa: PLC0415
+    from evaluation.cache import default_folder  # noqa: PLC0415
+    from evaluation.evaluation import evaluate as do  # noqa: PLC0415
+    from evaluation.evaluation import write  # noqa: PLC0415
+    from evaluation.methods import read_methods  # noqa: PLC0415
+    from evaluation.preparation import Plan  # noqa: PLC0415
+    from evaluation.takes import plan_takes  # noqa: PLC0415
     from services.visual_odometry.config import VisualOdometryConfig  # noqa: PLC0415
 
     if visual_odometry and speed == "geometry":

@@ -10,14 +10,14 @@ from typing import Annotated
 
 import typer
 
-from common.client import Client
-from common.clock import Clock
-from common.errors import ConfigError
-from common.messages import Detections, Health, Tracks
-from common.place import Place
+from common.runtime.process_id import Place
+from common.transport.clock import Clock
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.exporters.measures import Exporter
 from deploy.monitor import Monitor
+from people4d.client import Client
+from people4d.errors import ConfigError
+from people4d.messages import Detections, Health, Tracks
 
 WINDOW_S = 10.0
 METRICS_S = 10.0

@@ -9,15 +9,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from common.errors import ConfigError
-from deploy.cli import scenarios
 from deploy.cli.progress import interruptible, progress
-from deploy.presets import PRESETS
+from lab import scenario_source as scenarios
+from people4d.errors import ConfigError
+from services.presets import PRESETS
 
 # What is needed to do it is imported on use: compiled code takes a second to load.
 
 if TYPE_CHECKING:
-    from deploy.gait.log import Log
+    from evaluation.gait.log import Log
 
 AUTO = "auto"
 BOX = re.compile(r"\s*-?\d+(\.\d+)?\s*(,\s*-?\d+(\.\d+)?\s*){3}")
@@ -56,7 +56,7 @@ def gait(
     ] = True,
 ) -> None:
     """Follow heads, hands and feet in a recording; write tables, plots and a video."""
-    from deploy.gait.report import Report, read_wish  # noqa: PLC0415
+    from evaluation.gait.report import Report, read_wish  # noqa: PLC0415
 
     if figures and importlib.util.find_spec("matplotlib") is None:
         raise ConfigError(

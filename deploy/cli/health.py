@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from common.errors import People4dError
-from common.messages import Health
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.launcher.health import works
+from people4d.errors import People4dError
+from people4d.messages import Health
 
 
 def health(

@@ -8,8 +8,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from lab.depth.note import LabNote
 from services.camera.describe import Description, describe
-from services.camera.lab.depth.note import LabNote
 
 
 def info(

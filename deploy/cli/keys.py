@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from common.errors import ConfigError, People4dError
+from people4d.errors import ConfigError, People4dError
 
 # The hosts of docs/hosts.md; with --host others.
 HOSTS = (

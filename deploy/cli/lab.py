@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.table import Table
 
 from common.config import load
-from common.errors import ConfigError
 from deploy.cli.progress import cores, interruptible, progress
-from services.camera.lab.scenario import Scenario, load_scenario, scenario_names
+from lab.scenario import Scenario, load_scenario, scenario_names
+from people4d.errors import ConfigError
 
 # What draws is imported on use: compiled code takes a second to load.
 
@@ -27,7 +27,7 @@ Seed = Annotated[
 
 def list_() -> None:
     """List the scenarios and the people that can be in them."""
-    from services.camera.lab.bodies.body import cast_names  # noqa: PLC0415
+    from lab.bodies.body import cast_names  # noqa: PLC0415
 
     console = Console(highlight=False, soft_wrap=True)
     table = Table(box=None, header_style="bold", pad_edge=False)
@@ -100,8 +100,8 @@ def render(
     ] = [],  # noqa: B006 (typer copies it)
 ) -> None:
     """Film a scenario into a recording; interrupted and called again, it goes on."""
-    from services.camera.lab.output import render as job  # noqa: PLC0415
-    from services.camera.lab.output.studio import Errors, Order  # noqa: PLC0415
+    from lab.output import render as job  # noqa: PLC0415
+    from lab.output.studio import Errors, Order  # noqa: PLC0415
 
     if speed == "geometry" and format_ != "recording":
         raise ConfigError(
@@ -148,9 +148,9 @@ def preview(
     ] = "colour",
 ) -> None:
     """Draw a scenario with skeletons, boxes, depth, masks and a map, as one page or a video."""
-    from services.camera.lab.film import Film, FilmSettings  # noqa: PLC0415
-    from services.camera.lab.output.preview import Preview, write_sheet, write_video  # noqa: PLC0415
-    from services.camera.lab.world import World  # noqa: PLC0415
+    from lab.film import Film, FilmSettings  # noqa: PLC0415
+    from lab.output.preview import Preview, write_sheet, write_video  # noqa: PLC0415
+    from lab.world import World  # noqa: PLC0415
 
     plan = load_scenario(scenario)
     path = out or Path(f"{_stem(plan, seed)}.png")
@@ -180,7 +180,7 @@ def export(
     camera: Annotated[str, typer.Option(help="Which camera, if there are several.")] = "",
 ) -> None:
     """Write a recording as a ROS 2 bag with the topics of a RealSense driver."""
-    from services.camera import ros_export  # noqa: PLC0415
+    from services.camera.ros import export as ros_export  # noqa: PLC0415
 
     layout = ros_export.Layout(storage=storage, compressed=compressed, namespace=namespace)
     with interruptible("Nothing was written."), progress() as report:

@@ -7,10 +7,10 @@ from typing import Any
 
 from rich.table import Table
 
-from common.errors import People4dError
-from common.messages import Tracks
 from deploy.cli.live import Json, Once, Timeout, follow
 from deploy.cli.options import Connect, Robot, open_client
+from people4d.errors import People4dError
+from people4d.messages import Tracks
 
 COLOURS = {"confirmed": "green", "lost": "yellow", "tentative": "dim"}
 

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console, RenderableType
 from rich.live import Live
 
-from common.messages import Message
+from people4d.messages import Message
 
 M = TypeVar("M", bound=Message)
 

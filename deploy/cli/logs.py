@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from common.errors import People4dError
 from deploy.cli.options import Robot
 from deploy.launcher.launcher import tail
 from deploy.launcher.state import State
+from people4d.errors import People4dError
 
 POLL_S = 0.2
 COLOURS = ("cyan", "green", "yellow", "magenta", "blue", "bright_cyan", "bright_magenta")

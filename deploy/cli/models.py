@@ -7,8 +7,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from common.errors import ModelError
-from common.weights import ModelFile, find, folders, load_manifest, verify
+from common.io.weights import ModelFile, find, folders, load_manifest, verify
+from people4d.errors import ModelError
 
 State = Literal["present", "verified", "any export", "altered", "absent"]
 COLOURS: dict[State, str] = {

@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
-from common.client import Client
 from deploy.launcher.state import State
+from people4d.client import Client
 
 Robot = Annotated[
     str, typer.Option(envvar="PEOPLE4D_ROBOT", help="Name of the robot, part of every key.")

@@ -9,12 +9,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from common.errors import People4dError
-from common.messages import Health
 from deploy.cli.options import Connect, Robot
 from deploy.launcher.health import Heartbeats, of_instance
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Process, Supervisor
+from people4d.errors import People4dError
+from people4d.messages import Health
 
 LISTEN_S = 1.2  # two heartbeats
 COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "exited": "dim"}

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from common.errors import ConfigError
-from common.messages import Message
-from common.recording import RecordingWriter
-from common.topics import BY_NAME
+from common.io.recording import RecordingWriter
 from deploy.cli.options import Connect, Robot, open_client
+from people4d.errors import ConfigError
+from people4d.messages import Message
+from people4d.topics import BY_NAME
 
 USUAL = ("camera_info", "static_transforms", "odometry", "detections", "embeddings", "people")
 

@@ -10,13 +10,13 @@ from typing import Annotated
 import msgspec
 import typer
 
-from common.errors import ConfigError
-from common.images import decompress, encode_png16
-from common.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
-from common.recording import Recording, open_recording
+from common.io.images import decompress, encode_png16
+from common.io.recording import Recording, open_recording
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.record import kinds_of
-from services.camera.lab.depth.note import CleanDepth, read_note
+from lab.depth.note import CleanDepth, read_note
+from people4d.errors import ConfigError
+from people4d.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
 
 MEET_S = 1.0
 

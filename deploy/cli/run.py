@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import services
-from common.errors import People4dError
+from people4d.errors import People4dError
 
 CONTEXT_SETTINGS = {"allow_extra_args": True, "ignore_unknown_options": True}
 

@@ -5,12 +5,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from common.errors import People4dError
 from deploy.cli.options import Robot
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.scale import read_plan
 from deploy.launcher.scale import scale as rescale
 from deploy.launcher.state import State
+from people4d.errors import People4dError
 
 START_TIMEOUT_S = 60.0
 

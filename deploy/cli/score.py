@@ -8,10 +8,10 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from common.errors import People4dError
-from common.messages import Alignment, PersonScore, Score, Tally
 from deploy.cli.live import Json, Once, Timeout, follow
 from deploy.cli.options import Connect, Robot, open_client
+from people4d.errors import People4dError
+from people4d.messages import Alignment, PersonScore, Score, Tally
 
 VIEWS = {"inside": "", "outside": "[dim]outside[/]", "unknown": "[yellow]unknown[/]"}
 UNSEEN = "where the camera is or how far it sees is not known: everyone counts, also out of view"

@@ -15,15 +15,15 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from common.client import Client
-from common.clock import Clock
-from common.errors import People4dError
-from common.messages import Detections, Health, Tracks
-from common.place import Place
-from common.topics import TOPICS
+from common.runtime.process_id import Place
+from common.transport.clock import Clock
 from deploy.cli.live import Json
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.monitor import ClockNow, Durations, Monitor, Picture, ProcessNow
+from people4d.client import Client
+from people4d.errors import People4dError
+from people4d.messages import Detections, Health, Tracks
+from people4d.topics import TOPICS
 
 COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "": "dim"}
 STREAMS = tuple(topic.name for topic in TOPICS if topic.rate_hz)  # all but what is sent once

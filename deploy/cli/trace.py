@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from common.errors import People4dError
-from common.recording import open_recording
+from common.io.recording import open_recording
 from deploy.chrome_trace import KINDS, FrameTraces
 from deploy.cli.options import Connect, Robot, open_client
+from people4d.errors import People4dError
 
 
 def trace(

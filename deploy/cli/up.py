@@ -11,9 +11,8 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
-from common.errors import ConfigError
-from common.ports import free_port
-from deploy.cli import scenarios
+from common.config import setting
+from common.transport.ports import free_port
 from deploy.cli.options import Robot
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import TAIL_LINES, Launcher, LaunchError, stop, tail
@@ -27,12 +26,13 @@ from deploy.launcher.plan import (
     check_source,
     plan,
     router_of,
-    setting,
 )
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
-from deploy.presets import PRESETS, preset_settings
-from services.gt_bridge.sources import SCHEME as LIVE_TRUTH
+from lab import scenario_source as scenarios
+from people4d.errors import ConfigError
+from services.gt_bridge.sources.registry import SCHEME as LIVE_TRUTH
+from services.presets import PRESETS, preset_settings
 
 # In lock-step nobody waits for the result: the same recording gives the same tracks on any machine.
 PATIENCE = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")

@@ -5,9 +5,9 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from common.client import Client
-from common.messages import CameraInfo, Detections, Health, Message, StaticTransform, Tracks
-from common.release import release
+from common.runtime.release import release
+from people4d.client import Client
+from people4d.messages import CameraInfo, Detections, Health, Message, StaticTransform, Tracks
 
 HEARD = (Health, CameraInfo, StaticTransform, Detections, Tracks)
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from common.config import load
-from common.errors import ConfigError, People4dError
 from deploy.doctor.finding import Finding, ok, problem, warning
 from deploy.launcher.launcher import tail
 from deploy.launcher.plan import CONFIG_FILE
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
+from people4d.errors import ConfigError, People4dError
 
 CONNECT_S = 1.0
 TAIL_LINES = 200

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
-from common.messages import Tracks
 from deploy.doctor.evidence import Evidence, Vitals
 from deploy.doctor.finding import Finding, ok, problem, warning
+from people4d.messages import Tracks
 
 NEEDED = ("camera", "detector", "tracker")
 APART_NS = 50_000_000  # [ns] by which clocks may differ before people are told too late

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
 
-from common.losses import losses
-from common.messages import Health
-from common.messages.status import State
+from common.runtime.losses import losses
 from deploy.monitor import Way, clocks_of
+from people4d.messages import Health
+from people4d.messages.status import State
 
 # [s] upper bounds of the classes of durations
 BUCKETS_S = (1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)

@@ -9,10 +9,10 @@ from opentelemetry.sdk.metrics.export import MetricReader
 from opentelemetry.sdk.resources import Resource
 from opentelemetry.sdk.trace import SpanProcessor, TracerProvider
 
-from common.latency import Part, summed
-from common.messages import Health
+from common.runtime.latency import Part, summed
 from deploy.exporters.measures import BUCKETS_S, MEASURES, samples
 from deploy.monitor import Way
+from people4d.messages import Health
 
 MAX_PROCESSES = 256
 SYSTEM = "people4d"

@@ -7,11 +7,11 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, star
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from common.errors import People4dError
-from common.latency import summed
-from common.messages import Health
+from common.runtime.latency import summed
 from deploy.exporters.measures import BUCKETS_S, MEASURES, Sample, samples
 from deploy.monitor import Way
+from people4d.errors import People4dError
+from people4d.messages import Health
 
 UNITS = {"s": "_seconds", "By": "_bytes", "1": ""}
 PIECE = ("service", "instance", "stage")

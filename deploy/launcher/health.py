@@ -7,11 +7,11 @@ import time
 from collections.abc import Sequence
 from typing import Protocol
 
-from common.client import Client
-from common.errors import People4dError
-from common.messages import Health
 from deploy.compose import Healthcheck, Service
 from deploy.launcher.supervisor import Process, local_command
+from people4d.client import Client
+from people4d.errors import People4dError
+from people4d.messages import Health
 
 FRESH_S = 3.0
 CONNECT_TIMEOUT_S = 0.5

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import msgspec
 
-from common.errors import People4dError
 from deploy.compose import Dependency, Service
 from deploy.launcher.health import Heartbeats, check_of
 from deploy.launcher.state import Run, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
+from people4d.errors import People4dError
 
 POLL_S = 0.1
 STOP_TIMEOUT_S = 120.0

@@ -1,15 +1,15 @@
 """From what the user asks for to the services that shall run."""
 
-import json
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from common.errors import ConfigError
+from common.config import setting
 from deploy import compose
 from deploy.compose import Service
+from people4d.errors import ConfigError
 
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
 CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
@@ -87,12 +87,6 @@ def router_of(services: Sequence[Service], wish: Wish) -> str:
     if any(service.name == ROUTER for service in services):
         return wish.connect
     return wish.environment.get("PEOPLE4D_CONNECT") or wish.connect
-
-
-def setting(name: str, text: str) -> str:
-    """Write a setting whose value is text, whatever it looks like."""
-    # A JSON string without escapes above ASCII is a TOML string.
-    return f"{name}={json.dumps(text, ensure_ascii=False)}"
 
 
 def variables(wish: Wish) -> dict[str, str]:

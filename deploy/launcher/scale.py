@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import msgspec
 
-from common.errors import People4dError
 from deploy.compose import Service
 from deploy.launcher.health import Heartbeats, check_of
 from deploy.launcher.launcher import TAIL_LINES, LaunchError, tail
 from deploy.launcher.plan import replicas_of
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
+from people4d.errors import People4dError
 
 POLL_S = 0.1
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 import psutil
 
-from common.errors import ConfigError, People4dError
-from common.keeping import SUFFIX as KEPT
-from common.messages.base import check_name
+from common.runtime.checkpoint import SUFFIX as KEPT
+from people4d.errors import ConfigError, People4dError
+from people4d.messages.base import check_name
 
 # A socket's path has 108 bytes; supervisord binds "<path>.<pid>" first, and a 0 ends it.
 LONGEST_SOCKET_PATH = 108 - 1 - len(".4194304")

@@ -14,10 +14,10 @@ from typing import Any
 
 from supervisor.xmlrpc import Faults, SupervisorTransport
 
-from common.errors import ConfigError, People4dError
-from common.keeping import FOLDER as KEEP
+from common.runtime.checkpoint import FOLDER as KEEP
 from deploy.compose import Service
 from deploy.launcher.state import MARK, State
+from people4d.errors import ConfigError, People4dError
 
 SAFE = re.compile(r"[^\w@+=:,./-]", re.ASCII)
 LOG_BYTES = "10MB"

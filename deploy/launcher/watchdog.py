@@ -16,12 +16,12 @@ from typing import ClassVar, Protocol
 
 import msgspec
 
-from common import process
-from common.errors import ConfigError
-from common.messages import Health, Message
-from common.node import Status
+from common.runtime import process
+from common.runtime.node import Status
 from deploy.launcher.state import MARK, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
+from people4d.errors import ConfigError
+from people4d.messages import Health, Message
 
 SERVICE = "watchdog"
 ROUTER = "router"

@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from common.client import subscribe
+from people4d.client import subscribe
 
 AHEAD_S = 1.0
 CLEARANCE_M = 1.2

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pyrealsense2 as rs  # type: ignore[import-not-found]  # pip install pyrealsense2
 
-from common.messages import CameraInfo
+from people4d.messages import CameraInfo
 from services.camera.source import Capture, Source
 
 

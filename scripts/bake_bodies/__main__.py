@@ -25,7 +25,7 @@ from scripts.bake_bodies.people import PEOPLE, Shape
 from scripts.bake_bodies.rig import BONES, fold_weights, strongest
 
 F64 = npt.NDArray[np.float64]
-OUTPUT = Path(__file__).resolve().parents[2] / "services/camera/lab/assets/bodies.npz"
+OUTPUT = Path(__file__).resolve().parents[2] / "lab/assets/bodies.npz"
 STEP_M = 5e-5  # of stored coordinates
 INFLUENCES = 4  # bones that move a vertex
 ANKLES = (15, 16)  # of the COCO keypoints

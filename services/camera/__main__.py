@@ -2,16 +2,9 @@
 
 import sys
 
-from common import process
-from common.node import Node
+from common.runtime import process
+from services.camera.build import build
 from services.camera.config import CameraConfig
-from services.camera.node import CameraNode
-from services.camera.sources import open_source
-
-
-def build(config: CameraConfig) -> Node:
-    """Make the camera; its source is opened here, so that a wrong one is told at start."""
-    return CameraNode(config, open_source(config.source, config.kind, config.options))
 
 
 def main() -> int:

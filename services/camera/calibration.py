@@ -9,13 +9,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from common.errors import SourceError
-from common.files import parse_toml, read_text
-from common.messages import F64, CameraInfo, StaticTransform
-from common.npz import read_arrays
-from common.plain_yaml import parse_yaml
-from services.camera.mat_file import read_mat
-from services.camera.registration import Registration
+from common.io.files import parse_toml, read_text
+from common.io.npz import read_arrays
+from common.io.yaml import parse_yaml
+from people4d.errors import SourceError
+from people4d.messages import F64, CameraInfo, StaticTransform
+from services.camera.folder.mat_file import read_mat
+from services.camera.folder.registration import Registration
 
 OPTICAL_FRAME = "camera_optical_frame"
 DISTORTION_MODELS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}

@@ -5,11 +5,11 @@ from typing import Any, Literal
 
 import msgspec
 
-from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from common.messages import F64
-from common.messages.base import check_name
-from common.topics import LOCKSTEP_MAX
-from services.camera.ros_motion import JointConfig
+from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from people4d.messages import F64
+from people4d.messages.base import check_name
+from people4d.topics import LOCKSTEP_MAX
+from services.camera.ros.motion import JointConfig
 
 
 class MotionConfig(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,17 +6,17 @@ from typing import TypeVar
 
 import msgspec
 
-from common.errors import SourceError
-from common.messages import CameraInfo
-from common.recording import open_recording
-from common.topics import prefix, topic_of_key
-from services.camera.folder import TRACK, FolderOptions, FolderSource
-from services.camera.lab.depth.note import LabNote
+from common.io.recording import open_recording
+from lab.depth.note import LabNote
+from people4d.errors import SourceError
+from people4d.messages import CameraInfo
+from people4d.topics import prefix, topic_of_key
+from services.camera.folder.source import TRACK, FolderOptions, FolderSource
 from services.camera.recording import RecordingOptions, RecordingSource
-from services.camera.ros_bag import open_bag
-from services.camera.ros_camera import RosbagOptions
-from services.camera.ros_topics import ODOMETRY
-from services.camera.rosbag import RosbagSource
+from services.camera.ros.bag_reader import open_bag
+from services.camera.ros.camera import RosbagOptions
+from services.camera.ros.source import RosbagSource
+from services.camera.ros.topics import ODOMETRY
 from services.camera.source import Source
 from services.camera.sources import kind_of
 

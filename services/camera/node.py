@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, ClassVar
 import msgspec
 import numpy as np
 
-from common.errors import ConfigError
-from common.images import compress
-from common.messages import (
+from common.io.images import compress
+from common.runtime.node import Status
+from common.transport.trace import record, span
+from people4d.errors import ConfigError
+from people4d.messages import (
     CameraInfo,
     Detections,
     Message,
@@ -17,9 +19,7 @@ from common.messages import (
     StaticTransform,
     Tracks,
 )
-from common.node import Status
-from common.topics import ForeignTopic
-from common.trace import record, span
+from people4d.topics import ForeignTopic
 from services.camera.calibration import OPTICAL_FRAME, static_transform
 from services.camera.config import CameraConfig
 from services.camera.pacing import AsTheyCome, Lockstep, Pacing, Recorded, is_jump
@@ -28,7 +28,7 @@ from services.camera.prefetch import Prefetch, Reading
 from services.camera.source import Capture, Source
 
 if TYPE_CHECKING:
-    from services.camera.live_motion import LiveMotion
+    from services.camera.ros.live_motion import LiveMotion
 
 FRAMES_AHEAD = 4
 POLL_NS = 2_000_000
@@ -226,7 +226,7 @@ def _acquired_ns(reading: Reading, capture: Capture) -> int:
 def _motion(config: CameraConfig) -> "LiveMotion | None":
     if not config.motion.used:
         return None
-    from services.camera.live_motion import LiveMotion  # noqa: PLC0415  # has the types of ROS
+    from services.camera.ros.live_motion import LiveMotion  # noqa: PLC0415  # has the types of ROS
 
     return LiveMotion(config.motion)
 

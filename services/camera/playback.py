@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from common.messages import MovingTransform, Odometry
-from common.odometry_order import odometry_first
+from common.io.odometry_order import odometry_first
+from people4d.messages import MovingTransform, Odometry
 from services.camera.source import Capture, Motion, Source
 
 Item = Capture | Motion

@@ -7,9 +7,11 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from common.errors import DecodeError, SourceError
-from common.images import decompress
-from common.messages import (
+from common.io.images import decompress
+from common.io.recording import open_recording
+from lab.depth.note import CleanDepth, read_note
+from people4d.errors import DecodeError, SourceError
+from people4d.messages import (
     CameraInfo,
     CompressedRgbdFrame,
     Message,
@@ -18,8 +20,6 @@ from common.messages import (
     RgbdFrame,
     StaticTransform,
 )
-from common.recording import open_recording
-from services.camera.lab.depth.note import CleanDepth, read_note
 from services.camera.source import Capture, Motion, Source
 
 M = TypeVar("M", bound=Message)

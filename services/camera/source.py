@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TypeAlias
 
-from common.messages import U8, U16, CameraInfo, MovingTransform, Odometry, StaticTransform
+from people4d.messages import U8, U16, CameraInfo, MovingTransform, Odometry, StaticTransform
 
 Motion: TypeAlias = Odometry | MovingTransform  # of the base, or of the camera on it
 

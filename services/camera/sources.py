@@ -1,5 +1,6 @@
 """The sources by name, and how one is found from a path."""
 
+import importlib
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -8,8 +9,8 @@ from typing import Any, TypeVar
 import msgspec
 
 from common import registry
-from common.errors import ConfigError, SourceError
-from common.mcap_index import read_profile
+from common.io.mcap_index import read_profile
+from people4d.errors import ConfigError, SourceError
 from services.camera.source import Source
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -27,22 +28,23 @@ def _recording(path: str, options: Mapping[str, Any]) -> Source:
 
 
 def _rosbag(path: str, options: Mapping[str, Any]) -> Source:
-    from services.camera.ros_camera import RosbagOptions  # noqa: PLC0415
-    from services.camera.rosbag import RosbagSource  # noqa: PLC0415
+    from services.camera.ros.camera import RosbagOptions  # noqa: PLC0415
+    from services.camera.ros.source import RosbagSource  # noqa: PLC0415
 
     return RosbagSource(Path(path), read_options(RosbagOptions, options))
 
 
 def _folder(path: str, options: Mapping[str, Any]) -> Source:
-    from services.camera.folder import FolderOptions, FolderSource  # noqa: PLC0415
+    from services.camera.folder.source import FolderOptions, FolderSource  # noqa: PLC0415
 
     return FolderSource(Path(path), read_options(FolderOptions, options))
 
 
 def _lab(name: str, options: Mapping[str, Any]) -> Source:
-    from services.camera.lab.source import LabOptions, LabSource  # noqa: PLC0415
-
-    return LabSource(name.removeprefix(LAB), read_options(LabOptions, options))
+    # By name, since the lab stands above the services: it uses their cameras and recordings.
+    lab = importlib.import_module("lab.source")
+    source: Source = lab.open_source(name.removeprefix(LAB), options)
+    return source
 
 
 # Imported on use: a process that plays a folder does not pay for ROS bags.

@@ -4,13 +4,13 @@ from typing import Literal
 
 import msgspec
 
-from services.detector.certainty import CertaintyRule
 from services.detector.models.base import ModelSettings
-from services.detector.orientation import FaceRule, OrientationRule
-from services.detector.position import KeypointRule
-from services.detector.silhouette import GrowthRule
-from services.detector.torso import TorsoRule
-from services.detector.trunk import TrunkRule
+from services.detector.orientation.orientation import FaceRule, OrientationRule
+from services.detector.position.certainty import CertaintyRule
+from services.detector.position.position import KeypointRule
+from services.detector.position.silhouette import GrowthRule
+from services.detector.position.torso import TorsoRule
+from services.detector.position.trunk import TrunkRule
 
 # Rules for models that need others than the paper's, by the start of the model's name. MoveNet is
 # less confident: two thirds of its keypoints on real pictures lie below 0.6, and down to 0.3 they

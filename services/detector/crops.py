@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from common.messages import F32, U8, Crop
+from people4d.messages import F32, U8, Crop
 from services.detector.models.base import InstanceMask, Person
 
 

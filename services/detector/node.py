@@ -7,7 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
-from common.messages import (
+from common.runtime.node import Status
+from common.runtime.sharing import Sharing
+from common.transport.trace import span
+from people4d.messages import (
     CameraInfo,
     Crops,
     Detection,
@@ -16,16 +19,13 @@ from common.messages import (
     Message,
     RgbdFrame,
 )
-from common.node import Status
-from common.sharing import Sharing
-from common.trace import span
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person
-from services.detector.locate import Locator, Settled
 from services.detector.models.base import Person, PersonModel
-from services.detector.orientation import Angle, heading_vector, orientation, whole_body
-from services.detector.position import Place, Sight
-from services.detector.silhouette import grow_mask
+from services.detector.orientation.orientation import Angle, heading_vector, orientation, whole_body
+from services.detector.position.locate import Locator, Settled
+from services.detector.position.position import Place, Sight
+from services.detector.position.silhouette import grow_mask
 
 log = logging.getLogger("people4d")
 

@@ -3,23 +3,11 @@
 import os
 import sys
 
-from common import process
+from common.runtime import process
+from services.gait.build import start
 from services.gait.config import GaitConfig
-from services.gait.node import GaitNode, Watch
-from services.gait.warm_up import warm_up
 
-NICE = 10  # whoever shares a core with it goes first: people are told before how they walk
-
-
-def build(config: GaitConfig, watch: Watch | None = None) -> GaitNode:
-    """Build the node; `watch` is told of every frame that was done."""
-    return GaitNode(config, watch)
-
-
-def start(config: GaitConfig) -> GaitNode:
-    """Build the node once it can work without a pause."""
-    warm_up(config)
-    return build(config)
+NICE = 10  # processes that share a core with it go first
 
 
 def main() -> int:

@@ -5,16 +5,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from common.boxes import iou_xyxy
-from common.messages import F32, F64, U8, U16, CameraInfo
-from services.gait.body import Body, find_body
+from common.geometry.boxes import iou_xyxy
+from people4d.messages import F32, F64, U8, U16, CameraInfo
 from services.gait.cascade_config import CascadeConfig
-from services.gait.colour_layer import ColourLayer
-from services.gait.depth_layer import DepthLayer, Sight
-from services.gait.floor import FloorFinder
-from services.gait.parts import rows_px_of
-from services.gait.point_filter import PointEstimate
-from services.gait.surface import Surface, surface_of
+from services.gait.colour.colour_layer import ColourLayer
+from services.gait.points.depth_layer import DepthLayer, Sight
+from services.gait.points.point_filter import PointEstimate
+from services.gait.surface.body import Body, find_body
+from services.gait.surface.floor import FloorFinder
+from services.gait.surface.mesh import Surface, surface_of
+from services.gait.surface.parts import rows_px_of
 
 __all__ = ["Cascade", "GaitEstimate", "PointEstimate", "Seen"]
 

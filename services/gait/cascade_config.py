@@ -4,10 +4,10 @@ import math
 
 import msgspec
 
-from services.gait.body_config import BodyConfig
-from services.gait.colour_config import ColourLayerConfig
-from services.gait.depth_config import DepthLayerConfig
-from services.gait.floor import FloorConfig
+from services.gait.colour.config import ColourLayerConfig
+from services.gait.points.config import DepthLayerConfig
+from services.gait.surface.body_config import BodyConfig
+from services.gait.surface.floor import FloorConfig
 
 
 class CascadeConfig(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,9 +4,9 @@ import math
 
 import msgspec
 
-from common.trail import TrailConfig
+from common.geometry.transform_buffer import TrailConfig
 from services.gait.cascade_config import CascadeConfig
-from services.gait.steps_config import StepConfig
+from services.gait.steps.config import StepConfig
 
 
 class GaitConfig(msgspec.Struct, frozen=True, kw_only=True):

@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass
 
-from common.messages import Detections, RgbdFrame, Tracks
+from people4d.messages import Detections, RgbdFrame, Tracks
 
 WAITING_MAX = 256  # of all cameras, pictures or not
 COUNTERS = ("without_frame", "frames_unused")

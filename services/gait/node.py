@@ -6,8 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from common.geometry import apply, invert
-from common.messages import (
+from common.geometry.transforms import apply, invert
+from common.runtime.node import Status
+from common.transport.trace import span
+from people4d.messages import (
     F64,
     CameraInfo,
     Detections,
@@ -20,8 +22,6 @@ from common.messages import (
     Track,
     Tracks,
 )
-from common.node import Status
-from common.trace import span
 from services.gait.cascade import Seen
 from services.gait.config import GaitConfig
 from services.gait.join import Join, Moment

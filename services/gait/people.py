@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.messages import F32, F64, U8, U16, BodyPoint, CameraInfo, PersonGait
+from people4d.messages import F32, F64, U8, U16, BodyPoint, CameraInfo, PersonGait
 from services.gait.cascade import Cascade, GaitEstimate, Seen
 from services.gait.config import GaitConfig
-from services.gait.depth_layer import PointEstimate
-from services.gait.points import LEFT_FOOT, RIGHT_FOOT
-from services.gait.steps import StepMeter
+from services.gait.points.depth_layer import PointEstimate
+from services.gait.points.points import LEFT_FOOT, RIGHT_FOOT
+from services.gait.steps.steps import StepMeter
 
 FAR_PX = 1e6  # a box that is farther off is nowhere
 UP = np.array([0.0, 0.0, 1.0])  # of every frame that is fixed

@@ -1,9 +1,9 @@
 """Where cameras are at the time of each frame, in the frame that people are tracked in."""
 
-from common.geometry import LINK_FROM_OPTICAL
-from common.messages import F64, MovingTransform, Odometry, StaticTransform
-from common.moving_frames import MovingFrames
-from common.trail import TrailConfig
+from common.geometry.moving_frames import MovingFrames
+from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transforms import LINK_FROM_OPTICAL
+from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 
 
 class Places:

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from common.messages import CameraInfo
+from people4d.messages import CameraInfo
 from services.gait.cascade import Seen
 from services.gait.config import GaitConfig
 from services.gait.people import COUNTERS, People, Scene

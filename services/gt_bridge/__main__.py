@@ -2,16 +2,9 @@
 
 import sys
 
-from common import process
-from common.node import Node
+from common.runtime import process
+from services.gt_bridge.build import build
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.node import GtBridgeNode
-from services.gt_bridge.sources import open_truth
-
-
-def build(config: GtBridgeConfig) -> Node:
-    """Open the truth and make the node."""
-    return GtBridgeNode(open_truth(config), config)
 
 
 def main() -> int:

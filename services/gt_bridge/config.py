@@ -6,8 +6,8 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from common.geometry import rotation_from_rpy, transform_from
-from common.messages import StaticTransform
+from common.geometry.transforms import rotation_from_rpy, transform_from
+from people4d.messages import StaticTransform
 
 
 class FixedTransform(msgspec.Struct, frozen=True, kw_only=True):

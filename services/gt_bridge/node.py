@@ -6,7 +6,11 @@ from typing import ClassVar
 
 import msgspec
 
-from common.messages import (
+from common.geometry.moving_frames import MovingFrames
+from common.geometry.transform_buffer import TrailConfig
+from common.metrics import moved
+from common.runtime.node import Status
+from people4d.messages import (
     CameraInfo,
     Detections,
     Message,
@@ -16,16 +20,12 @@ from common.messages import (
     Tracks,
     Truth,
 )
-from common.metrics import moved
-from common.moving_frames import MovingFrames
-from common.node import Status
-from common.topics import ForeignTopic
-from common.trail import TrailConfig
+from people4d.topics import ForeignTopic
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.judge import near
-from services.gt_bridge.scorer import Scorer
-from services.gt_bridge.stored import LEAD_NS, StoredTruth
-from services.gt_bridge.views import Views
+from services.gt_bridge.scoring.judge import near
+from services.gt_bridge.scoring.scorer import Scorer
+from services.gt_bridge.scoring.views import Views
+from services.gt_bridge.sources.stored import LEAD_NS, StoredTruth
 
 DEFAULT = GtBridgeConfig()
 MOTION = TrailConfig(keep_s=30.0)  # truth may come late, and alignments look back

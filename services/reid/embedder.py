@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from common.messages import F32, Crop
+from people4d.messages import F32, Crop
 
 
 class Embedder(Protocol):

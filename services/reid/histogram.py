@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import F32, F64, U8, Crop
-from common.trace import span
+from common.transport.trace import span
+from people4d.messages import F32, F64, U8, Crop
 from services.reid.config import ReidConfig
 
 # C_cos of the method book's section 5: as benchmarks/reid_threshold.md finds it, drawn in a little

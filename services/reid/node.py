@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from common.messages import Crops, Embeddings, Message
-from common.node import Status
-from common.sharing import Sharing
+from common.runtime.node import Status
+from common.runtime.sharing import Sharing
+from people4d.messages import Crops, Embeddings, Message
 from services.reid.embedder import Embedder
 
 SIDE_MIN_PX = 8  # a smaller picture tells nothing about a person

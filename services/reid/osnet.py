@@ -6,11 +6,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from common import weights
-from common.errors import ModelError
 from common.inference import OnnxSession, Session
-from common.messages import F32, U8, Crop
-from common.trace import span
+from common.io import weights
+from common.transport.trace import span
+from people4d.errors import ModelError
+from people4d.messages import F32, U8, Crop
 from services.reid.config import ReidConfig
 
 COSINE_DISTANCE_MAX = 0.45  # C_cos of the method book's section 5; benchmarks/reid_threshold.md

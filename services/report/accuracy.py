@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from common.messages import F64, Track, Tracks, Truth, TruthPerson
 from common.metrics.interpolation import TruthTrail
 from common.metrics.pose import rmse
+from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
 from services.report.spread import Spread
 
 GATE_M = 1.0  # a track farther from the truth is not that person

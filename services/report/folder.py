@@ -8,8 +8,8 @@ import cv2
 import msgspec
 import numpy as np
 
-from common.errors import ConfigError, People4dError
-from common.messages import U8
+from people4d.errors import ConfigError, People4dError
+from people4d.messages import U8
 from services.report.output import Picture
 from services.report.statistics import Summary
 from services.report.text import text

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from common.messages import U8, Detections, RgbdFrame, Tracks
+from people4d.messages import U8, Detections, RgbdFrame, Tracks
 
 
 @dataclass(slots=True)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import msgspec
 
-from common.latency import parts, percentiles, summed, whole
-from common.messages import Span
+from common.runtime.latency import parts, percentiles, summed, whole
+from people4d.messages import Span
 from services.report.spread import Spread
 
 SAMPLES = 10_000  # kept of each stage

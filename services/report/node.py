@@ -5,8 +5,9 @@ from typing import ClassVar
 
 from common.drawing.people import View, annotate
 from common.drawing.tiles import Tile, shrink
-from common.geometry import invert
-from common.messages import (
+from common.geometry.transforms import invert
+from common.runtime.node import Status
+from people4d.messages import (
     CameraInfo,
     Detections,
     Health,
@@ -16,7 +17,6 @@ from common.messages import (
     Tracks,
     Truth,
 )
-from common.node import Status
 from services.report.config import ReportConfig
 from services.report.join import Join, Moment
 from services.report.output import Output, Picture

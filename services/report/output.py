@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from common.messages import U8
+from people4d.messages import U8
 from services.report.statistics import Summary
 
 

@@ -8,7 +8,7 @@ from common.drawing.palette import GREY, INK, PAPER
 from common.drawing.strokes import put_text, text_width
 from common.drawing.tiles import GAP, Tile, grid
 from common.drawing.topdown import Walks, draw_map
-from common.messages import U8
+from people4d.messages import U8
 from services.report.statistics import Summary
 from services.report.text import facts, headline, latency_table
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from common.losses import losses
-from common.messages import Detections, Health, Message, RgbdFrame, Tracks, Truth
+from common.runtime.losses import losses
+from people4d.messages import Detections, Health, Message, RgbdFrame, Tracks, Truth
 from services.report.accuracy import Accuracy, TruthCheck
 from services.report.join import Moment
 from services.report.latency import Latency, Percentiles

@@ -5,7 +5,7 @@ from typing import TypeVar
 import numpy as np
 
 from common.drawing.topdown import Walks
-from common.messages import F64, StaticTransform, Tracks, Truth
+from people4d.messages import F64, StaticTransform, Tracks, Truth
 from services.report.spread import Spread
 
 K = TypeVar("K")

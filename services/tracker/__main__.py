@@ -2,15 +2,9 @@
 
 import sys
 
-from common import process
+from common.runtime import process
+from services.tracker.build import build
 from services.tracker.config import TrackerConfig
-from services.tracker.node import TrackerNode
-from services.tracker.registry import make_tracker
-
-
-def build(config: TrackerConfig) -> TrackerNode:
-    """Build the node with the tracker that the configuration names."""
-    return TrackerNode(config, make_tracker(config))
 
 
 def main() -> int:

@@ -4,10 +4,10 @@ from typing import Any, Literal
 
 import msgspec
 
-from common.trail import TrailConfig
-from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
-from services.tracker.image_sort_config import ImageSortConfig
-from services.tracker.standing_config import StandingConfig
+from common.geometry.transform_buffer import TrailConfig
+from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.image_sort.config import ImageSortConfig
+from services.tracker.motion.standing_config import StandingConfig
 
 CHI2_3DOF_95 = 7.8147
 

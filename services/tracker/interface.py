@@ -4,7 +4,7 @@ import enum
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
-from common.messages import F32, F64, ImageTrack, Track
+from people4d.messages import F32, F64, ImageTrack, Track
 
 
 class Need(enum.Enum):

@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass
 
-from common.messages import Detections, Embeddings
+from people4d.messages import Detections, Embeddings
 from services.tracker.stream import Stream
 
 ACTIVE_NS = 1_000_000_000

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import ClassVar
 
-from common.errors import DecodeError
-from common.messages import (
+from common.runtime.node import Status
+from common.transport.trace import span
+from people4d.errors import DecodeError
+from people4d.messages import (
     CameraInfo,
     Detections,
     Embeddings,
@@ -21,8 +23,6 @@ from common.messages import (
     Track,
     Tracks,
 )
-from common.node import Status
-from common.trace import span
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import InImage, Lasting, Need, Tracker
 from services.tracker.join import Frame, Join, Patience

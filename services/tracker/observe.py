@@ -5,9 +5,9 @@ from collections import Counter
 
 import numpy as np
 
-from common.geometry import apply
-from common.messages import F64, CameraInfo, Detections, Embeddings
-from common.trail import Placement
+from common.geometry.transform_buffer import Placement
+from common.geometry.transforms import apply
+from people4d.messages import F64, CameraInfo, Detections, Embeddings
 from services.tracker.interface import Measurement, Observation, Unplaced
 from services.tracker.placing import doubt
 

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from common.geometry import LINK_FROM_OPTICAL, apply, wrap
-from common.messages import F64, MovingTransform, Odometry, StaticTransform, Track
-from common.moving_frames import MovingFrames
-from common.trail import Placement, TrailConfig
+from common.geometry.moving_frames import MovingFrames
+from common.geometry.transform_buffer import Placement, TrailConfig
+from common.geometry.transforms import LINK_FROM_OPTICAL, apply, wrap
+from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, Track
 
 
 class Places:

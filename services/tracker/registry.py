@@ -1,14 +1,14 @@
 """The tracking methods by name."""
 
 from common import registry
-from common.errors import ConfigError
+from people4d.errors import ConfigError
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Need, Tracker
 
 TRACKERS: dict[str, str] = {
-    "sort3d": "services.tracker.sort3d:Sort3d",
-    "strongsort3d": "services.tracker.strongsort3d:StrongSort3d",
-    "image_sort": "services.tracker.image_tracker:ImageTracker",
+    "sort3d": "services.tracker.sort3d.sort3d:Sort3d",
+    "strongsort3d": "services.tracker.strongsort3d.strongsort3d:StrongSort3d",
+    "image_sort": "services.tracker.image_sort.image_tracker:ImageTracker",
 }
 
 

@@ -5,10 +5,10 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from common.errors import DecodeError
-from common.messages import F64
-from services.tracker.gallery import Gallery, Identity
-from services.tracker.population import Population, Target
+from people4d.errors import DecodeError
+from people4d.messages import F64
+from services.tracker.identity.gallery import Gallery, Identity
+from services.tracker.motion.population import Population, Target
 
 T = TypeVar("T")
 

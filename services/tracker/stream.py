@@ -3,7 +3,7 @@
 from collections import deque
 from statistics import median
 
-from common.messages import Detections
+from people4d.messages import Detections
 
 FIRST_PERIOD_NS = 50_000_000  # until two frames have come
 PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000

@@ -2,14 +2,9 @@
 
 import sys
 
-from common import process
+from common.runtime import process
+from services.visual_odometry.build import build
 from services.visual_odometry.config import VisualOdometryConfig
-from services.visual_odometry.node import VisualOdometryNode
-
-
-def build(config: VisualOdometryConfig) -> VisualOdometryNode:
-    """Build the node."""
-    return VisualOdometryNode(config)
 
 
 def main() -> int:

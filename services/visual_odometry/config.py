@@ -4,7 +4,7 @@ import math
 
 import msgspec
 
-from common.messages.base import check_name
+from people4d.messages.base import check_name
 
 
 def _expect_positive(record: msgspec.Struct, *names: str) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.geometry import invert, transform_from
-from common.messages import F64
+from common.geometry.transforms import invert, transform_from
+from people4d.messages import F64
 from services.visual_odometry.config import VisualOdometryConfig
 from services.visual_odometry.fit import INDICES, Fit, Prior
 

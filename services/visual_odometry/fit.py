@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.geometry import invert, rotation_from_rpy, transform_from
-from common.messages import F64
+from common.geometry.transforms import invert, rotation_from_rpy, transform_from
+from people4d.messages import F64
 from services.visual_odometry.config import FitConfig
 
 BOOL = npt.NDArray[np.bool_]

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from common.messages import F32, U8
+from people4d.messages import F32, U8
 from services.visual_odometry.config import FlowConfig
 from services.visual_odometry.fit import BOOL
 

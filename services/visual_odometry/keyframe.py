@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from common.geometry import apply, invert, project
-from common.messages import F32, F64, U8
+from common.geometry.transforms import apply, invert, project
+from people4d.messages import F32, F64, U8
 from services.visual_odometry.config import CornerConfig
 from services.visual_odometry.fit import BOOL, INDICES, Fit, Mount, Sights
 from services.visual_odometry.points import Lens, People, View, find_corners, read_depth_m

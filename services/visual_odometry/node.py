@@ -6,8 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from common.frames import FrameGraph
-from common.messages import (
+from common.geometry.frame_graph import FrameGraph
+from common.runtime.node import Status
+from common.transport.trace import span
+from people4d.messages import (
     F64,
     CameraInfo,
     Detections,
@@ -17,8 +19,6 @@ from common.messages import (
     RgbdFrame,
     StaticTransform,
 )
-from common.node import Status
-from common.trace import span
 from services.visual_odometry.config import VisualOdometryConfig
 from services.visual_odometry.fit import Mount
 from services.visual_odometry.keyframe import Place

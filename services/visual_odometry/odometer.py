@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.geometry import invert
-from common.messages import F32, F64, U8
-from common.trail import extent
+from common.geometry.transform_buffer import extent
+from common.geometry.transforms import invert
+from people4d.messages import F32, F64, U8
 from services.visual_odometry.config import VisualOdometryConfig
 from services.visual_odometry.course import Course, begin, correct, predict, prior_of, since
 from services.visual_odometry.fit import BOOL, Fit, Mount, Prior, fit_motion

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from common.geometry import deproject
-from common.messages import F32, F64, U8, U16, CameraInfo
+from common.geometry.transforms import deproject
+from people4d.messages import F32, F64, U8, U16, CameraInfo
 from services.visual_odometry.config import CornerConfig
 from services.visual_odometry.fit import BOOL
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from common.messages import Odometry
+from people4d.messages import Odometry
 from services.camera.calibration import Lens, camera_info
 from services.camera.source import Capture, Source
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.errors import SourceError
+from people4d.errors import SourceError
 from services.camera.describe import describe
-from tests.camera.bags import COLOUR, DEPTH, INFO, Ros, frames
-from tests.camera.test_folder import numbered
+from tests.camera.folder.test_folder import numbered
+from tests.camera.ros.bags import COLOUR, DEPTH, INFO, Ros, frames
 from tests.camera.test_sources import recorded
 
 

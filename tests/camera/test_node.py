@@ -11,9 +11,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.errors import ConfigError, SourceError
-from common.images import decompress
-from common.messages import (
+from common.io.images import decompress
+from common.runtime.process_id import Place
+from common.transport.trace import collect
+from people4d.errors import ConfigError, SourceError
+from people4d.messages import (
     CameraInfo,
     CompressedRgbdFrame,
     Detections,
@@ -23,8 +25,6 @@ from common.messages import (
     StaticTransform,
     Tracks,
 )
-from common.place import Place
-from common.trace import collect
 from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
 from services.camera.node import CameraNode

@@ -7,19 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.errors import ConfigError, SourceError
-from common.messages import CompressedRgbdFrame, Odometry, RgbdFrame
-from common.recording import RecordingWriter, open_recording
+from common.io.recording import RecordingWriter, open_recording
+from people4d.errors import ConfigError, SourceError
+from people4d.messages import CompressedRgbdFrame, Odometry, RgbdFrame
 from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
 from services.camera.recording import RecordingSource
-from services.camera.rosbag import RosbagSource
+from services.camera.ros.source import RosbagSource
 from services.camera.source import Capture, Source
 from services.camera.sources import SOURCES, kind_of, open_source
-from tests.camera.bags import Ros, frames
+from tests import ROOT
 from tests.camera.memory import SIZE, MemorySource, capture, odometry
+from tests.camera.ros.bags import Ros, frames
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "docs/examples/realsense_camera.py"
+EXAMPLE = ROOT / "docs/examples/realsense_camera.py"
 
 
 class Plugin(MemorySource):

@@ -4,9 +4,9 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import ClassVar, Literal
 
-from common.messages import Detections, Message, Tracks, Truth
-from common.node import Status
-from common.trace import span
+from common.runtime.node import Status
+from common.transport.trace import span
+from people4d.messages import Detections, Message, Tracks, Truth
 
 
 def detections(sequence: int, camera: str = "front") -> Detections:

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from common.config import load
-from common.errors import ConfigError
+from people4d.errors import ConfigError
 
 
 class Gate(msgspec.Struct, frozen=True, kw_only=True):

@@ -7,10 +7,10 @@ import onnx
 import pytest
 from onnx import TensorProto, helper
 
-from common.errors import ModelError
 from common.inference import OnnxSession
-from common.place import Place
-from common.trace import collect
+from common.runtime.process_id import Place
+from common.transport.trace import collect
+from people4d.errors import ModelError
 
 
 def doubling(path: Path, kind: int, shape: list[int | str]) -> Path:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from common.messages import (
+from people4d.messages import (
     Alignment,
     BodyPoint,
     CameraInfo,

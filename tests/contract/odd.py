@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from common.messages import (
+from people4d.messages import (
     CameraInfo,
     Crop,
     Detection,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from common.topics import TOPICS
+from people4d.topics import TOPICS
 from scripts.message_docs import DocsError, generate, main, read_records
 
 

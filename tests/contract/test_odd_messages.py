@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from common.codec import decode, encode
-from common.messages import Message
+from people4d.codec import decode, encode
+from people4d.messages import Message
 from tests.contract.odd import in_order, out_of_order
 from tests.services import SERVICES, node_of
 

@@ -2,19 +2,19 @@
 
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
-from common.codec import MESSAGES, encode
-from common.messages import Message
-from common.topics import TOPICS
+from people4d.codec import MESSAGES, encode
+from people4d.messages import Message
+from people4d.topics import TOPICS
+from tests import ROOT
 from tests.contract.examples import BY_NAME, FULL, SPARSE, TRACK
 
-DOCS = Path(__file__).parents[2] / "docs" / "messages.md"
+DOCS = ROOT / "docs" / "messages.md"
 PARAMETERS = [pytest.param(m, id=type(m).__name__) for m in (*FULL, *SPARSE)]
 
 

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from common.messages import (
+from common.io.recording import RecordingWriter, open_recording
+from deploy.cli.up import DEMO
+from people4d.messages import (
     CompressedRgbdFrame,
     Crops,
     Detections,
@@ -21,8 +23,6 @@ from common.messages import (
     Tracks,
     Truth,
 )
-from common.recording import RecordingWriter, open_recording
-from deploy.cli.up import DEMO
 from services.gait.config import GaitConfig
 from services.gait.warm_up import warm_up
 

@@ -11,9 +11,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from common.errors import ConfigError
-from common.messages import Health, Span, Track, Tracks
-from common.weights import ModelFile
+from common.io.weights import ModelFile
 from deploy.cli import COMMANDS, app
 from deploy.cli.listen import latency_ms, table_of
 from deploy.cli.models import state_of
@@ -21,6 +19,8 @@ from deploy.cli.ps import duration
 from deploy.cli.record import kinds_of
 from deploy.launcher.health import works
 from deploy.launcher.launcher import tail
+from people4d.errors import ConfigError
+from people4d.messages import Health, Span, Track, Tracks
 
 
 def run(*arguments: str, state: Path | None = None) -> tuple[int, str, str]:

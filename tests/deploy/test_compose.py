@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from common.errors import ConfigError
 from deploy.compose import Dependency, Healthcheck, Service, interpolate, read
 from deploy.launcher.plan import COMPOSE_FILE
+from people4d.errors import ConfigError
 
 
 def services_of(

@@ -9,15 +9,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from common.messages import Message
-from common.people_table import COLUMNS, NAMES
-from common.recording import RecordingWriter
+from common.io.people_table import COLUMNS, NAMES
+from common.io.recording import RecordingWriter
 from deploy.cli import app
+from people4d.messages import Message
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources import open_truth
+from services.gt_bridge.sources.registry import open_truth
+from tests import ROOT
 from tests.gt_bridge.scene import MS, person, track, tracks, truth
 
-DOCS = Path(__file__).parents[2] / "docs" / "truth.md"
+DOCS = ROOT / "docs" / "truth.md"
 
 
 def record(folder: Path, *messages: Message) -> Path:

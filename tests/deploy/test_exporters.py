@@ -16,17 +16,17 @@ from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanE
 from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner
 
-from common.client import Client
-from common.clock import Offset
-from common.errors import ConfigError, People4dError
-from common.latency import parts, whole
-from common.messages import Span
+from common.runtime.latency import parts, whole
+from common.transport.clock import Offset
 from deploy.cli import app
 from deploy.cli.export import feed, otlp_exporter, prometheus_exporter
 from deploy.exporters.measures import Exporter
 from deploy.exporters.otel import OtelExporter
 from deploy.exporters.prometheus import PrometheusExporter
 from deploy.monitor import Way, clocks_of
+from people4d.client import Client
+from people4d.errors import ConfigError, People4dError
+from people4d.messages import Span
 from tests.deploy.test_top import talking
 from tests.deploy.traces import BEGIN_NS, MS, healths, span, trace_of, tracks
 from tests.network import WAIT_S

@@ -2,8 +2,8 @@
 
 import socket
 
-from common.messages import Health
 from deploy.launcher.health import of_instance
+from people4d.messages import Health
 from tests.contract.examples import FULL
 
 EXAMPLE = next(message for message in FULL if isinstance(message, Health))

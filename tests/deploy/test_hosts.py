@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from common.errors import ConfigError
 from deploy.launcher.plan import COMPOSE_FILE, Wish, plan, router_of
+from people4d.errors import ConfigError
 
 HOSTS = COMPOSE_FILE.parent / "hosts"
 ROUTER = "tcp/192.168.1.7:7447"

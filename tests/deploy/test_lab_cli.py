@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from common.errors import ConfigError
-from common.messages import Detections
-from common.recording import open_recording
+from common.io.recording import open_recording
 from deploy.cli import app
-from deploy.cli.scenarios import is_scenario, resolve, truth_settings
-from services.camera.lab.depth.note import read_note
-from services.camera.lab.scenario import scenario_names
-from tests.camera.lab.scenarios import FRAMES, write_scenario
+from lab.depth.note import read_note
+from lab.scenario import scenario_names
+from lab.scenario_source import is_scenario, resolve, truth_settings
+from people4d.errors import ConfigError
+from people4d.messages import Detections
+from tests.lab.scenarios import FRAMES, write_scenario
 
 
 def run(*arguments: object) -> tuple[int, str, str]:
@@ -138,7 +138,7 @@ def test_up_takes_scenarios_and_knows_their_truth(
     assert resolve("lab:walk.toml@3") == f"lab:{path}@3"
     with pytest.raises(ConfigError, match="there is no scenario nothing"):
         resolve("lab:nothing")
-    source = 'gt_bridge.source="services.camera.lab.truth:LabTruth"'
+    source = 'gt_bridge.source="lab.truth:LabTruth"'
     assert truth_settings(f"lab:{path}@3", loop=False) == [source]
     # 1.2 s at 10 Hz are 12 frames: the next round begins 1.2 s later.
     assert truth_settings(f"lab:{path}@3", loop=True) == [source, "gt_bridge.loop_s=1.2"]

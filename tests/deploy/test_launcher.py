@@ -12,11 +12,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from common.errors import People4dError
 from deploy.compose import read
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop, tail
 from deploy.launcher.state import State
+from people4d.errors import People4dError
 
 TIMEOUT_S = 10.0
 

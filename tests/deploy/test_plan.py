@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from common.errors import ConfigError
+from common.config import setting
 from deploy.compose import Service
-from deploy.launcher.plan import Wish, check_source, plan, setting
+from deploy.launcher.plan import Wish, check_source, plan
+from people4d.errors import ConfigError
 
 
 def planned(wish: Wish) -> dict[str, Service]:

@@ -8,16 +8,16 @@ import pytest
 from typer.testing import CliRunner
 
 from common.config import load
-from common.errors import ConfigError
 from deploy.cli import app
 from deploy.launcher.plan import CONFIG_FILE, Wish, plan
-from deploy.presets import FOLDER, PRESETS, preset_settings
+from people4d.errors import ConfigError
 from services.detector.config import DetectorConfig
-from services.detector.orientation import FaceRule, OrientationRule
-from services.detector.position import KeypointRule
+from services.detector.orientation.orientation import FaceRule, OrientationRule
+from services.detector.position.position import KeypointRule
+from services.presets import FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
-from services.tracker.image_sort_config import ImageSortConfig
+from services.tracker.image_sort.config import ImageSortConfig
 
 T = TypeVar("T", bound=msgspec.Struct)
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from common.errors import ConfigError, People4dError
 from deploy.compose import read
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop
@@ -13,6 +12,7 @@ from deploy.launcher.plan import Wish, plan
 from deploy.launcher.scale import read_plan, scale
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
+from people4d.errors import ConfigError, People4dError
 
 TIMEOUT_S = 10.0
 TOY = """

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from common.messages import Alignment, PersonScore, Score
 from deploy.cli import app
 from deploy.cli.score import picture_of
+from people4d.messages import Alignment, PersonScore, Score
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.errors import ConfigError
 from deploy.compose import Service
 from deploy.launcher.state import LONGEST_SOCKET_PATH, State
 from deploy.launcher.supervisor import local_command, quote, render
+from people4d.errors import ConfigError
 
 
 def service(**changes: object) -> Service:

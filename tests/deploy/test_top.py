@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from common.place import Place
+from common.runtime.process_id import Place
 from deploy.cli import app
 from deploy.cli.top import drawn
 from deploy.monitor import Monitor, Picture

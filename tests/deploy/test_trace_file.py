@@ -9,10 +9,10 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from common.messages import Message
-from common.recording import RecordingWriter
+from common.io.recording import RecordingWriter
 from deploy.chrome_trace import FrameTraces
 from deploy.cli import app
+from people4d.messages import Message
 from tests.deploy.test_top import talking
 from tests.deploy.traces import detections, healths, tracks
 

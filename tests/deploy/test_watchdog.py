@@ -5,10 +5,10 @@ from collections.abc import Mapping
 
 import pytest
 
-from common.messages import Health
-from common.messages.status import State
 from deploy.launcher.supervisor import Process, SupervisorGoneError
 from deploy.launcher.watchdog import Watch, WatchdogConfig, WatchdogNode
+from people4d.messages import Health
+from people4d.messages.status import State
 
 CONFIG = WatchdogConfig(
     silent_s=4.0, stalled_s=8.0, start_s=60.0, restarts_max=2, restarts_window_s=100.0

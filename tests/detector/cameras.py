@@ -1,6 +1,6 @@
 """Calibrations that several tests of the detector use."""
 
-from common.messages import F64, CameraInfo
+from people4d.messages import F64, CameraInfo
 
 INFO = CameraInfo(
     stamp_ns=0,

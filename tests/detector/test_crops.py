@@ -1,6 +1,6 @@
 import numpy as np
 
-from common.messages import F32, U8
+from people4d.messages import F32, U8
 from services.detector.crops import crop_person, cut_box
 from services.detector.models import InstanceMask, Person
 

@@ -8,16 +8,16 @@ import cv2
 import numpy as np
 import pytest
 
-from common.bus import MemoryBus
 from common.config import load
-from common.errors import ConfigError, ModelError
-from common.geometry import apply, invert
-from common.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Span
-from services.detector.__main__ import build
+from common.geometry.transforms import apply, invert
+from common.transport.bus import MemoryBus
+from people4d.errors import ConfigError, ModelError
+from people4d.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Span
+from services.detector.build import build
 from services.detector.config import DetectorConfig
 from services.detector.models import InstanceMask, Person
 from services.detector.node import DetectorNode
-from services.detector.position import KeypointRule
+from services.detector.position.position import KeypointRule
 from tests.detector.cameras import INFO, lab_info
 
 M = TypeVar("M", bound=Message)

@@ -9,18 +9,18 @@ import cv2
 import numpy as np
 import scipy.io
 
-from common.errors import People4dError
-from common.images import encode_jpeg
-from common.recording import RecordingWriter, open_recording
+from common.io.images import encode_jpeg
+from common.io.recording import RecordingWriter, open_recording
+from people4d.errors import People4dError
 from services.camera.calibration import MatNames, read_calibration
 from services.camera.describe import describe
-from services.camera.folder import FolderOptions, FolderSource
+from services.camera.folder.source import FolderOptions, FolderSource
 from services.camera.recording import RecordingOptions, RecordingSource
-from services.camera.ros_camera import RosbagOptions
-from services.camera.rosbag import RosbagSource
+from services.camera.ros.camera import RosbagOptions
+from services.camera.ros.source import RosbagSource
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources import TRUTH_SOURCES, open_truth
-from tests.camera.bags import Ros, depth_mm, frames, rgb
+from services.gt_bridge.sources.registry import TRUTH_SOURCES, open_truth
+from tests.camera.ros.bags import Ros, depth_mm, frames, rgb
 from tests.camera.test_sources import recorded
 from tests.contract.examples import FULL
 from tests.fuzz.target import Target

@@ -45,7 +45,7 @@ def load() -> dict[str, Target]:
     """Import all targets so that their coverage is seen; call it before they are imported."""
     import atheris  # noqa: PLC0415
 
-    if "common.codec" in sys.modules:
+    if "people4d.codec" in sys.modules:
         raise RuntimeError("the targets are imported already: their coverage would not be seen")
     os.environ["OPENCV_LOG_LEVEL"] = "SILENT"
     with atheris.instrument_imports(include=list(INSTRUMENTED), enable_loader_override=False):
@@ -132,7 +132,7 @@ def _child(target: Target, folders: tuple[Path, Path, Path], seconds: float) -> 
     os.nice(NICENESS)
     log = (found / LOG).open("w")
     os.dup2(log.fileno(), sys.stderr.fileno())
-    allowed: Any = importlib.import_module("common.errors").People4dError
+    allowed: Any = importlib.import_module("people4d.errors").People4dError
     with tempfile.TemporaryDirectory() as made:
         for seed in target.seeds(Path(made)):
             (corpus / hashlib.sha1(seed).hexdigest()).write_bytes(seed)

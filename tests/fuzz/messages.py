@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from common.codec import MESSAGES, decode, encode
-from common.errors import DecodeError
-from common.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
-from common.messages import CompressedRgbdFrame, Detections, Message
-from common.ros_bag import types_of
+from common.io.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
+from common.io.ros_bag import types_of
+from people4d.codec import MESSAGES, decode, encode
+from people4d.errors import DecodeError
+from people4d.messages import CompressedRgbdFrame, Detections, Message
 from services.camera.config import MotionConfig
-from services.camera.live_motion import LiveMotion
-from services.camera.ros_bag import RGBD, RGBD_DEFINITION
-from services.camera.ros_calibration import Transforms, lens_of
-from services.camera.ros_images import colour_image, depth_image
-from services.camera.ros_motion import JointConfig, odometry_of
+from services.camera.ros.bag_reader import RGBD, RGBD_DEFINITION
+from services.camera.ros.calibration import Transforms, lens_of
+from services.camera.ros.images import colour_image, depth_image
+from services.camera.ros.live_motion import LiveMotion
+from services.camera.ros.motion import JointConfig, odometry_of
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.live import LiveTruth
-from services.gt_bridge.people_msgs import PEOPLE, people_typestore, truth_of
-from tests.camera.bags import Ros, compressed_depth, depth_mm, rgb
+from services.gt_bridge.sources.live import LiveTruth
+from services.gt_bridge.sources.people_msgs import PEOPLE, people_typestore, truth_of
+from tests.camera.ros.bags import Ros, compressed_depth, depth_mm, rgb
 from tests.contract.examples import FULL, SPARSE
 from tests.fuzz.target import Target
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from common.codec import encode
-from common.images import encode_png16
-from tests.camera.bags import Ros, depth_mm, frames
+from common.io.images import encode_png16
+from people4d.codec import encode
+from tests.camera.ros.bags import Ros, depth_mm, frames
 from tests.contract.examples import BY_NAME
 
 

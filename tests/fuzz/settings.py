@@ -7,11 +7,11 @@ from typing import get_type_hints
 
 import msgspec
 
-from common import weights
 from common.config import load
-from common.errors import People4dError
-from deploy.presets import FOLDER, preset_settings
-from services.camera.lab.scenario import load_scenario
+from common.io import weights
+from lab.scenario import load_scenario
+from people4d.errors import People4dError
+from services.presets import FOLDER, preset_settings
 from tests.fuzz.target import Target
 
 SERVICES = (
@@ -23,7 +23,7 @@ CONFIG = Path(FOLDER).parent / "people4d.toml"
 def _records() -> dict[str, type[msgspec.Struct]]:
     records = {}
     for name in SERVICES:
-        build = importlib.import_module(f"services.{name}.__main__").build
+        build = importlib.import_module(f"services.{name}.build").build
         records[name] = get_type_hints(build)["config"]
     return records
 
@@ -88,7 +88,7 @@ def _scenario(data: bytes, folder: Path) -> None:
 
 
 def _scenario_seeds(_: Path) -> Sequence[bytes]:
-    folder = Path(importlib.import_module("services.camera.lab").__path__[0]) / "scenarios"
+    folder = Path(importlib.import_module("lab").__path__[0]) / "scenarios"
     return [file.read_bytes() for file in sorted(folder.glob("*.toml"))[:6]]
 
 

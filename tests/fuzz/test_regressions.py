@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from common.errors import People4dError
+from people4d.errors import People4dError
 from tests.fuzz.regressions import REGRESSIONS
 from tests.fuzz.targets import groups
 

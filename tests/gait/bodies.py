@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import CameraInfo
-from services.gait.body import Body
-from services.gait.body_config import BodyConfig
+from people4d.messages import CameraInfo
+from services.gait.surface.body import Body
+from services.gait.surface.body_config import BodyConfig
 
 INFO = CameraInfo(
     stamp_ns=0,

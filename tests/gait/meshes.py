@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from services.gait.surface import Surface
+from services.gait.surface.mesh import Surface
 from tests.gait.bodies import INFO
 
 

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import F64, U8
-from services.gait.histogram import HueSaturation
-from services.gait.pixel_ratios import Colours, Grid
+from people4d.messages import F64, U8
+from services.gait.colour.histogram import HueSaturation
+from services.gait.colour.pixel_ratios import Colours, Grid
 
 I32: TypeAlias = npt.NDArray[np.int32]
 

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from common.messages import F64, U8, U16
+from people4d.messages import F64, U8, U16
 from services.gait.cascade import Cascade, GaitEstimate, Seen
 from services.gait.cascade_config import CascadeConfig
-from services.gait.depth_config import DepthLayerConfig
-from services.gait.points import POINTS
+from services.gait.points.config import DepthLayerConfig
+from services.gait.points.points import POINTS
 from tests.gait.bodies import INFO
 
 DEPTH_M = 2.5

@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.codec import decode, encode
-from common.messages import (
+from people4d.codec import decode, encode
+from people4d.messages import (
     CameraInfo,
     Detection,
     Detections,
@@ -20,11 +20,11 @@ from common.messages import (
     Track,
     Tracks,
 )
-from services.gait.__main__ import build
+from services.gait.build import build
 from services.gait.config import GaitConfig
 from services.gait.node import GaitNode
 from services.gait.people import fixed_point
-from services.gait.point_filter import PointEstimate
+from services.gait.points.point_filter import PointEstimate
 from services.gait.warm_up import warm_up
 
 HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from common.geometry import LINK_FROM_OPTICAL, transform_from
-from common.messages import CameraInfo, StaticTransform, Track, Tracks, Truth, TruthPerson
+from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
+from people4d.messages import CameraInfo, StaticTransform, Track, Tracks, Truth, TruthPerson
 
 MS = 1_000_000
 OPTICAL = "front_optical_frame"

@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.codec import decode, encode
-from common.errors import SourceError
-from common.messages import Detections, Message, Score, Tracks, Truth, TruthPerson
+from people4d.codec import decode, encode
+from people4d.errors import SourceError
+from people4d.messages import Detections, Message, Score, Tracks, Truth, TruthPerson
 from services.gt_bridge.config import FixedTransform, GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
 from tests.contract.odd import in_order, out_of_order

@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from common.messages import Health, Tracks
-from common.ports import free_port
-from common.zenoh_bus import ZenohBus, read_config
+from common.transport.ports import free_port
+from common.transport.zenoh_bus import ZenohBus, read_config
 from deploy.cli.up import DEMO
 from deploy.launcher.health import works
 from deploy.launcher.launcher import stop
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
+from people4d.messages import Health, Tracks
 from tests.network import Watcher
 
 ROBOT = "broken"

@@ -9,13 +9,13 @@ from typing import ClassVar
 import pytest
 import zenoh
 
-from common import heartbeat
-from common.codec import encode
-from common.loop import Loop
-from common.messages import Health, Message
-from common.place import Place
-from common.topics import BY_MESSAGE, TOPICS, Topic
-from common.zenoh_bus import read_config
+from common.runtime import heartbeat
+from common.runtime.loop import Loop
+from common.runtime.process_id import Place
+from common.transport.zenoh_bus import read_config
+from people4d.codec import encode
+from people4d.messages import Health, Message
+from people4d.topics import BY_MESSAGE, TOPICS, Topic
 from tests.common.nodes import Echo
 from tests.contract.examples import BY_NAME, FULL
 from tests.network import WAIT_S, Network, Watcher

@@ -11,14 +11,14 @@ import pytest
 import zenoh
 from typer.testing import CliRunner
 
-from common.codec import encode
-from common.messages import Detections, Embeddings, Health, Tracks
-from common.ports import free_port
-from common.topics import TOPICS
-from common.zenoh_bus import read_config
+from common.transport.ports import free_port
+from common.transport.zenoh_bus import read_config
 from deploy.cli import app
 from deploy.doctor.finding import Finding
 from deploy.launcher.state import State
+from people4d.codec import encode
+from people4d.messages import Detections, Embeddings, Health, Tracks
+from people4d.topics import TOPICS
 from tests.contract.examples import BY_NAME
 from tests.integration.system import (
     ROBOT,

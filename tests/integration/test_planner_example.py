@@ -3,15 +3,15 @@
 import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from common.messages import Track, Tracks
+from people4d.messages import Track, Tracks
+from tests import ROOT
 from tests.network import Network
 
-EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "planner.py"
+EXAMPLE = ROOT / "docs" / "examples" / "planner.py"
 
 
 @pytest.fixture

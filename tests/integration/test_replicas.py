@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from benchmarks.replicas import play
-from common.messages import Embeddings, Health
+from people4d.messages import Embeddings, Health
 from tests.contract.examples import BY_NAME
 from tests.network import Network, Watcher
 

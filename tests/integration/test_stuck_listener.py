@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
-from common.zenoh_bus import read_config
+from common.transport.zenoh_bus import read_config
 from tests.network import WAIT_S, Network
 
 KEY = "people4d/v1/robot/people"
@@ -19,7 +19,7 @@ PAYLOAD = bytes(20_000)
 MESSAGES = 300  # 6 MB: more than the sockets on the way to the listener can hold
 LISTENER = f"""
 import sys, time, zenoh
-from common.zenoh_bus import read_config
+from common.transport.zenoh_bus import read_config
 config = read_config(None, "client", {{"PEOPLE4D_CONNECT": sys.argv[1]}})
 config.insert_json5("transport/shared_memory/enabled", "false")
 with zenoh.open(config) as session:

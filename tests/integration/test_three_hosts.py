@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.namespaces import Hosts, hosts, missing
+from benchmarks.lib.namespaces import Hosts, hosts, missing
+from tests import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^```sh on=(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 HOSTS = ("tracker", "nuc")  # where something runs
 TIMEOUT_S = 100.0

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from common.messages import Health, Message, Tracks
+from people4d.messages import Health, Message, Tracks
 from tests.network import Network, Watcher
 from tests.tracker.test_node import TRANSFORM, looks, person, seen
 

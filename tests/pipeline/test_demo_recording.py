@@ -1,16 +1,17 @@
 """The shipped recording through all nodes, in one process and in lock-step."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
-from common.codec import encode
 from common.config import load
-from common.geometry import wrap
-from common.messages import (
+from common.geometry.transforms import wrap
+from common.runtime.node import Node
+from evaluation.chain import pipeline, play
+from people4d.codec import encode
+from people4d.messages import (
     Detections,
     Embeddings,
     Message,
@@ -21,19 +22,18 @@ from common.messages import (
     Truth,
     TruthPerson,
 )
-from common.node import Node
-from deploy.evaluation.chain import pipeline, play
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
-from services.gt_bridge.sources import open_truth
+from services.gt_bridge.sources.registry import open_truth
 from services.report.accuracy import match
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
 from services.tracker.registry import make_tracker
+from tests import ROOT
 
-DEMO = Path(__file__).parents[2] / "deploy" / "demo" / "crossing.mcap"
+DEMO = ROOT / "deploy" / "demo" / "crossing.mcap"
 FRAMES = 135
 SETTINGS = DEMO.parents[1] / "config" / "people4d.toml"  # what `people4d up` runs with
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.by_eye import CROSSING, TORSO_MM, match
+from benchmarks.lib.by_eye import CROSSING, TORSO_MM, match
 from benchmarks.real_inputs import Played, filinha, gather, man_in_front, models
-from common.geometry import apply
-from common.messages import StaticTransform
-from deploy.evaluation.chain import pipeline, play
+from common.geometry.transforms import apply
+from evaluation.chain import pipeline, play
+from people4d.messages import StaticTransform
 from services.detector.config import DetectorConfig
 
 MODELS = ("movenet-multipose", "yolov8n-pose", "yolov8n-seg")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.lib.timeline import Frame, lost
 from benchmarks.soak import slope
-from benchmarks.timeline import Frame, lost
 
 
 def test_a_line_has_its_slope_and_no_error() -> None:

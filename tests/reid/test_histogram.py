@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from common.messages import F32, U8, Crop
+from people4d.messages import F32, U8, Crop
 from services.reid.histogram import BINS, COSINE_DISTANCE_MAX, PART_WEIGHTS, HistogramEmbedder
 
 RED, BLUE, GREEN = (200, 20, 20), (20, 20, 200), (20, 180, 20)

@@ -2,9 +2,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from common.bus import MemoryBus
-from common.messages import F32, Crop, Crops, Embeddings, Span
-from services.reid.__main__ import build
+from common.transport.bus import MemoryBus
+from people4d.messages import F32, Crop, Crops, Embeddings, Span
+from services.reid.build import build
 from services.reid.config import ReidConfig
 from services.reid.node import ReidNode
 

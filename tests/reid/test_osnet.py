@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.errors import ConfigError, ModelError
 from common.inference import Array
-from common.messages import Crop
+from people4d.errors import ConfigError, ModelError
+from people4d.messages import Crop
 from services.reid.config import ReidConfig
 from services.reid.embedders import load_embedder
 from services.reid.histogram import HistogramEmbedder

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from common.messages import (
+from people4d.messages import (
     CameraInfo,
     Detection,
     Detections,

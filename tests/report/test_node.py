@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from common.errors import ConfigError, People4dError
-from common.messages import U8, Message
+from people4d.errors import ConfigError, People4dError
+from people4d.messages import U8, Message
 from services.report.config import ReportConfig
 from services.report.folder import Folder, frame_rate_hz
 from services.report.join import Join

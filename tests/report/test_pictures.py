@@ -8,8 +8,8 @@ from common.drawing.palette import INK, PAPER, PEOPLE, WHITE, colour_of, ink_on
 from common.drawing.people import View, annotate
 from common.drawing.tiles import Tile, shrink
 from common.drawing.topdown import Walks, draw_map
-from common.geometry import invert
-from common.messages import U8
+from common.geometry.transforms import invert
+from people4d.messages import U8
 from services.report.join import Moment
 from services.report.sheet import contact_sheet
 from services.report.statistics import Statistics

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from common.messages import Detection
+from people4d.messages import Detection
 from services.report.accuracy import TruthCheck, match
 from services.report.join import Moment
 from services.report.latency import Latency

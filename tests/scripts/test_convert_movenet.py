@@ -14,8 +14,9 @@ import pytest
 from common.inference import OnnxSession
 from scripts.convert_movenet import HEADS, convert, read_member
 from services.detector.models.letterbox import Letterbox
+from tests import ROOT
 
-REPOSITORY = Path(__file__).resolve().parents[2]
+REPOSITORY = ROOT
 
 
 class Tfjs:

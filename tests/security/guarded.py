@@ -7,11 +7,11 @@ from pathlib import Path
 
 import zenoh
 
-from common.access import roles
-from common.ports import free_port
-from common.topics import prefix
-from common.zenoh_bus import ZenohBus, read_config
+from common.transport.access import roles
+from common.transport.ports import free_port
+from common.transport.zenoh_bus import ZenohBus, read_config
 from deploy import keys
+from people4d.topics import prefix
 
 ROBOT = "robot"
 PREFIX = prefix(ROBOT)

@@ -8,9 +8,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from common.access import access_control, may_publish, may_read, roles
-from common.codec import encode
-from common.topics import BY_MESSAGE, BY_NAME, TOPICS
+from common.transport.access import access_control, may_publish, may_read, roles
+from people4d.codec import encode
+from people4d.topics import BY_MESSAGE, BY_NAME, TOPICS
 from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.security.guarded import PREFIX, WAIT_S, Ear, Guarded, guarded, settle
 from tests.services import SERVICES, node_of

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 import zenoh
 
-from common.codec import encode
-from common.errors import ConfigError, People4dError
-from common.messages import CameraInfo, Tracks
-from common.ports import free_port
-from common.zenoh_bus import ZenohBus, read_config
+from common.transport.ports import free_port
+from common.transport.zenoh_bus import ZenohBus, read_config
 from deploy import keys
+from people4d.codec import encode
+from people4d.errors import ConfigError, People4dError
+from people4d.messages import CameraInfo, Tracks
 from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.network import Watcher
 from tests.security.guarded import PREFIX, ROBOT, WAIT_S, Ear, Guarded, guarded, settle

@@ -10,9 +10,9 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from typer.testing import CliRunner
 
-from common.errors import ConfigError
 from deploy import keys
 from deploy.cli import app
+from people4d.errors import ConfigError
 
 HOSTS = {"nuc": ["router", "camera"], "planner": ["planner"]}
 NOW = datetime.now(UTC)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from common.clock import NAME, keep_time
-from common.zenoh_bus import ZenohBus
+from common.transport.clock import NAME, keep_time
+from common.transport.zenoh_bus import ZenohBus
 from tests.security.guarded import WAIT_S, guarded
 
 

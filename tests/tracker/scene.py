@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from common.messages import F64
+from people4d.messages import F64
 from services.tracker.interface import Measurement, Observation
 
 FRAME_NS = 100_000_000

@@ -5,8 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry import LINK_FROM_OPTICAL, apply, invert, rotation_from_rpy, transform_from
-from common.messages import (
+from common.geometry.moving_frames import MovingFrames, matrix_of
+from common.geometry.transform_buffer import Placement, TrailConfig
+from common.geometry.transforms import (
+    LINK_FROM_OPTICAL,
+    apply,
+    invert,
+    rotation_from_rpy,
+    transform_from,
+)
+from people4d.messages import (
     F64,
     Detection,
     Detections,
@@ -16,8 +24,6 @@ from common.messages import (
     Track,
     Tracks,
 )
-from common.moving_frames import MovingFrames, matrix_of
-from common.trail import Placement, TrailConfig
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
 from services.tracker.placing import carried

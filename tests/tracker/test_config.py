@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from common.config import load
-from common.errors import ConfigError
+from people4d.errors import ConfigError
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Need
 from services.tracker.registry import TRACKERS, make_tracker
@@ -65,7 +65,7 @@ def test_unknown_trackers_are_told() -> None:
     with pytest.raises(ConfigError, match="cannot be loaded: No module named 'nowhere'"):
         make_tracker(config("tracker=nowhere:Tracker"))
     with pytest.raises(ConfigError, match="cannot be loaded"):
-        make_tracker(config("tracker=services.tracker.sort3d:Missing"))
+        make_tracker(config("tracker=services.tracker.sort3d.sort3d:Missing"))
 
 
 def test_a_tracker_of_your_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.geometry import rotation_from_rpy
-from common.messages import F64, Track
+from common.geometry.transforms import rotation_from_rpy
+from people4d.messages import F64, Track
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Measurement, Observation, Tracker
 from services.tracker.registry import make_tracker

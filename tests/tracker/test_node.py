@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.geometry import LINK_FROM_OPTICAL, transform_from
-from common.messages import (
+from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
+from people4d.messages import (
     Detection,
     Detections,
     Embeddings,

@@ -4,9 +4,9 @@ from collections import Counter
 
 import numpy as np
 
-from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from common.messages import Detection, Detections
-from common.trail import Placement
+from common.geometry.transform_buffer import Placement
+from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from people4d.messages import Detection, Detections
 from services.tracker.observe import observe, rotated
 from services.tracker.placing import doubt
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import msgspec
 import pytest
 
-from common.messages import Detections, Message
+from people4d.messages import Detections, Message
 from services.tracker.node import TrackerNode
 from tests.tracker.test_node import FRAME_MS, MS, TRANSFORM, feed, node, numbers, seen, tracks
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from common.geometry import LINK_FROM_OPTICAL, transform_from
-from common.messages import F64, Odometry, StaticTransform
-from common.trail import TrailConfig
+from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
+from people4d.messages import F64, Odometry, StaticTransform
 from services.tracker.placing import Places
 
 CAMERA = "front_optical_frame"

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.geometry import apply, invert
-from common.messages import F64
+from common.geometry.transforms import apply, invert
+from people4d.messages import F64
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Measurement, Observation
 from services.tracker.registry import make_tracker

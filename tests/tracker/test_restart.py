@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from common.errors import DecodeError
-from common.messages import Message, StaticTransform, Tracks
+from people4d.errors import DecodeError
+from people4d.messages import Message, StaticTransform, Tracks
 from services.tracker.node import TrackerNode
 from tests.tracker.test_node import TRANSFORM, feed, looks, node, person, seen, tracks
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from common.messages import Detection, Detections, Embeddings, ImageTracks, Message, Tracks
+from people4d.messages import Detection, Detections, Embeddings, ImageTracks, Message, Tracks
 from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
-from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
 from services.tracker.node import TrackerNode
 from services.tracker.registry import TRACKERS, make_tracker
 

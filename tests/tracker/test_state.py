@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.errors import DecodeError
-from common.messages import Track
+from people4d.errors import DecodeError
+from people4d.messages import Track
 from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
-from services.tracker.identity_config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
 from services.tracker.interface import Lasting, Tracker
 from services.tracker.registry import make_tracker
 from tests.tracker.scene import frame, person

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from common.messages import F32, F64, U8, U16, CameraInfo
+from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from people4d.messages import F32, F64, U8, U16, CameraInfo
 from services.visual_odometry.points import View
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 300.0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from common.geometry import apply, invert, rotation_from_rpy, transform_from
-from common.messages import F64
+from common.geometry.transforms import apply, invert, rotation_from_rpy, transform_from
+from people4d.messages import F64
 from services.visual_odometry.config import FitConfig
 from services.visual_odometry.fit import Fit, Mount, Prior, Sights, fit_motion
 from tests.visual_odometry.room import BASE_FROM_OPTICAL, base

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from common.bus import MemoryBus
-from common.geometry import invert
-from common.messages import (
+from common.geometry.transforms import invert
+from common.transport.bus import MemoryBus
+from people4d.messages import (
     F64,
     CameraInfo,
     Detection,
@@ -20,9 +20,9 @@ from common.messages import (
     StaticTransform,
     Tracks,
 )
-from services.tracker.__main__ import build as build_tracker
+from services.tracker.build import build as build_tracker
 from services.tracker.config import TrackerConfig
-from services.visual_odometry.__main__ import build
+from services.visual_odometry.build import build
 from services.visual_odometry.config import VisualOdometryConfig
 from services.visual_odometry.node import VisualOdometryNode
 from tests.visual_odometry.room import BASE_FROM_OPTICAL, FRAME_NS, INFO, base, view

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.messages import F64
+from people4d.messages import F64
 from services.visual_odometry.config import CornerConfig, VisualOdometryConfig
 from services.visual_odometry.fit import Mount
 from services.visual_odometry.keyframe import Place

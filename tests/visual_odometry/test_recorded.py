@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from common.geometry import invert
-from common.images import compress
-from common.messages import Detections, Message, Odometry, RgbdFrame
-from common.recording import RecordingWriter, open_recording
-from deploy.evaluation.visual_motion import Seen, VisualMotion, Watch, watch, write_seen
+from common.geometry.transforms import invert
+from common.io.images import compress
+from common.io.recording import RecordingWriter, open_recording
+from evaluation.visual_motion import Seen, VisualMotion, Watch, watch, write_seen
+from people4d.messages import Detections, Message, Odometry, RgbdFrame
 from services.camera.config import CameraConfig
 from services.visual_odometry.config import VisualOdometryConfig
 from tests.deploy.test_alone import (  # noqa: F401  # a fixture is one by its name

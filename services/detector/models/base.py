@@ -5,7 +5,7 @@ from typing import Protocol
 
 import msgspec
 
-from common.messages import F32, U8
+from people4d.messages import F32, U8
 
 SIDE_STEP = 32  # [px] the networks halve the image five times
 
@@ -49,7 +49,7 @@ class PersonModel(Protocol):
 class ModelSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Which people model runs, and how."""
 
-    model: str = "movenet-multipose"  # name in deploy/models.toml, or path of an .onnx file
+    model: str = "movenet-multipose"  # name in models/models.toml, or path of an .onnx file
     kind: str = ""  # one of MODELS or "module:Class"; empty: as the manifest or the file says
     folder: str = ""  # folder that is searched first for named models; empty: none
     input_height: int = 0  # [px] of the network, a multiple of 32; 0: as the model is made

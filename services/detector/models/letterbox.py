@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import F64, U8
+from people4d.messages import F64, U8
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.errors import ModelError
 from common.inference import Array, Session
-from common.messages import U8
+from people4d.errors import ModelError
+from people4d.messages import U8
 from services.detector.models.base import SIDE_STEP, ModelSettings
 from services.detector.models.letterbox import Letterbox
 

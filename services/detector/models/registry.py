@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
-from common import registry, weights
-from common.errors import ModelError
+from common import registry
 from common.inference import Array, OnnxSession, Session
+from common.io import weights
+from people4d.errors import ModelError
 from services.detector.models.base import ModelSettings, PersonModel
 from services.detector.models.network import ImageInput
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.boxes import nms
+from common.geometry.boxes import nms
 from common.inference import Array, Session
-from common.messages import F32, U8
-from common.trace import span
+from common.transport.trace import span
+from people4d.messages import F32, U8
 from services.detector.models.base import Limits, ModelSettings, Person
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.network import ImageInput, check_output

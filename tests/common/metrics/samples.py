@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.boxes import iou_xyxy
-from common.messages import F64
+from common.geometry.boxes import iou_xyxy
 from common.metrics import Frame, Sequence, TrackedPeople, TruePeople
 from common.metrics.mot_text import MotRows, read_info, read_rows, sequence
+from people4d.messages import F64
 
 MOT15 = ("ADL-Rundle-6", "ETH-Bahnhof", "KITTI-17", "TUD-Campus", "TUD-Stadtmitte")
 SEEDS = (0, 1, 2, 3)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Hashable
 import numpy as np
 import pytest
 
-from common.geometry import apply, invert, rotation_from_rpy, transform_from
-from common.messages import F64, Truth, TruthPerson
+from common.geometry.transforms import apply, invert, rotation_from_rpy, transform_from
 from common.metrics import estimate_clock, estimate_motion, fit_2d, fit_3d, moved
 from common.metrics.paths import Path
+from people4d.messages import F64, Truth, TruthPerson
 
 RATE_HZ, FRAMES_HZ = 100.0, 30.0
 

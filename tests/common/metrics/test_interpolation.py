@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from common.messages import Truth, TruthPerson
 from common.metrics import TruthTrail, interpolate
+from people4d.messages import Truth, TruthPerson
 
 MS = 1_000_000
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.errors import DecodeError
 from common.metrics import box_overlap, score
 from common.metrics.mot_text import MotInfo, read_info, read_rows, sequence, tracks_by_frame
+from people4d.errors import DecodeError
 
 
 def written(folder: Path, text: str) -> Path:

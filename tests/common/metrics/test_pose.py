@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from common.messages import F64
+from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from common.metrics import (
     Frame,
     GroundDistance,
@@ -17,6 +16,7 @@ from common.metrics import (
     TruePeople,
     score,
 )
+from people4d.messages import F64
 
 PI = math.pi
 

@@ -4,9 +4,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.geometry import LINK_FROM_OPTICAL, invert, transform_from
-from common.messages import CameraInfo
+from common.geometry.transforms import LINK_FROM_OPTICAL, invert, transform_from
 from common.metrics import in_view
+from people4d.messages import CameraInfo
 
 # f = 100 px, 200 x 100 px, axis in the middle: 45 degrees to either side, 26.6 up and down.
 INFO = CameraInfo(

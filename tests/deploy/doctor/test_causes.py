@@ -11,16 +11,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.client import Client
-from common.codec import encode
-from common.loop import Loop
-from common.messages import U8, Message, RgbdFrame, StaticTransform
-from common.node import Node, Status
-from common.place import Place
-from common.topics import BY_MESSAGE
+from common.runtime.loop import Loop
+from common.runtime.node import Node, Status
+from common.runtime.process_id import Place
 from deploy.doctor.evidence import listen
 from deploy.doctor.finding import Finding
 from deploy.doctor.running import examine
+from people4d.client import Client
+from people4d.codec import encode
+from people4d.messages import U8, Message, RgbdFrame, StaticTransform
+from people4d.topics import BY_MESSAGE
 from services.detector.config import DetectorConfig
 from services.detector.models import Person
 from services.detector.node import DetectorNode
@@ -104,7 +104,7 @@ def network() -> Iterator[Network]:
 
 @pytest.fixture(autouse=True)
 def quick_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("common.heartbeat.PERIOD_S", 0.1)
+    monkeypatch.setattr("common.runtime.heartbeat.PERIOD_S", 0.1)
 
 
 class System:

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from common.ports import free_port
+from common.transport.ports import free_port
 from deploy.cli import app
 from deploy.doctor import here
 from deploy.doctor.finding import Finding

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.messages import Detection, Detections, Health, Track, Tracks
 from deploy.doctor.evidence import Evidence
 from deploy.doctor.finding import Finding
 from deploy.doctor.running import examine
+from people4d.messages import Detection, Detections, Health, Track, Tracks
 
 S = 10**9
 

@@ -1,0 +1,261 @@
+"""Trackers of others on stored detections, as a program of its own in their own environment.
+
+    python -m uv venv .venv-peers
+    python -m uv pip install --python .venv-peers norfair==2.3.0 motrackers==0.1.1 trackers==2.6.1 \
+        ioutrack-rs==0.4.0 --override benchmarks/peers-override.txt
+    .venv-peers/bin/python benchmarks/lib/mot_peers.py DETECTIONS.npz TRACKS.npz CHOSEN
+
+It needs nothing of this project. `benchmarks.trackers` calls it. Input: for each sequence NAME an
+array NAME (frame, left, top, right, bottom, score) and NAME:info (frames, rate in Hz). CHOSEN is
+JSON: settings by the name of the tracker, {} for all. Output: for each tracker T, setting K and
+sequence NAME an array T/K/NAME (frame, identity, left, top, right, bottom), T/K/NAME:us
+(microseconds of each frame), and T/K:words.
+"""
+
+import importlib
+import importlib.metadata
+import json
+import logging
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from itertools import pairwise, product
+from typing import Any
+
+import numpy as np
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+Update = Callable[[Rows, Rows], tuple[Any, Rows]]
+Options = dict[str, Any]
+
+
+def norfair(_rate_hz: float, gate: float, seen: bool, **options: Any) -> Update:
+    """Norfair with the overlap of boxes as distance; `seen` tells only who was matched."""
+    package = importlib.import_module("norfair")
+    tracker = package.Tracker(distance_function="iou", **options)
+
+    def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
+        found = [
+            package.Detection(points=box.reshape(2, 2), scores=np.array([score, score]))
+            for box, score in zip(boxes, scores, strict=True)
+            if score >= gate
+        ]
+        told = tracker.update(found)
+        if seen:
+            told = [one for one in told if any(one.last_detection is d for d in found)]
+        corners = np.array([one.estimate.ravel() for one in told]).reshape(-1, 4)
+        return [one.id for one in told], corners
+
+    return update
+
+
+def motrackers(_rate_hz: float, kind: str, gate: float, seen: bool, **options: Any) -> Update:
+    """One of motrackers; `seen` tells only who was matched."""
+    tracker = getattr(importlib.import_module("motrackers"), kind)(**options)
+
+    def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
+        kept = scores >= gate
+        corners = np.column_stack([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]])[kept]
+        told = tracker.update(corners, scores[kept], np.zeros(len(corners), int))
+        if seen:
+            told = [one for one in told if tracker.tracks[one[1]].lost == 0]
+        rows = np.array([[t[1], t[2], t[3], t[2] + t[4], t[3] + t[5]] for t in told])
+        rows = rows.reshape(-1, 5)
+        return rows[:, 0], rows[:, 1:]
+
+    return update
+
+
+def roboflow(rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
+    """One of trackers."""
+    detections = importlib.import_module("supervision").Detections
+    tracker = getattr(importlib.import_module("trackers"), kind)(frame_rate=rate_hz, **options)
+
+    def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
+        kept = scores >= gate
+        classes = np.zeros(int(kept.sum()), int)
+        told = tracker.update(
+            detections(xyxy=boxes[kept], confidence=scores[kept], class_id=classes)
+        )
+        if told.tracker_id is None:
+            return [], np.zeros((0, 4))
+        known = told.tracker_id >= 0
+        return told.tracker_id[known], told.xyxy[known]
+
+    return update
+
+
+def ioutrack(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
+    """One of ioutrack-rs, which is written in Rust."""
+    tracker = getattr(importlib.import_module("ioutrack"), kind)(**options)
+
+    def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
+        kept = scores >= gate
+        told = tracker.update(np.column_stack([boxes, scores])[kept], False)
+        return told[:, 4], told[:, :4].astype(np.float64)
+
+    return update
+
+
+def combinations(**choices: list[Any]) -> list[Options]:
+    """Return all combinations, the first values of all first."""
+    return [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
+
+
+# Name: package, function, settings; the first setting is the package's own.
+PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
+    "norfair": (
+        "norfair",
+        norfair,
+        combinations(
+            seen=[False, True],
+            gate=[0.0, 0.8],
+            distance_threshold=[0.7],
+            hit_counter_max=[15, 5],
+        ),
+    ),
+    "motrackers SORT": (
+        "motrackers",
+        motrackers,
+        combinations(kind=["SORT"], seen=[False, True], gate=[0.0, 0.8], max_lost=[0, 1, 5]),
+    ),
+    "motrackers IOUTracker": (
+        "motrackers",
+        motrackers,
+        combinations(
+            kind=["IOUTracker"],
+            seen=[False, True],
+            gate=[0.0, 0.8],
+            max_lost=[2],
+            iou_threshold=[0.5, 0.3],
+        ),
+    ),
+    "motrackers CentroidKF": (
+        "motrackers",
+        motrackers,
+        combinations(kind=["CentroidKF_Tracker"], seen=[False, True], gate=[0.0], max_lost=[1, 5]),
+    ),
+    "trackers SORT": (
+        "trackers",
+        roboflow,
+        combinations(
+            kind=["SORTTracker"],
+            gate=[0.0],
+            minimum_consecutive_frames=[3, 1],
+            lost_track_buffer=[30, 5],
+            track_activation_threshold=[0.25, 0.9],
+        ),
+    ),
+    "trackers ByteTrack": (
+        "trackers",
+        roboflow,
+        combinations(
+            kind=["ByteTrackTracker"],
+            gate=[0.0],
+            minimum_consecutive_frames=[2, 1],
+            lost_track_buffer=[30, 5],
+            track_activation_threshold=[0.7, 0.9],
+            high_conf_det_threshold=[0.6, 0.8],
+        ),
+    ),
+    "trackers OC-SORT": (
+        "trackers",
+        roboflow,
+        combinations(
+            kind=["OCSORTTracker"],
+            gate=[0.0],
+            minimum_consecutive_frames=[3, 1],
+            lost_track_buffer=[30, 5],
+            high_conf_det_threshold=[0.6, 0.8, 0.9],
+        ),
+    ),
+    "trackers C-BIoU": (
+        "trackers",
+        roboflow,
+        combinations(
+            kind=["CBIoUTracker"],
+            gate=[0.0],
+            minimum_consecutive_frames=[2, 1],
+            lost_track_buffer=[30, 5],
+            track_activation_threshold=[0.7, 0.9],
+            high_conf_det_threshold=[0.6, 0.8],
+        ),
+    ),
+    "ioutrack-rs SORT": (
+        "ioutrack-rs",
+        ioutrack,
+        combinations(
+            kind=["Sort"],
+            gate=[0.0],
+            min_hits=[3, 1],
+            max_age=[1, 5],
+            init_tracker_min_score=[0.0, 0.9],
+        ),
+    ),
+    "ioutrack-rs ByteTrack": (
+        "ioutrack-rs",
+        ioutrack,
+        combinations(
+            kind=["ByteTrack"],
+            gate=[0.0],
+            min_hits=[3, 1],
+            max_age=[1, 5, 15],
+            init_tracker_min_score=[0.8, 0.9],
+            high_score_threshold=[0.7],
+        ),
+    ),
+}
+
+
+def run(update: Update, rows: Rows, frames: int) -> tuple[Rows, Rows]:
+    """Return what was told (frame, identity, corners), and the microseconds of each frame."""
+    edges = np.searchsorted(rows[:, 0], np.arange(1, frames + 2))
+    told, times_us = [np.zeros((0, 6))], []
+    for number, (start, end) in enumerate(pairwise(edges), 1):
+        boxes, scores = rows[start:end, 1:5].copy(), rows[start:end, 5].copy()
+        began_ns = time.perf_counter_ns()
+        ids, corners = update(boxes, scores)
+        times_us.append((time.perf_counter_ns() - began_ns) / 1e3)
+        told.append(np.column_stack([np.full(len(ids), number), ids, corners]))
+    return np.vstack(told), np.array(times_us)
+
+
+def words(options: Options) -> str:
+    """Return settings as text."""
+    return ", ".join(f"{name} {value}" for name, value in options.items() if name != "kind")
+
+
+def measure(name: str, given: dict[str, Rows], chosen: list[int]) -> dict[str, Any]:
+    """Run one tracker with some of its settings, or all."""
+    package, make, settings = PEERS[name]
+    results: dict[str, Any] = {f"{name}:version": importlib.metadata.version(package)}
+    sequences = [key for key in given if not key.endswith(":info")]
+    for number in chosen or range(len(settings)):
+        results[f"{name}/{number}:words"] = words(settings[number])
+        for sequence in sequences:
+            frames, rate_hz = given[f"{sequence}:info"]
+            told, times_us = run(make(rate_hz, **settings[number]), given[sequence], int(frames))
+            results[f"{name}/{number}/{sequence}"] = told
+            results[f"{name}/{number}/{sequence}:us"] = times_us
+    return results
+
+
+def main() -> None:
+    """Run all trackers that are installed."""
+    warnings.simplefilter("ignore")
+    logging.disable(logging.WARNING)
+    source, target, chosen = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
+    with np.load(source) as file:
+        given = dict(file)
+    results: dict[str, Any] = {}
+    for name in chosen or PEERS:
+        try:
+            results |= measure(name, given, chosen.get(name, []))
+        except ImportError as error:
+            print(f"{name} is left out: {error}", file=sys.stderr)
+    np.savez(target, **results)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,302 @@
+"""Boxes from a camera that moves, with what is true and what odometry tells."""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from common.geometry.transform_buffer import TrailConfig
+from common.metrics import Frame, TrackedPeople, TruePeople
+from common.metrics import Sequence as Scored
+from common.metrics.record import BOOL
+from evaluation.detections import Look, look, read
+from evaluation.takes import film, plan_takes
+from lab.film import odometry as lab_odometry
+from lab.outline import outlines
+from lab.scenario import load_scenario
+from lab.sighting_config import SightingConfig
+from lab.sightings import Sightings
+from lab.world import World
+from people4d.messages import F64, Detections, Odometry
+from services.camera.config import CameraConfig
+from services.detector.config import DetectorConfig
+from services.tracker.image_sort.ego_motion import EgoMotion
+from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
+
+SEEN_MIN = 0.35  # visible share from which a person has to be found
+WAIT_S = 0.05
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A message of odometry and when it came."""
+
+    odometry: Odometry
+    arrival_ns: int  # [ns] by the clock of the frames' stamps
+
+
+@dataclass(frozen=True)
+class Ride:
+    """One recording of a moving camera."""
+
+    name: str
+    frames: tuple[BoxFrame, ...]
+    truth: tuple[TruePeople, ...]  # of each frame
+    samples: tuple[Sample, ...]  # by arrival
+    fov_deg: float  # [deg] of the camera
+
+    def turned(self) -> tuple[BoxFrame, ...]:
+        """Return the frames with the turns that a tracker would have known of when they came."""
+        motion, waiting, frames = EgoMotion(TrailConfig(), WAIT_S), list(self.samples), []
+        for frame in self.frames:
+            latest_ns = frame.stamp_ns + int(WAIT_S * 1e9)
+            while waiting and waiting[0].arrival_ns <= latest_ns:
+                came_ns = waiting[0].arrival_ns
+                if came_ns > frame.stamp_ns and motion.ready(frame.stamp_ns, 0):
+                    break
+                motion.add(waiting.pop(0).odometry)
+            frames.append(replace(frame, turn=motion.turn_to(frame.stamp_ns)))
+        return tuple(frames)
+
+    def scored(self, told: Sequence[BoxTracks]) -> Scored:
+        """Return truth and tracks together."""
+        people = [
+            TrackedPeople(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px) for t in told
+        ]
+        frames = [
+            Frame(stamp_ns=f.stamp_ns, truth=truth, tracked=tracked)
+            for f, truth, tracked in zip(self.frames, self.truth, people, strict=True)
+        ]
+        return Scored(self.name, tuple(frames))
+
+    def faultless(self, gone: int) -> list[BoxTracks]:
+        """Return what a tracker would tell that errs nowhere, but knows nobody again.
+
+        Args:
+            gone: Frames out of sight after which a person is somebody new.
+        """
+        last, ids, numbers, told = dict[int, int](), dict[int, int](), itertools.count(1), []
+        for number, truth in enumerate(self.truth):
+            hidden = np.zeros(len(truth.ids), bool) if truth.occluded is None else truth.occluded
+            rows = np.flatnonzero(~hidden)
+            for person in (int(truth.ids[row]) for row in rows):
+                if number - last.get(person, -gone - 2) > gone + 1:
+                    ids[person] = next(numbers)
+                last[person] = number
+            found = np.array([ids[int(truth.ids[row])] for row in rows], np.int64)
+            boxes = np.asarray(truth.boxes_xyxy_px)[rows].reshape(-1, 4)
+            told.append(BoxTracks(found, boxes, np.ones(len(rows)), np.arange(len(rows))))
+        return told
+
+
+def lab_ride(scenario: str, seed: int, errors: SightingConfig) -> Ride:
+    """Return a scenario of the virtual lab as a detector sees it, without pictures."""
+    world = World(load_scenario(scenario), seed)
+    sightings = Sightings(errors, world.info, seed)
+    frames, truth = [], []
+    for index in range(world.frame_count):
+        t_s, stamp_ns = world.frame_s(index), world.stamp_ns(index)
+        people, optical_from_map = world.keypoints_m(t_s), world.optical_from_map(t_s)
+        frames.append(_boxes(sightings.at(people, optical_from_map, stamp_ns)))
+        found = outlines(people, optical_from_map, world.info)
+        boxes = np.array([found[k].box_xyxy_px for k in found]).reshape(-1, 4)
+        shares = np.array([found[k].visible_share for k in found])
+        truth.append(_truth(list(found), boxes, shares, frames[-1].size_px))
+    return Ride(
+        f"{scenario}@{seed}",
+        tuple(frames),
+        tuple(truth),
+        _prompt(lab_odometry(world)),
+        _fov_deg(world.info.width, world.info.fx),
+    )
+
+
+def films(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
+    """Return what was filmed of some scenarios, newest first of each; empty if one is wanting."""
+    found = []
+    for scenario in scenarios:
+        takes = (cache / "scenes").glob(f"{scenario}@{seed}-colour-*.mcap")
+        drawn = [take for take in takes if take.with_suffix(".truth.npz").exists()]
+        found += sorted(drawn, key=lambda take: take.stat().st_mtime)[-1:]
+    return found if len(found) == len(scenarios) else []
+
+
+def draw(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
+    """Film some scenarios, unless they were filmed before."""
+    takes = plan_takes([f"lab:{scenario}" for scenario in scenarios], [seed], "colour", cache)
+    for take in takes:
+        film(take, 2, lambda what, share: print(f"{what}: {100 * share:.0f} %"))
+    return [take.path for take in takes]
+
+
+def film_ride(take: Path, detector: DetectorConfig, cache: Path) -> Ride:
+    """Return a film as a network sees its pictures, which it looks at but once."""
+    seen = look(Look(take, CameraConfig(), detector, (), cache))
+    frames, samples = list[BoxFrame](), list[Odometry]()
+    for message in read(seen.detections, None):
+        if isinstance(message, Detections):
+            frames.append(_boxes(message))
+        elif isinstance(message, Odometry):
+            samples.append(message)
+    with np.load(take.with_suffix(".truth.npz")) as file:
+        boxes, shares, lens = file["bbox"].astype(np.float64), file["vis"], file["K"]
+    people = list(range(boxes.shape[1]))
+    truth = [_truth(people, b, s, frames[0].size_px) for b, s in zip(boxes, shares, strict=True)]
+    fov_deg = _fov_deg(frames[0].size_px[0], float(lens[0]))
+    return Ride(take.stem, tuple(frames), tuple(truth), _prompt(samples), fov_deg)
+
+
+def kitti_ride(folder: Path, seed: int) -> Ride:
+    """Return a drive through a street: true boxes with a detector's errors, poses as odometry.
+
+    Errors are this benchmark's: a fifth of the people is missed, often for several frames; sides of
+    boxes are off by 2 % of the height; one false alarm in ten frames.
+    """
+    rng, width, height, rate_hz, focal_px = np.random.default_rng(seed), 1238, 374, 10.0, 718.3351
+    poses = np.loadtxt(folder / "CameraTrajectory.txt").reshape(-1, 3, 4)
+    people: list[dict[int, F64]] = [{} for _ in poses]
+    for line in (folder / "labels.txt").read_text(encoding="utf-8").splitlines():
+        cells = line.split()
+        if cells[2] in ("Pedestrian", "Cyclist", "Person_sitting"):
+            people[int(cells[0])][int(cells[1])] = np.array(cells[6:10], np.float64)
+    missing: dict[int, bool] = {}
+    frames, truth, samples = [], [], []
+    for number, here in enumerate(people):
+        stamp_ns = round(number / rate_hz * 1e9)
+        boxes = []
+        for identity, box in here.items():
+            # 20 % are missed; a miss lasts two frames in the mean.
+            lasts = rng.random() < (0.5 if missing.get(identity) else 0.875)
+            missing[identity] = missing.get(identity, False) == lasts
+            if not missing[identity]:
+                boxes.append(box + rng.normal(0, 0.02 * (box[3] - box[1]), 4))
+        if rng.random() < 0.1:
+            corner, tall = rng.uniform(0, [width - 60, height - 150]), rng.uniform(40, 150)
+            boxes.append(np.array([*corner, corner[0] + 0.4 * tall, corner[1] + tall]))
+        scores = rng.uniform(0.5, 1.0, len(boxes))
+        frames.append(BoxFrame(stamp_ns, np.array(boxes).reshape(-1, 4), scores, (width, height)))
+        told = np.array(list(here.values())).reshape(-1, 4)
+        truth.append(TruePeople(ids=tuple(here), boxes_xyxy_px=told))
+        forward = poses[number][:, 2]  # the camera's z axis; x right, so left is -x
+        samples.append(_heading(stamp_ns, math.atan2(-forward[0], forward[2])))
+    fov_deg = _fov_deg(width, focal_px)
+    return Ride(f"kitti_0019@{seed}", tuple(frames), tuple(truth), _prompt(samples), fov_deg)
+
+
+def _truth(ids: list[int], boxes: F64, shares: F64, size_px: tuple[int, int]) -> TruePeople:
+    """Return who is in the image; whoever is mostly hidden does not have to be found."""
+    boxes = boxes.clip(0, [*size_px, *size_px])
+    inside: BOOL = np.all(boxes[:, :2] < boxes[:, 2:], axis=1) & (shares > 0)
+    return TruePeople(
+        ids=tuple(k for k, there in zip(ids, inside, strict=True) if there),
+        boxes_xyxy_px=boxes[inside],
+        occluded=shares[inside] < SEEN_MIN,
+    )
+
+
+def _boxes(detections: Detections) -> BoxFrame:
+    people = detections.people
+    boxes = np.array([p.box_xyxy_px for p in people], np.float64).reshape(-1, 4)
+    scores, size_px = np.array([p.score for p in people]), (detections.width, detections.height)
+    return BoxFrame(detections.stamp_ns, boxes, scores, size_px)
+
+
+def _heading(stamp_ns: int, theta_rad: float) -> Odometry:
+    return Odometry(
+        stamp_ns=stamp_ns,
+        sequence=0,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x_m=0.0,
+        y_m=0.0,
+        theta_rad=theta_rad,
+    )
+
+
+def _prompt(told: Sequence[Odometry]) -> tuple[Sample, ...]:
+    return tuple(Sample(one, one.stamp_ns) for one in told)
+
+
+def _fov_deg(width: int, focal_px: float) -> float:
+    return math.degrees(2 * math.atan(width / 2 / focal_px))
+
+
+# Faults of odometry, by name: what becomes of the samples.
+Fault = Callable[[tuple[Sample, ...]], tuple[Sample, ...]]
+
+
+def frozen(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """From one third on, for a third, the same pose is told again and again."""
+    first, last = len(samples) // 3, 2 * len(samples) // 3
+    held = samples[first].odometry
+    return (
+        *samples[:first],
+        *(_changed(s, theta_rad=held.theta_rad) for s in samples[first:last]),
+        *samples[last:],
+    )
+
+
+def silent(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """From one third on, for a third, nothing is told."""
+    return samples[: len(samples) // 3] + samples[2 * len(samples) // 3 :]
+
+
+def lossy(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """One sample of ten is lost."""
+    kept = np.random.default_rng(1).random(len(samples)) >= 0.1
+    return tuple(sample for sample, there in zip(samples, kept, strict=True) if there)
+
+
+def late(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """All come 200 ms late."""
+    return tuple(replace(s, arrival_ns=s.arrival_ns + 200_000_000) for s in samples)
+
+
+def slipping(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """Each second the wheels slip anew: turns are told 30 % (one sigma) too large or too small."""
+    rng, told = np.random.default_rng(2), []
+    factors = 1 + 0.3 * rng.standard_normal(1 + len(samples))
+    before = theta_rad = samples[0].odometry.theta_rad
+    for sample in samples:
+        step = math.remainder(sample.odometry.theta_rad - before, 2 * math.pi)
+        before = sample.odometry.theta_rad
+        second = (sample.odometry.stamp_ns - samples[0].odometry.stamp_ns) // 1_000_000_000
+        theta_rad += step * factors[second]
+        told.append(_changed(sample, theta_rad=math.remainder(theta_rad, 2 * math.pi)))
+    return tuple(told)
+
+
+def offset(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """The robot's clock is 100 ms ahead of the camera's."""
+    return tuple(_changed(s, stamp_ns=s.odometry.stamp_ns + 100_000_000) for s in samples)
+
+
+def restarted(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """In the middle the odometry begins anew at heading 0."""
+    half = len(samples) // 2
+    zero = samples[half].odometry.theta_rad
+    after = (
+        _changed(s, theta_rad=math.remainder(s.odometry.theta_rad - zero, 2 * math.pi))
+        for s in samples[half:]
+    )
+    return (*samples[:half], *after)
+
+
+def _changed(sample: Sample, **fields: float) -> Sample:
+    return replace(sample, odometry=msgspec.structs.replace(sample.odometry, **fields))
+
+
+FAULTS: dict[str, Fault] = {
+    "none": lambda samples: samples,
+    "frozen for a third of the time": frozen,
+    "silent for a third of the time": silent,
+    "10 % lost": lossy,
+    "200 ms late": late,
+    "wheels slip (30 % of the turn, each second anew)": slipping,
+    "clock 100 ms ahead": offset,
+    "begins anew in the middle": restarted,
+}

@@ -1,0 +1,134 @@
+"""The services as processes, without a supervisor, for measurements."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from common.runtime.inbox import Inbox
+from common.transport.ports import free_port
+from common.transport.zenoh_bus import ZenohBus, read_config
+from people4d.client import Client
+from people4d.messages import Health
+
+READY_S = 60.0
+CONNECT_S = 20.0
+
+
+class Listener(Client):
+    """A client that the services send to directly: a router drops what it cannot hand on at once.
+
+    Args:
+        endpoint: Of the router.
+    """
+
+    def __init__(self, endpoint: str) -> None:
+        environment = {"PEOPLE4D_CONNECT": endpoint, "PEOPLE4D_LISTEN": "tcp/127.0.0.1:0"}
+        self.bus = ZenohBus(read_config(None, "peer", environment), "robot", CONNECT_S)
+        self.inbox = Inbox()
+
+
+class Cluster:
+    """A router and processes that are started, signalled and watched one by one.
+
+    Args:
+        logs: Folder for what they print.
+    """
+
+    def __init__(self, logs: Path) -> None:
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._logs = logs
+        logs.mkdir(parents=True, exist_ok=True)
+        self.start("router", "router", ())
+
+    def start(self, service: str, instance: str, settings: Sequence[str]) -> None:
+        """Start a process.
+
+        Args:
+            service: Its service.
+            instance: Its name.
+            settings: "field=value" of its configuration.
+        """
+        flags = [flag for setting in settings for flag in ("--set", setting)]
+        command = [sys.executable, "-m", f"services.{service}", "--instance", instance, *flags]
+        environment = dict(os.environ, OMP_NUM_THREADS="1", PEOPLE4D_CONNECT=self.endpoint)
+        listen = {"PEOPLE4D_LISTEN": self.endpoint} if service == "router" else {}
+        with (self._logs / f"{instance}.log").open("wb") as log:
+            self.processes[instance] = subprocess.Popen(
+                command, stdout=log, stderr=log, env=environment | listen
+            )
+
+    def signal(self, instance: str, number: signal.Signals) -> None:
+        """Send a signal to a process."""
+        self.processes[instance].send_signal(number)
+
+    def wait_ready(self, client: Client, instances: set[str]) -> None:
+        """Wait until these processes say that they work.
+
+        Raises:
+            TimeoutError: They do not in time.
+        """
+        waiting = set(instances)
+        for health in client.messages(Health, timeout_s=READY_S):
+            if health.state in ("ready", "degraded"):
+                waiting.discard(health.instance)
+            if not waiting:
+                return
+        raise TimeoutError(f"not ready: {', '.join(sorted(waiting))}; see {self._logs}")
+
+    def close(self) -> None:
+        """End all processes, last started first."""
+        for process in reversed(self.processes.values()):
+            process.send_signal(signal.SIGCONT)
+            process.send_signal(signal.SIGTERM)
+        for process in self.processes.values():
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+@contextlib.contextmanager
+def cluster(logs: Path) -> Iterator[Cluster]:
+    """Run processes until the block ends."""
+    started = Cluster(logs)
+    try:
+        yield started
+    finally:
+        started.close()
+
+
+@contextlib.contextmanager
+def running(
+    services: Sequence[tuple[str, Sequence[str]]], logs: Path, direct: bool = False
+) -> Iterator[Client]:
+    """Run services until the block ends.
+
+    Args:
+        services: Name and settings ("field=value") of each; the router comes by itself. A name
+            that is there n times gives n processes. The last one is started when the others are
+            ready.
+        logs: Folder for what they print.
+        direct: Whether the client is linked to the services, not only to the router.
+
+    Yields:
+        A client of the system, connected before the last service starts.
+    """
+    names = [name for name, _ in services]
+    instances = [f"{name}-{names[: k + 1].count(name)}" for k, name in enumerate(names)]
+    with contextlib.ExitStack() as stack:
+        started = stack.enter_context(cluster(logs))
+        client = (
+            Listener(started.endpoint) if direct else Client(started.endpoint, timeout_s=CONNECT_S)
+        )
+        stack.enter_context(client)
+        for instance, (service, settings) in zip(instances[:-1], services[:-1], strict=True):
+            started.start(service, instance, settings)
+        started.wait_ready(client, set(instances[:-1]))
+        started.start(names[-1], instances[-1], services[-1][1])
+        yield client

@@ -1,0 +1,1 @@
+"""Rigid transforms, cameras, boxes, frames over time."""

@@ -1,0 +1,46 @@
+"""Boxes in the image: xyxy is left, top, right, bottom in pixels."""
+
+import numpy as np
+import numpy.typing as npt
+
+from people4d.messages import F64
+
+
+def iou_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
+    """Return the intersection over union of each pair.
+
+    Args:
+        a: Nx4 boxes, xyxy.
+        b: Mx4 boxes, xyxy.
+
+    Returns:
+        NxM, 0 to 1; 0 where a box is empty.
+    """
+    a = np.asarray(a, np.float64).reshape(-1, 1, 4)
+    b = np.asarray(b, np.float64).reshape(1, -1, 4)
+    sides = np.minimum(a[..., 2:], b[..., 2:]) - np.maximum(a[..., :2], b[..., :2])
+    overlap = np.prod(np.maximum(sides, 0.0), axis=-1)
+    area_a = np.prod(np.maximum(a[..., 2:] - a[..., :2], 0.0), axis=-1)
+    area_b = np.prod(np.maximum(b[..., 2:] - b[..., :2], 0.0), axis=-1)
+    union = area_a + area_b - overlap
+    iou: F64 = np.divide(overlap, union, out=np.zeros_like(overlap), where=union > 0)
+    return iou
+
+
+def nms(boxes: npt.ArrayLike, scores: npt.ArrayLike, iou_max: float) -> list[int]:
+    """Suppress boxes that overlap a better one.
+
+    Args:
+        boxes: Nx4 boxes, xyxy.
+        scores: N scores.
+        iou_max: Largest intersection over union that two kept boxes may have.
+
+    Returns:
+        Indices of the boxes kept, best first.
+    """
+    overlap = iou_xyxy(boxes, boxes)
+    kept: list[int] = []
+    for index in np.argsort(-np.asarray(scores, np.float64), kind="stable"):
+        if not kept or overlap[index, kept].max() <= iou_max:
+            kept.append(int(index))
+    return kept

@@ -1,0 +1,1 @@
+"""Recordings, bags, images and other files."""

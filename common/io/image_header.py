@@ -1,0 +1,111 @@
+"""What a picture file says of itself, read before a decoder allocates what it asks for."""
+
+import re
+import struct
+
+from people4d.errors import DecodeError
+from people4d.messages.base import MAX_PIXELS
+
+MAX_FILE_BYTES = 64 * 2**20
+# Deflate packs at most 1032 to one, and a JPEG takes a bit for each block of 8x8 at least: who
+# tells more has not sent it, but a decoder would allocate it.
+MAX_PIXELS_PER_BYTE = 1100
+MAX_SEGMENTS = 1024  # of a JPEG before its size; a colour profile of 16 MB takes 256
+MAX_SCANS = 64  # of a JPEG: each may take as long as the whole picture; ten are usual
+MAX_CHUNKS = 65536  # of a PNG
+MAX_PACKED = 4  # packed texts and profiles of a PNG, which unpack to 8 MB each and are kept
+
+JPEG, PNG = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n"
+PACKED = (b"zTXt", b"iTXt", b"iCCP")
+PNM = re.compile(rb"P[56](?:\s|#[^\n]{0,200}\n){1,8}(\d{1,6})\s(?:\s|#[^\n]{0,200}\n)?(\d{1,6})\s")
+
+_CHUNK = struct.Struct(">I4s")
+
+
+def picture_size(data: bytes, name: str = "picture") -> tuple[int, int]:
+    """Return width and height of a JPEG, PNG, BMP, PGM or PPM file.
+
+    Args:
+        data: File contents, untrusted.
+        name: What it is, for the error.
+
+    Raises:
+        DecodeError: It is none of them, or would cost more than any picture of a camera does.
+    """
+    try:
+        width, height = _size(data)
+    except ValueError as error:
+        raise DecodeError(f"{name}: {error}") from error
+    if width < 1 or height < 1 or width * height > MAX_PIXELS:
+        raise DecodeError(f"{name}: expected 1 to {MAX_PIXELS} pixels, got {width}x{height}")
+    if width * height > MAX_PIXELS_PER_BYTE * len(data):
+        raise DecodeError(f"{name}: {width}x{height} pixels are told in {len(data)} bytes")
+    return width, height
+
+
+def _size(data: bytes) -> tuple[int, int]:
+    if len(data) > MAX_FILE_BYTES:
+        raise ValueError(f"expected at most {MAX_FILE_BYTES} bytes, got {len(data)}")
+    for begin, read in READERS.items():
+        if data.startswith(begin):
+            return read(data)
+    raise ValueError("expected JPEG, PNG, BMP, PGM or PPM, got another file or a corrupt one")
+
+
+def _jpeg(data: bytes) -> tuple[int, int]:
+    if data.count(b"\xff\xda") > MAX_SCANS:
+        raise ValueError(f"expected a JPEG of at most {MAX_SCANS} scans, got more")
+    position = 2
+    for _ in range(MAX_SEGMENTS):
+        if position + 9 > len(data) or data[position] != 0xFF:
+            break
+        marker = data[position + 1]
+        # SOF0 to SOF15 hold the size; C4, C8 and CC in their midst are tables.
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            height, width = struct.unpack_from(">HH", data, position + 5)
+            return width, height
+        if marker == 0xFF:  # padding before a marker
+            position += 1
+            continue
+        position += 2 + int.from_bytes(data[position + 2 : position + 4], "big")
+    raise ValueError("expected a JPEG, got a corrupt one")
+
+
+def _png(data: bytes) -> tuple[int, int]:
+    if len(data) < 33 or data[12:16] != b"IHDR":
+        raise ValueError("expected a PNG, got a corrupt one")
+    position, packed = 8, 0
+    for _ in range(MAX_CHUNKS):
+        if position + 12 > len(data):
+            break
+        length, kind = _CHUNK.unpack_from(data, position)
+        if length > len(data) - position - 12:  # OpenCV would allocate what is told
+            raise ValueError("expected a whole PNG, got a cut one")
+        packed += kind in PACKED
+        if kind == b"acTL":
+            raise ValueError("expected a still PNG, got an animated one")
+        position += 12 + length
+    if packed > MAX_PACKED or position + 12 <= len(data):
+        raise ValueError("expected a PNG of a camera, got one of many texts or pieces")
+    width, height = struct.unpack_from(">II", data, 16)
+    return width, height
+
+
+def _bmp(data: bytes) -> tuple[int, int]:
+    if len(data) < 26:
+        raise ValueError("expected a BMP, got a cut one")
+    if data[14] == 12:
+        width, height = struct.unpack_from("<HH", data, 18)
+    else:
+        width, height = struct.unpack_from("<ii", data, 18)
+    return width, abs(height)  # < 0: from the top down
+
+
+def _pnm(data: bytes) -> tuple[int, int]:
+    found = PNM.match(data[:4096])
+    if not found:
+        raise ValueError("expected a PGM or PPM, got a corrupt one")
+    return int(found[1]), int(found[2])
+
+
+READERS = {JPEG: _jpeg, PNG: _png, b"BM": _bmp, b"P5": _pnm, b"P6": _pnm}

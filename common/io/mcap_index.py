@@ -1,0 +1,164 @@
+"""Where the messages of an MCAP file lie, found from the front so that a cut file works too."""
+
+import struct
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header, Metadata
+
+from people4d.errors import DecodeError, SourceError
+
+MAGIC = b"\x89MCAP0\r\n"
+MAX_HEADER_BYTES = 2**20  # of a header, channel or metadata record
+MAX_DESCRIPTION_BYTES = 16 * 2**20  # of all of them together
+MAX_MESSAGES = 10_000_000  # 90 hours of frames at 30 Hz; bounds the memory of the index
+MAX_CHANNELS = 4096
+MAX_NOTES = 256
+
+_RECORD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+_CHUNK = struct.Struct("<QQQII")
+_LENGTH = struct.Struct("<Q")
+_OPCODES = frozenset({*Opcode, *range(0x80, 0x100)})  # those of MCAP and of private extensions
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One message in the file."""
+
+    log_time_ns: int
+    topic: str
+    offset: int  # [bytes] of the payload from the start of the file
+    size: int  # [bytes] of the payload
+
+
+@dataclass
+class Index:
+    """All messages of a file in the order of their log time."""
+
+    profile: str = ""
+    entries: list[Entry] = field(default_factory=list)
+    truncated: bool = False  # the file is cut short or damaged; what lies before is there
+    topics: dict[int, str] = field(default_factory=dict)  # by number of the channel
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
+    description_bytes: int = 0  # of headers, channels and metadata records read so far
+
+
+def read_profile(path: Path) -> str:
+    """Return the profile that an MCAP file names at its start: "people4d", "ros2", empty if none.
+
+    Raises:
+        SourceError: The file cannot be read or is not an MCAP file.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(256)
+    except OSError as error:
+        raise SourceError(f"source {path} cannot be read: {error.strerror}") from error
+    if not head.startswith(MAGIC) or len(head) < 21:
+        raise SourceError(f"source {path} is not an MCAP file", "It may be cut or of another kind.")
+    length = int.from_bytes(head[17:21], "little")  # after magic (8), opcode (1), length (8)
+    return head[21 : 21 + length].decode("utf-8", "replace")
+
+
+def scan(file: BinaryIO) -> Index:
+    """Find the messages, skipping over their payloads.
+
+    Args:
+        file: An MCAP file at its start; chunks must not be compressed.
+
+    Returns:
+        The index, up to the place where the file is cut short or damaged.
+
+    Raises:
+        DecodeError: The file is no MCAP file, has compressed chunks, or exceeds a limit.
+        OSError: Reading failed.
+    """
+    if file.read(len(MAGIC)) != MAGIC:
+        raise DecodeError("it does not begin like an MCAP file", "Check the path.")
+    end = file.seek(0, 2)
+    index = Index()
+    position = len(MAGIC)
+    try:
+        while (step := _record(file, position, end, index)) is not None:
+            position = step
+    except (struct.error, McapError, UnicodeDecodeError):
+        index.truncated = True  # a power cut can leave junk at the end
+    if not index.profile and index.truncated:
+        raise DecodeError("it is cut off before its header")
+    index.entries.sort(key=lambda entry: entry.log_time_ns)
+    return index
+
+
+def _record(file: BinaryIO, position: int, end: int, index: Index) -> int | None:
+    """Take in the record at a position; return where the next one is, None at the end."""
+    start = position + _RECORD.size
+    file.seek(position)
+    opcode: int
+    size: int
+    opcode, size = _RECORD.unpack(file.read(_RECORD.size))
+    if opcode == Opcode.CHUNK and start + _CHUNK.size <= end:
+        return _chunk(file, start, end)
+    if start + size > end or opcode not in _OPCODES:
+        index.truncated = True
+        return None
+    if opcode in (Opcode.HEADER, Opcode.CHANNEL, Opcode.METADATA):
+        index.description_bytes += size
+        if index.description_bytes > MAX_DESCRIPTION_BYTES:
+            raise DecodeError(f"it describes itself in more than {MAX_DESCRIPTION_BYTES} bytes")
+        _describe(opcode, _small(file, size), index)
+    elif opcode == Opcode.MESSAGE:
+        _message(file, start, size, index)
+    elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
+        return None
+    return start + size
+
+
+def _chunk(file: BinaryIO, start: int, end: int) -> int:
+    """Step into a chunk: its records lie in the file as if there were none."""
+    *_, compression_size = _CHUNK.unpack(file.read(_CHUNK.size))
+    if compression_size:
+        raise DecodeError(
+            "its chunks are compressed",
+            "Rewrite it with `mcap compress --compression none`.",
+        )
+    return min(start + _CHUNK.size + _LENGTH.size, end)
+
+
+def _describe(opcode: int, record: ReadDataStream, index: Index) -> None:
+    if opcode == Opcode.HEADER:
+        index.profile = Header.read(record).profile
+        return
+    if opcode == Opcode.METADATA:
+        note = Metadata.read(record)
+        index.notes[note.name] = note.metadata
+        if len(index.notes) > MAX_NOTES:
+            raise DecodeError(f"it has more than {MAX_NOTES} metadata records")
+        return
+    channel = Channel.read(record)
+    index.topics[channel.id] = channel.topic
+    if len(index.topics) > MAX_CHANNELS:
+        raise DecodeError(f"it has more than {MAX_CHANNELS} channels")
+
+
+def _small(file: BinaryIO, size: int) -> ReadDataStream:
+    if size > MAX_HEADER_BYTES:
+        raise DecodeError(
+            f"it has a header or metadata of {size} bytes, more than {MAX_HEADER_BYTES}"
+        )
+    return ReadDataStream(BytesIO(file.read(size)))
+
+
+def _message(file: BinaryIO, start: int, size: int, index: Index) -> None:
+    channel, _, log_time_ns, _ = _MESSAGE.unpack(file.read(min(size, _MESSAGE.size)))
+    if channel not in index.topics:
+        raise McapError(f"message of an unknown channel at byte {start}")
+    offset = start + _MESSAGE.size
+    index.entries.append(Entry(log_time_ns, index.topics[channel], offset, size - _MESSAGE.size))
+    if len(index.entries) > MAX_MESSAGES:
+        raise DecodeError(f"it has more than {MAX_MESSAGES} messages", "Split the recording.")

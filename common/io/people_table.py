@@ -1,0 +1,95 @@
+"""People as the rows of a table, for spreadsheets and data frames: truth and tracks alike."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
+
+Cell: TypeAlias = str | int | float | None  # None: not known, or not of this kind
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Args:
+        name: Its name, unit at the end.
+        kind: Type of its cells; an empty cell is possible where `optional`.
+        meaning: What it holds.
+        optional: Whether a cell may be empty.
+    """
+
+    name: str
+    kind: type[str | int | float]
+    meaning: str
+    optional: bool = False
+
+
+COLUMNS = (
+    Column("kind", str, "`truth` or `track`"),
+    Column("stamp_ns", int, "[ns] acquisition time; spreadsheets round it"),
+    Column("time_s", float, "[s] since the stamp of the first row"),
+    Column("frame_id", str, "frame of position, velocity and yaw"),
+    Column("id", str, "identity: text in the truth, a number >= 1 of a track"),
+    Column("x_m", float, "[m] position: torso"),
+    Column("y_m", float, "[m]"),
+    Column("z_m", float, "[m] up"),
+    Column("vx_mps", float, "[m/s] velocity", optional=True),
+    Column("vy_mps", float, "[m/s]", optional=True),
+    Column("vz_mps", float, "[m/s]", optional=True),
+    Column("yaw_rad", float, "[rad] way the chest faces, 0 = +x, (-pi, pi]", optional=True),
+    Column("path_yaw_rad", float, "[rad] truth: way walked, likewise", optional=True),
+    Column("state", str, "track: `tentative`, `confirmed`, `lost` (only predicted)", optional=True),
+    Column("unseen_s", float, "[s] track: since it was last seen", optional=True),
+    Column("score", float, "track: confidence of the last detection, 0 to 1", optional=True),
+    Column("hits", int, "track: frames in which it was seen", optional=True),
+    Column("age", int, "track: frames since it began", optional=True),
+    Column("camera", str, "track: camera whose frame it is of", optional=True),
+)
+NAMES = tuple(column.name for column in COLUMNS)
+
+
+def rows_of(message: Truth | Tracks, start_ns: int) -> Iterator[dict[str, Cell]]:
+    """Yield one row for each person of a message, all columns in order.
+
+    Args:
+        message: Truth or tracks.
+        start_ns: Stamp of the first row.
+    """
+    head: dict[str, Cell] = {
+        "kind": "truth" if isinstance(message, Truth) else "track",
+        "stamp_ns": message.stamp_ns,
+        "time_s": (message.stamp_ns - start_ns) / 1e9,
+        "frame_id": message.frame_id,
+    }
+    for person in message.people:
+        row = head | _common(person)
+        if isinstance(message, Tracks) and isinstance(person, Track):
+            row |= _of_track(person) | {"camera": message.camera}
+        yield {name: row.get(name) for name in NAMES}
+
+
+def _common(person: TruthPerson | Track) -> dict[str, Cell]:
+    velocity = person.velocity_mps
+    return {
+        "id": str(person.id),
+        **_axes(("x_m", "y_m", "z_m"), person.position_m),
+        **({} if velocity is None else _axes(("vx_mps", "vy_mps", "vz_mps"), velocity)),
+        "yaw_rad": person.yaw_rad,
+        "path_yaw_rad": person.path_yaw_rad if isinstance(person, TruthPerson) else None,
+    }
+
+
+def _of_track(track: Track) -> dict[str, Cell]:
+    return {
+        "state": track.state,
+        "unseen_s": track.time_since_update_s,
+        "score": track.score,
+        "hits": track.hits,
+        "age": track.age,
+    }
+
+
+def _axes(names: tuple[str, ...], vector: F64) -> dict[str, Cell]:
+    return dict(zip(names, map(float, vector), strict=True))

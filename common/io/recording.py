@@ -1,0 +1,235 @@
+"""Recordings: an MCAP file of messages as they are on the wire.
+
+Profile "people4d", one channel per key with the key below people4d/v1/<robot>/ as its topic, so
+that a recording replays under any robot's name. Messages are not compressed (colour is JPEG and
+depth PNG already) and each is a record of its own, so that a crash costs at most the last one.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
+
+import msgspec
+from mcap.writer import CompressionType, IndexType, Writer
+
+from common.io.images import compress
+from common.io.mcap_index import Entry, Index, scan
+from people4d.codec import MAX_BYTES, decode, encode
+from people4d.errors import DecodeError, SourceError
+from people4d.messages import Message, RgbdFrame
+from people4d.topics import BY_MESSAGE, prefix, topic_of_key
+
+PROFILE = "people4d"
+ENCODING = "msgpack"
+
+
+class RecordingWriter:
+    """Writes messages to a file; use it in a `with` block.
+
+    Args:
+        path: The file; its folder is made, an existing file is replaced.
+        quality: JPEG quality of frames that arrive uncompressed, 1 to 100.
+
+    Raises:
+        SourceError: The file cannot be written.
+    """
+
+    def __init__(self, path: Path, quality: int = 90) -> None:
+        self._path = path
+        self._quality = quality
+        self._channels: dict[str, int] = {}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file: BinaryIO = path.open("wb")
+        except OSError as error:
+            raise SourceError(f"recording {path} cannot be written: {error.strerror}") from error
+        self._writer = Writer(
+            self._file,
+            compression=CompressionType.NONE,
+            index_types=IndexType.NONE,
+            use_chunking=False,
+        )
+        self._writer.start(PROFILE, "people4d")
+
+    def write(self, message: Message, log_time_ns: int) -> None:
+        """Append a message; an uncompressed frame is compressed first.
+
+        Args:
+            message: The message.
+            log_time_ns: When it was received, on the clock that orders the recording.
+
+        Raises:
+            SourceError: The file cannot be written, for example because the disk is full.
+        """
+        if isinstance(message, RgbdFrame):
+            message = compress(message, self._quality)
+        with self._told():
+            self._writer.add_message(
+                self._channel(message),
+                log_time=max(log_time_ns, 0),
+                data=encode(message),
+                publish_time=max(message.stamp_ns, 0),
+                sequence=message.sequence & 0xFFFFFFFF,
+            )
+
+    def note(self, name: str, values: Mapping[str, str]) -> None:
+        """Write down what holds for the whole recording, best before the first message.
+
+        Args:
+            name: What the note is about; a later note of the same name replaces it.
+            values: Text by name.
+
+        Raises:
+            SourceError: The file cannot be written.
+        """
+        with self._told():
+            self._writer.add_metadata(name, dict(values))
+
+    def close(self) -> None:
+        """Finish and close the file; does nothing after it could not be written.
+
+        Raises:
+            SourceError: The file cannot be written.
+        """
+        if not self._file.closed:
+            with self._told():
+                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._file.close()
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            with suppress(OSError):  # it is closed even if the rest cannot be written
+                self._file.close()
+            raise SourceError(
+                f"recording {self._path} cannot be written: {error.strerror}",
+                "What was written before can be read.",
+            ) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _channel(self, message: Message) -> int:
+        key = BY_MESSAGE[type(message)].key_of(message, "robot")
+        topic = key.removeprefix(prefix("robot") + "/")
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(topic, ENCODING, schema_id=0)
+        return self._channels[topic]
+
+
+class Summary(msgspec.Struct, frozen=True, kw_only=True):
+    """What a recording holds."""
+
+    topics: dict[str, int]  # number of messages by topic, sorted by topic
+    start_ns: int  # [ns] log time of the first message; 0 if there is none
+    duration_s: float  # [s] from the first to the last message
+    truncated: bool  # True: the file is cut short or damaged; what lies before is there
+
+
+class Recording:
+    """A recording opened for reading, see `open_recording`.
+
+    Args:
+        path: The file.
+        index: Where its messages lie.
+    """
+
+    def __init__(self, path: Path, index: Index) -> None:
+        self._path = path
+        self._index = index
+        self.bad_messages = 0  # messages skipped by `messages` because they could not be decoded
+
+    @property
+    def summary(self) -> Summary:
+        """What the recording holds, without decoding any message."""
+        entries = self._index.entries
+        counts: dict[str, int] = {}
+        for entry in entries:
+            counts[entry.topic] = counts.get(entry.topic, 0) + 1
+        first, last = (entries[0], entries[-1]) if entries else (None, None)
+        return Summary(
+            topics=dict(sorted(counts.items())),
+            start_ns=first.log_time_ns if first else 0,
+            duration_s=(last.log_time_ns - first.log_time_ns) / 1e9 if first and last else 0.0,
+            truncated=self._index.truncated,
+        )
+
+    @property
+    def notes(self) -> Mapping[str, Mapping[str, str]]:
+        """What was noted for the whole recording, by name (the file's metadata records)."""
+        return self._index.notes
+
+    def messages(self, *types: type[Message]) -> Iterator[tuple[int, Message]]:
+        """Iterate over messages in the order of their log time.
+
+        Args:
+            types: Types wanted; all if none is given. Frames are CompressedRgbdFrame.
+
+        Yields:
+            Log time in nanoseconds and the message. Messages that cannot be decoded are skipped
+            and counted in `bad_messages`.
+
+        Raises:
+            SourceError: The file has gone since it was opened.
+        """
+        wanted = [entry for entry in self._index.entries if _holds(entry.topic, types)]
+        try:
+            with self._path.open("rb") as file:
+                for entry in wanted:
+                    message = _read(file, entry)
+                    if message is None or (types and not isinstance(message, types)):
+                        self.bad_messages += 1
+                    else:
+                        yield entry.log_time_ns, message
+        except OSError as error:
+            raise SourceError(f"recording {self._path} cannot be read: {error.strerror}") from error
+
+
+def open_recording(path: Path) -> Recording:
+    """Open a recording; one cut short by a crash is readable up to the cut.
+
+    Raises:
+        SourceError: The file is absent or is not a people4d recording.
+    """
+    try:
+        with path.open("rb") as file:
+            index = scan(file)
+    except OSError as error:
+        raise SourceError(
+            f"recording {path} cannot be read: {error.strerror}", "Check the path."
+        ) from error
+    except DecodeError as error:
+        raise SourceError(f"{path} is not a recording: {error.problem}", error.mend) from error
+    if index.profile != PROFILE:
+        raise SourceError(
+            f"{path} is an MCAP file of profile {index.profile[:40]!r}, not of {PROFILE!r}",
+            "Open a ROS 2 recording as a ROS bag.",
+        )
+    return Recording(path, index)
+
+
+def _holds(topic: str, types: tuple[type[Message], ...]) -> bool:
+    known = topic_of_key(f"{prefix('robot')}/{topic}")
+    return not types or (known is not None and known.message in types)
+
+
+def _read(file: BinaryIO, entry: Entry) -> Message | None:
+    if entry.size > MAX_BYTES:
+        return None
+    file.seek(entry.offset)
+    try:
+        return decode(file.read(entry.size))
+    except DecodeError:
+        return None

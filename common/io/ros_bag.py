@@ -1,0 +1,165 @@
+"""ROS 1 and ROS 2 bags as typed messages, whatever their storage.
+
+The types are those known here. A bag that brings definitions of its own would have code made from
+them; one whose types are others than ours of the same name is refused.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag2 import Reader as Reader2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from common.io.ros_bag_guard import guarded, unzstd
+from people4d.codec import MAX_BYTES
+from people4d.errors import SourceError
+
+
+def types_of(version: int, definitions: Mapping[str, str]) -> Typestore:
+    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), and some more.
+
+    Args:
+        version: 1 or 2.
+        definitions: Text of further types by name, those that others need first.
+    """
+    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
+    for name, text in definitions.items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+class Bag:
+    """A bag opened for reading, see `open_bag`.
+
+    Args:
+        path: File or folder, for errors.
+        reader: The open reader.
+        store: Types of its messages.
+    """
+
+    def __init__(self, path: Path, reader: Reader1 | Reader2, store: Typestore) -> None:
+        self._path = path
+        self._reader: Any = reader
+        self._store = store
+        self._ros1 = isinstance(reader, Reader1)
+        self._packed = _packed_messages(reader)
+        for connection in reader.connections:
+            texts = (connection.topic, connection.msgtype, connection.digest)
+            if not all(isinstance(text, str) for text in texts):
+                raise ValueError(f"expected names of topics and types, got {texts!r:.80}")
+        self.bad_messages = 0  # messages that could not be deserialised
+        self.types = {c.topic: c.msgtype for c in reader.connections}
+        self.counts: dict[str, int] = {}
+        for connection in reader.connections:
+            count = self.counts.get(connection.topic, 0) + connection.msgcount
+            self.counts[connection.topic] = count
+        self.duration_s = max(reader.duration, 0) / 1e9 if any(self.counts.values()) else 0.0
+
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+        """Iterate over the messages of some topics.
+
+        Yields:
+            Topic, time at which the bag received the message in nanoseconds, and the message.
+            Messages that cannot be deserialised are skipped and counted in `bad_messages`.
+
+        Raises:
+            SourceError: The bag is damaged at this place, or has another type of this name.
+        """
+        connections = [c for c in self._reader.connections if c.topic in topics]
+        if not connections:
+            return
+        for connection in connections:
+            self._check_type(connection)
+        with _told(self._path, "is damaged"):
+            for connection, time_ns, data in self._reader.messages(connections):
+                try:
+                    _check(time_ns)
+                    message = self._message(data, connection.msgtype)
+                except Exception:  # the bytes are foreign: any error means they are not the type
+                    self.bad_messages += 1
+                    continue
+                yield connection.topic, time_ns, message
+
+    def first(self, topic: str) -> Any:
+        """Return the first message of a topic.
+
+        Raises:
+            SourceError: There is none that can be read.
+        """
+        for _, _, message in self.messages([topic]):
+            return message
+        raise SourceError(f"bag {self._path} has no message on {topic} that can be read")
+
+    def _message(self, data: bytes, kind: str) -> Any:
+        data = unzstd(data, MAX_BYTES) if self._packed else data
+        if len(data) > MAX_BYTES:
+            raise ValueError(f"expected at most {MAX_BYTES} bytes, got {len(data)}")
+        if self._ros1:
+            return self._store.deserialize_ros1(data, kind)
+        return self._store.deserialize_cdr(data, kind)
+
+    def _check_type(self, connection: Connection) -> None:
+        kind, digest = connection.msgtype, connection.digest
+        if not digest or kind not in self._store.fielddefs:
+            return
+        ours = self._store.generate_msgdef(kind)[1] if self._ros1 else self._store.hash_rihs01(kind)
+        if digest != ours:
+            raise SourceError(
+                f"bag {self._path}: {connection.topic} is of another {kind} than the known one",
+                "It was recorded with a changed definition of that type.",
+            )
+
+
+@contextmanager
+def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
+    """Open a .bag, .db3 or .mcap file or the folder of a ROS 2 bag.
+
+    Args:
+        path: File or folder, untrusted.
+        definitions: Types that ROS does not bring, see `types_of`.
+
+    Raises:
+        SourceError: The bag is absent, cut short, damaged, or would cost more than a bag does.
+    """
+    with ExitStack() as stack:
+        with _told(path, "cannot be opened"):
+            reader = stack.enter_context(guarded(path))
+        with _told(path, "is damaged"):
+            store = types_of(1 if isinstance(reader, Reader1) else 2, definitions)
+            bag = Bag(path, reader, store)
+        yield bag
+
+
+def _check(time_ns: object) -> None:
+    # A database holds text where it says number; MCAP has numbers of 64 bits without a sign.
+    if type(time_ns) is not int or not 0 <= time_ns < 2**63:
+        raise ValueError(f"expected nanoseconds, got {time_ns!r:.40}")
+
+
+def _packed_messages(reader: Reader1 | Reader2) -> bool:
+    """Tell whether messages are packed one by one; if so they come as they are stored."""
+    if isinstance(reader, Reader1) or reader.compression_mode != "message":
+        return False
+    storage = reader.storage
+    storage.metadata = storage.metadata._replace(compression_mode=None)
+    return True
+
+
+@contextmanager
+def _told(path: Path, what: str) -> Iterator[None]:
+    """Turn whatever the reader raises on foreign bytes into one sentence."""
+    try:
+        yield
+    except (SourceError, GeneratorExit):
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise SourceError(
+            f"bag {path} {what}: {reason[:200].rstrip('.')}",
+            "Repair it with `rosbag reindex`, `ros2 bag reindex` or `mcap recover`.",
+        ) from error

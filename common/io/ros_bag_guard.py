@@ -1,0 +1,187 @@
+"""What is checked in a ROS bag before and while rosbags reads it.
+
+rosbags believes what a file says: how large a chunk is when it is unpacked, how many chunks there
+are, what a database computes, which types code is to be made for. Each is bounded here.
+"""
+
+import contextlib
+import sqlite3
+from bz2 import BZ2Decompressor
+from collections.abc import Iterator, Sequence
+from io import BytesIO
+from pathlib import Path, PurePath
+from typing import Any
+
+import lz4.frame
+import zstandard
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag1 import reader as rosbag1_reader
+from rosbags.rosbag2 import Reader as Reader2
+from rosbags.rosbag2 import reader as rosbag2_reader
+from rosbags.rosbag2 import storage_mcap, storage_sqlite3
+
+from common.io.files import inside, read_text
+from common.io.yaml import MAX_CHARACTERS, parse_yaml
+
+MAX_CHUNK_BYTES = 256 * 2**20  # of one chunk, unpacked; bags are written in chunks of one megabyte
+MAX_OPEN_BYTES = 512 * 2**20  # of all chunks whose times overlap: they are in memory together
+MAX_RATIO = 200  # of a whole file that is packed; images become a third or a tenth
+MAX_FILES = 1024  # of a ROS 2 bag
+MAX_STEPS = 10**8  # of the database while it is looked through: seconds
+BLOCK_BYTES = 2**20
+
+
+def harden() -> None:
+    """Bound what rosbags unpacks, and keep it from parsing YAML in topics, which nobody reads.
+
+    Its readers look these functions up in tables and modules: there is no other place to set a
+    limit. Done twice it does no harm, and what it reads of a sound bag stays the same.
+    """
+    rosbag1_reader.decompressors.update(bz2=_bz2, lz4=_lz4)
+    storage_mcap.DECOMPRESSORS.update(lz4=_lz4, zstd=unzstd)
+    for module in (rosbag2_reader, storage_mcap, storage_sqlite3):
+        vars(module)["parse_qos"] = _no_qos
+
+
+def unzstd(data: bytes, limit: int = MAX_CHUNK_BYTES) -> bytes:
+    """Unpack zstd.
+
+    Raises:
+        ValueError: It is more than the limit in bytes.
+    """
+    limit = min(limit, MAX_CHUNK_BYTES)
+    with zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True) as part:
+        return _bounded(part.read(limit + 1), limit)
+
+
+class GuardedReader1(Reader1):
+    """Reads ROS 1 bags whose index is not larger than the file."""
+
+    def open(self) -> None:
+        """Open the bag."""
+        with self.path.open("rb") as file:
+            if file.read(9) != b"#ROSBAG V":  # else its first line is sought to the end
+                raise ValueError("it does not begin like a bag")
+            self._left = file.seek(0, 2)
+        super().open()
+
+    def read_index_data(self, pos: int, indexes: Any) -> None:
+        """Read a part of the index; chunks that say that they share one would multiply it."""
+        file: Any = self.bio
+        start = file.tell()
+        super().read_index_data(pos, indexes)
+        self._left -= file.tell() - start
+        if self._left < 0:
+            raise ValueError("its chunks share their index")
+
+
+@contextlib.contextmanager
+def guarded(path: Path) -> Iterator[Reader1 | Reader2]:
+    """Open a bag with one of the readers of rosbags, which may raise almost anything.
+
+    Raises:
+        ValueError: The bag would cost more than a bag does, or leads out of its folder.
+        OSError: It cannot be read.
+    """
+    harden()
+    if path.suffix == ".bag":
+        with GuardedReader1(path) as reader1:
+            yield reader1
+        return
+    for file in _files(path):
+        if file.suffix == ".db3":
+            _check_database(file)
+    with Reader2(path) as reader2:
+        storage: Any = reader2.storage
+        for part in getattr(storage, "storages", [storage]):
+            _check_chunks(getattr(part, "chunks", ()))
+        yield reader2
+
+
+def _files(path: Path) -> Sequence[Path]:
+    """Return the files of a ROS 2 bag, checked to lie in its folder."""
+    if not path.is_dir():
+        return [path]
+    told = parse_yaml(read_text(path / "metadata.yaml", MAX_CHARACTERS))
+    try:
+        about = told["rosbag2_bagfile_information"]
+        names = [PurePath(name).name for name in about["relative_file_paths"]]
+        packed = str(about.get("compression_mode") or "").lower() == "file"
+    except (TypeError, KeyError, AttributeError) as error:
+        raise ValueError(f"metadata.yaml lacks {error}") from error
+    if len(names) > MAX_FILES or len(set(names)) < len(names):
+        raise ValueError("metadata.yaml names a file twice, or too many")
+    files = [inside(path, name) for name in names]
+    if packed:
+        for file in files:
+            _check_packed(file)
+    return files
+
+
+def _check_packed(file: Path) -> None:
+    """Check that a file that is unpacked to disk does not fill it."""
+    left = MAX_CHUNK_BYTES + MAX_RATIO * file.stat().st_size
+    with (
+        file.open("rb") as data,
+        zstandard.ZstdDecompressor().stream_reader(data, read_across_frames=True) as part,
+    ):
+        while block := part.read(BLOCK_BYTES):
+            left -= len(block)
+            if left < 0:
+                raise ValueError(f"{file.name} unpacks to more than {MAX_RATIO} times its size")
+
+
+def _check_chunks(chunks: Sequence[Any]) -> None:
+    """Check that the chunks that are in memory at one time are not too many."""
+    changes = [(c.message_start_time, c.uncompressed_size) for c in chunks]
+    changes += [(c.message_end_time + 1, -c.uncompressed_size) for c in chunks]
+    held = 0
+    for _, change in sorted(changes):
+        held += change
+        if held > MAX_OPEN_BYTES:
+            raise ValueError("too many of its chunks are of the same time")
+
+
+def _check_database(file: Path) -> None:
+    """Check that a database holds tables only: views and generated columns compute at will."""
+    with contextlib.closing(
+        sqlite3.connect(f"{file.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
+    ) as database:
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES)
+        database.execute("PRAGMA trusted_schema=OFF")
+        steps = iter(range(MAX_STEPS // 10_000))
+        database.set_progress_handler(lambda: next(steps, None) is None, 10_000)
+        for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master"):
+            if kind not in ("table", "index") or "virtual" in str(text).lower():
+                raise ValueError(f"its database has a {kind} {name!r:.40}")
+            if kind == "table":
+                _check_table(database, name)
+        twice = "SELECT count(*) > count(DISTINCT id) FROM topics"
+        if database.execute(twice).fetchone()[0]:
+            raise ValueError("its database has topics of the same number")
+
+
+def _check_table(database: sqlite3.Connection, name: str) -> None:
+    columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,))
+    if any(hidden for (hidden,) in columns):
+        raise ValueError(f"its database computes columns of {name!r:.40}")
+
+
+def _bz2(data: bytes) -> bytes:
+    return _bounded(BZ2Decompressor().decompress(data, MAX_CHUNK_BYTES + 1), MAX_CHUNK_BYTES)
+
+
+def _lz4(data: bytes, limit: int = MAX_CHUNK_BYTES) -> bytes:
+    limit = min(limit, MAX_CHUNK_BYTES)
+    unpacker = lz4.frame.LZ4FrameDecompressor()
+    return _bounded(unpacker.decompress(data, limit + 1), limit)
+
+
+def _bounded(data: bytes, limit: int) -> bytes:
+    if len(data) > limit:
+        raise ValueError(f"a chunk unpacks to more than {limit} bytes")
+    return data
+
+
+def _no_qos(_: object) -> list[Any]:
+    return []

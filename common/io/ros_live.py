@@ -1,0 +1,75 @@
+"""Messages of ROS 2 on keys of their own: CDR, as zenoh-bridge-ros2dds passes it on."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from rosbags.typesys.store import Typestore
+
+from people4d.errors import ConfigError, DecodeError
+
+T = TypeVar("T")
+
+SCHEME = "zenoh:"
+# Chunks without the wild cards of Zenoh, blanks, or what no name of a ROS topic has.
+KEY = re.compile(r"[A-Za-z0-9_~.%@-]{1,64}(/[A-Za-z0-9_~.%@-]{1,64}){0,31}")
+MAX_BYTES = 2**20
+
+
+def live_key(field: str, text: str, example: str) -> str:
+    """Return the key that "zenoh:KEY" names, for example "odom" of the ROS topic /odom.
+
+    Args:
+        field: Name of the setting, for the error.
+        text: Its value.
+        example: A topic as it could be meant.
+
+    Raises:
+        ConfigError: It names none.
+    """
+    key = text.removeprefix(SCHEME).strip("/")
+    if not KEY.fullmatch(key):
+        raise ConfigError(
+            f"{field} {text!r:.80} names no key",
+            f"Write zenoh: and the ROS topic, for example {SCHEME}{example}.",
+        )
+    return key
+
+
+@dataclass(frozen=True)
+class Cdr(Generic[T]):
+    """One kind of message in CDR, and what is made of it.
+
+    Args:
+        what: What it tells, for errors.
+        store: Types of ROS.
+        kind: Name of its type.
+        make: Makes the result; what it raises means that the message cannot be used.
+    """
+
+    what: str
+    store: Typestore
+    kind: str
+    make: Callable[[Any], T]
+
+    def decode(self, payload: bytes) -> T:
+        """Read one message.
+
+        Args:
+            payload: CDR with its header of 4 bytes, untrusted.
+
+        Raises:
+            DecodeError: The bytes are no such message, or it cannot be used.
+        """
+        if len(payload) > MAX_BYTES:
+            raise DecodeError(
+                f"{self.what}: expected at most {MAX_BYTES} bytes, got {len(payload)}"
+            )
+        try:
+            return self.make(self.store.deserialize_cdr(payload, self.kind))
+        except DecodeError:
+            raise
+        except Exception as error:  # damaged bytes make rosbags raise almost anything
+            reason = f"{type(error).__name__} {error}"[:80].strip()
+            raise DecodeError(f"{self.what}: expected {self.kind} in CDR, got {reason}") from error

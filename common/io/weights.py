@@ -1,0 +1,152 @@
+"""Model files: which there are, where they lie, and whether they are the right ones."""
+
+import difflib
+import hashlib
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from common.io.files import read_toml
+from people4d.errors import ConfigError, ModelError
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+MANIFEST = REPOSITORY / "models" / "models.toml"
+HOME_FOLDER = Path("~/.local/share/people4d/models")
+FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
+SHA256 = re.compile(r"[0-9a-f]{64}")
+
+
+class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One model of the manifest."""
+
+    name: str  # by which a configuration asks for it
+    kind: str  # movenet, yolov8-pose, yolov8-seg (detector) or osnet (re-identification)
+    file: str  # name of the file in one of the model folders
+    licence: str  # of the weights, as their source states it
+    input: str  # shape, range and colour order of the input
+    get: str  # how to get or make the file, commands included
+    url: str = ""  # page of the source; empty: none
+    sha256: str = ""  # of the file; empty: every export differs, so any file is taken
+
+    def __post_init__(self) -> None:
+        """Check names, checksum and what is shown to people.
+
+        Raises:
+            ValueError: The file would lie outside of its folder, the checksum is none, or a text
+                has characters that steer a terminal.
+        """
+        for field in ("name", "kind", "licence", "input", "get", "url"):
+            text = getattr(self, field)
+            if not text.replace("\n", " ").isprintable():
+                raise ValueError(f"{field}: expected text that can be printed, got {text!r:.80}")
+        if not FILE_NAME.fullmatch(self.file):
+            raise ValueError(f"file: expected a plain file name, got {self.file!r}")
+        if self.sha256 and not SHA256.fullmatch(self.sha256):
+            raise ValueError(f"sha256: expected 64 hexadecimal digits, got {self.sha256!r}")
+
+
+def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
+    """Read the manifest.
+
+    Args:
+        path: TOML file with one table per model.
+
+    Returns:
+        The models by name, in the file's order.
+
+    Raises:
+        ConfigError: The file cannot be read, or a model's table is not as it should be.
+    """
+    try:
+        tables = read_toml(path)
+    except OSError as error:
+        raise ConfigError(f"model manifest {path} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ConfigError(f"model manifest {path} is not TOML: {error}") from error
+    models = {}
+    for name, table in tables.items():
+        try:
+            fields = {"name": name} | table
+            models[name] = msgspec.convert(fields, ModelFile)
+        except (TypeError, RecursionError, msgspec.ValidationError) as error:
+            raise ConfigError(f"model manifest {path}: [{name:.80}]: {error}") from error
+    return models
+
+
+def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
+    """Return the model of a name.
+
+    Raises:
+        ModelError: The manifest has no such model.
+    """
+    if name not in manifest:
+        near = difflib.get_close_matches(name, manifest, 1)
+        mend = f"Did you mean {near[0]}?" if near else f"Choose {', '.join(manifest)}."
+        raise ModelError(f"model {name!r} is unknown", f"{mend} Or give the path of an .onnx file.")
+    return manifest[name]
+
+
+def folders(configured: str = "", environment: Mapping[str, str] = os.environ) -> tuple[Path, ...]:
+    """Return the folders that may hold models, searched in this order.
+
+    Args:
+        configured: Folder named in a configuration; empty for none.
+        environment: Environment variables; PEOPLE4D_MODELS may name a folder.
+    """
+    named = (configured, environment.get("PEOPLE4D_MODELS", ""))
+    places = [Path(folder).expanduser() for folder in named if folder]
+    return (*places, REPOSITORY / "models", HOME_FOLDER.expanduser())
+
+
+def find(model: ModelFile, places: Sequence[Path]) -> Path:
+    """Return the path of a model's file.
+
+    Args:
+        model: Model of the manifest.
+        places: Folders to search, the first that has the file wins.
+
+    Raises:
+        ModelError: No folder has the file.
+    """
+    for folder in places:
+        path = folder / model.file
+        if path.is_file():
+            return path
+    searched = ", ".join(map(str, places))
+    raise ModelError(f"model {model.name}: {model.file} is in none of {searched}", model.get)
+
+
+def checksum(path: Path) -> str:
+    """Return the SHA-256 of a file in hexadecimal.
+
+    Raises:
+        ModelError: The file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise ModelError(f"model file {path} cannot be read: {error.strerror}") from error
+
+
+def verify(path: Path, sha256: str) -> None:
+    """Check that a file is the one that was asked for.
+
+    Args:
+        path: The file.
+        sha256: Its checksum; empty accepts any file.
+
+    Raises:
+        ModelError: The file has another checksum or cannot be read.
+    """
+    if not sha256:
+        return
+    got = checksum(path)
+    if got != sha256:
+        raise ModelError(
+            f"model file {path}: expected sha256 {sha256}, got {got}",
+            "It is cut or altered: remove it and get it again, see people4d models.",
+        )

@@ -1,0 +1,1 @@
+"""Nodes as processes: run loop, inbox, heartbeat, replicas, checkpoints."""

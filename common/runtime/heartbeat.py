@@ -1,0 +1,182 @@
+"""Health of a process, told twice a second from a thread of its own."""
+
+import contextlib
+import logging
+import os
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+import psutil
+
+from common.runtime.flow import Flow
+from common.runtime.inbox import Inbox
+from common.runtime.node import Node, Status
+from common.runtime.process_id import Place
+from common.runtime.release import release
+from common.transport.bus import Bus
+from common.transport.clock import Clock
+from people4d.messages import Health, Message
+from people4d.messages.status import State
+from people4d.topics import BY_MESSAGE, Topic
+
+PERIOD_S = 0.5
+STALLED_AFTER_S = 2.0
+
+log = logging.getLogger("people4d")
+
+
+class Work:
+    """What the threads of a loop are doing, and what they did."""
+
+    def __init__(self) -> None:
+        self.counters: Counter[str] = Counter()
+        self._since: dict[int, float] = {}
+        self._lock = threading.Lock()
+        self._taken_ns: dict[str, int] = {}
+
+    def took(self, topic: str, received_ns: int) -> None:
+        """Note that a message was taken to work on.
+
+        Args:
+            topic: Name of its topic.
+            received_ns: Wall clock when it came.
+        """
+        self._taken_ns[topic] = received_ns
+
+    def ages(self) -> dict[str, float]:
+        """Return how long ago the newest message taken of each topic came [ms], by gauge."""
+        now_ns = time.time_ns()
+        return {
+            f"age_{topic}_ms": (now_ns - ns) / 1e6 for topic, ns in list(self._taken_ns.items())
+        }
+
+    def count(self, name: str) -> None:
+        """Count an event."""
+        with self._lock:
+            self.counters[name] += 1
+
+    @contextlib.contextmanager
+    def busy(self) -> Iterator[None]:
+        """Mark this thread as at work inside the block."""
+        me, start = threading.get_ident(), time.monotonic()
+        self._since[me] = start
+        try:
+            yield
+        finally:
+            del self._since[me]
+
+    def longest_s(self) -> float:
+        """Return how long the slowest thread has been at its present work."""
+        started = list(self._since.values())
+        return time.monotonic() - min(started) if started else 0.0
+
+
+class Heartbeat:
+    """Publishes Health until closed.
+
+    A process is `ready`; `degraded` while it works with limits, or would if something came from
+    elsewhere; `stalled` while it does not go on itself. The reason is one that a user understands.
+
+    Args:
+        node: Whose status is told. If it has `takes`, it can do nothing without these messages; if
+            it has `gives`, it sends these by itself: when none come, that is told.
+        bus: Where to publish.
+        place: Which process this is.
+        inbox: Whose counters are told.
+        work: Whose counters are told, and which shows whether the process hangs.
+    """
+
+    def __init__(self, node: Node, bus: Bus, place: Place, inbox: Inbox, work: Work) -> None:
+        self._node, self._bus, self._place = node, bus, place
+        self._inbox, self._work = inbox, work
+        self._process = psutil.Process()
+        self._clock = Clock(bus)
+        self._sequence = 0
+        self._before: tuple[float, Counter[str]] = (time.monotonic(), Counter())
+        takes, gives = (_topics(getattr(node, name, ())) for name in ("takes", "gives"))
+        self._flow = Flow(takes, gives, time.monotonic())
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Tell that the process stops, and end."""
+        self._closed.set()
+        self._thread.join()
+        self._publish("stopping")
+
+    def _beat(self) -> None:
+        while not self._closed.is_set():
+            self._clock.ask()
+            self._publish()
+            self._closed.wait(PERIOD_S)
+
+    def _publish(self, state: State | None = None) -> None:
+        try:
+            self._bus.publish(self._health(state))
+        except Exception:  # the heartbeat must outlive whatever it reports on
+            log.exception("no heartbeat")
+
+    def _health(self, state: State | None) -> Health:
+        status = self._node.status()
+        # Copies, because other threads count on; zeros stay, they show what is counted.
+        counters = Counter(dict(status.counters))
+        counters.update(dict(self._inbox.counters))
+        counters.update(dict(self._work.counters))
+        counters.update(self._clock.counters())
+        now, reason = (state, status.reason) if state else self._judge(status, counters)
+        self._sequence += 1
+        return Health(
+            stamp_ns=time.time_ns(),
+            sequence=self._sequence - 1,
+            service=self._place.service,
+            instance=self._place.instance,
+            host=self._place.host,
+            pid=os.getpid(),
+            release=release(),
+            state="stopping" if now == "finished" else now,
+            # It may quote an error of somebody else's code, of many lines.
+            reason="".join(c if c.isprintable() else " " for c in reason),
+            counters=dict(counters),
+            gauges=self._gauges(counters),
+        )
+
+    def _judge(
+        self, status: Status, counters: Counter[str]
+    ) -> tuple[State | Literal["finished"], str]:
+        """Return state and reason: the node's own, or what it cannot know."""
+        now_s, stuck_s = time.monotonic(), self._work.longest_s()
+        # Asked always: they compare with what they were shown before.
+        missing = self._flow.missing(counters, now_s)
+        losing = self._flow.losing(counters, now_s)
+        if stuck_s > STALLED_AFTER_S:
+            return "stalled", f"busy with one message for {stuck_s:.0f} s"
+        if status.state not in ("ready", "degraded"):
+            return status.state, status.reason
+        if self._inbox.last_error_is_fresh():
+            losing = self._inbox.last_error
+        reasons = [reason for reason in (status.reason, missing, losing) if reason]
+        degraded = bool(missing or losing) or status.state == "degraded"
+        return ("degraded" if degraded else "ready"), "; ".join(reasons)
+
+    def _gauges(self, counters: Counter[str]) -> dict[str, float]:
+        """Return rates of messages, processor share, memory, ages of inputs, and the clock's."""
+        now = time.monotonic()
+        then, before = self._before
+        self._before = (now, counters)
+        elapsed = max(now - then, 1e-3)
+        rates = {
+            f"{name}_hz": (count - before[name]) / elapsed
+            for name, count in counters.items()
+            if name.startswith(("received_", "sent_"))
+        }
+        memory_mb = self._process.memory_info().rss / 2**20
+        own = {"cpu_percent": self._process.cpu_percent(), "memory_mb": memory_mb}
+        return rates | own | self._work.ages() | self._clock.gauges()
+
+
+def _topics(kinds: Sequence[type[Message]]) -> list[Topic]:
+    return [BY_MESSAGE[kind] for kind in kinds]

@@ -1,0 +1,1 @@
+"""The bus between processes, its access rules, clock and trace."""

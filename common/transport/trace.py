@@ -1,0 +1,190 @@
+"""Times of the stages that a message passes, and what each stage is."""
+
+import contextvars
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+import msgspec
+
+from common.runtime.process_id import Place
+from people4d.messages import Message, Span
+from people4d.messages.base import MAX_TRACE
+
+M = TypeVar("M", bound=Message)
+
+# Every stage below its service, in the order of a frame's way: "<service>.<stage>". Those marked
+# with * no process measures: they are what lies between two stages, see common.runtime.latency.
+STAGES = {
+    "capture": "a live camera's frame: from its acquisition until it is in memory",
+    "release": "a frame that is due is taken from those read ahead and made a message",
+    "transport": "* a message's bytes: from the sender's hands to the receiver's, through Zenoh",
+    "decode": "bytes become a message, every field checked",
+    "queue": "the message waits until the process is free for it",
+    "wait": "* the message waits inside the process for what belongs to it",
+    "preprocess": "the image becomes the network's input",
+    "inference_wait": "another thread runs the network",
+    "inference": "the network runs",
+    "postprocess": "the network's outputs become people",
+    "hand_over": "the network is free, another thread begins with the next frame",
+    "crops": "people are cut out of the image",
+    "locate": "people get positions, headings and masks from depth",
+    "embedding": "pictures become appearance vectors without a network",
+    "association": "detections are matched with the tracks, and tracks updated",
+    "prediction": "tracks go on without a frame",
+    "points": "heads, hands and feet are followed in depth",
+    "motion": "the base is followed in the picture",
+    "handle": "all the work of a process that measures no stages of its own",
+    "publish": "after the work: for its turn, for outputs sent before it, and encoding",
+    "other": "* work of a process between its stages",
+}
+
+
+class _Collection:
+    """Spans of one piece of work.
+
+    Args:
+        place: Process that does it.
+    """
+
+    __slots__ = ("place", "spans")
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self.spans: list[Span] = []
+
+
+_collection: contextvars.ContextVar[_Collection | None] = contextvars.ContextVar(
+    "spans", default=None
+)
+
+
+class _Measurement:
+    """Measures a block; a class because a generator takes twice the time."""
+
+    __slots__ = ("_stage", "_start_ns")
+
+    def __init__(self, stage: str) -> None:
+        self._stage = stage
+
+    def __enter__(self) -> None:
+        self._start_ns = time.time_ns()
+
+    def __exit__(self, *_: object) -> None:
+        record(self._stage, self._start_ns, time.time_ns())
+
+
+def span(stage: str) -> _Measurement:
+    """Measure a block as one stage; outside of `collect` this does nothing.
+
+        with span("inference"):
+            outputs = session.run(image)
+
+    Blocks follow each other; one inside the other would count twice.
+
+    Args:
+        stage: One of STAGES, or a stage of your own.
+    """
+    return _Measurement(stage)
+
+
+def record(stage: str, start_ns: int, end_ns: int) -> None:
+    """Tell a stage that was measured elsewhere; outside of `collect` this does nothing.
+
+    Args:
+        stage: One of STAGES, or a stage of your own.
+        start_ns: Wall clock when it began.
+        end_ns: Wall clock when it ended.
+    """
+    collection = _collection.get()
+    if collection is not None:
+        collection.spans.append(_span(collection.place, stage, start_ns, end_ns))
+
+
+@contextmanager
+def collect(place: Place) -> Iterator[list[Span]]:
+    """Gather the spans measured inside the block, oldest first.
+
+    Args:
+        place: Process that does the work.
+    """
+    collection = _Collection(place)
+    before = _collection.set(collection)
+    try:
+        yield collection.spans
+    finally:
+        _collection.reset(before)
+
+
+class Tracer:
+    """Writes into messages when they passed a process.
+
+    Args:
+        place: The process.
+        on: False: messages pass without a mark, and spans cost next to nothing.
+    """
+
+    def __init__(self, place: Place, on: bool = True) -> None:
+        self._place = place
+        self.on = on
+
+    @contextmanager
+    def working(self) -> Iterator[list[Span]]:
+        """Gather the spans measured inside the block, none if off."""
+        if not self.on:
+            yield []
+            return
+        with collect(self._place) as spans:
+            yield spans
+
+    def taken(self, message: M, received_ns: int, decoded_ns: int, taken_ns: int) -> M:
+        """Return a message with the times of its arrival.
+
+        The node copies them with the trace, so that they stay with this message even if another
+        one makes the node answer.
+
+        Args:
+            message: As it came.
+            received_ns: Wall clock when its bytes were there.
+            decoded_ns: Wall clock when it was decoded.
+            taken_ns: Wall clock when the process began with it.
+        """
+        return self._extended(
+            message,
+            _span(self._place, "decode", received_ns, decoded_ns),
+            _span(self._place, "queue", decoded_ns, taken_ns),
+        )
+
+    def worked(self, message: M, spans: list[Span]) -> M:
+        """Return an answer with the stages of the work that brought it about."""
+        return self._extended(message, *spans)
+
+    def handled(self, start_ns: int, spans: list[Span]) -> list[Span]:
+        """Return the stages of the work; those of a node that measures none are one, `handle`."""
+        return spans or [_span(self._place, "handle", start_ns, time.time_ns())]
+
+    def publishing(self, message: Message) -> Callable[[], Span] | None:
+        """Return what ends the stage `publish` when called, None if off.
+
+        Args:
+            message: What is about to be published; the stage begins with the end of its last one.
+        """
+        if not self.on:
+            return None
+        last = message.trace[-1] if message.trace else None
+        ours = last is not None and last.process == self._place.process
+        start_ns = last.end_ns if last and ours else time.time_ns()
+        return lambda: _span(self._place, "publish", start_ns, time.time_ns())
+
+    def _extended(self, message: M, *spans: Span) -> M:
+        if not self.on:
+            return message
+        trace = (*message.trace, *spans)[: MAX_TRACE - 1]  # one is left for publishing
+        return msgspec.structs.replace(message, trace=trace)
+
+
+def _span(place: Place, stage: str, start_ns: int, end_ns: int) -> Span:
+    return Span(
+        stage=f"{place.service}.{stage}", process=place.process, start_ns=start_ns, end_ns=end_ns
+    )

@@ -1,0 +1,93 @@
+"""The nodes of the services in one process, frame by frame: same input, same output."""
+
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from common.runtime.node import Node
+from common.runtime.process_id import Place
+from common.transport.bus import MemoryBus
+from common.transport.trace import collect
+from people4d.errors import SourceError
+from people4d.messages import Message, Span, Tracks
+from services.camera.build import build as build_camera
+from services.camera.config import CameraConfig
+from services.detector.build import build as build_detector
+from services.detector.config import DetectorConfig
+from services.reid.build import build as build_reid
+from services.reid.config import ReidConfig
+from services.tracker.build import build as build_tracker
+from services.tracker.config import TrackerConfig
+
+PATIENCE_S = 20.0
+CHAIN = Place("node", "chain", "")
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one frame brought about.
+
+    Args:
+        messages: All that was published, the frame first.
+        spans: Time of each stage, transport and codec left out.
+    """
+
+    messages: list[Message]
+    spans: list[Span]
+
+    @property
+    def duration_ms(self) -> float:
+        """Time of all stages in milliseconds."""
+        return sum(span.end_ns - span.start_ns for span in self.spans) / 1e6
+
+
+def pipeline(
+    detector: DetectorConfig, reid: ReidConfig | None = None, tracker: TrackerConfig | None = None
+) -> list[Node]:
+    """Return detector, re-identification and tracker, as their processes would build them."""
+    return [
+        build_detector(detector),
+        build_reid(reid or ReidConfig()),
+        build_tracker(tracker or TrackerConfig()),
+    ]
+
+
+def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[Step]:
+    """Play a source in lock-step through nodes.
+
+    Args:
+        camera: What to play; its playback is "lockstep", its window 1 and its start_delay_s 0.
+        nodes: Detector and whatever follows.
+
+    Yields:
+        Calibration and transform, then one step a frame.
+
+    Raises:
+        SourceError: The source cannot be opened, or gives nothing for long.
+    """
+    node = build_camera(camera)
+    news = threading.Event()
+    set_wake: Callable[[Callable[[], None]], None] | None = getattr(node, "set_wake", None)
+    if set_wake:
+        set_wake(news.set)
+    bus = MemoryBus([node, *nodes])
+    try:
+        while node.status().state != "finished":
+            news.clear()
+            with collect(CHAIN) as spans:
+                messages = bus.advance()
+            bus.log.clear()
+            if messages:
+                yield Step(messages, spans)
+            elif not news.wait(PATIENCE_S):
+                raise SourceError(f"{camera.source} gave nothing for {PATIENCE_S:g} s")
+    finally:
+        node.close()
+
+
+def track_again(messages: Iterable[Message], config: TrackerConfig) -> list[Tracks]:
+    """Return what another tracker makes of the same detections and embeddings."""
+    node = build_tracker(config)
+    taken = [message for message in messages if isinstance(message, node.inputs)]
+    outputs = [output for message in taken for output in node.handle(message, 0)]
+    return [output for output in outputs if isinstance(output, Tracks)]

@@ -1,0 +1,222 @@
+"""Detections and embeddings of a recording: made once, kept, and given to every tracker alike."""
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from common.io.odometry_order import odometry_first
+from common.io.recording import RecordingWriter, open_recording
+from evaluation import findings
+from evaluation.cache import (
+    CODE,
+    REID_CODE,
+    code_digest,
+    content_digest,
+    key_of,
+    model_digest,
+)
+from evaluation.chain import Step, play
+from people4d.errors import SourceError
+from people4d.messages import (
+    CameraInfo,
+    Crops,
+    Detections,
+    Embeddings,
+    Message,
+    MovingTransform,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+)
+from services.camera.config import CameraConfig
+from services.camera.sources import kind_of
+from services.detector.build import build as build_detector
+from services.detector.config import DetectorConfig
+from services.detector.models import load_model
+from services.detector.models.base import ModelSettings
+from services.reid.build import build as build_reid
+from services.reid.config import ReidConfig
+
+SPEED = "speed"  # note with the mean time that a stage took
+KEPT = (CameraInfo, StaticTransform, MovingTransform, Odometry, Detections)
+
+
+@dataclass(frozen=True)
+class Look:
+    """One way to see one recording.
+
+    Args:
+        source: Recording, bag or folder.
+        camera: How it is played.
+        detector: What finds people.
+        reids: What tells their appearance, each on its own.
+        folder: Where results are kept.
+    """
+
+    source: Path
+    camera: CameraConfig
+    detector: DetectorConfig
+    reids: tuple[ReidConfig, ...]
+    folder: Path
+
+    @property
+    def network(self) -> tuple[object, ...]:
+        """What the network finds depends on this and on the pictures."""
+        return tuple(getattr(self.detector, name) for name in ModelSettings.__struct_fields__)
+
+    def findings_file(self) -> Path:
+        """Return where is kept what the network found; pictures are told apart in it."""
+        key = key_of(code_digest(findings.CODE), self.network, model_digest(self.detector))
+        return self.folder / "findings" / f"{self.source.stem}-{key}.npz"
+
+    def file(self, content: str, reid: ReidConfig | None = None) -> Path:
+        """Return where detections are kept, or the embeddings of one of `reids`.
+
+        Args:
+            content: Digest of the source.
+            reid: What makes the embeddings; None: the detections are asked for.
+        """
+        digest = code_digest(CODE if reid is None else REID_CODE)
+        parts = [content, digest, *map(msgspec.to_builtins, (self.camera, self.detector))]
+        parts.append(model_digest(self.detector))
+        if reid:
+            parts += [msgspec.to_builtins(reid), model_digest(reid)]
+        kind = "embeddings" if reid else "detections"
+        return self.folder / kind / f"{self.source.stem}-{key_of(*parts)}.mcap"
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Where the results of a look are.
+
+    Args:
+        detections: Recording with calibration, transforms, odometry and detections.
+        embeddings: Recording with the embeddings, for each of the look's `reids`.
+    """
+
+    detections: Path
+    embeddings: tuple[Path, ...]
+
+
+def is_stored(source: Path) -> bool:
+    """Tell whether a recording holds detections in place of frames."""
+    if kind_of(str(source)) != "recording":
+        return False
+    topics = open_recording(source).summary.topics
+    frames = any(topic.startswith("raw/") for topic in topics)
+    return not frames and any(topic.startswith("detections/") for topic in topics)
+
+
+def look(wanted: Look) -> Seen:
+    """See a recording, unless it was seen so before.
+
+    Raises:
+        SourceError: The recording cannot be read, or has more than one camera.
+        ModelError: A model is absent.
+    """
+    if is_stored(wanted.source):
+        return Seen(wanted.source, tuple(wanted.source for _ in wanted.reids))
+    content = content_digest(wanted.source)
+    files = [wanted.file(content), *(wanted.file(content, reid) for reid in wanted.reids)]
+    if not all(file.exists() for file in files):
+        _see(wanted, files)
+    return Seen(files[0], tuple(files[1:]))
+
+
+def read(detections: Path, embeddings: Path | None) -> Iterator[Message]:
+    """Yield what a tracker takes, in order; the embeddings of a frame before its detections.
+
+    Args:
+        detections: From `look`.
+        embeddings: From `look`; None: the tracker takes none.
+
+    Raises:
+        SourceError: The recording has more than one camera.
+    """
+    vectors = _embeddings(embeddings)
+    cameras = set()
+    recorded = (message for _, message in open_recording(detections).messages(*KEPT))
+    for message in odometry_first(recorded):
+        if isinstance(message, Detections):
+            cameras.add(message.camera)
+            if len(cameras) > 1:
+                raise SourceError(f"{detections} has several cameras", "Evaluate one at a time.")
+            if message.stamp_ns in vectors:
+                yield vectors[message.stamp_ns]
+        yield message
+
+
+def mean_ms(path: Path) -> float | None:
+    """Return what a frame took, as noted when it was seen; None where that is not known."""
+    text = open_recording(path).notes.get(SPEED, {}).get("mean_ms", "")
+    return float(text) if text else None
+
+
+def _see(wanted: Look, files: Sequence[Path]) -> None:
+    camera = msgspec.structs.replace(
+        wanted.camera,
+        source=str(wanted.source.absolute()),
+        playback="lockstep",
+        answer="detections",
+        window=1,
+        start_delay_s=0.0,
+        loop=False,
+    )
+    embedders = [build_reid(reid) for reid in wanted.reids]
+    new = [file.with_suffix(f".{os.getpid()}.new") for file in files]
+    took_ms: list[list[float]] = [[] for _ in files]
+    known = findings.load(wanted.findings_file())
+    with ExitStack() as stack:
+        writers = [stack.enter_context(RecordingWriter(path)) for path in new]
+        model = findings.Remembered(load_model(wanted.detector), known)
+        for step in play(camera, [build_detector(wanted.detector, model)]):
+            for message in step.messages:
+                if isinstance(message, KEPT):
+                    writers[0].write(_untraced(message), message.stamp_ns)
+                if isinstance(message, RgbdFrame):
+                    took_ms[0].append(_detector_ms(step) + model.saved_ms())
+                if not isinstance(message, Crops):
+                    continue
+                for k, embedder in enumerate(embedders, 1):
+                    start_ns = time.perf_counter_ns()
+                    told = embedder.handle(message, 0)
+                    took_ms[k].append((time.perf_counter_ns() - start_ns) / 1e6 + _crops_ms(step))
+                    for answer in told:
+                        writers[k].write(_untraced(answer), answer.stamp_ns)
+        for writer, times in zip(writers, took_ms, strict=True):
+            if times:
+                writer.note(SPEED, {"mean_ms": f"{sum(times) / len(times):.4f}"})
+    if model.found_new:
+        findings.save(wanted.findings_file(), known)
+    for made, file in zip(new, files, strict=True):
+        made.replace(file)
+
+
+def _untraced(message: Message) -> Message:
+    """Return the message without the times of its way, which differ from run to run."""
+    return msgspec.structs.replace(message, trace=())
+
+
+def _detector_ms(step: Step) -> float:
+    return step.duration_ms - _stage_ms(step, "send") - _crops_ms(step)
+
+
+def _crops_ms(step: Step) -> float:
+    return _stage_ms(step, "crops")
+
+
+def _stage_ms(step: Step, stage: str) -> float:
+    spans = [span for span in step.spans if span.stage.endswith(f".{stage}")]
+    return sum(span.end_ns - span.start_ns for span in spans) / 1e6
+
+
+def _embeddings(path: Path | None) -> dict[int, Embeddings]:
+    if path is None:
+        return {}
+    found = open_recording(path).messages(Embeddings)
+    return {m.stamp_ns: m for _, m in found if isinstance(m, Embeddings)}

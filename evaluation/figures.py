@@ -1,0 +1,238 @@
+"""Pictures of traces and errors, drawn with matplotlib, which is an extra of this package."""
+
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Wedge
+
+from common.drawing.palette import Colour, colour_of
+from common.metrics import Scores
+from evaluation.trace import YAW, Camera, Trace, X, Y
+from people4d.messages import F64
+
+WINDOW_S = 8.0  # of a floor plan
+COURSE_S = 40.0  # of the course of a person over time
+METHODS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#e377c2", "#17becf")
+STRIPES = ("solid", (0, (6, 1.5)), (0, (1.5, 1.5)))
+ARROW_M = 0.35
+BINS = 60
+DPI = 110
+
+
+def floor_plans(take: str, traces: Sequence[Trace]) -> bytes:
+    """Draw where people walked, a panel for each method, as a PNG file.
+
+    Args:
+        take: Name of the recording.
+        traces: Of all methods.
+    """
+    start_s, end_s = _window(traces)
+    columns = min(3, len(traces))
+    rows = -(-len(traces) // columns)
+    figure = Figure((4.2 * columns, 4.6 * rows + 0.4), layout="constrained")
+    figure.suptitle(f"{take}: {start_s:.1f} to {end_s:.1f} s", fontsize=11)
+    low, high = _extent(traces[0], start_s, end_s)
+    for k, trace in enumerate(traces):
+        axes = figure.add_subplot(rows, columns, k + 1)
+        _floor_plan(axes, trace, start_s, end_s)
+        axes.set(title=trace.method, xlabel="y (m)", ylabel="x (m)", aspect="equal")
+        axes.set_xlim(high[1], low[1])  # y to the left, x up, as one looks with the camera
+        axes.set_ylim(low[0], high[0])
+        axes.grid(alpha=0.3)
+    return _png(figure)
+
+
+def courses(take: str, traces: Sequence[Trace]) -> bytes:
+    """Draw position, velocity and yaw of one person over time, all methods together, as PNG.
+
+    The person is the one who had to be found in the most frames.
+
+    Args:
+        take: Name of the recording.
+        traces: Of all methods.
+    """
+    first = traces[0]
+    person = int(np.argmax(first.counted.sum(axis=0)))
+    figure = Figure((11, 9.5), layout="constrained")
+    panels = figure.subplots(5, 1, sharex=True)
+    figure.suptitle(f"{take}: person {first.persons[person]}", fontsize=11)
+    titles = ("x (m)", "y (m)", "v$_x$ (m/s)", "v$_y$ (m/s)", "yaw (°)")
+    for column, (axes, title) in enumerate(zip(panels, titles, strict=True)):
+        _course(axes, traces, person, column)
+        axes.set_ylabel(title)
+        axes.grid(alpha=0.3)
+    panels[YAW].set(ylim=(-185, 185), yticks=(-180, -90, 0, 90, 180))
+    panels[-1].set_xlabel("time (s); grey: out of view or hidden")
+    panels[0].set_xlim(first.stamps_s[0], min(first.stamps_s[-1], first.stamps_s[0] + COURSE_S))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return _png(figure)
+
+
+def histograms(pooled: Mapping[str, Scores]) -> bytes:
+    """Draw the distribution of the errors of each method over all recordings, as PNG.
+
+    Args:
+        pooled: Scores by name of the method.
+    """
+    figure = Figure((11, 6.5), layout="constrained")
+    panels = figure.subplots(2, 3).ravel()
+    titles = (
+        "position across (m)",
+        "position along the camera's axis (m)",
+        "yaw (°)",
+        "velocity across (m/s)",
+        "velocity along the camera's axis (m/s)",
+    )
+    ranges = ((-0.5, 0.5), (-0.5, 0.5), (0, 180), (-1, 1), (-1, 1))
+    for k, (method, scores) in enumerate(pooled.items()):
+        poses = scores.pose
+        position_m = poses.along_across(poses.position_m)
+        velocity_mps = poses.along_across(poses.velocity_mps)
+        yaw_deg = np.degrees(poses.yaw_error_rad)
+        samples = (
+            position_m[:, 1],
+            position_m[:, 0],
+            yaw_deg,
+            velocity_mps[:, 1],
+            velocity_mps[:, 0],
+        )
+        for axes, values, limits in zip(panels, samples, ranges, strict=False):
+            known = np.clip(values[np.isfinite(values)], *limits)
+            if len(known):
+                weights = np.full(len(known), 100 / len(known))
+                look = {"histtype": "step", "lw": 1.4, **_look(k, method)}
+                axes.hist(known, BINS, range=limits, weights=weights, **look)
+    for axes, title, limits in zip(panels, titles, ranges, strict=False):
+        axes.set(xlabel=title, xlim=limits, ylabel="% of poses")
+        axes.grid(alpha=0.3)
+    panels[-1].axis("off")
+    panels[-1].legend(*panels[0].get_legend_handles_labels(), loc="center", frameon=False)
+    return _png(figure)
+
+
+def _floor_plan(axes: Axes, trace: Trace, start_s: float, end_s: float) -> None:
+    if trace.camera:
+        _draw_camera(axes, trace.camera)
+    rows = (trace.stamps_s >= start_s) & (trace.stamps_s <= end_s)
+    for k in range(len(trace.persons)):
+        true = trace.true[rows, k]
+        axes.plot(true[:, Y], true[:, X], "k--", lw=1.2, zorder=3)
+        _arrow(axes, true, "black")
+    for identity, path in trace.paths.items():
+        told = path[(path[:, 0] >= start_s) & (path[:, 0] <= end_s), 1:]
+        if len(told):
+            colour = _hex(colour_of(identity))
+            dot = "o" if len(told) == 1 else None
+            axes.plot(told[:, Y], told[:, X], color=colour, lw=2, ms=3, marker=dot, zorder=2)
+            _arrow(axes, told, colour)
+            axes.annotate(
+                f"ID {identity}",
+                (told[-1, Y], told[-1, X]),
+                color=colour,
+                fontsize=8,
+                textcoords="offset points",
+                xytext=(5, -11),
+            )
+
+
+def _arrow(axes: Axes, path: F64, colour: str) -> None:
+    """Draw the last known yaw of a path."""
+    known = path[np.isfinite(path[:, [X, Y, YAW]]).all(axis=1)]
+    if len(known):
+        x, y, yaw_rad = known[-1, X], known[-1, Y], known[-1, YAW]
+        tip = (y + ARROW_M * np.sin(yaw_rad), x + ARROW_M * np.cos(yaw_rad))
+        axes.annotate("", tip, (y, x), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6})
+
+
+def _draw_camera(axes: Axes, camera: Camera) -> None:
+    x, y = camera.position_m
+    # On paper y points left and x up: an angle from x towards y is counted from the vertical.
+    middle_deg, half_deg = np.degrees((np.pi / 2 - camera.axis_rad, camera.half_angle_rad))
+    wedge = (y, x), camera.range_m, middle_deg - half_deg, middle_deg + half_deg
+    axes.add_patch(Wedge(*wedge, color="0.5", alpha=0.13, lw=0, zorder=0))
+    axes.plot([y], [x], "o", color="red", ms=6, zorder=4)
+
+
+def _course(axes: Axes, traces: Sequence[Trace], person: int, column: int) -> None:
+    first = traces[0]
+    truth = _degrees(first.true[:, person, column], column)
+    for start, end in _runs(~first.counted[:, person]):
+        axes.axvspan(first.stamps_s[start], first.stamps_s[end], color="0.85", lw=0)
+    for k, trace in enumerate(traces):
+        told = _degrees(trace.told[:, person, column], column)
+        # A line does not join two tracks, nor two sides of the circle.
+        breaks = np.flatnonzero(np.diff(trace.tracks[:, person]) != 0)
+        axes.plot(*_broken(trace.stamps_s, told, breaks, column), lw=1.2, **_look(k, trace.method))
+    none = np.zeros(0, np.int64)
+    axes.plot(*_broken(first.stamps_s, truth, none, column), "k--", lw=1.1, label="truth")
+
+
+def _broken(times_s: F64, values: F64, breaks: F64 | np.ndarray, column: int) -> tuple[F64, F64]:
+    """Put a gap after some samples, and where an angle goes round."""
+    gaps = np.asarray(breaks, np.int64)
+    if column == YAW:
+        gaps = np.union1d(gaps, np.flatnonzero(np.abs(np.diff(values)) > 180))
+    return np.insert(times_s, gaps + 1, times_s[gaps]), np.insert(values, gaps + 1, np.nan)
+
+
+def _degrees(values: F64, column: int) -> F64:
+    return np.degrees(values) if column == YAW else values
+
+
+def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
+    """Return first and last index of each run of marks."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
+def _window(traces: Sequence[Trace]) -> tuple[float, float]:
+    """Return the time with the most ID switches of all methods, else the middle."""
+    first_s, last_s = float(traces[0].stamps_s[0]), float(traces[0].stamps_s[-1])
+    if last_s - first_s <= WINDOW_S * 1.5:
+        return first_s, last_s
+    switches_s = np.array([t for trace in traces for t in trace.switches_s])
+    starts_s = np.arange(first_s, last_s - WINDOW_S + 1e-9, 0.5)
+    inside = (switches_s >= starts_s[:, None] + 1) & (
+        switches_s <= starts_s[:, None] + WINDOW_S - 1
+    )
+    counts = inside.sum(axis=1)
+    best = np.flatnonzero(counts == counts.max())
+    start_s = float(starts_s[best[len(best) // 2]])
+    return start_s, start_s + WINDOW_S
+
+
+def _extent(trace: Trace, start_s: float, end_s: float) -> tuple[F64, F64]:
+    rows = (trace.stamps_s >= start_s) & (trace.stamps_s <= end_s)
+    points = trace.true[rows][..., :2].reshape(-1, 2)
+    points = points[np.isfinite(points).all(axis=1)]
+    if trace.camera:
+        c = trace.camera
+        angles = c.axis_rad + np.linspace(-c.half_angle_rad, c.half_angle_rad, 9)
+        rim = c.position_m + c.range_m * np.column_stack([np.cos(angles), np.sin(angles)])
+        points = np.concatenate([points, rim, c.position_m[None]])
+    if not len(points):
+        return np.zeros(2), np.ones(2)
+    return points.min(axis=0) - 0.3, points.max(axis=0) + 0.3
+
+
+def _look(k: int, method: str) -> dict[str, Any]:
+    return {
+        "color": METHODS[k % len(METHODS)],
+        "ls": STRIPES[k // len(METHODS) % len(STRIPES)],
+        "label": method,
+    }
+
+
+def _hex(colour: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def _png(figure: Figure) -> bytes:
+    file = BytesIO()
+    figure.set_dpi(DPI)
+    figure.savefig(file, format="png", metadata={"Software": None})
+    return file.getvalue()

@@ -1,0 +1,191 @@
+"""The report: one HTML file with everything in it."""
+
+import base64
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+from evaluation.paper import WHERE
+from evaluation.strips import Strip
+from evaluation.tables import Table
+from evaluation.trial import Result
+
+STYLE = """
+:root { color-scheme: light; }
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 1180px; margin: 2em auto; padding: 0 1em;
+  color: #20242a; background: #fafaf8; }
+h1 { font-size: 1.6em; } h2 { font-size: 1.25em; margin-top: 2.2em; }
+h3 { font-size: 1em; margin: 1.6em 0 .4em; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .4em 0 1em; }
+th, td { padding: .22em .7em; text-align: right; border-bottom: 1px solid #e0e2e4; }
+th:first-child, td:first-child { text-align: left; }
+th { font-weight: 600; vertical-align: bottom; } tr.all td { font-weight: 600; }
+tr.paper td { color: #6b7078; background: #f1f1ee; font-weight: 400; }
+tr.label td { color: #6b7078; background: #f1f1ee; font-style: italic; text-align: left; }
+img { max-width: 100%; } .wide { overflow-x: auto; }
+.strip { display: flex; gap: 8px; overflow-x: auto; }
+.strip figure { margin: 0; flex: 0 0 172px; font-size: 12px; line-height: 1.35; }
+.strip img { width: 172px; height: 172px; background: #e0e2e4; display: block; }
+.strip b { display: block; margin-top: 3px; }
+.blank { width: 172px; height: 172px; background: #e0e2e4; }
+nav a { margin-right: 1.2em; } code { background: #eeeeea; padding: .1em .3em; }
+pre { background: #eeeeea; padding: .7em; white-space: pre-wrap; overflow-wrap: anywhere; }
+.quiet { color: #6b7078; }
+"""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the report.
+
+    Args:
+        name: Of its file, without the end.
+        title: Above it.
+        png: Its bytes.
+    """
+
+    name: str
+    title: str
+    png: bytes
+
+
+@dataclass(frozen=True)
+class Content:
+    """What the report shows.
+
+    Args:
+        command: With which it is made again.
+        results: All trials.
+        tables: In order.
+        pictures: In order.
+        strips: ID switches that are shown.
+        switches: Number of all ID switches.
+        settings: Of each method, as text, by its name.
+    """
+
+    command: str
+    results: Sequence[Result]
+    tables: Sequence[Table]
+    pictures: Sequence[Picture]
+    strips: Sequence[Strip]
+    switches: int
+    settings: dict[str, str]
+
+
+def html_of(content: Content) -> str:
+    """Return the report; it needs no other file."""
+    methods = dict.fromkeys(result.method for result in content.results)
+    parts = [
+        f"<h1>{escape(', '.join(methods))}</h1>",
+        f"<pre>{escape(content.command)}</pre>",
+        "<nav>"
+        + "".join(
+            f'<a href="#{name}">{name}</a>'
+            for name in ("tables", "figures", "switches", "recordings", "settings")
+        )
+        + "</nav>",
+        '<h2 id="tables">Tables</h2>',
+        NOTE,
+        *map(_table, content.tables),
+        '<h2 id="figures">Figures</h2>',
+        *map(_picture, content.pictures),
+        "" if content.pictures else "<p>None were drawn.</p>",
+        '<h2 id="switches">ID switches</h2>',
+        f"<p>{len(content.strips)} of {content.switches} are shown; all are in "
+        "<code>switches.csv</code>. Each picture is centred on the true person; the lines below "
+        "tell which tracks and detections were near and how far from the true place.</p>",
+        *map(_strip, content.strips),
+        '<h2 id="recordings">Recordings</h2>',
+        _recordings(content.results),
+        '<h2 id="settings">Settings</h2>',
+        *(
+            f"<details><summary>{escape(name)}</summary><pre>{escape(text)}</pre></details>"
+            for name, text in content.settings.items()
+        ),
+    ]
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width">'
+        f"<title>people4d evaluation</title><style>{STYLE}</style></head>\n<body>\n"
+        + "\n".join(part for part in parts if part)
+        + "\n</body></html>\n"
+    )
+
+
+NOTE = (
+    "<p>Mean ± standard deviation over recordings, all and by number of people. Errors are of "
+    "people in view of whom at least 35 % can be seen, by tracks that saw or predicted them, at "
+    "most 1 m away on the ground; <i>along</i> is the camera's axis on the ground, <i>across</i> "
+    f"its left. Grey rows are not measured here: they are what the paper reports ({WHERE}), "
+    "whose x axis lies across and whose y axis lies along the view.</p>"
+)
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th>{escape(name)}</th>" for name in ("method", "people", *_titles(table)))
+    span = len(table.columns) + 2
+    body = []
+    labelled = False
+    for line in table.lines:
+        if line.paper and not labelled:
+            body.append(f'<tr class="label"><td colspan="{span}">{escape(WHERE)}</td></tr>')
+            labelled = True
+        kind = "paper" if line.paper else "all" if line.people == "all" else ""
+        cells = "".join(
+            f"<td>{escape(text)}</td>" for text in (line.method, line.people, *line.cells)
+        )
+        body.append(f'<tr class="{kind}">{cells}</tr>')
+    rows = "\n".join(body)
+    return (
+        f'<h3 id="{table.name}">{escape(table.title)}</h3>\n<div class="wide"><table>'
+        f"<thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table></div>"
+    )
+
+
+def _titles(table: Table) -> Iterable[str]:
+    return (column.title for column in table.columns)
+
+
+def _picture(picture: Picture) -> str:
+    source = _data("image/png", picture.png)
+    title = escape(picture.title)
+    return f'<h3>{title}</h3>\n<img alt="{title}" src="{source}">'
+
+
+def _strip(strip: Strip) -> str:
+    cells = []
+    for cell in strip.cells:
+        lines = "<br>".join(map(escape, cell.lines))
+        image = '<div class="blank"></div>'
+        if cell.jpeg:
+            image = f'<img alt="{escape(cell.title)}" src="{_data("image/jpeg", cell.jpeg)}">'
+        cells.append(f"<figure>{image}<b>{escape(cell.title)}</b>{lines}</figure>")
+    return (
+        f"<h3>{escape(strip.method)} on {escape(strip.take)}</h3>\n"
+        f'<p>{escape(strip.sentence)}</p>\n<div class="strip">{"".join(cells)}</div>'
+    )
+
+
+def _recordings(results: Sequence[Result]) -> str:
+    head = ("recording", "people", "seconds", "frames", "visible share")
+    takes = {result.take.name: result for result in reversed(results)}
+    rows = [
+        (
+            name,
+            result.people,
+            f"{result.scores.lifetimes.duration_s:.1f}",
+            result.frames,
+            "known" if result.visibility else "not known: nobody counts as hidden",
+        )
+        for name, result in reversed(takes.items())
+    ]
+    cells = "".join(f"<th>{name}</th>" for name in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(str(value))}</td>" for value in row) + "</tr>\n"
+        for row in rows
+    )
+    return f"<table><thead><tr>{cells}</tr></thead><tbody>\n{body}</tbody></table>"
+
+
+def _data(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

@@ -1,0 +1,102 @@
+"""How much of each person the camera of the virtual lab could see, without drawing anything."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lab.outline import outlines
+from lab.scenario import Scenario
+from lab.truth import capture, person_id
+from lab.world import EPOCH_NS, World
+from people4d.errors import SourceError
+from people4d.messages import F64
+
+ALIKE_M = 0.1  # truth and simulation at most so far apart are of the same motion
+CHECKED = 5  # stamps at which that is looked at
+
+
+@dataclass(frozen=True)
+class LabView:
+    """What the camera saw at one stamp.
+
+    Args:
+        shares: By identity, part of the body that is in the image and that nobody hides.
+        map_from_camera: 4x4.
+    """
+
+    shares: Mapping[str, float]
+    map_from_camera: F64
+
+
+def lab_views(
+    scenario: Scenario,
+    seed: int | None,
+    places: Sequence[Mapping[str, F64]],
+    stamps_ns: Sequence[int],
+) -> list[LabView] | None:
+    """Return what the camera saw at some stamps.
+
+    Args:
+        scenario: What was filmed.
+        seed: Of its motion.
+        places: Where people were at each stamp, as recorded.
+        stamps_ns: Of the frames.
+
+    Returns:
+        One for each stamp; None if people move otherwise in the scenario as it is today.
+    """
+    world = World(scenario, seed)
+    number = {person_id(k): k for k in range(len(scenario.people))}
+    for row in np.linspace(0, len(stamps_ns) - 1, CHECKED).astype(int).tolist():
+        for name, position_m in places[row].items():
+            if name not in number:
+                return None
+            now = capture(world, number[name], _seconds(stamps_ns[row])).position_m
+            if np.linalg.norm(now - position_m) > ALIKE_M:
+                return None
+    return [_view(world, _seconds(stamp_ns)) for stamp_ns in stamps_ns]
+
+
+def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[LabView]) -> None:
+    """Keep what the camera saw at some stamps.
+
+    Raises:
+        SourceError: The file cannot be written.
+    """
+    ids = list(dict.fromkeys(name for view in views for name in view.shares))
+    shares = [[view.shares[name] for name in ids] for view in views]
+    poses = [view.map_from_camera for view in views]
+    new = path.with_suffix(f".{os.getpid()}.npz")
+    try:
+        np.savez(new, stamps_ns=stamps_ns, ids=ids, shares=shares, map_from_camera=poses)
+        new.replace(path)
+    except OSError as error:
+        raise SourceError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def load_views(path: Path, stamps_ns: Sequence[int]) -> list[LabView] | None:
+    """Return what was kept; None if that is nothing, or of other stamps."""
+    if not path.is_file():
+        return None
+    with np.load(path, allow_pickle=False) as file:
+        if file["stamps_ns"].tolist() != list(stamps_ns):
+            return None
+        rows = zip(file["shares"].tolist(), file["map_from_camera"], strict=True)
+        ids = file["ids"].tolist()
+        return [LabView(dict(zip(ids, row, strict=True)), pose) for row, pose in rows]
+
+
+def _view(world: World, t_s: float) -> LabView:
+    people = world.keypoints_m(t_s)
+    found = outlines(people, world.optical_from_map(t_s), world.info)
+    shares = {
+        person_id(k): found[k].visible_share if k in found else 0.0 for k in range(len(people))
+    }
+    return LabView(shares, world.map_from_optical(t_s))
+
+
+def _seconds(stamp_ns: int) -> float:
+    return (stamp_ns - EPOCH_NS) / 1e9

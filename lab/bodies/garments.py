@@ -1,0 +1,218 @@
+"""Clothes, cut from the helper meshes that follow every body."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.bodies.cast import Legwear, Person, Shirt, Shoes
+from lab.bodies.colours import linear
+from lab.bodies.drape import hung
+from lab.bodies.figure import Figure
+from lab.bodies.skinning import normals
+from lab.bodies.surface import Surface, border, cut, smoothed, walls
+from lab.drawing.materials import Material, Pattern
+from people4d.messages import F64
+
+BREAK_M = 0.05  # by which trousers hang over the ankle
+SOCK_M = 0.03  # height of socks above the shoe
+SOLE_M = 0.018  # thickness of a sole below the bare foot
+WELT_M = 0.006  # height of its upper edge above the bare foot's sole
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Heights at which clothes end, pelvis frame, in metres.
+
+    Args:
+        collar: Neckline behind.
+        sleeve: End of the sleeves when the arms hang.
+        hem: Lower end of the shirt.
+        waist: Upper end of what the legs wear.
+        legs: Its lower end.
+        shoe: Upper end of the shoes.
+        floor: Bare soles.
+        tucked: Whether the shirt is worn inside what the legs wear.
+    """
+
+    collar: float
+    sleeve: float
+    hem: float
+    waist: float
+    legs: float
+    shoe: float
+    floor: float
+    tucked: bool
+
+
+def measure(figure: Figure, person: Person) -> Levels:
+    """Return where this person's clothes end."""
+    joints = figure.joints_m
+    (hip, knee, ankle, shoulder, elbow, wrist) = (
+        float(joints[name][0, 2]) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+    )
+    skirt = person.legs.kind == "skirt"
+    leg_ends = {"trousers": ankle + 0.025, "shorts": knee + 0.05, "skirt": knee + 0.02}
+    # A shirt hangs over trousers and is tucked into a skirt.
+    waist = float(joints["waist"][2]) - 0.01 if skirt else hip + 0.02
+    return Levels(
+        collar=float(joints["neck"][2]) + 0.012,
+        sleeve=wrist + 0.005
+        if person.shirt.sleeves == "long"
+        else elbow + 0.25 * (shoulder - elbow),
+        hem=waist - 0.05 if skirt else hip - 0.03,
+        waist=waist,
+        legs=leg_ends[person.legs.kind],
+        shoe=ankle + 0.005,
+        floor=float(figure.vertices_m[np.unique(figure.faces["tights"])][:, 2].min()),
+        tucked=skirt,
+    )
+
+
+def arm_share(figure: Figure, weights: F64) -> F64:
+    """Return how far vertices of these weights belong to an arm, 0 to 1."""
+    kinds = ("upper_arm", "elbow", "forearm")
+    columns = [index for index, name in enumerate(figure.bones) if name.startswith(kinds)]
+    share: F64 = weights[:, columns].sum(axis=1)
+    return share
+
+
+def on_arm(figure: Figure) -> npt.NDArray[np.bool_]:
+    """Return which vertices belong to an arm."""
+    return np.asarray(arm_share(figure, figure.weights) > 0.5)
+
+
+def collar_field(figure: Figure, collar: float) -> F64:
+    """Return how far vertices lie below a neckline that is lower in front, in metres."""
+    x, _, z = figure.vertices_m.T
+    below: F64 = collar - 0.45 * (x - figure.joints_m["neck"][0]) - z
+    return below
+
+
+def cloth(figure: Figure, part: str, colour: str, material: Material) -> Surface:
+    """Return a whole helper mesh as plain cloth."""
+    return Surface(
+        vertices_m=figure.vertices_m,
+        weights=figure.weights,
+        colour=np.tile(linear(colour), (len(figure.vertices_m), 1)),
+        faces=figure.faces[part],
+        material=material,
+    )
+
+
+def loosened(piece: Surface, distance_m: F64, rounds: int) -> Surface:
+    """Return cloth that hangs smoothly, hardly closer than asked.
+
+    Args:
+        piece: Close-fitting cloth.
+        distance_m: V distances from it.
+        rounds: Of smoothing, which takes out the body's small forms.
+    """
+    outward = normals(piece.vertices_m, piece.faces)
+    loose = smoothed(piece.moved(outward * distance_m[:, None]), rounds)
+    return kept_off(loose, piece, 0.7 * distance_m)
+
+
+def kept_off(loose: Surface, piece: Surface, distance_m: F64) -> Surface:
+    """Return loose cloth moved to be nowhere closer to the close-fitting piece than V distances."""
+    outward = normals(piece.vertices_m, piece.faces)
+    gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
+    places = loose.vertices_m + outward * np.maximum(distance_m - gap, 0.0)[:, None]
+    # Hems stay at the height at which they were cut.
+    rim = np.unique(border(piece.faces))
+    places[rim, 2] = piece.vertices_m[rim, 2]
+    return replace(loose, vertices_m=places)
+
+
+def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
+    """Return the shirt."""
+    z = figure.vertices_m[:, 2]
+    trunk = np.minimum(z - levels.hem, collar_field(figure, levels.collar))
+    whole = cloth(figure, "tights", shirt.colour, Material.SHIRT)
+    piece = cut(whole, np.where(on_arm(figure), z - levels.sleeve, trunk))
+    height = piece.vertices_m[:, 2]
+    below = np.clip((levels.collar - 0.05 - height) / 0.3, 0, 1)
+    # Sleeves are narrower than the trunk.
+    distance = 0.004 + shirt.loose_m * below * (1 - 0.7 * arm_share(figure, piece.weights))
+    if levels.tucked:
+        distance *= np.clip((height - levels.waist) / 0.08, 0.1, 1)
+    loose = loosened(piece, distance, 4)
+    if not levels.tucked:
+        armpit = figure.joints_m["shoulder"][0, 2] - 0.13
+        free = np.clip((armpit - height) / 0.06, 0, 1) * (arm_share(figure, piece.weights) < 0.3)
+        hanging = smoothed(hung(loose, figure.joints_m["waist"][0], free), 2)
+        loose = kept_off(hanging, piece, 0.8 * distance)
+    return replace(loose, pattern=Pattern[shirt.pattern.upper()])
+
+
+def make_legwear(figure: Figure, legs: Legwear, levels: Levels) -> Surface:
+    """Return trousers, shorts or a skirt."""
+    z = figure.vertices_m[:, 2]
+    part = "skirt" if legs.kind == "skirt" else "tights"
+    field = np.minimum(levels.waist - z, z - levels.legs)
+    whole = cloth(figure, part, legs.colour, Material.TROUSERS)
+    piece = cut(whole, np.where(on_arm(figure), -1.0, field))
+    below = np.clip((levels.waist - piece.vertices_m[:, 2]) / 0.7, 0, 1)
+    least = 0.009 if levels.tucked else 0.001
+    loose = loosened(piece, least + legs.loose_m * below, 4)
+    return lengthened(loose, levels.legs, BREAK_M) if legs.kind == "trousers" else loose
+
+
+def lengthened(piece: Surface, end_m: float, by_m: float) -> Surface:
+    """Return a piece with its lower hem drawn straight down, over the shoe.
+
+    Args:
+        piece: Trousers.
+        end_m: Height of the hem.
+        by_m: By how much.
+    """
+    edges = border(piece.faces)
+    low = piece.vertices_m[edges, 2] < end_m + 0.03
+    count = len(piece.vertices_m)
+    return Surface(
+        vertices_m=np.concatenate([piece.vertices_m, piece.vertices_m - (0.0, 0.0, by_m)]),
+        weights=np.tile(piece.weights, (2, 1)),
+        colour=np.tile(piece.colour, (2, 1)),
+        faces=np.concatenate([piece.faces, walls(edges[low.all(axis=1)], count)]),
+        material=piece.material,
+    ).compact()
+
+
+def make_socks(figure: Figure, shoes: Shoes, levels: Levels) -> Surface:
+    """Return short socks."""
+    z = figure.vertices_m[:, 2]
+    whole = cloth(figure, "tights", shoes.socks, Material.TROUSERS)
+    field = np.minimum(levels.shoe + SOCK_M - z, z - levels.floor - 0.02)
+    return cut(whole, field).inflated(0.0015)
+
+
+def make_shoes(figure: Figure, shoes: Shoes, levels: Levels) -> list[Surface]:
+    """Return the uppers of both shoes, and their flat soles."""
+    z = figure.vertices_m[:, 2]
+    foot = cut(cloth(figure, "tights", shoes.colour, Material.SHOE), levels.shoe - z)
+    deep = np.clip((levels.shoe - foot.vertices_m[:, 2]) / 0.03, 0, 1)
+    shoe = foot.inflated(0.003 + 0.005 * deep)
+    height = shoe.vertices_m[:, 2] - levels.floor
+    upper = cut(shoe, height - WELT_M)
+    sole = cut(shoe, WELT_M + 1e-9 - height)
+    return [upper, slab(sole, levels.floor - SOLE_M, linear(shoes.sole))]
+
+
+def slab(piece: Surface, bottom_m: float, colour: F64) -> Surface:
+    """Return a piece pressed flat, with upright walls to where its border was.
+
+    Args:
+        piece: What lies under the welt.
+        bottom_m: Height of the sole.
+        colour: Of the slab.
+    """
+    count = len(piece.vertices_m)
+    flat = piece.vertices_m.copy()
+    flat[:, 2] = bottom_m
+    return Surface(
+        vertices_m=np.concatenate([piece.vertices_m, flat]),
+        weights=np.tile(piece.weights, (2, 1)),
+        colour=np.tile(colour, (2 * count, 1)),
+        faces=np.concatenate([piece.faces + np.int32(count), walls(border(piece.faces), count)]),
+        material=Material.SHOE,
+    ).compact()

@@ -1,0 +1,155 @@
+"""Noise that is smooth in the image and in time, and a pure function of the two.
+
+Independent standard normal numbers stand on the knots of a grid; between two knots the value is
+cos(a) of the one plus sin(a) of the other, a running from 0 to pi/2. So it is continuous, and its
+variance is 1 everywhere, not less between the knots as a linear interpolation has it. The same
+holds in time: the grid itself is blended from those of the knots before and after. Nothing is
+carried on from frame to frame, so frames may be asked for in any order.
+"""
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from lab.compiled import compiled
+from people4d.messages import F32
+
+FROZEN = 0  # the part that never changes
+RUNNING = 1  # the part that changes from knot to knot
+KNOTS_KEPT = 3  # in memory, of one noise: neighbouring frames share them
+
+
+def blend(position: float) -> tuple[int, float, float]:
+    """Return the knot before a position and the weights of that knot and of the next."""
+    knot = math.floor(position)
+    angle = (position - knot) * math.pi / 2
+    return knot, math.cos(angle), math.sin(angle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Persistence:
+    """How long noise lasts.
+
+    Args:
+        frozen_share: Part of the variance that never changes, 0 to 1.
+        correlation_s: Time between the knots of the other part: after as long its correlation has
+            fallen to 1/pi, after twice as long to 0.
+    """
+
+    frozen_share: float
+    correlation_s: float
+
+    def correlation(self, lag_s: float) -> float:
+        """Return the correlation of two values a time apart, averaged over when the first is.
+
+        With d = pi/2 lag/correlation_s, both lie between the same knots for 1 - lag/correlation_s
+        of the time: cos d. Else the second lies one further: the mean of sin(a) sin(a + d).
+        """
+        lag = abs(lag_s) / self.correlation_s
+        d = lag * math.pi / 2
+        if lag < 1:
+            running = (1 - lag) * math.cos(d) + (d * math.cos(d) + math.sin(d)) / math.pi
+        elif lag < 2:
+            e = math.pi - d
+            running = (math.sin(e) - e * math.cos(e)) / math.pi
+        else:
+            running = 0.0
+        return self.frozen_share + (1 - self.frozen_share) * running
+
+
+class Drift:
+    """An array of independent normal numbers, variance 1, that change with time.
+
+    Args:
+        shape: Of the array.
+        seed: Numbers that set this noise apart from all others.
+        persistence: How long values last.
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...], seed: tuple[int, ...], persistence: Persistence
+    ) -> None:
+        self._shape = shape
+        self._seed = seed
+        self._persistence = persistence
+        self._frozen = self._draw(FROZEN, 0)
+        self._knots: dict[int, F32] = {}
+
+    def at(self, time_s: float) -> F32:
+        """Return the array at a time."""
+        frozen = self._persistence.frozen_share
+        knot, before, after = blend(time_s / self._persistence.correlation_s)
+        running = math.sqrt(1 - frozen)
+        values: F32 = np.float32(running * before) * self._knot(knot)
+        values += np.float32(running * after) * self._knot(knot + 1)
+        values += np.float32(math.sqrt(frozen)) * self._frozen
+        return values
+
+    def _knot(self, knot: int) -> F32:
+        """Return the numbers of a knot; the last ones are kept, for they are drawn slowly."""
+        values = self._knots.get(knot)
+        if values is None:
+            values = self._draw(RUNNING, knot % 2**64)
+            kept = sorted(self._knots.items(), key=lambda item: abs(item[0] - knot))
+            self._knots = {**dict(kept[: KNOTS_KEPT - 1]), knot: values}
+        return values
+
+    def _draw(self, part: int, knot: int) -> F32:
+        generator = np.random.default_rng([*self._seed, part, knot])
+        return generator.standard_normal(self._shape, np.float32)
+
+
+class Field:
+    """Noise over the image, variance 1.
+
+    Args:
+        shape: Height and width of the image.
+        cell_px: Distance between the knots in the image; 1: every pixel for itself.
+        seed: Numbers that set this noise apart from all others.
+        persistence: How long values last.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        cell_px: int,
+        seed: tuple[int, ...],
+        persistence: Persistence,
+    ) -> None:
+        grid = shape if cell_px == 1 else (shape[0] // cell_px + 2, shape[1] // cell_px + 2)
+        self._shape = shape
+        self._cell_px = cell_px
+        self._drift = Drift(grid, seed, persistence)
+        steps = [blend(step / cell_px)[1:] for step in range(cell_px)]
+        self._weights: F32 = np.array(steps, np.float32)
+
+    def at(self, time_s: float) -> F32:
+        """Return the noise of each pixel at a time, HxW."""
+        grid = self._drift.at(time_s)
+        if self._cell_px == 1:
+            return grid
+        image: F32 = np.empty(self._shape, np.float32)
+        _spread(grid, self._weights, image)
+        return image
+
+
+@compiled
+def _spread(grid: F32, weights: F32, image: F32) -> None:
+    """Fill an image from the knots; row i of weights is for the i-th pixel of a cell."""
+    cell, width = len(weights), image.shape[1]
+    row = np.empty(grid.shape[1], np.float32)
+    for v in range(image.shape[0]):
+        above, within = v // cell, weights[v % cell]
+        for k in range(len(row)):
+            row[k] = within[0] * grid[above, k] + within[1] * grid[above + 1, k]
+        for left in range(len(row) - 1):
+            for u in range(left * cell, min((left + 1) * cell, width)):
+                across = weights[u - left * cell]
+                image[v, u] = across[0] * row[left] + across[1] * row[left + 1]
+
+
+def threshold(share: float) -> float:
+    """Return the value that standard normal noise exceeds in a share of all cases, 0 to 1."""
+    return math.inf if share <= 0 else NormalDist().inv_cdf(max(1 - share, 1e-9))

@@ -1,0 +1,55 @@
+"""Triangles with all that drawing them takes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from people4d.messages import F32, F64
+
+I32 = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Coloured triangles.
+
+    Args:
+        vertices_m: Vx3, frame: map.
+        normals: Vx3, unit length, outward.
+        texture_m: Vx3 where solid textures are evaluated: the rest position of a body, the place
+            in a room. It moves with the surface.
+        colour: Vx3 linear reflectance, red first, 0 to 1.
+        faces: Fx3 indices of vertices.
+        material: F numbers of the material, see `materials.Material`.
+        pattern: F numbers of the cloth's pattern, see `materials.Pattern`; 0 = plain.
+        owner: F, 0 = the room, k + 1 = person k.
+    """
+
+    vertices_m: F64
+    normals: F64
+    texture_m: F32
+    colour: F32
+    faces: I32
+    material: I32
+    pattern: I32
+    owner: I32
+
+
+def join(meshes: Sequence[Mesh]) -> Mesh:
+    """Return one mesh that holds all; at least one is given."""
+    counts = [len(mesh.vertices_m) for mesh in meshes]
+    starts = np.cumsum([0, *counts[:-1]])
+    return Mesh(
+        vertices_m=np.concatenate([mesh.vertices_m for mesh in meshes]),
+        normals=np.concatenate([mesh.normals for mesh in meshes]),
+        texture_m=np.concatenate([mesh.texture_m for mesh in meshes]),
+        colour=np.concatenate([mesh.colour for mesh in meshes]),
+        faces=np.concatenate(
+            [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=True)]
+        ),
+        material=np.concatenate([mesh.material for mesh in meshes]),
+        pattern=np.concatenate([mesh.pattern for mesh in meshes]),
+        owner=np.concatenate([mesh.owner for mesh in meshes]),
+    )

@@ -1,0 +1,212 @@
+"""Images of the virtual lab: depth with the owner of each pixel, and colour."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from common.geometry.transforms import camera_matrix, invert
+from lab.drawing.ambient import COARSE, bounce_light, corner_light, direct_light
+from lab.drawing.bands import at_once, in_bands
+from lab.drawing.colour import develop, grain
+from lab.drawing.mesh import Mesh, join
+from lab.drawing.raster import Raster, homogeneous, rasterise
+from lab.drawing.rooms import Room
+from lab.drawing.shading import Lighting, Samples, Scene, shade_rows
+from lab.drawing.shadows import pixels_from_map, room_shadow_maps, shadow_map
+from lab.views import DepthView
+from people4d.messages import F32, F64, U8, CameraInfo
+
+WHITE = 0.9  # reflectance of a sheet that an exposure of 1 makes white
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much of the image a body would cover if nothing hid it.
+
+    Args:
+        pixels: Number of pixels inside the image.
+        box_xyxy_px: 4, just around them, right and lower edge exclusive; NaN if there are none.
+    """
+
+    pixels: int
+    box_xyxy_px: F64
+
+
+def draw_depth(
+    meshes: Sequence[Mesh],
+    optical_from_map: F64,
+    info: CameraInfo,
+    baseline_m: float,
+    threads: int = 1,
+) -> DepthView:
+    """Draw depth and owners as a perfect pair of imagers sees them.
+
+    Args:
+        meshes: All that is seen, the room included; none: the depth is inf everywhere.
+        optical_from_map: 4x4 of the left imager.
+        info: Calibration of both imagers; lens distortion is not drawn.
+        baseline_m: How far to the right the right imager is.
+        threads: Number of threads; the result does not depend on it.
+    """
+    size = (info.height, info.width)
+    if not meshes:
+        empty: F32 = np.full(size, np.inf, np.float32)
+        return DepthView(empty, np.zeros(size, np.uint8), empty.copy())
+    scene = join(meshes)
+    corners = homogeneous(scene.vertices_m, camera_matrix(info) @ optical_from_map[:3])
+    views = (corners, corners - (info.fx * baseline_m, 0.0, 0.0))
+    # One thread each costs less than two for one after the other: triangles are set up once.
+    left, right = at_once(
+        [partial(rasterise, view, scene.faces, size, max(threads // 2, 1)) for view in views],
+        threads,
+    )
+    owners = np.append(scene.owner, 0).astype(np.uint8)[left.triangle]
+    return DepthView(left.depth_m(), owners, right.depth_m())
+
+
+def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
+    """Return how much of the image a body would cover if nothing hid it."""
+    corners = homogeneous(mesh.vertices_m, camera_matrix(info) @ optical_from_map[:3])
+    seen = rasterise(corners, mesh.faces, (info.height, info.width)).triangle >= 0
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    if not len(rows):
+        return Extent(0, np.full(4, np.nan))
+    box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
+    return Extent(int(seen.sum()), box)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The scene at one instant.
+
+    Args:
+        people: Their meshes; the room is the renderer's own.
+        optical_from_map: 4x4 of the camera.
+    """
+
+    people: Sequence[Mesh]
+    optical_from_map: F64
+
+
+class Renderer:
+    """Draws people in a room in colour.
+
+    It keeps only what does not change: the room, what it hides from its lights and what its walls
+    send back. So frames may be drawn in any order, each gives the same bytes.
+    """
+
+    def __init__(
+        self, room: Room, info: CameraInfo, seed: int, threads: int = 1, samples: int = 2
+    ) -> None:
+        """Prepare a room.
+
+        Args:
+            room: See `rooms.room_mesh`.
+            info: Calibration; lens distortion is not drawn.
+            seed: Of the sensor's noise.
+            threads: Number of threads; the picture does not depend on it.
+            samples: Per pixel both ways, 1 (ragged edges) or 2 (smooth).
+        """
+        self.room, self.info, self.seed = room, info, seed
+        self.threads, self.samples = threads, samples
+        self._projections = np.stack([pixels_from_map(light) for light in room.lights])
+        self._maps = room_shadow_maps(room)
+        self._bounce = bounce_light(room)
+        self._lights = np.array(
+            [[*x.position_m, *x.towards, *x.intensity, x.radius_m] for x in room.lights]
+        )
+        self._grain = grain(seed)
+        self._exposure = room.exposure / self._white()
+
+    def colour(self, people: Sequence[Mesh], optical_from_map: F64, frame: int) -> U8:
+        """Return the picture of people in the room, HxWx3 red first.
+
+        Args:
+            people: Their meshes.
+            optical_from_map: 4x4.
+            frame: Number or time stamp, >= 0; the noise is a function of it and the seed.
+        """
+        return self.exposed([Moment(people, optical_from_map)], frame)
+
+    def exposed(self, moments: Sequence[Moment], frame: int) -> U8:
+        """Return the picture of a shutter that is open over some moments: motion is blurred."""
+        radiance = self.radiance(moments[0])
+        for moment in moments[1:]:
+            radiance += self.radiance(moment)
+        radiance /= np.float32(len(moments))
+        key = (self.seed, frame)
+        return develop(radiance, self._exposure, self._grain, key, self.threads)
+
+    def radiance(self, moment: Moment) -> F32:
+        """Return the light that reaches each pixel, HxWx3, linear."""
+        mesh = join([*moment.people, self.room.mesh])
+        corners = homogeneous(mesh.vertices_m, self._samples_from_map(moment.optical_from_map))
+        size = (self.info.height * self.samples, self.info.width * self.samples)
+        seen = rasterise(corners, mesh.faces, size, self.threads)
+        image = np.empty((self.info.height, self.info.width, 3), np.float32)
+        eye = invert(moment.optical_from_map)[:3, 3]
+        scene = Scene(
+            corners,
+            mesh.vertices_m,
+            mesh.normals,
+            mesh.texture_m,
+            mesh.colour,
+            mesh.faces,
+            mesh.material,
+            mesh.pattern,
+            np.ascontiguousarray(eye),
+        )
+        samples = Samples(
+            seen.inverse_depth,
+            seen.triangle,
+            self.samples,
+            self.info.fx * self.samples,
+            self.samples * COARSE,
+        )
+        light = self._lighting(moment.people, seen)
+        in_bands(
+            lambda first, last: shade_rows(scene, light, samples, first, last, image),
+            self.info.height,
+            self.threads,
+        )
+        return image
+
+    def _samples_from_map(self, optical_from_map: F64) -> F64:
+        """Return the 3x4 projection to samples; those of a pixel lie around its centre."""
+        camera = camera_matrix(self.info)
+        camera[:2] *= self.samples
+        camera[:2, 2] += (self.samples - 1) / 2
+        projection: F64 = camera @ optical_from_map[:3]
+        return projection
+
+    def _lighting(self, people: Sequence[Mesh], seen: Raster) -> Lighting:
+        """Return the light of a moment: the room's, less what people hide."""
+        maps = self._maps
+        if people:
+            crowd = join(people)
+            jobs = [partial(shadow_map, crowd, matrix) for matrix in self._projections]
+            maps = np.maximum(maps, np.stack(at_once(jobs, self.threads)))
+        step = self.samples * COARSE
+        height, width = seen.triangle.shape
+        corners = np.empty((height // step, width // step), np.float32)
+        focal = self.info.fx * self.samples
+        in_bands(
+            lambda first, last: corner_light(seen.inverse_depth, step, focal, first, last, corners),
+            len(corners),
+            self.threads,
+        )
+        middle = (self.room.low_m + self.room.high_m) / 2
+        half = (self.room.high_m - self.room.low_m) / 2
+        return Lighting(
+            self._lights, self._projections, maps, self._bounce, np.stack([middle, half]), corners
+        )
+
+    def _white(self) -> float:
+        """Return the radiance of a white sheet in the middle of the room, turned to the camera."""
+        middle = (self.room.low_m + self.room.high_m) / 2
+        sides = [np.array(side) for side in ([-1.0, 0, 0], [0, 0, 1.0])]
+        direct = sum(direct_light(self.room, middle, side).mean() for side in sides) / 2
+        walls = self._bounce[[0, 5], :, 0].mean()
+        return float(WHITE * (direct + walls))

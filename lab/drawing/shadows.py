@@ -1,0 +1,82 @@
+"""Shadow maps: how far each light sees, and how much of it a point sees."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from lab.compiled import compiled
+from lab.drawing.materials import Material
+from lab.drawing.mesh import Mesh
+from lab.drawing.raster import homogeneous, rasterise
+from lab.drawing.rooms import Light, Room
+from people4d.messages import F32, F64
+
+SIDE_PX = 768  # of a map
+HALF_VIEW_RAD = math.radians(66)  # of a map, both ways
+FOCAL_PX = SIDE_PX / 2 / math.tan(HALF_VIEW_RAD)
+BIAS_M = 0.025  # a surface casts no shadow on itself
+TAPS = 12  # readings of the map for a point at the rim of a shadow
+CASTS_NONE = (Material.PAINT, Material.LAMP)  # walls have nothing behind them
+
+# Offsets of the readings, on a spiral that fills the unit disc evenly.
+_TURN = np.arange(TAPS) * (math.pi * (3 - math.sqrt(5)))
+SPIRAL: F64 = np.sqrt((np.arange(TAPS) + 0.5) / TAPS)[:, None] * np.column_stack(
+    [np.cos(_TURN), np.sin(_TURN)]
+)
+
+
+def pixels_from_map(light: Light) -> F64:
+    """Return the 3x4 projection into a light's map; it looks where the light shines."""
+    forward = light.towards
+    right = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
+    right /= np.linalg.norm(right)
+    rotation = np.array([right, np.cross(forward, right), forward])
+    centre_px = (SIDE_PX - 1) / 2
+    camera = np.array([[FOCAL_PX, 0, centre_px], [0, FOCAL_PX, centre_px], [0, 0, 1.0]])
+    projection: F64 = camera @ np.column_stack([rotation, -rotation @ light.position_m])
+    return projection
+
+
+def shadow_map(mesh: Mesh, projection: F64) -> F32:
+    """Return the inverse distance [1/m] to the nearest surface along a light's axis; 0: none."""
+    corners = homogeneous(mesh.vertices_m, projection)
+    return rasterise(corners, mesh.faces, (SIDE_PX, SIDE_PX)).inverse_depth
+
+
+def room_shadow_maps(room: Room) -> F32:
+    """Return LxSxS maps of the room without people."""
+    casting = ~np.isin(room.mesh.material, CASTS_NONE)
+    solid = replace(room.mesh, faces=np.ascontiguousarray(room.mesh.faces[casting]))
+    return np.stack([shadow_map(solid, pixels_from_map(light)) for light in room.lights])
+
+
+@compiled
+def lit_share(
+    maps: F32, light: int, place: tuple[float, float], limit: float, turn: tuple[float, float]
+) -> float:
+    """Return how much of a light a point sees, 0 to 1.
+
+    Args:
+        maps: LxSxS maps.
+        light: Index of the light.
+        place: Column and row of the point in the map.
+        limit: Inverse distance [1/m] along the light's axis; what is nearer hides the light.
+        turn: Cosine and sine of the turn of the readings, times the radius [px] of a shadow's
+            soft rim; neighbours take different turns, so that they do not make the same error.
+    """
+    size = maps.shape[1]
+    ca, sa = turn
+    hidden, count = 0, 0
+    for i in range(TAPS):
+        x, y = SPIRAL[i, 0], SPIRAL[i, 1]
+        column = int(place[0] + ca * x - sa * y + 0.5)
+        row = int(place[1] + sa * x + ca * y + 0.5)
+        if 0 <= column < size and 0 <= row < size:
+            count += 1
+            if maps[light, row, column] > limit:
+                hidden += 1
+        # The first readings are spread over the disc: all alike, it is not the rim.
+        if i == 4 and (hidden == 0 or hidden == 5):
+            break
+    return 1.0 - hidden / count if count else 1.0

@@ -1,0 +1,136 @@
+"""Stretches of stepping: when somebody begins to walk or turn, and in how many whole steps."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import label
+
+from lab.motion.gait import step_length_m, swing_share
+from lab.motion.walker import STEP_S
+from people4d.messages import F64
+
+MOVING_MPS, TURNING_RADPS = 0.03, 0.08  # slower than that, feet stay where they are
+TURN_STEP_RAD = 0.8  # turned with each step on the spot
+SLOWEST_STEPS_HZ = 1.2
+PAUSE_S = 0.6  # shorter stops are stepped through
+SHORTEST_S = 0.3  # less is no time for two steps: the feet stay
+DELAY_S, AFTER_S = 0.15, 0.25  # steps begin after the body moves and end after it rests
+TURNING_TO_STEP_S = 0.6  # in which a turn tells which foot steps first
+
+
+@dataclass(frozen=True)
+class Track:
+    """The way of one person; arrays are T long in steps of STEP_S, frame: map."""
+
+    times_s: F64
+    x_m: F64
+    y_m: F64
+    yaw_rad: F64
+    speed_mps: F64
+    turn_radps: F64
+
+
+@dataclass(frozen=True)
+class Bout:
+    """Steps between two rests, alternately left and right.
+
+    Step k begins, with the lift of a foot, when the progress is k, and ends when it is k + swing.
+
+    Args:
+        begin: Index of its first time in the track.
+        times_s: N.
+        progress: N, from 0 to count - 1 + swing: the last step ends with the bout.
+        count: Number of steps.
+        swing: How long a foot is in the air, in steps.
+        foot: That steps first, 0 left or 1 right.
+    """
+
+    begin: int
+    times_s: F64
+    progress: F64
+    count: int
+    swing: float
+    foot: int
+
+    def when_s(self, progress: float) -> float:
+        """Return the time of a progress."""
+        return float(np.interp(progress, self.progress, self.times_s))
+
+    def cycles(self, done: float) -> F64:
+        """Return the cycles of the left leg at all times, N, above those done before.
+
+        They are whole when the left foot comes down, and half a cycle on when the right one does.
+        """
+        first_lands = math.ceil(done - self.foot / 2 + 0.25) + self.foot / 2
+        return first_lands + (self.progress - self.swing) / 2
+
+
+def find_bouts(track: Track, stature_m: float, quickness: float, liked_foot: int) -> list[Bout]:
+    """Return the bouts of a way, cut into whole steps.
+
+    Args:
+        track: The way.
+        stature_m: Metres.
+        quickness: Cadence over that of the average person.
+        liked_foot: That steps first where a turn does not say otherwise.
+    """
+    rate_hz = np.maximum(_step_rate(track, stature_m, quickness), SLOWEST_STEPS_HZ)
+    bouts = []
+    for part in _stretches(track):
+        progress = np.concatenate([[0.0], np.cumsum(rate_hz[part][1:] * STEP_S)])
+        swing = _swing(track, part)
+        count = max(2, round(float(progress[-1]) + 1.0 - swing))
+        progress *= (count - 1 + swing) / progress[-1]
+        foot = _first_foot(track, part, liked_foot)
+        bouts.append(Bout(part.start, track.times_s[part], progress, count, swing, foot))
+    return bouts
+
+
+def _step_rate(track: Track, stature_m: float, quickness: float) -> F64:
+    """Return steps per second from speed and turn rate."""
+    speed = np.maximum(track.speed_mps, 1e-3)
+    walking = speed / step_length_m(speed, stature_m) * quickness
+    turning = np.abs(track.turn_radps) / TURN_STEP_RAD
+    # The larger of both, smoothly: who walks fast turns without more steps.
+    return np.asarray((walking**4 + turning**4) ** 0.25)
+
+
+def _stretches(track: Track) -> list[slice]:
+    """Return the parts of a track in which the feet must step."""
+    moving = (track.speed_mps > MOVING_MPS) | (np.abs(track.turn_radps) > TURNING_RADPS)
+    for pause in _runs(~moving):
+        at_edge = pause.start == 0 or pause.stop == len(moving)
+        if (pause.stop - pause.start) * STEP_S < PAUSE_S and not at_edge:
+            moving[pause] = True
+    stretches = []
+    for run in _runs(moving):
+        begin = run.start + round(DELAY_S / STEP_S)
+        end = min(len(moving), run.stop - 1 + round(AFTER_S / STEP_S))
+        if (end - begin) * STEP_S > SHORTEST_S:
+            stretches.append(slice(begin, end))
+    return stretches
+
+
+def _runs(marks: npt.NDArray[np.bool_]) -> list[slice]:
+    """Return where marks are true without a break."""
+    numbers, count = label(marks)
+    inside = [np.flatnonzero(numbers == number) for number in range(1, count + 1)]
+    return [slice(int(indices[0]), int(indices[-1]) + 1) for indices in inside]
+
+
+def _swing(track: Track, part: slice) -> float:
+    """Return the mean duration of a swing in steps: two steps are a cycle."""
+    speed = float(np.mean(track.speed_mps[part]))
+    turning = float(np.mean(np.abs(track.turn_radps[part])))
+    return 2.0 * float(swing_share(speed + 0.4 * turning))
+
+
+def _first_foot(track: Track, part: slice, liked: int) -> int:
+    """Return the foot that steps first: the inner one of a turn."""
+    turned = track.yaw_rad[part][: round(TURNING_TO_STEP_S / STEP_S)]
+    angle = float(turned[-1] - turned[0])
+    if abs(angle) < 0.25:
+        return liked
+    return 0 if angle > 0 else 1

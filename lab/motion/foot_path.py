@@ -1,0 +1,150 @@
+"""How a foot moves through its stances and swings."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lab.motion.footfalls import Feet
+from lab.motion.gait import LIFT_OFF, Gait
+from lab.motion.rolling import Shoe
+from lab.motion.rotations import about_y, about_z
+from lab.posture import Skeleton
+from people4d.messages import F64
+
+FLAT = 0.25  # phase at which the whole sole is on the floor
+IN_AIR = 1.0 - LIFT_OFF  # part of the cycle
+REFERENCE_STRIDE_M = 1.40  # of the table's foot pitch
+PITCH_SHARES = (0.3, 1.1)  # of the table's foot pitch in the smallest and the longest stride
+CLEARANCE_M = 0.03  # of the lowest point of the sole, most in the first half of the swing
+LANDING = 3.0  # times the clearance: how steeply the heel comes down
+PUSH_SHARE = 0.4  # of the swing's mean velocity, that push-off adds to the rolling foot's
+
+
+@dataclass(frozen=True)
+class FootPath:
+    """One foot over time.
+
+    Args:
+        ankle_m: Tx3, frame: map.
+        map_from_foot: Tx3x3.
+    """
+
+    ankle_m: F64
+    map_from_foot: F64
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """Where in its stances and swings a foot is; arrays are T long.
+
+    Args:
+        stance: Number of the present stance, or of the one before the present swing.
+        swing: Part of the swing that is over, 0 while standing.
+        contact: Phase since heel contact, up to FLAT.
+        push: Phase towards lift-off, from FLAT.
+    """
+
+    stance: npt.NDArray[np.intp]
+    swing: F64
+    contact: F64
+    push: F64
+
+
+def foot_path(feet: Feet, skeleton: Skeleton, side: int, gait: Gait, times_s: F64) -> FootPath:
+    """Return how a foot moves: heel first, flat, rolling about the ball, swinging on.
+
+    Args:
+        feet: Its stances.
+        skeleton: Of the person.
+        side: 0 left, 1 right.
+        gait: Normative curves.
+        times_s: T, ascending.
+    """
+    shoe, rhythm = Shoe.of(skeleton, side), _rhythm(feet, times_s)
+    stride = np.linalg.norm(np.diff(feet.place[:, :2], axis=0), axis=-1)
+    share = np.clip(stride / REFERENCE_STRIDE_M, *PITCH_SHARES)
+    pitch = _pitch(rhythm, share, gait)
+    ankle = shoe.standing_ankle(feet.place[rhythm.stance], pitch)
+    yaw = feet.place[rhythm.stance, 2]
+    swinging = rhythm.swing > 0.0
+    if swinging.any():
+        number, part = rhythm.stance[swinging], rhythm.swing[swinging]
+        ankle[swinging, :2] = _swing_ends(feet, shoe, gait, share).between(number, part)
+        height = shoe.ankle_height(pitch[swinging], np.sin(np.pi * part) ** 2)
+        ankle[swinging, 2] = height + _clearance_m(part) * np.minimum(share[number], 1.0)
+        turned = np.diff(feet.place[:, 2])[number]
+        yaw[swinging] += part * part * (3.0 - 2.0 * part) * turned
+    return FootPath(ankle, about_z(yaw) @ about_y(-pitch))
+
+
+def _rhythm(feet: Feet, times_s: F64) -> Rhythm:
+    """Return where in its stances and swings a foot is."""
+    stance = np.clip(np.searchsorted(feet.down_s, times_s, side="right") - 1, 0, None)
+    swing_s = np.maximum(feet.down_s[1:] - feet.up_s[:-1], 1e-3)
+    # Seconds of a stance become phases at the pace of the swings beside it. The first stance
+    # follows no swing and the last precedes none; both are longer than any phase.
+    before_s, after_s = np.append(1.0, swing_s)[stance], np.append(swing_s, 1.0)[stance]
+    return Rhythm(
+        stance,
+        swing=np.clip((times_s - feet.up_s[stance]) / after_s, 0.0, 1.0),
+        contact=np.clip((times_s - feet.down_s[stance]) / before_s * IN_AIR, 0.0, FLAT),
+        push=np.clip(LIFT_OFF - (feet.up_s[stance] - times_s) / after_s * IN_AIR, FLAT, LIFT_OFF),
+    )
+
+
+def _pitch(rhythm: Rhythm, share: F64, gait: Gait) -> F64:
+    """Return the pitch of the foot, toes up, T radians: more in longer strides."""
+    before, after = np.append(0.0, share)[rhythm.stance], np.append(share, 0.0)[rhythm.stance]
+    standing = before * gait.curve("foot.pitch_deg", rhythm.contact)
+    standing += after * gait.curve("foot.pitch_deg", rhythm.push)
+    swinging = after * gait.curve("foot.pitch_deg", LIFT_OFF + IN_AIR * rhythm.swing)
+    return np.asarray(np.radians(np.where(rhythm.swing > 0.0, swinging, standing)))
+
+
+def _clearance_m(part: F64) -> F64:
+    """Return how high the sole is above the floor in a swing."""
+    high_early = np.sin(np.pi * part**0.6) ** 2
+    return np.asarray(CLEARANCE_M * (high_early + LANDING * part**2 * (1.0 - part)))
+
+
+@dataclass(frozen=True)
+class Ends:
+    """How the swings begin and end, one row for each; x and y, frame: map.
+
+    Args:
+        leave: Sx2, ankle at lift-off.
+        leave_rate: Sx2, its change over a whole swing if it went on like that.
+        meet: Sx2, ankle at heel contact.
+        meet_rate: Sx2.
+    """
+
+    leave: F64
+    leave_rate: F64
+    meet: F64
+    meet_rate: F64
+
+    def between(self, number: npt.NDArray[np.intp], part: F64) -> F64:
+        """Return the ankle in swings at a part of each: cubics with these ends."""
+        s = part[:, None]
+        return np.asarray(
+            (2 * s**3 - 3 * s**2 + 1) * self.leave[number]
+            + (s**3 - 2 * s**2 + s) * self.leave_rate[number]
+            + (3 * s**2 - 2 * s**3) * self.meet[number]
+            + (s**3 - s**2) * self.meet_rate[number]
+        )
+
+
+def _swing_ends(feet: Feet, shoe: Shoe, gait: Gait, share: F64) -> Ends:
+    """Return ends of swings that leave and meet the rolling foot with its velocities."""
+
+    def ankles(place: F64, phase: float) -> F64:
+        pitch = np.radians(share * gait.curve("foot.pitch_deg", phase))
+        return shoe.standing_ankle(place, pitch)[:, :2]
+
+    step = 0.005  # of the phase, into the stance
+    before, after = feet.place[:-1], feet.place[1:]
+    leave, meet = ankles(before, LIFT_OFF), ankles(after, 0.0)
+    leave_rate = (leave - ankles(before, LIFT_OFF - step)) * (IN_AIR / step)
+    meet_rate = (ankles(after, step) - meet) * (IN_AIR / step)
+    return Ends(leave, leave_rate + PUSH_SHARE * (meet - leave), meet, meet_rate)

@@ -1,0 +1,118 @@
+"""When and where the feet come down, planned from the whole way of a person.
+
+A foot is put where the body will be in the middle of its stance, so feet turn, start and stop as
+the body does. A bout of steps begins and ends with both feet below the body.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lab.motion.bouts import Bout, Track, find_bouts
+from people4d.messages import F64
+
+SIDES = (1.0, -1.0)  # left, right; index 0 and 1 in all arrays of feet
+
+MIDSTANCE = 0.365  # part of the stance after which the body is above the foot
+WALKING_HALF_WIDTH_M = 0.055  # of the base of support, ankle to the middle
+WALKING_MPS = 0.7  # from there on the base is so narrow
+TOE_OUT_RAD = math.radians(7.0)
+
+
+@dataclass(frozen=True)
+class Feet:
+    """The stances of one foot, K of them; stance k lasts from down_s[k] to up_s[k].
+
+    Args:
+        down_s: The first is -inf.
+        up_s: The last is inf.
+        place: Kx3: x and y of the ankle and yaw of the foot while it is flat, frame: map.
+    """
+
+    down_s: F64
+    up_s: F64
+    place: F64
+
+
+@dataclass(frozen=True)
+class Steps:
+    """All steps of one person.
+
+    Args:
+        feet: Left and right.
+        phase: T, cycles of the left leg: whole at left heel contact; creeps while standing.
+        stepping: T, 1 while stepping, else 0.
+    """
+
+    feet: tuple[Feet, Feet]
+    phase: F64
+    stepping: F64
+
+
+@dataclass(frozen=True)
+class Build:
+    """What of a person the steps depend on.
+
+    Args:
+        stature_m: Metres.
+        ankle_ahead_m: Of the ankles before the hips, standing.
+        half_stance_m: Ankle to the middle, standing.
+        quickness: Cadence over that of the average person.
+        first_foot: That likes to step first, 0 left or 1 right.
+    """
+
+    stature_m: float
+    ankle_ahead_m: float
+    half_stance_m: float
+    quickness: float = 1.0
+    first_foot: int = 0
+
+
+def plan_steps(track: Track, build: Build) -> Steps:
+    """Plan all steps of a person on their way."""
+    bouts = find_bouts(track, build.stature_m, build.quickness, build.first_foot)
+    stepping = np.zeros(len(track.times_s))
+    for bout in bouts:
+        stepping[bout.begin : bout.begin + len(bout.times_s)] = 1.0
+    left, right = (_feet(track, build, bouts, side) for side in (0, 1))
+    return Steps((left, right), _phase(track, bouts), stepping)
+
+
+def _feet(track: Track, build: Build, bouts: list[Bout], side: int) -> Feet:
+    """Return the stances of a foot: one before all bouts, and one after each of its steps."""
+    down, up, above = [-math.inf], [], [float(track.times_s[0])]
+    for bout in bouts:
+        for step in range((side - bout.foot) % 2, bout.count, 2):
+            up.append(bout.when_s(step))
+            down.append(bout.when_s(step + bout.swing))
+            last = step + 2 >= bout.count  # so the foot stands when the bout ends
+            middle = step + bout.swing + MIDSTANCE * (2.0 - bout.swing)
+            above.append(float(bout.times_s[-1]) if last else bout.when_s(middle))
+    places = _places(track, build, np.array(above), side)
+    return Feet(np.array(down), np.array([*up, math.inf]), places)
+
+
+def _places(track: Track, build: Build, above_s: F64, side: int) -> F64:
+    """Return where a foot stands, from the times at which the body is above it."""
+    x, y, yaw, speed = (
+        np.interp(above_s, track.times_s, values)
+        for values in (track.x_m, track.y_m, track.yaw_rad, track.speed_mps)
+    )
+    slow = np.clip(1.0 - speed / WALKING_MPS, 0.0, 1.0)
+    width = WALKING_HALF_WIDTH_M + (build.half_stance_m - WALKING_HALF_WIDTH_M) * slow
+    left, ahead = SIDES[side] * width, build.ankle_ahead_m
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turned = yaw + SIDES[side] * TOE_OUT_RAD
+    return np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left, turned], axis=-1)
+
+
+def _phase(track: Track, bouts: list[Bout]) -> F64:
+    """Return the cycles of the left leg at all times, creeping from one bout to the next."""
+    if not bouts:
+        return np.zeros_like(track.times_s)
+    cycles: list[F64] = []
+    for bout in bouts:
+        cycles.append(bout.cycles(float(cycles[-1][-1]) if cycles else 0.0))
+    known_s = np.concatenate([bout.times_s for bout in bouts])
+    return np.asarray(np.interp(track.times_s, known_s, np.concatenate(cycles)))

@@ -1,0 +1,78 @@
+"""The normative gait cycle and how it depends on speed and stature."""
+
+import tomllib
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from people4d.messages import F64
+
+REFERENCE_MPS = 1.3  # speed of the table
+REFERENCE_STATURE_M = 1.70
+LIFT_OFF = 0.62  # phase at which the table's foot leaves the floor
+
+# Step length over cadence of adults, the same at all speeds above 1 m/s and little more below
+# (Sekiya & Nagasaki, Gait & Posture 7 (1998) 225-227).
+WALK_RATIO_M_MIN = 0.0064
+
+
+def step_length_m(speed_mps: npt.ArrayLike, stature_m: float) -> F64:
+    """Return the length of one step.
+
+    From speed = step length x cadence and step length = walk ratio x cadence. People of other
+    stature move alike at the same Froude number v^2 / (g h), so that the step grows with h^0.75
+    (Grieve & Gear, Ergonomics 5 (1966) 379-399, use the speed in statures per second likewise).
+
+    Args:
+        speed_mps: Any shape, m/s.
+        stature_m: Metres.
+
+    Returns:
+        Metres, same shape.
+    """
+    speed = np.asarray(speed_mps, np.float64)
+    scale = (stature_m / REFERENCE_STATURE_M) ** 0.75
+    return np.asarray(np.sqrt(WALK_RATIO_M_MIN * 60.0 * speed) * scale)
+
+
+def swing_share(speed_mps: npt.ArrayLike) -> F64:
+    """Return the part of the gait cycle for which a foot is in the air.
+
+    0.39 at 1.3 m/s, less in slow walking (Murray et al., Am. J. Phys. Med. 45 (1966) 8-24).
+    """
+    return np.asarray(np.clip(0.295 + 0.077 * np.asarray(speed_mps, np.float64), 0.3, 0.41))
+
+
+class Gait:
+    """Periodic curves over the gait cycle, smooth to the second derivative."""
+
+    def __init__(self, table: dict[str, dict[str, list[float]]]):
+        self._splines = {
+            f"{part}.{name}": CubicSpline(
+                np.linspace(0.0, 1.0, len(values) + 1), [*values, values[0]], bc_type="periodic"
+            )
+            for part, curves in table.items()
+            for name, values in curves.items()
+        }
+
+    def curve(self, name: str, phase: npt.ArrayLike) -> F64:
+        """Return the values of a curve.
+
+        Args:
+            name: Part and quantity as in the table, for example "pelvis.up_m".
+            phase: Any shape, in cycles of the left leg, not wrapped.
+
+        Returns:
+            Same shape, in the unit of the name.
+        """
+        return np.asarray(self._splines[name](np.asarray(phase, np.float64) % 1.0))
+
+
+@cache
+def load_gait() -> Gait:
+    """Read the table that ships."""
+    text = files("lab").joinpath("assets/gait.toml").read_text(encoding="utf-8")
+    return Gait(tomllib.loads(text))

@@ -1,0 +1,162 @@
+"""How people move: simulated once in fixed steps, then known at any time.
+
+A motion is a pure function of the plans, the skeletons, the duration and the seed.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter1d
+
+from common.geometry.transforms import transform_from
+from lab.motion.bouts import Track
+from lab.motion.carriage import Person, posture_arrays
+from lab.motion.crowd import (
+    BOUND_MARGIN_M,
+    Paths,
+    Place,
+    Surroundings,
+    simulate_paths,
+)
+from lab.motion.footfalls import Feet, Steps
+from lab.motion.walker import STEP_S, Walker
+from lab.posture import SEGMENTS, Posture, Skeleton
+from lab.scenario import PersonPlan
+from people4d.messages import F64
+
+BEFORE_S, AFTER_S = 1.5, 3.5  # simulated before the start; after the end, to plan whole steps
+SMOOTH_S = 0.08  # nobody's body follows its plan without inertia
+
+
+class Motion:
+    """One person's motion."""
+
+    def __init__(self, track: Track, pelvis_m: F64, rotations: F64, steps: Steps):
+        self._begin_s = float(track.times_s[0])
+        self._path = np.stack([track.x_m, track.y_m, track.yaw_rad], axis=-1)
+        # Two columns make a rotation; the third is their cross product.
+        axes = rotations[..., :2].reshape(len(pelvis_m), -1)
+        self._samples = np.concatenate([pelvis_m, axes], axis=-1)
+        self._stepping = steps.stepping
+        self._feet = steps.feet
+
+    @property
+    def feet(self) -> tuple[Feet, Feet]:
+        """When and where the left and the right foot stand."""
+        return self._feet
+
+    def at(self, t_s: float) -> Posture:
+        """Return the posture at a time; position and rotations have smooth derivatives."""
+        values = self._interpolate(self._samples, np.array([t_s]))[0]
+        axes = values[3:].reshape(len(SEGMENTS), 3, 2)
+        x, y = axes[..., 0], axes[..., 1]
+        x = x / np.linalg.norm(x, axis=-1, keepdims=True)
+        z = np.cross(x, y)
+        z /= np.linalg.norm(z, axis=-1, keepdims=True)
+        rotations = np.stack([x, np.cross(z, x), z], axis=-1)
+        pelvis = transform_from(values[:3], rotations[0])
+        rotations[0] = np.eye(3)
+        return Posture(pelvis, rotations)
+
+    def path(self, t_s: npt.ArrayLike) -> F64:
+        """Return the way without the body's oscillation.
+
+        Args:
+            t_s: T, seconds.
+
+        Returns:
+            Tx3: x, y in metres and yaw in radians, not wrapped, frame: map.
+        """
+        return self._interpolate(self._path, np.atleast_1d(np.asarray(t_s, np.float64)))
+
+    def path_yaw(self, t_s: float) -> float:
+        """Return the direction of the way, radians, frame: map, not wrapped."""
+        return float(self.path(t_s)[0, 2])
+
+    def walking(self, t_s: float) -> bool:
+        """Tell whether the person steps at a time, be it only to turn."""
+        index = round((t_s - self._begin_s) / STEP_S)
+        return bool(self._stepping[min(max(index, 0), len(self._stepping) - 1)])
+
+    def _interpolate(self, samples: F64, t_s: F64) -> F64:
+        """Return the Catmull-Rom spline through the samples at some times."""
+        at = np.clip((t_s - self._begin_s) / STEP_S, 1.0, len(samples) - 2.0 - 1e-9)
+        index = np.floor(at).astype(np.intp)
+        s = (at - index)[:, None]
+        before, left, right, after = (samples[index + k] for k in (-1, 0, 1, 2))
+        return np.asarray(
+            left
+            + 0.5
+            * s
+            * (
+                right
+                - before
+                + s
+                * (
+                    2 * before
+                    - 5 * left
+                    + 4 * right
+                    - after
+                    + s * (3 * (left - right) + after - before)
+                )
+            )
+        )
+
+
+def simulate(
+    people: Sequence[PersonPlan],
+    skeletons: Sequence[Skeleton],
+    duration_s: float,
+    seed: int,
+    obstacle: Place | None = None,
+    area_m: F64 | None = None,
+) -> tuple[Motion, ...]:
+    """Return the motions of people who go their ways and avoid each other.
+
+    Args:
+        people: Their plans.
+        skeletons: Their skeletons, in the same order.
+        duration_s: Motions are known from -1 s to this and 1 s more.
+        seed: Of the small differences between people and of sway.
+        obstacle: Place of a thing to keep clear of, such as the robot, at a time from -2 s on:
+            x, y and maybe more in metres, frame: map.
+        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map;
+            unless told the surroundings of all places.
+    """
+    steps = round((duration_s + BEFORE_S + AFTER_S) / STEP_S) + 1
+    times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - BEFORE_S
+    walkers = [
+        Walker(plan, skeleton.stature_m) for plan, skeleton in zip(people, skeletons, strict=True)
+    ]
+    bounds_m = _bounds(people) if area_m is None else area_m
+    stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
+    paths = simulate_paths(walkers, times_s, Surroundings(bounds_m, stools_m, obstacle))
+    drawn = [
+        Person.draw(skeleton, seed, index, plan.gestures)
+        for index, (skeleton, plan) in enumerate(zip(skeletons, people, strict=True))
+    ]
+    return tuple(_motion(paths, index, person) for index, person in enumerate(drawn))
+
+
+def _bounds(people: Sequence[PersonPlan]) -> F64:
+    """Return the area in which people stay: around all their places."""
+    places = np.array([place for p in people for place in (p.start, *(w.to for w in p.path))])
+    places = places.reshape(-1, 2)
+    if not len(places):
+        return np.zeros((2, 2))
+    return np.stack([places.min(axis=0) - BOUND_MARGIN_M, places.max(axis=0) + BOUND_MARGIN_M])
+
+
+def _motion(paths: Paths, index: int, person: Person) -> Motion:
+    """Return the motion of one person on their way."""
+    x, y, yaw = (
+        gaussian_filter1d(values[index], SMOOTH_S / STEP_S, mode="nearest")
+        for values in (paths.x_m, paths.y_m, paths.yaw_rad)
+    )
+    speed = np.hypot(np.gradient(x, STEP_S), np.gradient(y, STEP_S))
+    track = Track(paths.times_s, x, y, yaw, speed, np.gradient(yaw, STEP_S))
+    pelvis_m, rotations, steps = posture_arrays(
+        person, track, paths.seated[index], paths.looking[index]
+    )
+    return Motion(track, pelvis_m, rotations, steps)

@@ -1,0 +1,198 @@
+"""Pictures of a scenario with all that is known of it, for a first look."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from common.drawing.palette import PAPER
+from common.drawing.people import View, annotate
+from common.drawing.strokes import put_label
+from common.drawing.tiles import Tile, grid, shrink
+from common.drawing.topdown import Walks, draw_map
+from lab.film import Film, flat
+from lab.frame_truth import person_views
+from lab.views import PersonView
+from lab.world import World
+from people4d.errors import SourceError
+from people4d.messages import F64, U8, U16, Detection, Detections, Track, Tracks
+
+COLUMNS = 3
+TILES = 9  # of a sheet, if not said otherwise
+TILE_PX = 640
+TRAIL_S = 0.1  # between points of a person's way on the map
+NOT_KNOWN = np.zeros((6, 6))  # covariance, of which pictures show nothing
+
+
+class Preview:
+    """Draws frames of a film beside their depth, masks and a map.
+
+    Args:
+        film: What is shown.
+    """
+
+    def __init__(self, film: Film) -> None:
+        self._film = film
+        self._world = film.world
+        self._trails = _trails(film.world)
+        self._way = _camera_trail(film.world)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a picture in pixels."""
+        return 2 * self._world.info.width, 2 * self._world.info.height
+
+    def time_s(self, index: int) -> float:
+        """Return when a frame is."""
+        return self._world.frame_s(index)
+
+    def frames(self, every_s: float | None = None) -> range:
+        """Return frames so many seconds apart; all if none are given."""
+        step = max(1, round((every_s or 0.0) * self._world.scenario.camera.fps))
+        return range(0, self._world.frame_count, step)
+
+    def few_frames(self, every_s: float | None = None) -> Sequence[int]:
+        """Return frames so many seconds apart; if none are given as many as fill a page."""
+        if every_s:
+            return self.frames(every_s)
+        last = self._world.frame_count - 1
+        return sorted({round(last * (k + 1) / (TILES + 1)) for k in range(TILES)})
+
+    def picture(self, index: int) -> U8:
+        """Return a frame: colour with people, depth, masks and a map, two by two."""
+        world, film = self._world, self._film
+        t_s, info = world.frame_s(index), world.info
+        view = film.view(index)
+        people = person_views(world, t_s, view)
+        seen = View(info, world.optical_from_map(t_s))
+        colour = annotate(film.rgb(index, view), *_messages(world, index, people), seen)
+        depth = depth_picture(film.depth_mm(index, view), info.max_depth_m)
+        walks = Walks(
+            tracks={k + 1: way[: 1 + round(t_s / TRAIL_S)] for k, way in enumerate(self._trails)},
+            truth={str(k): way for k, way in enumerate([*self._trails, self._way])},
+            cameras=[world.map_from_optical(t_s)],
+        )
+        panels = [colour, depth, flat(view), draw_map(walks, info.width, info.height)]
+        for panel, name in zip(panels, ("truth", "depth", "masks", ""), strict=True):
+            if name:
+                put_label(panel, name, (0, info.height), info.width / 49, PAPER)
+        return np.vstack([np.hstack(panels[:2]), np.hstack(panels[2:])])
+
+
+def depth_picture(depth_mm: U16, most_m: float) -> U8:
+    """Return depth in colours from near (red) to far (blue), black where there is no reading."""
+    share = np.clip(depth_mm / (1000 * most_m), 0, 1)
+    bgr = cv2.applyColorMap((255 * (1 - share)).astype(np.uint8), cv2.COLORMAP_TURBO)
+    bgr[depth_mm == 0] = 0
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def write_sheet(
+    preview: Preview, frames: Sequence[int], path: Path, progress: Callable[[float], object]
+) -> None:
+    """Write a PNG of some frames.
+
+    Args:
+        preview: Draws them.
+        frames: Which.
+        path: The file.
+        progress: Called with the share that is done, 0 to 1.
+
+    Raises:
+        SourceError: The file cannot be written.
+    """
+    tiles = []
+    for done, index in enumerate(frames, 1):
+        caption = f"{preview.time_s(index):.1f} s"
+        tiles.append(Tile(shrink(preview.picture(index), TILE_PX), caption))
+        progress(done / len(frames))
+    _, data = cv2.imencode(".png", cv2.cvtColor(grid(tiles, COLUMNS), cv2.COLOR_RGB2BGR))
+    try:
+        path.write_bytes(data.tobytes())
+    except OSError as error:
+        raise SourceError(f"picture {path} cannot be written: {error.strerror}") from error
+
+
+def write_video(
+    preview: Preview, frames: Sequence[int], path: Path, progress: Callable[[float], object]
+) -> None:
+    """Write an MP4 of frames that follow each other at an even distance; see `write_sheet`."""
+    rate_hz = 1 / (preview.time_s(frames[1]) - preview.time_s(frames[0])) if len(frames) > 1 else 1
+    width, height = preview.size
+    code = cv2.VideoWriter.fourcc(*"mp4v")
+    writer = cv2.VideoWriter(str(path), code, rate_hz, (width, height))
+    if not writer.isOpened():
+        raise SourceError(f"video {path} cannot be written", "Check the folder.")
+    for done, index in enumerate(frames, 1):
+        writer.write(cv2.cvtColor(preview.picture(index), cv2.COLOR_RGB2BGR))
+        progress(done / len(frames))
+    writer.release()
+
+
+def _messages(world: World, index: int, people: Sequence[PersonView]) -> tuple[Detections, Tracks]:
+    """Return what is true of people as a detector and a tracker would tell it."""
+    info, stamp_ns = world.info, world.stamp_ns(index)
+    seen = [k for k, person in enumerate(people) if person.visible_share > 0]
+    detections = Detections(
+        stamp_ns=stamp_ns,
+        sequence=index,
+        camera=info.camera,
+        frame_id=info.frame_id,
+        model="truth",
+        width=info.width,
+        height=info.height,
+        people=tuple(_detection(people[k]) for k in seen),
+    )
+    tracks = Tracks(
+        stamp_ns=stamp_ns,
+        sequence=index,
+        frame_id="map",
+        tracker="truth",
+        camera=info.camera,
+        people=tuple(
+            _track(k + 1, person, seen.index(k) if k in seen else None)
+            for k, person in enumerate(people)
+        ),
+    )
+    return detections, tracks
+
+
+def _detection(person: PersonView) -> Detection:
+    points = np.column_stack([np.nan_to_num(person.keypoints_px), person.visible])
+    return Detection(
+        box_xyxy_px=person.box_xyxy_px.astype(np.float32),
+        score=1.0,
+        keypoints=points.astype(np.float32),
+    )
+
+
+def _track(number: int, person: PersonView, detection: int | None) -> Track:
+    return Track(
+        id=number,
+        state="confirmed",
+        position_m=person.position_m,
+        velocity_mps=person.velocity_mps,
+        covariance=NOT_KNOWN,
+        yaw_rad=person.yaw_rad,
+        hits=1,
+        age=1,
+        time_since_update_s=0.0,
+        detection=detection,
+        score=1.0,
+    )
+
+
+def _trails(world: World) -> list[F64]:
+    """Return the way of each person, Nx2, a point every TRAIL_S."""
+    times = np.arange(0, world.scenario.duration_s + TRAIL_S, TRAIL_S)
+    return [
+        np.array([motion.at(t_s).map_from_pelvis[:2, 3] for t_s in times])
+        for motion in world.motions
+    ]
+
+
+def _camera_trail(world: World) -> F64:
+    """Return the way of the camera, Nx2; with it the map keeps its scale all the time."""
+    times = np.arange(0, world.scenario.duration_s + TRAIL_S, TRAIL_S)
+    return np.array([world.map_from_optical(t_s)[:2, 3] for t_s in times])

@@ -1,0 +1,122 @@
+"""A scenario as a recording, a ROS 2 bag and a file of truth for each frame."""
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import msgspec
+
+from common.io.recording import RecordingWriter, open_recording
+from lab.depth.note import NAME
+from lab.frame_truth import save_frames
+from lab.output.pieces import Shelf, digest_of, do_all
+from lab.output.studio import Order, Speed, studio_of
+from lab.output.truth_file import join_frames
+from people4d.errors import SourceError
+from people4d.messages import Message
+from services.camera.ros.export import export
+
+# Frames in a piece: a few seconds of work, which is what an interruption costs.
+PIECE_FRAMES: dict[Speed, int] = {"geometry": 300, "depth": 60, "colour": 10}
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """What is written; None: not.
+
+    Args:
+        recording: File of ours.
+        bag: Folder of a ROS 2 bag.
+        truth: NPZ file with the truth about each person in each frame.
+    """
+
+    recording: Path | None = None
+    bag: Path | None = None
+    truth: Path | None = None
+
+    @property
+    def paths(self) -> list[Path]:
+        """All that is written."""
+        return [path for path in (self.recording, self.bag, self.truth) if path]
+
+    @property
+    def shelf(self) -> Path:
+        """Folder of what is done so far, beside the first output."""
+        return self.paths[0].with_name(f"{self.paths[0].name}.part")
+
+
+def render(
+    order: Order, outputs: Outputs, jobs: int, progress: Callable[[str, float], object]
+) -> None:
+    """Render a scenario; what an interrupted rendering has done is not done again.
+
+    Args:
+        order: What is rendered.
+        outputs: What is written.
+        jobs: Processes that draw at once; the result does not depend on it.
+        progress: Called with what is being done and the share of it that is done, 0 to 1.
+
+    Raises:
+        SourceError: An output exists or cannot be written.
+    """
+    for path in outputs.paths:
+        if path.exists():
+            raise SourceError(f"{path} exists already", "Remove it, or give another --out.")
+    shelf, size = Shelf(outputs.shelf, _key(order)), PIECE_FRAMES[order.speed]
+    count = -(-studio_of(order).world.frame_count // size)
+    missing = shelf.missing(count)
+    progress("drawing", 1 - len(missing) / count)
+    for done, _ in enumerate(do_all(partial(make_piece, order, shelf, size), missing, jobs), 1):
+        progress("drawing", 1 - (len(missing) - done) / count)
+    pieces = [shelf.path(piece) for piece in range(count)]
+    recording = shelf.path(count)
+    _write_recording(order, pieces, recording)
+    if outputs.bag:
+        export(recording, outputs.bag, progress=partial(progress, "writing the bag"))
+    if outputs.truth:
+        join_frames(outputs.truth, [_truth_of(piece) for piece in pieces])
+    if outputs.recording:
+        recording.replace(outputs.recording)
+    shelf.remove()
+
+
+def make_piece(order: Order, shelf: Shelf, size: int, piece: int) -> None:
+    """Make the messages of a piece of so many frames and put them on the shelf."""
+    studio, path = studio_of(order), shelf.path(piece)
+    last = min((piece + 1) * size, studio.world.frame_count)
+    unfinished = path.with_suffix(".new")
+    truth = []
+    with RecordingWriter(unfinished) as writer:
+        for index in range(piece * size, last):
+            message, arrays = studio.frame(index)
+            writer.write(message, message.stamp_ns)
+            if arrays:
+                truth.append(arrays)
+    if truth:
+        save_frames(_truth_of(path), studio.world.info, truth)
+    unfinished.replace(path)  # last: from now on the piece counts as done
+
+
+def _write_recording(order: Order, pieces: list[Path], path: Path) -> None:
+    with RecordingWriter(path) as writer:
+        writer.note(NAME, order.note.values())
+        for message in studio_of(order).timeline(_messages(pieces)):
+            writer.write(message, message.stamp_ns)
+
+
+def _messages(pieces: list[Path]) -> Iterator[Message]:
+    for piece in pieces:
+        for _, message in open_recording(piece).messages():
+            yield message
+
+
+def _truth_of(piece: Path) -> Path:
+    return piece.with_suffix(".npz")
+
+
+def _key(order: Order) -> str:
+    """Return what tells this rendering from any other, the lab's own code included."""
+    text = msgspec.json.encode(order) + digest_of(Path(__file__).parents[1]).encode()
+    return hashlib.sha256(text).hexdigest()

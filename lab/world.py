@@ -1,0 +1,129 @@
+"""The world of a scenario: bodies, their motion, the room and the camera at any time."""
+
+from functools import cached_property
+
+import numpy as np
+
+from common.geometry.transforms import invert
+from lab.bodies.body import Body, load_body
+from lab.drawing.mesh import Mesh
+from lab.drawing.rooms import Room, room_mesh
+from lab.drive import BasePath, base_path
+from lab.motion.motion import Motion, simulate
+from lab.posture import Posture
+from lab.scenario import WALKABLE_M, CameraPlan, Scenario
+from people4d.messages import F64, CameraInfo
+
+EPOCH_NS = 1_767_225_600 * 10**9  # 2026-01-01 00:00 UTC: scenarios begin then, so runs are alike
+MAX_DEPTH_M = 5.0  # method book 1
+
+
+class World:
+    """Everything that is true in a scenario, as functions of the time since its beginning.
+
+    What takes long is made when it is first asked for: poses of the camera need no body, and truth
+    about people needs no room.
+
+    Args:
+        scenario: Who, where and when.
+        seed: Used in place of the scenario's own, for another light, motion and noise.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
+        self.scenario = scenario
+        self.seed = scenario.seed if seed is None else seed
+        self.info = camera_info(scenario.camera)
+
+    @cached_property
+    def bodies(self) -> tuple[Body, ...]:
+        """The people's bodies, in the order of the scenario."""
+        return tuple(load_body(person.body, self.seed) for person in self.scenario.people)
+
+    @cached_property
+    def motions(self) -> tuple[Motion, ...]:
+        """What the people do, in the order of the scenario; they keep clear of the camera."""
+        scenario = self.scenario
+        return simulate(
+            scenario.people,
+            [body.skeleton for body in self.bodies],
+            scenario.duration_s,
+            self.seed,
+            obstacle=self.path.place,
+            area_m=np.array(WALKABLE_M[scenario.room]),
+        )
+
+    @cached_property
+    def path(self) -> BasePath:
+        """The way of the camera and of the robot that carries it."""
+        return base_path(self.scenario.camera, self.scenario.duration_s)
+
+    @cached_property
+    def room(self) -> Room:
+        """The room, with a stool where somebody sits down."""
+        stools = [w.to for person in self.scenario.people for w in person.path if w.sit]
+        return room_mesh(self.scenario.room, self.seed, stools=stools)
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames."""
+        return round(self.scenario.duration_s * self.scenario.camera.fps)
+
+    def frame_s(self, index: int) -> float:
+        """Return the time [s] of a frame."""
+        return index / self.scenario.camera.fps
+
+    def stamp_ns(self, index: int) -> int:
+        """Return the stamp of a frame."""
+        return stamp_ns(self.frame_s(index))
+
+    def postures(self, t_s: float) -> tuple[Posture, ...]:
+        """Return how all people are held at a time."""
+        return tuple(motion.at(t_s) for motion in self.motions)
+
+    def keypoints_m(self, t_s: float) -> list[F64]:
+        """Return the keypoints of all people at a time: 17x3 each, COCO order, frame: map."""
+        held = zip(self.bodies, self.postures(t_s), strict=True)
+        return [body.keypoints_m(posture) for body, posture in held]
+
+    def meshes(self, t_s: float) -> tuple[Mesh, ...]:
+        """Return the bodies at a time; the owner of person k is k + 1."""
+        held = zip(self.bodies, self.postures(t_s), strict=True)
+        meshes = tuple(body.mesh(posture, k + 1) for k, (body, posture) in enumerate(held))
+        for mesh in meshes:
+            # Soles keep to the floor within a millimetre; nothing of them is drawn below it.
+            np.maximum(mesh.vertices_m[:, 2], 0.0, out=mesh.vertices_m[:, 2])
+        return meshes
+
+    def map_from_optical(self, t_s: float) -> F64:
+        """Return the pose of the camera's optical frame, 4x4."""
+        return self.path.map_from_optical(t_s)
+
+    def optical_from_map(self, t_s: float) -> F64:
+        """Return the map seen from the camera, 4x4."""
+        return invert(self.path.map_from_optical(t_s))
+
+
+def stamp_ns(t_s: float) -> int:
+    """Return the stamp of a time since the beginning of a scenario."""
+    return EPOCH_NS + round(t_s * 1e9)
+
+
+def camera_info(plan: CameraPlan) -> CameraInfo:
+    """Return the calibration of a planned camera: no distortion, the axis through the middle.
+
+    The centre of the first pixel is at (0, 0), so that of the image is at half a pixel less than
+    half its size.
+    """
+    return CameraInfo(
+        stamp_ns=EPOCH_NS,
+        sequence=0,
+        camera=plan.name,
+        frame_id=f"{plan.name}_optical_frame",
+        width=plan.width,
+        height=plan.height,
+        fx=plan.focal_px,
+        fy=plan.focal_px,
+        cx=(plan.width - 1) / 2,
+        cy=(plan.height - 1) / 2,
+        max_depth_m=MAX_DEPTH_M,
+    )

@@ -1,0 +1,1 @@
+"""People around a robot: messages, topics, codec and client of a running system."""

@@ -1,0 +1,146 @@
+"""Messages to and from MessagePack.
+
+On the wire a message is one map: `message` (type), `version`, then its fields by name. An array
+is a map of `dtype` (numpy name, little-endian), `shape` and `data` (row-major bytes).
+"""
+
+import itertools
+from collections.abc import Callable
+from typing import Any, get_args
+
+import msgpack
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from people4d.errors import DecodeError
+from people4d.messages import Message, Span
+from people4d.topics import TOPICS
+
+MAX_BYTES = 64 * 2**20
+MAX_ITEMS = 4096
+MAX_TEXT = 65536  # [bytes] of one text
+MAX_CONTAINERS = 65536
+MAX_AXES = 4
+
+MESSAGES: dict[str, type[Message]] = {topic.message.__name__: topic.message for topic in TOPICS}
+
+
+def encode(message: Message, publishing: Callable[[], Span] | None = None) -> bytes:
+    """Encode a message as MessagePack.
+
+    Args:
+        message: The message.
+        publishing: Gives one more stage of its trace, asked when all else is encoded.
+    """
+    fields = msgspec.to_builtins(message, enc_hook=_array_to_map, builtin_types=(bytes, memoryview))
+    trace = fields.pop("trace")
+    header = {"message": type(message).__name__, "version": message.VERSION}
+    packer = msgpack.Packer(autoreset=False)
+    packer.pack_map_header(len(header) + len(fields) + 1)
+    for name, value in (header | fields).items():
+        packer.pack(name)
+        packer.pack(value)
+    if publishing:
+        trace = (*trace, msgspec.to_builtins(publishing()))
+    packer.pack("trace")
+    packer.pack(trace)
+    packed: bytes = packer.bytes()
+    return packed
+
+
+def decode(payload: bytes) -> Message:
+    """Decode a message and check every field.
+
+    Args:
+        payload: MessagePack bytes, untrusted.
+
+    Raises:
+        DecodeError: The bytes are not a valid message of a known type and version.
+    """
+    if len(payload) > MAX_BYTES:
+        raise DecodeError(f"message: expected at most {MAX_BYTES} bytes, got {len(payload)}")
+    fields = _unpack(payload)
+    name, version = fields.pop("message", None), fields.pop("version", None)
+    kind = MESSAGES.get(name) if isinstance(name, str) else None
+    if kind is None:
+        raise DecodeError(f"message: expected one of {', '.join(MESSAGES)}, got {_told(name)}")
+    if type(version) is not int or version != kind.VERSION:
+        raise DecodeError(
+            f"{name}: expected version {kind.VERSION}, got {_told(version)}",
+            "Run the same people4d release on all machines.",
+        )
+    try:
+        return msgspec.convert(fields, kind, dec_hook=_map_to_array)
+    except (msgspec.ValidationError, RecursionError) as error:
+        raise DecodeError(f"{name}: {error}") from error
+
+
+def _unpack(payload: bytes) -> dict[str, Any]:
+    limit = _limit()
+    try:
+        fields = msgpack.unpackb(
+            payload,
+            max_str_len=MAX_TEXT,
+            max_array_len=MAX_ITEMS,
+            max_map_len=MAX_ITEMS,
+            max_ext_len=0,
+            object_hook=limit,
+            list_hook=limit,
+        )
+    except (ValueError, msgpack.UnpackException) as error:
+        reason = (str(error) or type(error).__name__)[:120]
+        raise DecodeError(f"message: expected MessagePack, got {reason}") from error
+    if not isinstance(fields, dict):
+        raise DecodeError(f"message: expected a map, got {type(fields).__name__}")
+    return fields
+
+
+def _limit() -> Callable[[Any], Any]:
+    """Return a hook that stops a small payload from growing into millions of empty maps."""
+    seen = itertools.count(1)
+
+    def hook(container: Any) -> Any:
+        if next(seen) > MAX_CONTAINERS:
+            raise ValueError(f"more than {MAX_CONTAINERS} lists and maps")
+        return container
+
+    return hook
+
+
+def _array_to_map(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if not isinstance(value, np.ndarray):
+        raise NotImplementedError(f"cannot encode {type(value).__name__}")
+    array = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
+    # A memoryview cannot be cast while an axis has no length.
+    data = array.data.cast("B") if array.size else b""
+    return {"dtype": value.dtype.name, "shape": value.shape, "data": data}
+
+
+def _map_to_array(kind: Any, value: Any) -> npt.NDArray[Any]:
+    want = np.dtype(get_args(get_args(kind)[1])[0])
+    if not isinstance(value, dict) or value.keys() != {"dtype", "shape", "data"}:
+        raise ValueError(f"expected an array (dtype, shape, data), got {type(value).__name__}")
+    shape, data = value["shape"], value["data"]
+    if value["dtype"] != want.name:
+        raise ValueError(f"expected dtype {want.name}, got {_told(value['dtype'])}")
+    if not isinstance(data, bytes):
+        raise ValueError(f"expected bytes as data, got {type(data).__name__}")
+    if not isinstance(shape, list) or len(shape) > MAX_AXES:
+        raise ValueError(f"expected a shape of at most {MAX_AXES} axes, got {_told(shape)}")
+    if not all(type(n) is int and 0 <= n <= MAX_BYTES for n in shape):
+        told = ", ".join(map(_told, shape))
+        raise ValueError(f"expected a shape of lengths from 0 to {MAX_BYTES}, got {told}")
+    size = want.itemsize
+    for n in shape:
+        size *= n
+    if len(data) != size:
+        raise ValueError(f"expected {size} bytes for shape {shape}, got {len(data)}")
+    return np.frombuffer(data, want.newbyteorder("<")).reshape(shape)
+
+
+def _told(value: Any) -> str:
+    """Tell an untrusted value in few words; what is nested is told by its type only."""
+    return f"{value!r:.80}" if isinstance(value, str | int | float) else type(value).__name__

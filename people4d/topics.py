@@ -1,0 +1,166 @@
+"""The table of streams, from which sockets, recorder, documentation and access rules derive."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+from people4d.messages import (
+    CameraInfo,
+    CompressedRgbdFrame,
+    Crops,
+    Detections,
+    Embeddings,
+    Gait,
+    Health,
+    ImageTracks,
+    Message,
+    MovingTransform,
+    Odometry,
+    RgbdFrame,
+    Score,
+    StaticTransform,
+    Tracks,
+    Truth,
+)
+
+VERSION = "v1"
+EVERY_SERVICE = "every service"
+LOCKSTEP_MAX = 8  # frames that may be on their way at once where none may be skipped
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One stream.
+
+    Args:
+        name: What the command line and the documentation call it.
+        key: Key below people4d/v1/<robot>/; names in braces are fields of the message.
+        message: Type of its messages.
+        rate_hz: Expected rate of one publisher; 0 if sent once.
+        delivery: "newest": the newest message wins, older ones are dropped and counted;
+            "queue": kept in order up to depth; "latched": sent once, late joiners get the last.
+        depth: Messages that a subscriber keeps while it is busy; of "newest" only those that must
+            not be skipped (lock-step), else one.
+        producer: Service that publishes it, or several with spaces between; no other may where
+            access is restricted.
+        readers: Roles that may read it there, with spaces between, "*" for all: services,
+            "planner", and "operator" (the command line). See common/transport/access.py.
+        leaves_host: Whether it may leave the host it was made on, where access is restricted.
+    """
+
+    name: str
+    key: str
+    message: type[Message]
+    rate_hz: float
+    delivery: Literal["newest", "queue", "latched"]
+    depth: int
+    producer: str
+    readers: str = field(default="", kw_only=True)
+    leaves_host: bool = field(default=True, kw_only=True)
+
+    @property
+    def producers(self) -> frozenset[str]:
+        """The services that publish it."""
+        one = self.producer == EVERY_SERVICE
+        return frozenset([self.producer] if one else self.producer.split())
+
+    def key_of(self, message: Message, robot: str) -> str:
+        """Return the full key of a message."""
+        return f"{prefix(robot)}/{self.key.format_map(_Fields(message))}"
+
+    def key_expression(self, robot: str) -> str:
+        """Return the key expression that covers all keys of this topic."""
+        return f"{prefix(robot)}/{re.sub(r'{[^}]*}', '*', self.key)}"
+
+
+@dataclass(frozen=True)
+class ForeignTopic(Topic):
+    """A stream that others define: its key stands alone and its bytes are not ours.
+
+    A node lists those that it reads in `foreign_inputs`; it gets them decoded, as `message`.
+
+    Args:
+        decode: Makes a message of untrusted bytes; raises DecodeError for what is not one.
+    """
+
+    decode: Callable[[bytes], Message]
+
+    def key_expression(self, robot: str) -> str:  # noqa: ARG002
+        """Return the key, which is below no robot's prefix."""
+        return self.key
+
+
+class _Fields(dict[str, str]):
+    """The fields of a message as str.format_map wants them."""
+
+    def __init__(self, message: Message) -> None:
+        super().__init__()
+        self.message = message
+
+    def __missing__(self, name: str) -> str:
+        return str(getattr(self.message, name))
+
+
+# fmt: off
+TOPICS: tuple[Topic, ...] = (
+    Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 32, "camera",
+          readers="detector gait visual_odometry report operator", leaves_host=False),
+    Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 32, "camera",
+          readers="detector report operator"),
+    Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera",
+          readers="detector tracker gait visual_odometry gt_bridge report planner operator"),
+    Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera",
+          readers="tracker gait visual_odometry gt_bridge report planner operator"),
+    Topic("moving_transforms", "moving/{child}", MovingTransform, 50, "queue", 256,
+          "camera visual_odometry",
+          readers="tracker gait gt_bridge report operator"),
+    Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera visual_odometry",
+          readers="tracker gait visual_odometry gt_bridge report operator"),
+    Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector",
+          readers="camera detector tracker gait visual_odometry gt_bridge report operator"),
+    Topic("crops", "raw/{camera}/crops", Crops, 30, "queue", 8, "detector",
+          readers="reid operator", leaves_host=False),
+    Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid",
+          readers="reid tracker operator"),
+    Topic("people", "people", Tracks, 30, "queue", 64, "tracker",
+          readers="camera tracker gait gt_bridge report planner operator"),
+    Topic("gait", "gait", Gait, 30, "queue", 64, "gait",
+          readers="report planner operator"),
+    Topic("boxes", "boxes/{camera}", ImageTracks, 30, "queue", 64, "tracker",
+          readers="planner operator"),
+    Topic("truth", "truth", Truth, 100, "queue", 256, "gt_bridge",
+          readers="report operator"),
+    Topic("score", "score", Score, 30, "queue", 256, "gt_bridge",
+          readers="report operator"),
+    Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, EVERY_SERVICE,
+          readers="*"),
+)
+# fmt: on
+
+BY_MESSAGE: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS}
+BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}
+
+
+def prefix(robot: str) -> str:
+    """Return the key prefix of one robot."""
+    return f"people4d/{VERSION}/{robot}"
+
+
+def question(robot: str, name: str) -> str:
+    """Return the full key of a question that processes may put to each other."""
+    return f"{prefix(robot)}/questions/{name}"
+
+
+def topic_of_key(key: str, robot: str = "*") -> Topic | None:
+    """Return the topic that a full key belongs to, None if to none.
+
+    Args:
+        key: Full key, for example people4d/v1/robot/people.
+        robot: Name of the robot that the key must belong to, "*" for any.
+    """
+    for topic in TOPICS:
+        pattern = re.escape(topic.key_expression(robot)).replace(r"\*", "[^/]+")
+        if re.fullmatch(pattern, key):
+            return topic
+    return None

@@ -1,0 +1,1 @@
+"""Folders of images as RGB-D sources."""

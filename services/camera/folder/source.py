@@ -1,0 +1,210 @@
+"""RGB-D frames from folders of images: TUM's lists and numbered pairs."""
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from common.io.files import read_bytes
+from common.io.image_header import MAX_FILE_BYTES, picture_size
+from common.io.npz import read_arrays
+from people4d.errors import DecodeError, SourceError
+from people4d.messages import F64, U8, U16, Odometry
+from services.camera.calibration import (
+    Calibration,
+    Lens,
+    MatNames,
+    camera_info,
+    read_calibration,
+    registration,
+    static_transform,
+)
+from services.camera.folder.layout import LISTS, Layout, Pair, listed, numbered, wheel_odometry
+from services.camera.folder.mat_file import read_mat
+from services.camera.source import Capture, Source
+
+# Looked for in the folder, first come first served, where no calibration is configured.
+CALIBRATIONS = ("camera.toml", "camera.json", "camera_info.yaml", "gt.npz", "CalibrationData.mat")
+TRACK = "gt.npz"
+
+
+class FolderOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What can be chosen in a folder of images."""
+
+    colour: str = ""  # pattern of the colour images, "rgb/*.jpg"; empty: the usual ones
+    depth: str = ""  # pattern of the depth images or .mat files
+    fps: float = 30.0  # [Hz] of numbered pairs that come without times
+    track: str = ""  # NPZ with times `t` [s] and `odom`; empty: gt.npz in the folder if it is there
+    sync_slop_s: float = 0.02  # [s] largest distance in time of pairs from lists; TUM's own value
+    depth_scale: float = 0.0  # depth units in a metre; 0: 5000 with TUM's lists, else 1000
+    mat_array: str = "depth_array"  # name of the depth image in .mat files
+    calibration: str = ""  # calibration file; empty: one of the usual names in the folder
+    mat: MatNames = MatNames()  # names in a calibration .mat
+    lens: Lens | None = None  # calibration of colour, instead of the file's
+    depth_lens: Lens | None = None  # calibration of depth that is not aligned
+    rotation: tuple[tuple[float, float, float], ...] | None = None  # 3x3, colour_from_depth
+    translation_m: tuple[float, float, float] | None = None  # [m] colour_from_depth
+    depth_offset_px: tuple[float, float] | None = None  # [px] u, v, see Registration
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ValueError: A number is out of range.
+        """
+        if self.fps <= 0 or self.depth_scale < 0 or self.sync_slop_s < 0:
+            raise ValueError(
+                "fps, depth_scale, sync_slop_s: expected > 0, >= 0, >= 0, got "
+                f"{self.fps}, {self.depth_scale}, {self.sync_slop_s}"
+            )
+
+
+class FolderSource(Source):
+    """Plays the image pairs of a folder.
+
+    Args:
+        path: The folder.
+        options: Patterns, times and calibration.
+
+    Raises:
+        SourceError: There are no pairs, no calibration, or one that does not fit.
+    """
+
+    def __init__(self, path: Path, options: FolderOptions) -> None:
+        self.counters: Counter[str] = Counter()
+        self._options = options
+        tum = all((path / name).is_file() for name in LISTS) and not options.colour
+        self._units_per_m = options.depth_scale or (5000.0 if tum else 1000.0)
+        times_s, self._odometry = _track(path, options)
+        layout = _layout(path, options, tum, times_s)
+        self.pairs = layout.pairs
+        self.counters["unpaired"] = layout.unpaired
+        rgb, depth = self._first()
+        calibration = _calibration(path, options)
+        if calibration.colour is None:
+            raise SourceError(f"calibration of {path} has no colour camera", "Set options.lens.")
+        self.info = camera_info(calibration.colour, (rgb.shape[0], rgb.shape[1]))
+        self.registration = registration(calibration, self.info, (depth.shape[0], depth.shape[1]))
+        if calibration.parent_from_optical is not None:
+            matrix = np.array(calibration.parent_from_optical)
+            parent = calibration.parent
+            self.transforms = [static_transform(parent, self.info.frame_id, matrix)]
+
+    def __iter__(self) -> Iterator[Capture | Odometry]:
+        """Yield the frames, each after the odometry up to its time."""
+        odometry = iter(self._odometry)
+        ahead = next(odometry, None)
+        for pair in self.pairs:
+            while ahead and ahead.stamp_ns <= pair.stamp_ns:
+                yield ahead
+                ahead = next(odometry, None)
+            try:
+                rgb, depth_mm = self._read(pair)
+                if self.registration:
+                    depth_mm = self.registration(depth_mm)
+            except (SourceError, ValueError):  # ValueError: depth changed its size
+                self.counters["bad_images"] += 1
+                continue
+            yield Capture(rgb, depth_mm, pair.stamp_ns)
+
+    @property
+    def has_odometry(self) -> bool:
+        """Whether the folder brings wheel odometry."""
+        return bool(self._odometry)
+
+    def _first(self) -> tuple[U8, U16]:
+        """Return the first pair that can be read; it tells the size."""
+        for pair in self.pairs:
+            try:
+                return self._read(pair)
+            except SourceError as error:
+                reason = error
+        raise reason
+
+    def _read(self, pair: Pair) -> tuple[U8, U16]:
+        rgb = _read_picture(pair.colour, cv2.IMREAD_COLOR_RGB)
+        if pair.depth.suffix == ".mat":
+            depth = _read_mat(pair.depth, self._options.mat_array)
+        else:
+            depth = _read_picture(pair.depth, cv2.IMREAD_UNCHANGED)
+        if depth.ndim != 2 or depth.dtype != np.uint16:
+            raise SourceError(
+                f"{pair.depth}: expected 16 bits grey, got {depth.dtype} of shape {depth.shape}"
+            )
+        return np.asarray(rgb, np.uint8), self._millimetres(depth)
+
+    def _millimetres(self, depth: U16) -> U16:
+        if self._units_per_m == 1000:
+            return depth
+        scaled = np.rint(depth * np.float32(1000 / self._units_per_m))
+        return np.where(scaled <= 65535, scaled, 0).astype(np.uint16)
+
+
+def _layout(path: Path, options: FolderOptions, tum: bool, times_s: F64 | None) -> Layout:
+    if tum:
+        return listed(path, options.sync_slop_s)
+    stamps = options.fps if times_s is None else times_s
+    return numbered(path, (options.colour, options.depth), stamps)
+
+
+def _track(path: Path, options: FolderOptions) -> tuple[F64 | None, list[Odometry]]:
+    """Read times and odometry from an NPZ; nothing where there is none."""
+    file = Path(options.track) if options.track else path / TRACK
+    if not options.track and not file.is_file():
+        return None, []
+    try:
+        arrays = read_arrays(file, ["t"], ["odom"])
+    except (OSError, ValueError) as error:
+        raise SourceError(f"track {file} cannot be read: {error}") from error
+    times_s = np.asarray(arrays["t"], np.float64)
+    odometry = arrays.get("odom")
+    return times_s, [] if odometry is None else wheel_odometry(times_s, odometry)
+
+
+def _calibration(path: Path, options: FolderOptions) -> Calibration:
+    """Read the calibration file, then let the options overrule it."""
+    files = [Path(options.calibration)] if options.calibration else []
+    files += [path / name for name in CALIBRATIONS if (path / name).is_file()]
+    calibration = read_calibration(files[0], options.mat) if files else Calibration()
+    options_given = {
+        "colour": options.lens,
+        "depth": options.depth_lens,
+        "rotation": options.rotation,
+        "translation_m": options.translation_m,
+        "depth_offset_px": options.depth_offset_px,
+    }
+    calibration = msgspec.structs.replace(
+        calibration, **{name: value for name, value in options_given.items() if value is not None}
+    )
+    if calibration.colour is None:
+        raise SourceError(
+            f"folder {path} has no calibration ({', '.join(CALIBRATIONS)})",
+            "Set options.lens.fx, fy, cx and cy, or options.calibration to a file.",
+        )
+    return calibration
+
+
+def _read_picture(path: Path, flags: int) -> npt.NDArray[Any]:
+    try:
+        if not path.is_file():  # to open a pipe would wait for ever
+            raise SourceError(f"{path} is not a file")
+        data = read_bytes(path, MAX_FILE_BYTES)
+        picture_size(data)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except (OSError, DecodeError, cv2.error) as error:
+        raise SourceError(f"{path} is not an image that can be read: {error}") from error
+    if image is None:
+        raise SourceError(f"{path} is not an image that can be read")
+    return image
+
+
+def _read_mat(path: Path, name: str) -> npt.NDArray[Any]:
+    try:
+        return np.asarray(read_mat(path, [name])[name])
+    except (OSError, KeyError, ValueError) as error:
+        raise SourceError(f"{path} has no array {name!r} that can be read: {error}") from error

@@ -1,0 +1,271 @@
+"""What a bag says of its camera: calibration, mounting, and whether depth is aligned."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from common.io.ros_bag import Bag
+from people4d.errors import DecodeError, SourceError
+from people4d.messages import U8, U16, CameraInfo, StaticTransform
+from services.camera.calibration import (
+    Calibration,
+    Lens,
+    MatNames,
+    camera_info,
+    read_calibration,
+    registration,
+    static_transform,
+)
+from services.camera.folder.registration import Registration
+from services.camera.ros.calibration import Transforms, lens_of
+from services.camera.ros.images import colour_image, depth_image
+from services.camera.ros.motion import JointConfig
+from services.camera.ros.topics import TRANSFORMS, Topics
+
+TF_HEADS = 2000  # messages of /tf in which is looked for what moves: some ten seconds
+MAX_BAD_HEADS = 30  # images tried before a topic is given up: one second
+
+
+class RosbagOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What can be chosen in a bag; topics that are empty are found by type and name."""
+
+    colour_topic: str = ""  # Image, CompressedImage or realsense2_camera_msgs/RGBD
+    depth_topic: str = ""  # Image or CompressedImage; 16UC1 in mm or 32FC1 in m
+    colour_info_topic: str = ""  # CameraInfo of colour
+    depth_info_topic: str = ""  # CameraInfo of depth, for depth that is not aligned
+    odometry_topic: str = ""  # nav_msgs/Odometry; found if there is one
+    sync_slop_s: float = 0.5  # [s] largest distance in time of colour and depth
+    map_frame: str = "map"  # frame of the bag that becomes `map`
+    tf_as_static: bool = False  # True: take /tf as static too (a camera that stands still)
+    # Wheels of a base whose odometry nobody told: sensor_msgs/JointState, or a topic of a number
+    # (std_msgs) for the left wheel and one for the right
+    wheel_topics: tuple[str, ...] = ()
+    wheels: JointConfig = JointConfig()
+    depth_aligned: bool | None = None  # None: found from frames, sizes and calibration
+    depth_offset_px: tuple[float, float] = (0.0, 0.0)  # [px] u, v, see Registration
+    calibration: str = ""  # calibration file that is used instead of CameraInfo
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """Where a camera sits in the map or on the base, as far as the bag says.
+
+    Args:
+        transforms: Those that stand.
+        moving: Parent and child of those that /tf tells anew each time.
+    """
+
+    transforms: list[StaticTransform]
+    moving: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class RosCamera:
+    """The camera of a bag.
+
+    Args:
+        info: Calibration of colour.
+        mounting: Where it sits.
+        registration: Moves depth into the view of colour; None if it is there already.
+    """
+
+    info: CameraInfo
+    mounting: Mounting
+    registration: Registration | None
+
+
+@dataclass(frozen=True)
+class _Head:
+    """The first image of a stream: its size (height, width), frame and CameraInfo."""
+
+    size: tuple[int, int]
+    frame: str
+    info: Any | None
+
+
+def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
+    """Read calibration and transforms of a bag.
+
+    Raises:
+        SourceError: There is no usable calibration, or depth can neither be taken as aligned
+            nor be registered.
+    """
+    colour, depth = _heads(bag, topics)
+    tree = _tree(bag, options.tf_as_static)
+    calibration = _calibration(topics, options, tree, (colour, depth))
+    if calibration.colour is None:
+        raise SourceError(f"calibration {options.calibration} has no colour camera")
+    info = camera_info(calibration.colour, colour.size, colour.frame)
+    register = registration(calibration, info, depth.size)
+    if register is None and depth.size != colour.size:
+        raise SourceError(f"depth is {depth.size}, colour {colour.size}: it cannot be aligned")
+    if not options.tf_as_static:
+        _add_moving(bag, tree)
+    base = _base(bag, topics, options)
+    mounting = _on_what_moves(tree, colour.frame, base, options) or _on_what_stands(
+        tree, colour.frame, base, options
+    )
+    return RosCamera(info, mounting, register)
+
+
+def _heads(bag: Bag, topics: Topics) -> tuple[_Head, _Head]:
+    if topics.colour == topics.depth:
+        rgbd = bag.first(topics.colour)
+        return (
+            _Head(_size(colour_image, rgbd.rgb), _frame(rgbd.rgb), rgbd.rgb_camera_info),
+            _Head(_size(depth_image, rgbd.depth), _frame(rgbd.depth), rgbd.depth_camera_info),
+        )
+    return (
+        _head(bag, topics.colour, topics.colour_info, colour_image),
+        _head(bag, topics.depth, topics.depth_info, depth_image),
+    )
+
+
+def _head(bag: Bag, topic: str, info_topic: str, decode: Callable[[Any], U8 | U16]) -> _Head:
+    reason = "it is empty"
+    for _, _, message in islice(bag.messages([topic]), MAX_BAD_HEADS):
+        try:
+            size = _size(decode, message)
+        except DecodeError as error:
+            reason = error.problem
+            continue
+        return _Head(size, _frame(message), bag.first(info_topic) if info_topic else None)
+    raise SourceError(f"{topic} has no image that can be read: {reason}")
+
+
+def _size(decode: Callable[[Any], U8 | U16], message: Any) -> tuple[int, int]:
+    height, width = decode(message).shape[:2]
+    return height, width
+
+
+def _frame(message: Any) -> str:
+    return str(message.header.frame_id).strip("/")
+
+
+def _tree(bag: Bag, tf_as_static: bool) -> Transforms:
+    tree = Transforms()
+    wanted = [
+        topic
+        for topic, kind in bag.types.items()
+        if kind in TRANSFORMS and (tf_as_static or topic.endswith("tf_static"))
+    ]
+    for _, _, message in bag.messages(wanted):
+        tree.add(message)
+    return tree
+
+
+def _calibration(
+    topics: Topics, options: RosbagOptions, tree: Transforms, heads: tuple[_Head, _Head]
+) -> Calibration:
+    """Gather the calibration, with that of depth only where depth has to be registered."""
+    if options.calibration:
+        return read_calibration(Path(options.calibration), MatNames())
+    colour, depth = heads
+    if colour.info is None:
+        raise SourceError(
+            f"bag has no calibration (CameraInfo) for {topics.colour}",
+            "Set options.colour_info_topic, or options.calibration to a file.",
+        )
+    lens = lens_of(colour.info, rectified="image_rect" in topics.colour)
+    depth_lens = None
+    if depth.info is not None:
+        depth_lens = lens_of(depth.info, rectified="image_rect" in topics.depth)
+    if _aligned(options, heads, (lens, depth_lens)):
+        return Calibration(colour=lens)
+    matrix = tree.find(colour.frame, depth.frame)
+    if depth_lens is None or matrix is None:
+        missing = "CameraInfo of depth" if depth_lens is None else "transform between them"
+        raise SourceError(
+            f"depth (frame {depth.frame}) is not aligned to colour (frame {colour.frame}) and "
+            f"the bag has no {missing}",
+            "Set options.depth_aligned=true if it is, or options.calibration to a file.",
+        )
+    return Calibration(
+        colour=lens,
+        depth=depth_lens,
+        rotation=tuple(tuple(row) for row in matrix[:3, :3].tolist()),
+        translation_m=tuple(matrix[:3, 3].tolist()),
+        depth_offset_px=options.depth_offset_px,
+    )
+
+
+def _aligned(
+    options: RosbagOptions, heads: tuple[_Head, _Head], lenses: tuple[Lens, Lens | None]
+) -> bool:
+    """Depth is aligned if it has the size of colour, and its frame or its calibration too."""
+    if options.depth_aligned is not None:
+        return options.depth_aligned
+    (colour, depth), (lens, depth_lens) = heads, lenses
+    if colour.size != depth.size:
+        return False
+    if depth_lens is None:
+        return colour.frame == depth.frame
+    ours, theirs = ((one.fx, one.fy, one.cx, one.cy) for one in (lens, depth_lens))
+    # Two sensors never share a calibration to a hundredth of a pixel.
+    return colour.frame == depth.frame or bool(np.allclose(ours, theirs, atol=0.01, rtol=0))
+
+
+def _add_moving(bag: Bag, tree: Transforms) -> None:
+    wanted = [
+        topic
+        for topic, kind in bag.types.items()
+        if kind in TRANSFORMS and not topic.endswith("tf_static")
+    ]
+    for _, _, message in islice(bag.messages(wanted), TF_HEADS):
+        tree.add_moving(message)
+
+
+def _base(bag: Bag, topics: Topics, options: RosbagOptions) -> tuple[str, str] | None:
+    """Return the frames of odometry: that of the pose and that of the base."""
+    if options.wheel_topics:
+        return options.wheels.frame_id, options.wheels.child_frame_id
+    if not (topics.odometry and bag.counts[topics.odometry]):
+        return None
+    odometry = bag.first(topics.odometry)
+    return odometry.header.frame_id.strip("/"), odometry.child_frame_id.strip("/")
+
+
+def _on_what_moves(
+    tree: Transforms, optical: str, base: tuple[str, str] | None, options: RosbagOptions
+) -> Mounting | None:
+    """Return the way from the camera to the map, else to the base, else as far as /tf moves it.
+
+    Returns:
+        None if /tf moves nothing on that way, beside what odometry tells.
+    """
+    way = tree.climb(optical)
+    frames = [parent for parent, _, _ in way]
+    if options.map_frame in frames:
+        way = way[: frames.index(options.map_frame) + 1]
+    elif base and base[1] in frames:
+        way = way[: frames.index(base[1]) + 1]
+    moving = [(parent, child) for parent, child, matrix in way if matrix is None]
+    moving = [edge for edge in moving if edge != base]
+    if not moving:
+        return None
+    names = {options.map_frame: "map"}
+    standing = [
+        static_transform(names.get(parent, parent), child, matrix)
+        for parent, child, matrix in way
+        if matrix is not None
+    ]
+    return Mounting(standing, tuple(moving))
+
+
+def _on_what_stands(
+    tree: Transforms, optical: str, base: tuple[str, str] | None, options: RosbagOptions
+) -> Mounting:
+    """Find where the camera sits: in the map, else on the base that odometry moves."""
+    parents = {options.map_frame: "map"}
+    if base:
+        parents[base[1]] = base[1]
+    for frame, name in parents.items():
+        matrix = tree.find(frame, optical)
+        if matrix is not None:
+            return Mounting([static_transform(name, optical, matrix)])
+    return Mounting([])

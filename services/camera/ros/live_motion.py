@@ -1,0 +1,151 @@
+"""What a robot's ROS 2 tells now of its motion: odometry, wheels and transforms in CDR."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from common.io.ros_live import Cdr, live_key
+from people4d.errors import DecodeError
+from people4d.messages import Message, MovingTransform, Odometry, StaticTransform
+from people4d.topics import ForeignTopic
+from services.camera.calibration import frame_name, static_transform
+from services.camera.config import MotionConfig
+from services.camera.ros.bag_reader import TRANSFORMS, ros2_types
+from services.camera.ros.motion import Edge, Lineage, Wheels, edges_of, odometry_of
+from services.camera.ros.topics import JOINTS, ODOMETRY
+
+COUNTERS = ("moving_transforms", "live_odometry", "bad_transforms", "other_transforms")
+
+
+class ToldTransforms(Message, frozen=True, kw_only=True):
+    """One tf2_msgs/TFMessage; it never leaves this process."""
+
+    edges: tuple[Edge, ...]
+    stand: bool  # whether they hold for ever
+
+
+class LiveMotion:
+    """The streams of others that tell how the camera moves.
+
+    Of all transforms only those are passed on that the camera hangs on; that from base to the
+    frame of its odometry only where no odometry tells it.
+
+    Args:
+        config: Where they come from.
+
+    Raises:
+        ConfigError: A key is not one.
+    """
+
+    def __init__(self, config: MotionConfig) -> None:
+        self.counters = Counter(dict.fromkeys(COUNTERS, 0)) if config.used else Counter[str]()
+        self._config = config
+        self._lineage = Lineage()
+        self._base: tuple[str, str] | None = None  # frames of odometry
+        self._heard = set[type[Message]]()
+        self._wheels = Wheels(config.wheels)
+        self.topics: Sequence[ForeignTopic] = tuple(self._topics()) if config.used else ()
+
+    def _topics(self) -> Sequence[ForeignTopic]:
+        config, store = self._config, ros2_types()
+        told = []
+        for name, kind, read in (
+            ("odometry", ODOMETRY, self._odometry),
+            ("joints", JOINTS, self._joints),
+        ):
+            text = getattr(config, name)
+            if text:
+                decode = Cdr(name, store, kind, read).decode
+                key = live_key(f"motion.{name}", text, "odom")
+                told.append(
+                    ForeignTopic(f"live_{name}", key, Odometry, 50, "queue", 256, "ROS", decode)
+                )
+        for number, text in enumerate(config.transforms):
+            key = live_key("motion.transforms", text, "tf")
+            stand = key.endswith("tf_static")
+            read_ = _standing if stand else _moving
+            decode_ = Cdr("transforms", store, TRANSFORMS, read_).decode
+            topic = f"live_transforms{number or ''}"
+            told.append(ForeignTopic(topic, key, ToldTransforms, 100, "queue", 256, "ROS", decode_))
+        return told
+
+    @property
+    def silent(self) -> list[str]:
+        """Keys on which nothing came so far."""
+        return [topic.key for topic in self.topics if topic.message not in self._heard]
+
+    def taken(self, message: Message, hangs_on: Sequence[str]) -> list[Message]:
+        """Return what a message of these streams tells of the camera.
+
+        Args:
+            message: As decoded.
+            hangs_on: Frames in which the camera was placed.
+        """
+        self._heard.add(type(message))
+        if isinstance(message, Odometry):
+            self._base = message.frame_id, message.child_frame_id
+            self.counters["live_odometry"] += 1
+            return [
+                msgspec.structs.replace(
+                    message,
+                    stamp_ns=self._shifted(message.stamp_ns),
+                    sequence=self.counters["live_odometry"] - 1,
+                )
+            ]
+        if not isinstance(message, ToldTransforms):
+            return []
+        for edge in message.edges:
+            self._lineage.add(frame_name(edge.parent), frame_name(edge.child))
+        above = {name for frame in hangs_on for name in self._lineage.above(frame)}
+        told: list[Message] = []
+        for edge in message.edges:
+            names = frame_name(edge.parent), frame_name(edge.child)
+            if names[1] not in above or names == self._base:
+                self.counters["other_transforms"] += 1
+                continue
+            try:
+                told.append(self._transform(edge, message.stand))
+            except DecodeError:
+                self.counters["bad_transforms"] += 1
+        return told
+
+    def _transform(self, edge: Edge, stand: bool) -> StaticTransform | MovingTransform:
+        if stand:
+            return static_transform(edge.parent, edge.child, edge.matrix)
+        if edge.stamp_ns == 0:
+            raise DecodeError("transform: expected a time in header.stamp, got 0")
+        moving = edge.moving(
+            self._shifted(edge.stamp_ns), sequence=self.counters["moving_transforms"]
+        )
+        self.counters["moving_transforms"] += 1
+        return moving
+
+    def _shifted(self, stamp_ns: int) -> int:
+        return stamp_ns + round(self._config.offset_s * 1e9)
+
+    def _odometry(self, message: Any) -> Odometry:
+        return odometry_of(message, _stamp_ns(message), 0)
+
+    def _joints(self, message: Any) -> Odometry:
+        return self._wheels.joints(message, _stamp_ns(message))
+
+
+def _standing(message: Any) -> ToldTransforms:
+    return ToldTransforms(stamp_ns=0, sequence=0, edges=_edges(message), stand=True)
+
+
+def _moving(message: Any) -> ToldTransforms:
+    return ToldTransforms(stamp_ns=0, sequence=0, edges=_edges(message), stand=False)
+
+
+def _edges(message: Any) -> tuple[Edge, ...]:
+    return tuple(edge for edge in edges_of(message) if edge.parent and edge.child)
+
+
+def _stamp_ns(message: Any) -> int:
+    stamp_ns = int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+    if stamp_ns == 0:
+        raise DecodeError("odometry: expected its time in header.stamp, got 0")
+    return stamp_ns

@@ -1,0 +1,160 @@
+"""What moves, as messages of ROS tell it: odometry, transforms over time, wheels."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from common.geometry.transforms import rotation_from_quaternion, transform_from
+from common.geometry.wheel_odometry import WheelConfig, WheelOdometry
+from people4d.errors import DecodeError
+from people4d.messages import F64, MovingTransform, Odometry
+from services.camera.calibration import frame_name
+
+CLIMB_MAX = 32  # transforms between a camera and the root of its tree
+FRAMES_MAX = 4096  # remembered, so that made-up names fill no memory
+
+
+class JointConfig(WheelConfig, frozen=True, kw_only=True):
+    """A base whose wheels are joints of sensor_msgs/JointState, or two topics of std_msgs."""
+
+    # Radians, as ROS tells joints; else what the encoder counts in one turn of the wheel
+    ticks_per_turn: float = math.tau
+    joints: tuple[str, str] = ("wheel_left_joint", "wheel_right_joint")  # names of left and right
+
+
+@dataclass(frozen=True)
+class Edge:
+    """One transform of a tf2_msgs/TFMessage, its names without slashes at their ends."""
+
+    parent: str
+    child: str
+    stamp_ns: int  # [ns] 0 if it has none
+    matrix: F64  # 4x4, parent_from_child
+
+    def moving(self, stamp_ns: int, sequence: int) -> MovingTransform:
+        """Return it as a message of ours.
+
+        Raises:
+            DecodeError: It cannot be one.
+        """
+        try:
+            return MovingTransform(
+                stamp_ns=stamp_ns,
+                sequence=sequence,
+                parent=frame_name(self.parent),
+                child=frame_name(self.child),
+                matrix=self.matrix,
+            )
+        except ValueError as error:
+            raise DecodeError(f"transform: {error}") from error
+
+
+def edges_of(message: Any) -> Iterator[Edge]:
+    """Yield the transforms of a tf2_msgs/TFMessage; what is none is left out."""
+    for item in message.transforms:
+        t, q, stamp = item.transform.translation, item.transform.rotation, item.header.stamp
+        try:
+            rotation = rotation_from_quaternion(q.x, q.y, q.z, q.w)
+        except ValueError:
+            continue
+        matrix = transform_from((t.x, t.y, t.z), rotation)
+        if np.all(np.isfinite(matrix)):
+            parent, child = item.header.frame_id.strip("/"), item.child_frame_id.strip("/")
+            yield Edge(parent, child, int(stamp.sec) * 10**9 + int(stamp.nanosec), matrix)
+
+
+class Lineage:
+    """Which frames a camera hangs on, by what transforms have told so far."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, str] = {}
+
+    def add(self, parent: str, child: str) -> None:
+        """Take that a frame lies in another."""
+        if len(self._parents) < FRAMES_MAX or child in self._parents:
+            self._parents[child] = parent
+
+    def above(self, frame: str) -> list[str]:
+        """Return a frame and all that it hangs on, nearest first."""
+        found = [frame]
+        while frame in self._parents and len(found) <= CLIMB_MAX:
+            frame = self._parents[frame]
+            if frame in found:  # a loop: not a tree
+                break
+            found.append(frame)
+        return found
+
+
+def odometry_of(message: Any, stamp_ns: int, sequence: int) -> Odometry:
+    """Read a nav_msgs Odometry.
+
+    Raises:
+        DecodeError: Its numbers cannot be used.
+    """
+    pose, twist = message.pose.pose, message.twist.twist
+    q = pose.orientation
+    yaw_rad = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
+    planar = np.ix_((0, 1, 5), (0, 1, 5))
+    covariance = np.array(message.pose.covariance, np.float64).reshape(6, 6)[planar]
+    try:
+        return Odometry(
+            stamp_ns=stamp_ns,
+            sequence=sequence,
+            frame_id=frame_name(message.header.frame_id),
+            child_frame_id=frame_name(message.child_frame_id),
+            x_m=pose.position.x,
+            y_m=pose.position.y,
+            theta_rad=yaw_rad,
+            covariance=covariance if np.any(covariance) else None,
+            twist=np.array([twist.linear.x, twist.linear.y, twist.angular.z]),
+        )
+    except ValueError as error:
+        raise DecodeError(f"odometry: {error}") from error
+
+
+class Wheels:
+    """Odometry of a base whose wheels are told as joints, or each as a number.
+
+    Args:
+        config: The base and the names of its joints.
+    """
+
+    def __init__(self, config: JointConfig) -> None:
+        self._config = config
+        self._odometry = WheelOdometry(config)
+        self._left: float | None = None
+
+    def joints(self, message: Any, stamp_ns: int) -> Odometry:
+        """Read a sensor_msgs/JointState.
+
+        Raises:
+            DecodeError: It lacks a wheel, or a number cannot be used.
+        """
+        found = dict(zip(message.name, message.position.tolist(), strict=False))
+        left, right = (found.get(name) for name in self._config.joints)
+        if left is None or right is None:
+            names = ", ".join(self._config.joints)
+            raise DecodeError(
+                f"joints: expected positions of {names}, got {list(message.name)!r:.80}"
+            )
+        return self._add(stamp_ns, left, right)
+
+    def side(self, is_left: bool, message: Any, stamp_ns: int) -> Odometry | None:
+        """Read a number of std_msgs; one of the right wheel follows the left wheel's.
+
+        Raises:
+            DecodeError: The number cannot be used.
+        """
+        value = float(message.data)
+        if is_left:
+            self._left = value
+            return None
+        return None if self._left is None else self._add(stamp_ns, self._left, value)
+
+    def _add(self, stamp_ns: int, left: float, right: float) -> Odometry:
+        if not (abs(left) < 2**53 and abs(right) < 2**53):  # NaN included
+            raise DecodeError(f"wheels: expected finite positions, got {left}, {right}")
+        return self._odometry.add(stamp_ns, left, right)

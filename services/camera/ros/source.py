@@ -1,0 +1,173 @@
+"""RGB-D frames from ROS 1 bags, ROS 2 bags and MCAP files, without ROS."""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from common.io.ros_bag import Bag
+from people4d.errors import DecodeError, SourceError
+from people4d.messages import Odometry
+from services.camera.folder.pairing import Pairing
+from services.camera.ros.bag_reader import open_bag
+from services.camera.ros.camera import RosbagOptions, read_camera
+from services.camera.ros.images import colour_image, depth_image
+from services.camera.ros.motion import Wheels, edges_of, odometry_of
+from services.camera.ros.topics import JOINTS, TRANSFORMS, Topics, find_topics
+from services.camera.source import Capture, Motion, Source
+
+NUMBER = re.compile(r"std_msgs/msg/(U?Int(8|16|32|64)|Float(32|64))")
+LOOSE_NS = 50_000_000  # pairs further apart are counted: a walking person moves by 7 cm
+
+Stamped = tuple[int, Any]  # stamp in nanoseconds and an image message
+
+
+class RosbagSource(Source):
+    """Plays the colour and depth images of a bag.
+
+    Args:
+        path: .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
+        options: Topics and the like.
+
+    Raises:
+        SourceError: The bag cannot be read, or lacks colour, depth or calibration.
+    """
+
+    def __init__(self, path: Path, options: RosbagOptions) -> None:
+        self.counters: Counter[str] = Counter()
+        self._path = path
+        self._slop_ns = int(options.sync_slop_s * 1e9)
+        self._options = options
+        with open_bag(path) as bag:
+            self.topics = find_topics(bag.types, _wanted(options))
+            camera = read_camera(bag, self.topics, options)
+            self._joints = _reads_joints(bag, options.wheel_topics)
+            self._tf = {topic for topic, kind in bag.types.items() if kind in TRANSFORMS}
+        self.info = camera.info
+        self.transforms = camera.mounting.transforms
+        self.registration = camera.registration
+        self._moving = frozenset(camera.mounting.moving)
+        self.moves = bool(self._moving)
+        if not self.moves:
+            self._tf = set()
+
+    def __iter__(self) -> Iterator[Capture | Motion]:
+        """Yield pairs of colour and depth, and what moves, in the order of the bag."""
+        pairing = Pairing[Stamped](self._slop_ns)
+        wheels, wheel_topics = Wheels(self._options.wheels), self._options.wheel_topics
+        told = wheel_topics or (self.topics.odometry,)
+        wanted = {self.topics.colour, self.topics.depth, *told, *self._tf} - {""}
+        before = Counter(self.counters)
+        # Opened here, by the thread that reads: SQLite insists.
+        with open_bag(self._path) as bag:
+            for topic, time_ns, message in bag.messages(wanted):
+                if topic in self._tf:
+                    yield from self._transforms(message, time_ns)
+                elif topic in wheel_topics:
+                    is_left = topic == wheel_topics[0]
+                    yield from self._wheels(wheels, message, time_ns, is_left)
+                elif topic == self.topics.odometry:
+                    yield from self._odometry(message, self._stamp(message, time_ns))
+                else:
+                    stamp_ns = self._stamp(message, time_ns)
+                    yield from self._captures(self._pair(pairing, topic, (stamp_ns, message)))
+                self.counters["bad_messages"] = before["bad_messages"] + bag.bad_messages
+                self.counters["unpaired"] = before["unpaired"] + pairing.unpaired
+            yield from self._captures(pairing.flush())
+            self.counters["unpaired"] = before["unpaired"] + pairing.unpaired
+
+    def _pair(
+        self, pairing: Pairing[Stamped], topic: str, image: Stamped
+    ) -> list[tuple[Stamped, Stamped]]:
+        stamp_ns, message = image
+        if self.topics.colour == self.topics.depth:
+            return [((stamp_ns, message.rgb), (stamp_ns, message.depth))]
+        return pairing.add("colour" if topic == self.topics.colour else "depth", stamp_ns, image)
+
+    def _captures(self, pairs: Iterable[tuple[Stamped, Stamped]]) -> Iterator[Capture]:
+        for (stamp_ns, colour), (depth_stamp_ns, depth) in pairs:
+            try:
+                rgb, depth_mm = colour_image(colour), depth_image(depth)
+                if self.registration:
+                    depth_mm = self.registration(depth_mm)
+            except (DecodeError, ValueError):  # ValueError: depth changed its size
+                self.counters["bad_images"] += 1
+                continue
+            if abs(stamp_ns - depth_stamp_ns) > LOOSE_NS:
+                self.counters["loose_pairs"] += 1
+            yield Capture(rgb, depth_mm, stamp_ns)
+
+    def _odometry(self, message: Any, stamp_ns: int) -> Iterator[Odometry]:
+        try:
+            odometry = odometry_of(message, stamp_ns, self.counters["odometry"])
+        except DecodeError:
+            self.counters["bad_odometry"] += 1
+            return
+        self.counters["odometry"] += 1
+        yield odometry
+
+    def _wheels(
+        self, wheels: Wheels, message: Any, time_ns: int, is_left: bool
+    ) -> Iterator[Odometry]:
+        try:
+            if self._joints:
+                told: Odometry | None = wheels.joints(message, self._stamp(message, time_ns))
+            else:  # a number has no stamp
+                told = wheels.side(is_left, message, time_ns)
+        except DecodeError:
+            self.counters["bad_odometry"] += 1
+            return
+        if told:
+            self.counters["odometry"] += 1
+            yield told
+
+    def _transforms(self, message: Any, time_ns: int) -> Iterator[Motion]:
+        for edge in edges_of(message):
+            if (edge.parent, edge.child) not in self._moving:
+                continue
+            parent = "map" if edge.parent == self._options.map_frame else edge.parent
+            stamp_ns, sequence = edge.stamp_ns or time_ns, self.counters["moving_transforms"]
+            try:
+                moved = replace(edge, parent=parent).moving(stamp_ns, sequence)
+            except DecodeError:
+                self.counters["bad_transforms"] += 1
+                continue
+            self.counters["moving_transforms"] += 1
+            yield moved
+
+    def _stamp(self, message: Any, time_ns: int) -> int:
+        """Return the stamp of the header; a driver that leaves it empty gets the bag's time."""
+        stamp = message.header.stamp
+        stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        if stamp_ns == 0:
+            self.counters["zero_stamps"] += 1
+        return stamp_ns or time_ns
+
+
+def _reads_joints(bag: Bag, topics: tuple[str, ...]) -> bool:
+    """Tell whether wheels are joints; else they are numbers.
+
+    Raises:
+        SourceError: They are neither.
+    """
+    kinds = [bag.types.get(topic, "absent") for topic in topics]
+    numbers = len(kinds) == 2 and all(NUMBER.fullmatch(kind) for kind in kinds)
+    if kinds and kinds != [JOINTS] and not numbers:
+        told = ", ".join(f"{topic} ({kind})" for topic, kind in zip(topics, kinds, strict=True))
+        raise SourceError(
+            f"wheel_topics: expected a topic of {JOINTS} or two of a number, got {told}",
+            "Numbers are of std_msgs, such as Int32; the left wheel comes first.",
+        )
+    return kinds == [JOINTS]
+
+
+def _wanted(options: RosbagOptions) -> Topics:
+    return Topics(
+        options.colour_topic,
+        options.depth_topic,
+        options.colour_info_topic,
+        options.depth_info_topic,
+        options.odometry_topic,
+    )

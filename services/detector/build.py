@@ -1,0 +1,16 @@
+"""Build the node of the service from its configuration."""
+
+from common.runtime.node import Node
+from services.detector.config import DetectorConfig
+from services.detector.models import PersonModel, load_model
+from services.detector.node import DetectorNode
+
+
+def build(config: DetectorConfig, model: PersonModel | None = None) -> Node:
+    """Make the detector; its model is loaded here, so that a missing one is told at start.
+
+    Args:
+        config: Its configuration.
+        model: What finds people; None: the configured model.
+    """
+    return DetectorNode(model or load_model(config), config)

@@ -1,0 +1,1 @@
+"""3D positions of detected people."""

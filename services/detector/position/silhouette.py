@@ -1,0 +1,112 @@
+"""A person's mask, grown in depth from the keypoints (method book section 8.2)."""
+
+import cv2
+import msgspec
+import numpy as np
+
+from people4d.messages import F32, F64, U8, U16, CameraInfo
+from services.detector.crops import cut_box
+from services.detector.models.base import InstanceMask, Person
+from services.detector.position.position import TORSO, read_depth
+
+PULL = 0.3  # part of the way from a torso keypoint to the torso's centre: off the outline
+FLOOD = 4 | cv2.FLOODFILL_MASK_ONLY | 1 << 8  # 4 neighbours, write 1 into the mask
+
+
+class GrowthRule(msgspec.Struct, frozen=True, kw_only=True):
+    """How a mask grows; step_min_m is the paper's, the rest suits the noise of a stereo camera."""
+
+    step_min_m: float = 0.01  # [m] neighbours whose depths differ by less belong together
+    step_per_m2: float = 0.01  # [1/m] the step grows to this times the squared distance; 0: fixed
+    reach_m: float = 0.4  # [m] pixels farther from the torso's depth do not belong to the person
+    confidence_min: float = 0.3  # keypoints must be more confident than this to be seeds, 0 to 1
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for name in ("step_min_m", "reach_m"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected > 0, got {getattr(self, name)}")
+        if not self.step_per_m2 >= 0:
+            raise ValueError(f"step_per_m2: expected >= 0, got {self.step_per_m2}")
+        if not 0 <= self.confidence_min < 1:
+            raise ValueError(f"confidence_min: expected 0 to below 1, got {self.confidence_min}")
+
+
+def grow_mask(
+    person: Person, depth_mm: U16, info: CameraInfo, rule: GrowthRule
+) -> InstanceMask | None:
+    """Return the connected surface that holds the torso's keypoints, inside the box.
+
+    Args:
+        person: With keypoints.
+        depth_mm: Depth image, 0 = no reading.
+        info: Calibration.
+        rule: How the mask grows.
+
+    Returns:
+        The mask in the window of the box; None if no keypoint inside box and image is confident and
+        validly read.
+
+    Source:
+        Method book section 8.2, with the component that holds the torso instead of the largest.
+    """
+    left, top, right, bottom = cut_box(person.box_xyxy_px, depth_mm.shape)
+    if person.keypoints is None or left >= right or top >= bottom:
+        return None
+    window_mm = depth_mm[top:bottom, left:right]
+    seeds = _seeds(person.keypoints, rule.confidence_min) - np.array([left, top])
+    seeds_m = read_depth(seeds, window_mm, info.max_depth_m, window_px=3)
+    if np.isnan(seeds_m).all():
+        return None
+    middle_m = float(np.nanmedian(seeds_m))
+    surface_m = fill_holes(window_mm).astype(np.float32) / np.float32(1000)
+    surface_m[(np.abs(surface_m - middle_m) > rule.reach_m) | (surface_m > info.max_depth_m)] = 0
+    step_m = max(rule.step_min_m, rule.step_per_m2 * middle_m**2)
+    mask = _flood(surface_m, seeds, step_m)
+    return InstanceMask(mask, x_px=left, y_px=top) if mask.any() else None
+
+
+def fill_holes(depth_mm: U16) -> U16:
+    """Set pixels without a reading to the median of the readings among their 8 neighbours.
+
+    Args:
+        depth_mm: Depth image, 0 = no reading.
+
+    Returns:
+        The filled image; pixels without any neighbour that was read stay 0.
+
+    Source:
+        Method book section 8.2.
+    """
+    read = (depth_mm > 0).astype(np.uint8)
+    rows, columns = np.nonzero((read == 0) & (cv2.dilate(read, np.ones((3, 3), np.uint8)) > 0))
+    padded = np.pad(depth_mm, 1)
+    around = np.stack([padded[rows + i, columns + j] for i in range(3) for j in range(3)], axis=1)
+    around.sort(axis=1)  # the readings come last, after the zeros
+    count, hole = np.count_nonzero(around, axis=1), np.arange(len(rows))
+    below = around[hole, 9 - count + (count - 1) // 2].astype(np.uint32)
+    above = around[hole, 9 - count + count // 2]
+    filled = depth_mm.copy()
+    filled[rows, columns] = (below + above) // 2
+    return filled
+
+
+def _seeds(keypoints: F32, confidence_min: float) -> F64:
+    """Return pixels on the body (Nx2): the confident torso keypoints, without them all others."""
+    pixels, confident = keypoints[:, :2].astype(np.float64), keypoints[:, 2] > confidence_min
+    if not confident[TORSO].any():
+        return pixels[confident]
+    pixels = pixels[TORSO][confident[TORSO]]
+    centre = pixels.mean(axis=0)
+    return np.vstack([pixels + (centre - pixels) * PULL, centre])
+
+
+def _flood(surface_m: F32, seeds: F64, step_m: float) -> U8:
+    """Return the pixels reached from the seeds in steps of depth below step_m; 0 is no surface."""
+    height, width = surface_m.shape
+    mask = np.zeros((height + 2, width + 2), np.uint8)
+    for u, v in np.rint(seeds).astype(int):
+        inside = 0 <= u < width and 0 <= v < height
+        if inside and surface_m[v, u] > 0 and not mask[v + 1, u + 1]:
+            cv2.floodFill(surface_m, mask, (int(u), int(v)), 1, step_m, step_m, FLOOD)
+    return mask[1:-1, 1:-1]

@@ -1,0 +1,1 @@
+"""Boxes of people followed by their colours."""

@@ -1,0 +1,1 @@
+"""Points of a body followed on its surface."""

@@ -1,0 +1,1 @@
+"""Steps from the trajectories of two feet."""

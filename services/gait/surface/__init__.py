@@ -1,0 +1,1 @@
+"""The surface of a body in the depth image."""

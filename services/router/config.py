@@ -1,0 +1,7 @@
+"""Configuration of the router."""
+
+import msgspec
+
+
+class RouterConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """Nothing to configure here: endpoints and access are in the Zenoh configuration."""

@@ -1,0 +1,1 @@
+"""Identities of people who return."""

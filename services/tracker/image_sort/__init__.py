@@ -1,0 +1,1 @@
+"""SORT in the image, corrected by odometry."""

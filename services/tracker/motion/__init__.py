@@ -1,0 +1,1 @@
+"""Motion models and filters of tracks."""

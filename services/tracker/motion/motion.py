@@ -1,0 +1,217 @@
+"""How people move and how well they are measured: constant velocity (method book section 3)."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from people4d.messages import F64
+from services.tracker.config import Sort3dConfig, StrongSort3dConfig
+from services.tracker.interface import Measurement
+from services.tracker.motion import kalman
+
+
+class Motion(Protocol):
+    """A linear motion model and its measurement model."""
+
+    H: F64  # mxn measurement matrix
+    position: list[int]  # where x, y, z stand in the state
+    velocity: list[int]  # where their velocities stand in the state
+
+    def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
+        """Move N states (Nxn, Nxnxn) ahead by dt_s seconds."""
+        ...
+
+    def measure(self, measurements: Sequence[Measurement]) -> F64:
+        """Return the measurement vectors z (Nxm)."""
+        ...
+
+    def noise(self, measurements: Sequence[Measurement]) -> F64:
+        """Return the measurement noise R (Nxmxm)."""
+        ...
+
+    def start(self, measurement: Measurement) -> tuple[F64, F64]:
+        """Return state (n) and covariance (nxn) of a person seen for the first time."""
+        ...
+
+
+def transition(size: int, position: list[int], velocity: list[int], dt_s: float) -> F64:
+    """Return F: each position gains dt times its velocity.
+
+    Args:
+        size: Length of the state.
+        position: Places of the positions in the state.
+        velocity: Places of their velocities, in the same order.
+        dt_s: Time step in seconds.
+    """
+    F = np.eye(size)
+    F[position, velocity] = dt_s
+    return F
+
+
+def acceleration_noise(dt_s: float, sigma_a: npt.ArrayLike) -> tuple[F64, F64, F64]:
+    """Return Q of piecewise-constant white acceleration: position, cross term and velocity.
+
+    Args:
+        dt_s: Time step in seconds.
+        sigma_a: Standard deviation of the acceleration, any shape.
+
+    Returns:
+        sigma_a^2 dt^4/4, sigma_a^2 dt^3/2 and sigma_a^2 dt^2, in the shape of sigma_a.
+    """
+    variance = np.square(np.asarray(sigma_a, np.float64))
+    return variance * dt_s**4 / 4, variance * dt_s**3 / 2, variance * dt_s**2
+
+
+def depth_factor(forward_m: npt.ArrayLike, max_depth_m: float) -> F64:
+    """Return 1 + x / max_depth, the growth of R with the distance to the camera."""
+    return 1.0 + np.maximum(np.asarray(forward_m, np.float64), 0.0) / max_depth_m
+
+
+def confidence_factor(score: npt.ArrayLike, floor: float) -> F64:
+    """Return 1 - c (NSA), not below a floor: a score of 1 would say that R is 0."""
+    return np.maximum(1.0 - np.asarray(score, np.float64), floor)
+
+
+def measured_noise(R_m2: F64, measurements: Sequence[Measurement], factor: float) -> F64:
+    """Return the noise of positions, Nx3x3: as the detector told it, else as given.
+
+    Args:
+        R_m2: Nx3x3, for measurements without a covariance.
+        measurements: N.
+        factor: By which covariances are multiplied.
+    """
+    told = [
+        R if m.covariance_m2 is None else factor * m.covariance_m2
+        for R, m in zip(R_m2, measurements, strict=True)
+    ]
+    return np.array(told).reshape(-1, 3, 3)
+
+
+class PointMotion:
+    """State x, y, z and their velocities; measured x, y, z (method book section 5)."""
+
+    position = [0, 1, 2]  # noqa: RUF012
+    velocity = [3, 4, 5]  # noqa: RUF012
+
+    def __init__(self, config: StrongSort3dConfig) -> None:
+        self._config = config
+        self.H = np.eye(3, 6)
+
+    def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
+        """Move states ahead."""
+        F = transition(6, self.position, self.velocity, dt_s)
+        Q = np.zeros((6, 6))
+        pp, pv, vv = acceleration_noise(dt_s, self._config.sigma_acceleration_mps2)
+        Q[self.position, self.position] = pp
+        Q[self.position, self.velocity] = Q[self.velocity, self.position] = pv
+        Q[self.velocity, self.velocity] = vv
+        return kalman.predict(x, P, F, Q)
+
+    def measure(self, measurements: Sequence[Measurement]) -> F64:
+        """Return the positions."""
+        return np.array([m.position_m for m in measurements]).reshape(-1, 3)
+
+    def noise(self, measurements: Sequence[Measurement]) -> F64:
+        """Return R, grown with depth and shrunk by the score (NSA)."""
+        factor = confidence_factor([m.score for m in measurements], self._config.nsa_floor)
+        return self._told(factor[:, None, None] * self._depth_noise(measurements), measurements)
+
+    def gate_noise(self, measurements: Sequence[Measurement]) -> F64:
+        """Return R, grown with depth only: StrongSORT gates without the score."""
+        return self._told(self._depth_noise(measurements), measurements)
+
+    def _depth_noise(self, measurements: Sequence[Measurement]) -> F64:
+        factor = depth_factor([m.forward_m for m in measurements], self._config.max_depth_m)
+        variance = self._config.sigma_measurement_m**2 * factor
+        return variance[:, None, None] * np.eye(3)
+
+    def _told(self, R: F64, measurements: Sequence[Measurement]) -> F64:
+        if self._config.noise == "measured":
+            R = measured_noise(R, measurements, self._config.noise_factor)
+        for R_k, measurement in zip(R, measurements, strict=True):
+            if measurement.doubt_m2 is not None:
+                R_k += measurement.doubt_m2
+        return R
+
+    def start(self, measurement: Measurement) -> tuple[F64, F64]:
+        """Begin where the person was measured, at rest but not sure of it."""
+        P = np.eye(6) * self._config.sigma_start_velocity_mps**2
+        P[:3, :3] = self.noise([measurement])[0]
+        return np.concatenate([measurement.position_m, np.zeros(3)]), P
+
+
+class BoxMotion:
+    """State u, v, s, r, x, y, z, du, dv, ds, dx, dy, dz (method book section 4).
+
+    u, v is the centre of the box, s its area and r its width over its height. Noise of the area is
+    relative to the area, since a near person's box changes by more pixels than a far one's.
+    """
+
+    position = [4, 5, 6]  # noqa: RUF012
+    velocity = [10, 11, 12]  # noqa: RUF012
+    _moving = [0, 1, 2, 4, 5, 6]  # noqa: RUF012
+    _speeds = [7, 8, 9, 10, 11, 12]  # noqa: RUF012
+
+    def __init__(self, config: Sort3dConfig) -> None:
+        self._config = config
+        self.H = np.eye(7, 13)
+
+    def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
+        """Move states ahead; an area that would vanish stops shrinking, as in SORT."""
+        x = x.copy()
+        x[x[:, 2] + dt_s * x[:, 9] <= 0, 9] = 0.0
+        F = transition(13, self._moving, self._speeds, dt_s)
+        return kalman.predict(x, P, F, self._process_noise(x[:, 2], dt_s))
+
+    def measure(self, measurements: Sequence[Measurement]) -> F64:
+        """Return u, v, s, r, x, y, z."""
+        boxes = np.array([m.box_xyxy_px for m in measurements], np.float64).reshape(-1, 4)
+        centre, (w, h) = (boxes[:, :2] + boxes[:, 2:]) / 2, (boxes[:, 2:] - boxes[:, :2]).T
+        points = np.array([m.position_m for m in measurements]).reshape(-1, 3)
+        return np.column_stack([centre, w * h, w / h, points])
+
+    def noise(self, measurements: Sequence[Measurement]) -> F64:
+        """Return R, constant but for the area."""
+        z = self.measure(measurements)
+        sigmas = np.empty_like(z)
+        sigmas[:, :2] = self._config.sigma_centre_px
+        sigmas[:, 2] = self._config.sigma_area_ratio * z[:, 2]
+        sigmas[:, 3] = self._config.sigma_aspect
+        sigmas[:, 4:] = self._config.sigma_measurement_m
+        R = np.square(sigmas)[:, :, None] * np.eye(7)
+        if self._config.noise == "measured":
+            R[:, 4:, 4:] = measured_noise(R[:, 4:, 4:], measurements, self._config.noise_factor)
+        return R
+
+    def start(self, measurement: Measurement) -> tuple[F64, F64]:
+        """Begin with what was measured, at rest but not sure of it."""
+        z, R = self.measure([measurement])[0], self.noise([measurement])[0]
+        config = self._config
+        sigmas = [config.sigma_start_centre_pxps] * 2
+        sigmas += [config.sigma_start_area_ratio_hz * z[2]] + [config.sigma_start_velocity_mps] * 3
+        P = np.zeros((13, 13))
+        P[:7, :7] = R
+        P[self._speeds, self._speeds] = np.square(sigmas)
+        return np.concatenate([z, np.zeros(6)]), P
+
+    def boxes(self, x: F64) -> F64:
+        """Return the boxes (Nx4, xyxy, pixels) of N states."""
+        width = np.sqrt(x[:, 2] * x[:, 3])
+        half = np.column_stack([width, x[:, 2] / width]) / 2
+        return np.column_stack([x[:, :2] - half, x[:, :2] + half])
+
+    def _process_noise(self, area_px2: F64, dt_s: float) -> F64:
+        config, ones = self._config, np.ones_like(area_px2)
+        centre = config.sigma_acceleration_pxps2 * ones
+        area = config.sigma_acceleration_area_ratio * area_px2
+        person = config.sigma_acceleration_mps2 * ones
+        sigmas = np.column_stack([centre, centre, area, person, person, person])
+        pp, pv, vv = acceleration_noise(dt_s, sigmas)
+        Q = np.zeros((len(area_px2), 13, 13))
+        Q[:, self._moving, self._moving] = pp
+        Q[:, self._moving, self._speeds] = Q[:, self._speeds, self._moving] = pv
+        Q[:, self._speeds, self._speeds] = vv
+        Q[:, 3, 3] = config.sigma_aspect_drift**2 * dt_s
+        return Q

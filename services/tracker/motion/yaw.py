@@ -1,0 +1,200 @@
+"""Which way people face: filtered from keypoints, or taken from how they walk."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from common.geometry.transforms import wrap
+from people4d.messages import F64
+from services.tracker.config import TrackerConfig, YawFilterConfig
+from services.tracker.interface import Measurement
+from services.tracker.motion import kalman
+from services.tracker.motion.motion import acceleration_noise
+
+
+@dataclass(frozen=True, slots=True)
+class YawState:
+    """What is known of one person's yaw."""
+
+    x: F64  # 2: psi in radians, wrapped, and dpsi in radians a second
+    P: F64  # 2x2 covariance
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One measured angle."""
+
+    rad: float | None  # [rad] None if there is none
+    variance: float  # [rad^2]
+
+
+States = Sequence[YawState | None]  # one for each person, None: nothing is known
+
+
+class Yaw(Protocol):
+    """Says which way people face."""
+
+    def predict(self, states: States, dt_s: float) -> list[YawState | None]:
+        """Move states ahead by dt_s seconds."""
+        ...
+
+    def update(
+        self, states: States, measurements: Sequence[Measurement], velocities_mps: F64
+    ) -> list[YawState | None]:
+        """Correct each state with one measurement, which may tell nothing of the yaw.
+
+        Args:
+            states: N states.
+            measurements: N measurements.
+            velocities_mps: Nx3, how the people move.
+        """
+        ...
+
+    def read(self, state: YawState | None, velocity_mps: F64) -> float | None:
+        """Return the yaw (radians) of a person with a state and a velocity; None if unknown."""
+        ...
+
+
+def make_yaw(config: TrackerConfig) -> Yaw:
+    """Return the configured way to tell the yaw."""
+    if config.yaw == "keypoints":
+        return KeypointYaw(config.yaw_filter)
+    return VelocityYaw(config.yaw_speed_min_mps if config.yaw == "velocity" else math.inf)
+
+
+class VelocityYaw:
+    """The direction of the velocity: yaw = atan2(v_y, v_x) (method book section 4, eq. 4.9).
+
+    Args:
+        speed_min_mps: A slower person has no yaw.
+    """
+
+    def __init__(self, speed_min_mps: float) -> None:
+        self._speed_min_mps = speed_min_mps
+
+    def predict(self, states: States, dt_s: float) -> list[YawState | None]:  # noqa: ARG002
+        """Keep the states: the velocity is all that counts."""
+        return list(states)
+
+    def update(
+        self,
+        states: States,
+        measurements: Sequence[Measurement],  # noqa: ARG002
+        velocities_mps: F64,  # noqa: ARG002
+    ) -> list[YawState | None]:
+        """Keep the states: the velocity is all that counts."""
+        return list(states)
+
+    def read(self, state: YawState | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
+        """Return the direction of the velocity; None if the person stands."""
+        v_x, v_y = float(velocity_mps[0]), float(velocity_mps[1])
+        speed_mps = math.hypot(v_x, v_y)
+        stands = speed_mps == 0 or speed_mps < self._speed_min_mps
+        return None if stands else wrap(math.atan2(v_y, v_x))
+
+
+class KeypointYaw:
+    """A Kalman filter on psi and dpsi, constant velocity, wrapped innovation (section 6).
+
+    The first measurement begins the state; without one the state is predicted. Where so configured,
+    the way a person walks is a second, weaker measurement.
+    """
+
+    def __init__(self, config: YawFilterConfig) -> None:
+        self._config = config
+        self._walk = VelocityYaw(config.walk_speed_min_mps)
+        self._H = np.eye(1, 2)
+
+    def predict(self, states: States, dt_s: float) -> list[YawState | None]:
+        """Turn everyone on at their own rate; the uncertainty grows."""
+        known = [state for state in states if state is not None]
+        if not known:
+            return list(states)
+        x, P = kalman.predict(*_stack(known), self._transition(dt_s), self._noise(dt_s))
+        moved = iter(_unstack(x, P))
+        return [None if state is None else next(moved) for state in states]
+
+    def update(
+        self, states: States, measurements: Sequence[Measurement], velocities_mps: F64
+    ) -> list[YawState | None]:
+        """Correct who was measured, begin who was measured for the first time."""
+        seen = [Reading(m.yaw_rad, self._variance(m)) for m in measurements]
+        after = self._correct(states, seen)
+        variance = self._config.sigma_walk_rad**2
+        if variance == math.inf:
+            return after
+        walks = [Reading(self._walk.read(None, v), variance) for v in velocities_mps]
+        return self._correct(after, walks)
+
+    def _correct(self, states: States, readings: Sequence[Reading]) -> list[YawState | None]:
+        after, known = list(states), list[tuple[int, YawState, Reading]]()
+        for index, (state, reading) in enumerate(zip(states, readings, strict=True)):
+            if reading.rad is None or not math.isfinite(reading.rad):
+                continue
+            if state is None:
+                after[index] = self._start(reading.rad, reading.variance)
+            else:
+                known.append((index, state, reading))
+        if known:
+            x, P = _stack([state for _, state, _ in known])
+            psi = x[:, :1]
+            y = _wrap(np.array([[reading.rad] for *_, reading in known]) - psi)
+            R = np.array([reading.variance for *_, reading in known])
+            R = self._damped(y[:, 0], P[:, 0, 0], R)
+            corrected = _unstack(*kalman.update(x, P, psi + y, self._H, R[:, None, None]))
+            for (index, _, _), state in zip(known, corrected, strict=True):
+                after[index] = state
+        return after
+
+    def read(self, state: YawState | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
+        """Return psi."""
+        return None if state is None else wrap(float(state.x[0]))
+
+    def _transition(self, dt_s: float) -> F64:
+        """Return F; a rate that decays with time constant tau turns by tau (1 - exp(-dt/tau))."""
+        tau_s = self._config.rate_decay_s
+        kept = math.exp(-dt_s / tau_s)
+        return np.array([[1.0, dt_s if kept == 1 else tau_s * (1 - kept)], [0.0, kept]])
+
+    def _noise(self, dt_s: float) -> F64:
+        pp, pv, vv = acceleration_noise(dt_s, self._config.sigma_acceleration_radps2)
+        return np.array([[pp, pv], [pv, vv]])
+
+    def _damped(self, y: F64, variance: F64, R: F64) -> F64:
+        """Return R (N), raised where it takes that to keep y within outlier_sigmas of sqrt(S).
+
+        Args:
+            y: N innovations.
+            variance: N variances of the predictions.
+            R: N variances of the measurements.
+        """
+        return np.maximum(R, np.square(y / self._config.outlier_sigmas) - variance)
+
+    def _start(self, psi_rad: float, variance: float) -> YawState:
+        """Begin as measured, turning nowhere but not sure of it."""
+        rate = self._config.sigma_start_rate_radps**2
+        return YawState(_wrap(np.array([psi_rad, 0.0])), np.diag([variance, rate]))
+
+    def _variance(self, measurement: Measurement) -> float:
+        """Return R: one constant, or the measurement's own variance."""
+        own_rad = measurement.yaw_sigma_rad if self._config.measured_sigma else None
+        return (own_rad or self._config.sigma_measurement_rad) ** 2
+
+
+def _wrap(angles_rad: F64) -> F64:
+    """Return angles in -pi to pi."""
+    return np.arctan2(np.sin(angles_rad), np.cos(angles_rad))
+
+
+def _stack(states: Sequence[YawState]) -> tuple[F64, F64]:
+    """Return the states (Nx2) and covariances (Nx2x2) of N people."""
+    return np.array([s.x for s in states]), np.array([s.P for s in states])
+
+
+def _unstack(x: F64, P: F64) -> list[YawState]:
+    """Return N states, psi wrapped."""
+    x = np.column_stack([_wrap(x[:, 0]), x[:, 1]])
+    return [YawState(*state) for state in zip(x, P, strict=True)]

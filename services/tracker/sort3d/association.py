@@ -1,0 +1,117 @@
+"""Which detection belongs to which track: distances, gates and the assignment.
+
+In a cost matrix rows are tracks and columns detections; +inf marks a pair that may not be matched.
+"""
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from people4d.messages import F64
+
+T = TypeVar("T")
+D = TypeVar("D")
+
+
+def assign(cost: F64, miss: float = np.inf) -> list[tuple[int, int]]:
+    """Match admissible pairs at the least sum of costs (Hungarian method).
+
+    Args:
+        cost: NxM, +inf for inadmissible pairs.
+        miss: What it costs to leave a track without a detection. Infinity: as many pairs as
+            possible are matched, however dear. Else a good pair is not broken up to give those it
+            leaves over a bad match each, if these two cost more than the pair and a miss.
+
+    Returns:
+        Matched pairs (row, column), ordered by row.
+    """
+    admissible = np.isfinite(cost)
+    if not admissible.any():
+        return []
+    least = cost[admissible].min()
+    spread = cost[admissible].max() - least
+    # Dearer than all pairs together, so that giving up an admissible pair never pays.
+    forbidden = min((spread + 1.0) * (min(cost.shape) + 1), miss - least)
+    # A pair dearer than a miss, and without a rival, is still a match.
+    costs = np.where(admissible, cost - least, 0.0)
+    costs = np.minimum(costs, forbidden - 1e-6 + 1e-9 * costs)
+    rows, columns = linear_sum_assignment(np.where(admissible, costs, forbidden))
+    return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if admissible[i, j]]
+
+
+def associate(
+    cost: F64, tracks: Sequence[T], detections: Sequence[D], miss: float = np.inf
+) -> tuple[list[tuple[T, D]], list[T], list[D]]:
+    """Return matched pairs, the tracks left over and the detections left over."""
+    pairs = assign(cost, miss)
+    rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
+    return (
+        [(tracks[i], detections[j]) for i, j in pairs],
+        [track for i, track in enumerate(tracks) if i not in rows],
+        [detection for j, detection in enumerate(detections) if j not in columns],
+    )
+
+
+def certainties(cost: F64, temperature: float) -> F64:
+    """Return the share (NxM, 0 to 1) of each pair among all that use its track or its detection.
+
+    A pair of cost c has the weight exp(-c / temperature), an inadmissible one none.
+
+    Args:
+        cost: NxM, +inf for inadmissible pairs.
+        temperature: Cost that makes a pair e times less likely.
+    """
+    logs = -cost / temperature
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        row = np.logaddexp.reduce(logs, axis=1, keepdims=True)
+        column = np.logaddexp.reduce(logs, axis=0, keepdims=True)
+        # The weights of the row and of the column over the pair's own, itself counted in both.
+        odds = np.exp(row - logs) + np.exp(column - logs) - 1.0
+    shares: F64 = np.where(np.isfinite(cost), 1.0 / odds, 0.0)
+    return shares
+
+
+def distances(a_m: F64, b_m: F64) -> F64:
+    """Return the Euclidean distance (NxM, metres) of each of N points to each of M points."""
+    gap: F64 = np.linalg.norm(a_m[:, None] - b_m[None], axis=-1)
+    return gap
+
+
+def min_max(values: F64) -> F64:
+    """Scale values to 0 to 1; all 0 if they are equal or none (method book section 4)."""
+    if not values.size:
+        return values
+    least = values.min()
+    spread = values.max() - least
+    return (values - least) / spread if spread > 0 else np.zeros_like(values)
+
+
+def adaptive_gate(previous_m: F64, sigmas: float = 1.6) -> float:
+    """Return tau = mu + 1.6 sigma of the distances of the previous frame (method book section 4).
+
+    Args:
+        previous_m: All track-to-detection distances of the previous frame, metres.
+        sigmas: Standard deviations above the mean.
+
+    Returns:
+        Largest distance in metres; infinity if the previous frame had no pair.
+    """
+    return float(previous_m.mean() + sigmas * previous_m.std()) if previous_m.size else np.inf
+
+
+def cosine_distances(a: Sequence[F64 | None], b: Sequence[F64 | None]) -> F64:
+    """Return 1 - a.b (0 to 2) of each pair of embeddings, NaN where one is unknown.
+
+    Args:
+        a: N unit vectors of one length, None where unknown.
+        b: M unit vectors of the same length, None where unknown.
+    """
+    length = next((len(v) for v in (*a, *b) if v is not None), 0)
+    blank = np.zeros(length)
+    left = np.array([blank if v is None else v for v in a]).reshape(len(a), length)
+    right = np.array([blank if v is None else v for v in b]).reshape(len(b), length)
+    known = np.outer([v is not None for v in a], [v is not None for v in b])
+    apart: F64 = np.where(known, np.clip(1.0 - left @ right.T, 0.0, 2.0), np.nan)
+    return apart

@@ -1,0 +1,1 @@
+"""StrongSORT-3D and the policies around it."""

@@ -1,0 +1,218 @@
+"""Small ROS bags, written with the ROS types of their distribution."""
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+
+from services.camera.ros.bag_reader import ros1_types, ros2_types
+
+COLOUR, DEPTH = "/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw"
+INFO, ODOMETRY, TF = "/camera/color/camera_info", "/odom", "/tf_static"
+FRAME = "camera_color_optical_frame"
+SIZE = (6, 8)  # height and width of the images
+
+Entry = tuple[str, str, int, Any]  # topic, type, time in nanoseconds, message
+
+
+class Ros:
+    """Makes messages of ROS 1 or ROS 2 and writes them to a bag."""
+
+    def __init__(self, version: int) -> None:
+        self.version = version
+        self.store = ros1_types() if version == 1 else ros2_types()
+
+    def make(self, kind: str, **fields: Any) -> Any:
+        return self.store.types[kind](**fields)
+
+    def header(self, stamp_ns: int, frame: str = FRAME) -> Any:
+        stamp = self.make(
+            "builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9
+        )
+        extra = {"seq": 0} if self.version == 1 else {}
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **extra)
+
+    def image(
+        self,
+        pixels: npt.NDArray[Any],
+        encoding: str,
+        stamp_ns: int = 0,
+        padding: int = 0,
+        frame: str = FRAME,
+    ) -> Any:
+        """Make an Image; big-endian if the pixels are, each row followed by padding bytes."""
+        rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
+        rows = np.pad(rows, ((0, 0), (0, padding)), constant_values=170)
+        return self.make(
+            "sensor_msgs/msg/Image",
+            header=self.header(stamp_ns, frame),
+            height=pixels.shape[0],
+            width=pixels.shape[1],
+            encoding=encoding,
+            is_bigendian=int(pixels.dtype.byteorder == ">"),
+            step=rows.shape[1],
+            data=rows.reshape(-1),
+        )
+
+    def compressed(self, data: bytes, layout: str, stamp_ns: int = 0) -> Any:
+        return self.make(
+            "sensor_msgs/msg/CompressedImage",
+            header=self.header(stamp_ns),
+            format=layout,
+            data=np.frombuffer(data, np.uint8),
+        )
+
+    def camera_info(
+        self,
+        fx: float = 10.0,
+        distortion: Sequence[float] = (),
+        model: str = "plumb_bob",
+        frame: str = FRAME,
+    ) -> Any:
+        height, width = SIZE
+        matrix = np.array([fx, 0, width / 2, 0, fx, height / 2, 0, 0, 1.0])
+        upper = {
+            "d": np.array(distortion, np.float64),
+            "k": matrix,
+            "r": np.eye(3).ravel(),
+            "p": np.zeros(12),
+        }
+        names = {name.upper(): value for name, value in upper.items()}
+        roi = self.make(
+            "sensor_msgs/msg/RegionOfInterest",
+            x_offset=0,
+            y_offset=0,
+            height=0,
+            width=0,
+            do_rectify=False,
+        )
+        return self.make(
+            "sensor_msgs/msg/CameraInfo",
+            header=self.header(0, frame),
+            height=height,
+            width=width,
+            distortion_model=model,
+            binning_x=0,
+            binning_y=0,
+            roi=roi,
+            **(names if self.version == 1 else upper),
+        )
+
+    def transform(
+        self, parent: str, child: str, xyz: Sequence[float], xyzw: Sequence[float]
+    ) -> Any:
+        x, y, z = xyz
+        qx, qy, qz, qw = xyzw
+        make = self.make
+        item = make(
+            "geometry_msgs/msg/TransformStamped",
+            header=self.header(0, parent),
+            child_frame_id=child,
+            transform=make(
+                "geometry_msgs/msg/Transform",
+                translation=make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+                rotation=make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+            ),
+        )
+        return make("tf2_msgs/msg/TFMessage", transforms=[item])
+
+    def odometry(self, x: float, y: float, yaw_rad: float, stamp_ns: int) -> Any:
+        make = self.make
+        zero = make("geometry_msgs/msg/Vector3", x=0.5, y=0.0, z=0.0)
+        turn = make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.25)
+        pose = make(
+            "geometry_msgs/msg/Pose",
+            position=make("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
+            orientation=make(
+                "geometry_msgs/msg/Quaternion",
+                x=0.0,
+                y=0.0,
+                z=float(np.sin(yaw_rad / 2)),
+                w=float(np.cos(yaw_rad / 2)),
+            ),
+        )
+        covariance = np.zeros((6, 6))
+        covariance[[0, 1, 5], [0, 1, 5]] = 0.1, 0.2, 0.3
+        return make(
+            "nav_msgs/msg/Odometry",
+            header=self.header(stamp_ns, "odom"),
+            child_frame_id="base_link",
+            pose=make(
+                "geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=covariance.ravel()
+            ),
+            twist=make(
+                "geometry_msgs/msg/TwistWithCovariance",
+                twist=make("geometry_msgs/msg/Twist", linear=zero, angular=turn),
+                covariance=np.zeros(36),
+            ),
+        )
+
+    def write(self, path: Path, entries: Sequence[Entry]) -> Path:
+        """Write a bag: one file for ROS 1, else a folder; its storage is MCAP if named so."""
+        if self.version == 1:
+            with Writer1(path) as writer1:
+                links1 = {
+                    topic: writer1.add_connection(topic, kind, typestore=self.store)
+                    for topic, kind in {entry[0]: entry[1] for entry in entries}.items()
+                }
+                for topic, kind, time_ns, message in entries:
+                    raw = self.store.serialize_ros1(message, kind)
+                    writer1.write(links1[topic], time_ns, bytes(raw))
+            return path
+        storage = StoragePlugin.MCAP if "mcap" in path.name else StoragePlugin.SQLITE3
+        with Writer2(path, version=9, storage_plugin=storage) as writer2:
+            links2 = {
+                topic: writer2.add_connection(topic, kind, typestore=self.store)
+                for topic, kind in {entry[0]: entry[1] for entry in entries}.items()
+            }
+            for topic, kind, time_ns, message in entries:
+                writer2.write(
+                    links2[topic], time_ns, bytes(self.store.serialize_cdr(message, kind))
+                )
+        return path
+
+
+IMAGE_TYPE = "sensor_msgs/msg/Image"
+
+
+def rgb(value: int = 0) -> npt.NDArray[np.uint8]:
+    """An image whose red is `value`, green the column and blue the row."""
+    image = np.zeros((*SIZE, 3), np.uint8)
+    image[..., 0] = value
+    image[..., 1] = np.arange(SIZE[1])
+    image[..., 2] = np.arange(SIZE[0])[:, None]
+    return image
+
+
+def depth_mm(value: int = 1000) -> npt.NDArray[np.uint16]:
+    """A plane with a hole in its first pixel."""
+    depth = np.full(SIZE, value, np.uint16)
+    depth[0, 0] = 0
+    return depth
+
+
+def frames(ros: Ros, count: int = 3, shift_ns: int = 4_000_000) -> list[Entry]:
+    """Colour at 0, 100, 200 ms after 1 s, depth each time later by a shift."""
+    entries: list[Entry] = [
+        (INFO, "sensor_msgs/msg/CameraInfo", 10**9, ros.camera_info(distortion=(0.1, 0, 0, 0, 0)))
+    ]
+    for k in range(count):
+        stamp_ns = 10**9 + k * 10**8
+        colour = ros.image(rgb(k), "rgb8", stamp_ns)
+        depth = ros.image(depth_mm(1000 + k), "16UC1", stamp_ns + shift_ns)
+        entries.append((COLOUR, IMAGE_TYPE, stamp_ns, colour))
+        entries.append((DEPTH, IMAGE_TYPE, stamp_ns + shift_ns, depth))
+    return entries
+
+
+def compressed_depth(inverse: npt.NDArray[np.uint16], a: float, b: float) -> bytes:
+    """PNG with the header of compressed_depth_image_transport."""
+    _, png = cv2.imencode(".png", inverse)
+    return struct.pack("<iff", 0, a, b) + png.tobytes()

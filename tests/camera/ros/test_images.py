@@ -1,0 +1,128 @@
+"""Encodings of sensor_msgs images."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from people4d.errors import DecodeError
+from services.camera.ros.images import colour_image, depth_image, millimetres
+from tests.camera.ros.bags import SIZE, Ros, compressed_depth, depth_mm, rgb
+
+ROS = Ros(2)
+
+
+def with_alpha(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    return np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
+
+
+@pytest.mark.parametrize("padding", [0, 5])
+@pytest.mark.parametrize(
+    ("encoding", "pixels"),
+    [
+        ("rgb8", rgb(7)),
+        ("bgr8", rgb(7)[..., ::-1]),
+        ("rgba8", with_alpha(rgb(7))),
+        ("bgra8", with_alpha(rgb(7)[..., ::-1].copy())),
+    ],
+)
+def test_colour_encodings_give_red_first(
+    encoding: str, pixels: npt.NDArray[np.uint8], padding: int
+) -> None:
+    image = colour_image(ROS.image(pixels, encoding, padding=padding))
+    assert image.flags.c_contiguous
+    assert np.array_equal(image, rgb(7))
+
+
+def test_mono_is_spread_over_three_channels() -> None:
+    grey = rgb()[..., 1]
+    image = colour_image(ROS.image(grey, "mono8", padding=3))
+    assert np.array_equal(image, np.dstack([grey] * 3))
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("padding", [0, 6])
+def test_depth_in_millimetres_of_either_byte_order(order: str, padding: int) -> None:
+    pixels = depth_mm(3001).astype(f"{order}u2")
+    assert np.array_equal(depth_image(ROS.image(pixels, "16UC1", padding=padding)), depth_mm(3001))
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_depth_in_metres_without_reading_is_zero(order: str) -> None:
+    # 1.2344 m = 1234.4 mm -> 1234; NaN, infinite, negative and beyond 65.535 m -> 0.
+    metres = np.array([[1.2344, 1.2346, np.nan, np.inf, -np.inf, -1, 0, 65.535, 65.6]])
+    pixels = metres.astype(f"{order}f4")
+    image = depth_image(ROS.image(pixels, "32FC1"))
+    assert image.tolist() == [[1234, 1235, 0, 0, 0, 0, 0, 65535, 0]]
+
+
+def test_jpeg_and_png_colour() -> None:
+    _, png = cv2.imencode(".png", rgb(7)[..., ::-1])
+    assert np.array_equal(colour_image(ROS.compressed(png.tobytes(), "rgb8; png")), rgb(7))
+    plain = np.full((16, 16, 3), (10, 200, 30), np.uint8)
+    _, jpeg = cv2.imencode(".jpg", plain[..., ::-1])
+    found = colour_image(ROS.compressed(jpeg.tobytes(), "rgb8; jpeg compressed bgr8"))
+    assert np.abs(found.astype(int) - plain).max() < 8
+
+
+def test_compressed_depth_in_millimetres() -> None:
+    data = compressed_depth(depth_mm(2500), 0.0, 0.0)
+    found = depth_image(ROS.compressed(data, "16UC1; compressedDepth png"))
+    assert np.array_equal(found, depth_mm(2500))
+    _, png = cv2.imencode(".png", depth_mm(2500))
+    found = depth_image(ROS.compressed(png.tobytes(), "16UC1; png compressed "))
+    assert np.array_equal(found, depth_mm(2500))
+
+
+def test_compressed_depth_in_metres_is_quantised_inversely() -> None:
+    # compressed_depth_image_transport: inverse = a / depth + b, so depth = a / (inverse - b).
+    # a = 2000, b = -100: inverse 900 is 2000 / 1000 = 2 m, inverse 400 is 2000 / 500 = 4 m.
+    inverse = np.array([[0, 900, 400]], np.uint16)
+    data = compressed_depth(inverse, 2000.0, -100.0)
+    found = depth_image(ROS.compressed(data, "32FC1; compressedDepth"))
+    assert found.tolist() == [[0, 2000, 4000]]
+
+
+def cut(message: Any) -> Any:
+    return ROS.make(
+        "sensor_msgs/msg/Image",
+        header=message.header,
+        height=message.height,
+        width=message.width,
+        encoding=message.encoding,
+        is_bigendian=message.is_bigendian,
+        step=message.step,
+        data=message.data[:-1],
+    )
+
+
+def test_bad_images_are_refused_with_expected_and_got() -> None:
+    with pytest.raises(DecodeError, match="expected 144 bytes, got 143"):
+        colour_image(cut(ROS.image(rgb(), "rgb8")))
+    with pytest.raises(DecodeError, match=r"expected rows of 24 bytes, got 6 of 16"):
+        colour_image(ROS.image(depth_mm(), "rgb8"))
+    with pytest.raises(DecodeError, match="got 'bayer_rggb8'"):
+        colour_image(ROS.image(rgb(), "bayer_rggb8"))
+    with pytest.raises(DecodeError, match="expected encoding 16UC1"):
+        depth_image(ROS.image(rgb(), "rgb8"))
+    for data in (b"", b"\xff\xd8\xff junk", b"\x89PNG\r\n\x1a\n"):
+        with pytest.raises(DecodeError, match="corrupt"):
+            colour_image(ROS.compressed(data, "jpeg"))
+    with pytest.raises(DecodeError, match="RVL is not supported"):
+        depth_image(ROS.compressed(b"0123456789ab0000", "16UC1; compressedDepth rvl"))
+    _, png = cv2.imencode(".png", rgb())
+    with pytest.raises(DecodeError, match="expected 16 bits grey"):
+        depth_image(ROS.compressed(png.tobytes(), "16UC1; png"))
+
+
+def test_last_row_may_lack_its_padding() -> None:
+    message = ROS.image(depth_mm(), "16UC1", padding=1)
+    assert np.array_equal(depth_image(cut(message)), depth_mm())
+
+
+def test_millimetres_leaves_its_input_alone() -> None:
+    metres = np.full(SIZE, np.nan, np.float32)
+    metres.setflags(write=False)
+    assert not millimetres(metres).any()

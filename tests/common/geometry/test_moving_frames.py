@@ -1,0 +1,138 @@
+"""Frames on a base that drives, worked by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from common.geometry.moving_frames import MovingFrames, matrix_of
+from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
+from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
+
+CAMERA = "front_optical_frame"
+
+
+def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
+    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+
+
+def shift(x: float, y: float = 0.0, z: float = 0.0) -> F64:
+    return transform_from([x, y, z], np.eye(3))
+
+
+def odometry(at_ms: int, x_m: float, theta_deg: float = 0.0) -> Odometry:
+    return Odometry(
+        stamp_ns=at_ms * 1_000_000,
+        sequence=at_ms,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x_m=x_m,
+        y_m=0.0,
+        theta_rad=math.radians(theta_deg),
+    )
+
+
+def frames(*messages: StaticTransform | MovingTransform | Odometry) -> MovingFrames:
+    made = MovingFrames(TrailConfig())
+    for message in messages:
+        made.add(message)
+    return made
+
+
+MOUNT = fixed("base_link", CAMERA, shift(0.2, 0.0, 1.0) @ LINK_FROM_OPTICAL)
+
+
+def test_someone_who_stands_still_stays_in_place_while_the_robot_turns() -> None:
+    # Map's origin is 1 m behind odom's. The camera is 0.2 m before the base, 1 m high. A person
+    # 3 m before the base at the start: optical (0, 0, 2.8), in map (4, 0, 1). Half-way through a
+    # turn of 60 degrees to the left the person is seen 30 degrees to the right of the base.
+    made = frames(MOUNT, fixed("map", "odom", shift(1)), odometry(0, 0), odometry(100, 0, 60))
+    for at_ms, turned_deg in ((0, 0), (50, 30), (100, 60)):
+        angle = math.radians(turned_deg)
+        forward, right = 3 * math.cos(angle), 3 * math.sin(angle)
+        placement = made.find("map", CAMERA, at_ms * 1_000_000)
+        assert placement is not None
+        assert not placement.is_guess
+        seen = [right, 0.0, forward - 0.2]
+        assert apply(placement.matrix, seen) == pytest.approx(np.array([4.0, 0.0, 1.0]))
+
+
+def test_both_directions_are_known() -> None:
+    made = frames(odometry(0, 2.0))
+    placement = made.find("base_link", "odom", 0)
+    assert placement is not None
+    np.testing.assert_allclose(placement.matrix, shift(-2))
+
+
+def test_what_does_not_move_needs_no_time() -> None:
+    made = frames(MOUNT, odometry(1000, 5.0))
+    placement = made.find("base_link", CAMERA, 0)
+    assert placement is not None
+    np.testing.assert_array_equal(placement.matrix, MOUNT.matrix)
+    assert made.find("odom", CAMERA, 0) is None  # before the first sample
+    assert made.find("map", CAMERA, 0) is None  # nobody tells where odom lies
+
+
+def test_a_frame_waits_for_the_odometry_of_its_time_only_where_it_counts() -> None:
+    made = frames(MOUNT, odometry(100, 0))
+    assert made.waits("odom", CAMERA, 101_000_000)
+    assert not made.waits("odom", CAMERA, 100_000_000)
+    assert not made.waits("base_link", CAMERA, 101_000_000)
+    assert not made.waits("map", CAMERA, 101_000_000)
+
+
+def head(at_ms: int, matrix: F64) -> MovingTransform:
+    return MovingTransform(
+        stamp_ns=at_ms * 1_000_000, sequence=0, parent="base_link", child="head", matrix=matrix
+    )
+
+
+def turned(yaw_deg: float, pitch_deg: float) -> F64:
+    angles = math.radians(pitch_deg), math.radians(yaw_deg)
+    return transform_from([0.0, 0.0, 1.0], rotation_from_rpy(0.0, *angles))
+
+
+def test_a_camera_on_a_head_that_pans_and_tilts_on_a_base_that_drives() -> None:
+    # Half-way between two times the base is at x = 0.2, the head 1 m above it has panned 45 degrees
+    # to the left: what is 2 m before the camera is at 0.2 + sqrt 2, sqrt 2 and 1 m high.
+    made = frames(
+        fixed("head", CAMERA, LINK_FROM_OPTICAL),
+        odometry(0, 0.0),
+        odometry(200, 0.4),
+        head(0, turned(0, 0)),
+        head(200, turned(90, 0)),
+    )
+    placement = made.find("odom", CAMERA, 100_000_000)
+    assert placement is not None
+    place = apply(placement.matrix, [0.0, 0.0, 2.0])
+    assert place == pytest.approx(np.array([0.2 + math.sqrt(2), math.sqrt(2), 1.0]))
+    # A head that tilts down by 30 degrees: 2 m before it is 1 m below it.
+    made.add(head(300, turned(90, 30)))
+    made.add(odometry(300, 0.4))
+    placement = made.find("odom", CAMERA, 300_000_000)
+    assert placement is not None
+    place = apply(placement.matrix, [0.0, 0.0, 2.0])
+    assert place == pytest.approx(np.array([0.4, math.sqrt(3), 0.0]))
+
+
+def test_guesses_of_two_motions_add_up() -> None:
+    # A head that turns on a base that drives; 0.2 s after both were told. Each 0.5 * 1 * 0.04 m.
+    made = frames(odometry(0, 0), odometry(50, 0), head(0, turned(0, 0)), head(50, turned(0, 0)))
+    placement = made.find("odom", "head", 250_000_000)
+    assert placement is not None
+    assert placement.sigma_m == pytest.approx(0.02 * math.sqrt(2))
+
+
+def test_the_pose_of_a_base_is_on_the_plane() -> None:
+    matrix = matrix_of(odometry(0, 1.5, 90))
+    assert apply(matrix, [1.0, 0.0, 0.5]) == pytest.approx(np.array([1.5, 1.0, 0.5]))
+
+
+def test_what_stands_is_told_from_what_moves() -> None:
+    made = frames(MOUNT, odometry(0, 1.0))
+    standing = made.standing("base_link", CAMERA)
+    assert standing is not None
+    np.testing.assert_array_equal(standing, MOUNT.matrix)
+    assert made.standing("odom", CAMERA) is None
+    assert made.standing("map", CAMERA) is None

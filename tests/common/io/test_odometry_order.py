@@ -1,0 +1,65 @@
+"""Motion is played before the frame that needs it."""
+
+from dataclasses import dataclass
+
+from common.io.odometry_order import odometry_first
+from people4d.messages import Odometry
+
+
+@dataclass(frozen=True)
+class Shot:
+    stamp_ns: int
+
+
+def ms(value: int) -> int:
+    return value * 1_000_000
+
+
+def odometry(at_ms: int) -> Odometry:
+    return Odometry(
+        stamp_ns=ms(at_ms),
+        sequence=0,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x_m=0.0,
+        y_m=0.0,
+        theta_rad=0.0,
+    )
+
+
+def order(*items: Odometry | Shot) -> list[str]:
+    played = odometry_first(items)
+    names = {True: "odometry", False: "shot"}
+    return [f"{names[isinstance(m, Odometry)]} {m.stamp_ns // ms(1)}" for m in played]
+
+
+def test_the_odometry_after_a_frame_comes_before_it() -> None:
+    assert order(odometry(0), Shot(ms(10)), odometry(20), odometry(40), Shot(ms(45))) == [
+        *("odometry 0", "odometry 20", "shot 10", "odometry 40", "shot 45"),
+    ]
+
+
+def test_odometry_of_the_same_time_is_enough() -> None:
+    assert order(odometry(0), odometry(10), Shot(ms(10)), odometry(20)) == [
+        *("odometry 0", "odometry 10", "shot 10", "odometry 20"),
+    ]
+
+
+def test_without_odometry_nothing_is_held() -> None:
+    played = odometry_first(iter([Shot(1), Shot(2)]))
+    assert next(played) == Shot(1)
+
+
+def test_when_odometry_ends_frames_go_on_after_half_a_second() -> None:
+    # Frames every 100 ms after the only odometry at 0: up to 400 ms each could yet be told of.
+    held = order(odometry(0), *(Shot(ms(t)) for t in range(100, 800, 100)), odometry(900))
+    assert held == ["odometry 0", *(f"shot {t}" for t in range(100, 800, 100)), "odometry 900"]
+    items: list[Odometry | Shot] = [odometry(0), *(Shot(ms(t)) for t in (100, 400, 500))]
+    played = odometry_first(items)
+    assert [next(played).stamp_ns // ms(1) for _ in range(2)] == [0, 100]
+
+
+def test_a_clock_that_goes_back_holds_nothing() -> None:
+    assert order(odometry(9000), Shot(ms(9010)), Shot(ms(0)), Shot(ms(33))) == [
+        *("odometry 9000", "shot 9010", "shot 0", "shot 33"),
+    ]

@@ -1,0 +1,218 @@
+"""Messages that wait for a busy node."""
+
+import threading
+
+import msgspec
+
+from common.runtime.inbox import Arrival, Inbox
+from people4d.codec import encode
+from people4d.errors import DecodeError
+from people4d.messages import Message, Truth
+from people4d.topics import BY_NAME, ForeignTopic, Topic
+from tests.contract.examples import BY_NAME as EXAMPLES
+
+FRAMES, DETECTIONS, ODOMETRY = BY_NAME["frames"], BY_NAME["detections"], BY_NAME["odometry"]
+WAIT_S = 10.0
+
+
+def put(inbox: Inbox, topic: Topic, sequence: int, key: str = "k", lockstep: bool = False) -> None:
+    message = msgspec.structs.replace(EXAMPLES[topic.message.__name__], sequence=sequence)
+    if topic is FRAMES:
+        message = msgspec.structs.replace(message, lockstep=lockstep)
+    inbox.put(topic, key, encode(message))
+
+
+def taken(inbox: Inbox) -> list[int]:
+    """Empty the inbox and return the sequence numbers in the order in which they came out."""
+    sequences = []
+    while arrival := inbox.get(0.0):
+        sequences.append(arrival.message.sequence)
+    return sequences
+
+
+def test_of_live_frames_the_newest_wins_and_the_others_are_counted() -> None:
+    inbox = Inbox()
+    for sequence in (1, 2, 3):
+        put(inbox, FRAMES, sequence)
+    assert taken(inbox) == [3]
+    assert inbox.counters == {"received_frames": 3, "dropped_frames": 2}
+
+
+def test_each_camera_keeps_its_own_newest_frame() -> None:
+    inbox = Inbox()
+    for key in ("left", "right"):
+        put(inbox, FRAMES, 1, key)
+    assert taken(inbox) == [1, 1]
+    assert inbox.counters["dropped_frames"] == 0
+
+
+def test_lockstep_frames_are_kept() -> None:
+    # The camera has at most two unanswered, and so many find room.
+    inbox = Inbox()
+    for sequence in (1, 2):
+        put(inbox, FRAMES, sequence, lockstep=True)
+    assert taken(inbox) == [1, 2]
+    assert inbox.counters == {"received_frames": 2}
+
+
+def test_queued_messages_are_kept_in_order_up_to_the_depth() -> None:
+    inbox = Inbox()
+    for sequence in range(DETECTIONS.depth + 3):
+        put(inbox, DETECTIONS, sequence)
+    assert taken(inbox) == list(range(3, DETECTIONS.depth + 3))
+    assert inbox.counters["dropped_detections"] == 3
+
+
+def test_the_oldest_comes_first_across_keys() -> None:
+    inbox = Inbox()
+    put(inbox, DETECTIONS, 1, "left")
+    put(inbox, ODOMETRY, 2, "odometry")
+    put(inbox, DETECTIONS, 3, "right")
+    put(inbox, DETECTIONS, 4, "left")
+    assert taken(inbox) == [1, 2, 3, 4]
+
+
+def test_tickets_count_what_was_taken_out() -> None:
+    inbox = Inbox()
+    for sequence in (7, 8):
+        put(inbox, DETECTIONS, sequence)
+    first, second = inbox.get(0.0), inbox.get(0.0)
+    assert first
+    assert second
+    assert (first.ticket, second.ticket) == (0, 1)
+    assert first.received_ns <= first.decoded_ns <= second.decoded_ns
+
+
+def test_gaps_are_counted_by_sequence() -> None:
+    # 4 -> 7 lost 5 and 6; a repeated 7 lost none; 7 -> 0 is a restarted camera; 0 -> 2 lost 1.
+    inbox = Inbox()
+    for sequence in (4, 7, 7, 0, 2):
+        put(inbox, FRAMES, sequence)
+        inbox.get(0.0)
+    assert inbox.counters["gaps_frames"] == 2 + 1
+
+
+def test_gaps_of_two_cameras_are_told_apart() -> None:
+    inbox = Inbox()
+    for sequence, key in ((1, "left"), (9, "right"), (2, "left"), (10, "right")):
+        put(inbox, FRAMES, sequence, key)
+    assert inbox.counters["gaps_frames"] == 0
+
+
+def test_frames_without_people_are_counted_for_each_camera() -> None:
+    # left: 3 and 4 never came; right: 11; both come on the key of all people.
+    inbox = Inbox()
+    for sequence, camera in ((2, "left"), (10, "right"), (5, "left"), (12, "right"), (13, "right")):
+        tracks = msgspec.structs.replace(EXAMPLES["Tracks"], sequence=sequence, camera=camera)
+        inbox.put(BY_NAME["people"], "people", encode(tracks))
+    assert inbox.counters["gaps_people"] == 2 + 1
+
+
+def test_the_largest_gaps_can_still_be_told() -> None:
+    # Counters of 64 bits once overflowed after two such messages, which silenced the heartbeat.
+    inbox = Inbox()
+    for sequence in (0, 2**53 - 1) * 100:
+        put(inbox, FRAMES, sequence)
+    health = msgspec.structs.replace(EXAMPLES["Health"], counters=dict(inbox.counters))
+    assert encode(health)
+
+
+def test_bytes_that_do_not_decode_are_counted_and_told() -> None:
+    inbox = Inbox()
+    assert not inbox.last_error_is_fresh()
+    inbox.put(DETECTIONS, "k", b"\xc1")
+    assert inbox.counters == {"bad_detections": 1}
+    assert inbox.last_error.startswith("message: expected MessagePack")
+    assert inbox.last_error_is_fresh()
+    assert inbox.get(0.0) is None
+
+
+def test_a_message_on_a_foreign_topic_is_counted_and_told() -> None:
+    inbox = Inbox()
+    inbox.put(DETECTIONS, "k", encode(EXAMPLES["Truth"]))
+    assert inbox.counters == {"bad_detections": 1}
+    assert inbox.last_error == "detections: expected Detections, got Truth"
+
+
+def test_wake_ends_a_wait_once_and_is_not_lost() -> None:
+    inbox = Inbox()
+    inbox.wake()
+    assert inbox.get(WAIT_S) is None
+    got: list[Arrival | None] = []
+    done = threading.Thread(target=lambda: got.append(inbox.get(None)))
+    done.start()
+    inbox.wake()
+    done.join(WAIT_S)
+    assert got == [None]
+
+
+def test_a_message_ends_a_wait() -> None:
+    inbox = Inbox()
+    got: list[int] = []
+
+    def wait() -> None:
+        arrival = inbox.get(WAIT_S)
+        got.append(arrival.message.sequence if arrival else -1)
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    put(inbox, DETECTIONS, 5)
+    waiting.join(WAIT_S)
+    assert got == [5]
+
+
+def test_many_threads_lose_and_repeat_nothing() -> None:
+    # Four keys of 50 messages each fit, whatever the takers do.
+    inbox = Inbox()
+    lock, seen = threading.Lock(), []
+
+    def write(key: str) -> None:
+        for sequence in range(50):
+            put(inbox, DETECTIONS, sequence, key)
+
+    written = threading.Event()
+
+    def read() -> None:
+        while (arrival := inbox.get(0.05)) or not written.is_set():
+            if arrival:
+                with lock:
+                    seen.append(arrival.ticket)
+
+    readers = [threading.Thread(target=read) for _ in range(3)]
+    writers = [threading.Thread(target=write, args=(key,)) for key in "abcd"]
+    for thread in (*readers, *writers):
+        thread.start()
+    for thread in writers:
+        thread.join(WAIT_S)
+    written.set()
+    for thread in readers:
+        thread.join(WAIT_S)
+    assert sorted(seen) == list(range(200))
+    assert inbox.counters == {"received_detections": 200}
+
+
+def test_bytes_of_others_are_read_by_their_own_decoder() -> None:
+    def read_count(payload: bytes) -> Message:
+        if not payload.isdigit():
+            raise DecodeError("count: expected digits, got other bytes")
+        return Truth(stamp_ns=int(payload), sequence=0, frame_id="map")
+
+    topic = ForeignTopic("counts", "their/key", Truth, 10, "queue", 8, "they", read_count)
+    assert topic.key_expression("robot") == "their/key"  # below no robot's prefix
+    inbox = Inbox()
+    for payload in (b"7", b"seven", encode(EXAMPLES["Truth"]), b"8"):
+        inbox.put(topic, "their/key", payload)
+    first, second = inbox.get(0.0), inbox.get(0.0)
+    assert first is not None
+    assert second is not None
+    assert [first.message.stamp_ns, second.message.stamp_ns] == [7, 8]
+    assert inbox.counters["bad_counts"] == 2
+    assert inbox.last_error == "count: expected digits, got other bytes"
+
+
+def test_who_joins_frames_with_later_messages_may_keep_some() -> None:
+    inbox = Inbox(newest=3)
+    for sequence in range(5):
+        put(inbox, FRAMES, sequence)
+    assert taken(inbox) == [2, 3, 4]
+    assert inbox.counters == {"received_frames": 5, "dropped_frames": 2}

@@ -1,0 +1,192 @@
+import math
+
+import numpy as np
+import pytest
+
+from people4d.messages import F32, U16
+from services.detector.models.base import InstanceMask
+from services.detector.position.certainty import CertaintyRule
+from services.detector.position.position import TORSO, Place, Sight
+from services.detector.position.torso import TorsoReader, TorsoRule
+from services.detector.position.trunk import TrunkRule
+from tests.detector.cameras import lab_info
+
+INFO = lab_info(np.array([600.0, 600.0, 320.0, 240.0]))
+CYLINDER = TrunkRule(half_depth_m=0.15, half_width_m=0.15)
+SURFACE = TorsoReader(TorsoRule(), None, CertaintyRule())
+AXIS = TorsoReader(TorsoRule(), CYLINDER, CertaintyRule())
+FACING_RAD = math.pi
+
+
+def room() -> U16:
+    """A wall at 4 m."""
+    return np.full((480, 640), 4000, np.uint16)
+
+
+def keypoints(u: float = 320.0, z_m: float = 2.0, confidence: float = 0.9) -> F32:
+    """Someone who faces the camera: joints 0.16, 0.10 and 0.25 m from the middle, in row 240."""
+    points = np.zeros((17, 3), np.float32)
+    scale = 600.0 / z_m
+    for joint, x, y in zip(
+        TORSO, (0.16, -0.16, 0.1, -0.1), (-0.25, -0.25, 0.25, 0.25), strict=True
+    ):
+        points[joint] = u + scale * x, 240 + scale * y, confidence
+    return points
+
+
+def stand(depth_mm: U16, u: float = 320.0, z_m: float = 2.0) -> U16:
+    """Put a board 0.5 m wide and 1.7 m high before what is there."""
+    left, right = round(u - 150 / z_m), round(u + 150 / z_m)
+    top, bottom = max(round(240 - 360 / z_m), 0), min(round(240 + 660 / z_m), 480)
+    board = depth_mm[top:bottom, left:right]
+    board[:] = np.minimum(board, round(z_m * 1000))
+    return depth_mm
+
+
+def one(reader: TorsoReader, points: F32, sight: Sight) -> Place:
+    found = reader.people([points], 0.3, [sight])[0]
+    assert found is not None
+    return found
+
+
+def test_the_middle_of_shoulders_and_hips_on_the_surface() -> None:
+    place = one(SURFACE, keypoints(), Sight(stand(room()), INFO))
+    np.testing.assert_allclose(place.position_m, [0.0, 0.0, 2.0], atol=1e-6)
+
+
+def test_to_the_right_the_same_person_is_as_wide_of_the_axis_as_the_ray() -> None:
+    # 150 px to the right at 2 m: 0.5 m.
+    place = one(SURFACE, keypoints(470.0), Sight(stand(room(), 470.0), INFO))
+    np.testing.assert_allclose(place.position_m, [0.5, 0.0, 2.0], atol=1e-6)
+
+
+def test_the_axis_of_a_cylinder_seen_from_the_front() -> None:
+    # A cylinder of 0.15 m radius, its axis at 2 m: at column u, x = (u - 320) z / 600 and
+    # z = 2 - sqrt(0.15^2 - x^2), nearly the same x at z = 1.87 m.
+    depth_mm = room()
+    for column in range(270, 371):
+        x = (column - 320) * 1.87 / 600
+        if abs(x) < 0.15:
+            depth_mm[60:460, column] = round(1000 * (2.0 - math.sqrt(0.15**2 - x**2)))
+    points = keypoints()
+    place = one(AXIS, points, Sight(depth_mm, INFO, FACING_RAD))
+    assert place.position_m[2] == pytest.approx(2.0, abs=0.01)
+    surface = one(SURFACE, points, Sight(depth_mm, INFO, FACING_RAD))
+    assert 0.10 < place.position_m[2] - surface.position_m[2] <= 0.15
+
+
+def test_a_joint_on_the_wall_is_not_the_persons() -> None:
+    # The left hip was found 0.3 m beside the body, where depth shows the wall at 4 m.
+    points = keypoints()
+    points[11, 0] += 90
+    place = one(SURFACE, points, Sight(stand(room()), INFO))
+    assert place.position_m[2] == pytest.approx(2.0)
+
+
+def test_whoever_stands_in_front_does_not_count() -> None:
+    # A post at 1 m covers the left half: the joints of the right half and the face tell 2 m, and
+    # the person looks as large as at 2 m.
+    points = keypoints()
+    points[0] = 315.0, 100.0, 0.9
+    depth_mm = stand(room())
+    depth_mm[:, 325:420] = 1000
+    place = one(SURFACE, points, Sight(depth_mm, INFO))
+    np.testing.assert_allclose(place.position_m, [0.0, 0.0, 2.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("hidden", TORSO)
+def test_a_hidden_joint_leaves_the_middle_where_it_is(hidden: int) -> None:
+    points = keypoints()
+    points[hidden] = 0.0, 0.0, 0.1
+    sight = Sight(stand(room()), INFO, FACING_RAD)
+    place = one(SURFACE, points, sight)
+    np.testing.assert_allclose(place.position_m, [0.0, 0.0, 2.0], atol=0.015)
+    whole = one(SURFACE, keypoints(), sight)
+    assert place.covariance_m2 is not None
+    assert whole.covariance_m2 is not None
+    assert place.covariance_m2[0, 0] > whole.covariance_m2[0, 0]
+
+
+def test_shoulders_alone_tell_the_middle_below_them() -> None:
+    points = keypoints()
+    points[11:13] = 0.0, 0.0, 0.1
+    place = one(SURFACE, points, Sight(stand(room()), INFO))
+    np.testing.assert_allclose(place.position_m, [0.0, 0.0, 2.0], atol=0.01)
+
+
+def test_depth_is_surer_near_than_far() -> None:
+    # Five windows agree: (0.0036 z^2)^2 / 5 and 0.16 m to the unknown axis and the body's 0.035.
+    for z_m in (1.5, 3.0):
+        place = one(SURFACE, keypoints(z_m=z_m), Sight(stand(room(), z_m=z_m), INFO))
+        assert place.covariance_m2 is not None
+        rule = CertaintyRule()
+        expected = (rule.depth_per_m * z_m**2) ** 2 / 5 + rule.body_m**2 + rule.surface_m**2
+        assert place.covariance_m2[2, 2] == pytest.approx(expected)
+
+
+def test_without_joints_or_depth_there_is_no_place() -> None:
+    sight = Sight(stand(room()), INFO)
+    outside = keypoints(2000.0)
+    found = SURFACE.people([keypoints(confidence=0.2), outside], 0.3, [sight, sight])
+    assert found == [None, None]
+    assert SURFACE.people([keypoints()], 0.3, [Sight(np.zeros((480, 640), np.uint16), INFO)]) == [
+        None
+    ]
+    assert SURFACE.people([], 0.3, []) == []
+
+
+def test_of_two_found_in_the_same_place_only_one_is_there() -> None:
+    sight = Sight(stand(room()), INFO)
+    first, second = SURFACE.people([keypoints(), keypoints()], 0.3, [sight, sight])
+    assert first is not None
+    assert second is None
+
+
+def test_people_before_one_another_are_read_in_their_own_layers() -> None:
+    # At 3 m, half behind someone at 1.8 m; the order in which they are found does not matter.
+    depth_mm = stand(stand(room(), 370.0, 3.0), 300.0, 1.8)
+    sight = Sight(depth_mm, INFO)
+    near, far = keypoints(300.0, 1.8), keypoints(390.0, 3.0)
+    for people in ([near, far], [far, near]):
+        found = SURFACE.people(people, 0.3, [sight, sight])
+        depths = sorted(float(p.position_m[2]) for p in found if p is not None)
+        np.testing.assert_allclose(depths, [1.8, 3.0])
+
+
+def test_the_upper_middle_of_a_mask() -> None:
+    # Rows 100 to 400, columns 300 to 340: row means 320; rows at 0.2 to 0.5 of 300 px, 160 to 250,
+    # mean 205: y = (205 - 240) * 2 / 600 = -0.1167.
+    mask = InstanceMask(np.ones((301, 41), np.uint8), x_px=300, y_px=100)
+    place = SURFACE.mask(mask, Sight(stand(room()), INFO))
+    assert place is not None
+    np.testing.assert_allclose(place.position_m, [0.0, -35 * 2 / 600, 2.0], atol=0.002)
+
+
+def test_masks_without_pixels_or_depth_have_no_place() -> None:
+    empty = InstanceMask(np.zeros((10, 10), np.uint8), 0, 0)
+    assert SURFACE.mask(empty, Sight(room(), INFO)) is None
+    mask = InstanceMask(np.ones((10, 10), np.uint8), 630, 470)
+    assert SURFACE.mask(mask, Sight(np.zeros((480, 640), np.uint16), INFO)) is None
+    single = InstanceMask(np.ones((1, 1), np.uint8), 639, 479)
+    assert SURFACE.mask(single, Sight(room(), INFO)) is not None
+
+
+def test_wild_keypoints_and_noise_give_finite_places() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        depth_mm = rng.integers(0, 6000, (480, 640)).astype(np.uint16)
+        points = np.column_stack([rng.uniform(-50, 700, (17, 2)), rng.uniform(0, 1, 17)])
+        yaw_rad = float(rng.uniform(-3, 3))
+        sights = [Sight(depth_mm, INFO, yaw_rad), Sight(depth_mm, INFO)]
+        for place in AXIS.people([points.astype(np.float32)] * 2, 0.3, sights):
+            if place is not None:
+                assert place.covariance_m2 is not None
+                assert np.isfinite(place.position_m).all()
+                assert np.linalg.eigvalsh(place.covariance_m2)[0] > 0
+
+
+def test_rules_out_of_range_are_refused() -> None:
+    with pytest.raises(ValueError, match="pull: expected 0 to below 1, got 1"):
+        TorsoRule(pull=1)
+    with pytest.raises(ValueError, match="window_max_px: expected 5 to 101, got 3"):
+        TorsoRule(window_max_px=3)

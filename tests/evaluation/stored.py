@@ -1,0 +1,77 @@
+"""A stored recording by hand: detections and truth, no pictures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from common.geometry.transforms import LINK_FROM_OPTICAL
+from common.io.recording import RecordingWriter
+from people4d.messages import (
+    CameraInfo,
+    Detection,
+    Detections,
+    Message,
+    StaticTransform,
+    Truth,
+    TruthPerson,
+)
+
+STEP_NS = 100_000_000  # 10 frames a second
+INFO = CameraInfo(
+    stamp_ns=0,
+    sequence=0,
+    camera="front",
+    frame_id="front_optical_frame",
+    width=640,
+    height=480,
+    fx=600.0,
+    fy=600.0,
+    cx=319.5,
+    cy=239.5,
+)
+
+
+def detections(frame: int, *positions_m: Sequence[float]) -> Detections:
+    """Detections of a frame at positions in the optical frame, each in a box of its own."""
+    people = []
+    for x, y, z in positions_m:
+        u, v, half = 319.5 + 600 * x / z, 239.5 + 600 * y / z, 300 / z
+        box = np.array([u - half / 2, v - half, u + half / 2, v + half], np.float32)
+        position_m = np.array([x, y, z], np.float64)
+        people.append(Detection(box_xyxy_px=box, score=0.9, position_m=position_m))
+    return Detections(
+        stamp_ns=frame * STEP_NS,
+        sequence=frame,
+        camera="front",
+        frame_id=INFO.frame_id,
+        model="hand",
+        width=640,
+        height=480,
+        people=tuple(people),
+    )
+
+
+def truth(frame: int, **places: tuple[float, float]) -> Truth:
+    """People who stand and face the camera, by x and y in the map."""
+    people = tuple(
+        TruthPerson(
+            id=name,
+            position_m=np.array([x, y, 0.0]),
+            velocity_mps=np.zeros(3),
+            yaw_rad=np.pi,
+        )
+        for name, (x, y) in places.items()
+    )
+    return Truth(stamp_ns=frame * STEP_NS, sequence=frame, frame_id="map", people=people)
+
+
+def write(path: Path, messages: Sequence[Message], frame_id: str = "map") -> Path:
+    """Write a recording of a camera at the origin of the map that looks along +x."""
+    pose = StaticTransform(
+        stamp_ns=0, sequence=0, parent=frame_id, child=INFO.frame_id, matrix=LINK_FROM_OPTICAL
+    )
+    with RecordingWriter(path) as writer:
+        for message in (INFO, pose, *messages):
+            writer.write(message, message.stamp_ns)
+    return path

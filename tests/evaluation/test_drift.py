@@ -1,0 +1,72 @@
+"""Tracks on a robot whose odometry drifts, by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from evaluation.drift import Drift, carried
+from people4d.messages import F64, Odometry, StaticTransform, Track
+
+CAMERA = "front_optical_frame"
+
+
+def base(x_m: float, y_m: float, yaw_rad: float) -> F64:
+    return transform_from([x_m, y_m, 0.0], rotation_from_rpy(0.0, 0.0, yaw_rad))
+
+
+def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
+    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+
+
+def told(stamp_ns: int, x_m: float, theta_rad: float) -> Odometry:
+    return Odometry(
+        stamp_ns=stamp_ns,
+        sequence=0,
+        frame_id="map",
+        child_frame_id="base_link",
+        x_m=x_m,
+        y_m=0.0,
+        theta_rad=theta_rad,
+    )
+
+
+def one(x_m: float, y_m: float, yaw_rad: float) -> Track:
+    return Track(
+        id=1,
+        state="confirmed",
+        score=0.9,
+        hits=1,
+        age=1,
+        time_since_update_s=0.0,
+        detection=0,
+        position_m=np.array([x_m, y_m, 1.0]),
+        velocity_mps=np.array([0.5, 0.0, 0.0]),
+        covariance=np.eye(6),
+        yaw_rad=yaw_rad,
+    )
+
+
+def test_drift_of_place_and_direction_is_taken_out() -> None:
+    # The robot believes to be at (1, 0), facing x; it is at (2, 1), facing y. A person told at
+    # (4, 0) is 3 m before it: truly at (2, 4). What goes along x goes along y.
+    drift = Drift([fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(0, 1.0, 0.0)], "map", CAMERA)
+    matrix = drift.true_from_told(0, base(2.0, 1.0, math.pi / 2) @ LINK_FROM_OPTICAL)
+    track = carried(one(4.0, 0.0, math.pi * 0.75), matrix)
+    np.testing.assert_allclose(track.position_m, [2.0, 4.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(track.velocity_mps, [0.0, 0.5, 0.0], atol=1e-12)
+    assert track.yaw_rad == pytest.approx(-math.pi * 0.75)
+
+
+def test_a_camera_that_stands_does_not_drift() -> None:
+    drift = Drift([fixed("map", CAMERA, LINK_FROM_OPTICAL)], "map", CAMERA)
+    assert drift.true_from_told(0, base(9.0, 0.0, 0.0) @ LINK_FROM_OPTICAL) is None
+    track = one(1.0, 2.0, 0.0)
+    assert carried(track, None) is track
+
+
+def test_where_the_robot_is_must_be_known() -> None:
+    drift = Drift([fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(10, 1, 0)], "map", CAMERA)
+    assert drift.true_from_told(10, None) is None
+    assert drift.true_from_told(9, LINK_FROM_OPTICAL) is None  # before the first odometry

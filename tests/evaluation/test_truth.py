@@ -1,0 +1,127 @@
+"""Truth at the stamps of frames, and who has to be found."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.geometry.transforms import LINK_FROM_OPTICAL
+from evaluation.pool import Pool
+from evaluation.takes import Take, film, plan_takes
+from evaluation.truth import happening_of, read_truth
+from evaluation.visibility import lab_views, load_views, save_views
+from lab.frame_truth import person_views
+from lab.scenario import load_scenario
+from lab.world import World
+from people4d.errors import SourceError
+from tests.evaluation import stored
+from tests.lab.scenarios import DRIVE, FRAMES, write_scenario
+
+MS = 1_000_000
+
+
+def test_truth_between_its_stamps() -> None:
+    # ann walks from x = 2 to 3 between 100 and 200 ms: at 150 ms she is at 2.5.
+    told = [stored.truth(1, ann=(2.0, 0.0)), stored.truth(2, ann=(3.0, 0.0))]
+    happening = happening_of(told, [50 * MS, 150 * MS, 250 * MS], "it")
+    before, between, after = happening.moments
+    assert before is None
+    assert after is None
+    assert between is not None
+    np.testing.assert_allclose(between.people[0].position_m, [2.5, 0.0, 0.0])
+    assert happening.ids == ("ann",)
+    assert not happening.visibility
+
+
+def test_a_second_round_of_a_recording_is_left_out() -> None:
+    told = [stored.truth(k, ann=(2.0, 0.0)) for k in (0, 1, 2)]
+    told += [stored.truth(k, ann=(9.0, 0.0)) for k in (0, 1, 2)]
+    (moment,) = happening_of(told, [150 * MS], "it").moments
+    assert moment is not None
+    assert moment.people[0].position_m[0] == 2.0
+
+
+def test_whoever_is_mostly_hidden_is_occluded() -> None:
+    happening = happening_of([stored.truth(0, ann=(3.0, 0.0), bea=(4.0, 0.0))], [0], "it")
+    (moment,) = happening.moments
+    assert moment is not None
+    for share, occluded in ((0.34, True), (0.36, False)):
+        seen = type(moment)(moment.people, moment.sure, {"ann": 1.0, "bea": share})
+        truth = seen.true_people(stored.INFO, LINK_FROM_OPTICAL)
+        assert truth.counted.tolist() == [True, not occluded]
+        assert truth.in_view.tolist() == [True, True]
+
+
+def test_truth_in_two_frames_is_refused() -> None:
+    other = stored.truth(1, ann=(2.0, 0.0))
+    told = [stored.truth(0, ann=(2.0, 0.0)), type(other)(**_fields(other), frame_id="odom")]
+    with pytest.raises(SourceError, match="it has truth in the frames map, odom"):
+        happening_of(told, [0], "it")
+
+
+def _fields(message: object) -> dict[str, Any]:
+    names = getattr(message, "__struct_fields__", ())
+    return {name: getattr(message, name) for name in names if name != "frame_id"}
+
+
+def test_truth_of_drawn_frames_has_the_visible_share_of_each_pixel(tmp_path: Path) -> None:
+    (take,) = plan_takes([f"lab:{write_scenario(tmp_path)}"], [], "depth", tmp_path)
+    film(take, 1, lambda *_: None)
+    world = World(load_scenario(str(tmp_path / "walk.toml")))
+    stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
+    with np.load(take.truth_file) as file:
+        shares, places = file["vis"], file["pos"]
+    happening = read_truth(take, stamps_ns)
+    for row, moment in enumerate(happening.moments):
+        assert moment is not None
+        assert list(moment.shares.values()) == pytest.approx(shares[row].tolist())
+        told = [person.position_m for person in moment.people]
+        np.testing.assert_allclose(told, places[row], atol=1e-9)
+        assert moment.map_from_camera is not None
+        np.testing.assert_allclose(moment.map_from_camera, world.map_from_optical(row / 10))
+
+
+def test_truth_of_a_folder_of_images_lies_in_it(shared: Path) -> None:
+    folder = shared / "data" / "lab" / "two"
+    with np.load(folder / "gt.npz") as file:
+        times_s, places, shares = file["t"], file["pos"], file["vis"]
+    stamps_ns = np.round(times_s * 1e9).astype(int).tolist()
+    moment = read_truth(Take("two", "two", folder), stamps_ns).moments[-1]
+    assert moment is not None
+    np.testing.assert_allclose([p.position_m for p in moment.people], places[-1], atol=1e-9)
+    assert list(moment.shares.values()) == pytest.approx(shares[-1].tolist())
+
+
+def test_who_hides_whom_is_known_without_drawing(tmp_path: Path) -> None:
+    scenario = load_scenario(str(write_scenario(tmp_path, DRIVE)))
+    world = World(scenario)
+    stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
+    views = [person_views(world, world.frame_s(k), None) for k in range(FRAMES)]
+    places = [{view.id: view.position_m for view in people} for people in views]
+    seen = lab_views(scenario, None, places, stamps_ns)
+    assert seen is not None
+    for k, (told, people) in enumerate(zip(seen, views, strict=True)):
+        assert told.shares == {view.id: view.visible_share for view in people}
+        np.testing.assert_array_equal(told.map_from_camera, world.map_from_optical(k / 10))
+    assert min(told.shares["2"] for told in seen) < 0.8 < max(told.shares["2"] for told in seen)
+    save_views(tmp_path / "views.npz", stamps_ns, seen)
+    kept = load_views(tmp_path / "views.npz", stamps_ns)
+    assert kept is not None
+    assert [view.shares for view in kept] == [view.shares for view in seen]
+    np.testing.assert_array_equal(kept[-1].map_from_camera, seen[-1].map_from_camera)
+    assert load_views(tmp_path / "views.npz", stamps_ns[1:]) is None
+    moved = [{name: place + 1.0 for name, place in row.items()} for row in places]
+    assert lab_views(scenario, None, moved, stamps_ns) is None
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_results_come_in_the_order_of_the_work(jobs: int) -> None:
+    finished: list[int] = []
+    wrong: list[Any] = [4, "no number"]
+    with Pool(jobs) as pool:
+        assert pool.do_all(math.sqrt, [16, 4, 36], finished.append) == [4.0, 2.0, 6.0]
+        assert sorted(finished) == [0, 1, 2]
+        with pytest.raises(TypeError):
+            pool.do_all(math.sqrt, wrong, finished.append)

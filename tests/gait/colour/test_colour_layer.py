@@ -1,0 +1,202 @@
+"""People of cloth walk before a wall: their boxes are followed."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.geometry.boxes import iou_xyxy
+from people4d.messages import F64, U8
+from services.gait.colour.colour_layer import ColourLayer
+from services.gait.colour.config import PAPER_TAU, ColourLayerConfig
+
+SHIRTS = [(200, 40, 40), (40, 60, 200), (40, 170, 60)]
+LEGS = [(40, 40, 90), (120, 90, 40), (150, 40, 150)]
+HAIR = (60, 40, 20)
+WIDTH, HEIGHT = 50.0, 120.0
+
+NOISE = np.random.default_rng(1).normal(0, 6, (480, 640, 3))
+WALL = np.random.default_rng(0).integers(90, 160, (30, 40, 3)).repeat(16, 0).repeat(16, 1)
+
+
+def boxes_at(frame: int, people: int = 1) -> F64:
+    """They walk to the right at 2.5 px a frame, one below the other and a little apart."""
+    x = 60.0 + 2.5 * frame + 40.0 * np.arange(people)
+    y = 70.0 + 130.0 * np.arange(people)
+    return np.column_stack([x - WIDTH / 2, y - HEIGHT / 2, x + WIDTH / 2, y + HEIGHT / 2])
+
+
+def frame_of(boxes: F64) -> U8:
+    """A patterned wall, and people of two colours and a small head each, with some noise."""
+    image = WALL.copy()
+    for k, (left, top, right, bottom) in enumerate(boxes.astype(int)):
+        neck, hips = top + (bottom - top) // 7, (top + bottom) // 2
+        for rows, inset, colour in (
+            (slice(max(top, 0), neck), 0.3, HAIR),
+            (slice(neck, hips), 0.1, SHIRTS[k]),
+            (slice(hips, bottom), 0.15, LEGS[k]),
+        ):
+            aside = round(inset * (right - left))
+            image[rows, max(left + aside, 0) : max(right - aside, 0)] = colour
+    return np.clip(image + NOISE, 0, 255).astype(np.uint8)
+
+
+def success(people: int = 1, frames: int = 40, seed: int = 0, **fields: Any) -> float:
+    """Return the share of boxes with an overlap of half or more."""
+    layer = ColourLayer(ColourLayerConfig(**fields), seed)
+    first = boxes_at(0, people)
+    for k, box in enumerate(first):
+        assert layer.start(k, frame_of(first), box)
+    hits = []
+    for number in range(1, frames):
+        boxes = boxes_at(number, people)
+        found = layer.update(frame_of(boxes))
+        hits += [iou_xyxy(found[k].box_xyxy_px, boxes[k])[0, 0] >= 0.5 for k in range(people)]
+    return float(np.mean(hits))
+
+
+MODELS = [
+    {"state": state, "order": order, "sampling": sampling}
+    for state in (8, 4)
+    for order in (1, 2)
+    for sampling in ("plain", "hierarchical")
+]
+
+
+PAPER: dict[str, Any] = {"weights": "distance", "tau": PAPER_TAU}
+
+
+@pytest.mark.parametrize("fields", MODELS, ids=lambda f: "-".join(map(str, f.values())))
+def test_a_walker_is_followed_by_every_model(fields: dict[str, Any]) -> None:
+    assert success(**fields) >= 0.9
+
+
+@pytest.mark.parametrize("fields", MODELS[::3], ids=lambda f: "-".join(map(str, f.values())))
+def test_and_mostly_as_in_the_paper(fields: dict[str, Any]) -> None:
+    assert success(**fields, **PAPER) >= 0.5
+
+
+def success_before_a_shelf(**fields: Any) -> float:
+    """Return the success for a person who walks past a board of all their colours, upside down."""
+
+    def frame(number: int) -> U8:
+        image = frame_of(np.array([[150.0, 10.0, 200.0, 130.0]]))
+        image[10:130, 150:200] = image[129:9:-1, 150:200]
+        left, top, right, bottom = boxes_at(number)[0].astype(int)
+        image[top:bottom, left:right] = frame_of(boxes_at(number))[top:bottom, left:right]
+        return image
+
+    layer = ColourLayer(ColourLayerConfig(**fields))
+    layer.start(0, frame(0), boxes_at(0)[0])
+    hits = [
+        iou_xyxy(layer.update(frame(k))[0].box_xyxy_px, boxes_at(k)[0])[0, 0] >= 0.5
+        for k in range(1, 70)
+    ]
+    return float(np.mean(hits))
+
+
+def test_a_shelf_of_the_same_colours_does_not_draw_the_box_away() -> None:
+    assert success_before_a_shelf() >= 0.95
+    # A histogram of all of a box does not tell them apart.
+    assert success_before_a_shelf(**PAPER) < 0.7
+
+
+def test_a_person_who_comes_nearer_grows() -> None:
+    # From 120 to 240 px of height in 80 frames, as who walks from 4 m to 2 m.
+    def box(frame: int) -> F64:
+        half = np.array([WIDTH, HEIGHT]) / 2 * 2 ** (frame / 80)
+        return np.array([[320 - half[0], 240 - half[1], 320 + half[0], 240 + half[1]]])
+
+    layer = ColourLayer(ColourLayerConfig())
+    layer.start(0, frame_of(box(0)), box(0)[0])
+    for k in range(1, 81):
+        found = layer.update(frame_of(box(k)))[0].box_xyxy_px
+    assert iou_xyxy(found, box(80)[0])[0, 0] >= 0.7
+
+
+@pytest.mark.parametrize("estimate", ["weighted_sum", "map", "robust_mean"])
+@pytest.mark.parametrize("resampling", ["systematic", "stratified", "residual", "multinomial"])
+def test_and_by_every_estimate_and_resampling(estimate: str, resampling: str) -> None:
+    assert success(frames=30, estimate=estimate, resampling=resampling) >= 0.95
+
+
+def test_three_walkers_are_followed_together() -> None:
+    assert success(people=3) >= 0.95
+
+
+def test_the_same_seed_gives_the_same_boxes() -> None:
+    def run(seed: int) -> list[list[float]]:
+        layer = ColourLayer(ColourLayerConfig(), seed)
+        layer.start(7, frame_of(boxes_at(0)), boxes_at(0)[0])
+        return [layer.update(frame_of(boxes_at(k)))[7].box_xyxy_px.tolist() for k in range(1, 5)]
+
+    assert run(1) == run(1)
+    assert run(1) != run(2)
+
+
+def test_a_person_who_stays_has_a_small_distance_and_little_spread() -> None:
+    layer = ColourLayer(ColourLayerConfig())
+    frame = frame_of(boxes_at(0))
+    layer.start(1, frame, boxes_at(0)[0])
+    for _ in range(10):
+        estimate = layer.update(frame)[1]
+    assert iou_xyxy(estimate.box_xyxy_px, boxes_at(0)[0])[0, 0] > 0.85
+    assert estimate.distance < 0.5
+    assert np.linalg.norm(estimate.velocity_px) < 3
+    assert 0 < estimate.spread_px < 20
+
+
+def test_a_person_who_is_gone_is_far_from_their_colours() -> None:
+    layer = ColourLayer(ColourLayerConfig())
+    layer.start(1, frame_of(boxes_at(0)), boxes_at(0)[0])
+    for _ in range(5):
+        estimate = layer.update(frame_of(np.empty((0, 4))))[1]
+    assert estimate.distance > 0.7
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        [10, 10, 10, 10],
+        [50, 50, 10, 10],
+        [0, 0, 1, 1],
+        [5000, 5000, 5100, 5100],
+        [np.nan, 0, 9, 9],
+        [0, 0, np.inf, 9],
+    ],
+)
+def test_a_box_that_shows_nothing_is_not_followed(box: list[float]) -> None:
+    layer = ColourLayer(ColourLayerConfig())
+    assert not layer.start(1, frame_of(boxes_at(0)), np.array(box, float))
+    assert layer.people == ()
+    assert layer.update(frame_of(boxes_at(0))) == {}
+
+
+def test_people_come_and_go() -> None:
+    layer = ColourLayer(ColourLayerConfig(particles=20))
+    frame = frame_of(boxes_at(0, 3))
+    for k, box in enumerate(boxes_at(0, 3)):
+        layer.start(k, frame, box)
+    layer.stop(1)
+    layer.stop(1)
+    assert list(layer.update(frame)) == [0, 2]
+    layer.start(0, frame, boxes_at(0, 3)[0])  # again from here
+    assert layer.people == (2, 0)
+    assert set(layer.update(frame)) == {0, 2}
+
+
+def test_whoever_walks_out_of_the_image_does_no_harm() -> None:
+    layer = ColourLayer(ColourLayerConfig(particles=30))
+    layer.start(1, frame_of(boxes_at(0)), boxes_at(0)[0])
+    for number in range(1, 260, 8):  # 650 px to the right, in an image of 640
+        (estimate,) = layer.update(frame_of(boxes_at(number)[:1])).values()
+        assert np.all(np.isfinite(estimate.box_xyxy_px))
+
+
+def test_twenty_people_and_frames_of_another_size_do_no_harm() -> None:
+    layer = ColourLayer(ColourLayerConfig())
+    frame = frame_of(boxes_at(0))
+    for k in range(20):
+        assert layer.start(k, frame, np.array([10.0 * k, 20, 10.0 * k + 60, 200]))
+    assert len(layer.update(frame)) == 20
+    assert len(layer.update(frame[:1, :1])) == 20

@@ -1,0 +1,203 @@
+"""Spin images of a plane and a sphere in closed form, and their similarity by hand."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from people4d.messages import F64, CameraInfo
+from services.gait.surface.mesh import Surface, surface_of
+from services.gait.surface.spin_image import SpinConfig, similarity, spin_images
+from tests.gait.bodies import INFO, PAPER, body_of
+
+FINE = CameraInfo(
+    stamp_ns=0,
+    sequence=0,
+    camera="front",
+    frame_id="front",
+    width=201,
+    height=201,
+    fx=1000.0,
+    fy=1000.0,
+    cx=100.0,
+    cy=100.0,
+)
+V, U = np.mgrid[:201, :201].astype(np.float64)
+ALL = SpinConfig(bin_m=0.004, points=0)
+
+
+def plane() -> Surface:
+    """A plane at 1 m: one point on each square millimetre, 0.1 m to each side."""
+    return surface_of(body_of(np.ones((201, 201))), FINE, PAPER)
+
+
+def sphere() -> Surface:
+    """The near side of a sphere of 60 mm about (0, 0, 1 m)."""
+    rays = np.stack([(U - 100) / 1000, (V - 100) / 1000, np.ones_like(U)], axis=-1)
+    a = np.einsum("ijk,ijk->ij", rays, rays)
+    inside = 1 - a * (1 - 0.06**2)
+    depth = np.where(inside > 0, (1 - np.sqrt(np.maximum(inside, 0))) / a, 0.0)
+    return surface_of(body_of(depth), FINE, PAPER)
+
+
+def test_a_plane_in_closed_form() -> None:
+    # All heights are 0: row 10 of 20, where the bins begin at -10. Alpha is shared by two bins in
+    # proportion, so bin j has the density times the integral of 2 pi alpha (1 - |alpha/b - j|),
+    # which is 2 pi j b^2; for j = 0 only its outer half, pi b^2 / 3. b = 4 mm, 1 point by mm^2.
+    surface = plane()
+    (image,) = spin_images(surface, surface.vertices_at([(100, 100)]), ALL)
+    expected = 2 * math.pi * np.arange(20) * 16
+    expected[0] = math.pi * 16 / 3
+    assert image[10] == pytest.approx(expected, rel=0.03, abs=4)
+    image[10] = 0
+    assert image == pytest.approx(0, abs=1e-2)  # depth is kept in single precision
+
+
+def test_a_sphere_in_closed_form() -> None:
+    # A point of the sphere at the height beta (negative) over the plane that touches it is
+    # alpha = sqrt(-beta (2 r + beta)) from the normal: only bins at this curve are filled.
+    surface = sphere()
+    (image,) = spin_images(surface, surface.vertices_at([(100, 100)]), ALL)
+    rows, columns = np.nonzero(image > 1)
+    angle = np.linspace(0, math.pi / 2, 2000)
+    curve = np.stack([10 - 15 * (1 - np.cos(angle)), 15 * np.sin(angle)])  # r = 60 mm: 15 bins
+    away = [np.hypot(curve[0] - r, curve[1] - c).min() for r, c in zip(rows, columns, strict=True)]
+    assert max(away) < math.sqrt(2)
+    filled = {(round(r), round(c)) for r, c in curve.T[:1200]}
+    assert sum(image[place] > 0 for place in filled) > 0.95 * len(filled)
+
+
+def test_all_points_of_a_sphere_look_alike() -> None:
+    # The curve is the same at each vertex, as far as the camera sees the surface about it.
+    surface = sphere()
+    config = msgspec.structs.replace(ALL, bin_m=0.002)
+    ends = surface.vertices_at([(100, 100), (115, 100), (100, 80), (112, 112)])
+    images = spin_images(surface, ends, config)
+    flat = plane()
+    (other,) = spin_images(flat, flat.vertices_at([(100, 100)]), config)
+    alike = similarity(np.concatenate([images, other[None]]), images[0])
+    assert alike[:4].min() > alike[4] + 0.5
+
+
+def test_surfaces_that_look_elsewhere_are_left_out() -> None:
+    # A roof, each side at 45 degrees to the sensor and 90 degrees to the other: an angle of less
+    # than 90 degrees leaves one of them, a larger one both.
+    k = np.abs(U - 100) / 1000
+    surface = surface_of(
+        body_of(1 / (1 - k)), FINE, msgspec.structs.replace(PAPER, normal_passes=0)
+    )
+    vertex = surface.vertices_at([(80, 100)])
+    narrow = spin_images(surface, vertex, msgspec.structs.replace(ALL, support_angle_deg=60.0))
+    wide = spin_images(surface, vertex, msgspec.structs.replace(ALL, support_angle_deg=100.0))
+    assert np.flatnonzero(narrow[0].sum(axis=1) > 1).tolist() == [10]
+    assert np.flatnonzero(wide[0].sum(axis=1) > 1).size > 3
+    # 25 or more columns lie within 80 mm beyond the ridge, 20 mm to the right.
+    assert wide.sum() > 1.3 * narrow.sum()
+
+
+def test_bins_share_a_point_in_proportion() -> None:
+    # One neighbour, 4 mm to the right and 1 mm nearer than the plane, bins of 10 mm: alpha 0.4,
+    # beta 0.1 from the middle row 2 of 4. Itself: alpha 0, beta 0, all in (2, 0).
+    surface = plane()
+    points = np.array([[0.0, 0.0, 1.0], [0.004, 0.0, 0.999]])
+    normals = np.array([[0.0, 0.0, -1.0]] * 2)
+    two = Surface(
+        points_m=points,
+        normals=normals,
+        pixels_px=np.zeros((2, 2)),
+        indptr=surface.indptr[:1].repeat(3),
+        indices=surface.indices[:0],
+        lengths_m=np.zeros(0),
+        resolution_m=0.0,
+        grid=surface.grid[:0],
+        left_px=0,
+        top_px=0,
+        step_px=1,
+    )
+    (image,) = spin_images(two, [0], SpinConfig(bins=4, bin_m=0.01))
+    expected = np.zeros((4, 4))
+    expected[2, :2] = 0.9 * 0.6 + 1, 0.9 * 0.4
+    expected[3, :2] = 0.1 * 0.6, 0.1 * 0.4
+    assert image == pytest.approx(expected)
+
+
+def test_a_sample_of_the_points_tells_the_same() -> None:
+    surface = sphere()
+    vertices = surface.vertices_at([(100, 100), (110, 95)])
+    every = spin_images(surface, vertices, SpinConfig(points=0, bin_m=0.005))
+    some = spin_images(surface, vertices, SpinConfig(points=1000, bin_m=0.005))
+    for one, other in zip(every, some, strict=True):
+        assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.95
+    again = spin_images(surface, vertices, SpinConfig(points=1000, bin_m=0.005))
+    assert np.array_equal(some, again)
+
+
+def test_what_is_no_vertex_has_an_empty_image() -> None:
+    images = spin_images(plane(), [-1, 0, 10**9], ALL)
+    assert images.sum(axis=(1, 2))[[0, 2]].tolist() == [0, 0]
+    assert images[1].sum() > 0
+    assert spin_images(plane(), [], ALL).shape == (0, 20, 20)
+    nothing = surface_of(body_of(np.zeros((3, 3))), INFO, PAPER)
+    assert not spin_images(nothing, [0], ALL).any()
+
+
+def row(*bins: float) -> F64:
+    image = np.zeros((4, 4))
+    image[0, : len(bins) - 1], image[1, 0] = bins[:-1], bins[-1]
+    return image
+
+
+def test_similarity_by_hand() -> None:
+    # (1, 2, 3, 4, 5) and (1, 2, 3, 5, 4): deviations (-2, -1, 0, 1, 2) and (-2, -1, 0, 2, 1),
+    # R = (4 + 1 + 0 + 2 + 2) / 10 = 0.9, atanh(0.9) = 1.47222, squared 2.16743. N = 5 and lambda
+    # = 5 / 2: 2.5 / (5 - 3) = 1.25.
+    found = similarity(row(1, 2, 3, 4, 5)[None], row(1, 2, 3, 5, 4), overlap_min=4)
+    assert found == pytest.approx([2.16743 - 1.25], abs=1e-4)
+
+
+def test_only_bins_that_both_fill_count() -> None:
+    # The sixth bin is filled in the image only: R is as before, lambda now 6 / 2.
+    image = row(1, 2, 3, 4, 5)
+    image[3, 3] = 40
+    found = similarity(image[None], row(1, 2, 3, 5, 4), overlap_min=4)
+    assert found == pytest.approx([2.16743 - 1.5], abs=1e-4)
+
+
+def test_a_reversed_image_is_less_alike_than_one_of_no_relation() -> None:
+    images = np.stack([row(1, 2, 3, 4, 5), row(5, 4, 3, 2, 1), row(2, 2, 2, 2, 2)])
+    same, reverse, level = similarity(images, row(1, 2, 3, 4, 5), overlap_min=4)
+    assert reverse < level < same
+    assert np.isfinite(same)
+
+
+def test_too_few_bins_are_no_match() -> None:
+    images = np.stack([row(1, 2, 3, 4, 5), row(1, 2, 3, 0, 0), np.zeros((4, 4))])
+    found = similarity(images, row(1, 2, 3, 5, 4), overlap_min=4)
+    assert np.isfinite(found).tolist() == [True, False, False]
+    assert similarity(images, row(1, 2, 3, 5, 4)).tolist() == [-np.inf] * 3
+    assert similarity(images, np.zeros((4, 4)), overlap_min=4).tolist() == [-np.inf] * 3
+    assert similarity(images[:0], row(1, 2, 3, 5, 4)).shape == (0,)
+
+
+def test_similarity_does_not_depend_on_the_number_of_points() -> None:
+    # Seen from nearer there are more vertices: each bin counts as many times more.
+    chance = np.random.default_rng(3)
+    images = 0.1 + chance.random((5, 20, 20))
+    assert similarity(7.0 * images, images[0]) == pytest.approx(similarity(images, images[0]))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("bins", 1),
+        ("bin_m", -0.1),
+        ("bin_resolutions", 0.0),
+        ("support_angle_deg", 0.0),
+        ("points", -1),
+        ("overlap_min", 3),
+    ],
+)
+def test_wrong_numbers_are_refused(field: str, value: object) -> None:
+    with pytest.raises(ValueError, match=field):
+        msgspec.convert({**msgspec.to_builtins(SpinConfig()), field: value}, SpinConfig)

@@ -1,0 +1,222 @@
+"""The virtual lab as a camera."""
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from common.runtime.node import Status
+from evaluation.chain import play
+from lab.film import Film
+from lab.source import LabSource
+from lab.views import DepthView
+from people4d.errors import ConfigError
+from people4d.messages import (
+    CameraInfo,
+    Detections,
+    Message,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+)
+from services.camera.config import CameraConfig
+from services.camera.playback import Selection
+from services.camera.playback import play as play_source
+from services.camera.source import Capture
+from services.camera.sources import kind_of, open_source
+from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
+
+S = 10**9
+
+
+def opened(path: Path, seed: str = "", **options: object) -> LabSource:
+    source = open_source(f"lab:{path}{seed}", options={"mode": "depth", "threads": 1, **options})
+    assert isinstance(source, LabSource)
+    return source
+
+
+def captures(source: LabSource) -> list[Capture]:
+    return [item for item in source if isinstance(item, Capture)]
+
+
+def test_a_still_camera_gives_its_frames_and_its_place(tmp_path: Path) -> None:
+    source = opened(write_scenario(tmp_path))
+    found = list(source)
+    assert len(found) == FRAMES
+    assert [item.stamp_ns for item in found] == [EPOCH_NS + k * S // 10 for k in range(FRAMES)]
+    assert not source.live
+    (place,) = source.transforms
+    assert (place.parent, place.child) == ("map", "front_optical_frame")
+    # 1.15 m high at the origin, 3 degrees down: what lies 2 m along the axis is 2 cos 3 = 1.997 m
+    # ahead and 1.15 - 2 sin 3 = 1.045 m high.
+    assert (place.matrix @ [0, 0, 2, 1])[:3] == pytest.approx([1.997, 0.0, 1.045], abs=1e-3)
+    frame = captures(source)[0]
+    assert frame.rgb.shape == (*SIZE, 3)
+    assert frame.depth_mm.shape == SIZE
+    # Adam walks at 3.0 m, Bea at 3.8 m; both, 60 cm off the axis, are in view.
+    people = frame.depth_mm[20:40]
+    assert ((people > 2700) & (people < 3200)).sum() > 30
+    assert ((people > 3500) & (people < 4000)).sum() > 20
+
+
+def test_the_same_every_time_at_any_number_of_threads(tmp_path: Path) -> None:
+    path = write_scenario(tmp_path)
+    one, other = captures(opened(path)), captures(opened(path, threads=2))
+    again = captures(opened(path))
+    for a, b, c in zip(one, other, again, strict=True):
+        assert a.stamp_ns == b.stamp_ns == c.stamp_ns
+        assert np.array_equal(a.rgb, b.rgb)
+        assert np.array_equal(a.depth_mm, b.depth_mm)
+        assert np.array_equal(a.depth_mm, c.depth_mm)
+
+
+def test_the_seed_changes_the_noise(tmp_path: Path) -> None:
+    path = write_scenario(tmp_path)  # its own seed is 5
+    own, named, other = (captures(opened(path, seed))[0] for seed in ("", "@5", "@6"))
+    assert np.array_equal(own.depth_mm, named.depth_mm)
+    assert not np.array_equal(own.depth_mm, other.depth_mm)
+
+
+def test_the_sensor_can_be_changed_or_left_out(tmp_path: Path) -> None:
+    path = write_scenario(tmp_path)
+    clean = captures(opened(path, depth_sensor="off"))[0].depth_mm.astype(int)
+    usual = captures(opened(path))[0].depth_mm.astype(int)
+    noisy = captures(opened(path, sensor={"noise_px": 0.7}))[0].depth_mm.astype(int)
+    assert (clean > 5000).any()  # the far wall, which no sensor sees
+    assert usual.max() <= 5000
+    both = (clean > 0) & (usual > 0) & (noisy > 0)
+    # Ten times the noise in disparity is about as much more error in depth, beside its steps of
+    # 1/32 pixel; medians pass over edges.
+    error = [float(np.median(np.abs(clean - depth)[both])) for depth in (usual, noisy)]
+    assert error[1] > 3 * error[0] > 0
+
+
+def test_a_robot_tells_its_wheels_and_where_the_camera_sits_on_it(tmp_path: Path) -> None:
+    source = opened(write_scenario(tmp_path, DRIVE))
+    found = list(source)
+    stamps_ns = [item.stamp_ns for item in found]
+    assert stamps_ns == sorted(stamps_ns)
+    told = [item for item in found if isinstance(item, Odometry)]
+    assert [m.stamp_ns for m in told] == [EPOCH_NS + k * S // 50 for k in range(61)]
+    # 0.2 m/s for 1.2 s are 0.24 m, 10 deg/s are 12 deg; wheels err by 1 % and slip by 2 %.
+    assert np.hypot(told[-1].x_m, told[-1].y_m) == pytest.approx(0.24, rel=0.1)
+    assert np.degrees(told[-1].theta_rad) == pytest.approx(12, rel=0.2)
+    mount, start = source.transforms
+    assert (mount.parent, mount.child) == ("base_link", "front_optical_frame")
+    assert (start.parent, start.child) == ("map", "odom")
+    assert np.allclose(start.matrix, np.eye(4))
+    assert len(captures(source)) == FRAMES
+
+
+def test_blurred_motion_is_between_that_before_and_after(tmp_path: Path) -> None:
+    """One picture in colour with an open shutter differs from the sharp one where people walk."""
+    sharp = opened(write_scenario(tmp_path), mode="colour", samples=1)
+    path = write_scenario(tmp_path, "exposure_s = 0.08", "blurred")
+    blurred = opened(path, mode="colour", samples=1)
+    a, b = (next(iter(source)) for source in (sharp, blurred))
+    assert isinstance(a, Capture)
+    assert isinstance(b, Capture)
+    assert a.rgb.std() > 20  # a picture, not a plane
+    assert not np.array_equal(a.rgb, b.rgb)
+    assert np.array_equal(a.depth_mm, b.depth_mm)
+
+
+def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = opened(write_scenario(tmp_path, DRIVE))
+    everything = list(source)
+    drawn: list[int] = []
+    draw = Film.view
+
+    def counting(film: Film, index: int) -> DepthView:
+        drawn.append(index)
+        return draw(film, index)
+
+    monkeypatch.setattr(Film, "view", counting)
+    late = list(play_source(source, Selection(start_s=0.75, duration_s=0.3)))
+    assert drawn == [8, 9, 10]  # at 0.8, 0.9 and 1.0 s
+    wanted = [item for item in everything if 75 <= (item.stamp_ns - EPOCH_NS) / 10**7 <= 105]
+    assert [item.stamp_ns for item in late] == [item.stamp_ns for item in wanted]
+    assert [type(item) for item in late] == [type(item) for item in wanted]
+
+
+class Detector:
+    """Answers each frame."""
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+
+    def __init__(self) -> None:
+        self.frames: list[RgbdFrame] = []
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        assert isinstance(message, RgbdFrame)
+        self.frames.append(message)
+        return [
+            Detections(
+                stamp_ns=message.stamp_ns,
+                sequence=message.sequence,
+                camera=message.camera,
+                frame_id="front_optical_frame",
+                model="none",
+                width=SIZE[1],
+                height=SIZE[0],
+            )
+        ]
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        return []
+
+    def wake_ns(self) -> int | None:
+        return None
+
+    def status(self) -> Status:
+        return Status()
+
+    def close(self) -> None:
+        pass
+
+
+def test_lockstep_through_the_camera_loses_no_frame(tmp_path: Path) -> None:
+    config = CameraConfig(
+        source=f"lab:{write_scenario(tmp_path)}",
+        options={"mode": "depth", "threads": 1},
+        playback="lockstep",
+        answer="detections",
+        window=1,
+        start_delay_s=0.0,
+    )
+    detector = Detector()
+    messages = [message for step in play(config, [detector]) for message in step.messages]
+    assert [type(m) for m in messages[:2]] == [CameraInfo, StaticTransform]
+    assert [m.sequence for m in messages if isinstance(m, Detections)] == list(range(FRAMES))
+    assert all(frame.lockstep for frame in detector.frames)
+    alone = captures(opened(tmp_path / "walk.toml"))
+    for sent, taken in zip(detector.frames, alone, strict=True):
+        assert np.array_equal(sent.depth_mm, taken.depth_mm)
+
+
+def test_what_is_wrong_is_told(tmp_path: Path) -> None:
+    assert kind_of("lab:anything") == "lab"
+    with pytest.raises(ConfigError, match="there is no scenario nothing"):
+        open_source("lab:nothing")
+    with pytest.raises(ConfigError, match="expected a whole number after @, got 'x'"):
+        open_source("lab:two_easy@x")
+    with pytest.raises(ConfigError, match="sensor"):
+        opened(write_scenario(tmp_path), sensor={"noize_px": 1.0})
+    with pytest.raises(ConfigError, match="Options are mode, threads"):
+        open_source("lab:two_easy", options={"made": "depth"})
+
+
+def test_other_sources_do_not_load_compiled_code() -> None:
+    code = (
+        "import sys, services.camera.__main__, services.camera.recording;"
+        "import services.camera.ros.source;"
+        "print('numba' in sys.modules)"
+    )
+    output = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert output.stdout == "False\n"

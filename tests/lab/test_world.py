@@ -1,0 +1,96 @@
+import hashlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from common.geometry.transforms import apply
+from lab.drawing.furniture import SEAT_M
+from lab.scenario import load_scenario
+from lab.world import EPOCH_NS, World
+from tests.lab.worlds import world
+
+DIGEST = """
+import hashlib
+from lab.drawing.renderer import draw_depth
+from lab.scenario import load_scenario
+from lab.truth import capture
+from lab.world import World
+of = World(load_scenario("short_robot"))
+view = draw_depth([of.room.mesh, *of.meshes(1.3)], of.optical_from_map(1.3), of.info, 0.05)
+digest = hashlib.sha256(view.depth_m.tobytes() + view.owners.tobytes())
+digest.update(capture(of, 1, 2.7).position_m.tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_frames_are_stamped_from_the_epoch_at_the_frame_rate() -> None:
+    # 266 frames at 15 Hz; the last is at 265 / 15 = 17.666667 s.
+    of = world("pmrr")
+    assert of.frame_count == 266
+    assert of.stamp_ns(0) == EPOCH_NS
+    assert of.stamp_ns(265) - EPOCH_NS == 17_666_666_667
+    assert of.frame_s(3) == pytest.approx(0.2)
+
+
+def test_the_camera_looks_along_its_axis() -> None:
+    # The camera is at (0, 0, 1.15), level; a point 2 m ahead is in the middle of the image.
+    of = world("facing")
+    ahead = apply(of.optical_from_map(0.7), np.array([2.0, 0.0, 1.15]))
+    np.testing.assert_allclose(ahead, [0, 0, 2], atol=1e-12)
+    assert (of.info.cx, of.info.cy) == (319.5, 239.5)  # centres of pixels are whole numbers
+    np.testing.assert_allclose(
+        of.map_from_optical(0.7) @ of.optical_from_map(0.7), np.eye(4), atol=1e-12
+    )
+
+
+def test_geometry_needs_neither_room_nor_bodies() -> None:
+    of = World(load_scenario("short_walk"))
+    of.optical_from_map(1.0)
+    assert not {"room", "bodies", "motions"} & set(vars(of))
+    of.postures(1.0)
+    assert "room" not in vars(of)
+
+
+def test_a_time_does_not_depend_on_those_asked_for_before() -> None:
+    one, other = (World(load_scenario("short_robot")) for _ in range(2))
+    for t_s in (3.1, 0.2, 2.0):
+        other.postures(t_s)
+    for mesh, again in zip(one.meshes(2.0), other.meshes(2.0), strict=True):
+        np.testing.assert_array_equal(mesh.vertices_m, again.vertices_m)
+
+
+def test_two_processes_see_the_same_bytes() -> None:
+    runs = [
+        subprocess.Popen([sys.executable, "-c", DIGEST], stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    digests = {run.communicate(timeout=100)[0].strip() for run in runs}
+    assert all(run.returncode == 0 for run in runs)
+    assert len(digests) == 1
+    assert len(digests.pop()) == 2 * hashlib.sha256().digest_size
+
+
+def test_another_seed_is_another_motion_and_room_on_the_same_ways() -> None:
+    one, other = world("short_walk"), World(load_scenario("short_walk"), seed=99)
+    assert other.seed == 99
+    before, after = (of.postures(2.0)[0].map_from_pelvis for of in (one, other))
+    assert 1e-6 < np.abs(before - after).max() < 0.2
+    assert not np.array_equal(one.room.walls, other.room.walls)
+
+
+def test_a_stool_stands_where_somebody_sits() -> None:
+    of = world("short_sit")
+    x, y, z = of.room.mesh.vertices_m.T
+    near = (np.hypot(x - 3.4, y - 0.7) < 0.3) & (z > 0.05)
+    assert z[near].max() == pytest.approx(SEAT_M, abs=0.02)
+    # Seated, the hips are a little above the seat; standing, twice as high.
+    height = of.bodies[0].skeleton.stature_m
+    hips_m = [of.postures(t)[0].map_from_pelvis[2, 3] for t in (0.0, 5.5)]
+    assert hips_m[0] > 0.45 * height
+    assert SEAT_M < hips_m[1] < SEAT_M + 0.2
+
+
+def test_owners_count_people_from_one() -> None:
+    assert [set(mesh.owner.tolist()) for mesh in world("facing").meshes(0.0)] == [{1}, {2}]

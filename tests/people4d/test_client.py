@@ -1,0 +1,88 @@
+"""The few lines a planner needs."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from common.transport.ports import free_port
+from people4d.client import Client, subscribe
+from people4d.errors import ConfigError, People4dError
+from people4d.messages import Health, Message, Tracks, Truth
+from tests.contract.examples import BY_NAME
+from tests.network import Network
+
+
+@pytest.fixture(scope="module")
+def network() -> Iterator[Network]:
+    network = Network()
+    yield network
+    network.close()
+
+
+@pytest.fixture
+def talking(network: Network) -> Iterator[str]:
+    """Name of a robot that tells its people and its health again and again."""
+    robot, stop = network.robot(), threading.Event()
+    bus = network.open(robot)
+
+    def talk() -> None:
+        while not stop.wait(0.02):
+            bus.publish(BY_NAME["Tracks"])
+            bus.publish(BY_NAME["Health"])
+
+    thread = threading.Thread(target=talk)
+    thread.start()
+    yield robot
+    stop.set()
+    thread.join()
+
+
+def test_people_come_in_a_loop(network: Network, talking: str) -> None:
+    for people in subscribe(network.endpoint, talking):
+        assert isinstance(people, Tracks)
+        assert [person.id for person in people.people] == [7]
+        break
+
+
+def test_several_kinds_come_together(network: Network, talking: str) -> None:
+    with Client(network.endpoint, talking) as client:
+        seen: set[type[Message]] = set()
+        for message in client.messages(Tracks, Health, timeout_s=10.0):
+            seen.add(type(message))
+            if len(seen) == 2:
+                break
+        assert seen == {Tracks, Health}
+        assert client.counters["received_people"] >= 1
+
+
+def test_the_iteration_ends_when_nothing_comes(network: Network, talking: str) -> None:
+    with Client(network.endpoint, talking) as client:
+        assert list(client.messages(Truth, timeout_s=0.1)) == []
+
+
+def test_what_came_after_the_call_and_before_the_loop_is_not_lost(network: Network) -> None:
+    # The subscription was once made by a thread, some time after the loop began.
+    with Client(network.endpoint, network.robot()) as client:
+        messages = client.messages(Truth, timeout_s=10.0)
+        client.bus.publish(BY_NAME["Truth"])
+        assert isinstance(next(messages), Truth)
+
+
+def test_nobody_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with pytest.raises(People4dError, match="Is the system up"):
+        Client(endpoint, timeout_s=0.3)
+    monkeypatch.setenv("PEOPLE4D_CONNECT", endpoint)
+    with pytest.raises(People4dError, match=endpoint):
+        Client(timeout_s=0.3)
+
+
+def test_an_endpoint_does_not_hide_the_file_with_the_credentials(
+    network: Network, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    # $PEOPLE4D_ZENOH was once forgotten as soon as an endpoint was given.
+    monkeypatch.setenv("PEOPLE4D_ZENOH", str(tmp_path / "absent.json5"))
+    with pytest.raises(ConfigError, match=r"absent\.json5"):
+        Client(network.endpoint)

@@ -1,0 +1,172 @@
+"""People who leave and come back."""
+
+import dataclasses
+
+import numpy as np
+
+from people4d.messages import Track
+from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.interface import Measurement
+from services.tracker.strongsort3d.strongsort3d import StrongSort3d
+from tests.tracker.scene import frame, person
+from tests.tracker.strongsort3d.test_occlusion import BLUE, RED, placed
+from tests.tracker.test_invariants import assert_same, run, scene
+
+RED_TOO = (1.0, 0.12, 0.0)  # 0.0002 from RED
+ALL = StrongSort3dConfig(
+    occlusion=OcclusionConfig(enabled=True),
+    contact=ContactConfig(enabled=True),
+    identity=IdentityConfig(enabled=True),
+)
+
+
+def tracker(identity: IdentityConfig | None = None) -> StrongSort3d:
+    strong = StrongSort3dConfig(identity=identity or IdentityConfig(enabled=True), a_max=5)
+    return StrongSort3d(TrackerConfig(strongsort3d=strong))
+
+
+def stay(
+    sort: StrongSort3d, first: int, count: int, *people: Measurement
+) -> list[tuple[int, str, str | None]]:
+    """Let people stand for some frames; return the newest tracks that are no longer tentative."""
+    tracks: list[Track] = []
+    for number in range(first, first + count):
+        tracks = sort.update(frame(number, *people))
+    return [(t.id, t.state, t.identity) for t in tracks if t.state != "tentative"]
+
+
+def test_leave_and_return() -> None:
+    sort = tracker()
+    assert stay(sort, 0, 3, person(3, 0, embedding=RED)) == [(1, "confirmed", "new")]
+    assert stay(sort, 3, 1, person(3, 0, embedding=RED)) == [(1, "confirmed", "continued")]
+    assert stay(sort, 4, 40) == []
+    assert stay(sort, 44, 3, person(4, 1, embedding=RED)) == [(1, "confirmed", "reidentified")]
+    (track,) = sort.update(frame(47, person(4, 1, embedding=RED)))
+    assert (track.identity, track.hits) == ("continued", 4)
+    assert track.identity_reason == "looks 0.00 from 1"
+    assert track.identity_confidence == 1.0
+
+
+def test_without_the_switch_nothing_is_told() -> None:
+    sort = tracker(IdentityConfig())
+    assert stay(sort, 0, 4, person(3, 0, embedding=RED)) == [(1, "confirmed", None)]
+    stay(sort, 4, 40)
+    assert stay(sort, 44, 4, person(4, 1, embedding=RED)) == [(2, "confirmed", None)]
+
+
+def test_a_newcomer_is_not_given_an_old_identity() -> None:
+    sort = tracker()
+    stay(sort, 0, 10, person(3, 0, embedding=RED))
+    stay(sort, 10, 40)
+    assert stay(sort, 50, 3, person(3, 0, embedding=BLUE)) == [(2, "confirmed", "new")]
+
+
+def test_who_comes_back_elsewhere_is_not_predicted_any_more() -> None:
+    # 2 m away after 0.5 s: within 0.8 + 2.5 * 0.5 = 2.05 m once seen thrice; the lost track ends.
+    sort = tracker()
+    stay(sort, 0, 10, person(3, -1, embedding=RED))
+    stay(sort, 10, 3)
+    assert stay(sort, 13, 3, person(3, 1, embedding=RED)) == [(1, "confirmed", "reidentified")]
+
+
+def test_nobody_is_known_again_where_they_cannot_be() -> None:
+    # The same, but 4 m away: farther than 2.05 m.
+    sort = tracker()
+    stay(sort, 0, 10, person(5, -2, embedding=RED))
+    stay(sort, 10, 3)
+    told = stay(sort, 13, 3, person(5, 2, embedding=RED))
+    assert told[-1][1:] == ("confirmed", "new")
+
+
+def test_the_alike_pair_is_refused() -> None:
+    sort = tracker()
+    stay(sort, 0, 10, person(3, 0, embedding=RED), person(3, 1, 1, 0.8, RED_TOO))
+    stay(sort, 10, 40)
+    assert stay(sort, 50, 3, person(3, 0.5, embedding=RED)) == [(3, "confirmed", "refused")]
+
+
+def test_of_the_alike_pair_the_absent_one_comes_back() -> None:
+    sort = tracker()
+    here, gone = person(3, 0, embedding=RED), person(3, 1.5, 1, 0.8, RED_TOO)
+    stay(sort, 0, 10, here, gone)
+    stay(sort, 10, 40, here)
+    told = stay(sort, 50, 3, here, person(4, 1.5, 1, 0.8, RED_TOO))
+    assert told == [(1, "confirmed", "continued"), (2, "confirmed", "reidentified")]
+
+
+def test_it_is_waited_for_clear_pictures_but_not_for_long() -> None:
+    # Somebody else's box covers half of theirs: no picture is clear. At 10 Hz, wait_s = 0.5 ends in
+    # the sixth frame after the second sight.
+    sort = tracker(IdentityConfig(enabled=True, wait_s=0.5))
+    cover = person(3, 0.1, 1, 0.8, BLUE)
+    stay(sort, 0, 10, person(3, 0, embedding=RED))
+    stay(sort, 10, 40)
+    both = person(3, 0, embedding=RED), cover
+    assert stay(sort, 50, 6, *both) == []
+    assert sorted(stay(sort, 56, 1, *both)) == [
+        (1, "confirmed", "reidentified"),
+        (3, "confirmed", "new"),
+    ]
+
+
+def test_the_order_of_detections_decides_nothing() -> None:
+    config = TrackerConfig(strongsort3d=ALL)
+    rng = np.random.default_rng(5)
+    straight = scene(17, frames=60)
+    shuffled = [
+        dataclasses.replace(
+            o, measurements=tuple(o.measurements[k] for k in rng.permutation(len(o.measurements)))
+        )
+        for o in straight
+    ]
+    told = run(StrongSort3d(config), straight)
+    assert_same(told, run(StrongSort3d(config), shuffled))
+    assert_same(told, run(StrongSort3d(config), straight))
+
+
+def test_an_identity_is_of_one_person_at_a_time() -> None:
+    for seed in range(8):
+        for tracks in run(StrongSort3d(TrackerConfig(strongsort3d=ALL)), scene(seed, frames=60)):
+            ids = [track.id for track in tracks]
+            assert len(set(ids)) == len(ids)
+            assert all(np.isfinite(track.covariance).all() for track in tracks)
+
+
+def test_after_a_reset_nobody_is_known() -> None:
+    sort = tracker()
+    stay(sort, 0, 10, person(3, 0, embedding=RED))
+    sort.reset()
+    assert stay(sort, 0, 3, person(3, 0, embedding=RED)) == [(2, "confirmed", "new")]
+
+
+def test_whoever_left_at_the_edge_of_the_image_is_not_who_comes_in_there() -> None:
+    # At 3 m and 1.5 m to the left: u = 320 - 300 = 20 px, less 50 px of half a width: cut off.
+    # Half a second later somebody comes in there who looks alike but for 0.1: it is asked who.
+    def told(leaving_s: float) -> list[tuple[int, str, str | None]]:
+        identity = IdentityConfig(enabled=True, leaving_s=leaving_s)
+        strong = StrongSort3dConfig(identity=identity)
+        sort = StrongSort3d(TrackerConfig(strongsort3d=strong))
+        for number in range(10):
+            sort.update(placed(number, person(3, 1.5, embedding=RED)))
+        for number in range(10, 15):
+            sort.update(placed(number))
+        tracks = sort.update(placed(15, person(3, 1.5, embedding=(1.0, 0.6, 0.0))))
+        return [(t.id, t.state, t.identity) for t in tracks if t.detection is not None]
+
+    assert told(leaving_s=1.0) == [(1, "confirmed", "continued")]
+    assert told(leaving_s=0.3) == [(2, "tentative", None)]
+
+
+def test_who_was_away_for_longer_comes_back_only_by_recognition() -> None:
+    # 1.5 s unseen but still predicted, since a_max is 30 frames.
+    def told(handover_s: float) -> list[tuple[int, str, str | None]]:
+        identity = IdentityConfig(enabled=True, handover_s=handover_s)
+        strong = StrongSort3dConfig(identity=identity, a_max=30)
+        sort = StrongSort3d(TrackerConfig(strongsort3d=strong))
+        stay(sort, 0, 5, person(3, 1, embedding=RED))
+        stay(sort, 5, 15)
+        return stay(sort, 20, 3, person(3, 1, embedding=RED))
+
+    assert told(60.0) == [(1, "confirmed", "continued")]
+    assert told(1.0) == [(1, "confirmed", "reidentified")]

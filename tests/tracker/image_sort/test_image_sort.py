@@ -1,0 +1,277 @@
+"""SORT in the image: life cycles by hand, and what must always hold."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from people4d.messages import F64
+from services.tracker.image_sort.config import ImageSortConfig
+from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks, ImageSort
+
+FRAME_NS = 100_000_000
+SEEN = [100.0, 100, 150, 200]
+
+
+def frame(number: int, *boxes: list[float], scores: list[float] | None = None) -> BoxFrame:
+    return BoxFrame(
+        stamp_ns=number * FRAME_NS,
+        boxes_xyxy_px=np.array(boxes, np.float64).reshape(-1, 4),
+        scores=np.array([0.9] * len(boxes) if scores is None else scores, np.float64),
+    )
+
+
+def told(config: ImageSortConfig, seen: str) -> list[list[int]]:
+    """Return the identities told in each frame; x: the person is found, -: nobody is."""
+    tracker = ImageSort(config)
+    frames = [frame(k, *[SEEN] * (mark == "x")) for k, mark in enumerate(seen)]
+    return [tracker.update(one).ids.tolist() for one in frames]
+
+
+def test_life_cycle_of_sort() -> None:
+    # In the first 3 frames all are told. T_lost = 1: one miss is survived, but then 3 matches in a
+    # row are needed again; the second miss in a row ends the track.
+    assert told(ImageSortConfig(), "xx-xxxx") == [[1], [1], [], [], [], [1], [1]]
+    assert told(ImageSortConfig(), "xxxx--xxxxx") == [[1]] * 4 + [[]] * 5 + [[2]] * 2
+
+
+def test_a_track_that_begins_later_is_told_after_three_matches() -> None:
+    assert told(ImageSortConfig(), "----xxxxx") == [[]] * 7 + [[1], [1]]
+
+
+def test_confirmed_once() -> None:
+    config = ImageSortConfig(confirm="once", min_hits=1)
+    assert told(config, "--xx-xx") == [[], [], [], [1], [], [1], [1]]
+    assert told(ImageSortConfig(confirm="once", min_hits=0), "-x") == [[], [1]]
+
+
+def test_fixed_survival() -> None:
+    config = ImageSortConfig(confirm="once", min_hits=0, t_lost=2)
+    assert told(config, "xxxxxx--x")[-1] == [1]
+    assert told(config, "xxxxxx---x")[-1] == [2]
+
+
+def test_dynamic_survival_grows_with_the_frames_tracked() -> None:
+    # T_age = min(1 + T_hits / 2, 4): 2 hits give 2 frames, 4 give 3, 100 would give 51 but for 4.
+    base = ImageSortConfig(confirm="once", min_hits=0, survival="dynamic", r=2, max_age=4)
+    for hits, age in ((2, 2), (4, 3), (5, 3), (100, 4)):
+        assert told(base, "x" * hits + "-" * age + "x")[-1] == [1]
+        assert told(base, "x" * hits + "-" * (age + 1) + "x")[-1] == [2]
+
+
+def test_only_good_detections_begin_a_track_others_go_on() -> None:
+    tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, score_new=0.8))
+    scores = [0.7, 0.9, 0.3]
+    ids = [tracker.update(frame(k, SEEN, scores=[s])).ids.tolist() for k, s in enumerate(scores)]
+    assert ids == [[], [1], [1]]
+
+
+def test_a_weak_detection_goes_on_only_with_who_was_seen_just_before() -> None:
+    config = ImageSortConfig(confirm="once", min_hits=0, t_lost=5, score_high=0.6, score_new=0.6)
+    tracker = ImageSort(config)
+    tracker.update(frame(0, SEEN))
+    assert tracker.update(frame(1, SEEN, scores=[0.4])).ids.tolist() == [1]
+    tracker.update(frame(2))
+    assert tracker.update(frame(3, SEEN, scores=[0.4])).ids.tolist() == []
+    assert tracker.update(frame(4, SEEN)).ids.tolist() == [1]
+
+
+def test_strong_detections_choose_before_weak_ones() -> None:
+    # The weak detection lies exactly on the track; the strong one overlaps by 40/60, and is taken.
+    tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, score_high=0.6, score_new=0.6))
+    tracker.update(frame(0, SEEN))
+    tracks = tracker.update(frame(1, SEEN, [110.0, 100, 160, 200], scores=[0.4, 0.9]))
+    assert (tracks.ids.tolist(), tracks.detections.tolist()) == ([1], [1])
+
+
+def test_prediction_bridges_a_miss() -> None:
+    # 20 px a frame, boxes 50 wide: after one miss the old box overlaps by 10/90 < 0.3 only.
+    config = ImageSortConfig(confirm="once", min_hits=0)
+    moving = [[100.0 + 20 * k, 100, 150 + 20 * k, 200] for k in range(6)]
+    tracker = ImageSort(config)
+    for k in range(4):
+        tracker.update(frame(k, moving[k]))
+    tracker.update(frame(4))
+    assert tracker.update(frame(5, moving[5])).ids.tolist() == [1]
+
+
+def test_steps_follow_the_stamps_if_a_rate_is_given() -> None:
+    # 20 px a frame at 10 Hz; then two frames are dropped. The box is 60 px on; moved by one frame,
+    # it would be 40 px off, and 10/90 is less than 0.3.
+    boxes = [[100.0 + 20 * k, 100, 150 + 20 * k, 200] for k in range(8)]
+    for rate_hz, expected in ((10.0, [1]), (0.0, [2])):
+        tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, rate_hz=rate_hz))
+        for k in range(5):
+            tracker.update(frame(k, boxes[k]))
+        assert tracker.update(frame(7, boxes[7])).ids.tolist() == expected
+
+
+def scene(seed: int, frames: int = 30, people: int = 5) -> list[BoxFrame]:
+    """People who walk at random and are missed at times, with noise and false alarms."""
+    rng = np.random.default_rng(seed)
+    centre, speed = rng.uniform(50, 550, (people, 2)), rng.normal(0, 6, (people, 2))
+    half = rng.uniform(15, 60, (people, 1)) * [1.0, 2.5]
+    observed = []
+    for number in range(frames):
+        centre = centre + speed
+        boxes = np.hstack([centre - half, centre + half]) + rng.normal(0, 2, (people, 4))
+        boxes = boxes[rng.random(people) < 0.85]
+        if rng.random() < 0.3:
+            boxes = np.vstack([boxes, [10.0, 10, 40, 90]])
+        scores = rng.uniform(0.3, 1.0, len(boxes))
+        observed.append(BoxFrame(number * FRAME_NS, boxes, scores))
+    return observed
+
+
+def run(config: ImageSortConfig, frames: list[BoxFrame]) -> list[BoxTracks]:
+    tracker = ImageSort(config)
+    return [tracker.update(one) for one in frames]
+
+
+SETTINGS = [
+    ImageSortConfig(),
+    ImageSortConfig(survival="dynamic", r=2, max_age=10),
+    ImageSortConfig(confirm="once", min_hits=0, score_high=0.6, score_new=0.5, rate_hz=10),
+]
+settled = pytest.mark.parametrize("config", SETTINGS)
+
+
+@settled
+def test_same_input_same_output(config: ImageSortConfig) -> None:
+    for one, other in zip(run(config, scene(3)), run(config, scene(3)), strict=True):
+        for field in dataclasses.fields(BoxTracks):
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
+
+
+@settled
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_the_order_of_detections_decides_only_new_identities(
+    config: ImageSortConfig, seed: int
+) -> None:
+    rng, straight = np.random.default_rng(seed), scene(seed)
+    orders = [rng.permutation(len(one.scores)) for one in straight]
+    shuffled = [
+        BoxFrame(one.stamp_ns, one.boxes_xyxy_px[order], one.scores[order])
+        for one, order in zip(straight, orders, strict=True)
+    ]
+    names: dict[int, int] = {}
+    pairs = zip(run(config, straight), run(config, shuffled), orders, strict=True)
+    for one, other, order in pairs:
+        ids = dict(zip(order[other.detections].tolist(), other.ids.tolist(), strict=True))
+        assert sorted(ids) == sorted(one.detections.tolist())
+        for detection, identity in zip(one.detections.tolist(), one.ids.tolist(), strict=True):
+            assert names.setdefault(identity, ids[detection]) == ids[detection]
+
+
+@settled
+def test_tracks_move_with_the_image(config: ImageSortConfig) -> None:
+    shift = np.array([300.0, -40, 300, -40])
+    there = [dataclasses.replace(f, boxes_xyxy_px=f.boxes_xyxy_px + shift) for f in scene(8)]
+    for one, other in zip(run(config, scene(8)), run(config, there), strict=True):
+        np.testing.assert_array_equal(one.ids, other.ids)
+        np.testing.assert_allclose(one.boxes_xyxy_px + shift, other.boxes_xyxy_px)
+
+
+def spoilt(frames: list[BoxFrame]) -> list[BoxFrame]:
+    """Return the frames with all that a broken detector may tell besides."""
+    junk = np.array(
+        [
+            [math.nan, 0, 10, 10],
+            [0, 0, math.inf, 10],
+            [-math.inf, 0, 10, math.inf],
+            [50, 50, 50, 90],  # no width
+            [50, 90, 70, 50],  # upside down
+            [100, 100, 150, 200],  # its score is not a number
+        ]
+    )
+    scores = np.array([0.9] * 5 + [math.nan])
+    return [
+        BoxFrame(f.stamp_ns, np.vstack([f.boxes_xyxy_px, junk]), np.append(f.scores, scores))
+        for f in frames
+    ]
+
+
+@settled
+def test_junk_changes_nothing(config: ImageSortConfig) -> None:
+    for one, other in zip(run(config, scene(4)), run(config, spoilt(scene(4))), strict=True):
+        np.testing.assert_array_equal(one.ids, other.ids)
+        np.testing.assert_array_equal(one.boxes_xyxy_px, other.boxes_xyxy_px)
+
+
+@settled
+def test_huge_and_tiny_boxes_give_no_nan(config: ImageSortConfig) -> None:
+    rng, tracker = np.random.default_rng(0), ImageSort(config)
+    for number in range(60):
+        corner = rng.normal(0, 1, (8, 2)) * 10.0 ** rng.uniform(-6, 8, (8, 1))
+        size = 10.0 ** rng.uniform(-9, 9, (8, 2))
+        tracks = tracker.update(
+            BoxFrame(number * FRAME_NS, np.hstack([corner, corner + size]), rng.random(8))
+        )
+        assert np.isfinite(tracks.boxes_xyxy_px).all()
+
+
+@settled
+def test_two_hundred_people(config: ImageSortConfig) -> None:
+    frames = scene(1, frames=12, people=200)
+    for one, told_of in zip(frames, run(config, frames), strict=True):
+        assert len(set(told_of.ids.tolist())) == len(told_of.ids) <= len(one.scores)
+        assert np.isfinite(told_of.boxes_xyxy_px).all()
+
+
+def test_empty_frames_and_long_gaps() -> None:
+    tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, t_lost=100, lost_max_s=5))
+    assert [tracker.update(frame(k)).ids.tolist() for k in range(3)] == [[], [], []]
+    assert tracker.update(frame(10, SEEN)).ids.tolist() == [1]
+    assert tracker.update(frame(30, SEEN)).ids.tolist() == [1]  # two seconds
+    assert tracker.update(frame(90, SEEN)).ids.tolist() == [2]  # six
+
+
+def test_a_stamp_twice_is_taken_and_one_from_the_past_refused() -> None:
+    tracker = ImageSort(ImageSortConfig(rate_hz=10))
+    tracker.update(frame(5, SEEN))
+    assert tracker.update(frame(5, SEEN)).ids.tolist() == [1]
+    with pytest.raises(ValueError, match="stamp_ns: expected >= 500000000, got 400000000"):
+        tracker.update(frame(4, SEEN))
+
+
+@pytest.mark.parametrize(("boxes", "scores"), [((2, 4), 1), ((2, 5), 2), ((4,), 1)])
+def test_boxes_and_scores_have_to_belong_together(boxes: tuple[int, ...], scores: int) -> None:
+    with pytest.raises(ValueError, match="boxes, scores: expected Nx4, N, got"):
+        ImageSort(ImageSortConfig()).update(BoxFrame(0, np.ones(boxes), np.ones(scores)))
+
+
+def test_reset_forgets_people_but_no_identity() -> None:
+    tracker = ImageSort(ImageSortConfig())
+    tracker.update(frame(5, SEEN))
+    tracker.reset()
+    assert tracker.update(frame(0, SEEN)).ids.tolist() == [2]
+
+
+def test_arrays_told_are_the_callers_own() -> None:
+    tracker, boxes = ImageSort(ImageSortConfig()), np.array([SEEN])
+    first = tracker.update(BoxFrame(0, boxes, np.array([0.9])))
+    kept: F64 = first.boxes_xyxy_px.copy()
+    tracker.update(BoxFrame(1, boxes + 10, np.array([0.9])))
+    np.testing.assert_array_equal(first.boxes_xyxy_px, kept)
+    np.testing.assert_array_equal(boxes, [SEEN])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"iou_min": 0.0}, "iou_min: expected > 0, got 0"),
+        ({"score_new": 1.5}, "score_new: expected 0 to 1, got 1.5"),
+        ({"t_lost": -1.0}, "t_lost: expected a finite number >= 0, got -1.0"),
+        ({"r": 0.0}, "r: expected > 0, got 0.0"),
+        ({"fov_deg": 180.0}, "fov_deg: expected above 0, below 180, got 180.0"),
+        ({"rate_hz": math.nan}, "rate_hz: expected a finite number >= 0, got nan"),
+    ],
+)
+def test_wrong_values_are_refused(wrong: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        ImageSortConfig(**wrong)

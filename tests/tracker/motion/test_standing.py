@@ -1,0 +1,114 @@
+"""People who stand and people who walk: two models, worked by hand and over time."""
+
+import math
+
+import numpy as np
+import pytest
+
+from people4d.messages import F64
+from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.motion.motion import PointMotion
+from services.tracker.motion.standing import STANDS, WALKS, Pace, StandOrWalk, log_likelihood, mix
+from services.tracker.motion.standing_config import StandingConfig
+from services.tracker.strongsort3d.strongsort3d import StrongSort3d
+from tests.tracker.scene import frame, person
+
+SEEN = np.array([False])
+CONFIG = StrongSort3dConfig(
+    sigma_acceleration_mps2=3.0,
+    sigma_measurement_m=0.15,
+    nsa_floor=1.0,
+    max_depth_m=1e9,
+    standing=StandingConfig(enabled=True),
+)
+
+
+def paces(**settings: float) -> StandOrWalk:
+    return StandOrWalk(PointMotion(CONFIG), StandingConfig(enabled=True, **settings))
+
+
+def state(x_m: float, vx_mps: float) -> F64:
+    return np.array([x_m, 0.0, 0.0, vx_mps, 0.0, 0.0])
+
+
+def test_models_start_from_whoever_may_have_changed_over() -> None:
+    # Shares 0.5 and 0.5; of those who stand 0.2 begin to walk, of those who walk 0.4 stop. After:
+    # 0.5 * 0.8 + 0.5 * 0.4 = 0.6 stand, of which 0.4 / 0.6 = 2/3 stood before; 0.4 walk, of which
+    # 0.1 / 0.4 = 1/4 stood. Places 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
+    # 1/4 * 0 + 3/4 * 3 = 2.25. Variances 1 and 1, and between the places
+    # 2/3 * 1 + 1/3 * 4 = 2 and 1/4 * 5.0625 + 3/4 * 0.5625 = 1.6875.
+    x = np.array([[state(0.0, 0.0), state(3.0, 0.0)]])
+    P = np.array([[np.eye(6), np.eye(6)]])
+    change = np.array([[0.8, 0.2], [0.4, 0.6]])
+    mean, covariance, share = mix(x, P, np.array([[0.5, 0.5]]), change)
+    np.testing.assert_allclose(share, [[0.6, 0.4]])
+    np.testing.assert_allclose(mean[0, :, 0], [1.0, 2.25])
+    np.testing.assert_allclose(covariance[0, :, 0, 0], [3.0, 2.6875])
+    np.testing.assert_allclose(covariance[0, :, 1, 1], [1.0, 1.0])
+
+
+def test_the_density_of_an_innovation() -> None:
+    # One metre off with a variance of 4 each way in three dimensions: 1/4 + ln 64, halved.
+    told = log_likelihood(np.array([1.0, 0.0, 0.0]), 4 * np.eye(3))
+    assert told == pytest.approx(-0.5 * (0.25 + math.log(64)))
+
+
+def test_what_is_told_is_the_mean_of_both() -> None:
+    # 0.75 stand at 0, 0.25 walk at 1 m with 2 m/s: at 0.25 m with 0.5 m/s. Variance of the place:
+    # 0.1 within, and 0.75 * 0.0625 + 0.25 * 0.5625 = 0.1875 between; of the velocity
+    # 0.75 * 0.01 + 0.25 * 0.1 within and 0.75 * 0.25 + 0.25 * 2.25 = 0.75 between.
+    pace = Pace(
+        np.array([state(0.0, 0.0), state(1.0, 2.0)]),
+        np.array([0.1 * np.eye(6)] * 2),
+        np.array([0.75, 0.25]),
+    )
+    x, P = paces(sway_mps=0.1).told(pace)
+    np.testing.assert_allclose(x[[0, 3]], [0.25, 0.5])
+    assert P[0, 0] == pytest.approx(0.2875)
+    assert P[3, 3] == pytest.approx(0.0325 + 0.75)
+
+
+def test_no_time_changes_nothing() -> None:
+    models = paces()
+    start = models.start(state(1.0, 0.5), 0.1 * np.eye(6))
+    (after,) = models.predict([start], SEEN, 0.0)
+    np.testing.assert_allclose(after.share, start.share)
+    np.testing.assert_allclose(after.x[WALKS], start.x[WALKS])
+    assert after.x[STANDS, 3] == 0.0
+
+
+def run(xs: list[float]) -> list[float]:
+    """Speeds told of a person measured at distances, ten a second."""
+    tracker = StrongSort3d(TrackerConfig(strongsort3d=CONFIG))
+    speeds = []
+    for number, x in enumerate(xs):
+        (track,) = tracker.update(frame(number, person(x, 0.0)))
+        speeds.append(float(track.velocity_mps[0]))
+    return speeds
+
+
+def test_whoever_stands_is_told_to_stand_and_whoever_walks_to_walk() -> None:
+    # Errors of 0.05 m for 5 s, then 1 m/s for 2 s, then a stop.
+    errors = np.random.default_rng(3).normal(0, 0.05, 120)
+    true = np.concatenate([np.full(50, 4.0), 4.0 + np.arange(1, 21) / 10, np.full(50, 6.0)])
+    speeds = np.abs(run((true + errors).tolist()))
+    assert np.percentile(speeds[15:50], 95) < 0.05
+    assert speeds[62:70] == pytest.approx(1.0, abs=0.35)
+    assert np.percentile(speeds[100:], 95) < 0.05
+
+
+def test_a_person_who_begins_to_walk_is_believed_within_half_a_second() -> None:
+    speeds = run([4.0] * 30 + [4.0 + 0.1 * k for k in range(1, 11)])
+    assert speeds[30 + 5] > 0.5
+
+
+def test_covariances_stay_positive_definite() -> None:
+    models = paces()
+    pace = models.start(state(4.0, 0.0), 0.1 * np.eye(6))
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        (pace,) = models.predict([pace], SEEN, float(rng.uniform(0.0, 0.3)))
+        (pace,) = models.update([pace], rng.normal(4, 0.1, (1, 3)), 0.02 * np.eye(3)[None])
+        _, P = models.told(pace)
+        assert np.linalg.eigvalsh(P).min() > 0
+        assert pace.fits(6)

@@ -1,0 +1,341 @@
+"""Which way people face: the filter by hand, the velocity, and all the way through the node."""
+
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.config import load
+from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from, wrap
+from people4d.errors import ConfigError
+from people4d.messages import F64, Detection, Detections, Message, StaticTransform, Track, Tracks
+from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
+from services.tracker.interface import Measurement
+from services.tracker.motion.yaw import KeypointYaw, VelocityYaw, YawState, make_yaw
+from services.tracker.node import TrackerNode
+from services.tracker.observe import yaw_of
+from services.tracker.registry import make_tracker
+from tests.tracker.scene import FRAME_NS, frame, person
+
+CONFIG = YawFilterConfig(
+    sigma_acceleration_radps2=6.0, sigma_measurement_rad=0.5, sigma_start_rate_radps=1.0
+)
+FILTER = KeypointYaw(CONFIG)
+AT_REST = np.zeros(3)
+
+
+def facing(yaw_rad: float | None, sigma_rad: float | None = None, **at: float) -> Measurement:
+    x, y = at.get("x", 3.0), at.get("y", 0.0)
+    seen = person(x, y)
+    return Measurement(
+        index=seen.index,
+        box_xyxy_px=seen.box_xyxy_px,
+        score=seen.score,
+        position_m=seen.position_m,
+        forward_m=seen.forward_m,
+        yaw_rad=yaw_rad,
+        yaw_sigma_rad=sigma_rad,
+    )
+
+
+def state(psi_rad: float, rate_radps: float = 0.0, variance: float = 0.25) -> YawState:
+    return YawState(np.array([psi_rad, rate_radps]), np.diag([variance, 1.0]))
+
+
+def predict(before: YawState, dt_s: float, filter_: KeypointYaw = FILTER) -> YawState:
+    (after,) = filter_.predict([before], dt_s)
+    assert after is not None
+    return after
+
+
+def update(
+    before: YawState | None,
+    seen: Measurement,
+    filter_: KeypointYaw = FILTER,
+    velocity_mps: F64 = AT_REST,
+) -> YawState:
+    (after,) = filter_.update([before], [seen], velocity_mps[None])
+    assert after is not None
+    return after
+
+
+# The filter
+
+
+def test_the_first_measurement_begins_the_state() -> None:
+    begun = update(None, facing(7.0))
+    np.testing.assert_allclose(begun.x, [7.0 - 2 * math.pi, 0.0])
+    np.testing.assert_allclose(begun.P, np.diag([0.25, 1.0]))
+    assert FILTER.read(begun, AT_REST) == pytest.approx(7.0 - 2 * math.pi)
+    assert FILTER.read(None, np.ones(3)) is None
+    assert FILTER.update([None], [facing(None)], np.ones((1, 3))) == [None]
+
+
+def test_prediction_by_hand() -> None:
+    # psi = 1 + 0.1 * 0.5. P00 = 0.25 + 0.1^2 * 1 + 6^2 * 0.1^4 / 4 = 0.25 + 0.01 + 0.0009,
+    # P01 = 0.1 * 1 + 36 * 0.1^3 / 2 = 0.118, P11 = 1 + 36 * 0.1^2 = 1.36.
+    after = predict(state(1.0, 0.5), 0.1)
+    np.testing.assert_allclose(after.x, [1.05, 0.5])
+    np.testing.assert_allclose(after.P, [[0.2609, 0.118], [0.118, 1.36]])
+
+
+def test_the_innovation_is_wrapped() -> None:
+    # 175 deg, measured -175: 10 deg on. P = R, so half of that: 180, not 0.
+    after = update(state(math.radians(175)), facing(math.radians(-175)))
+    assert math.degrees(abs(after.x[0])) == pytest.approx(180.0)
+    assert after.P[0, 0] == pytest.approx(0.125)  # P R / (P + R) = 0.25 * 0.25 / 0.5
+    assert FILTER.read(after, AT_REST) == pytest.approx(math.pi)
+
+
+def test_the_prediction_is_wrapped() -> None:
+    # 170 deg and on by 1 rad/s for half a second: 170 + 28.6 = 198.6, which is -161.4.
+    after = predict(state(math.radians(170), 1.0), 0.5)
+    assert math.degrees(after.x[0]) == pytest.approx(170 + 28.648 - 360, abs=1e-3)
+
+
+@pytest.mark.parametrize("turn_deg", [10, 90, 179, -135])
+def test_turning_the_world_turns_the_yaw(turn_deg: float) -> None:
+    rng = np.random.default_rng(3)
+    turn, one, other = math.radians(turn_deg), None, None
+    for z in rng.normal(3.0, 0.6, 40):
+        one = update(predict(one, 0.1) if one else None, facing(z))
+        other = update(predict(other, 0.1) if other else None, facing(wrap(z + turn)))
+        assert wrap(other.x[0] - one.x[0] - turn) == pytest.approx(0.0, abs=1e-9)
+        np.testing.assert_allclose(other.P, one.P)
+
+
+def test_a_steady_turn_is_followed_through_180_deg() -> None:
+    turned = update(None, facing(2.0))
+    for step in range(1, 60):  # 1 rad/s at 30 Hz: from 2 rad through pi to 3.97 rad
+        turned = update(predict(turned, 1 / 30), facing(wrap(2.0 + step / 30)))
+    assert wrap(turned.x[0] - (2.0 + 59 / 30)) == pytest.approx(0.0, abs=math.radians(1))
+    assert turned.x[1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_two_seconds_without_a_measurement() -> None:
+    # P00 = 0.25 + 2^2 * 1 + 36 * 2^4 / 4 = 148.25: nothing is known, but nothing overflows.
+    gone = predict(state(0.1, 0.2), 2.0)
+    assert gone.P[0, 0] == pytest.approx(148.25)
+    for _ in range(1000):
+        gone = predict(gone, 2.0)
+    assert np.isfinite(gone.P).all()
+    assert abs(gone.x[0]) <= math.pi
+    # The next measurement is believed at once: K = 1 within 1e-9.
+    assert update(gone, facing(-2.0)).x[0] == pytest.approx(-2.0)
+
+
+def test_a_measurement_that_is_no_number_is_refused() -> None:
+    before = state(0.3)
+    seen = [facing(math.nan), facing(math.inf)]
+    assert FILTER.update([before, None], seen, np.zeros((2, 3))) == [before, None]
+
+
+def test_a_turn_dies_out_where_so_configured() -> None:
+    # After tau ln 2 = 0.3466 s half the rate is left; turned by tau (1 - 1/2) = 0.25 rad.
+    tired = KeypointYaw(msgspec.structs.replace(CONFIG, rate_decay_s=0.5))
+    after = predict(state(0.0, 1.0), 0.5 * math.log(2), tired)
+    np.testing.assert_allclose(after.x, [0.25, 0.5])
+    # Without end it turns by tau * rate at most.
+    assert predict(state(0.0, 1.0), 60.0, tired).x[0] == pytest.approx(0.5)
+
+
+def test_a_measurement_counts_by_its_own_sigma_where_so_configured() -> None:
+    weighing = KeypointYaw(msgspec.structs.replace(CONFIG, measured_sigma=True))
+    seen = facing(1.0, sigma_rad=math.sqrt(0.75))
+    # K = 0.25 / (0.25 + 0.75) = 1/4; with the constant 0.5 rad it is 0.25 / (0.25 + 0.25) = 1/2.
+    assert update(state(0.0), seen, weighing).x[0] == pytest.approx(0.25)
+    assert update(state(0.0), seen).x[0] == pytest.approx(0.5)
+    assert update(state(0.0), facing(1.0), weighing).x[0] == pytest.approx(0.5)
+
+
+def test_a_measurement_turned_round_bends_the_yaw_a_little() -> None:
+    # y = pi, S = 0.25 + 0.25: 4.4 sigma. At 2 sigma S must be (pi / 2)^2 = 2.467:
+    # K = 0.25 / 2.467 = 0.1013, the yaw moves by 0.318 rad instead of pi / 2.
+    robust = KeypointYaw(msgspec.structs.replace(CONFIG, outlier_sigmas=2.0))
+    after = update(state(0.0), facing(math.pi), robust)
+    assert abs(after.x[0]) == pytest.approx(0.3183, abs=1e-3)
+    assert abs(update(state(0.0), facing(math.pi)).x[0]) == pytest.approx(math.pi / 2)
+    # 1 rad is 1.4 sigma: as ever.
+    assert update(state(0.0), facing(1.0), robust).x[0] == pytest.approx(0.5)
+
+
+def test_a_person_who_does_turn_round_is_believed_in_the_end() -> None:
+    robust = KeypointYaw(msgspec.structs.replace(CONFIG, outlier_sigmas=2.0))
+    turned = update(None, facing(0.0), robust)
+    for _ in range(60):
+        turned = update(predict(turned, 1 / 30, robust), facing(2.8), robust)
+    assert turned.x[0] == pytest.approx(2.8, abs=0.1)
+
+
+def test_the_way_walked_is_a_weaker_measurement_where_so_configured() -> None:
+    # After the keypoints P = 0.25 * 0.25 / 0.5 = 0.125; R = 0.375: K = 0.25 of 2 rad is 0.5 rad.
+    walking = KeypointYaw(msgspec.structs.replace(CONFIG, sigma_walk_rad=math.sqrt(0.375)))
+    v = np.array([math.cos(2.0), math.sin(2.0), 0.0])
+    assert update(state(0.0), facing(0.0), walking, v).x[0] == pytest.approx(0.5)
+    assert update(state(0.0), facing(0.0), walking, 0.4 * v).x[0] == pytest.approx(0.0)
+    assert update(state(0.0), facing(0.0), FILTER, v).x[0] == pytest.approx(0.0)
+    # It tells something where the keypoints tell nothing.
+    begun = update(None, facing(None), walking, v)
+    np.testing.assert_allclose(begun.x, [2.0, 0.0])
+    np.testing.assert_allclose(begun.P, np.diag([0.375, 1.0]))
+
+
+def test_people_in_a_stack_do_not_mix() -> None:
+    crowd = [state(0.1), None, state(3.0, -1.0), None]
+    seen = [facing(0.5), facing(None), facing(None), facing(-1.0)]
+    after = FILTER.update(crowd, seen, np.zeros((4, 3)))
+    assert after[1] is None
+    assert after[2] is crowd[2]
+    assert after[0] is not None
+    assert after[3] is not None
+    np.testing.assert_allclose(after[0].x, update(state(0.1), seen[0]).x)
+    np.testing.assert_allclose(after[3].x, [-1.0, 0.0])
+    assert FILTER.predict([None, None], 0.1) == [None, None]
+
+
+# The velocity
+
+
+def test_yaw_of_the_velocity() -> None:
+    by_velocity = VelocityYaw(0.2)
+    assert by_velocity.read(None, np.array([0.0, -1.0, 5.0])) == pytest.approx(-math.pi / 2)
+    assert by_velocity.read(None, np.array([-1.0, -0.0, 0.0])) == math.pi  # wrapped to (-pi, pi]
+    assert by_velocity.read(None, np.array([0.1, 0.1, 5.0])) is None
+    everyone = VelocityYaw(0.0)
+    assert everyone.read(None, np.array([1e-3, 1e-3, 0.0])) == pytest.approx(math.pi / 4)
+    assert everyone.read(None, AT_REST) is None
+
+
+def test_yaw_can_be_left_out() -> None:
+    assert make_yaw(TrackerConfig(yaw="none")).read(state(1.0), np.ones(3)) is None
+
+
+# In a tracker
+
+
+@pytest.mark.parametrize("name", ["sort3d", "strongsort3d"])
+def test_life_cycle_in_a_tracker(name: str) -> None:
+    tracker = make_tracker(TrackerConfig(tracker=name, yaw="keypoints", yaw_filter=CONFIG))
+
+    told: list[Track] = []
+
+    def yaw_deg(*seen: Measurement) -> float:
+        told.extend(tracker.update(frame(len(told), *seen)))
+        yaw_rad = told[-1].yaw_rad
+        return math.nan if yaw_rad is None else math.degrees(yaw_rad) % 360
+
+    assert math.isnan(yaw_deg(facing(None)))  # the person is there, but nothing tells the yaw
+    assert yaw_deg(facing(math.radians(170))) == pytest.approx(170)  # begins
+    assert 170 < yaw_deg(facing(math.radians(-170))) < 190  # across 180 deg
+    for turned_deg in range(-170, 0, 6):  # 60 deg/s
+        last_deg = yaw_deg(facing(math.radians(turned_deg)))
+    assert last_deg == pytest.approx(turned_deg % 360, abs=5)
+    # Unseen for a frame: turned on by 6 deg. Seen, but not which way: again.
+    (ahead,) = tracker.predict(len(told) * FRAME_NS)
+    assert ahead.yaw_rad is not None
+    assert ahead.yaw_rad == pytest.approx(math.radians(last_deg + 6 - 360), abs=0.03)
+    assert yaw_deg() == pytest.approx(math.degrees(ahead.yaw_rad) % 360)
+    assert yaw_deg(facing(None)) == pytest.approx((last_deg + 12) % 360, abs=3)
+    tracker.reset()
+    assert math.isnan(yaw_deg(facing(None)))
+
+
+def test_a_newcomer_does_not_inherit() -> None:
+    tracker = make_tracker(TrackerConfig(yaw="keypoints"))
+    tracker.update(frame(0, facing(1.0, x=3.0, y=1.0)))
+    tracks = tracker.update(frame(1, facing(1.0, x=3.0, y=1.0), facing(-2.0, x=4.0, y=-1.0)))
+    assert [track.yaw_rad for track in tracks] == [pytest.approx(1.0), pytest.approx(-2.0)]
+
+
+# From the message to the map
+
+
+def tracks_of(map_from_camera: Any, heading: Any, **fields: Any) -> list[Track]:
+    config = TrackerConfig(
+        embedding_wait_s=0.0, strongsort3d=StrongSort3dConfig(n_init=1), **fields
+    )
+    node = TrackerNode(config, make_tracker(config))
+    detection = Detection(
+        box_xyxy_px=np.array([300, 100, 400, 400], np.float32),
+        score=0.9,
+        position_m=np.array([0.0, 0.0, 3.0]),
+        heading=heading,
+        heading_sigma_rad=None if heading is None else 0.2,
+    )
+    sent: list[Message] = [
+        StaticTransform(
+            stamp_ns=0, sequence=0, parent="map", child="optical", matrix=map_from_camera
+        ),
+        Detections(
+            stamp_ns=1,
+            sequence=0,
+            camera="front",
+            frame_id="optical",
+            model="m",
+            width=640,
+            height=480,
+            people=(detection,),
+        ),
+    ]
+    (told,) = [answer for message in sent for answer in node.handle(message, 0)]
+    assert isinstance(told, Tracks)
+    return list(told.people)
+
+
+@pytest.mark.parametrize(
+    ("turned_deg", "heading", "expected_deg"),
+    [
+        (0, (0, 0, 1), 0),  # away from a camera that looks along the map's x
+        (0, (-1, 0, 0), 90),  # image-left of it is the map's y
+        (90, (0, 0, -1), -90),  # towards a camera that looks along y
+        (90, (-1, 0, 0), 180),  # image-left of that one is -x
+        (-135, (1, 0, 0), 135),  # image-right of a camera at -135 is -135 - 90 = -225 = 135
+    ],
+)
+def test_the_yaw_of_a_track_is_in_the_map(
+    turned_deg: float, heading: tuple[float, float, float], expected_deg: float
+) -> None:
+    for roll, pitch in ((0.0, 0.0), (0.0, 0.5), (0.2, -0.3)):  # a level, a nodding, a leaning one
+        link = rotation_from_rpy(0, 0, math.radians(turned_deg))
+        # Tilt turns camera and heading alike: what the camera sees of a level person changes.
+        tilt = rotation_from_rpy(roll, pitch, 0)
+        matrix = transform_from([5.0, -2.0, 1.2], link @ tilt @ LINK_FROM_OPTICAL[:3, :3])
+        level = LINK_FROM_OPTICAL[:3, :3].T @ tilt.T @ LINK_FROM_OPTICAL[:3, :3] @ heading
+        (track,) = tracks_of(matrix, level, yaw="keypoints")
+        assert track.yaw_rad is not None
+        assert wrap(track.yaw_rad - math.radians(expected_deg)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_other_sources_leave_the_heading_alone() -> None:
+    matrix, ahead = transform_from(np.zeros(3), LINK_FROM_OPTICAL[:3, :3]), np.array([0, 0, 1.0])
+    assert tracks_of(matrix, ahead, yaw="keypoints")[0].yaw_rad == pytest.approx(0.0)
+    for source in ("velocity", "none"):
+        assert tracks_of(matrix, ahead, yaw=source)[0].yaw_rad is None  # at rest
+    assert tracks_of(matrix, None, yaw="keypoints")[0].yaw_rad is None
+
+
+def test_a_heading_straight_up_has_no_yaw() -> None:
+    # A camera that looks straight down: its forward is the map's -z.
+    down = transform_from(
+        np.zeros(3), rotation_from_rpy(0, math.pi / 2, 0) @ LINK_FROM_OPTICAL[:3, :3]
+    )
+    assert yaw_of(np.array([0.0, 0.0, 1.0]), down) is None
+    # Image-left of it is still level: the map's y.
+    assert yaw_of(np.array([-1.0, 0.0, 0.0]), down) == pytest.approx(math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("setting", "problem"),
+    [
+        ("yaw=nose", "yaw"),
+        ("yaw_filter.sigma_measurement_rad=0", "sigma_measurement_rad: expected a finite number"),
+        ("yaw_filter.rate_decay_s=0", "rate_decay_s: expected a number > 0"),
+        ("yaw_filter.outlier_sigmas=0", "outlier_sigmas: expected a number > 0"),
+        ("yaw_filter.rate_decay_s=nan", "rate_decay_s: expected a number > 0"),
+    ],
+)
+def test_wrong_settings_are_told(setting: str, problem: str) -> None:
+    with pytest.raises(ConfigError, match=problem):
+        load(TrackerConfig, "tracker", None, [setting], {})

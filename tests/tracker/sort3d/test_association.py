@@ -1,0 +1,148 @@
+"""Costs, gates and assignments worked on paper (method book sections 4 and 5)."""
+
+import numpy as np
+import pytest
+
+from services.tracker.config import StrongSort3dConfig
+from services.tracker.sort3d import sort3d
+from services.tracker.sort3d.association import (
+    adaptive_gate,
+    assign,
+    associate,
+    certainties,
+    cosine_distances,
+    distances,
+    min_max,
+)
+from services.tracker.strongsort3d import strongsort3d
+
+INF = np.inf
+
+
+def test_the_sum_of_costs_decides_not_the_best_pair() -> None:
+    # 1 + 5 = 6 against 2 + 3 = 5.
+    assert assign(np.array([[1.0, 2.0], [3.0, 5.0]])) == [(0, 1), (1, 0)]
+
+
+def test_inadmissible_pairs_are_never_matched() -> None:
+    assert assign(np.array([[INF, INF], [INF, 7.0]])) == [(1, 1)]
+    assert assign(np.array([[INF]])) == []
+    assert assign(np.zeros((0, 3))) == []
+    assert assign(np.zeros((3, 0))) == []
+
+
+def test_a_column_without_admissible_pair_takes_nothing_away() -> None:
+    # Row 1 may only take column 0, so row 0 takes column 2 though 0 would be cheaper.
+    cost = np.array([[1.0, INF, 900.0], [2.0, INF, INF]])
+    assert assign(cost) == [(0, 2), (1, 0)]
+
+
+def test_nan_is_no_admissible_cost() -> None:
+    assert assign(np.array([[np.nan, 1.0], [2.0, np.nan]])) == [(0, 1), (1, 0)]
+
+
+def test_what_is_left_over() -> None:
+    pairs, tracks, detections = associate(np.array([[INF, 1.0], [INF, INF]]), "ab", "xy")
+    assert pairs == [("a", "y")]
+    assert tracks == ["b"]
+    assert detections == ["x"]
+
+
+def test_adaptive_gate() -> None:
+    # Distances 1, 3: mu = 2, sigma = 1 (population): tau = 2 + 1.6 = 3.6.
+    assert adaptive_gate(np.array([[1.0, 3.0]])) == pytest.approx(3.6)
+    # Distances 0.1, 2, 2, 0.3: mu = 1.1, deviations 1, 0.9, 0.9, 0.8: variance
+    # (1 + 0.81 + 0.81 + 0.64) / 4 = 0.815, sigma = 0.902774: tau = 1.1 + 1.444438 = 2.544438.
+    assert adaptive_gate(np.array([[0.1, 2.0], [2.0, 0.3]])) == pytest.approx(2.544438, abs=1e-6)
+    assert adaptive_gate(np.zeros((0, 2))) == INF
+
+
+def test_min_max() -> None:
+    np.testing.assert_allclose(min_max(np.array([[1.0, 2.0, 5.0]])), [[0.0, 0.25, 1.0]])
+    np.testing.assert_array_equal(min_max(np.array([[3.0]])), [[0.0]])
+    np.testing.assert_array_equal(min_max(np.array([[3.0, 3.0]])), [[0.0, 0.0]])
+    assert min_max(np.zeros((0, 2))).shape == (0, 2)
+
+
+def test_sort3d_cost() -> None:
+    # d = 1, 2, 5: d_n = 0, 0.25, 1. c = 0.3 (1 - IoU) + 0.7 d_n:
+    # 0.3 * 0.2 = 0.06; 0.3 * 0.5 + 0.7 * 0.25 = 0.325; 0.3 + 0.7 = 1.
+    cost = sort3d.combined_cost(np.array([[0.8, 0.5, 0.0]]), np.array([[1.0, 2.0, 5.0]]), 0.3)
+    np.testing.assert_allclose(cost, [[0.06, 0.325, 1.0]])
+
+
+def test_strongsort3d_cost() -> None:
+    # lambda = 0.02: 0.02 * 2 + 0.98 * 0.1 = 0.138.
+    cost = strongsort3d.combined_cost(
+        np.array([[2.0]]), np.array([[0.1]]), 0.3, StrongSort3dConfig()
+    )
+    np.testing.assert_allclose(cost, [[0.138]])
+
+
+def test_both_gates_of_strongsort3d() -> None:
+    # chi^2 of 3 degrees of freedom at 95 % is 7.8147; C_cos = 0.3.
+    d_m2 = np.array([[7.8147, 7.8148, 1.0, 1.0]])
+    d_cos = np.array([[0.1, 0.1, 0.3, 0.3001]])
+    cost = strongsort3d.combined_cost(d_m2, d_cos, 0.3, StrongSort3dConfig())
+    np.testing.assert_array_equal(np.isfinite(cost), [[True, False, True, False]])
+
+
+def test_motion_stands_in_for_unknown_appearance() -> None:
+    # d_M^2 at half its gate stands for d_cos at half its gate: 0.3 / 2 = 0.15;
+    # c = 0.02 * 3.90735 + 0.98 * 0.15 = 0.225147. Beyond the gate it stays refused.
+    d_m2 = np.array([[7.8147 / 2, 7.9]])
+    cost = strongsort3d.combined_cost(d_m2, np.full((1, 2), np.nan), 0.3, StrongSort3dConfig())
+    np.testing.assert_allclose(cost, [[0.225147, INF]])
+
+
+def test_cosine_distances() -> None:
+    # a.b of (1, 0) with (0.6, 0.8) is 0.6: distance 0.4; with itself 0; with (-1, 0) 2.
+    a = np.array([1.0, 0.0])
+    apart = cosine_distances([a, None], [np.array([0.6, 0.8]), a, -a, None])
+    np.testing.assert_allclose(apart[0, :3], [0.4, 0.0, 2.0])
+    assert np.isnan(apart[1]).all()
+    assert np.isnan(apart[0, 3])
+    assert np.isnan(cosine_distances([None], [None])).all()
+
+
+def test_distances() -> None:
+    a, b = np.array([[0.0, 0.0, 0.0]]), np.array([[3.0, 4.0, 0.0], [2.0, 3.0, 6.0]])
+    np.testing.assert_allclose(distances(a, b), [[5.0, 7.0]])
+
+
+def test_moving_average_of_the_embedding() -> None:
+    # 0.9 (1, 0) + 0.1 (0, 1) = (0.9, 0.1), length sqrt(0.82) = 0.905539.
+    e = strongsort3d.moving_average(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.9)
+    np.testing.assert_allclose(e, [0.993884, 0.110432], atol=1e-6)
+    first = strongsort3d.moving_average(None, np.array([0.0, 1.0]), 0.9)
+    np.testing.assert_array_equal(first, [0.0, 1.0])
+    opposite = strongsort3d.moving_average(np.array([1.0, 0.0]), np.array([-1.0, 0.0]), 0.5)
+    np.testing.assert_array_equal(opposite, [-1.0, 0.0])
+
+
+def test_certainties_are_shares_of_all_that_compete() -> None:
+    # Temperature 1, costs 0, ln 3 and infinity: weights 1, 1/3, 0 and 1/3, 1, 1/3. The first pair
+    # has 1 / (1 + 1/3 + 1/3), the second (1/3) / (1/3 + 1 + 1); the last competes with 1/3 and 1 in
+    # its row and with none in its column: (1/3) / (1/3 + 1/3 + 1).
+    c = np.log(3)
+    shares = certainties(np.array([[0, c, np.inf], [c, 0, c]]), 1.0)
+    np.testing.assert_allclose(shares[0], [3 / 5, 1 / 7, 0])
+    np.testing.assert_allclose(shares[1], [1 / 8, 1 / 2, 1 / 5])
+
+
+def test_certainty_of_very_different_costs_is_sure() -> None:
+    shares = certainties(np.array([[0.0, 1e4], [1e4, np.inf]]), 0.04)
+    np.testing.assert_allclose(shares, [[1, 0], [0, 0]], atol=1e-12)
+
+
+def test_a_good_pair_is_not_broken_up_to_match_both_others() -> None:
+    # Two matches cost 0.19 + 0.19 = 0.38; the good one and a miss 0.02 + 0.25 = 0.27.
+    cost = np.array([[0.19, np.inf], [0.02, 0.19]])
+    assert assign(cost) == [(0, 0), (1, 1)]
+    assert assign(cost, miss=0.25) == [(1, 0)]
+    assert assign(cost, miss=0.4) == [(0, 0), (1, 1)]
+
+
+def test_pairs_dearer_than_a_miss_are_matched_where_there_is_no_better() -> None:
+    assert assign(np.array([[0.3]]), miss=0.25) == [(0, 0)]
+    assert assign(np.array([[0.5, 0.3], [0.3, 0.5]]), miss=0.25) == [(0, 1), (1, 0)]

@@ -1,0 +1,143 @@
+"""The life of StrongSORT-3D's tracks, frame by frame (method book section 5)."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from people4d.messages import Track
+from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.strongsort3d.strongsort3d import StrongSort3d
+from tests.tracker.scene import frame, person
+
+RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)  # cosine distance 1 - 0.01 / 1.01 = 0.99
+
+
+def tracker(**fields: float) -> StrongSort3d:
+    return StrongSort3d(TrackerConfig(strongsort3d=msgspec.convert(fields, StrongSort3dConfig)))
+
+
+def states(tracks: list[Track]) -> list[tuple[int, str]]:
+    return [(track.id, track.state) for track in tracks]
+
+
+def test_five_frames() -> None:
+    sort = tracker()
+    assert states(sort.update(frame(0, person(3, 0)))) == [(1, "tentative")]
+    assert states(sort.update(frame(1, person(3, 0)))) == [(1, "tentative")]
+    assert states(sort.update(frame(2, person(3, 0)))) == [(1, "confirmed")]
+    (lost,) = sort.update(frame(3))
+    assert (lost.id, lost.state, lost.detection) == (1, "lost", None)
+    assert lost.time_since_update_s == pytest.approx(0.1)
+    (back,) = sort.update(frame(4, person(3, 0, index=2, score=0.6)))
+    assert (back.id, back.state, back.detection, back.score) == (1, "confirmed", 2, 0.6)
+    assert (back.hits, back.age, back.time_since_update_s) == (4, 5, 0.0)
+
+
+def test_a_tentative_track_dies_at_its_first_miss() -> None:
+    sort = tracker()
+    sort.update(frame(0, person(3, 0)))
+    assert sort.update(frame(1)) == []
+    assert states(sort.update(frame(2, person(3, 0)))) == [(2, "tentative")]
+
+
+def test_a_max_unmatched_frames_delete() -> None:
+    sort = tracker(a_max=3)
+    for number in range(3):
+        sort.update(frame(number, person(3, 0)))
+    assert states(sort.update(frame(3))) == [(1, "lost")]
+    assert states(sort.update(frame(4))) == [(1, "lost")]
+    assert sort.update(frame(5)) == []
+
+
+def test_first_two_frames_on_paper() -> None:
+    # x = 2.5 m, score 0.8: R = 0.25 * 1.5 * 0.2 = 0.075 per axis; P0 = diag(0.075, 4), v = 0.
+    # dt = 0.1: P = [[0.075 + 0.01 * 4 + 6.25e-6, 0.4 + 1.25e-4], [., 4 + 2.5e-3]],
+    # S = 0.11500625 + 0.075 = 0.19000625, K = [0.60527614, 2.10585178] (0.400125 / S).
+    # z moved by 0.1 in y: y = 0.060527614, v_y = 0.210585178; P_yy = (1 - K) 0.11500625.
+    sort = tracker()
+    sort.update(frame(0, person(2.5, 0, score=0.8)))
+    (track,) = sort.update(frame(1, person(2.5, 0.1, score=0.8)))
+    np.testing.assert_allclose(track.position_m, [2.5, 0.060527614, 1.0], atol=1e-7)
+    np.testing.assert_allclose(track.velocity_mps, [0, 0.210585178, 0], atol=1e-7)
+    assert track.covariance[1, 1] == pytest.approx(0.0453957, abs=1e-6)
+    assert track.yaw_rad == pytest.approx(math.pi / 2)
+
+
+def test_a_slow_person_has_no_heading() -> None:
+    sort = tracker()
+    for number in range(5):
+        (track,) = sort.update(frame(number, person(3, 0)))
+    assert track.yaw_rad is None
+
+
+def test_round_two_accepts_a_sudden_change_of_appearance() -> None:
+    sort = tracker()
+    for number in range(3):
+        sort.update(frame(number, person(3, 0, embedding=RED)))
+    assert states(sort.update(frame(3, person(3, 0, embedding=BLUE)))) == [(1, "confirmed")]
+
+
+def test_round_two_is_closed_to_tracks_missed_before() -> None:
+    sort = tracker()
+    for number in range(3):
+        sort.update(frame(number, person(3, 0, embedding=RED)))
+    sort.update(frame(3))
+    told = states(sort.update(frame(4, person(3, 0, embedding=BLUE))))
+    assert told == [(1, "lost"), (2, "tentative")]
+    told = states(sort.update(frame(5, person(3, 0, embedding=RED))))
+    assert told == [(1, "confirmed")]  # and the tentative track, unmatched, is gone
+
+
+def test_round_two_has_a_largest_distance() -> None:
+    # A tentative track goes through round 2 only: 0.69 m aside matches, 0.71 m does not.
+    for y, identity in ((0.69, 1), (0.71, 2)):
+        sort = tracker()
+        sort.update(frame(0, person(3, 0)))
+        assert [track.id for track in sort.update(frame(1, person(3, y)))] == [identity]
+
+
+def test_embeddings_of_another_model_are_forgotten() -> None:
+    sort = tracker()
+    for number in range(3):
+        sort.update(frame(number, person(3, 0, embedding=RED)))
+    sort.update(frame(3))  # round 2 is closed now: only round 1 can match
+    late = frame(4, person(3, 0, embedding=(0.0, 0.0, 0.0, 1.0)))
+    assert states(sort.update(late)) == [(1, "confirmed")]
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_people_who_meet_and_turn_back_are_told_apart_by_appearance_only(seen: bool) -> None:
+    # They walk towards each other, meet at y = 0 and go back: by motion they seem to pass.
+    sort = tracker()
+    for number in range(60):
+        y = abs(1.5 - 0.05 * number)
+        red = person(3, y + 0.02, 0, embedding=RED if seen else None)
+        blue = person(3, -y - 0.02, 1, embedding=BLUE if seen else None)
+        tracks = sort.update(frame(number, red, blue))
+        if number == 3:
+            start = {track.detection: track.id for track in tracks}
+    end = {track.detection: track.id for track in tracks if track.state == "confirmed"}
+    assert (start == end) is seen
+
+
+def test_crossing_people_keep_their_identities() -> None:
+    sort = tracker()
+    told = []
+    for number in range(60):
+        y = 1.5 - 0.05 * number
+        red, blue = person(3, y, 0, embedding=RED), person(3.1, -y, 1, embedding=BLUE)
+        told.append({t.detection: t.id for t in sort.update(frame(number, red, blue))})
+    assert all(ids == told[0] for ids in told)
+
+
+def test_another_camera_that_sees_nobody_ends_no_track() -> None:
+    sort = tracker()
+    for number in range(6):
+        sort.update(frame(2 * number, person(3, 0), camera="front"))
+        tracks = sort.update(frame(2 * number + 1, camera="back"))
+    assert states(tracks) == [(1, "lost")]
+    assert tracks[0].hits == 6
+    (handed_over,) = sort.update(frame(12, person(3, 0), camera="back"))
+    assert (handed_over.id, handed_over.state) == (1, "confirmed")

@@ -1,0 +1,98 @@
+"""A camera that turns away from people has not missed them."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from common.geometry.transforms import (
+    LINK_FROM_OPTICAL,
+    apply,
+    invert,
+    rotation_from_rpy,
+    transform_from,
+)
+from people4d.messages import F64, Track
+from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.interface import Measurement, Observation
+from services.tracker.strongsort3d.strongsort3d import StrongSort3d
+from services.tracker.strongsort3d.watching import shown
+from tests.tracker.scene import FOCAL_PX, frame, unit
+
+EDGES = (-320 / FOCAL_PX, 320 / FOCAL_PX)  # 28 degrees to each side
+RED, BLUE = unit((1.0, 0.0, 0.1)), unit((0.0, 1.0, 0.1))
+PEOPLE = (np.array([4.0, 0.5, 1.0]), np.array([4.5, -0.5, 1.0]))
+ALL = StrongSort3dConfig(
+    identity=IdentityConfig(enabled=True),
+    contact=ContactConfig(enabled=True),
+    occlusion=OcclusionConfig(enabled=True),
+    sigma_acceleration_mps2=3.0,
+    sigma_measurement_m=0.3,
+    a_max=5,
+)
+
+
+def turned(yaw_deg: float) -> F64:
+    """A camera at the origin of the map, 1 m high, turned to the left."""
+    turn = rotation_from_rpy(0.0, 0.0, math.radians(yaw_deg))
+    return transform_from([0.0, 0.0, 1.0], turn @ LINK_FROM_OPTICAL[:3, :3])
+
+
+def seen(number: int, yaw_deg: float, looks: bool) -> Observation:
+    """People who stand, seen by a camera that turns: whoever is in view to the middle is found."""
+    pose = turned(yaw_deg)
+    found = []
+    for index, (place_m, look) in enumerate(zip(PEOPLE, (RED, BLUE), strict=True)):
+        x, _, z = apply(invert(pose), place_m)
+        u = 320 + FOCAL_PX * x / z
+        if z > 0 and 0 < u < 640:
+            left, right = max(u - FOCAL_PX * 0.25 / z, 0), min(u + FOCAL_PX * 0.25 / z, 640)
+            found.append(
+                Measurement(
+                    index=index,
+                    box_xyxy_px=np.array([left, 100.0, right, 400.0]),
+                    score=0.9,
+                    position_m=place_m,
+                    forward_m=float(z),
+                    embedding=look if looks else None,
+                )
+            )
+    return dataclasses.replace(
+        frame(number, *found), map_from_camera=pose, size_px=(640, 480), edges=EDGES
+    )
+
+
+def test_how_much_of_a_person_the_image_has_room_for() -> None:
+    # At 4 m a strip is half_width / 4 = 0.0625 to each side. The image ends at 0.5333: whoever
+    # stands at 0.5333 * 4 to the right is half in view, and 0.125 m farther a quarter.
+    y_m = EDGES[1] * 4
+    places = np.array([[4, 0, 1], [4, -y_m, 1], [4, -y_m - 0.125, 1], [4, -3, 1], [-4, 0, 1.0]])
+    camera = dataclasses.replace(frame(0), map_from_camera=turned(0), edges=EDGES)
+    parts = shown(places, camera, 0.25)
+    assert parts is not None
+    np.testing.assert_allclose(parts, [1, 0.5, 0.25, 0, 0], atol=1e-9)
+    assert shown(places, dataclasses.replace(camera, edges=None), 0.25) is None
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(looks: bool) -> None:
+    # 60 degrees to the left and back within 2.4 s, over and over: everyone is cut off at an edge
+    # and out of view for more than a second each time, far longer than somebody who leaves is
+    # waited for, and more often than a lost track may be missed.
+    tracker = StrongSort3d(TrackerConfig(strongsort3d=ALL))
+    tracks: list[Track] = []
+    for number in range(100):
+        tracks = tracker.update(seen(number, 30 - 30 * math.cos(math.tau * number / 24), looks))
+    assert {track.id for track in tracks} == {1, 2}
+
+
+def test_whoever_leaves_a_camera_that_stands_is_missed() -> None:
+    tracker = StrongSort3d(TrackerConfig(strongsort3d=ALL))
+    for number in range(10):
+        tracker.update(seen(number, 0.0, looks=False))
+    for number in range(10, 16):
+        empty = dataclasses.replace(seen(number, 0.0, looks=False), measurements=())
+        tracks = tracker.update(empty)
+    assert tracks == []
