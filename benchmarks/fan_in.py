@@ -52,7 +52,7 @@ def people(count: int) -> Tracks:
         frame_id="map",
         tracker="strongsort3d",
         camera="front",
-        people=tracks,
+        tracks=tracks,
     )
 
 

@@ -52,7 +52,7 @@ class Told:
     @property
     def seen(self) -> dict[int, np.ndarray]:
         """Positions by identity of those who were seen in the frame."""
-        people = self.tracks.people
+        people = self.tracks.tracks
         return {p.id: p.position_m[:2] for p in people if p.state == "confirmed"}
 
 

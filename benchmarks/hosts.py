@@ -93,7 +93,7 @@ def _samples(kind: type[Message]) -> Iterator[Message]:
     )
     people = tuple(msgspec.structs.replace(person, id=number) for number in range(1, 6))
     yield Tracks(
-        stamp_ns=0, sequence=0, frame_id="map", tracker="none", camera="front", people=people
+        stamp_ns=0, sequence=0, frame_id="map", tracker="none", camera="front", tracks=people
     )
 
 

@@ -57,7 +57,7 @@ def errors_deg(config: DetectorConfig, model: Remembered, taken: Sequence[Shot])
         told = node.handle(shot.frame, 0)[-1]
         assert isinstance(told, Detections)
         place = {id(place_m): k for k, place_m in enumerate(shot.places_m)}
-        for place_m, detection in pairs(shot, told.people):
+        for place_m, detection in pairs(shot, told.detections):
             if detection.heading is None:
                 errors.append(math.nan)
                 continue

@@ -115,7 +115,7 @@ def measure(model: PersonModel, config: DetectorConfig, taken: Sequence[Shot]) -
         node.handle(shot.info, 0)
         told = node.handle(shot.frame, 0)[-1]
         assert isinstance(told, Detections)
-        for place_m, detection in pairs(shot, told.people):
+        for place_m, detection in pairs(shot, told.detections):
             add(errors, place_m, detection)
     return errors
 

@@ -150,10 +150,10 @@ def crossing_rows(shared: Path) -> Iterator[list[str]]:
 
 
 def _figures(played: Played, tracks: list[Tracks]) -> list[str]:
-    confirmed = [t.id for m in tracks for t in m.people if t.state == "confirmed"]
+    confirmed = [t.id for m in tracks for t in m.tracks if t.state == "confirmed"]
     lengths = list(Counter(confirmed).values()) or [0]
-    people = [len(m.people) for m in played.detections]
-    placed = sum(d.position_m is not None for m in played.detections for d in m.people)
+    people = [len(m.detections) for m in played.detections]
+    placed = sum(d.position_m is not None for m in played.detections for d in m.detections)
     seen = compare(played.detections, tracks)
     return [
         f"{np.mean(people):.2f} ({max(people)})",
@@ -185,12 +185,12 @@ def man_in_front(
     messages = [message for step in steps for message in step.messages]
     (frame,) = (m for m in messages if isinstance(m, RgbdFrame))
     (detections,) = (m for m in messages if isinstance(m, Detections))
-    pairs = match(pixels[1:2], detections.people)
+    pairs = match(pixels[1:2], detections.detections)
     image = annotate(frame.rgb, detections, None, None)
     for pixel in pixels:
         cv2.drawMarker(image, pixel, (0, 255, 0), cv2.MARKER_CROSS, 12, 2)
     torso_mm = {(u, v): int(frame.depth_mm[v, u]) for u, v in pixels}
-    return detections.people[pairs[0][1]] if pairs else None, image, torso_mm
+    return detections.detections[pairs[0][1]] if pairs else None, image, torso_mm
 
 
 def bag_rows(shared: Path) -> Iterator[list[str]]:

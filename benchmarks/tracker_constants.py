@@ -75,8 +75,8 @@ def yaw_errors_rad(tracks: Sequence[Tracks], truth: Sequence[Truth]) -> list[flo
     errors = []
     for message in tracks:
         people = at[message.stamp_ns].people if message.stamp_ns in at else ()
-        for i, j in match(people, message.people):
-            true_rad, yaw_rad = people[i].yaw_rad, message.people[j].yaw_rad
+        for i, j in match(people, message.tracks):
+            true_rad, yaw_rad = people[i].yaw_rad, message.tracks[j].yaw_rad
             if true_rad is not None and yaw_rad is not None:
                 errors.append(abs(wrap(yaw_rad - true_rad)))
     return errors
@@ -84,7 +84,7 @@ def yaw_errors_rad(tracks: Sequence[Tracks], truth: Sequence[Truth]) -> list[flo
 
 def crossing_cells(played: Played, tracks: Sequence[Tracks]) -> list[str]:
     """Return the number of tracks, and how many of the people marked by hand are identified."""
-    identities = {t.id for m in tracks for t in m.people if t.state == "confirmed"}
+    identities = {t.id for m in tracks for t in m.tracks if t.state == "confirmed"}
     return [str(len(identities)), str(compare(played.detections, tracks).identified)]
 
 

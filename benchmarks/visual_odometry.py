@@ -21,8 +21,8 @@ from benchmarks.lib.table import markdown, write
 from benchmarks.moving_base import STANDING_MPS, WALKING_MPS, velocities
 from benchmarks.odometry import OWN, figures, run, variants
 from benchmarks.real_inputs import filinha
-from common.geometry.moving_frames import matrix_of
-from common.geometry.transform_buffer import Trail, TrailConfig
+from common.geometry.transform_buffer import matrix_of
+from common.geometry.transform_history import TransformBufferConfig, TransformHistory
 from common.geometry.transforms import invert, wrap
 from common.metrics import Matching, score_matching
 from evaluation.cache import default_folder
@@ -123,7 +123,7 @@ def watch(trial: Trial) -> Film:
 
 def at_frames(samples: Sequence[Odometry], seen: Sequence[Seen]) -> list[F64 | None]:
     """Return the pose of the base in each frame; None where it would be guessed."""
-    trail = Trail(TrailConfig(keep_s=1e6, gap_s=0.1), Counter())
+    trail = TransformHistory(TransformBufferConfig(keep_s=1e6, gap_s=0.1), Counter())
     for sample in samples:
         trail.add(sample.stamp_ns, matrix_of(sample))
     placed = [trail.at(one.stamp_ns) for one in seen]

@@ -111,11 +111,11 @@ def _check_names(kind: type[msgspec.Struct], section: str, values: Mapping[str, 
     for name, value in values.items():
         if name not in kind.__struct_fields__:
             near = difflib.get_close_matches(name[:MAX_NAME], kind.__struct_fields__, 1)
-            mend = f"Did you mean {near[0]}?" if near else ""
+            hint = f"Did you mean {near[0]}?" if near else ""
             fields = ", ".join(kind.__struct_fields__) or "none"
             raise ConfigError(
                 f"configuration of {section} has no field {name[:MAX_NAME]!r}",
-                mend or f"Its fields are {fields}.",
+                hint or f"Its fields are {fields}.",
             )
         below = _table(_hint(kind, [name]))
         if below and isinstance(value, dict):

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
-from common.geometry.moving_frames import MovingFrames
-from common.geometry.transform_buffer import Placement, TrailConfig
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import Placement, TransformBufferConfig
 from common.geometry.transforms import invert
 from people4d.messages import F64, Message, MovingTransform, Odometry, StaticTransform, Track
 from services.tracker import placing
@@ -20,7 +20,7 @@ class Drift:
 
     def __init__(self, messages: Iterable[Message], frame_id: str, camera: str) -> None:
         self._ends = frame_id, camera
-        self._frames = MovingFrames(TrailConfig(keep_s=1e9))
+        self._frames = TransformBuffer(TransformBufferConfig(keep_s=1e9))
         for message in messages:
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
                 self._frames.add(message)

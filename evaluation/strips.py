@@ -164,7 +164,7 @@ def _distance_m(frame: Frame, switch: IdSwitch, done: Run) -> float:
     place, pose = _place(frame, switch), frame.map_from_camera
     if found is None or place is None or pose is None:
         return np.inf
-    positions = [p.position_m for p in found.people if p.position_m is not None]
+    positions = [p.position_m for p in found.detections if p.position_m is not None]
     return min((_apart_m(apply(pose, position), place) for position in positions), default=np.inf)
 
 
@@ -207,7 +207,7 @@ def _cell(
 
 def _told(tracks: Tracks, place: F64) -> list[str]:
     """Return a line for each track near a place, and one with who it was taken for and why."""
-    near = sorted((_apart_m(t.position_m, place), t.id, t) for t in tracks.people)
+    near = sorted((_apart_m(t.position_m, place), t.id, t) for t in tracks.tracks)
     lines = []
     for apart_m, _, track in near:
         if apart_m <= NEAR_M:
@@ -223,7 +223,7 @@ def _found(frame: Frame, found: Detections | None, place: F64) -> list[str]:
     if found is None or frame.map_from_camera is None:
         return []
     near = []
-    for person in found.people:
+    for person in found.detections:
         if person.position_m is not None:
             apart_m = _apart_m(apply(frame.map_from_camera, person.position_m), place)
             near.append((apart_m, person.score))

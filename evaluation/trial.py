@@ -150,7 +150,7 @@ def _frame(done: "_Told", moment: Moment, stamp_ns: int) -> Frame:
     pose = done.map_from_camera if moment.map_from_camera is None else moment.map_from_camera
     tracks = done.tracks.get(stamp_ns)
     matrix = done.drift.true_from_told(stamp_ns, pose)
-    people = tuple(carried(track, matrix) for track in tracks.people) if tracks else ()
+    people = tuple(carried(track, matrix) for track in tracks.tracks) if tracks else ()
     return Frame(
         stamp_ns=stamp_ns,
         truth=moment.true_people(done.info, pose),

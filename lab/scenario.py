@@ -242,8 +242,8 @@ def load_scenario(name: str) -> Scenario:
     except OSError as error:
         raise ConfigError(f"scenario {path} cannot be read: {error.strerror}") from error
     except ValueError as error:
-        mend = f"Compare it with those that ship, in {FOLDER}."
-        raise ConfigError(f"scenario {path}: {error}", mend) from error
+        hint = f"Compare it with those that ship, in {FOLDER}."
+        raise ConfigError(f"scenario {path}: {error}", hint) from error
 
 
 def split_seed(name: str) -> tuple[str, int | None]:

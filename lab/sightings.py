@@ -66,7 +66,7 @@ class Sightings:
             model=MODEL,
             width=self._info.width,
             height=self._info.height,
-            people=tuple(sorted(found, key=lambda detection: -detection.score)),
+            detections=tuple(sorted(found, key=lambda detection: -detection.score)),
         )
 
     def _is_found(self, person: int, outline: Outline, stamp_s: float) -> bool:

@@ -1,4 +1,4 @@
-"""Errors that a user can mend."""
+"""Errors that a user can hint."""
 
 
 class People4dError(Exception):
@@ -6,13 +6,13 @@ class People4dError(Exception):
 
     Args:
         problem: What is wrong, one sentence without the closing stop.
-        mend: What the user can do about it, one sentence; empty if nothing is known.
+        hint: What the user can do about it, one sentence; empty if nothing is known.
     """
 
-    def __init__(self, problem: str, mend: str = "") -> None:
-        super().__init__(f"{problem}. {mend}" if mend else problem)
+    def __init__(self, problem: str, hint: str = "") -> None:
+        super().__init__(f"{problem}. {hint}" if hint else problem)
         self.problem = problem
-        self.mend = mend
+        self.hint = hint
 
 
 class ConfigError(People4dError):

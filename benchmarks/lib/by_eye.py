@@ -58,9 +58,9 @@ def compare(detections: Sequence[Detections], tracks: Sequence[Tracks]) -> Seen:
     boxes = found = 0
     together: dict[tuple[str, int], int] = {}  # frames that a person had an identity
     for frame, people in CROSSING.items():
-        pairs = match(list(people.values()), detections[frame].people)
-        owners = {t.detection: t.id for t in tracks[frame].people}
-        boxes, found = boxes + len(detections[frame].people), found + len(pairs)
+        pairs = match(list(people.values()), detections[frame].detections)
+        owners = {t.detection: t.id for t in tracks[frame].tracks}
+        boxes, found = boxes + len(detections[frame].detections), found + len(pairs)
         for i, j in pairs:
             if j in owners:
                 pair = list(people)[i], owners[j]

@@ -153,7 +153,7 @@ class Take:
         camera = CameraConfig(source=str(self.path))
         kept = look(Look(self.path, camera, DetectorConfig(), (), self._folder))
         by_stamp = {
-            message.stamp_ns: message.people
+            message.stamp_ns: message.detections
             for message in read(kept.detections, None)
             if isinstance(message, Detections)
         }

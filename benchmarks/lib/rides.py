@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_history import TransformBufferConfig
 from common.metrics import Frame, TrackedPeople, TruePeople
 from common.metrics import Sequence as Scored
 from common.metrics.record import BOOL
@@ -51,7 +51,7 @@ class Ride:
 
     def turned(self) -> tuple[BoxFrame, ...]:
         """Return the frames with the turns that a tracker would have known of when they came."""
-        motion, waiting, frames = EgoMotion(TrailConfig(), WAIT_S), list(self.samples), []
+        motion, waiting, frames = EgoMotion(TransformBufferConfig(), WAIT_S), list(self.samples), []
         for frame in self.frames:
             latest_ns = frame.stamp_ns + int(WAIT_S * 1e9)
             while waiting and waiting[0].arrival_ns <= latest_ns:
@@ -199,7 +199,7 @@ def _truth(ids: list[int], boxes: F64, shares: F64, size_px: tuple[int, int]) ->
 
 
 def _boxes(detections: Detections) -> BoxFrame:
-    people = detections.people
+    people = detections.detections
     boxes = np.array([p.box_xyxy_px for p in people], np.float64).reshape(-1, 4)
     scores, size_px = np.array([p.score for p in people]), (detections.width, detections.height)
     return BoxFrame(detections.stamp_ns, boxes, scores, size_px)

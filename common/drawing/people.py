@@ -55,8 +55,8 @@ def annotate(
         HxWx3, red first.
     """
     image = rgb.copy()
-    people = detections.people if detections else ()
-    owners = {t.detection: t for t in (tracks.people if tracks else ()) if t.detection is not None}
+    people = detections.detections if detections else ()
+    owners = {t.detection: t for t in (tracks.tracks if tracks else ()) if t.detection is not None}
     colours = [colour_of(owners[k].id) if k in owners else GREY for k in range(len(people))]
     for person, colour in zip(people, colours, strict=True):
         _draw_body(image, person, colour)
@@ -65,7 +65,7 @@ def annotate(
         put_label(
             image, label, (person.box_xyxy_px[0], person.box_xyxy_px[1]), _text(image), colour
         )
-    for track in tracks.people if tracks else ():
+    for track in tracks.tracks if tracks else ():
         _draw_track(image, track, view)
     return image
 

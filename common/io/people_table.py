@@ -63,7 +63,7 @@ def rows_of(message: Truth | Tracks, start_ns: int) -> Iterator[dict[str, Cell]]
         "time_s": (message.stamp_ns - start_ns) / 1e9,
         "frame_id": message.frame_id,
     }
-    for person in message.people:
+    for person in message.tracks if isinstance(message, Tracks) else message.people:
         row = head | _common(person)
         if isinstance(message, Tracks) and isinstance(person, Track):
             row |= _of_track(person) | {"camera": message.camera}

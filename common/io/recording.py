@@ -211,7 +211,7 @@ def open_recording(path: Path) -> Recording:
             f"recording {path} cannot be read: {error.strerror}", "Check the path."
         ) from error
     except DecodeError as error:
-        raise SourceError(f"{path} is not a recording: {error.problem}", error.mend) from error
+        raise SourceError(f"{path} is not a recording: {error.problem}", error.hint) from error
     if index.profile != PROFILE:
         raise SourceError(
             f"{path} is an MCAP file of profile {index.profile[:40]!r}, not of {PROFILE!r}",

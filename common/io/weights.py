@@ -84,8 +84,8 @@ def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
     """
     if name not in manifest:
         near = difflib.get_close_matches(name, manifest, 1)
-        mend = f"Did you mean {near[0]}?" if near else f"Choose {', '.join(manifest)}."
-        raise ModelError(f"model {name!r} is unknown", f"{mend} Or give the path of an .onnx file.")
+        hint = f"Did you mean {near[0]}?" if near else f"Choose {', '.join(manifest)}."
+        raise ModelError(f"model {name!r} is unknown", f"{hint} Or give the path of an .onnx file.")
     return manifest[name]
 
 

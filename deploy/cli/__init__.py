@@ -64,7 +64,7 @@ class LazyCommand(typer.core.TyperCommand):
 
 
 class Commands(typer.core.TyperGroup):
-    """All commands; errors that a user can mend are told in one sentence."""
+    """All commands; errors that a user can hint are told in one sentence."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

@@ -70,8 +70,8 @@ def show(findings: list[Finding], console: Console) -> None:
         level = f"[{COLOURS[finding.level]}]{finding.level:<7}[/]"
         console.print(f"{level}  {finding.check:<{width}}  ", end="")
         console.print(finding.what, markup=False)
-        if finding.mend:
-            console.print(f"{'':<{11 + width}}{finding.mend}", markup=False, style="dim")
+        if finding.hint:
+            console.print(f"{'':<{11 + width}}{finding.hint}", markup=False, style="dim")
     bad = sum(finding.level == "problem" for finding in findings)
     odd = sum(finding.level == "warning" for finding in findings)
     console.print()

@@ -50,7 +50,7 @@ def table_of(tracks: Tracks, now_ns: int) -> Table:
     table.add_column("state", min_width=9)
     for column in ("x m", "y m", "z m", "m/s", "yaw °", "score", "unseen", "frames"):
         table.add_column(column, justify="right", min_width=5)
-    for person in sorted(tracks.people, key=lambda track: track.id):
+    for person in sorted(tracks.tracks, key=lambda track: track.id):
         colour = COLOURS[person.state]
         unseen_s = person.time_since_update_s
         table.add_row(
@@ -74,7 +74,7 @@ def latency_ms(tracks: Tracks, now_ns: int) -> float | None:
 def _title(tracks: Tracks, now_ns: int) -> str:
     latency = latency_ms(tracks, now_ns)
     parts: list[Any] = [
-        f"{len(tracks.people)} people in {tracks.frame_id}",
+        f"{len(tracks.tracks)} people in {tracks.frame_id}",
         f"frame {tracks.sequence} of {tracks.camera}",
         tracks.tracker,
     ]

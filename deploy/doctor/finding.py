@@ -13,7 +13,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     check: str  # its name, one word
     level: Level = "ok"  # warning: it works, but not as it could
     what: str  # what was found, one sentence
-    mend: str = ""  # what to do about it, one sentence; empty if nothing need be done
+    hint: str = ""  # what to do about it, one sentence; empty if nothing need be done
     about: tuple[str, ...] = ()  # processes that this explains
 
 
@@ -22,11 +22,11 @@ def ok(check: str, what: str) -> Finding:
     return Finding(check=check, what=what)
 
 
-def warning(check: str, what: str, mend: str, *about: str) -> Finding:
+def warning(check: str, what: str, hint: str, *about: str) -> Finding:
     """Make a finding of something that limits."""
-    return Finding(check=check, level="warning", what=what, mend=mend, about=about)
+    return Finding(check=check, level="warning", what=what, hint=hint, about=about)
 
 
-def problem(check: str, what: str, mend: str, *about: str) -> Finding:
+def problem(check: str, what: str, hint: str, *about: str) -> Finding:
     """Make a finding of something that keeps people from being told."""
-    return Finding(check=check, level="problem", what=what, mend=mend, about=about)
+    return Finding(check=check, level="problem", what=what, hint=hint, about=about)

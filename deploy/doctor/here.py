@@ -42,18 +42,18 @@ def router(endpoint: str, error: People4dError) -> Finding:
     """
     match = ENDPOINT.fullmatch(endpoint.partition(",")[0])
     if not match:
-        mend = "Write it as tcp/192.168.1.7:7447."
-        return problem("router", f"{endpoint!r} is no endpoint", mend)
+        hint = "Write it as tcp/192.168.1.7:7447."
+        return problem("router", f"{endpoint!r} is no endpoint", hint)
     if isinstance(error, ConfigError):
-        return problem("settings", error.problem, error.mend)
+        return problem("settings", error.problem, error.hint)
     if not _listens(match["host"], int(match["port"])):
-        mend = "Start the system (people4d up), or name its router: --connect tcp/HOST:7447."
-        return problem("router", f"nobody listens at {endpoint}", mend)
-    mend = (
+        hint = "Start the system (people4d up), or name its router: --connect tcp/HOST:7447."
+        return problem("router", f"nobody listens at {endpoint}", hint)
+    hint = (
         "Does PEOPLE4D_KEYS name the folder of keys for this host and role (people4d keys), do "
         "router and this command both use tcp or both tls, and is it a people4d router?"
     )
-    return problem("router", f"{endpoint} refuses this machine: {error.problem}", mend)
+    return problem("router", f"{endpoint} refuses this machine: {error.problem}", hint)
 
 
 def _listens(host: str, port: int) -> bool:
@@ -73,14 +73,14 @@ def running(state: State) -> Iterator[Finding]:
             if found != state.folder and State(found).read()
         )
         if others:
-            mend = f"Add --robot {others[0]}, or start it: people4d up --robot {state.folder.name}."
+            hint = f"Add --robot {others[0]}, or start it: people4d up --robot {state.folder.name}."
             what = f"nothing runs here for {state.folder.name}; {', '.join(others)} does"
-            yield warning("processes", what, mend)
+            yield warning("processes", what, hint)
         return
     try:
         processes = Supervisor(state).processes()
     except SupervisorGoneError as error:
-        yield problem("processes", error.problem, error.mend)
+        yield problem("processes", error.problem, error.hint)
         return
     down = [found for p in processes.values() if (found := _down(p, state))]
     yield from down
@@ -93,11 +93,11 @@ def _down(process: Process, state: State) -> Finding | None:
         return None
     if process.finished:
         what = f"{process.name} came to its end: {_last_word(state.log_of(process.name))}"
-        mend = "A recording is played once: people4d up --loop repeats it."
-        return warning("processes", what, mend, process.name)
+        hint = "A recording is played once: people4d up --loop repeats it."
+        return warning("processes", what, hint, process.name)
     what = f"{process.name} does not stay up: {_last_word(state.log_of(process.name))}"
-    mend = f"The whole log: {state.log_of(process.name)}"
-    return problem("processes", what, mend, process.name)
+    hint = f"The whole log: {state.log_of(process.name)}"
+    return problem("processes", what, hint, process.name)
 
 
 def _last_word(log: Path) -> str:
@@ -118,8 +118,8 @@ def settings(config: Path | None, environment: Mapping[str, str]) -> Iterator[Fi
             record = load(_find(place), service, file, (), environment)
         except People4dError as error:
             good = False
-            mend = error.mend or f"Set it right in {file} or in the environment."
-            yield problem("settings", error.problem, mend)
+            hint = error.hint or f"Set it right in {file} or in the environment."
+            yield problem("settings", error.problem, hint)
             continue
         if service in LOADERS:
             yield _model(service, record)
@@ -131,7 +131,7 @@ def _model(service: str, config: Any) -> Finding:
     try:
         _find(LOADERS[service])(config)
     except People4dError as error:
-        return problem("model", f"{service}: {error.problem}", error.mend or "See people4d models.")
+        return problem("model", f"{service}: {error.problem}", error.hint or "See people4d models.")
     name = getattr(config, "model", None) or getattr(config, "embedder", "")
     return ok("model", f"{service}: {name} can be loaded")
 

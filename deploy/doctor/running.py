@@ -25,8 +25,8 @@ def services(evidence: Evidence) -> Sequence[Finding]:
     silent = _silent(evidence)
     if silent:
         what = f"{', '.join(silent)} sent no heartbeat"
-        mend = "It hangs: the watchdog of people4d up starts it again, else kill -9 it."
-        return [problem("services", what, mend, *silent)]
+        hint = "It hangs: the watchdog of people4d up starts it again, else kill -9 it."
+        return [problem("services", what, hint, *silent)]
     if missing:
         what = f"{', '.join(missing)} does not run" + (
             f"; {', '.join(there)} does" if there else ""
@@ -66,8 +66,8 @@ def releases(evidence: Evidence) -> Sequence[Finding]:
         found.setdefault(vitals.last.release or "an older one", []).append(name)
     if len(found) > 1:
         told = "; ".join(f"{r}: {', '.join(who)}" for r, who in sorted(found.items()))
-        mend = "Run the same people4d release on all machines."
-        return [problem("release", f"releases differ: {told}", mend)]
+        hint = "Run the same people4d release on all machines."
+        return [problem("release", f"releases differ: {told}", hint)]
     return [ok("release", f"everyone runs {evidence.release}")] if evidence.vitals else []
 
 
@@ -81,8 +81,8 @@ def clocks(evidence: Evidence) -> Sequence[Finding]:
             apart[host] = f"{abs(behind_ns) / 1e6:.0f} ms {way}"
     if apart:
         told = ", ".join(f"{host} is {how}" for host, how in sorted(apart.items()))
-        mend = "Let all hosts keep time by one server: chrony or systemd-timesyncd."
-        return [problem("clocks", f"clocks of hosts are apart: {told}", mend)]
+        hint = "Let all hosts keep time by one server: chrony or systemd-timesyncd."
+        return [problem("clocks", f"clocks of hosts are apart: {told}", hint)]
     stepped = sorted(name for name, v in evidence.vitals.items() if v.since("clock_steps"))
     if stepped:
         what = f"a clock was set while {', '.join(stepped)} ran"
@@ -90,8 +90,8 @@ def clocks(evidence: Evidence) -> Sequence[Finding]:
     jumps = sum(v.total("stamp_jumps", "clock_resets") for v in evidence.vitals.values())
     if jumps:
         what = f"stamps of frames jumped {jumps} times since the start: people got new numbers"
-        mend = "A recording that is repeated does so; of a live camera, look at its host's clock."
-        return [warning("clocks", what, mend)]
+        hint = "A recording that is repeated does so; of a live camera, look at its host's clock."
+        return [warning("clocks", what, hint)]
     return [ok("clocks", "all clocks agree")] if evidence.vitals else []
 
 
@@ -113,17 +113,17 @@ def frames(evidence: Evidence) -> Sequence[Finding]:
     for vitals in quiet:
         name, why = vitals.last.instance, vitals.fault or "it says nothing of why"
         what = f"{name} sends no frames: {why}"
-        mend = "Is it plugged in, or its recording at its end? people4d logs camera tells more."
-        return [problem("frames", what, mend, name, *(v.last.instance for v in detectors))]
+        hint = "Is it plugged in, or its recording at its end? people4d logs camera tells more."
+        return [problem("frames", what, hint, name, *(v.last.instance for v in detectors))]
     if not cameras:
         return []
     if detectors and not any(v.since("received_frames") for v in detectors):
         what = "frames leave the camera, but do not reach the detector"
-        mend = (
+        hint = (
             "Raw frames do not leave their host: run the detector where the camera runs. In "
             "containers, share shm_size and ipc as compose.yaml does."
         )
-        return [problem("frames", what, mend, *(v.last.instance for v in detectors))]
+        return [problem("frames", what, hint, *(v.last.instance for v in detectors))]
     rate_hz = sum(v.since("sent_frames", "sent_compressed") for v in cameras)
     return [ok("frames", f"{rate_hz / max(evidence.elapsed_s, 0.1):.0f} frames a second come")]
 
@@ -134,11 +134,11 @@ def pairs(evidence: Evidence) -> Sequence[Finding]:
         alone, sent = vitals.total("unpaired", "loose_pairs"), vitals.total("sent_frames")
         if alone > MOST * max(sent, 1):
             what = f"colour and depth are not of the same time: {alone} pictures, {sent} pairs"
-            mend = (
+            hint = (
                 "Turn on the camera's synchronisation and depth registered to colour; "
                 "options.sync_slop_s of the source says how far apart they may be."
             )
-            return [problem("pairs", what, mend, vitals.last.instance)]
+            return [problem("pairs", what, hint, vitals.last.instance)]
     return []
 
 
@@ -148,12 +148,12 @@ def calibration(evidence: Evidence) -> Sequence[Finding]:
         name = vitals.last.instance
         if vitals.since("no_calibration"):
             what = "no CameraInfo comes: frames are dropped, since nothing can be placed"
-            mend = "Give the camera its calibration: --set camera.options.calibration=FILE."
-            return [problem("calibration", what, mend, name)]
+            hint = "Give the camera its calibration: --set camera.options.calibration=FILE."
+            return [problem("calibration", what, hint, name)]
         if vitals.since("wrong_size"):
             what = f"frames are not of the size that CameraInfo tells: {vitals.fault}"
-            mend = "Calibrate at the size that is streamed, or stream at the size calibrated."
-            return [problem("calibration", what, mend, name)]
+            hint = "Calibrate at the size that is streamed, or stream at the size calibrated."
+            return [problem("calibration", what, hint, name)]
     if not evidence.infos:
         return []
     told = ", ".join(f"{i.camera} {i.width}x{i.height}" for i in evidence.infos.values())
@@ -164,14 +164,14 @@ def transforms(evidence: Evidence) -> Sequence[Finding]:
     """Look whether it is known where the cameras stand."""
     for vitals in evidence.of("tracker"):
         if "no transform" in vitals.last.reason:
-            mend = (
+            hint = (
                 "Set camera.mount_xyz_m, mount_rpy_rad and mount_parent, or publish the transform."
             )
-            return [problem("transform", vitals.last.reason, mend, vitals.last.instance)]
+            return [problem("transform", vitals.last.reason, hint, vitals.last.instance)]
         if vitals.since("predicted_base"):
             what = "odometry comes too late or not: the robot's motion is guessed"
-            mend = "Is odometry published (people4d ps), at 20 Hz or more, with stamps in time?"
-            return [warning("odometry", what, mend, vitals.last.instance)]
+            hint = "Is odometry published (people4d ps), at 20 Hz or more, with stamps in time?"
+            return [warning("odometry", what, hint, vitals.last.instance)]
     if not evidence.transforms:
         return []
     told = ", ".join(f"{t.child} in {t.parent}" for t in evidence.transforms.values())
@@ -184,11 +184,11 @@ def depth(evidence: Evidence) -> Sequence[Finding]:
         empty, came = vitals.since("no_depth"), vitals.since("frames")
         if empty and empty >= MOST * came:
             what = f"depth is all zero in {empty} of {came} frames: people have no positions"
-            mend = (
+            hint = (
                 "Is the depth stream on, its lens free, and its unit millimetres in 16 bits? "
                 "Sunlight blinds some sensors."
             )
-            return [problem("depth", what, mend, vitals.last.instance)]
+            return [problem("depth", what, hint, vitals.last.instance)]
     return []
 
 
@@ -197,8 +197,8 @@ def model(evidence: Evidence) -> Sequence[Finding]:
     for service, counter in (("detector", "model_errors"), ("reid", "embedder_errors")):
         for vitals in evidence.of(service):
             if vitals.since(counter):
-                mend = "people4d models --verify checks the file; another: --model NAME."
-                return [problem("model", vitals.fault, mend, vitals.last.instance)]
+                hint = "people4d models --verify checks the file; another: --model NAME."
+                return [problem("model", vitals.fault, hint, vitals.last.instance)]
     return []
 
 
@@ -208,11 +208,11 @@ def load(evidence: Evidence) -> Sequence[Finding]:
     if not slow:
         return [ok("load", "everyone keeps up")] if evidence.vitals else []
     told = "; ".join(f"{v.last.instance} is {_slowness(v)}" for v in slow)
-    mend = (
+    hint = (
         "Choose a smaller model (people4d models), run more detectors (people4d scale detector=2) "
         "or send fewer frames (--set camera.stride=2)."
     )
-    return [warning("load", told, mend, *(v.last.instance for v in slow))]
+    return [warning("load", told, hint, *(v.last.instance for v in slow))]
 
 
 def _slowness(vitals: Vitals) -> str:
@@ -227,48 +227,48 @@ def hanging(evidence: Evidence) -> Sequence[Finding]:
     if not stalled:
         return []
     told = "; ".join(f"{v.last.instance} is stalled: {v.last.reason}" for v in stalled)
-    mend = (
+    hint = (
         "With people4d up it is started again when that lasts, and its log then says in which "
         f"line it was: people4d logs {stalled[0].last.service}. kill -9 does so at once."
     )
-    return [problem("hanging", told, mend, *(v.last.instance for v in stalled))]
+    return [problem("hanging", told, hint, *(v.last.instance for v in stalled))]
 
 
 def people(evidence: Evidence) -> Sequence[Finding]:
     """Look whether anybody is found, placed and told."""
-    found = [d for message in evidence.detections for d in message.people]
+    found = [d for message in evidence.detections for d in message.detections]
     if not evidence.detections:
         return []
     if not found:
         what = f"the detector finds nobody in {len(evidence.detections)} frames"
-        mend = (
+        hint = (
             "Is anybody there, upright, lit, and nearer than about 8 m? Look at what it sees: "
             "people4d up --report DIR."
         )
-        return [warning("people", what, mend)]
+        return [warning("people", what, hint)]
     placed = sum(d.position_m is not None for d in found)
     if not placed:
         what = f"{len(found)} people are found, none of them has a position"
-        mend = "Depth is missing where people are: are they within the sensor's range?"
-        return [problem("people", what, mend)]
-    shown = [len(message.people) for message in evidence.tracks]
+        hint = "Depth is missing where people are: are they within the sensor's range?"
+        return [problem("people", what, hint)]
+    shown = [len(message.tracks) for message in evidence.tracks]
     if evidence.tracks and not any(shown):
         what = f"{placed} people are found with a position, but no track is told"
-        mend = "Does each stay for tracker.strongsort3d.n_init frames? See people4d ps for losses."
-        return [warning("people", what, mend)]
+        hint = "Does each stay for tracker.strongsort3d.n_init frames? See people4d ps for losses."
+        return [warning("people", what, hint)]
     return []
 
 
 def output(evidence: Evidence) -> Sequence[Finding]:
     """Look whether people are told."""
-    seen: list[Tracks] = [m for m in evidence.tracks if m.people]
+    seen: list[Tracks] = [m for m in evidence.tracks if m.tracks]
     if not evidence.tracks:
         if not evidence.of("tracker"):
             return []
-        mend = "What stands above explains it; else see people4d logs tracker."
-        return [problem("output", "no message about people comes", mend)]
+        hint = "What stands above explains it; else see people4d logs tracker."
+        return [problem("output", "no message about people comes", hint)]
     rate_hz = len(evidence.tracks) / max(evidence.elapsed_s, 0.1)
-    most = max((len(m.people) for m in seen), default=0)
+    most = max((len(m.tracks) for m in seen), default=0)
     return [ok("output", f"{rate_hz:.0f} messages about people a second, of up to {most} people")]
 
 
@@ -279,8 +279,8 @@ def others(findings: Sequence[Finding], evidence: Evidence) -> list[Finding]:
     for name, vitals in sorted(evidence.vitals.items()):
         if vitals.fault and name not in explained and vitals.last.state != "starting":
             what = f"{name} is {vitals.last.state}: {vitals.fault}"
-            mend = f"people4d logs {vitals.last.service} may tell more."
-            said.append(warning("state", what, mend, name))
+            hint = f"people4d logs {vitals.last.service} may tell more."
+            said.append(warning("state", what, hint, name))
     return said
 
 

@@ -66,7 +66,7 @@ class OtelExporter:
                 "people4d.camera": tracks.camera,
                 "people4d.sequence": tracks.sequence,
                 "people4d.stamp_ns": tracks.stamp_ns,
-                "people4d.people": len(tracks.people),
+                "people4d.people": len(tracks.tracks),
                 **_clock(whole),
             },
         )

@@ -81,7 +81,7 @@ class PrometheusExporter:
                 self._stages.labels(*labels).observe(part.ms / 1e3)
         camera = way.tracks.camera
         self._whole.labels(camera).observe(way.whole.ms / 1e3)
-        confirmed = sum(person.state == "confirmed" for person in way.tracks.people)
+        confirmed = sum(person.state == "confirmed" for person in way.tracks.tracks)
         self._people.labels(camera).set(confirmed)
 
     def add_healths(self, healths: Sequence[Health]) -> None:

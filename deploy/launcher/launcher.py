@@ -28,8 +28,8 @@ Progress = Callable[[str, str], None]
 class LaunchError(People4dError):
     """A service does not come up or does not stay up; carries the end of its log."""
 
-    def __init__(self, problem: str, mend: str, tail: str) -> None:
-        super().__init__(problem, mend)
+    def __init__(self, problem: str, hint: str, tail: str) -> None:
+        super().__init__(problem, hint)
         self.tail = tail
 
 

@@ -18,12 +18,12 @@ def main() -> None:
     """Say for every frame how close people will come to the robot, at the map's origin."""
     endpoint = sys.argv[1] if len(sys.argv) > 1 else ""
     frames = int(sys.argv[2]) if len(sys.argv) > 2 else None
-    for people in islice(subscribe(endpoint), frames):
-        for person in people.people:
-            soon_m = person.position_m + AHEAD_S * person.velocity_mps
+    for message in islice(subscribe(endpoint), frames):
+        for track in message.tracks:
+            soon_m = track.position_m + AHEAD_S * track.velocity_mps
             distance_m = float(np.hypot(*soon_m[:2]))
             advice = "slow down" if distance_m < CLEARANCE_M else "go on"
-            print(f"#{person.id} will be {distance_m:.2f} m away: {advice}", flush=True)
+            print(f"#{track.id} will be {distance_m:.2f} m away: {advice}", flush=True)
 
 
 if __name__ == "__main__":

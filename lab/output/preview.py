@@ -142,7 +142,7 @@ def _messages(world: World, index: int, people: Sequence[PersonView]) -> tuple[D
         model="truth",
         width=info.width,
         height=info.height,
-        people=tuple(_detection(people[k]) for k in seen),
+        detections=tuple(_detection(people[k]) for k in seen),
     )
     tracks = Tracks(
         stamp_ns=stamp_ns,
@@ -150,7 +150,7 @@ def _messages(world: World, index: int, people: Sequence[PersonView]) -> tuple[D
         frame_id="map",
         tracker="truth",
         camera=info.camera,
-        people=tuple(
+        tracks=tuple(
             _track(k + 1, person, seen.index(k) if k in seen else None)
             for k, person in enumerate(people)
         ),

@@ -1,6 +1,6 @@
 """Messages about people: detections, appearance, tracks and motion-capture truth."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -103,12 +103,14 @@ def _is_positive_definite(matrix: F64) -> bool:
 class Detections(Message, frozen=True, kw_only=True):
     """All people found in one frame; sent for empty frames too."""
 
+    VERSION: ClassVar[int] = 2
+
     camera: str  # name of the camera
     frame_id: str  # optical frame that positions are in
     model: str  # name of the model that found them
     width: int  # [px] of the image
     height: int  # [px] of the image
-    people: tuple[Detection, ...] = ()  # in no particular order; other messages refer by index
+    detections: tuple[Detection, ...] = ()  # in no particular order; other messages refer by index
     detector: str = ""  # process that found them; empty: not told
     replicas: tuple[
         str, ...
@@ -125,7 +127,7 @@ class Detections(Message, frozen=True, kw_only=True):
 class Crop(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The picture of one detected person."""
 
-    detection: int  # index into Detections.people of the same camera and stamp
+    detection: int  # index into Detections.detections of the same camera and stamp
     rgb: U8  # HxWx3, red first, the box cut to the image
     mask: U8 | None = None  # HxW, non-zero = person; absent if the model gives none
     keypoints: F32 | None = None  # [px] 17x3 in the crop: u, v, confidence; absent if none
@@ -145,8 +147,10 @@ class Crop(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 class Crops(Message, frozen=True, kw_only=True):
     """Pictures of the people of one frame, for re-identification; sent for empty frames too."""
 
+    VERSION: ClassVar[int] = 2
+
     camera: str  # name of the camera
-    people: tuple[Crop, ...] = ()  # one for each detection whose box meets the image
+    crops: tuple[Crop, ...] = ()  # one for each detection whose box meets the image
 
     def __post_init__(self) -> None:
         """Check the name."""
@@ -159,7 +163,7 @@ class Embeddings(Message, frozen=True, kw_only=True):
 
     camera: str  # name of the camera
     model: str  # name of the embedder; only embeddings of one model compare
-    detections: tuple[int, ...]  # N indices into Detections.people of the same camera and stamp
+    detections: tuple[int, ...]  # N indices into Detections.detections of the same camera and stamp
     vectors: F32  # NxD, unit length; cosine distance is 1 - a.b
 
     def __post_init__(self) -> None:
@@ -184,7 +188,7 @@ class Track(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     hits: int  # frames in which the person was matched
     age: int  # frames since the track began
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
-    detection: int | None  # index into Detections.people of this stamp; absent if not matched
+    detection: int | None  # index into Detections.detections of this stamp; absent if not matched
     score: float  # confidence of the last matched detection, 0 to 1
     # How the person came by the id when they were seen last. new: told for the first time;
     # continued: from the frame before; reidentified: they left and are known again; refused: new,
@@ -217,10 +221,12 @@ class Track(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class Tracks(Message, frozen=True, kw_only=True):
     """The people around the robot: one message for every frame, empty ones too."""
 
+    VERSION: ClassVar[int] = 2
+
     frame_id: str  # frame that people are in, "map" unless configured otherwise
     tracker: str  # name of the tracking method
     camera: str  # camera whose frame caused this message
-    people: tuple[Track, ...] = ()  # confirmed and lost tracks, and tentative ones if configured
+    tracks: tuple[Track, ...] = ()  # confirmed and lost tracks, and tentative ones if configured
 
     def __post_init__(self) -> None:
         """Check names."""
@@ -237,7 +243,7 @@ class ImageTrack(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     box_xyxy_px: F64  # [px] 4: left, top, right, bottom, filtered; may reach beyond the image
     hits: int  # frames in which the person was matched
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
-    detection: int | None  # index into Detections.people of this stamp; absent if not matched
+    detection: int | None  # index into Detections.detections of this stamp; absent if not matched
     score: float  # confidence of the last matched detection, 0 to 1
 
     def __post_init__(self) -> None:
@@ -259,11 +265,13 @@ class ImageTracks(Message, frozen=True, kw_only=True):
     Only trackers that follow boxes send it: one message for every frame, empty ones too.
     """
 
+    VERSION: ClassVar[int] = 2
+
     camera: str  # name of the camera
     tracker: str  # name of the tracking method
     width: int  # [px] of the image
     height: int  # [px] of the image
-    people: tuple[ImageTrack, ...] = ()  # confirmed and lost, and tentative ones if configured
+    tracks: tuple[ImageTrack, ...] = ()  # confirmed and lost, and tentative ones if configured
 
     def __post_init__(self) -> None:
         """Check names."""

@@ -144,7 +144,7 @@ class DetectorNode:
             replicas=replicas,
             width=info.width,
             height=info.height,
-            people=detections,
+            detections=detections,
         )
         return [*outputs, result]
 
@@ -208,7 +208,7 @@ class DetectorNode:
             sequence=frame.sequence,
             trace=frame.trace,
             camera=frame.camera,
-            people=tuple(crop for crop in crops if crop is not None),
+            crops=tuple(crop for crop in crops if crop is not None),
         )
 
     def _fault(self, frame: RgbdFrame, counter: str, reason: str) -> None:

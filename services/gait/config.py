@@ -4,7 +4,7 @@ import math
 
 import msgspec
 
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_history import TransformBufferConfig
 from services.gait.cascade_config import CascadeConfig
 from services.gait.steps.config import StepConfig
 
@@ -18,7 +18,9 @@ class GaitConfig(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 16
     settle_s: float = 0.003  # [s] that a frame waits for a newer one of its camera to be complete
     clock_jump_s: float = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale
-    base: TrailConfig = TrailConfig()  # what motions of a robot's base are believed
+    base: TransformBufferConfig = (
+        TransformBufferConfig()
+    )  # what motions of a robot's base are believed
     cascade: CascadeConfig = CascadeConfig()  # the particle filters; method book section 8
     steps: StepConfig = StepConfig()  # what counts as a step
 

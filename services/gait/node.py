@@ -156,15 +156,15 @@ def _lens(info: CameraInfo) -> tuple[object, ...]:
 def _seen(moment: Moment, pose: F64) -> list[Seen]:
     """Return what is known of each person, by what was found and tracked."""
     optical_from_fixed = invert(pose)
-    people = {t.id: t for t in moment.tracks.people if t.state != "tentative"}
+    people = {t.id: t for t in moment.tracks.tracks if t.state != "tentative"}
     return [_one(track, moment.detections, optical_from_fixed) for track in people.values()]
 
 
 def _one(track: Track, detections: Detections, optical_from_fixed: F64) -> Seen:
     depth_m = float(apply(optical_from_fixed, track.position_m[None])[0, 2])
     box, keypoints = None, None
-    if track.detection is not None and track.detection < len(detections.people):
-        detection = detections.people[track.detection]
+    if track.detection is not None and track.detection < len(detections.detections):
+        detection = detections.detections[track.detection]
         box, keypoints = detection.box_xyxy_px.astype(np.float64), detection.keypoints
         if detection.position_m is not None:
             depth_m = float(detection.position_m[2])

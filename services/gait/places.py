@@ -1,7 +1,7 @@
 """Where cameras are at the time of each frame, in the frame that people are tracked in."""
 
-from common.geometry.moving_frames import MovingFrames
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 
@@ -13,8 +13,8 @@ class Places:
         config: What motions of the base are believed.
     """
 
-    def __init__(self, config: TrailConfig) -> None:
-        self._frames = MovingFrames(config)
+    def __init__(self, config: TransformBufferConfig) -> None:
+        self._frames = TransformBuffer(config)
         self._known: set[tuple[str, str]] = set()
 
     @property

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import msgspec
 
-from common.geometry.moving_frames import MovingFrames
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig
 from common.metrics import moved
 from common.runtime.node import Status
 from people4d.messages import (
@@ -28,7 +28,7 @@ from services.gt_bridge.scoring.views import Views
 from services.gt_bridge.sources.stored import LEAD_NS, StoredTruth
 
 DEFAULT = GtBridgeConfig()
-MOTION = TrailConfig(keep_s=30.0)  # truth may come late, and alignments look back
+MOTION = TransformBufferConfig(keep_s=30.0)  # truth may come late, and alignments look back
 
 
 class GtBridgeNode:
@@ -49,7 +49,7 @@ class GtBridgeNode:
         self._config = config
         self.foreign_inputs: Sequence[ForeignTopic] = getattr(truth, "topics", ())
         self._counters: Counter[str] = Counter()
-        self._frames = MovingFrames(MOTION)
+        self._frames = TransformBuffer(MOTION)
         self._views = Views(self._frames)
         self._scorer = Scorer(config, self._frames, self._views, self._counters)
         self._stored = StoredTruth(config, truth, self._counters, self._take_in)

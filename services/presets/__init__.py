@@ -73,8 +73,8 @@ def preset_file(name: str) -> Path:
     if name.endswith(".toml"):
         return Path(name)
     near = difflib.get_close_matches(name[:80], PRESETS, 1)
-    mend = f"Did you mean {near[0]}?" if near else f"There are {', '.join(PRESETS)}."
-    raise ConfigError(f"there is no preset {name!r:.80}", mend)
+    hint = f"Did you mean {near[0]}?" if near else f"There are {', '.join(PRESETS)}."
+    raise ConfigError(f"there is no preset {name!r:.80}", hint)
 
 
 def _chain(name: str) -> Iterator[dict[str, Any]]:

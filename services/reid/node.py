@@ -34,10 +34,10 @@ class ReidNode:
         """Take the crops of a frame and return their Embeddings."""
         if not isinstance(message, Crops):
             return ()
-        crops = [crop for crop in message.people if min(crop.rgb.shape[:2]) >= SIDE_MIN_PX]
+        crops = [crop for crop in message.crops if min(crop.rgb.shape[:2]) >= SIDE_MIN_PX]
         self._counters["frames"] += 1
         self._counters["people"] += len(crops)
-        self._counters["too_small"] += len(message.people) - len(crops)
+        self._counters["too_small"] += len(message.crops) - len(crops)
         try:
             vectors = self._embedder.embed(crops)
             self._fault = ""

@@ -77,7 +77,7 @@ class TruthCheck:
         truth = self._truth.at(tracks.stamp_ns)
         if truth is None or truth.frame_id != tracks.frame_id:
             return
-        people = [track for track in tracks.people if track.state == "confirmed"]
+        people = [track for track in tracks.tracks if track.state == "confirmed"]
         pairs = match(truth.people, people)
         self._frames += 1
         self._people += len(truth.people)

@@ -86,8 +86,8 @@ class Statistics:
             self._frames.setdefault(message.camera, _Span()).add(message.stamp_ns)
         elif isinstance(message, Detections):
             self._names["model"] = message.model
-            self._people["all"] += len(message.people)
-            self._people["placed"] += sum(p.position_m is not None for p in message.people)
+            self._people["all"] += len(message.detections)
+            self._people["placed"] += sum(p.position_m is not None for p in message.detections)
         elif isinstance(message, Truth):
             self._truth.add(message)
         elif isinstance(message, Health):
@@ -135,7 +135,7 @@ class Statistics:
         self._processed.add(self._now_ns)
         self._latency.add(message.trace)
         self._truth.add(message)
-        for track in message.people:
+        for track in message.tracks:
             known = track.id in self._track_frames
             if track.state == "confirmed" and (known or len(self._track_frames) < MAX_TRACKS):
                 self._track_frames[track.id] += 1

@@ -27,7 +27,7 @@ class Trails:
         """Take a message."""
         if isinstance(message, Tracks):
             self.frame_id = message.frame_id
-            for track in message.people:
+            for track in message.tracks:
                 if track.state == "confirmed":
                     _extend(self._tracks, track.id, track.position_m)
         elif isinstance(message, Truth):

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_history import TransformBufferConfig
 from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
 from services.tracker.image_sort.config import ImageSortConfig
 from services.tracker.motion.standing_config import StandingConfig
@@ -197,7 +197,9 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     predict_after_s: float = 0.2  # [s] without detections after which predictions are published
     predict_hz: float = 10.0  # [Hz] rate of those predictions
     # input
-    base: TrailConfig = TrailConfig()  # what motions of a robot's base are believed
+    base: TransformBufferConfig = (
+        TransformBufferConfig()
+    )  # what motions of a robot's base are believed
     max_range_m: float = 100.0  # [m] positions farther from the camera are not believed
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()

@@ -142,7 +142,7 @@ class Join:
         self._early = {key: e for key, e in self._early.items() if e.stamp_ns <= stamp_ns}
 
     def _lacks_embeddings(self, frame: Frame) -> bool:
-        wanted = self._patience.embedding_ns > 0 and len(frame.detections.people) > 0
+        wanted = self._patience.embedding_ns > 0 and len(frame.detections.detections) > 0
         return wanted and frame.embeddings is None
 
     def _due_ns(self, frame: Frame) -> int:

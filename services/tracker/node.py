@@ -274,7 +274,7 @@ class TrackerNode:
         with span("prediction"):
             people = self._tracker.predict(stamp_ns)
         tracks = self._publish(last.detections, people, (), stamp_ns)
-        if not was_showing and not tracks.people:
+        if not was_showing and not tracks.tracks:
             self._predict_ns = None
             return []
         self._predict_ns = now_ns + int(1e9 / self._config.predict_hz)
@@ -299,7 +299,7 @@ class TrackerNode:
             frame_id=self._config.frame_id,
             tracker=self._config.tracker,
             camera=detections.camera,
-            people=chosen,
+            tracks=chosen,
         )
 
     def _in_image(self, detections: Detections, tracks: Tracks) -> list[Message]:
@@ -314,7 +314,7 @@ class TrackerNode:
             tracker=tracks.tracker,
             width=detections.width,
             height=detections.height,
-            people=tuple(track for track in self._tracker.in_image() if self._is_shown(track)),
+            tracks=tuple(track for track in self._tracker.in_image() if self._is_shown(track)),
         )
         return [told]
 

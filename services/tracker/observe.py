@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 
-from common.geometry.transform_buffer import Placement
+from common.geometry.transform_history import Placement
 from common.geometry.transforms import apply
 from people4d.messages import F64, CameraInfo, Detections, Embeddings
 from services.tracker.interface import Measurement, Observation, Unplaced
@@ -31,10 +31,10 @@ def observe(
         max_range_m: Largest coordinate of a position, in metres, that is believed.
         counters: Where detections and embeddings that cannot be used are counted.
     """
-    vectors = _unit_vectors(embeddings, len(detections.people), counters) if embeddings else {}
+    vectors = _unit_vectors(embeddings, len(detections.detections), counters) if embeddings else {}
     map_from_camera = place.matrix
     measurements, unplaced = list[Measurement](), list[Unplaced]()
-    for index, person in enumerate(detections.people):
+    for index, person in enumerate(detections.detections):
         left, top, right, bottom = map(float, person.box_xyxy_px)
         if right - left < 1.0 or bottom - top < 1.0:
             counters["empty_boxes"] += 1

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from common.geometry.moving_frames import MovingFrames
-from common.geometry.transform_buffer import Placement, TrailConfig
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import Placement, TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, wrap
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, Track
 
@@ -26,10 +26,10 @@ class Places:
             and to look along +x.
     """
 
-    def __init__(self, frame_id: str, config: TrailConfig, required: bool) -> None:
+    def __init__(self, frame_id: str, config: TransformBufferConfig, required: bool) -> None:
         self._frame_id, self._required = frame_id, required
         self._ground = frame_id
-        self._frames = MovingFrames(config)
+        self._frames = TransformBuffer(config)
         self._fixed: dict[str, F64] = {}  # cameras that stand, as people were placed by them last
         self.unplaced: set[str] = set()  # cameras without a transform
 

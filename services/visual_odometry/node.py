@@ -248,7 +248,7 @@ class VisualOdometryNode:
 
 def people_of(detections: Detections) -> People:
     """Return who was found."""
-    found = detections.people
+    found = detections.detections
     boxes = np.array([one.box_xyxy_px for one in found], np.float64).reshape(-1, 4)
     depths = [np.nan if one.position_m is None else float(one.position_m[2]) for one in found]
     return People(boxes, np.array(depths, np.float64))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.geometry.transform_buffer import extent
+from common.geometry.transform_history import extent
 from common.geometry.transforms import invert
 from people4d.messages import F32, F64, U8
 from services.visual_odometry.config import VisualOdometryConfig

@@ -160,14 +160,14 @@ FULL: tuple[Message, ...] = (
         model="movenet",
         width=640,
         height=480,
-        people=(DETECTION,),
+        detections=(DETECTION,),
     ),
     Crops(
         stamp_ns=STAMP_NS,
         sequence=6,
         trace=(SPAN,),
         camera="front",
-        people=(Crop(detection=0, rgb=RGB, mask=RGB[..., 0], keypoints=KEYPOINTS),),
+        crops=(Crop(detection=0, rgb=RGB, mask=RGB[..., 0], keypoints=KEYPOINTS),),
     ),
     Embeddings(
         stamp_ns=STAMP_NS,
@@ -185,7 +185,7 @@ FULL: tuple[Message, ...] = (
         frame_id="map",
         tracker="sort3d",
         camera="front",
-        people=(TRACK,),
+        tracks=(TRACK,),
     ),
     ImageTracks(
         stamp_ns=STAMP_NS,
@@ -195,7 +195,7 @@ FULL: tuple[Message, ...] = (
         tracker="image_sort",
         width=640,
         height=480,
-        people=(
+        tracks=(
             ImageTrack(
                 id=7,
                 state="lost",
@@ -315,7 +315,14 @@ SPARSE: tuple[Message, ...] = (
         stamp_ns=0, sequence=0, frame_id="o", child_frame_id="b", x_m=0.0, y_m=0.0, theta_rad=0.0
     ),
     Detections(
-        stamp_ns=0, sequence=0, camera="c", frame_id="f", model="m", width=1, height=1, people=()
+        stamp_ns=0,
+        sequence=0,
+        camera="c",
+        frame_id="f",
+        model="m",
+        width=1,
+        height=1,
+        detections=(),
     ),
     Detections(
         stamp_ns=0,
@@ -325,13 +332,13 @@ SPARSE: tuple[Message, ...] = (
         model="m",
         width=1,
         height=1,
-        people=(Detection(box_xyxy_px=np.zeros(4, np.float32), score=0.0),),
+        detections=(Detection(box_xyxy_px=np.zeros(4, np.float32), score=0.0),),
     ),
     Crops(
         stamp_ns=0,
         sequence=0,
         camera="c",
-        people=(Crop(detection=0, rgb=RGB), Crop(detection=1, rgb=RGB)),
+        crops=(Crop(detection=0, rgb=RGB), Crop(detection=1, rgb=RGB)),
     ),
     Embeddings(
         stamp_ns=0,

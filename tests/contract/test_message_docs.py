@@ -18,8 +18,8 @@ def test_a_stale_or_absent_file_is_told_in_one_sentence(
     target = tmp_path / "messages.md"
     for _ in range(2):
         assert main(["--check", "--target", str(target)]) == 1
-        mend = "messages.md is stale. Run: python -m scripts.message_docs\n"
-        assert capsys.readouterr().err == mend
+        hint = "messages.md is stale. Run: python -m scripts.message_docs\n"
+        assert capsys.readouterr().err == hint
         target.write_text(generate() + "x")
     assert main(["--target", str(target)]) == 0
     assert main(["--check", "--target", str(target)]) == 0

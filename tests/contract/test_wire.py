@@ -65,10 +65,10 @@ def test_an_array_is_little_endian_and_row_major(
 ) -> None:
     # A Fortran-ordered, big-endian covariance must come out as the same numbers.
     odd = np.asfortranarray(TRACK.covariance.astype(">f8"))
-    people = (msgspec.structs.replace(TRACK, covariance=odd),)
-    tracks = msgspec.structs.replace(BY_NAME["Tracks"], people=people)
-    wire = documented_decode(encode(tracks))
-    np.testing.assert_array_equal(wire["people"][0]["covariance"], np.arange(36.0).reshape(6, 6))
+    tracks = (msgspec.structs.replace(TRACK, covariance=odd),)
+    message = msgspec.structs.replace(BY_NAME["Tracks"], tracks=tracks)
+    wire = documented_decode(encode(message))
+    np.testing.assert_array_equal(wire["tracks"][0]["covariance"], np.arange(36.0).reshape(6, 6))
 
 
 def test_numbers_on_the_wire_by_hand() -> None:

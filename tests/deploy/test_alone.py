@@ -121,8 +121,8 @@ def test_each_stage_alone(demo: Path, tmp_path: Path, environment: Mapping[str, 
     detections = [m for m in people(seen, Detections) if isinstance(m, Detections)]
     assert len(detections) >= FRAMES // 3
     assert count(seen, Crops) == len(detections)
-    assert all(person.position_m is not None for m in detections for person in m.people)
-    assert max(len(m.people) for m in detections) == 3
+    assert all(person.position_m is not None for m in detections for person in m.detections)
+    assert max(len(m.detections) for m in detections) == 3
 
     with ExitStack() as stack:
         stack.enter_context(service("reid", environment))
@@ -137,7 +137,7 @@ def test_each_stage_alone(demo: Path, tmp_path: Path, environment: Mapping[str, 
         people4d(environment, "replay", str(seen), "--topics", topics, "--hold", "0")
     tracks = [m for m in people(tracked, Tracks) if isinstance(m, Tracks)]
     assert len({m.stamp_ns for m in tracks} & {m.stamp_ns for m in detections}) == len(detections)
-    assert max(len(m.people) for m in tracks) == 3
+    assert max(len(m.tracks) for m in tracks) == 3
 
     warm_up(GaitConfig())  # what is compiled is kept, so that the process need not
     whole, walked = tmp_path / "all.mcap", tmp_path / "walked.mcap"

@@ -186,7 +186,7 @@ def test_a_table_of_people_can_be_drawn() -> None:
         score=0.9,
     )
     tracks = Tracks(
-        stamp_ns=0, sequence=9, frame_id="map", tracker="sort3d", camera="front", people=(person,)
+        stamp_ns=0, sequence=9, frame_id="map", tracker="sort3d", camera="front", tracks=(person,)
     )
     console = Console(width=100)
     with console.capture() as capture:

@@ -72,7 +72,7 @@ def test_errors_can_be_chosen(tmp_path: Path) -> None:
     assert run("render", write_scenario(tmp_path), *arguments)[0] == 0
     recording = open_recording(tmp_path / "walk.mcap")
     found = [m for _, m in recording.messages(Detections) if isinstance(m, Detections)]
-    assert [len(m.people) for m in found] == [0] * FRAMES
+    assert [len(m.detections) for m in found] == [0] * FRAMES
     note = read_note(recording)
     assert note is not None
     assert note.sensor.noise_px == 0.14

@@ -113,7 +113,7 @@ def test_a_service_that_cannot_start_is_named_with_its_log(state: State) -> None
     with pytest.raises(LaunchError, match="bad-1 ended before it was ready") as caught:
         launcher(state, text).start("robot", "", TIMEOUT_S)
     assert "no such model" in caught.value.tail
-    assert str(state.log_of("bad-1")) in caught.value.mend
+    assert str(state.log_of("bad-1")) in caught.value.hint
     assert state.leftovers() == []
 
 

@@ -82,14 +82,14 @@ def test_a_frame_gives_detections_and_crops_of_its_stamp() -> None:
         assert [span.stage for span in answer.trace] == ["camera.read"]
     assert (detections.frame_id, detections.model) == ("front_optical_frame", "fixed")
     assert (detections.width, detections.height) == (40, 60)
-    assert crops.people[0].detection == 0
-    assert crops.people[0].rgb.shape == (44, 14, 3)
+    assert crops.crops[0].detection == 0
+    assert crops.crops[0].rgb.shape == (44, 14, 3)
 
 
 def test_position_by_keypoints() -> None:
     # Mean of u 17, 12, 17, 12 = 14.5 and v = 30 at 2 m: X = (14.5 - 20) * 2 / 50 = -0.22, Y = 0.
     detections = only(Detections, MemoryBus([node(person())]).publish(INFO, frame()))
-    position = detections.people[0].position_m
+    position = detections.detections[0].position_m
     assert position is not None
     np.testing.assert_allclose(position, [-0.22, 0.0, 2.0], atol=1e-12)
 
@@ -98,7 +98,7 @@ def test_heading_by_keypoints() -> None:
     # The right shoulder is 5 px left of the left one, at 2 m: d = (0, 0.2, 0), psi_1 = 180 deg.
     # Ratios -5/20 over 0.9 and 0.66: arccos 106.13 and 112.26, mean 109.19; the ray to u = 14.5
     # adds atan(5.5/50) = 6.28: psi_2 = 115.47, its sign from psi_1. Mean of the two: 147.74 deg.
-    found = only(Detections, MemoryBus([node(person())]).publish(INFO, frame())).people[0]
+    found = only(Detections, MemoryBus([node(person())]).publish(INFO, frame())).detections[0]
     assert found.heading is not None
     yaw_rad = np.radians(147.735)
     expected = [-np.sin(yaw_rad), 0.0, np.cos(yaw_rad)]
@@ -111,7 +111,7 @@ def test_heading_needs_keypoints_and_a_method() -> None:
     masked = person(mask=True, keypoints=False)
     off = {"orientation.vector": "false", "orientation.ratio": "false"}
     for detector in (node(masked), node(person(), **off)):
-        found = only(Detections, MemoryBus([detector]).publish(INFO, frame())).people[0]
+        found = only(Detections, MemoryBus([detector]).publish(INFO, frame())).detections[0]
         assert (found.heading, found.heading_sigma_rad) == (None, None)
         assert found.position_m is not None
 
@@ -121,7 +121,7 @@ def test_position_by_mask_goes_before_keypoints() -> None:
     # Y = -0.5 * 2 / 50 = -0.02.
     for settings in ({}, {"position": "mask"}):
         published = MemoryBus([node(person(mask=True), **settings)]).publish(INFO, frame())
-        found = only(Detections, published).people[0]
+        found = only(Detections, published).detections[0]
         assert found.position_m is not None
         assert found.mask is not None
         np.testing.assert_allclose(found.position_m, [-0.2, -0.02, 2.0], atol=1e-12)
@@ -130,17 +130,17 @@ def test_position_by_mask_goes_before_keypoints() -> None:
 
 def test_position_method_is_kept_to() -> None:
     by_keypoints = node(person(mask=True), position="keypoints")
-    found = only(Detections, MemoryBus([by_keypoints]).publish(INFO, frame())).people[0]
+    found = only(Detections, MemoryBus([by_keypoints]).publish(INFO, frame())).detections[0]
     assert found.position_m is not None
     assert found.position_m[0] == pytest.approx(-0.22)
     no_mask = node(person(), position="mask")
-    found = only(Detections, MemoryBus([no_mask]).publish(INFO, frame())).people[0]
+    found = only(Detections, MemoryBus([no_mask]).publish(INFO, frame())).detections[0]
     assert found.position_m is None
 
 
 def test_a_grown_mask_is_sent_with_detection_and_crop() -> None:
     published = MemoryBus([node(person(), position="grown")]).publish(INFO, frame())
-    found, crop = only(Detections, published).people[0], only(Crops, published).people[0]
+    found, crop = only(Detections, published).detections[0], only(Crops, published).crops[0]
     assert found.mask is not None
     assert crop.mask is not None
     assert found.position_m is not None
@@ -150,8 +150,8 @@ def test_a_grown_mask_is_sent_with_detection_and_crop() -> None:
 
 def test_an_empty_frame_is_answered() -> None:
     published = MemoryBus([node()]).publish(INFO, frame())
-    assert only(Detections, published).people == ()
-    assert only(Crops, published).people == ()
+    assert only(Detections, published).detections == ()
+    assert only(Crops, published).crops == ()
 
 
 def test_crops_can_be_left_out() -> None:
@@ -196,7 +196,7 @@ def test_frames_of_another_size_are_dropped_and_said() -> None:
 def test_without_depth_people_are_sent_without_positions() -> None:
     detector = node(person(), person(mask=True))
     detections = only(Detections, MemoryBus([detector]).publish(INFO, frame(depth_mm=0)))
-    assert [found.position_m for found in detections.people] == [None, None]
+    assert [found.position_m for found in detections.detections] == [None, None]
     status = detector.status()
     assert status.counters == {
         "frames": 1,
@@ -212,11 +212,11 @@ def test_a_failing_model_gives_an_empty_frame_and_recovers() -> None:
     detector = node(person())
     bus = MemoryBus([detector])
     detections = only(Detections, bus.publish(INFO, frame(0, white=True)))
-    assert detections.people == ()
+    assert detections.detections == ()
     assert detector.status().state == "degraded"
     assert "network burst" in detector.status().reason
     assert detector.status().counters["model_errors"] == 1
-    assert len(only(Detections, bus.publish(frame(1))).people) == 1
+    assert len(only(Detections, bus.publish(frame(1))).detections) == 1
     assert detector.status().state == "ready"
 
 
@@ -309,7 +309,7 @@ def test_the_default_model_places_people_of_the_simulated_room(shared: Path) -> 
             rgb=np.asarray(rgb, np.uint8),
             depth_mm=np.asarray(depth, np.uint16),
         )
-        found = only(Detections, bus.publish(picture)).people
+        found = only(Detections, bus.publish(picture)).detections
         positions = np.array([p.position_m for p in found if p.position_m is not None])
         for torso in truth["pos"][index][truth["vis"][index] > 0.5]:
             expected += 1
@@ -322,7 +322,7 @@ def test_the_default_model_places_people_of_the_simulated_room(shared: Path) -> 
 
 def located(*people: Person, **settings: object) -> tuple[Detection, ...]:
     detector = node(*people, **settings)
-    return only(Detections, MemoryBus([detector]).publish(INFO, frame())).people
+    return only(Detections, MemoryBus([detector]).publish(INFO, frame())).detections
 
 
 def test_position_by_the_torso() -> None:

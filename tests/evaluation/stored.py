@@ -48,7 +48,7 @@ def detections(frame: int, *positions_m: Sequence[float]) -> Detections:
         model="hand",
         width=640,
         height=480,
-        people=tuple(people),
+        detections=tuple(people),
     )
 
 

@@ -42,7 +42,7 @@ def test_tracks_are_told_with_who_they_were_taken_for() -> None:
         track(2, 4.0),
     )
     tracks = Tracks(
-        stamp_ns=0, sequence=0, frame_id="map", tracker="strongsort3d", camera="c", people=people
+        stamp_ns=0, sequence=0, frame_id="map", tracker="strongsort3d", camera="c", tracks=people
     )
     assert _told(tracks, np.array([1.0, 0.0, 1.0])) == [
         "ID 9: confirmed, 0.50 m",

@@ -81,7 +81,7 @@ def _use(message: Message) -> None:
     if isinstance(message, CompressedRgbdFrame):
         decompress(message)
     if isinstance(message, Detections):
-        for person in message.people:
+        for person in message.detections:
             if person.mask:
                 person.mask.window()
 

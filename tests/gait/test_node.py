@@ -82,7 +82,7 @@ def detections(number: int, people: int = 1) -> Detections:
         model="test",
         width=WIDTH,
         height=HEIGHT,
-        people=(one,) * people,
+        detections=(one,) * people,
     )
 
 
@@ -109,7 +109,7 @@ def tracks(number: int, *people: Track) -> Tracks:
         frame_id="map",
         tracker="test",
         camera="front",
-        people=people,
+        tracks=people,
     )
 
 

@@ -79,5 +79,5 @@ def tracks(stamp_ms: float, *people: Track, frame_id: str = "map") -> Tracks:
         frame_id=frame_id,
         tracker="none",
         camera="front",
-        people=people,
+        tracks=people,
     )

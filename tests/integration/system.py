@@ -93,13 +93,13 @@ def seconds(wait: Callable[[], object]) -> float:
 
 def seen(tracks: Tracks) -> bool:
     """Return whether a message shows someone who was seen in its frame."""
-    return any(person.state == "confirmed" for person in tracks.people)
+    return any(person.state == "confirmed" for person in tracks.tracks)
 
 
 def predicted(tracks: Tracks) -> bool:
     """Return whether a message was made without a frame and shows someone."""
-    return not any(person.state == "confirmed" for person in tracks.people) and any(
-        person.time_since_update_s > 0 for person in tracks.people
+    return not any(person.state == "confirmed" for person in tracks.tracks) and any(
+        person.time_since_update_s > 0 for person in tracks.tracks
     )
 
 

@@ -149,11 +149,11 @@ def test_a_killed_tracker_is_replaced_and_gives_no_identity_twice(working: Syste
     killed = working.signal("tracker", signal.SIGKILL)
     assert seconds(lambda: watcher.wait(Health, works_again("tracker", killed))) < BACK_S
     # The same people, or those of the next round of the recording: then with new numbers.
-    newest = max(person.id for person in before.people)
+    newest = max(person.id for person in before.tracks)
     after = working.watch(Tracks).wait(Tracks, seen)
-    assert all(p.id >= min(q.id for q in before.people) for p in after.people)
+    assert all(p.id >= min(q.id for q in before.tracks) for p in after.tracks)
     if after.stamp_ns < before.stamp_ns:
-        assert all(p.id > newest for p in after.people)
+        assert all(p.id > newest for p in after.tracks)
 
 
 def test_a_killed_camera_plays_from_the_beginning(working: System) -> None:

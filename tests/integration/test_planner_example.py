@@ -42,7 +42,7 @@ def people(sequence: int) -> Tracks:
         frame_id="map",
         tracker="test",
         camera="front",
-        people=(track,),
+        tracks=(track,),
     )
 
 

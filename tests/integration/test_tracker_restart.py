@@ -64,15 +64,15 @@ def test_a_killed_tracker_knows_its_people_again_and_gives_no_identity_twice(
 ) -> None:
     feeding = Feeding(network, tmp_path)
     with feeding.tracker() as first:
-        assert [p.id for p in feeding.see(range(20)).people] == [1, 2]
+        assert [p.id for p in feeding.see(range(20)).tracks] == [1, 2]
         for _ in range(3):  # what it knows is kept within half a second: two heartbeats
             feeding.watcher.wait(Health)
         first.send_signal(signal.SIGKILL)
     with feeding.tracker():  # 1.5 s and 0.3 m later
         told = feeding.see(range(35, 45), shift_m=0.3)
-        assert [(p.id, p.state) for p in told.people] == [(1, "confirmed"), (2, "confirmed")]
+        assert [(p.id, p.state) for p in told.tracks] == [(1, "confirmed"), (2, "confirmed")]
         # Ten seconds later, elsewhere, it is others.
-        others = feeding.see(range(150, 160), shift_m=3.0).people
+        others = feeding.see(range(150, 160), shift_m=3.0).tracks
         assert [p.id for p in others if p.state == "confirmed"] == [3, 4]
 
 

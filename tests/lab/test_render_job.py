@@ -176,14 +176,14 @@ def test_geometry_gives_detections_in_place_of_frames(tmp_path: Path) -> None:
     assert not list(recording.messages(CompressedRgbdFrame))
     assert sum(isinstance(m, Truth) for _, m in recording.messages()) == 121
     # Both are seen all the time; a detector misses one in a hundred.
-    people = [len(m.people) for m in found if isinstance(m, Detections)]
+    people = [len(m.detections) for m in found if isinstance(m, Detections)]
     assert np.median(people) == 2
     # A tracker finds them without any picture, where motion capture sees them.
     config = TrackerConfig(tracker="sort3d")
     tracker = TrackerNode(config, make_tracker(config))
     messages = [m for _, m in recording.messages(StaticTransform, Detections)]
     told = [t for m in messages for t in tracker.handle(m, 0) if isinstance(t, Tracks)]
-    tracks = [t for t in told if t.people][-1].people
+    tracks = [t for t in told if t.tracks][-1].tracks
     *_, truth = (m for _, m in recording.messages(Truth) if isinstance(m, Truth))
     for person in truth.people:
         off_m = [np.hypot(*(t.position_m - person.position_m)[:2]) for t in tracks]

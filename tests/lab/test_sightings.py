@@ -65,7 +65,9 @@ def person(x_m: float, y_m: float, yaw_deg: float = 180.0) -> F64:
 
 
 def seen(people: list[F64], config: SightingConfig = FAULTLESS, frame: int = 0) -> list[Detection]:
-    return list(Sightings(config, INFO, 3).at(people, OPTICAL_FROM_MAP, frame * 33_333_333).people)
+    return list(
+        Sightings(config, INFO, 3).at(people, OPTICAL_FROM_MAP, frame * 33_333_333).detections
+    )
 
 
 def test_faultless_detection_of_one_person() -> None:
@@ -98,7 +100,7 @@ def test_heading_of_the_chest() -> None:
     sightings = Sightings(config, INFO, 5)
     errors = []
     for k in range(1500):
-        (found,) = sightings.at([person(4.0, 0.0)], OPTICAL_FROM_MAP, k * 300_000_000).people
+        (found,) = sightings.at([person(4.0, 0.0)], OPTICAL_FROM_MAP, k * 300_000_000).detections
         assert found.heading is not None
         assert found.heading_sigma_rad == 0.2
         errors.append(math.atan2(found.heading[0], -found.heading[2]))
@@ -154,7 +156,7 @@ def test_rates_are_as_configured() -> None:
     true, false, without = 0, 0, 0
     frames = 1000
     for k in range(frames):
-        detections = sightings.at(people, OPTICAL_FROM_MAP, k * 100_000_000, k).people
+        detections = sightings.at(people, OPTICAL_FROM_MAP, k * 100_000_000, k).detections
         for found in detections:
             is_true = min(np.abs(found.box_xyxy_px - box(p)).max() for p in people) < 25
             true += is_true
@@ -178,7 +180,7 @@ def test_keypoint_noise_grows_with_the_person_and_lasts() -> None:
     there = person(3.0, 0.0)
     outline = outlines([there], OPTICAL_FROM_MAP, INFO)[0]
     for k in range(1500):
-        found = sightings.at([there], OPTICAL_FROM_MAP, k * 50_000_000).people[0]
+        found = sightings.at([there], OPTICAL_FROM_MAP, k * 50_000_000).detections[0]
         assert found.keypoints is not None
         errors.append(found.keypoints[5:15, :2] - outline.keypoints_px[5:15])
     track = np.stack(errors)
@@ -199,7 +201,7 @@ def test_depth_noise_follows_the_sensor() -> None:
     sightings = Sightings(config, INFO, 5)
     depths = []
     for k in range(1000):
-        found = sightings.at([person(4.0, 0.0)], OPTICAL_FROM_MAP, k * 300_000_000).people[0]
+        found = sightings.at([person(4.0, 0.0)], OPTICAL_FROM_MAP, k * 300_000_000).detections[0]
         assert found.position_m is not None
         depths.append(found.position_m[2])
     # 4^2 * 0.07 / (385 * 0.05) = 58.2 mm, four readings: 29.1 mm.

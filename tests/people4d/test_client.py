@@ -42,7 +42,7 @@ def talking(network: Network) -> Iterator[str]:
 def test_people_come_in_a_loop(network: Network, talking: str) -> None:
     for people in subscribe(network.endpoint, talking):
         assert isinstance(people, Tracks)
-        assert [person.id for person in people.people] == [7]
+        assert [person.id for person in people.tracks] == [7]
         break
 
 

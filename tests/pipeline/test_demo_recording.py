@@ -72,8 +72,8 @@ def pairs(messages: list[Message]) -> list[Pair]:
     for frame, message in enumerate(m for m in messages if isinstance(m, Tracks)):
         # Captured every 10 ms: nobody moves far from there to the frame.
         people = min(truth, key=lambda t: abs(t.stamp_ns - message.stamp_ns)).people
-        matched = match(people, message.people)
-        found += [(frame, people[i], message.people[k]) for i, k in matched]
+        matched = match(people, message.tracks)
+        found += [(frame, people[i], message.tracks[k]) for i, k in matched]
     return found
 
 
@@ -107,7 +107,7 @@ def test_three_people_keep_three_identities(pairs: list[Pair]) -> None:
 
 
 def test_nobody_else_is_tracked(messages: list[Message]) -> None:
-    tracks = [t for m in messages if isinstance(m, Tracks) for t in m.people]
+    tracks = [t for m in messages if isinstance(m, Tracks) for t in m.tracks]
     assert len({t.id for t in tracks if t.state == "confirmed"}) == 3
 
 

@@ -47,7 +47,7 @@ def test_people_are_found(crossing: Played) -> None:
     """Of 12 people seen by eye in frames 60, 68 and 76, those half hidden may be missed."""
     found = false = 0
     for frame in (60, 68, 76):
-        people = crossing.detections[frame - FIRST].people
+        people = crossing.detections[frame - FIRST].detections
         pairs = match(list(CROSSING[frame].values()), people)
         found, false = found + len(pairs), false + len(people) - len(pairs)
     assert found >= 9
@@ -57,7 +57,7 @@ def test_people_are_found(crossing: Played) -> None:
 def test_people_walk_on_one_floor_inside_the_room(crossing: Played) -> None:
     """Depth is registered to colour, and the mount is right: else they would float or sink."""
     (transform,) = (m for m in crossing.messages if isinstance(m, StaticTransform))
-    placed = [d.position_m for m in crossing.detections for d in m.people]
+    placed = [d.position_m for m in crossing.detections for d in m.detections]
     known = [p for p in placed if p is not None]
     assert len(known) >= 0.9 * len(placed)
     points = apply(transform.matrix, np.array(known))
@@ -70,11 +70,11 @@ def test_people_walk_on_one_floor_inside_the_room(crossing: Played) -> None:
 
 
 def test_people_are_tracked_and_walk_at_human_speed(crossing: Played) -> None:
-    confirmed = [t for m in crossing.tracks for t in m.people if t.state == "confirmed"]
+    confirmed = [t for m in crossing.tracks for t in m.tracks if t.state == "confirmed"]
     assert 3 <= len({t.id for t in confirmed}) <= 8
     assert len(confirmed) >= 2 * FRAMES
     speeds = [float(np.linalg.norm(t.velocity_mps[:2])) for t in confirmed]
     assert np.percentile(speeds, 95) < 3.0
     for message in crossing.tracks:
-        owned = [t.detection for t in message.people if t.detection is not None]
+        owned = [t.detection for t in message.tracks if t.detection is not None]
         assert len(set(owned)) == len(owned)

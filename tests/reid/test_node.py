@@ -11,7 +11,7 @@ from services.reid.node import ReidNode
 
 def message(*crops: Crop) -> Crops:
     trace = (Span(stage="detector.crops", process="detector-1@host", start_ns=1, end_ns=2),)
-    return Crops(stamp_ns=77, sequence=5, trace=trace, camera="front", people=crops)
+    return Crops(stamp_ns=77, sequence=5, trace=trace, camera="front", crops=crops)
 
 
 def crop(detection: int, height: int = 40, width: int = 20) -> Crop:

@@ -54,7 +54,7 @@ def detections(
         model="tiny",
         width=160,
         height=120,
-        people=tuple(people),
+        detections=tuple(people),
     )
 
 
@@ -92,7 +92,7 @@ def tracks(
         frame_id="map",
         tracker="tiny",
         camera=camera,
-        people=tuple(people),
+        tracks=tuple(people),
         trace=trace,
     )
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry.moving_frames import MovingFrames, matrix_of
-from common.geometry.transform_buffer import Placement, TrailConfig
+from common.geometry.transform_buffer import TransformBuffer, matrix_of
+from common.geometry.transform_history import Placement, TransformBufferConfig
 from common.geometry.transforms import (
     LINK_FROM_OPTICAL,
     apply,
@@ -70,7 +70,7 @@ def seen(number: int) -> Detections:
         model="fixed",
         width=640,
         height=480,
-        people=tuple(people),
+        detections=tuple(people),
     )
 
 
@@ -93,7 +93,7 @@ def test_tracks_in_the_base_are_those_in_the_map_seen_from_there() -> None:
     assert {tracks.frame_id for tracks in in_base} == {"base_link"}
     for number, (there, here) in enumerate(zip(in_map, in_base, strict=True)):
         base_from_map = invert(map_from_odom @ matrix_of(driven(number)))
-        for a, b in zip(there.people, here.people, strict=True):
+        for a, b in zip(there.tracks, here.tracks, strict=True):
             expected = carried(a, Placement(base_from_map))
             assert b.id == a.id
             np.testing.assert_allclose(b.position_m, expected.position_m, atol=1e-9)
@@ -106,7 +106,7 @@ def test_a_person_who_stands_has_no_velocity_before_a_robot_that_drives_and_turn
     frame_id: str,
 ) -> None:
     last = run(frame_id)[-1]
-    stands, walks = (np.linalg.norm(track.velocity_mps) for track in last.people)
+    stands, walks = (np.linalg.norm(track.velocity_mps) for track in last.tracks)
     assert stands < 1e-9
     assert walks == pytest.approx(0.5, abs=0.05)
 
@@ -139,7 +139,7 @@ def test_a_track_seen_from_a_base_that_has_turned() -> None:
 
 
 def test_only_frames_on_a_base_move_with_it() -> None:
-    frames = MovingFrames(TrailConfig())
+    frames = TransformBuffer(TransformBufferConfig())
     assert frames.ground("base_link") == "base_link"
     for message in (fixed("base_link", CAMERA, MOUNT), fixed("map", "odom", np.eye(4)), driven(0)):
         frames.add(message)

@@ -61,7 +61,7 @@ def seen(
         model="movenet",
         width=640,
         height=480,
-        people=tuple(people),
+        detections=tuple(people),
     )
 
 
@@ -111,7 +111,7 @@ def test_positions_are_told_in_the_map() -> None:
     target = node(publish_tentative=True)
     frame = seen(0, [person(0.5)])
     (told,) = feed(target, [TRANSFORM, frame, looks(frame)])
-    np.testing.assert_allclose(told.people[0].position_m, [13.0, -0.5, 1.0])
+    np.testing.assert_allclose(told.tracks[0].position_m, [13.0, -0.5, 1.0])
 
 
 def test_any_order_of_arrival_gives_the_same_tracks() -> None:
@@ -139,7 +139,7 @@ def test_any_order_of_arrival_gives_the_same_tracks() -> None:
 
 def test_an_empty_frame_waits_for_nothing() -> None:
     (told,) = feed(node(), [TRANSFORM, seen(0, [])])
-    assert told.people == ()
+    assert told.tracks == ()
 
 
 def test_sort3d_waits_for_no_embeddings() -> None:
@@ -203,8 +203,8 @@ def test_a_looped_recording_begins_anew_with_new_identities() -> None:
     first = feed(target, [TRANSFORM, *loop])
     second = feed(target, loop)
     assert numbers(second) == list(range(30))
-    assert {p.id for t in first for p in t.people} == {1}
-    assert {p.id for t in second for p in t.people} == {2}
+    assert {p.id for t in first for p in t.tracks} == {1}
+    assert {p.id for t in second for p in t.tracks} == {2}
     counters = target.status().counters
     assert (counters["clock_resets"], counters["stale"]) == (1, 0)
 
@@ -223,7 +223,7 @@ def test_detections_that_cannot_be_used_are_counted() -> None:
     flat = msgspec.structs.replace(person(), box_xyxy_px=np.array([5, 5, 5, 90], np.float32))
     target = node(tracker="sort3d", publish_tentative=True)
     (told,) = feed(target, [TRANSFORM, seen(0, [nowhere, far, flat, person()])])
-    assert [p.detection for p in told.people] == [3]
+    assert [p.detection for p in told.tracks] == [3]
     counters = target.status().counters
     assert [counters[n] for n in ("without_position", "out_of_range", "empty_boxes")] == [1, 1, 1]
 
@@ -235,21 +235,21 @@ def test_embeddings_that_fit_no_detection_are_counted() -> None:
         looks(frame, [[3.0, 4.0], [1.0, 0.0], [0.0, 0.0]]), detections=(0, 7, 0)
     )
     (told,) = feed(target, [TRANSFORM, frame, odd])
-    assert len(told.people) == 1
+    assert len(told.tracks) == 1
     assert target.status().counters["bad_embeddings"] == 2
 
 
 def test_without_transform_the_camera_stands_at_the_origin() -> None:
     target = node(tracker="sort3d", publish_tentative=True)
     (told,) = feed(target, [seen(0, [person(0.5)])])
-    np.testing.assert_allclose(told.people[0].position_m, [3.0, -0.5, 0.0])
+    np.testing.assert_allclose(told.tracks[0].position_m, [3.0, -0.5, 0.0])
     status = target.status()
     assert status.state == "degraded"
     assert status.reason.startswith("no transform map <- camera_optical")
     # When the transform comes, people would jump by 10 m: they begin anew.
     (told,) = feed(target, [TRANSFORM, seen(1, [person(0.5)])])
-    assert [p.id for p in told.people] == [2]
-    np.testing.assert_allclose(told.people[0].position_m, [13.0, -0.5, 1.0])
+    assert [p.id for p in told.tracks] == [2]
+    np.testing.assert_allclose(told.tracks[0].position_m, [13.0, -0.5, 1.0])
     assert target.status().state == "ready"
     assert target.status().counters["transform_changes"] == 1
 
@@ -257,7 +257,7 @@ def test_without_transform_the_camera_stands_at_the_origin() -> None:
 def test_the_same_transform_again_changes_nothing() -> None:
     target = node(tracker="sort3d", publish_tentative=True)
     told = feed(target, [TRANSFORM, seen(0), TRANSFORM, seen(1)])
-    assert [p.id for t in told for p in t.people] == [1, 1]
+    assert [p.id for t in told for p in t.tracks] == [1, 1]
 
 
 def test_a_required_transform_is_waited_for() -> None:
@@ -273,7 +273,7 @@ def test_what_is_published() -> None:
     for lost, tentative in itertools.product([False, True], repeat=2):
         target = node(tracker="sort3d", publish_lost=lost, publish_tentative=tentative)
         told = feed(target, [TRANSFORM, seen(0), seen(1), seen(2), seen(3, [])])
-        assert [len(t.people) for t in told] == [tentative, tentative, 1, lost]
+        assert [len(t.tracks) for t in told] == [tentative, tentative, 1, lost]
 
 
 def walk(target: TrackerNode, frames: int = 10, start: int = 0) -> list[Tracks]:
@@ -296,13 +296,13 @@ def test_predictions_go_on_while_no_detections_come() -> None:
     while (wake_ns := target.wake_ns()) is not None:
         told += tracks(target.tick(wake_ns))
     assert [t.stamp_ns - START_NS for t in told[:3]] == [1200 * MS, 1300 * MS, 1400 * MS]
-    people = [t.people[0] for t in told[:-1]]
+    people = [t.tracks[0] for t in told[:-1]]
     assert {(p.id, p.state, p.detection) for p in people} == {(1, "lost", None)}
     steps = np.diff([p.position_m[1] for p in people])
     np.testing.assert_allclose(steps, people[0].velocity_mps[1] * 0.1, atol=1e-9)
     assert np.all(np.diff([p.covariance[0, 0] for p in people]) > 0)
     assert people[-1].time_since_update_s <= 5.0
-    assert told[-1].people == ()  # one empty message tells that the track has ended
+    assert told[-1].tracks == ()  # one empty message tells that the track has ended
     # 0.3, 0.4, ... 5.0 s after the last match are 48 predictions; then the empty message.
     assert len(told) == 49
 
@@ -355,7 +355,7 @@ def test_lockstep_loses_no_frame(name: str) -> None:
     messages: list[Message] = [TRANSFORM]
     for number in range(50):
         frame = seen(number, [person()] * (number % 3 != 0))
-        messages += [frame, looks(frame, [[1.0, 0.0]] * len(frame.people))]
+        messages += [frame, looks(frame, [[1.0, 0.0]] * len(frame.detections))]
     assert numbers(feed(target, messages)) == list(range(50))
 
 
@@ -420,8 +420,8 @@ def test_who_stands_still_before_a_driving_robot_has_no_speed() -> None:
         told += feed(target, [driven(k + 1, 0.1 * (k + 1)), frame])
     assert len(told) == 10
     for tracks_ in told:
-        np.testing.assert_allclose(tracks_.people[0].position_m[:2], [5.0, 0.0], atol=1e-9)
-        np.testing.assert_allclose(tracks_.people[0].velocity_mps[:2], [0.0, 0.0], atol=1e-9)
+        np.testing.assert_allclose(tracks_.tracks[0].position_m[:2], [5.0, 0.0], atol=1e-9)
+        np.testing.assert_allclose(tracks_.tracks[0].velocity_mps[:2], [0.0, 0.0], atol=1e-9)
     assert target.status().state == "ready"
 
 

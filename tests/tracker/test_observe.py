@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from common.geometry.transform_buffer import Placement
+from common.geometry.transform_history import Placement
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.messages import Detection, Detections
 from services.tracker.observe import observe, rotated
@@ -22,7 +22,7 @@ def detections(*people: Detection) -> Detections:
         model="fixed",
         width=640,
         height=480,
-        people=people,
+        detections=people,
     )
 
 

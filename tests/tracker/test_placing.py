@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import F64, Odometry, StaticTransform
 from services.tracker.placing import Places
@@ -30,7 +30,7 @@ def odometry(stamp_ns: int, x_m: float) -> Odometry:
 
 
 def places(*messages: StaticTransform | Odometry, frame_id: str = "map") -> Places:
-    made = Places(frame_id, TrailConfig(), required=False)
+    made = Places(frame_id, TransformBufferConfig(), required=False)
     for message in messages:
         assert not made.add(message)
     return made
@@ -46,7 +46,7 @@ def test_a_camera_without_a_transform_is_the_origin_unless_one_is_required() -> 
     made = places()
     np.testing.assert_array_equal(matrix_of(made), LINK_FROM_OPTICAL)
     assert made.unplaced == {CAMERA}
-    strict = Places("map", TrailConfig(), required=True)
+    strict = Places("map", TransformBufferConfig(), required=True)
     assert strict.find(CAMERA, 0) is None
     assert strict.unplaced == {CAMERA}
 

@@ -39,8 +39,8 @@ def test_people_who_did_not_move_far_keep_their_identities_over_two_seconds() ->
     after = restarted(before)
     shown = told(after, frames(30, 34, shift_m=0.3))
     for message in shown:
-        assert [(p.id, p.state) for p in message.people] == [(1, "confirmed"), (2, "confirmed")]
-    left, right = (p.position_m[1] for p in shown[-1].people)
+        assert [(p.id, p.state) for p in message.tracks] == [(1, "confirmed"), (2, "confirmed")]
+    left, right = (p.position_m[1] for p in shown[-1].tracks)
     assert left > right  # 1 is the one at x = -0.8 in the image, to the left
 
 
@@ -49,10 +49,10 @@ def test_people_who_stand_are_known_after_fifteen_seconds_but_others_are_not() -
     told(before, [TRANSFORM, *frames(0, 10)])
     # 15 s later, where a track that nobody saw for 5 s had ended.
     shown = told(restarted(before), frames(160, 164, shift_m=0.3))
-    assert [(p.id, p.state) for p in shown[-1].people] == [(1, "confirmed"), (2, "confirmed")]
+    assert [(p.id, p.state) for p in shown[-1].tracks] == [(1, "confirmed"), (2, "confirmed")]
     # 3 m away nobody who stands can be; after 31 s nobody is expected any more.
     for away in (frames(160, 164, shift_m=4.0), frames(330, 334)):
-        people = told(restarted(before), away)[-1].people
+        people = told(restarted(before), away)[-1].tracks
         assert [p.id for p in people if p.state == "confirmed"] == [3, 4]
 
 
@@ -60,11 +60,11 @@ def test_people_who_stand_are_known_when_no_frame_came_for_fifteen_seconds() -> 
     target = node()
     told(target, [TRANSFORM, *frames(0, 10)])
     shown = told(target, frames(160, 164, shift_m=0.3))
-    assert [(p.id, p.state) for p in shown[-1].people] == [(1, "confirmed"), (2, "confirmed")]
+    assert [(p.id, p.state) for p in shown[-1].tracks] == [(1, "confirmed"), (2, "confirmed")]
     strict = node(absence_max_s=5.0)
     told(strict, [TRANSFORM, *frames(0, 10)])
     shown = told(strict, frames(160, 164, shift_m=0.3))
-    assert [p.id for p in shown[-1].people] == [3, 4]
+    assert [p.id for p in shown[-1].tracks] == [3, 4]
 
 
 def test_people_who_walk_are_where_they_were_going_after_two_seconds() -> None:
@@ -74,7 +74,7 @@ def test_people_who_walk_are_where_they_were_going_after_two_seconds() -> None:
     told(before, [TRANSFORM, *walking])
     after = restarted(before)
     shown = [t for k in range(29, 33) for t in told(after, frames(k, k + 1, -1.5 + 0.1 * k))]
-    assert [p.id for p in shown[-1].people if p.state == "confirmed"] == [1, 2]
+    assert [p.id for p in shown[-1].tracks if p.state == "confirmed"] == [1, 2]
 
 
 def test_the_camera_s_place_is_known_before_it_is_told_again() -> None:
@@ -85,14 +85,14 @@ def test_the_camera_s_place_is_known_before_it_is_told_again() -> None:
     assert after.status().state == "ready"
     # Told again as it was, people go on; told otherwise, they begin anew with new numbers.
     (same,) = told(after, [TRANSFORM, *frames(11, 12)])
-    assert [p.id for p in first[-1].people] == [p.id for p in same.people] == [1, 2]
+    assert [p.id for p in first[-1].tracks] == [p.id for p in same.tracks] == [1, 2]
     moved = np.array(TRANSFORM.matrix)
     moved[0, 3] += 1.0
     other = StaticTransform(
         stamp_ns=0, sequence=1, parent="map", child="camera_optical", matrix=moved
     )
     shown = told(after, [other, *frames(12, 16)])
-    assert [p.id for p in shown[-1].people] == [3, 4]
+    assert [p.id for p in shown[-1].tracks] == [3, 4]
     assert after.status().counters["transform_changes"] == 1
 
 
@@ -110,7 +110,7 @@ def test_a_recording_that_began_again_meanwhile_gives_new_identities() -> None:
     told(before, [TRANSFORM, *frames(20, 40)])
     after = restarted(before)
     shown = told(after, frames(0, 5))
-    assert [p.id for p in shown[-1].people] == [3, 4]
+    assert [p.id for p in shown[-1].tracks] == [3, 4]
     assert after.status().counters["clock_resets"] == 1
 
 
@@ -121,14 +121,14 @@ def test_identities_go_on_though_everything_else_is_lost() -> None:
     with pytest.raises(DecodeError):
         after.restore(before.save()[:-5], before.next_number())
     shown = told(after, [TRANSFORM, *frames(10, 15)])
-    assert [p.id for p in shown[-1].people] == [3, 4]
+    assert [p.id for p in shown[-1].tracks] == [3, 4]
 
 
 def test_a_restart_before_the_first_frame_keeps_what_was_restored() -> None:
     before = node()
     told(before, [TRANSFORM, *frames(0, 10)])
     after = restarted(restarted(before))
-    assert [p.id for p in told(after, frames(10, 11))[-1].people] == [1, 2]
+    assert [p.id for p in told(after, frames(10, 11))[-1].tracks] == [1, 2]
 
 
 def test_a_frame_that_waits_for_embeddings_at_the_end_is_answered_still() -> None:

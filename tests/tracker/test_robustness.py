@@ -72,14 +72,16 @@ def stream(seed: int, frames: int = 120, people: int = 4) -> list[Message]:
             model="m",
             width=640,
             height=480,
-            people=tuple(detection(rng, x[k], z[k]) for k in range(people) if rng.random() < 0.9)
+            detections=tuple(
+                detection(rng, x[k], z[k]) for k in range(people) if rng.random() < 0.9
+            )
             * (fate < 0.9),
         )
         told.append(found)
         if 0.1 < fate < 0.2:
             told.append(found)  # a duplicate
-        if rng.random() < 0.8 and found.people:
-            vectors = rng.normal(size=(len(found.people), 8)).astype(np.float32)
+        if rng.random() < 0.8 and found.detections:
+            vectors = rng.normal(size=(len(found.detections), 8)).astype(np.float32)
             vectors[rng.random(len(vectors)) < 0.1] = 0.0
             told.append(
                 Embeddings(
@@ -105,9 +107,9 @@ def play(config: TrackerConfig, messages: Sequence[Message]) -> list[Tracks]:
 
 def check(told: Sequence[Tracks]) -> None:
     for tracks in told:  # that numbers are finite, Track checks itself
-        ids = [person.id for person in tracks.people]
+        ids = [person.id for person in tracks.tracks]
         assert len(set(ids)) == len(ids)
-        for person in tracks.people:
+        for person in tracks.tracks:
             assert np.linalg.eigvalsh(person.covariance)[0] > 0
             assert np.abs(person.position_m).max() < 1e4
 
@@ -117,14 +119,14 @@ def check(told: Sequence[Tracks]) -> None:
 def test_a_stream_where_everything_goes_wrong(config: TrackerConfig, seed: int) -> None:
     told = play(config, stream(seed))
     check(told)
-    assert len({person.id for tracks in told for person in tracks.people}) >= 4
+    assert len({person.id for tracks in told for person in tracks.tracks}) >= 4
 
 
 @every_tracker
 def test_the_same_stream_gives_the_same_tracks(config: TrackerConfig) -> None:
     def bare(told: Sequence[Tracks]) -> list[tuple[int, list[tuple[int, bytes, bytes]]]]:
         return [
-            (t.stamp_ns, [(p.id, p.position_m.tobytes(), p.covariance.tobytes()) for p in t.people])
+            (t.stamp_ns, [(p.id, p.position_m.tobytes(), p.covariance.tobytes()) for p in t.tracks])
             for t in told
         ]
 
@@ -136,7 +138,7 @@ def test_the_same_stream_gives_the_same_tracks(config: TrackerConfig) -> None:
 def test_two_hundred_people(config: TrackerConfig) -> None:
     told = play(config, stream(7, frames=6, people=200))
     check(told)
-    assert max(len(tracks.people) for tracks in told) > 100
+    assert max(len(tracks.tracks) for tracks in told) > 100
 
 
 @every_tracker
@@ -150,14 +152,14 @@ def test_people_whose_depth_is_never_read(config: TrackerConfig) -> None:
             model="m",
             width=640,
             height=480,
-            people=(Detection(box_xyxy_px=np.array([10, 10, 90, 200], np.float32), score=0.9),),
+            detections=(Detection(box_xyxy_px=np.array([10, 10, 90, 200], np.float32), score=0.9),),
         )
         for number in range(5)
     ]
     node = TrackerNode(config, make_tracker(config))
     told = [m for k, frame in enumerate(blind) for m in node.handle(frame, 40 * k * MS)]
     told += node.tick(10_000 * MS)
-    assert all(not m.people for m in told if isinstance(m, Tracks))
-    in_image = [len(m.people) for m in told if isinstance(m, ImageTracks)]
+    assert all(not m.tracks for m in told if isinstance(m, Tracks))
+    in_image = [len(m.tracks) for m in told if isinstance(m, ImageTracks)]
     assert in_image == [1] * 5 * (config.tracker == "image_sort")
     assert node.status().counters["without_position"] == 5

@@ -186,7 +186,7 @@ def test_who_stands_before_a_base_that_turns_stands() -> None:
         position = (invert(pose @ BASE_FROM_OPTICAL) @ person)[:3]
         published = bus.publish(frame(pose, number), found(position, number))
         for tracks in (m for m in published if isinstance(m, Tracks)):
-            speeds += [float(np.linalg.norm(t.velocity_mps[:2])) for t in tracks.people]
+            speeds += [float(np.linalg.norm(t.velocity_mps[:2])) for t in tracks.tracks]
     assert len(speeds) > 20
     assert max(speeds[10:]) < 0.05
 
@@ -210,5 +210,5 @@ def found(position_m: F64, number: int) -> Detections:
         width=INFO.width,
         height=INFO.height,
         model="hand",
-        people=(person,),
+        detections=(person,),
     )

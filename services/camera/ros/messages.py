@@ -181,7 +181,7 @@ class RosMessages:
                 track.score,
                 {"state": track.state} | _tags(yaw_rad=track.yaw_rad),
             )
-            for track in tracks.people
+            for track in tracks.tracks
         ]
         return self._people(tracks.stamp_ns, tracks.frame_id, people)
 

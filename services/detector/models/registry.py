@@ -75,8 +75,8 @@ def recognise(session: Session, settings: ModelSettings, path: str) -> str:
     kind = kind_of(outputs)
     if not kind:
         got = ", ".join(f"{name} {array.shape}" for name, array in outputs.items())
-        mend = f"Set kind to one of {', '.join(MODELS)}, or to module:Class of your own."
-        raise ModelError(f"model file {path} is of no known kind: its outputs are {got}", mend)
+        hint = f"Set kind to one of {', '.join(MODELS)}, or to module:Class of your own."
+        raise ModelError(f"model file {path} is of no known kind: its outputs are {got}", hint)
     return kind
 
 

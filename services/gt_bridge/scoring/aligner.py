@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from common.geometry.moving_frames import MovingFrames
+from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transforms import apply
 from common.metrics import (
     ClockOffset,
@@ -56,7 +56,7 @@ class Aligner:
         matrix = self.found.matrix if self.found and self.found.applied else None
         return np.eye(4) if matrix is None else matrix
 
-    def observe(self, tracks: Tracks, trail: TruthTrail, frames: MovingFrames) -> None:
+    def observe(self, tracks: Tracks, trail: TruthTrail, frames: TransformBuffer) -> None:
         """Take tracks whose truth is there; now and then estimate anew."""
         if not self._wanted:
             return
@@ -67,12 +67,12 @@ class Aligner:
             self._next_ns = tracks.stamp_ns + EVERY_NS
             self._estimate(trail, frames, tracks.frame_id)
 
-    def _estimate(self, trail: TruthTrail, frames: MovingFrames, frame_id: str) -> None:
+    def _estimate(self, trail: TruthTrail, frames: TransformBuffer, frame_id: str) -> None:
         start_ns = self._tracks[0].stamp_ns
         told = (
             (track.id, tracks.stamp_ns, track.position_m)
             for tracks in self._tracks
-            for track in tracks.people
+            for track in tracks.tracks
             if track.state == "confirmed"
         )
         truth = paths_of(_placed(trail, frames, frame_id, start_ns - EVERY_NS), start_ns)
@@ -107,7 +107,7 @@ def _moved(paths: Mapping[Any, Path], matrix: F64) -> dict[Any, Path]:
 
 
 def _placed(
-    trail: TruthTrail, frames: MovingFrames, frame_id: str, since_ns: int
+    trail: TruthTrail, frames: TransformBuffer, frame_id: str, since_ns: int
 ) -> Iterator[tuple[str, int, F64]]:
     """Yield identity, stamp and position of people in the frame of the tracks."""
     last_ns = since_ns

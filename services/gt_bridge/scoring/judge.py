@@ -102,7 +102,7 @@ def frame_of(tracks: Tracks, truth: Truth, outside: BOOL | None) -> Frame:
         truth: People at their stamp in their frame, all of them `near`.
         outside: Who of them is outside of every camera's view; None if that is not known.
     """
-    told = {track.id: track for track in tracks.people if track.state != "tentative"}
+    told = {track.id: track for track in tracks.tracks if track.state != "tentative"}
     hypotheses = near(told.values())
     return Frame(
         stamp_ns=tracks.stamp_ns,

@@ -4,7 +4,7 @@ from collections import Counter, deque
 
 import msgspec
 
-from common.geometry.moving_frames import MovingFrames
+from common.geometry.transform_buffer import TransformBuffer
 from common.metrics import TruthTrail, moved
 from people4d.messages import Score, Tracks, Truth
 from services.gt_bridge.config import GtBridgeConfig
@@ -28,7 +28,7 @@ class Scorer:
     """
 
     def __init__(
-        self, config: GtBridgeConfig, frames: MovingFrames, views: Views, counters: Counter[str]
+        self, config: GtBridgeConfig, frames: TransformBuffer, views: Views, counters: Counter[str]
     ) -> None:
         self._config = config
         self._frames, self._views, self._counters = frames, views, counters

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from common.geometry.moving_frames import MovingFrames
+from common.geometry.transform_buffer import TransformBuffer
 from common.metrics import in_view
 from common.metrics.record import BOOL
 from people4d.messages import F64, CameraInfo
@@ -17,7 +17,7 @@ class Views:
         frames: Transforms, which others add.
     """
 
-    def __init__(self, frames: MovingFrames) -> None:
+    def __init__(self, frames: TransformBuffer) -> None:
         self._frames = frames
         self._infos: dict[str, CameraInfo] = {}
 

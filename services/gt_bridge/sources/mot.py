@@ -29,7 +29,7 @@ class MotTruth:
             rows = read_rows(path).judged()
             rate_hz = config.rate_hz or _rate_hz(path)
         except DecodeError as error:
-            raise SourceError(f"truth {error.problem}", error.mend) from error
+            raise SourceError(f"truth {error.problem}", error.hint) from error
         if not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
             raise SourceError(f"truth {path} is of {rate_hz} Hz", "Set rate_hz.")
         if len(rows.frames) and rows.frames[-1] > MAX_FRAMES:

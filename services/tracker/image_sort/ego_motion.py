@@ -1,14 +1,14 @@
 """How far the camera has turned from frame to frame, by the robot's odometry.
 
 Only headings are kept: for boxes in the image nothing else counts (method book section 7). Frames
-that need the whole pose of the base take `common.geometry.moving_frames`.
+that need the whole pose of the base take `common.geometry.transform_buffer`.
 """
 
 import bisect
 import math
 from collections import Counter
 
-from common.geometry.transform_buffer import COUNTERS, TrailConfig
+from common.geometry.transform_history import COUNTERS, TransformBufferConfig
 from common.geometry.transforms import wrap
 from people4d.messages import Odometry
 from services.tracker.image_sort.camera_turn import STILL, Turn
@@ -29,7 +29,7 @@ class EgoMotion:
         wait_s: Longest time in seconds that a frame waits for the sample after it.
     """
 
-    def __init__(self, config: TrailConfig, wait_s: float = 0.05) -> None:
+    def __init__(self, config: TransformBufferConfig, wait_s: float = 0.05) -> None:
         if not 0 <= wait_s < math.inf:
             raise ValueError(f"wait_s: expected a finite number >= 0, got {wait_s}")
         self.counters = Counter(dict.fromkeys((*COUNTERS, "turns_guessed", "turns_unknown"), 0))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from common.geometry.transform_buffer import TrailConfig, extent
+from common.geometry.transform_history import TransformBufferConfig, extent
 from common.geometry.transforms import invert
 from people4d.messages import F64
 from services.tracker.interface import Observation
@@ -18,7 +18,7 @@ class BaseDrift:
         config: How odometry errs.
     """
 
-    def __init__(self, config: TrailConfig) -> None:
+    def __init__(self, config: TransformBufferConfig) -> None:
         self._config = config
         self._poses: dict[str, F64] = {}
 

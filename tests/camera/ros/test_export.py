@@ -97,7 +97,7 @@ def tracks() -> Tracks:
         score=0.75,
     )
     return Tracks(
-        stamp_ns=START_NS + 7, sequence=0, frame_id="map", tracker="t", camera="c", people=(person,)
+        stamp_ns=START_NS + 7, sequence=0, frame_id="map", tracker="t", camera="c", tracks=(person,)
     )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from common.geometry.moving_frames import MovingFrames
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from common.runtime.loop import Loop
 from common.runtime.process_id import Place
@@ -165,7 +165,7 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
     assert motion.silent == []
     assert motion.counters["other_transforms"] == 2
     # Together they tell where the camera is.
-    known = MovingFrames(TrailConfig())
+    known = TransformBuffer(TransformBufferConfig())
     for message in (base, *told, fixed):
         assert isinstance(message, Odometry | MovingTransform | StaticTransform)
         known.add(message)

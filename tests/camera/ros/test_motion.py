@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.geometry.moving_frames import MovingFrames
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import rotation_from_rpy, transform_from
 from common.geometry.wheel_odometry import WheelConfig
 from people4d.errors import DecodeError, SourceError
@@ -80,7 +80,7 @@ def pan_tilt(ros: Ros, with_odometry: bool = True) -> list[Entry]:
 
 def placed(source: RosbagSource, target: str, stamp_ns: int) -> F64:
     """Return where the camera is by all that the source tells."""
-    known = MovingFrames(TrailConfig())
+    known = TransformBuffer(TransformBufferConfig())
     for message in source.transforms:
         known.add(message)
     for item in source:

@@ -1,124 +1,138 @@
-"""A transform over time: interpolation, prediction, gaps, jumps and bad clocks by hand."""
+"""Frames on a base that drives, worked by hand."""
 
 import math
-from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from common.geometry.transform_buffer import Trail, TrailConfig, moved
-from common.geometry.transforms import rotation_from_rpy, transform_from
-from people4d.messages import F64
+from common.geometry.transform_buffer import TransformBuffer, matrix_of
+from common.geometry.transform_history import TransformBufferConfig
+from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
+from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 
-
-def pose(x_m: float, y_m: float = 0.0, yaw_rad: float = 0.0) -> F64:
-    return transform_from((x_m, y_m, 0.0), rotation_from_rpy(0, 0, yaw_rad))
+CAMERA = "front_optical_frame"
 
 
-def ms(value: float) -> int:
-    return round(value * 1e6)
+def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
+    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
 
 
-def trail(*samples: tuple[float, F64], **settings: float) -> tuple[Trail, Counter[str]]:
-    counters: Counter[str] = Counter()
-    made = Trail(TrailConfig(**settings), counters)
-    for at_ms, matrix in samples:
-        made.add(ms(at_ms), matrix)
-    return made, counters
+def shift(x: float, y: float = 0.0, z: float = 0.0) -> F64:
+    return transform_from([x, y, z], np.eye(3))
 
 
-def matrix_at(made: Trail, at_ms: float) -> F64:
-    placement = made.at(ms(at_ms))
-    assert placement is not None
-    return placement.matrix
-
-
-def test_between_samples_place_and_direction_go_steadily() -> None:
-    # A quarter of the way from (0, 0), 170 deg to (1, 2), -170 deg: through 180, not through 0.
-    made, _ = trail((0, pose(0, 0, math.radians(170))), (100, pose(0.1, 0.2, math.radians(-170))))
-    np.testing.assert_allclose(
-        matrix_at(made, 25), pose(0.025, 0.05, math.radians(175)), atol=1e-12
+def odometry(at_ms: int, x_m: float, theta_deg: float = 0.0) -> Odometry:
+    return Odometry(
+        stamp_ns=at_ms * 1_000_000,
+        sequence=at_ms,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x_m=x_m,
+        y_m=0.0,
+        theta_rad=math.radians(theta_deg),
     )
-    placement = made.at(ms(25))
+
+
+def frames(*messages: StaticTransform | MovingTransform | Odometry) -> TransformBuffer:
+    made = TransformBuffer(TransformBufferConfig())
+    for message in messages:
+        made.add(message)
+    return made
+
+
+MOUNT = fixed("base_link", CAMERA, shift(0.2, 0.0, 1.0) @ LINK_FROM_OPTICAL)
+
+
+def test_someone_who_stands_still_stays_in_place_while_the_robot_turns() -> None:
+    # Map's origin is 1 m behind odom's. The camera is 0.2 m before the base, 1 m high. A person
+    # 3 m before the base at the start: optical (0, 0, 2.8), in map (4, 0, 1). Half-way through a
+    # turn of 60 degrees to the left the person is seen 30 degrees to the right of the base.
+    made = frames(MOUNT, fixed("map", "odom", shift(1)), odometry(0, 0), odometry(100, 0, 60))
+    for at_ms, turned_deg in ((0, 0), (50, 30), (100, 60)):
+        angle = math.radians(turned_deg)
+        forward, right = 3 * math.cos(angle), 3 * math.sin(angle)
+        placement = made.find("map", CAMERA, at_ms * 1_000_000)
+        assert placement is not None
+        assert not placement.is_guess
+        seen = [right, 0.0, forward - 0.2]
+        assert apply(placement.matrix, seen) == pytest.approx(np.array([4.0, 0.0, 1.0]))
+
+
+def test_both_directions_are_known() -> None:
+    made = frames(odometry(0, 2.0))
+    placement = made.find("base_link", "odom", 0)
     assert placement is not None
-    assert not placement.is_guess
+    np.testing.assert_allclose(placement.matrix, shift(-2))
 
 
-def test_before_the_first_sample_nothing_is_known() -> None:
-    made, _ = trail((100, pose(1)))
-    assert made.at(ms(99)) is None
-    np.testing.assert_array_equal(matrix_at(made, 100), pose(1))
-
-
-def test_the_last_motion_goes_on_and_then_stops() -> None:
-    # 1 m/s along x, told every 20 ms: 100 ms later 0.1 m on, and after 0.5 s no farther.
-    made, _ = trail(*((t, pose(t / 1000)) for t in range(0, 201, 20)))
-    np.testing.assert_allclose(matrix_at(made, 300), pose(0.3), atol=1e-12)
-    np.testing.assert_allclose(matrix_at(made, 2000), pose(0.7), atol=1e-12)
-
-
-def test_a_prediction_is_less_sure_with_time() -> None:
-    # Half of 1 m/s^2 and of 2 rad/s^2 times 0.2 s squared: 0.02 m, 0.04 rad.
-    made, _ = trail((0, pose(0)), (50, pose(0)))
-    placement = made.at(ms(250))
+def test_what_does_not_move_needs_no_time() -> None:
+    made = frames(MOUNT, odometry(1000, 5.0))
+    placement = made.find("base_link", CAMERA, 0)
     assert placement is not None
-    assert placement.sigma_m == pytest.approx(0.02)
-    assert placement.sigma_rad == pytest.approx(0.04)
+    np.testing.assert_array_equal(placement.matrix, MOUNT.matrix)
+    assert made.find("odom", CAMERA, 0) is None  # before the first sample
+    assert made.find("map", CAMERA, 0) is None  # nobody tells where odom lies
 
 
-def test_in_a_gap_it_is_a_guess() -> None:
-    # 0.8 s between samples; 0.3 s from the nearer: half of 1 * 0.09 = 0.045 m.
-    made, counters = trail((0, pose(0)), (800, pose(0.8)))
-    placement = made.at(ms(500))
-    assert placement is not None
-    np.testing.assert_allclose(placement.matrix, pose(0.5), atol=1e-12)
-    assert placement.sigma_m == pytest.approx(0.045)
-    assert counters["motion_gaps"] == 1
+def test_a_frame_waits_for_the_odometry_of_its_time_only_where_it_counts() -> None:
+    made = frames(MOUNT, odometry(100, 0))
+    assert made.waits("odom", CAMERA, 101_000_000)
+    assert not made.waits("odom", CAMERA, 100_000_000)
+    assert not made.waits("base_link", CAMERA, 101_000_000)
+    assert not made.waits("map", CAMERA, 101_000_000)
 
 
-def test_a_new_origin_moves_nobody() -> None:
-    # Standing at (2, 0); the wheels' counter is set to 0: the base is still at (2, 0), then at 2.1.
-    made, counters = trail(
-        (0, pose(2)), (50, pose(2)), (100, pose(0)), (150, pose(0.1)), (200, pose(0.2))
+def head(at_ms: int, matrix: F64) -> MovingTransform:
+    return MovingTransform(
+        stamp_ns=at_ms * 1_000_000, sequence=0, parent="base_link", child="head", matrix=matrix
     )
-    np.testing.assert_allclose(matrix_at(made, 100), pose(2), atol=1e-12)
-    np.testing.assert_allclose(matrix_at(made, 200), pose(2.2), atol=1e-12)
-    assert counters["motion_jumps"] == 1
 
 
-def test_duplicates_are_counted_and_late_samples_put_in_order() -> None:
-    made, counters = trail((0, pose(0)), (100, pose(0.1)), (100, pose(0.1)), (50, pose(0.08)))
-    np.testing.assert_allclose(matrix_at(made, 75), pose(0.09), atol=1e-12)
-    assert counters == {"motion_duplicates": 1, "motion_gaps": 0}
+def turned(yaw_deg: float, pitch_deg: float) -> F64:
+    angles = math.radians(pitch_deg), math.radians(yaw_deg)
+    return transform_from([0.0, 0.0, 1.0], rotation_from_rpy(0.0, *angles))
 
 
-def test_a_clock_that_goes_back_begins_a_new_time() -> None:
-    made, counters = trail((60_000, pose(9)), (0, pose(0)), (100, pose(0.1)))
-    np.testing.assert_allclose(matrix_at(made, 50), pose(0.05), atol=1e-12)
-    assert counters["motion_clock_resets"] == 1
+def test_a_camera_on_a_head_that_pans_and_tilts_on_a_base_that_drives() -> None:
+    # Half-way between two times the base is at x = 0.2, the head 1 m above it has panned 45 degrees
+    # to the left: what is 2 m before the camera is at 0.2 + sqrt 2, sqrt 2 and 1 m high.
+    made = frames(
+        fixed("head", CAMERA, LINK_FROM_OPTICAL),
+        odometry(0, 0.0),
+        odometry(200, 0.4),
+        head(0, turned(0, 0)),
+        head(200, turned(90, 0)),
+    )
+    placement = made.find("odom", CAMERA, 100_000_000)
+    assert placement is not None
+    place = apply(placement.matrix, [0.0, 0.0, 2.0])
+    assert place == pytest.approx(np.array([0.2 + math.sqrt(2), math.sqrt(2), 1.0]))
+    # A head that tilts down by 30 degrees: 2 m before it is 1 m below it.
+    made.add(head(300, turned(90, 30)))
+    made.add(odometry(300, 0.4))
+    placement = made.find("odom", CAMERA, 300_000_000)
+    assert placement is not None
+    place = apply(placement.matrix, [0.0, 0.0, 2.0])
+    assert place == pytest.approx(np.array([0.4, math.sqrt(3), 0.0]))
 
 
-def test_what_is_old_is_forgotten() -> None:
-    made, _ = trail((0, pose(0)), (400, pose(0)), (1500, pose(0)), keep_s=1.0, gap_s=10.0)
-    assert made.at(ms(450)) is None
-    assert made.at(ms(1500)) is not None
+def test_guesses_of_two_motions_add_up() -> None:
+    # A head that turns on a base that drives; 0.2 s after both were told. Each 0.5 * 1 * 0.04 m.
+    made = frames(odometry(0, 0), odometry(50, 0), head(0, turned(0, 0)), head(50, turned(0, 0)))
+    placement = made.find("odom", "head", 250_000_000)
+    assert placement is not None
+    assert placement.sigma_m == pytest.approx(0.02 * math.sqrt(2))
 
 
-@given(st.floats(-3, 3), st.floats(-2, 2), st.floats(0, 1))
-def test_a_share_of_the_way_and_the_rest_make_the_whole(
-    yaw_rad: float, far_m: float, share: float
-) -> None:
-    start, end = pose(1, 2, 0.5), pose(1 + far_m, 2 - far_m, 0.5 + yaw_rad)
-    middle = moved(start, end, share)
-    if share < 1:
-        np.testing.assert_allclose(moved(middle, end, 1.0), end, atol=1e-9)
-    # A constant turn: the middle is turned by its share.
-    turned = math.atan2(middle[1, 0], middle[0, 0]) - 0.5
-    assert math.cos(turned - share * yaw_rad) == pytest.approx(1.0, abs=1e-9)
+def test_the_pose_of_a_base_is_on_the_plane() -> None:
+    matrix = matrix_of(odometry(0, 1.5, 90))
+    assert apply(matrix, [1.0, 0.0, 0.5]) == pytest.approx(np.array([1.5, 1.0, 0.5]))
 
 
-def test_settings_are_checked() -> None:
-    with pytest.raises(ValueError, match="gap_s: expected a finite number > 0, got 0"):
-        TrailConfig(gap_s=0.0)
+def test_what_stands_is_told_from_what_moves() -> None:
+    made = frames(MOUNT, odometry(0, 1.0))
+    standing = made.standing("base_link", CAMERA)
+    assert standing is not None
+    np.testing.assert_array_equal(standing, MOUNT.matrix)
+    assert made.standing("odom", CAMERA) is None
+    assert made.standing("map", CAMERA) is None

@@ -99,7 +99,7 @@ def test_absent_file_tells_how_to_get_it(tmp_path: Path) -> None:
     with pytest.raises(ModelError) as caught:
         weights.find(model(), [tmp_path])
     assert caught.value.problem == f"model m: m.onnx is in none of {tmp_path}"
-    assert caught.value.mend == "Run make-it."
+    assert caught.value.hint == "Run make-it."
 
 
 def test_checksum(tmp_path: Path) -> None:

@@ -158,7 +158,7 @@ def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Netw
         assert {f.level for f in findings} == {"ok"}, findings
         assert "of up to 1 people" in next(f.what for f in findings if f.check == "output")
         # Asked under another name, the doctor knows the right one.
-        assert system.examine("robot", "other").mend == f"Add --robot {system.robot}."
+        assert system.examine("robot", "other").hint == f"Add --robot {system.robot}."
         # Words of another release.
         good = msgspec.structs.replace(PLACED, stamp_ns=1)
         other = encode(good).replace(b"\xa7version\x01", b"\xa7version\x02")

@@ -38,7 +38,7 @@ def test_nothing_runs(tmp_path: Path) -> None:
     assert status == 1
     router = found(findings, "router")
     assert router.what == f"nobody listens at {endpoint}"
-    assert "people4d up" in router.mend
+    assert "people4d up" in router.hint
 
 
 def test_without_keys_a_guarded_router_refuses(tmp_path: Path) -> None:
@@ -47,7 +47,7 @@ def test_without_keys_a_guarded_router_refuses(tmp_path: Path) -> None:
     assert status == 1
     router = found(findings, "router")
     assert "refuses this machine" in router.what
-    assert "PEOPLE4D_KEYS" in router.mend
+    assert "PEOPLE4D_KEYS" in router.hint
 
 
 def test_keys_of_another_folder(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_the_shipped_settings_and_models_are_good() -> None:
 def test_settings_with_a_mistake(tmp_path: Path) -> None:
     findings = settings(tmp_path, "[tracker]\ntrackr = 'sort3d'")
     assert "has no field 'trackr'" in found(findings, "settings").what
-    assert found(findings, "settings").mend == "Did you mean tracker?"
+    assert found(findings, "settings").hint == "Did you mean tracker?"
     wrong = settings(tmp_path, "", PEOPLE4D_TRACKER_MAX_LOST_S="-1")
     assert "max_lost_s" in found(wrong, "settings").what
 
@@ -101,7 +101,7 @@ def test_a_model_that_is_missing_or_corrupt(
     finding = found(settings(tmp_path, f'[detector]\nmodel = "{model}"'), "model")
     assert finding.what.startswith("detector: model file")
     assert says in finding.what
-    assert finding.mend
+    assert finding.hint
 
 
 def test_a_log_s_last_error_says_why_a_process_is_down(tmp_path: Path) -> None:

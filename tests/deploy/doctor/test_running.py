@@ -29,7 +29,7 @@ def detections(*people: Detection, sequence: int = 0) -> Detections:
         model="m",
         width=64,
         height=48,
-        people=people,
+        detections=people,
     )
 
 
@@ -96,7 +96,7 @@ class Heard:
                     frame_id="map",
                     tracker="t",
                     camera="front",
-                    people=self.tracks,
+                    tracks=self.tracks,
                 ),
                 0,
             )
@@ -107,7 +107,7 @@ class Heard:
     def found(self, check: str) -> Finding:
         """Return the finding of a check that is not content."""
         (found,) = [f for f in self.findings() if f.check == check and f.level != "ok"]
-        assert found.mend
+        assert found.hint
         return found
 
 
@@ -137,7 +137,7 @@ def test_a_wrong_name_of_the_robot(heard: Heard) -> None:
     heard.evidence.present = [("left", "tracker", "tracker-1"), ("right", "camera", "camera-1")]
     found = heard.found("robot")
     assert found.what == "nobody calls this robot robot; there is left, right"
-    assert found.mend == "Add --robot left."
+    assert found.hint == "Add --robot left."
 
 
 def test_one_that_hangs_has_a_token_but_no_heartbeat(heard: Heard) -> None:

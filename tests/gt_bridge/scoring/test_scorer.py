@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.geometry.moving_frames import MovingFrames
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import transform_from
 from common.metrics import Frame, GroundDistance, TrackedPeople, TruePeople, score
 from common.metrics import Sequence as Frames
@@ -35,7 +35,7 @@ class Bench:
 
     def __init__(self, camera: bool = True, **settings: Any) -> None:
         self.counters: Counter[str] = Counter()
-        self.frames = MovingFrames(TrailConfig())
+        self.frames = TransformBuffer(TransformBufferConfig())
         self.views = views = Views(self.frames)
         if camera:
             self.frames.add(POSE)
@@ -213,7 +213,7 @@ def whole(truths: Sequence[Truth], told: Sequence[Tracks]) -> Frames:
     at = {message.stamp_ns: message for message in truths}
     frames = []
     for message in told:
-        people, found = at[message.stamp_ns].people, message.people
+        people, found = at[message.stamp_ns].people, message.tracks
         positions = np.array([p.position_m for p in people])
         # 45 degrees to either side, up to 5 m: written out for this camera.
         outside = (positions[:, 0] > 5) | (np.abs(positions[:, 1]) > 0.995 * positions[:, 0])

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_history import TransformBufferConfig
 from people4d.messages import Odometry
 from services.tracker.image_sort.camera_turn import STILL
 from services.tracker.image_sort.ego_motion import EgoMotion
@@ -25,7 +25,7 @@ def told(at_ms: int, theta_deg: float) -> Odometry:
 
 
 def fed(*samples: tuple[int, float], wait_s: float = 0.05) -> EgoMotion:
-    motion = EgoMotion(TrailConfig(), wait_s)
+    motion = EgoMotion(TransformBufferConfig(), wait_s)
     for at_ms, theta_deg in samples:
         motion.add(told(at_ms, theta_deg))
     return motion
@@ -128,7 +128,7 @@ def test_waiting_is_bounded() -> None:
     assert not motion.ready(120 * MS, waited_ns=29 * MS)
     assert motion.ready(120 * MS, waited_ns=30 * MS)
     with pytest.raises(ValueError, match="wait_s: expected a finite number >= 0, got -1"):
-        EgoMotion(TrailConfig(), -1)
+        EgoMotion(TransformBufferConfig(), -1)
 
 
 def test_old_samples_are_forgotten() -> None:

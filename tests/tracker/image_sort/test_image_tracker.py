@@ -68,23 +68,23 @@ def test_people_without_depth_are_told_in_the_image_only() -> None:
         640,
         480,
     )
-    assert [(p.id, p.state, p.detection, p.hits) for p in boxes.people] == [
+    assert [(p.id, p.state, p.detection, p.hits) for p in boxes.tracks] == [
         (1, "confirmed", 0, 1),
         (2, "confirmed", 1, 1),
     ]
-    assert boxes.people[1].box_xyxy_px == pytest.approx([0, 100, 100, 400])
+    assert boxes.tracks[1].box_xyxy_px == pytest.approx([0, 100, 100, 400])
     # The camera stands at (10, 0, 1) and looks along +x: 3 m ahead is (13, 0, 1).
-    assert [(p.id, p.detection) for p in tracks.people] == [(1, 0)]
-    np.testing.assert_allclose(tracks.people[0].position_m, [13, 0, 1])
+    assert [(p.id, p.detection) for p in tracks.tracks] == [(1, 0)]
+    np.testing.assert_allclose(tracks.tracks[0].position_m, [13, 0, 1])
     assert target.status().counters["without_position"] == 1
 
 
 def test_a_person_keeps_the_identity_while_depth_comes_and_goes() -> None:
     people = [flat(320), person(0.0), flat(320), person(0.0)]
     told = answers(image_node(), TRANSFORM, *(seen(k, [p]) for k, p in enumerate(people)))
-    assert [[p.id for p in boxes.people] for boxes, _ in told] == [[1]] * 4
+    assert [[p.id for p in boxes.tracks] for boxes, _ in told] == [[1]] * 4
     # Without depth the place is predicted, once there was one.
-    assert [[(p.id, p.state) for p in tracks.people] for _, tracks in told] == [
+    assert [[(p.id, p.state) for p in tracks.tracks] for _, tracks in told] == [
         [],
         [(1, "confirmed")],
         [(1, "lost")],
@@ -97,13 +97,13 @@ def test_life_cycle_of_sort_in_both_messages() -> None:
     # are told only where they are asked for.
     frames = [seen(k, [person()] if mark == "x" else []) for k, mark in enumerate("xxxx-xxxx--x")]
     told = answers(image_node({}, publish_lost=False), TRANSFORM, *frames)
-    ids = [[p.id for p in tracks.people] for _, tracks in told]
+    ids = [[p.id for p in tracks.tracks] for _, tracks in told]
     assert ids == [[1]] * 4 + [[]] * 3 + [[1]] * 2 + [[]] * 3
-    assert ids == [[p.id for p in boxes.people] for boxes, _ in told]
+    assert ids == [[p.id for p in boxes.tracks] for boxes, _ in told]
     all_ = answers(image_node({}, publish_tentative=True), TRANSFORM, *frames)
-    states = ["".join(p.state[0] for p in boxes.people) for boxes, _ in all_]
+    states = ["".join(p.state[0] for p in boxes.tracks) for boxes, _ in all_]
     assert states == ["c"] * 4 + ["l", "t", "t", "c", "c", "l", "", "t"]
-    ends = [[p.id for p in tracks.people] for _, tracks in all_][-3:]
+    ends = [[p.id for p in tracks.tracks] for _, tracks in all_][-3:]
     assert ends == [[1], [], []]  # the second miss in a row ends the track
 
 
@@ -111,7 +111,7 @@ def test_speed_is_that_of_the_person() -> None:
     # 0.05 m to the right of the camera, which is -y in the map, in each tenth of a second.
     frames = [seen(k, [person(-1.0 + 0.05 * k)]) for k in range(40)]
     told = answers(image_node(), TRANSFORM, *frames)
-    np.testing.assert_allclose(told[-1][1].people[0].velocity_mps, [0, -0.5, 0], atol=0.05)
+    np.testing.assert_allclose(told[-1][1].tracks[0].velocity_mps, [0, -0.5, 0], atol=0.05)
 
 
 def odometry(number: int, theta_rad: float) -> Odometry:
@@ -139,7 +139,7 @@ def ids_while_turning(target: TrackerNode, moved: Sequence[Message], step_px: fl
     for number, message in enumerate(moved):
         left += step_px * (number % 3 == 2)
         for boxes, _ in answers(target, message, seen(number, [flat(left, 40.0)])):
-            ids += [p.id for p in boxes.people]
+            ids += [p.id for p in boxes.tracks]
     return ids
 
 
@@ -213,7 +213,7 @@ def test_cameras_share_identities_but_not_images() -> None:
         told += answers(
             target, seen(k, [flat(100)]), seen(k, [flat(100)], camera="side", late_ms=5)
         )
-    assert [(b.camera, [p.id for p in b.people]) for b, _ in told] == [
+    assert [(b.camera, [p.id for p in b.tracks]) for b, _ in told] == [
         ("front", [1]),
         ("side", [2]),
     ] * 3
@@ -234,8 +234,8 @@ def test_identities_outlive_the_process(pause: int) -> None:
         after, *(seen(k, [person(), flat(0), flat(500)]) for k in range(4 + pause, 7 + pause))
     )
     for boxes, tracks in told:
-        assert [p.id for p in boxes.people] == [1, 2, 3]
-        assert [p.id for p in tracks.people] == [1]
+        assert [p.id for p in boxes.tracks] == [1, 2, 3]
+        assert [p.id for p in tracks.tracks] == [1]
     assert after.next_number() == 4
 
 
@@ -258,7 +258,7 @@ def test_what_is_damaged_changes_nothing_but_numbers() -> None:
         with pytest.raises(DecodeError):
             after.restore(bad, before.next_number())
         ((boxes, _),) = answers(after, seen(9, [person()]))
-        assert [p.id for p in boxes.people] == [3]
+        assert [p.id for p in boxes.tracks] == [3]
 
 
 def test_odd_boxes_are_left_out_and_rows_stay_those_of_the_message() -> None:
@@ -267,6 +267,6 @@ def test_odd_boxes_are_left_out_and_rows_stay_those_of_the_message() -> None:
         box_xyxy_px=np.array([0, 0, 50, 100], np.float32), score=0.9, position_m=np.full(3, 1e9)
     )
     ((boxes, tracks),) = answers(image_node(), TRANSFORM, seen(0, [empty, far, person()]))
-    assert [p.detection for p in boxes.people] == [1, 2]
-    assert [p.detection for p in tracks.people] == [2]
-    assert answers(image_node(), TRANSFORM, seen(0, []))[0][0].people == ()
+    assert [p.detection for p in boxes.tracks] == [1, 2]
+    assert [p.detection for p in tracks.tracks] == [2]
+    assert answers(image_node(), TRANSFORM, seen(0, []))[0][0].tracks == ()

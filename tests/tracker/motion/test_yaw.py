@@ -276,12 +276,12 @@ def tracks_of(map_from_camera: Any, heading: Any, **fields: Any) -> list[Track]:
             model="m",
             width=640,
             height=480,
-            people=(detection,),
+            detections=(detection,),
         ),
     ]
     (told,) = [answer for message in sent for answer in node.handle(message, 0)]
     assert isinstance(told, Tracks)
-    return list(told.people)
+    return list(told.tracks)
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 
-from common.geometry.transform_buffer import TrailConfig
+from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from services.tracker.interface import Observation
 from services.tracker.strongsort3d.base_drift import BaseDrift
 from tests.tracker.scene import frame
 
-CONFIG = TrailConfig(drift_way_m=0.1, drift_turn_rad=0.05)
+CONFIG = TransformBufferConfig(drift_way_m=0.1, drift_turn_rad=0.05)
 
 
 def at(x_m: float, yaw_rad: float) -> Observation:

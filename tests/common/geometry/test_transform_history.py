@@ -1,0 +1,124 @@
+"""A transform over time: interpolation, prediction, gaps, jumps and bad clocks by hand."""
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.geometry.transform_history import TransformBufferConfig, TransformHistory, moved
+from common.geometry.transforms import rotation_from_rpy, transform_from
+from people4d.messages import F64
+
+
+def pose(x_m: float, y_m: float = 0.0, yaw_rad: float = 0.0) -> F64:
+    return transform_from((x_m, y_m, 0.0), rotation_from_rpy(0, 0, yaw_rad))
+
+
+def ms(value: float) -> int:
+    return round(value * 1e6)
+
+
+def trail(*samples: tuple[float, F64], **settings: float) -> tuple[TransformHistory, Counter[str]]:
+    counters: Counter[str] = Counter()
+    made = TransformHistory(TransformBufferConfig(**settings), counters)
+    for at_ms, matrix in samples:
+        made.add(ms(at_ms), matrix)
+    return made, counters
+
+
+def matrix_at(made: TransformHistory, at_ms: float) -> F64:
+    placement = made.at(ms(at_ms))
+    assert placement is not None
+    return placement.matrix
+
+
+def test_between_samples_place_and_direction_go_steadily() -> None:
+    # A quarter of the way from (0, 0), 170 deg to (1, 2), -170 deg: through 180, not through 0.
+    made, _ = trail((0, pose(0, 0, math.radians(170))), (100, pose(0.1, 0.2, math.radians(-170))))
+    np.testing.assert_allclose(
+        matrix_at(made, 25), pose(0.025, 0.05, math.radians(175)), atol=1e-12
+    )
+    placement = made.at(ms(25))
+    assert placement is not None
+    assert not placement.is_guess
+
+
+def test_before_the_first_sample_nothing_is_known() -> None:
+    made, _ = trail((100, pose(1)))
+    assert made.at(ms(99)) is None
+    np.testing.assert_array_equal(matrix_at(made, 100), pose(1))
+
+
+def test_the_last_motion_goes_on_and_then_stops() -> None:
+    # 1 m/s along x, told every 20 ms: 100 ms later 0.1 m on, and after 0.5 s no farther.
+    made, _ = trail(*((t, pose(t / 1000)) for t in range(0, 201, 20)))
+    np.testing.assert_allclose(matrix_at(made, 300), pose(0.3), atol=1e-12)
+    np.testing.assert_allclose(matrix_at(made, 2000), pose(0.7), atol=1e-12)
+
+
+def test_a_prediction_is_less_sure_with_time() -> None:
+    # Half of 1 m/s^2 and of 2 rad/s^2 times 0.2 s squared: 0.02 m, 0.04 rad.
+    made, _ = trail((0, pose(0)), (50, pose(0)))
+    placement = made.at(ms(250))
+    assert placement is not None
+    assert placement.sigma_m == pytest.approx(0.02)
+    assert placement.sigma_rad == pytest.approx(0.04)
+
+
+def test_in_a_gap_it_is_a_guess() -> None:
+    # 0.8 s between samples; 0.3 s from the nearer: half of 1 * 0.09 = 0.045 m.
+    made, counters = trail((0, pose(0)), (800, pose(0.8)))
+    placement = made.at(ms(500))
+    assert placement is not None
+    np.testing.assert_allclose(placement.matrix, pose(0.5), atol=1e-12)
+    assert placement.sigma_m == pytest.approx(0.045)
+    assert counters["motion_gaps"] == 1
+
+
+def test_a_new_origin_moves_nobody() -> None:
+    # Standing at (2, 0); the wheels' counter is set to 0: the base is still at (2, 0), then at 2.1.
+    made, counters = trail(
+        (0, pose(2)), (50, pose(2)), (100, pose(0)), (150, pose(0.1)), (200, pose(0.2))
+    )
+    np.testing.assert_allclose(matrix_at(made, 100), pose(2), atol=1e-12)
+    np.testing.assert_allclose(matrix_at(made, 200), pose(2.2), atol=1e-12)
+    assert counters["motion_jumps"] == 1
+
+
+def test_duplicates_are_counted_and_late_samples_put_in_order() -> None:
+    made, counters = trail((0, pose(0)), (100, pose(0.1)), (100, pose(0.1)), (50, pose(0.08)))
+    np.testing.assert_allclose(matrix_at(made, 75), pose(0.09), atol=1e-12)
+    assert counters == {"motion_duplicates": 1, "motion_gaps": 0}
+
+
+def test_a_clock_that_goes_back_begins_a_new_time() -> None:
+    made, counters = trail((60_000, pose(9)), (0, pose(0)), (100, pose(0.1)))
+    np.testing.assert_allclose(matrix_at(made, 50), pose(0.05), atol=1e-12)
+    assert counters["motion_clock_resets"] == 1
+
+
+def test_what_is_old_is_forgotten() -> None:
+    made, _ = trail((0, pose(0)), (400, pose(0)), (1500, pose(0)), keep_s=1.0, gap_s=10.0)
+    assert made.at(ms(450)) is None
+    assert made.at(ms(1500)) is not None
+
+
+@given(st.floats(-3, 3), st.floats(-2, 2), st.floats(0, 1))
+def test_a_share_of_the_way_and_the_rest_make_the_whole(
+    yaw_rad: float, far_m: float, share: float
+) -> None:
+    start, end = pose(1, 2, 0.5), pose(1 + far_m, 2 - far_m, 0.5 + yaw_rad)
+    middle = moved(start, end, share)
+    if share < 1:
+        np.testing.assert_allclose(moved(middle, end, 1.0), end, atol=1e-9)
+    # A constant turn: the middle is turned by its share.
+    turned = math.atan2(middle[1, 0], middle[0, 0]) - 0.5
+    assert math.cos(turned - share * yaw_rad) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(ValueError, match="gap_s: expected a finite number > 0, got 0"):
+        TransformBufferConfig(gap_s=0.0)
