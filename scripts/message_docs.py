@@ -18,7 +18,7 @@ from people4d.topics import TOPICS, VERSION, Topic
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = tuple(
-    ROOT / "common" / "messages" / f"{name}.py"
+    ROOT / "people4d" / "messages" / f"{name}.py"
     for name in ("base", "camera", "people", "gait", "score", "status")
 )
 TEMPLATE = Path(__file__).with_name("message_docs.template.md")

@@ -18,9 +18,7 @@ class GaitConfig(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 16
     settle_s: float = 0.003  # [s] that a frame waits for a newer one of its camera to be complete
     clock_jump_s: float = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale
-    base: TransformBufferConfig = (
-        TransformBufferConfig()
-    )  # what motions of a robot's base are believed
+    base: TransformBufferConfig = TransformBufferConfig()  # plausible motion of the base
     cascade: CascadeConfig = CascadeConfig()  # the particle filters; method book section 8
     steps: StepConfig = StepConfig()  # what counts as a step
 

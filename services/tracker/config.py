@@ -197,9 +197,7 @@ class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
     predict_after_s: float = 0.2  # [s] without detections after which predictions are published
     predict_hz: float = 10.0  # [Hz] rate of those predictions
     # input
-    base: TransformBufferConfig = (
-        TransformBufferConfig()
-    )  # what motions of a robot's base are believed
+    base: TransformBufferConfig = TransformBufferConfig()  # plausible motion of the base
     max_range_m: float = 100.0  # [m] positions farther from the camera are not believed
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()
