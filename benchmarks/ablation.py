@@ -13,9 +13,9 @@ from common.metrics import Row, combine
 from evaluation.cache import default_folder
 from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
-from evaluation.preparation import Plan, Work, check_models, film_all, trials_of
-from evaluation.takes import plan_takes
-from evaluation.trial import Result, Trial, judge, run
+from evaluation.recordings.recordings import plan_recordings
+from evaluation.run.preparation import EvaluationPlan, WorkQueue, check_models, render_all, runs_of
+from evaluation.run.run import EvaluationRun, RunScores, run, score_run
 
 SCENARIOS = (
     *("two_easy", "two_crossing", "three_easy", "three_crossing", "three_dense"),
@@ -62,12 +62,12 @@ def methods() -> list[Method]:
     return [read_method("best"), *less, read_method(FAITHFUL)]
 
 
-def try_out(trial: Trial) -> Result:
+def try_out(trial: EvaluationRun) -> RunScores:
     """Return the figures of one trial."""
-    return judge(trial, run(trial))
+    return score_run(trial, run(trial))
 
 
-def rows(results: Sequence[Result]) -> list[list[str]]:
+def rows(results: Sequence[RunScores]) -> list[list[str]]:
     """Return a line for each method: all its trials together, as if they were one recording."""
     most = max(result.people for result in results)
     lines = []
@@ -81,7 +81,7 @@ def rows(results: Sequence[Result]) -> list[list[str]]:
     return lines
 
 
-def header(results: Sequence[Result]) -> list[str]:
+def header(results: Sequence[RunScores]) -> list[str]:
     """Return the titles of the columns."""
     most = max(result.people for result in results)
     return ["method", *(title for _, title, _ in COLUMNS), f"ID switches a min, {most} people"]
@@ -104,13 +104,15 @@ def main() -> None:
     parser.add_argument("--dry", action="store_true", help="print the table, do not write it")
     asked = parser.parse_args()
     seeds = [int(seed) for seed in asked.seeds.split(",") if seed]
-    takes = plan_takes(asked.scenes.split(","), seeds, asked.speed, asked.cache.absolute())
-    plan = Plan(tuple(methods()), tuple(takes), asked.cache.absolute(), asked.jobs, figures=False)
+    takes = plan_recordings(asked.scenes.split(","), seeds, asked.speed, asked.cache.absolute())
+    plan = EvaluationPlan(
+        tuple(methods()), tuple(takes), asked.cache.absolute(), asked.jobs, figures=False
+    )
     check_models(plan)
-    film_all(plan, tell)
+    render_all(plan, tell)
     with Pool(plan.jobs) as pool:
-        work = Work(pool, tell)
-        results = work.do("tracking", try_out, trials_of(plan, work))
+        work = WorkQueue(pool, tell)
+        results = work.do("tracking", try_out, runs_of(plan, work))
     table = markdown(header(results), rows(results))
     if asked.dry:
         print(table)

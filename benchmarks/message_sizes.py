@@ -12,7 +12,7 @@ from benchmarks.lib.table import markdown, write
 from common.config import load
 from common.io.images import compress
 from common.runtime.node import Node
-from evaluation.chain import pipeline, play
+from evaluation.pipeline import pipeline, play
 from people4d.codec import encode
 from people4d.messages import Health, Message, RgbdFrame, Span
 from people4d.topics import BY_MESSAGE, TOPICS

@@ -23,9 +23,9 @@ from deploy.cli.progress import progress
 from evaluation.cache import default_folder
 from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
-from evaluation.preparation import Plan, Work, film_all, trials_of
-from evaluation.takes import Take, plan_takes
-from evaluation.trial import run
+from evaluation.recordings.recordings import EvaluationRecording, plan_recordings
+from evaluation.run.preparation import EvaluationPlan, WorkQueue, render_all, runs_of
+from evaluation.run.run import run
 from people4d.messages import F64, Message, Odometry
 
 SCENARIOS = ("psrm", "pmrr", "pmrm1", "pmrm2", "port1", "port2")
@@ -45,7 +45,7 @@ class Case:
 
     scenario: str
     name: str
-    takes: Sequence[Take]
+    takes: Sequence[EvaluationRecording]
 
 
 def main() -> None:
@@ -71,30 +71,30 @@ def main() -> None:
 def _cases(scenarios: Iterable[str], seeds: Sequence[int], scratch: Path) -> Iterator[Case]:
     cache = default_folder()
     for name in scenarios:
-        driving = plan_takes([f"lab:{name}"], seeds, "geometry", cache)
+        driving = plan_recordings([f"lab:{name}"], seeds, "geometry", cache)
         still = scratch / f"{name}_still.toml"
         text = (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
         still.write_text(re.sub(r"(?ms)^drive = \[.*?^\]$", "", text), encoding="utf-8")
-        standing = plan_takes([f"lab:{still}"], seeds, "geometry", cache)
+        standing = plan_recordings([f"lab:{still}"], seeds, "geometry", cache)
         _film([*driving, *standing])
         yield Case(name, "stands", standing)
         yield Case(name, "drives", driving)
         yield Case(name, "drives, no odometry", [_without_odometry(t, scratch) for t in driving])
 
 
-def _film(takes: Sequence[Take]) -> None:
-    plan = Plan((), tuple(takes), default_folder())
+def _film(takes: Sequence[EvaluationRecording]) -> None:
+    plan = EvaluationPlan((), tuple(takes), default_folder())
     with progress() as report:
-        film_all(plan, report)
+        render_all(plan, report)
 
 
-def _without_odometry(take: Take, scratch: Path) -> Take:
+def _without_odometry(take: EvaluationRecording, scratch: Path) -> EvaluationRecording:
     """Return the take of a robot whose odometry says that it stands."""
     path = scratch / f"{take.name}_none.mcap"
     with RecordingWriter(path) as writer:
         for stamp_ns, message in open_recording(take.path).messages():
             writer.write(_standing(message), stamp_ns)
-    return Take(f"{take.name}_none", take.scenario, path, take.seed, take.filmed)
+    return EvaluationRecording(f"{take.name}_none", take.scenario, path, take.seed, take.filmed)
 
 
 def _standing(message: Message) -> Message:
@@ -103,10 +103,10 @@ def _standing(message: Message) -> Message:
     return message
 
 
-def _matchings(takes: Sequence[Take], method: Method) -> list[Matching]:
-    plan = Plan((method,), tuple(takes), default_folder())
+def _matchings(takes: Sequence[EvaluationRecording], method: Method) -> list[Matching]:
+    plan = EvaluationPlan((method,), tuple(takes), default_folder())
     with Pool(1) as pool, progress() as report:
-        trials = trials_of(plan, Work(pool, report))
+        trials = runs_of(plan, WorkQueue(pool, report))
     return [run(trial).matching for trial in trials]
 
 

@@ -18,7 +18,7 @@ from benchmarks.lib.table import markdown, write
 from common.drawing.people import annotate
 from common.drawing.tiles import shrink
 from common.runtime.node import Node
-from evaluation.chain import Step, pipeline, play, track_again
+from evaluation.pipeline import PipelineStep, pipeline, play, track_again
 from people4d.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Tracks
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
@@ -111,7 +111,9 @@ def filinha(shared: Path, start_s: float = 0.0, max_frames: int = 0) -> CameraCo
     )
 
 
-def gather(steps: Iterable[Step], watch: Callable[[Message], object] = lambda _: None) -> Played:
+def gather(
+    steps: Iterable[PipelineStep], watch: Callable[[Message], object] = lambda _: None
+) -> Played:
     """Play to the end.
 
     Args:

@@ -14,12 +14,12 @@ from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT
 from deploy.cli.progress import progress
 from evaluation.cache import default_folder
-from evaluation.evaluation import Evaluation, evaluate
-from evaluation.evaluation import write as write_report
+from evaluation.evaluate import Evaluation, evaluate
+from evaluation.evaluate import write as write_report
 from evaluation.methods import Method, read_method
-from evaluation.preparation import Plan
-from evaluation.tables import Table
-from evaluation.takes import plan_takes
+from evaluation.recordings.recordings import plan_recordings
+from evaluation.report.tables import ReportTable
+from evaluation.run.preparation import EvaluationPlan
 
 SEED = 51
 SCENARIOS = (
@@ -49,8 +49,8 @@ def main() -> None:
     methods = [read_method(name) for name in SHIPPED]
     if not arguments.shipped_only:
         methods += _others(arguments.shared / "data" / "models")
-    takes = plan_takes(arguments.scenes, (), "colour", default_folder())
-    plan = Plan(tuple(methods), tuple(takes), default_folder(), arguments.jobs)
+    takes = plan_recordings(arguments.scenes, (), "colour", default_folder())
+    plan = EvaluationPlan(tuple(methods), tuple(takes), default_folder(), arguments.jobs)
     with progress() as report:
         evaluation = evaluate(plan, report)
     write_report(plan, evaluation, arguments.out, "python -m benchmarks.thesis")
@@ -90,7 +90,7 @@ def _parts(evaluation: Evaluation, scenes: Sequence[str]) -> list[str]:
     return parts
 
 
-def _text(table: Table) -> str:
+def _text(table: ReportTable) -> str:
     header = ["method", "people", *(column.title for column in table.columns)]
     return markdown(header, [[line.method, line.people, *line.cells] for line in table.lines])
 

@@ -15,7 +15,7 @@ from benchmarks.lib.by_eye import compare
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT, Played, filinha, gather, lockstep, models
 from common.geometry.transforms import wrap
-from evaluation.chain import pipeline, play, track_again
+from evaluation.pipeline import pipeline, play, track_again
 from people4d.messages import Tracks, Truth
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig

@@ -26,14 +26,14 @@ from common.geometry.transform_history import TransformBufferConfig, TransformHi
 from common.geometry.transforms import invert, wrap
 from common.metrics import Matching, score_matching
 from evaluation.cache import default_folder
-from evaluation.detections import read
 from evaluation.methods import read_method
 from evaluation.pool import Pool
-from evaluation.preparation import Plan, Work, trials_of
-from evaluation.takes import film, plan_takes
-from evaluation.trial import Trial
-from evaluation.trial import run as run_trial
-from evaluation.visual_motion import Seen, VisualMotion, write_seen
+from evaluation.recordings.detections import read_tracker_input
+from evaluation.recordings.recordings import plan_recordings, render_recording
+from evaluation.recordings.visual_motion import FrameMotion, VisualMotion, write_with_motion
+from evaluation.run.preparation import EvaluationPlan, WorkQueue, runs_of
+from evaluation.run.run import EvaluationRun
+from evaluation.run.run import run as run_trial
 from lab.scenario import load_scenario
 from lab.world import EPOCH_NS, World
 from people4d.messages import F64, Odometry
@@ -71,9 +71,9 @@ class Film:
         true: Nx4x4, where the base truly was in each frame.
     """
 
-    trial: Trial
+    trial: EvaluationRun
     wheels: tuple[Odometry, ...]
-    seen: tuple[Seen, ...]
+    seen: tuple[FrameMotion, ...]
     counters: dict[str, int]
     true: F64
 
@@ -104,9 +104,9 @@ class Film:
         return {"wheels": self.wheels, "pictures": self.pictures, "none": self.none}
 
 
-def watch(trial: Trial) -> Film:
+def watch(trial: EvaluationRun) -> Film:
     """Return what pictures tell of a film, people left out where the detector found them."""
-    messages = list(read(trial.detections, None))
+    messages = list(read_tracker_input(trial.detections, None))
     visual = VisualMotion(
         CameraConfig(source=str(trial.take.path)), VisualOdometryConfig(), messages
     )
@@ -121,7 +121,7 @@ def watch(trial: Trial) -> Film:
     )
 
 
-def at_frames(samples: Sequence[Odometry], seen: Sequence[Seen]) -> list[F64 | None]:
+def at_frames(samples: Sequence[Odometry], seen: Sequence[FrameMotion]) -> list[F64 | None]:
     """Return the pose of the base in each frame; None where it would be guessed."""
     trail = TransformHistory(TransformBufferConfig(keep_s=1e6, gap_s=0.1), Counter())
     for sample in samples:
@@ -157,7 +157,10 @@ def stretches(travelled: F64, length: float) -> list[int]:
 
 def pose_row(name: str, way: str, film: Film) -> list[str]:
     """Return how far the motion that is told is off."""
-    told, true = at_frames(film.ways()[way], film.seen), film.true
+    told, true = (
+        at_frames(film.ways()[way], film.seen),
+        film.true,
+    )
     ways = np.linalg.norm(np.diff(true[:, :2, 3], axis=0), axis=1)
     headings = np.unwrap(np.arctan2(true[:, 1, 0], true[:, 0, 0]))
     frames = errors(told, true, range(1, len(told) + 1))
@@ -201,8 +204,8 @@ def sure(samples: Sequence[Odometry], film: Film) -> float:
 def matching(film: Film, samples: Sequence[Odometry], folder: Path) -> Matching:
     """Return what the tracker makes of a film with one odometry, beside the truth."""
     path = folder / "film.mcap"
-    told = [Seen(one.stamp_ns, one, 0.0) for one in samples]
-    write_seen(read(film.trial.detections, None), told, path)
+    told = [FrameMotion(one.stamp_ns, one, 0.0) for one in samples]
+    write_with_motion(read_tracker_input(film.trial.detections, None), told, path)
     return run_trial(replace(film.trial, detections=path)).matching
 
 
@@ -270,12 +273,14 @@ def main() -> None:
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     cache = default_folder()
-    takes = plan_takes([f"lab:{s}" for s in arguments.scenarios], [arguments.seed], "colour", cache)
+    takes = plan_recordings(
+        [f"lab:{s}" for s in arguments.scenarios], [arguments.seed], "colour", cache
+    )
     for take in takes:
-        film(take, 1, lambda what, share: print(f"{what} {100 * share:.0f} %"))
-    plan = Plan((read_method("best"),), tuple(takes), cache)
+        render_recording(take, 1, lambda what, share: print(f"{what} {100 * share:.0f} %"))
+    plan = EvaluationPlan((read_method("best"),), tuple(takes), cache)
     with Pool(1) as pool:
-        trials = trials_of(plan, Work(pool, lambda what, share: print(f"{what} {share:.2f}")))
+        trials = runs_of(plan, WorkQueue(pool, lambda what, share: print(f"{what} {share:.2f}")))
     films = {trial.take.scenario: watch(trial) for trial in trials}
     poses, tracks = [], []
     with tempfile.TemporaryDirectory() as scratch:

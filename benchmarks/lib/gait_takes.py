@@ -19,7 +19,7 @@ from common.geometry.transforms import apply
 from common.io.images import decompress
 from common.io.recording import open_recording
 from evaluation.cache import default_folder, key_of
-from evaluation.detections import Look, look, read
+from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
 from lab.drawing.materials import Material
 from lab.drawing.mesh import Mesh
 from lab.drawing.renderer import draw_depth
@@ -151,10 +151,10 @@ class Take:
     def sightings(self) -> list[list[Detection | None]]:
         """What the detector sees of each person in each frame, None where it misses them."""
         camera = CameraConfig(source=str(self.path))
-        kept = look(Look(self.path, camera, DetectorConfig(), (), self._folder))
+        kept = detect(DetectionJob(self.path, camera, DetectorConfig(), (), self._folder))
         by_stamp = {
             message.stamp_ns: message.detections
-            for message in read(kept.detections, None)
+            for message in read_tracker_input(kept.detections, None)
             if isinstance(message, Detections)
         }
         stamps = [self.world.stamp_ns(index) for index in range(len(self.truth.boxes_px))]

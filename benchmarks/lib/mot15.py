@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.metrics import Scores, TrackedPeople, box_overlap, combine, score
+from common.metrics import Hypotheses, Scores, box_overlap, combine, score
 from common.metrics.mot_text import MotInfo, MotRows, read_info, read_rows, sequence
 from people4d.messages import F64
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
@@ -55,7 +55,7 @@ def load_all(shared: Path) -> dict[str, MotSequence]:
 def judge(one: MotSequence, told: Sequence[BoxTracks]) -> Scores:
     """Score what a tracker told, frame by frame."""
     people = {
-        number: TrackedPeople(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px)
+        number: Hypotheses(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px)
         for number, t in enumerate(told, 1)
     }
     return score(sequence(one.info, one.truth, people), box_overlap)

@@ -10,11 +10,10 @@ import msgspec
 import numpy as np
 
 from common.geometry.transform_history import TransformBufferConfig
-from common.metrics import Frame, TrackedPeople, TruePeople
-from common.metrics import Sequence as Scored
+from common.metrics import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from common.metrics.record import BOOL
-from evaluation.detections import Look, look, read
-from evaluation.takes import film, plan_takes
+from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
+from evaluation.recordings.recordings import plan_recordings, render_recording
 from lab.film import odometry as lab_odometry
 from lab.outline import outlines
 from lab.scenario import load_scenario
@@ -45,7 +44,7 @@ class Ride:
 
     name: str
     frames: tuple[BoxFrame, ...]
-    truth: tuple[TruePeople, ...]  # of each frame
+    truth: tuple[GroundTruth, ...]  # of each frame
     samples: tuple[Sample, ...]  # by arrival
     fov_deg: float  # [deg] of the camera
 
@@ -62,16 +61,16 @@ class Ride:
             frames.append(replace(frame, turn=motion.turn_to(frame.stamp_ns)))
         return tuple(frames)
 
-    def scored(self, told: Sequence[BoxTracks]) -> Scored:
+    def scored(self, told: Sequence[BoxTracks]) -> EvaluationSequence:
         """Return truth and tracks together."""
         people = [
-            TrackedPeople(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px) for t in told
+            Hypotheses(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px) for t in told
         ]
         frames = [
-            Frame(stamp_ns=f.stamp_ns, truth=truth, tracked=tracked)
+            EvaluationFrame(stamp_ns=f.stamp_ns, truth=truth, tracked=tracked)
             for f, truth, tracked in zip(self.frames, self.truth, people, strict=True)
         ]
-        return Scored(self.name, tuple(frames))
+        return EvaluationSequence(self.name, tuple(frames))
 
     def faultless(self, gone: int) -> list[BoxTracks]:
         """Return what a tracker would tell that errs nowhere, but knows nobody again.
@@ -127,17 +126,17 @@ def films(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
 
 def draw(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
     """Film some scenarios, unless they were filmed before."""
-    takes = plan_takes([f"lab:{scenario}" for scenario in scenarios], [seed], "colour", cache)
+    takes = plan_recordings([f"lab:{scenario}" for scenario in scenarios], [seed], "colour", cache)
     for take in takes:
-        film(take, 2, lambda what, share: print(f"{what}: {100 * share:.0f} %"))
+        render_recording(take, 2, lambda what, share: print(f"{what}: {100 * share:.0f} %"))
     return [take.path for take in takes]
 
 
 def film_ride(take: Path, detector: DetectorConfig, cache: Path) -> Ride:
     """Return a film as a network sees its pictures, which it looks at but once."""
-    seen = look(Look(take, CameraConfig(), detector, (), cache))
+    seen = detect(DetectionJob(take, CameraConfig(), detector, (), cache))
     frames, samples = list[BoxFrame](), list[Odometry]()
-    for message in read(seen.detections, None):
+    for message in read_tracker_input(seen.detections, None):
         if isinstance(message, Detections):
             frames.append(_boxes(message))
         elif isinstance(message, Odometry):
@@ -180,18 +179,18 @@ def kitti_ride(folder: Path, seed: int) -> Ride:
         scores = rng.uniform(0.5, 1.0, len(boxes))
         frames.append(BoxFrame(stamp_ns, np.array(boxes).reshape(-1, 4), scores, (width, height)))
         told = np.array(list(here.values())).reshape(-1, 4)
-        truth.append(TruePeople(ids=tuple(here), boxes_xyxy_px=told))
+        truth.append(GroundTruth(ids=tuple(here), boxes_xyxy_px=told))
         forward = poses[number][:, 2]  # the camera's z axis; x right, so left is -x
         samples.append(_heading(stamp_ns, math.atan2(-forward[0], forward[2])))
     fov_deg = _fov_deg(width, focal_px)
     return Ride(f"kitti_0019@{seed}", tuple(frames), tuple(truth), _prompt(samples), fov_deg)
 
 
-def _truth(ids: list[int], boxes: F64, shares: F64, size_px: tuple[int, int]) -> TruePeople:
+def _truth(ids: list[int], boxes: F64, shares: F64, size_px: tuple[int, int]) -> GroundTruth:
     """Return who is in the image; whoever is mostly hidden does not have to be found."""
     boxes = boxes.clip(0, [*size_px, *size_px])
     inside: BOOL = np.all(boxes[:, :2] < boxes[:, 2:], axis=1) & (shares > 0)
-    return TruePeople(
+    return GroundTruth(
         ids=tuple(k for k, there in zip(ids, inside, strict=True) if there),
         boxes_xyxy_px=boxes[inside],
         occluded=shares[inside] < SEEN_MIN,

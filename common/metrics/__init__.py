@@ -4,56 +4,56 @@
 hold counts and sums, so that `combine` pools sequences properly; ratios are taken at the end.
 """
 
-from common.metrics.alignment import (
+from common.metrics.alignment.alignment import (
     ClockOffset,
-    Motion,
+    SpaceAlignment,
     estimate_clock,
     estimate_motion,
     fit_2d,
     fit_3d,
-    moved,
+    transform_truth,
 )
+from common.metrics.alignment.trajectories import trajectories_of
+from common.metrics.alignment.truth_buffer import TruthBuffer, interpolate
 from common.metrics.clear import ClearCounts, IdSwitch, id_switches
+from common.metrics.field_of_view import in_view
 from common.metrics.hota import ALPHAS, HotaCounts
 from common.metrics.identity import IdentityCounts
-from common.metrics.interpolation import TruthTrail, interpolate
 from common.metrics.lifetimes import Lifetimes
-from common.metrics.matching import History, Matcher, Matching, Step, match
-from common.metrics.paths import paths_of
+from common.metrics.matching import FrameMatches, Matcher, Matching, PersonHistory, match
 from common.metrics.pose import PoseErrors
-from common.metrics.record import Frame, Id, Sequence, TrackedPeople, TruePeople
-from common.metrics.returns import Return, find_returns
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses, Id
+from common.metrics.returns import ReturnToView, find_returns
 from common.metrics.scores import Row, Scores, combine, score, score_matching
 from common.metrics.similarity import GroundDistance, Similarity, box_overlap
-from common.metrics.spread import Spread, summarise
-from common.metrics.view import in_view
+from common.metrics.summary import SummaryStatistics, summarise
 
 __all__ = [
     "ALPHAS",
     "ClearCounts",
     "ClockOffset",
-    "Frame",
+    "EvaluationFrame",
+    "EvaluationSequence",
+    "FrameMatches",
     "GroundDistance",
-    "History",
+    "GroundTruth",
     "HotaCounts",
+    "Hypotheses",
     "Id",
     "IdSwitch",
     "IdentityCounts",
     "Lifetimes",
     "Matcher",
     "Matching",
-    "Motion",
+    "PersonHistory",
     "PoseErrors",
-    "Return",
+    "ReturnToView",
     "Row",
     "Scores",
-    "Sequence",
     "Similarity",
-    "Spread",
-    "Step",
-    "TrackedPeople",
-    "TruePeople",
-    "TruthTrail",
+    "SpaceAlignment",
+    "SummaryStatistics",
+    "TruthBuffer",
     "box_overlap",
     "combine",
     "estimate_clock",
@@ -65,9 +65,9 @@ __all__ = [
     "in_view",
     "interpolate",
     "match",
-    "moved",
-    "paths_of",
     "score",
     "score_matching",
     "summarise",
+    "trajectories_of",
+    "transform_truth",
 ]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.metrics.counts import Counts, ratio
-from common.metrics.matching import History, Matching
+from common.metrics.matching import Matching, PersonHistory
 from common.metrics.record import Id
 
 MOSTLY_TRACKED = 0.8  # of the frames in which a person had to be found; more is mostly tracked
@@ -101,6 +101,6 @@ def id_switches(matching: Matching) -> tuple[IdSwitch, ...]:
     return tuple(sorted(switches, key=lambda switch: switch.frame))
 
 
-def _fragmentations(history: History) -> int:
+def _fragmentations(history: PersonHistory) -> int:
     found = np.flatnonzero(history.matched)
     return int(np.count_nonzero(np.diff(found) > 1))

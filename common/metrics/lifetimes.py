@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.metrics.counts import Counts, ratio
-from common.metrics.matching import History, Matching
+from common.metrics.matching import Matching, PersonHistory
 from common.metrics.returns import find_returns
 from people4d.messages import F64
 
@@ -73,7 +73,7 @@ def count_lifetimes(matching: Matching) -> Lifetimes:
     return total
 
 
-def _lifetime(history: History, periods_s: F64, stamps_s: F64) -> Lifetimes:
+def _lifetime(history: PersonHistory, periods_s: F64, stamps_s: F64) -> Lifetimes:
     frames, tracks = history.frames[history.matched], history.tracks[history.matched]
     found = len(frames) > 0
     first_s = float(stamps_s[frames[0]] - stamps_s[history.frames[0]]) if found else 0.0

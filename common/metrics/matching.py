@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from common.metrics.record import BOOL, I64, Frame, Id, Sequence
+from common.metrics.record import BOOL, I64, EvaluationFrame, EvaluationSequence, Id
 from common.metrics.similarity import Similarity
 from people4d.messages import F64
 from people4d.messages.base import check_finite, check_shape
@@ -22,7 +22,7 @@ ROUNDING = 1e-12  # a similarity at the threshold is a match, however it was rou
 
 
 @dataclass(frozen=True)
-class Step:
+class FrameMatches:
     """One frame: people and tracks by number, and the pairs matched."""
 
     persons: I64  # N, index into Matching.persons
@@ -52,7 +52,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class History:
+class PersonHistory:
     """One person over the frames in which they had to be found."""
 
     person: Id
@@ -70,14 +70,14 @@ class History:
 class Matching:
     """All frames of a sequence, matched."""
 
-    sequence: Sequence
+    sequence: EvaluationSequence
     persons: tuple[Id, ...]  # all true people
     tracks: tuple[Id, ...]  # all tracks
-    steps: tuple[Step, ...]  # one for each frame
+    steps: tuple[FrameMatches, ...]  # one for each frame
     threshold: float  # least similarity of a match
 
     @cached_property
-    def histories(self) -> tuple[History, ...]:
+    def histories(self) -> tuple[PersonHistory, ...]:
         """Each person who had to be found at least once."""
         entries = _Entries()
         for index, step in enumerate(self.steps):
@@ -94,7 +94,7 @@ class _Entries:
     tracks: list[I64] = field(default_factory=list)
     measured: list[BOOL] = field(default_factory=list)
 
-    def add(self, index: int, step: Step, predicted: BOOL) -> None:
+    def add(self, index: int, step: FrameMatches, predicted: BOOL) -> None:
         tracks = np.full(len(step.persons), -1)
         measured = np.zeros(len(step.persons), np.bool_)
         tracks[step.rows] = step.tracks[step.columns]
@@ -104,7 +104,7 @@ class _Entries:
         self.tracks.append(tracks[step.counted])
         self.measured.append(measured[step.counted])
 
-    def histories(self, names: tuple[Id, ...]) -> tuple[History, ...]:
+    def histories(self, names: tuple[Id, ...]) -> tuple[PersonHistory, ...]:
         none = np.zeros(0, np.int64)
         persons = np.concatenate([none, *self.persons])
         frames = np.concatenate([none, *self.frames])
@@ -114,7 +114,7 @@ class _Entries:
         numbers, starts = np.unique(persons[order], return_index=True)
         rows = np.split(order, starts[1:])
         return tuple(
-            History(names[n], frames[r], tracks[r], measured[r])
+            PersonHistory(names[n], frames[r], tracks[r], measured[r])
             for n, r in zip(numbers, rows, strict=False)  # no entry at all still splits into one
         )
 
@@ -134,7 +134,7 @@ class Matcher:
         self._threshold = threshold
         self._previous: dict[int, int] = {}  # track of each person in the previous frame
 
-    def step(self, frame: Frame) -> Step:
+    def step(self, frame: EvaluationFrame) -> FrameMatches:
         """Match the next frame.
 
         Raises:
@@ -153,7 +153,7 @@ class Matcher:
         return step
 
 
-def match(sequence: Sequence, similarity: Similarity, threshold: float = 0.5) -> Matching:
+def match(sequence: EvaluationSequence, similarity: Similarity, threshold: float = 0.5) -> Matching:
     """Match truth and tracks of every frame.
 
     Args:
@@ -174,7 +174,7 @@ def match(sequence: Sequence, similarity: Similarity, threshold: float = 0.5) ->
 
 def _match_frame(
     persons: I64, tracks: I64, counted: BOOL, similarity: F64, before: tuple[dict[int, int], float]
-) -> Step:
+) -> FrameMatches:
     previous, threshold = before
     admissible = similarity >= threshold - ROUNDING
     last = np.array([previous.get(person, -1) for person in persons.tolist()], np.int64)
@@ -183,10 +183,10 @@ def _match_frame(
     worth = np.where(admissible, KEPT * kept + similarity + counted[:, None], 0.0)
     rows, columns = linear_sum_assignment(worth, maximize=True)
     valid = admissible[rows, columns]
-    return Step(persons, tracks, counted, similarity, rows[valid], columns[valid])
+    return FrameMatches(persons, tracks, counted, similarity, rows[valid], columns[valid])
 
 
-def _checked(similarity: F64, frame: Frame) -> F64:
+def _checked(similarity: F64, frame: EvaluationFrame) -> F64:
     check_shape("similarity", similarity, (len(frame.truth.ids), len(frame.tracked.ids)))
     check_finite("similarity", similarity)
     return similarity

@@ -14,7 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from common.io.files import MAX_TEXT_BYTES, read_text
-from common.metrics.record import BOOL, I64, Frame, Sequence, TrackedPeople, TruePeople
+from common.metrics.record import (
+    BOOL,
+    I64,
+    EvaluationFrame,
+    EvaluationSequence,
+    GroundTruth,
+    Hypotheses,
+)
 from people4d.errors import DecodeError
 from people4d.messages import F64
 
@@ -131,7 +138,7 @@ def read_info(path: Path) -> MotInfo:
     return info
 
 
-def tracks_by_frame(rows: MotRows) -> dict[int, TrackedPeople]:
+def tracks_by_frame(rows: MotRows) -> dict[int, Hypotheses]:
     """Return the people that a tracker's result file tells of, by frame number.
 
     Args:
@@ -145,12 +152,12 @@ def tracks_by_frame(rows: MotRows) -> dict[int, TrackedPeople]:
     """
     frames = {int(number): rows.of(int(number)) for number in np.unique(rows.frames)}
     return {
-        number: TrackedPeople(ids=tuple(part.ids.tolist()), boxes_xyxy_px=part.boxes_xyxy_px)
+        number: Hypotheses(ids=tuple(part.ids.tolist()), boxes_xyxy_px=part.boxes_xyxy_px)
         for number, part in frames.items()
     }
 
 
-def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, TrackedPeople]) -> Sequence:
+def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, Hypotheses]) -> EvaluationSequence:
     """Put ground truth and tracks together; boxes flagged 0 are dropped, as TrackEval does.
 
     Args:
@@ -162,21 +169,21 @@ def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, TrackedPeople])
         The sequence, with boxes.
     """
     judged = truth.judged()
-    return Sequence(
+    return EvaluationSequence(
         info.name,
         tuple(
-            Frame(
+            EvaluationFrame(
                 stamp_ns=round((number - 1) * 1e9 / info.rate_hz),
                 truth=_people(judged.of(number)),
-                tracked=tracks.get(number, TrackedPeople()),
+                tracked=tracks.get(number, Hypotheses()),
             )
             for number in range(1, info.frames + 1)
         ),
     )
 
 
-def _people(rows: MotRows) -> TruePeople:
-    return TruePeople(ids=tuple(rows.ids.tolist()), boxes_xyxy_px=rows.boxes_xyxy_px)
+def _people(rows: MotRows) -> GroundTruth:
+    return GroundTruth(ids=tuple(rows.ids.tolist()), boxes_xyxy_px=rows.boxes_xyxy_px)
 
 
 def _text(path: Path, limit: int = MAX_BYTES) -> str:

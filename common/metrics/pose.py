@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from common.metrics.matching import Matching, Step
-from common.metrics.record import BOOL, Frame
+from common.metrics.matching import FrameMatches, Matching
+from common.metrics.record import BOOL, EvaluationFrame
 from people4d.messages import F64
 
 POSITION_LIMITS_M = (0.15, 0.3, 0.5)
@@ -111,7 +111,7 @@ def pool(parts: Sequence[PoseErrors]) -> PoseErrors:
     )
 
 
-def _frame_errors(frame: Frame, step: Step) -> PoseErrors:
+def _frame_errors(frame: EvaluationFrame, step: FrameMatches) -> PoseErrors:
     truth, tracked = frame.truth, frame.tracked
     seen = truth.in_view[step.rows]
     i, j = step.rows[seen], step.columns[seen]

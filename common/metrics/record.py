@@ -17,7 +17,7 @@ Id: TypeAlias = int | str
 
 
 @dataclass(frozen=True, kw_only=True)
-class People:
+class PeopleColumns:
     """The people of one frame, one row each; a column that nobody knows is absent."""
 
     ids: tuple[Id, ...] = ()  # identities, each at most once
@@ -43,7 +43,7 @@ class People:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TruePeople(People):
+class GroundTruth(PeopleColumns):
     """The people who were there.
 
     Whoever is out of view or occluded is neither miss nor match, and the track matched to them is
@@ -71,7 +71,7 @@ class TruePeople(People):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackedPeople(People):
+class Hypotheses(PeopleColumns):
     """The hypotheses: the people that a tracker told of."""
 
     predicted: BOOL | None = None  # N: told without being seen in this frame; absent: nobody
@@ -88,12 +88,12 @@ class TrackedPeople(People):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class EvaluationFrame:
     """Truth and tracks at one stamp."""
 
     stamp_ns: int  # [ns] acquisition time
-    truth: TruePeople = TruePeople()
-    tracked: TrackedPeople = TrackedPeople()
+    truth: GroundTruth = GroundTruth()
+    tracked: Hypotheses = Hypotheses()
     map_from_camera: F64 | None = None  # 4x4, map from optical frame; absent: no camera axis
 
     def __post_init__(self) -> None:
@@ -103,11 +103,11 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Sequence:
+class EvaluationSequence:
     """One recording, frame by frame."""
 
     name: str
-    frames: tuple[Frame, ...]
+    frames: tuple[EvaluationFrame, ...]
 
     def __post_init__(self) -> None:
         """Check the order of time.

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.metrics.matching import History, Matching
+from common.metrics.matching import Matching, PersonHistory
 from common.metrics.record import I64, Id
 
 AWAY_S = 2.0  # [s] out of the view for a shorter time is no leaving
 
 
 @dataclass(frozen=True)
-class Return:
+class ReturnToView:
     """One person who left the view with a track and came back."""
 
     person: Id
@@ -28,7 +28,7 @@ class Return:
         return self.after == self.before
 
 
-def find_returns(matching: Matching, away_s: float = AWAY_S) -> tuple[Return, ...]:
+def find_returns(matching: Matching, away_s: float = AWAY_S) -> tuple[ReturnToView, ...]:
     """Find all returns of people who had a track before.
 
     Args:
@@ -48,7 +48,9 @@ def find_returns(matching: Matching, away_s: float = AWAY_S) -> tuple[Return, ..
     return tuple(sorted(found, key=lambda one: one.frame))
 
 
-def _returns_of(history: History, view: I64, matching: Matching, away_s: float) -> Iterator[Return]:
+def _returns_of(
+    history: PersonHistory, view: I64, matching: Matching, away_s: float
+) -> Iterator[ReturnToView]:
     gaps_s = np.diff(matching.sequence.stamps_s[view])
     leaves = np.flatnonzero(gaps_s >= away_s)
     backs = view[leaves + 1]  # first frame of each visit but the first
@@ -58,7 +60,7 @@ def _returns_of(history: History, view: I64, matching: Matching, away_s: float) 
         visit = history.tracks[(history.frames >= back) & (history.frames < end)]
         if len(known) and len(visit):
             before, after = matching.tracks[known[-1]], _most(visit, matching)
-            yield Return(history.person, int(back), float(away), before, after)
+            yield ReturnToView(history.person, int(back), float(away), before, after)
 
 
 def _frames_in_view(matching: Matching) -> dict[Id, I64]:

@@ -13,7 +13,7 @@ from common.metrics.identity import IdentityCounts, count_identity
 from common.metrics.lifetimes import Lifetimes, count_lifetimes
 from common.metrics.matching import Matching, match
 from common.metrics.pose import PoseErrors, pool, pose_errors
-from common.metrics.record import Sequence
+from common.metrics.record import EvaluationSequence
 from common.metrics.similarity import Similarity
 
 Row: TypeAlias = dict[str, float | None]
@@ -109,7 +109,7 @@ class Scores:
         }
 
 
-def score(sequence: Sequence, similarity: Similarity, threshold: float = 0.5) -> Scores:
+def score(sequence: EvaluationSequence, similarity: Similarity, threshold: float = 0.5) -> Scores:
     """Score one sequence.
 
     Args:

@@ -7,13 +7,13 @@ from typing import TypeAlias
 import numpy as np
 
 from common.geometry.boxes import iou_xyxy
-from common.metrics.record import TrackedPeople, TruePeople
+from common.metrics.record import GroundTruth, Hypotheses
 from people4d.messages import F64
 
-Similarity: TypeAlias = Callable[[TruePeople, TrackedPeople], F64]
+Similarity: TypeAlias = Callable[[GroundTruth, Hypotheses], F64]
 
 
-def box_overlap(truth: TruePeople, tracked: TrackedPeople) -> F64:
+def box_overlap(truth: GroundTruth, tracked: Hypotheses) -> F64:
     """Return the intersection over union of the boxes in the image.
 
     Args:
@@ -49,7 +49,7 @@ class GroundDistance:
         if not self.max_m > 0:
             raise ValueError(f"max_m: expected > 0, got {self.max_m}")
 
-    def __call__(self, truth: TruePeople, tracked: TrackedPeople) -> F64:
+    def __call__(self, truth: GroundTruth, tracked: Hypotheses) -> F64:
         """Return the similarity.
 
         Args:

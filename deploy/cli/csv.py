@@ -10,7 +10,7 @@ import typer
 
 from common.io.people_table import rows_of
 from common.io.recording import Recording, open_recording
-from common.metrics.interpolation import TruthTrail
+from common.metrics.alignment.truth_buffer import TruthBuffer
 from deploy.tables import open_table
 from people4d.errors import SourceError
 from people4d.messages import Tracks, Truth
@@ -79,7 +79,7 @@ def interpolated(truths: Iterable[Truth], tracks: Iterable[Tracks]) -> Iterator[
         truths: By rising stamp.
         tracks: By rising stamp.
     """
-    trail, waiting = TruthTrail(), iter(truths)
+    trail, waiting = TruthBuffer(), iter(truths)
     for message in tracks:
         while trail.newest_ns is None or trail.newest_ns < message.stamp_ns:
             truth = next(waiting, None)

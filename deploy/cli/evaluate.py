@@ -17,7 +17,7 @@ from services.presets import PRESETS
 # What is needed to do it is imported on use: compiled code takes a second to load.
 
 if TYPE_CHECKING:
-    from evaluation.tables import Table
+    from evaluation.report.tables import ReportTable
 
 
 def evaluate(
@@ -64,11 +64,11 @@ def evaluate(
 ) -> None:
     """Judge methods on recordings with truth; the same figures every time, on any machine."""
     from evaluation.cache import default_folder  # noqa: PLC0415
-    from evaluation.evaluation import evaluate as do  # noqa: PLC0415
-    from evaluation.evaluation import write  # noqa: PLC0415
+    from evaluation.evaluate import evaluate as do  # noqa: PLC0415
+    from evaluation.evaluate import write  # noqa: PLC0415
     from evaluation.methods import read_methods  # noqa: PLC0415
-    from evaluation.preparation import Plan  # noqa: PLC0415
-    from evaluation.takes import plan_takes  # noqa: PLC0415
+    from evaluation.recordings.recordings import plan_recordings  # noqa: PLC0415
+    from evaluation.run.preparation import EvaluationPlan  # noqa: PLC0415
     from services.visual_odometry.config import VisualOdometryConfig  # noqa: PLC0415
 
     if visual_odometry and speed == "geometry":
@@ -79,9 +79,9 @@ def evaluate(
             "Install it with: pip install 'people4d[evaluate]', or add --no-figures.",
         )
     folder = (cache or default_folder()).absolute()
-    plan = Plan(
+    plan = EvaluationPlan(
         methods=tuple(read_methods(presets, set_)),
-        takes=tuple(plan_takes(_sources(recordings), _seeds(seeds), speed, folder)),
+        takes=tuple(plan_recordings(_sources(recordings), _seeds(seeds), speed, folder)),
         cache=folder,
         jobs=jobs or cores(),
         figures=figures,
@@ -95,7 +95,7 @@ def evaluate(
     typer.echo(f"Wrote {page}")
 
 
-def _show(table: "Table") -> None:
+def _show(table: "ReportTable") -> None:
     shown = RichTable(title=table.title, title_justify="left", box=None, header_style="bold")
     shown.add_column("method")
     columns = zip(*((line.people, *line.cells) for line in table.lines), strict=True)

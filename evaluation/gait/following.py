@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from common.runtime.node import Status
-from evaluation.chain import pipeline, play
 from evaluation.methods import Method
+from evaluation.pipeline import pipeline, play
 from people4d.errors import SourceError
 from people4d.messages import (
     CameraInfo,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.output import write_csv
+from evaluation.report.csv_files import write_csv
 from people4d.messages import F64, BodyPoint, GaitMeasures
 from services.gait.people import UP, Found
 from services.gait.points.points import LEFT_FOOT, RIGHT_FOOT

@@ -14,7 +14,7 @@ from evaluation.gait.following import Box, Wish, follow
 from evaluation.gait.log import Log
 from evaluation.gait.viewer import Viewer
 from evaluation.methods import read_method
-from evaluation.output import write_bytes
+from evaluation.report.csv_files import write_bytes
 from lab import scenario_source as scenarios
 from lab.scenario import load_scenario, split_seed
 from people4d.errors import SourceError
@@ -26,7 +26,7 @@ from services.gait.people import Found, Scene
 from services.presets import preset_settings
 from services.report.folder import Video
 from services.report.output import Picture
-from services.report.spread import Spread
+from services.report.spread import EvenSample
 
 SERVICE = "gait."
 STILLS, COLUMNS = 6, 2
@@ -69,7 +69,7 @@ class Report:
         self._folder, self._figures = folder, figures
         self._draws_all = video
         self._video: Video | None = None
-        self._stills: Spread[Tile] = Spread(2 * STILLS)
+        self._stills: EvenSample[Tile] = EvenSample(2 * STILLS)
         self._viewer: Viewer | None = None
         self.log = Log(wish.gait.steps)
 

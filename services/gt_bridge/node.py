@@ -8,7 +8,7 @@ import msgspec
 
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
-from common.metrics import moved
+from common.metrics import transform_truth
 from common.runtime.node import Status
 from people4d.messages import (
     CameraInfo,
@@ -22,10 +22,10 @@ from people4d.messages import (
 )
 from people4d.topics import ForeignTopic
 from services.gt_bridge.config import GtBridgeConfig
+from services.gt_bridge.playback import LEAD_NS, StoredTruth
 from services.gt_bridge.scoring.judge import near
 from services.gt_bridge.scoring.scorer import Scorer
 from services.gt_bridge.scoring.views import Views
-from services.gt_bridge.sources.stored import LEAD_NS, StoredTruth
 
 DEFAULT = GtBridgeConfig()
 MOTION = TransformBufferConfig(keep_s=30.0)  # truth may come late, and alignments look back
@@ -139,6 +139,6 @@ class GtBridgeNode:
         if place is None:
             self._counters["unplaced"] += 1
         elif target != truth.frame_id:
-            truth = moved(truth, place.matrix, target)
+            truth = transform_truth(truth, place.matrix, target)
         self._sequence += 1
         return msgspec.structs.replace(truth, sequence=self._sequence - 1)

@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from common.metrics.interpolation import TruthTrail
+from common.metrics.alignment.truth_buffer import TruthBuffer
 from common.metrics.pose import rmse
 from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
-from services.report.spread import Spread
+from services.report.spread import EvenSample
 
 GATE_M = 1.0  # a track farther from the truth is not that person
 SAMPLES = 10_000
@@ -33,10 +33,10 @@ class TruthCheck:
     """Compares tracks with truth interpolated to their stamp, as soon as both are there."""
 
     def __init__(self) -> None:
-        self._truth = TruthTrail()
+        self._truth = TruthBuffer()
         self._waiting: deque[Tracks] = deque(maxlen=512)
-        self._position_m: Spread[float] = Spread(SAMPLES)
-        self._velocity_mps: Spread[float] = Spread(SAMPLES)
+        self._position_m: EvenSample[float] = EvenSample(SAMPLES)
+        self._velocity_mps: EvenSample[float] = EvenSample(SAMPLES)
         self._last_track: dict[str, int] = {}
         self._frames = self._people = self._matched = self._extra = self._switches = 0
 

@@ -6,7 +6,7 @@ import msgspec
 
 from common.runtime.latency import parts, percentiles, summed, whole
 from people4d.messages import Span
-from services.report.spread import Spread
+from services.report.spread import EvenSample
 
 SAMPLES = 10_000  # kept of each stage
 MAX_STAGES = 128
@@ -29,7 +29,7 @@ class Latency:
     """
 
     def __init__(self) -> None:
-        self._samples: dict[str, Spread[float]] = {}
+        self._samples: dict[str, EvenSample[float]] = {}
 
     def add(self, trace: Sequence[Span]) -> None:
         """Take the trace of one message, oldest stage first; pieces of one name are one."""
@@ -45,9 +45,9 @@ class Latency:
 
     def _take(self, name: str, duration_ms: float) -> None:
         if name in self._samples or len(self._samples) < MAX_STAGES:
-            self._samples.setdefault(name, Spread(SAMPLES)).add(duration_ms)
+            self._samples.setdefault(name, EvenSample(SAMPLES)).add(duration_ms)
 
 
-def _percentiles(samples: Spread[float]) -> Percentiles:
+def _percentiles(samples: EvenSample[float]) -> Percentiles:
     p50, p95, p99 = percentiles(samples.values)
     return Percentiles(p50_ms=p50, p95_ms=p95, p99_ms=p99, count=samples.count)

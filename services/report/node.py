@@ -21,7 +21,7 @@ from services.report.config import ReportConfig
 from services.report.join import Join, Moment
 from services.report.output import Output, Picture
 from services.report.sheet import contact_sheet
-from services.report.spread import Spread
+from services.report.spread import EvenSample
 from services.report.statistics import Statistics
 from services.report.trails import Trails
 
@@ -51,7 +51,7 @@ class ReportNode:
         self._statistics = Statistics()
         self._trails = Trails()
         self._infos: dict[str, CameraInfo] = {}
-        self._tiles: Spread[Tile] = Spread(2 * config.sheet_frames)
+        self._tiles: EvenSample[Tile] = EvenSample(2 * config.sheet_frames)
         self._first_ns: int | None = None
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:

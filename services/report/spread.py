@@ -5,7 +5,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 
-class Spread(Generic[T]):
+class EvenSample(Generic[T]):
     """Keeps every k-th value; k doubles whenever twice the capacity is full.
 
     Args:

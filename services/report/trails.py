@@ -6,7 +6,7 @@ import numpy as np
 
 from common.drawing.topdown import Walks
 from people4d.messages import F64, StaticTransform, Tracks, Truth
-from services.report.spread import Spread
+from services.report.spread import EvenSample
 
 K = TypeVar("K")
 
@@ -19,8 +19,8 @@ class Trails:
 
     def __init__(self) -> None:
         self.frame_id = "map"
-        self._tracks: dict[int, Spread[F64]] = {}
-        self._truth: dict[str, Spread[F64]] = {}
+        self._tracks: dict[int, EvenSample[F64]] = {}
+        self._truth: dict[str, EvenSample[F64]] = {}
         self._cameras: dict[str, StaticTransform] = {}
 
     def add(self, message: Tracks | Truth | StaticTransform) -> None:
@@ -52,8 +52,8 @@ class Trails:
         )
 
 
-def _extend(trails: dict[K, Spread[F64]], key: K, position_m: F64) -> None:
+def _extend(trails: dict[K, EvenSample[F64]], key: K, position_m: F64) -> None:
     if key not in trails and len(trails) >= MOST_TRAILS:
         shortest = min(trails, key=lambda k: trails[k].count)
         del trails[shortest]
-    trails.setdefault(key, Spread(POINTS)).add(position_m[:2])
+    trails.setdefault(key, EvenSample(POINTS)).add(position_m[:2])

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.evaluation import Judged, evaluate, write
+from evaluation.evaluate import RunReport, evaluate, write
 from evaluation.methods import read_method
-from evaluation.preparation import Plan
-from evaluation.takes import plan_takes
+from evaluation.recordings.recordings import plan_recordings
+from evaluation.run.preparation import EvaluationPlan
 from people4d.errors import SourceError
-from tests.evaluation import stored
+from tests.evaluation import builders as stored
 
 FRAMES = 60
 LEFT, BACK = 20, 50  # the person is not detected from frame 20 to 49
@@ -20,12 +20,12 @@ def quiet(what: str, share: float) -> None:
     pass
 
 
-def judge(path: Path, folder: Path, *settings: str) -> Plan:
+def judge(path: Path, folder: Path, *settings: str) -> EvaluationPlan:
     """Plan the paper's first method, in which one person needs no distance gate."""
     rules = ("tracker.sort3d.distance_gate=false", "tracker.sort3d.t_lost=10", *settings)
-    return Plan(
+    return EvaluationPlan(
         methods=(read_method("seg-sort", rules),),
-        takes=tuple(plan_takes([str(path)], [], "geometry", folder)),
+        takes=tuple(plan_recordings([str(path)], [], "geometry", folder)),
         cache=folder,
         figures=False,
     )
@@ -42,7 +42,7 @@ def away(tmp_path: Path) -> Path:
     return stored.write(tmp_path / "away.mcap", [*told, *seen])
 
 
-def only(plan: Plan) -> tuple[Judged, dict[str, float | None]]:
+def only(plan: EvaluationPlan) -> tuple[RunReport, dict[str, float | None]]:
     done = evaluate(plan, quiet)
     assert len(done.judged) == 1
     return done.judged[0], dict(done.rows[0])

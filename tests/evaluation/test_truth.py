@@ -9,14 +9,14 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from evaluation.pool import Pool
-from evaluation.takes import Take, film, plan_takes
-from evaluation.truth import happening_of, read_truth
-from evaluation.visibility import lab_views, load_views, save_views
+from evaluation.recordings.ground_truth import read_truth, sample_truth
+from evaluation.recordings.recordings import EvaluationRecording, plan_recordings, render_recording
+from evaluation.recordings.visibility import load_views, save_views, simulated_views
 from lab.frame_truth import person_views
 from lab.scenario import load_scenario
 from lab.world import World
 from people4d.errors import SourceError
-from tests.evaluation import stored
+from tests.evaluation import builders as stored
 from tests.lab.scenarios import DRIVE, FRAMES, write_scenario
 
 MS = 1_000_000
@@ -25,7 +25,7 @@ MS = 1_000_000
 def test_truth_between_its_stamps() -> None:
     # ann walks from x = 2 to 3 between 100 and 200 ms: at 150 ms she is at 2.5.
     told = [stored.truth(1, ann=(2.0, 0.0)), stored.truth(2, ann=(3.0, 0.0))]
-    happening = happening_of(told, [50 * MS, 150 * MS, 250 * MS], "it")
+    happening = sample_truth(told, [50 * MS, 150 * MS, 250 * MS], "it")
     before, between, after = happening.moments
     assert before is None
     assert after is None
@@ -38,13 +38,13 @@ def test_truth_between_its_stamps() -> None:
 def test_a_second_round_of_a_recording_is_left_out() -> None:
     told = [stored.truth(k, ann=(2.0, 0.0)) for k in (0, 1, 2)]
     told += [stored.truth(k, ann=(9.0, 0.0)) for k in (0, 1, 2)]
-    (moment,) = happening_of(told, [150 * MS], "it").moments
+    (moment,) = sample_truth(told, [150 * MS], "it").moments
     assert moment is not None
     assert moment.people[0].position_m[0] == 2.0
 
 
 def test_whoever_is_mostly_hidden_is_occluded() -> None:
-    happening = happening_of([stored.truth(0, ann=(3.0, 0.0), bea=(4.0, 0.0))], [0], "it")
+    happening = sample_truth([stored.truth(0, ann=(3.0, 0.0), bea=(4.0, 0.0))], [0], "it")
     (moment,) = happening.moments
     assert moment is not None
     for share, occluded in ((0.34, True), (0.36, False)):
@@ -58,7 +58,7 @@ def test_truth_in_two_frames_is_refused() -> None:
     other = stored.truth(1, ann=(2.0, 0.0))
     told = [stored.truth(0, ann=(2.0, 0.0)), type(other)(**_fields(other), frame_id="odom")]
     with pytest.raises(SourceError, match="it has truth in the frames map, odom"):
-        happening_of(told, [0], "it")
+        sample_truth(told, [0], "it")
 
 
 def _fields(message: object) -> dict[str, Any]:
@@ -67,8 +67,8 @@ def _fields(message: object) -> dict[str, Any]:
 
 
 def test_truth_of_drawn_frames_has_the_visible_share_of_each_pixel(tmp_path: Path) -> None:
-    (take,) = plan_takes([f"lab:{write_scenario(tmp_path)}"], [], "depth", tmp_path)
-    film(take, 1, lambda *_: None)
+    (take,) = plan_recordings([f"lab:{write_scenario(tmp_path)}"], [], "depth", tmp_path)
+    render_recording(take, 1, lambda *_: None)
     world = World(load_scenario(str(tmp_path / "walk.toml")))
     stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
     with np.load(take.truth_file) as file:
@@ -88,7 +88,7 @@ def test_truth_of_a_folder_of_images_lies_in_it(shared: Path) -> None:
     with np.load(folder / "gt.npz") as file:
         times_s, places, shares = file["t"], file["pos"], file["vis"]
     stamps_ns = np.round(times_s * 1e9).astype(int).tolist()
-    moment = read_truth(Take("two", "two", folder), stamps_ns).moments[-1]
+    moment = read_truth(EvaluationRecording("two", "two", folder), stamps_ns).moments[-1]
     assert moment is not None
     np.testing.assert_allclose([p.position_m for p in moment.people], places[-1], atol=1e-9)
     assert list(moment.shares.values()) == pytest.approx(shares[-1].tolist())
@@ -100,7 +100,7 @@ def test_who_hides_whom_is_known_without_drawing(tmp_path: Path) -> None:
     stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
     views = [person_views(world, world.frame_s(k), None) for k in range(FRAMES)]
     places = [{view.id: view.position_m for view in people} for people in views]
-    seen = lab_views(scenario, None, places, stamps_ns)
+    seen = simulated_views(scenario, None, places, stamps_ns)
     assert seen is not None
     for k, (told, people) in enumerate(zip(seen, views, strict=True)):
         assert told.shares == {view.id: view.visible_share for view in people}
@@ -113,7 +113,7 @@ def test_who_hides_whom_is_known_without_drawing(tmp_path: Path) -> None:
     np.testing.assert_array_equal(kept[-1].map_from_camera, seen[-1].map_from_camera)
     assert load_views(tmp_path / "views.npz", stamps_ns[1:]) is None
     moved = [{name: place + 1.0 for name, place in row.items()} for row in places]
-    assert lab_views(scenario, None, moved, stamps_ns) is None
+    assert simulated_views(scenario, None, moved, stamps_ns) is None
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

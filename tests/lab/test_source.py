@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from common.runtime.node import Status
-from evaluation.chain import play
+from evaluation.pipeline import play
 from lab.film import Film
 from lab.source import LabSource
 from lab.views import DepthView

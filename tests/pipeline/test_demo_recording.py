@@ -9,7 +9,7 @@ import pytest
 from common.config import load
 from common.geometry.transforms import wrap
 from common.runtime.node import Node
-from evaluation.chain import pipeline, play
+from evaluation.pipeline import pipeline, play
 from people4d.codec import encode
 from people4d.messages import (
     Detections,

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.lib.by_eye import CROSSING, TORSO_MM, match
 from benchmarks.real_inputs import Played, filinha, gather, man_in_front, models
 from common.geometry.transforms import apply
-from evaluation.chain import pipeline, play
+from evaluation.pipeline import pipeline, play
 from people4d.messages import StaticTransform
 from services.detector.config import DetectorConfig
 

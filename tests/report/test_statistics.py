@@ -7,7 +7,7 @@ from people4d.messages import Detection
 from services.report.accuracy import TruthCheck, match
 from services.report.join import Moment
 from services.report.latency import Latency
-from services.report.spread import Spread
+from services.report.spread import EvenSample
 from services.report.statistics import Statistics, Summary
 from services.report.text import facts, latency_table, text
 from tests.report.builders import (
@@ -225,7 +225,7 @@ def test_the_last_word_of_each_process_counts() -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 3, 4, 8, 9, 17, 1000])
 def test_spread_is_bounded_and_even(count: int) -> None:
-    spread: Spread[int] = Spread(4)
+    spread: EvenSample[int] = EvenSample(4)
     for k in range(count):
         if spread.wants_next:
             spread.add(k)
@@ -239,7 +239,7 @@ def test_spread_is_bounded_and_even(count: int) -> None:
 
 
 def test_pick_keeps_first_and_last() -> None:
-    spread: Spread[int] = Spread(10)
+    spread: EvenSample[int] = EvenSample(10)
     for k in range(11):
         spread.add(k)
     assert spread.pick(3) == [0, 5, 10]

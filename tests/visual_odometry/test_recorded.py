@@ -10,7 +10,13 @@ import pytest
 from common.geometry.transforms import invert
 from common.io.images import compress
 from common.io.recording import RecordingWriter, open_recording
-from evaluation.visual_motion import Seen, VisualMotion, Watch, watch, write_seen
+from evaluation.recordings.visual_motion import (
+    FrameMotion,
+    VisualMotion,
+    VisualMotionJob,
+    estimate_motion,
+    write_with_motion,
+)
 from people4d.messages import Detections, Message, Odometry, RgbdFrame
 from services.camera.config import CameraConfig
 from services.visual_odometry.config import VisualOdometryConfig
@@ -69,7 +75,7 @@ def test_a_recording_is_worked_through_without_its_odometry(ride: Path, tmp_path
 
     path = tmp_path / "again.mcap"
     kept = [m for m in messages if not isinstance(m, RgbdFrame)]
-    write_seen(kept, seen, path)
+    write_with_motion(kept, seen, path)
     again = [m for _, m in open_recording(path).messages()]
     told = [m for m in again if isinstance(m, Odometry)]
     assert [m.stamp_ns for m in told] == [one.stamp_ns for one in seen]
@@ -78,22 +84,22 @@ def test_a_recording_is_worked_through_without_its_odometry(ride: Path, tmp_path
 
 
 def test_what_was_watched_is_kept_and_wheels_do_not_count(ride: Path, tmp_path: Path) -> None:
-    wanted = Watch(CameraConfig(source=str(ride)), VisualOdometryConfig(), ride, tmp_path)
-    path = watch(wanted)
+    wanted = VisualMotionJob(CameraConfig(source=str(ride)), VisualOdometryConfig(), ride, tmp_path)
+    path = estimate_motion(wanted)
     told = [m for _, m in open_recording(path).messages(Odometry) if isinstance(m, Odometry)]
     assert len(told) == FRAMES
     assert max(m.x_m for m in told) < 0.1  # the wheels said 9 m
     made_ns = path.stat().st_mtime_ns
-    assert watch(wanted) == path
+    assert estimate_motion(wanted) == path
     assert path.stat().st_mtime_ns == made_ns
     slower = VisualOdometryConfig(overlap_min=0.6)
-    assert watch(Watch(wanted.camera, slower, ride, tmp_path)) != path
+    assert estimate_motion(VisualMotionJob(wanted.camera, slower, ride, tmp_path)) != path
 
 
 def test_what_is_not_told_is_not_written(ride: Path, tmp_path: Path) -> None:
     path = tmp_path / "none.mcap"
     messages = [m for _, m in open_recording(ride).messages()]
-    write_seen(messages, [Seen(0, None, 0.0)], path)
+    write_with_motion(messages, [FrameMotion(0, None, 0.0)], path)
     assert not list(open_recording(path).messages(Odometry))
 
 

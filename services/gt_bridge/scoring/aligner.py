@@ -10,13 +10,13 @@ from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transforms import apply
 from common.metrics import (
     ClockOffset,
-    Motion,
-    TruthTrail,
+    SpaceAlignment,
+    TruthBuffer,
     estimate_clock,
     estimate_motion,
-    paths_of,
+    trajectories_of,
 )
-from common.metrics.paths import Path
+from common.metrics.alignment.trajectories import Trajectory
 from people4d.messages import F64, Alignment, Tracks
 from services.gt_bridge.config import GtBridgeConfig
 
@@ -56,7 +56,7 @@ class Aligner:
         matrix = self.found.matrix if self.found and self.found.applied else None
         return np.eye(4) if matrix is None else matrix
 
-    def observe(self, tracks: Tracks, trail: TruthTrail, frames: TransformBuffer) -> None:
+    def observe(self, tracks: Tracks, trail: TruthBuffer, frames: TransformBuffer) -> None:
         """Take tracks whose truth is there; now and then estimate anew."""
         if not self._wanted:
             return
@@ -67,7 +67,7 @@ class Aligner:
             self._next_ns = tracks.stamp_ns + EVERY_NS
             self._estimate(trail, frames, tracks.frame_id)
 
-    def _estimate(self, trail: TruthTrail, frames: TransformBuffer, frame_id: str) -> None:
+    def _estimate(self, trail: TruthBuffer, frames: TransformBuffer, frame_id: str) -> None:
         start_ns = self._tracks[0].stamp_ns
         told = (
             (track.id, tracks.stamp_ns, track.position_m)
@@ -75,8 +75,8 @@ class Aligner:
             for track in tracks.tracks
             if track.state == "confirmed"
         )
-        truth = paths_of(_placed(trail, frames, frame_id, start_ns - EVERY_NS), start_ns)
-        clock, motion = self._solve(truth, paths_of(told, start_ns))
+        truth = trajectories_of(_placed(trail, frames, frame_id, start_ns - EVERY_NS), start_ns)
+        clock, motion = self._solve(truth, trajectories_of(told, start_ns))
         self.found = Alignment(
             applied=self._config.apply_alignment and (clock is not None or motion is not None),
             clock_offset_s=clock.offset_s if clock else None,
@@ -87,8 +87,8 @@ class Aligner:
         )
 
     def _solve(
-        self, truth: Mapping[Any, Path], tracked: Mapping[Any, Path]
-    ) -> tuple[ClockOffset | None, Motion | None]:
+        self, truth: Mapping[Any, Trajectory], tracked: Mapping[Any, Trajectory]
+    ) -> tuple[ClockOffset | None, SpaceAlignment | None]:
         """Find the clock, then the motion, and both once more: each is better with the other."""
         clock, motion, widest_s = None, None, self._config.align_clock_s
         dimensions = DIMENSIONS.get(self._config.align_space)
@@ -102,12 +102,14 @@ class Aligner:
         return clock, motion
 
 
-def _moved(paths: Mapping[Any, Path], matrix: F64) -> dict[Any, Path]:
-    return {k: Path(path.stamps_s, apply(matrix, path.positions_m)) for k, path in paths.items()}
+def _moved(paths: Mapping[Any, Trajectory], matrix: F64) -> dict[Any, Trajectory]:
+    return {
+        k: Trajectory(path.stamps_s, apply(matrix, path.positions_m)) for k, path in paths.items()
+    }
 
 
 def _placed(
-    trail: TruthTrail, frames: TransformBuffer, frame_id: str, since_ns: int
+    trail: TruthBuffer, frames: TransformBuffer, frame_id: str, since_ns: int
 ) -> Iterator[tuple[str, int, F64]]:
     """Yield identity, stamp and position of people in the frame of the tracks."""
     last_ns = since_ns

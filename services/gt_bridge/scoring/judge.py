@@ -7,15 +7,15 @@ import numpy as np
 
 from common.geometry.transforms import wrap
 from common.metrics import (
-    Frame,
+    EvaluationFrame,
+    EvaluationSequence,
     GroundDistance,
+    GroundTruth,
+    Hypotheses,
     Matcher,
     Matching,
     PoseErrors,
-    TrackedPeople,
-    TruePeople,
 )
-from common.metrics import Sequence as Frames
 from common.metrics.pose import pose_errors
 from common.metrics.record import BOOL
 from people4d.messages import F64, PersonScore, Tally, Track, Tracks, Truth, TruthPerson
@@ -58,14 +58,14 @@ class Judge:
         """Share of all matches under each person's main track."""
         return self._identities.consistency()
 
-    def judge(self, frame: Frame) -> tuple[tuple[PersonScore, ...], tuple[int, ...]]:
+    def judge(self, frame: EvaluationFrame) -> tuple[tuple[PersonScore, ...], tuple[int, ...]]:
         """Judge the next frame.
 
         Returns:
             Everyone in the truth, and the ids of the tracks that are nobody.
         """
         step = self._matcher.step(frame)
-        errors = pose_errors(Matching(Frames("", (frame,)), (), (), (step,), THRESHOLD))
+        errors = pose_errors(Matching(EvaluationSequence("", (frame,)), (), (), (step,), THRESHOLD))
         pairs = {int(i): int(j) for i, j in zip(step.rows, step.columns, strict=True)}
         rows = {i: k for k, i in enumerate(i for i in pairs if frame.truth.in_view[i])}
         people = tuple(
@@ -76,7 +76,9 @@ class Judge:
         self._tallies.add(frame.stamp_ns, _count(people, len(alarms)).with_errors(errors))
         return people, tuple(int(frame.tracked.ids[k]) for k in alarms)
 
-    def _person(self, frame: Frame, i: int, j: int | None, error: PoseErrors) -> PersonScore:
+    def _person(
+        self, frame: EvaluationFrame, i: int, j: int | None, error: PoseErrors
+    ) -> PersonScore:
         truth, name = frame.truth, str(frame.truth.ids[i])
         inside = bool(truth.in_view[i])
         track = None if j is None else int(frame.tracked.ids[j])
@@ -94,7 +96,7 @@ class Judge:
         )
 
 
-def frame_of(tracks: Tracks, truth: Truth, outside: BOOL | None) -> Frame:
+def frame_of(tracks: Tracks, truth: Truth, outside: BOOL | None) -> EvaluationFrame:
     """Put tracks and truth of one stamp and frame together; tentative tracks are not told.
 
     Args:
@@ -104,16 +106,16 @@ def frame_of(tracks: Tracks, truth: Truth, outside: BOOL | None) -> Frame:
     """
     told = {track.id: track for track in tracks.tracks if track.state != "tentative"}
     hypotheses = near(told.values())
-    return Frame(
+    return EvaluationFrame(
         stamp_ns=tracks.stamp_ns,
-        truth=TruePeople(
+        truth=GroundTruth(
             ids=tuple(person.id for person in truth.people),
             positions_m=_vectors([person.position_m for person in truth.people]),
             velocities_mps=_vectors([person.velocity_mps for person in truth.people]),
             yaws_rad=_angles([person.yaw_rad for person in truth.people]),
             out_of_view=outside,
         ),
-        tracked=TrackedPeople(
+        tracked=Hypotheses(
             ids=tuple(track.id for track in hypotheses),
             positions_m=_vectors([track.position_m for track in hypotheses]),
             velocities_mps=_vectors([track.velocity_mps for track in hypotheses]),

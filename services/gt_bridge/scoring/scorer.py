@@ -5,7 +5,7 @@ from collections import Counter, deque
 import msgspec
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.metrics import TruthTrail, moved
+from common.metrics import TruthBuffer, transform_truth
 from people4d.messages import Score, Tracks, Truth
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.scoring.aligner import Aligner
@@ -32,7 +32,7 @@ class Scorer:
     ) -> None:
         self._config = config
         self._frames, self._views, self._counters = frames, views, counters
-        self._trail = TruthTrail()
+        self._trail = TruthBuffer()
         self._aligner = Aligner(config)
         self._sequence = 0
         self.restart()
@@ -88,7 +88,7 @@ class Scorer:
         if place is None:
             self._counters["without_transform"] += 1
             return None
-        truth = moved(truth, self._aligner.matrix @ place.matrix, tracks.frame_id)
+        truth = transform_truth(truth, self._aligner.matrix @ place.matrix, tracks.frame_id)
         return msgspec.structs.replace(truth, people=near(truth.people))
 
     def _score(self, tracks: Tracks, truth: Truth) -> Score:

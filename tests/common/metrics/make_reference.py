@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from common.metrics import Sequence
+from common.metrics import EvaluationSequence
 from tests.common.metrics.samples import MOT15, SEEDS, drawn, mot15
 
 CLEAR = ("CLR_TP", "CLR_FN", "CLR_FP", "IDSW", "MT", "PT", "ML", "MOTA", "MOTP", "CLR_Re", "CLR_Pr")
@@ -52,7 +52,7 @@ def mot15_inputs(folder: Path) -> tuple[Ids, Ids, list[np.ndarray]]:
     return persons, tracks, overlaps
 
 
-def drawn_inputs(sequence: Sequence) -> tuple[Ids, Ids, list[np.ndarray]]:
+def drawn_inputs(sequence: EvaluationSequence) -> tuple[Ids, Ids, list[np.ndarray]]:
     """Return the same of a drawn sequence, by distance on the ground up to 0.5 m."""
     persons, tracks, alike = [], [], []
     for frame in sequence.frames:

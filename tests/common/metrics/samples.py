@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from common.geometry.boxes import iou_xyxy
-from common.metrics import Frame, Sequence, TrackedPeople, TruePeople
+from common.metrics import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from common.metrics.mot_text import MotRows, read_info, read_rows, sequence
 from people4d.messages import F64
 
@@ -13,9 +13,9 @@ MOT15 = ("ADL-Rundle-6", "ETH-Bahnhof", "KITTI-17", "TUD-Campus", "TUD-Stadtmitt
 SEEDS = (0, 1, 2, 3)
 
 
-def greedy_tracks(detections: MotRows, frames: int) -> dict[int, TrackedPeople]:
+def greedy_tracks(detections: MotRows, frames: int) -> dict[int, Hypotheses]:
     """Link each box to the box of the frame before that overlaps it most, from 0.3 up."""
-    tracks: dict[int, TrackedPeople] = {}
+    tracks: dict[int, Hypotheses] = {}
     ids, boxes, unused = np.zeros(0, np.int64), np.zeros((0, 4)), 1
     for number in range(1, frames + 1):
         found = detections.of(number).boxes_xyxy_px
@@ -27,18 +27,18 @@ def greedy_tracks(detections: MotRows, frames: int) -> dict[int, TrackedPeople]:
         for j in np.flatnonzero(linked == 0):
             linked[j], unused = unused, unused + 1
         ids, boxes = linked, found
-        tracks[number] = TrackedPeople(ids=tuple(ids.tolist()), boxes_xyxy_px=boxes)
+        tracks[number] = Hypotheses(ids=tuple(ids.tolist()), boxes_xyxy_px=boxes)
     return tracks
 
 
-def mot15(folder: Path) -> Sequence:
+def mot15(folder: Path) -> EvaluationSequence:
     """Put the ground truth of one MOT15 sequence and its greedy tracks together."""
     info = read_info(folder / "seqinfo.ini")
     tracks = greedy_tracks(read_rows(folder / "det" / "det.txt"), info.frames)
     return sequence(info, read_rows(folder / "gt" / "gt.txt"), tracks)
 
 
-def drawn(seed: int) -> Sequence:
+def drawn(seed: int) -> EvaluationSequence:
     """Draw five people in a crowd for 60 frames, with pauses, and an untidy tracker's tracks."""
     random = np.random.RandomState(seed)  # its draws never change, unlike a Generator's
     start_m, step_m = random.uniform(0, 1.2, (5, 3)), random.normal(0, 0.01, (5, 3))
@@ -55,15 +55,15 @@ def drawn(seed: int) -> Sequence:
         truth_m = start_m + index * step_m
         told_m = truth_m + random.normal(0, 0.25, (5, 3))
         frames.append(_drawn_frame(index, truth_m[here], told_m[told], (here, names[told])))
-    return Sequence(f"drawn {seed}", tuple(frames))
+    return EvaluationSequence(f"drawn {seed}", tuple(frames))
 
 
 def _drawn_frame(
     index: int, truth_m: F64, told_m: F64, who: tuple[np.ndarray, np.ndarray]
-) -> Frame:
+) -> EvaluationFrame:
     here, names = who
-    return Frame(
+    return EvaluationFrame(
         stamp_ns=index * 40_000_000,
-        truth=TruePeople(ids=tuple(np.flatnonzero(here).tolist()), positions_m=truth_m),
-        tracked=TrackedPeople(ids=tuple(names.tolist()), positions_m=told_m),
+        truth=GroundTruth(ids=tuple(np.flatnonzero(here).tolist()), positions_m=truth_m),
+        tracked=Hypotheses(ids=tuple(names.tolist()), positions_m=told_m),
     )

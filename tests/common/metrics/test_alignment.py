@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import apply, invert, rotation_from_rpy, transform_from
-from common.metrics import estimate_clock, estimate_motion, fit_2d, fit_3d, moved
-from common.metrics.paths import Path
+from common.metrics import estimate_clock, estimate_motion, fit_2d, fit_3d, transform_truth
+from common.metrics.alignment.trajectories import Trajectory
 from people4d.messages import F64, Truth, TruthPerson
 
 RATE_HZ, FRAMES_HZ = 100.0, 30.0
 
 
-def path(position: Callable[[F64], list[F64]], rate_hz: float, late_s: float = 0.0) -> Path:
+def path(position: Callable[[F64], list[F64]], rate_hz: float, late_s: float = 0.0) -> Trajectory:
     """A walk of 5 s as seen by a clock that is late."""
     t = np.arange(0.0, 5.0, 1.0 / rate_hz)
     x, y = position(t)
-    return Path(t + late_s, np.column_stack([x, y, np.full(len(t), 1.0)]))
+    return Trajectory(t + late_s, np.column_stack([x, y, np.full(len(t), 1.0)]))
 
 
 def left(t: F64) -> list[F64]:
@@ -33,18 +33,18 @@ def bent(t: F64) -> list[F64]:
     return [3.0 + np.sin(t), 1.2 * np.cos(t)]
 
 
-def crossing(offset_s: float) -> tuple[dict[Hashable, Path], dict[Hashable, Path]]:
+def crossing(offset_s: float) -> tuple[dict[Hashable, Trajectory], dict[Hashable, Trajectory]]:
     """Two people who cross; the truth's clock shows `offset_s` less than the camera's."""
-    truth: dict[Hashable, Path] = {
+    truth: dict[Hashable, Trajectory] = {
         "a": path(left, RATE_HZ, -offset_s),
         "b": path(right, RATE_HZ, -offset_s),
     }
-    tracked: dict[Hashable, Path] = {1: path(left, FRAMES_HZ), 2: path(right, FRAMES_HZ)}
+    tracked: dict[Hashable, Trajectory] = {1: path(left, FRAMES_HZ), 2: path(right, FRAMES_HZ)}
     return truth, tracked
 
 
-def shifted(paths: dict[Hashable, Path], by_m: F64) -> dict[Hashable, Path]:
-    return {k: Path(p.stamps_s, p.positions_m + by_m) for k, p in paths.items()}
+def shifted(paths: dict[Hashable, Trajectory], by_m: F64) -> dict[Hashable, Trajectory]:
+    return {k: Trajectory(p.stamps_s, p.positions_m + by_m) for k, p in paths.items()}
 
 
 @pytest.mark.parametrize("offset_s", [0.08, -0.08, 0.0, 0.31, -0.5])
@@ -60,7 +60,7 @@ def test_80_ms_are_found_within_5_ms_in_noise_and_with_a_bias(seed: int) -> None
     truth, tracked = crossing(0.08)
     rng = np.random.default_rng(seed)
     noisy = {
-        k: Path(p.stamps_s, p.positions_m + rng.normal(0.0, 0.02, p.positions_m.shape))
+        k: Trajectory(p.stamps_s, p.positions_m + rng.normal(0.0, 0.02, p.positions_m.shape))
         for k, p in shifted(tracked, np.array([-0.13, 0.0, 0.0])).items()
     }
     got = estimate_clock(truth, noisy)
@@ -74,8 +74,12 @@ def test_tracks_that_swap_where_people_meet_do_not_mislead() -> None:
     truth, tracked = crossing(0.08)
     one, two = tracked[1], tracked[2]
     half = len(one.stamps_s) // 2
-    tracked[1] = Path(one.stamps_s, np.vstack([one.positions_m[:half], two.positions_m[half:]]))
-    tracked[2] = Path(one.stamps_s, np.vstack([two.positions_m[:half], one.positions_m[half:]]))
+    tracked[1] = Trajectory(
+        one.stamps_s, np.vstack([one.positions_m[:half], two.positions_m[half:]])
+    )
+    tracked[2] = Trajectory(
+        one.stamps_s, np.vstack([two.positions_m[:half], one.positions_m[half:]])
+    )
     got = estimate_clock(truth, tracked)
     assert got is not None
     assert got.offset_s == pytest.approx(0.08, abs=1e-6)
@@ -122,7 +126,9 @@ def test_a_rigid_motion_is_found_exactly(seed: int) -> None:
 def test_the_frame_of_the_truth_is_found_from_tracks() -> None:
     truth, tracked = crossing(0.08)
     wrong = transform_from([0.3, -0.2, 0.0], rotation_from_rpy(0.0, 0.0, math.radians(4)))
-    misplaced = {k: Path(p.stamps_s, apply(invert(wrong), p.positions_m)) for k, p in truth.items()}
+    misplaced = {
+        k: Trajectory(p.stamps_s, apply(invert(wrong), p.positions_m)) for k, p in truth.items()
+    }
     got = estimate_motion(misplaced, tracked, offset_s=0.08)
     assert got is not None
     assert got.matrix == pytest.approx(wrong, abs=1e-9)
@@ -133,7 +139,9 @@ def test_the_frame_of_the_truth_is_found_from_tracks() -> None:
 def test_a_tilted_frame_needs_three_dimensions_and_people_off_one_line() -> None:
     truth, tracked = crossing(0.0)
     tilt = transform_from([0.1, 0.0, 0.0], rotation_from_rpy(0.0, math.radians(2), 0.0))
-    tilted = {k: Path(p.stamps_s, apply(invert(tilt), p.positions_m)) for k, p in truth.items()}
+    tilted = {
+        k: Trajectory(p.stamps_s, apply(invert(tilt), p.positions_m)) for k, p in truth.items()
+    }
     got = estimate_motion(tilted, tracked, dimensions=3)
     assert got is not None
     assert got.matrix == pytest.approx(tilt, abs=1e-9)
@@ -143,8 +151,8 @@ def test_a_tilted_frame_needs_three_dimensions_and_people_off_one_line() -> None
 
 
 def test_people_who_stand_still_tell_no_turn() -> None:
-    still = {"a": Path(np.arange(0, 5, 0.01), np.ones((500, 3)))}
-    tracked = {1: Path(np.arange(0, 5, 0.1), np.ones((50, 3)))}
+    still = {"a": Trajectory(np.arange(0, 5, 0.01), np.ones((500, 3)))}
+    tracked = {1: Trajectory(np.arange(0, 5, 0.1), np.ones((50, 3)))}
     assert estimate_motion(still, tracked) is None
 
 
@@ -158,7 +166,7 @@ def test_moved_by_hand() -> None:
         yaw_rad=math.radians(170),
     )
     truth = Truth(stamp_ns=5, sequence=3, frame_id="mocap", people=(person,))
-    got = moved(truth, turn, "map")
+    got = transform_truth(truth, turn, "map")
     assert (got.frame_id, got.stamp_ns, got.sequence) == ("map", 5, 3)
     (one,) = got.people
     assert one.position_m == pytest.approx(np.array([0.0, 2.0, 2.0]))
@@ -172,4 +180,4 @@ def test_mocap_with_another_axis_up_turns_yaw_rightly() -> None:
     over = transform_from([0.0, 0.0, 0.0], rotation_from_rpy(math.pi, 0.0, 0.0))
     person = TruthPerson(id="a", position_m=np.zeros(3), yaw_rad=math.pi / 2)
     truth = Truth(stamp_ns=0, sequence=0, frame_id="mocap", people=(person,))
-    assert moved(truth, over, "map").people[0].yaw_rad == pytest.approx(-math.pi / 2)
+    assert transform_truth(truth, over, "map").people[0].yaw_rad == pytest.approx(-math.pi / 2)

@@ -5,12 +5,12 @@ import pytest
 
 from common.metrics import (
     ClearCounts,
-    Frame,
+    EvaluationFrame,
+    EvaluationSequence,
     GroundDistance,
+    GroundTruth,
+    Hypotheses,
     IdSwitch,
-    Sequence,
-    TrackedPeople,
-    TruePeople,
     box_overlap,
     id_switches,
     match,
@@ -21,7 +21,7 @@ from tests.common.metrics.worlds import sequence, tracked, truth
 NEAR = GroundDistance(0.5)
 
 
-def count(recording: Sequence) -> ClearCounts:
+def count(recording: EvaluationSequence) -> ClearCounts:
     return count_clear(match(recording, NEAR))
 
 
@@ -126,17 +126,19 @@ def test_the_largest_distance_still_matches(apart_m: float, matches: int) -> Non
 
 
 def test_height_plays_no_part_in_the_distance() -> None:
-    high = TrackedPeople(ids=(1,), positions_m=np.array([[0.0, 0.0, 1.8]]))
+    high = Hypotheses(ids=(1,), positions_m=np.array([[0.0, 0.0, 1.8]]))
     assert count(sequence(({"A": 0}, high))).motp == 1.0
 
 
 def test_boxes_match_from_half_overlap() -> None:
     # 10 x 10 boxes: moved by 3, the overlap is 70 / 130 = 0.54; moved by 4, 60 / 140 = 0.43.
-    person = TruePeople(ids=("A",), boxes_xyxy_px=np.array([[0.0, 0.0, 10.0, 10.0]]))
+    person = GroundTruth(ids=("A",), boxes_xyxy_px=np.array([[0.0, 0.0, 10.0, 10.0]]))
     for shift, matches in ((3, 1), (4, 0)):
         box = np.array([[0.0, shift, 10.0, 10.0 + shift]])
-        frame = Frame(stamp_ns=0, truth=person, tracked=TrackedPeople(ids=(1,), boxes_xyxy_px=box))
-        assert count_clear(match(Sequence("x", (frame,)), box_overlap)).matches == matches
+        frame = EvaluationFrame(
+            stamp_ns=0, truth=person, tracked=Hypotheses(ids=(1,), boxes_xyxy_px=box)
+        )
+        assert count_clear(match(EvaluationSequence("x", (frame,)), box_overlap)).matches == matches
 
 
 def test_mostly_tracked_is_more_than_four_in_five() -> None:

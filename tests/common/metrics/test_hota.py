@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from common.metrics import ALPHAS, GroundDistance, HotaCounts, Sequence, match
+from common.metrics import ALPHAS, EvaluationSequence, GroundDistance, HotaCounts, match
 from common.metrics.hota import count_hota
 from tests.common.metrics.worlds import sequence, truth
 
 
-def count(recording: Sequence) -> HotaCounts:
+def count(recording: EvaluationSequence) -> HotaCounts:
     return count_hota(match(recording, GroundDistance(0.5)))
 
 

@@ -1,11 +1,11 @@
 """Identity measures worked on paper (Ristani et al. 2016; method book section 9)."""
 
-from common.metrics import GroundDistance, IdentityCounts, Sequence, match
+from common.metrics import EvaluationSequence, GroundDistance, IdentityCounts, match
 from common.metrics.identity import count_identity
 from tests.common.metrics.worlds import sequence, truth
 
 
-def count(recording: Sequence) -> IdentityCounts:
+def count(recording: EvaluationSequence) -> IdentityCounts:
     return count_identity(match(recording, GroundDistance(0.5)))
 
 

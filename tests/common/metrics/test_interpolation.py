@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from common.metrics import TruthTrail, interpolate
+from common.metrics import TruthBuffer, interpolate
 from people4d.messages import Truth, TruthPerson
 
 MS = 1_000_000
@@ -24,8 +24,8 @@ def truth(stamp_ms: int, *people: TruthPerson, frame_id: str = "map") -> Truth:
     return Truth(stamp_ns=stamp_ms * MS, sequence=0, frame_id=frame_id, people=people)
 
 
-def trail(*messages: Truth) -> TruthTrail:
-    made = TruthTrail()
+def trail(*messages: Truth) -> TruthBuffer:
+    made = TruthBuffer()
     for message in messages:
         made.add(message)
     return made
@@ -95,7 +95,7 @@ def test_nothing_is_told_outside_of_the_trail_or_in_its_gaps() -> None:
     assert samples.at(99 * MS) is None
     assert samples.at(901 * MS) is None
     assert samples.at(300 * MS) is None
-    assert TruthTrail().at(0) is None
+    assert TruthBuffer().at(0) is None
 
 
 def test_an_empty_sample_says_that_nobody_is_there() -> None:
@@ -118,7 +118,7 @@ def test_a_stamp_that_goes_back_begins_anew() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    samples = TruthTrail(keep=10)
+    samples = TruthBuffer(keep=10)
     for stamp_ms in range(100):
         samples.add(truth(stamp_ms, person("a", stamp_ms)))
     assert 10 <= len(samples.messages) < 20

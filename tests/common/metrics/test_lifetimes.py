@@ -2,7 +2,15 @@
 
 import pytest
 
-from common.metrics import GroundDistance, Lifetimes, Return, Sequence, find_returns, match, score
+from common.metrics import (
+    EvaluationSequence,
+    GroundDistance,
+    Lifetimes,
+    ReturnToView,
+    find_returns,
+    match,
+    score,
+)
 from common.metrics.lifetimes import count_lifetimes
 from tests.common.metrics.worlds import sequence, tracked, truth
 
@@ -10,7 +18,7 @@ NEAR = GroundDistance(0.5)
 GONE = (truth({"A": 0}, out="A"), tracked({}))
 
 
-def count(recording: Sequence) -> Lifetimes:
+def count(recording: EvaluationSequence) -> Lifetimes:
     return count_lifetimes(match(recording, NEAR))
 
 
@@ -57,7 +65,7 @@ def test_a_return_under_the_same_track() -> None:
     # Last in view at 0.5 s, back at 2.5 s: 2 s away.
     recording = sequence(*[({"A": 0}, {1: 0})] * 2, *[GONE] * 3, *[({"A": 0}, {1: 0})] * 2)
     (back,) = find_returns(match(recording, NEAR))
-    assert back == Return("A", frame=5, away_s=2.0, before=1, after=1)
+    assert back == ReturnToView("A", frame=5, away_s=2.0, before=1, after=1)
     assert back.reidentified
     assert count(recording).share_reidentified == 1.0
 

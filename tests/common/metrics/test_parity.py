@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from common.metrics import GroundDistance, Matching, Scores, Step, box_overlap, combine, match
+from common.metrics import (
+    FrameMatches,
+    GroundDistance,
+    Matching,
+    Scores,
+    box_overlap,
+    combine,
+    match,
+)
 from common.metrics.clear import count_clear
 from common.metrics.scores import score_matching
 from tests.common.metrics.samples import MOT15, SEEDS, drawn, mot15
@@ -118,7 +126,7 @@ def kept_for_ever(matching: Matching) -> Matching:
     return replace(matching, steps=tuple(steps))
 
 
-def rematched(step: Step, kept: np.ndarray) -> Step:
+def rematched(step: FrameMatches, kept: np.ndarray) -> FrameMatches:
     worth = np.where(step.similarity >= 0.5, 1000.0 * kept + 1.0 + step.similarity, 0.0)
     rows, columns = linear_sum_assignment(worth, maximize=True)
     valid = worth[rows, columns] > 0

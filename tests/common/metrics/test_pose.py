@@ -7,13 +7,13 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from common.metrics import (
-    Frame,
+    EvaluationFrame,
+    EvaluationSequence,
     GroundDistance,
+    GroundTruth,
+    Hypotheses,
     PoseErrors,
     Scores,
-    Sequence,
-    TrackedPeople,
-    TruePeople,
     score,
 )
 from people4d.messages import F64
@@ -26,17 +26,17 @@ def pair(
     velocity_mps: tuple[float, float] = (0, 0),
     yaws_rad: tuple[float, float] = (0, 0),
     map_from_camera: F64 | None = None,
-) -> Frame:
+) -> EvaluationFrame:
     """Make a frame with one person at rest in the origin, and one track with these errors."""
-    return Frame(
+    return EvaluationFrame(
         stamp_ns=0,
-        truth=TruePeople(
+        truth=GroundTruth(
             ids=("A",),
             positions_m=np.zeros((1, 3)),
             velocities_mps=np.zeros((1, 3)),
             yaws_rad=np.array(yaws_rad[:1]),
         ),
-        tracked=TrackedPeople(
+        tracked=Hypotheses(
             ids=(1,),
             positions_m=np.array([[*position_m, 0.7]]),
             velocities_mps=np.array([[*velocity_mps, 0.9]]),
@@ -46,10 +46,10 @@ def pair(
     )
 
 
-def scores(*frames: Frame) -> Scores:
+def scores(*frames: EvaluationFrame) -> Scores:
     """Score frames one after the other, 1 s apart."""
     later = (
-        Frame(
+        EvaluationFrame(
             stamp_ns=i * 10**9,
             truth=frame.truth,
             tracked=frame.tracked,
@@ -57,10 +57,10 @@ def scores(*frames: Frame) -> Scores:
         )
         for i, frame in enumerate(frames)
     )
-    return score(Sequence("hand-made", tuple(later)), GroundDistance(1.0))
+    return score(EvaluationSequence("hand-made", tuple(later)), GroundDistance(1.0))
 
 
-def errors(*frames: Frame) -> PoseErrors:
+def errors(*frames: EvaluationFrame) -> PoseErrors:
     return scores(*frames).pose
 
 
@@ -154,16 +154,16 @@ def test_no_match_has_no_errors() -> None:
 
 
 def test_measured_predicted_and_occluded_apart() -> None:
-    def frame(x_m: float, predicted: bool, occluded: bool, out: bool = False) -> Frame:
-        return Frame(
+    def frame(x_m: float, predicted: bool, occluded: bool, out: bool = False) -> EvaluationFrame:
+        return EvaluationFrame(
             stamp_ns=0,
-            truth=TruePeople(
+            truth=GroundTruth(
                 ids=("A",),
                 positions_m=np.zeros((1, 3)),
                 occluded=np.array([occluded]),
                 out_of_view=np.array([out]),
             ),
-            tracked=TrackedPeople(
+            tracked=Hypotheses(
                 ids=(1,), positions_m=np.array([[x_m, 0, 0]]), predicted=np.array([predicted])
             ),
         )

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from common.metrics import (
-    Frame,
+    EvaluationFrame,
+    EvaluationSequence,
     GroundDistance,
+    GroundTruth,
+    Hypotheses,
     Scores,
-    Sequence,
-    Spread,
-    TrackedPeople,
-    TruePeople,
+    SummaryStatistics,
     combine,
     score,
     summarise,
@@ -27,12 +27,12 @@ IDEAL = (
 )
 
 
-def with_frames(recording: Sequence, *frames: Frame) -> Sequence:
-    return Sequence(recording.name, frames)
+def with_frames(recording: EvaluationSequence, *frames: EvaluationFrame) -> EvaluationSequence:
+    return EvaluationSequence(recording.name, frames)
 
 
-def changed(frame: Frame, truth: TruePeople, tracked: TrackedPeople) -> Frame:
-    return Frame(stamp_ns=frame.stamp_ns, truth=truth, tracked=tracked)
+def changed(frame: EvaluationFrame, truth: GroundTruth, tracked: Hypotheses) -> EvaluationFrame:
+    return EvaluationFrame(stamp_ns=frame.stamp_ns, truth=truth, tracked=tracked)
 
 
 def assert_same(a: Scores, b: Scores) -> None:
@@ -83,11 +83,11 @@ def test_names_do_not_matter(seed: int) -> None:
         *(
             changed(
                 frame,
-                TruePeople(
+                GroundTruth(
                     ids=tuple(f"person {9 - int(i)}" for i in frame.truth.ids),
                     positions_m=frame.truth.positions_m,
                 ),
-                TrackedPeople(
+                Hypotheses(
                     ids=tuple(999 - int(i) for i in frame.tracked.ids),
                     positions_m=frame.tracked.positions_m,
                 ),
@@ -102,15 +102,15 @@ def test_names_do_not_matter(seed: int) -> None:
 def test_order_within_a_frame_does_not_matter(seed: int) -> None:
     recording, random = drawn(seed), np.random.default_rng(seed)
 
-    def shuffled(frame: Frame) -> Frame:
+    def shuffled(frame: EvaluationFrame) -> EvaluationFrame:
         a, b = frame.truth, frame.tracked
         assert a.positions_m is not None
         assert b.positions_m is not None
         i, j = random.permutation(len(a.ids)), random.permutation(len(b.ids))
         return changed(
             frame,
-            TruePeople(ids=tuple(a.ids[k] for k in i), positions_m=a.positions_m[i]),
-            TrackedPeople(ids=tuple(b.ids[k] for k in j), positions_m=b.positions_m[j]),
+            GroundTruth(ids=tuple(a.ids[k] for k in i), positions_m=a.positions_m[i]),
+            Hypotheses(ids=tuple(b.ids[k] for k in j), positions_m=b.positions_m[j]),
         )
 
     assert_same(
@@ -128,7 +128,7 @@ def test_a_tracker_that_tells_the_truth_is_perfect(seed: int) -> None:
             changed(
                 frame,
                 frame.truth,
-                TrackedPeople(ids=frame.truth.ids, positions_m=frame.truth.positions_m),
+                Hypotheses(ids=frame.truth.ids, positions_m=frame.truth.positions_m),
             )
             for frame in recording.frames
         ),
@@ -148,14 +148,14 @@ def test_a_tracker_that_tells_the_truth_is_perfect(seed: int) -> None:
 @pytest.mark.parametrize(
     ("recording", "expected"),
     [
-        (Sequence("no frames", ()), 0.0),
+        (EvaluationSequence("no frames", ()), 0.0),
         (sequence(({}, {}), ({}, {})), 0.0),
         (sequence(({"A": 0}, {})), 0.0),
         (sequence(({}, {1: 0})), 0.0),
     ],
 )
 def test_nothing_there_or_nothing_told_has_defined_figures(
-    recording: Sequence, expected: float
+    recording: EvaluationSequence, expected: float
 ) -> None:
     result = score(recording, NEAR)
     row = result.row()
@@ -168,7 +168,7 @@ def test_nothing_there_or_nothing_told_has_defined_figures(
 
 
 def test_no_sequences_at_all() -> None:
-    assert combine([]).row() == score(Sequence("no frames", ()), NEAR).row()
+    assert combine([]).row() == score(EvaluationSequence("no frames", ()), NEAR).row()
 
 
 def test_mean_and_spread() -> None:
@@ -179,7 +179,7 @@ def test_mean_and_spread() -> None:
         {"idf1": 6.0, "yaw": None},
     ]
     summary = summarise(rows)
-    assert summary["idf1"] == Spread(3.0, 7**0.5, 1.0, 6.0, 3)
-    assert summary["yaw"] == Spread(4.0, 0.0, 4.0, 4.0, 1)
+    assert summary["idf1"] == SummaryStatistics(3.0, 7**0.5, 1.0, 6.0, 3)
+    assert summary["yaw"] == SummaryStatistics(4.0, 0.0, 4.0, 4.0, 1)
     assert summarise([{"yaw": None}]) == {"yaw": None}
     assert summarise([]) == {}

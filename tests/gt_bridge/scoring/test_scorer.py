@@ -13,8 +13,14 @@ import pytest
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import transform_from
-from common.metrics import Frame, GroundDistance, TrackedPeople, TruePeople, score
-from common.metrics import Sequence as Frames
+from common.metrics import (
+    EvaluationFrame,
+    EvaluationSequence,
+    GroundDistance,
+    GroundTruth,
+    Hypotheses,
+    score,
+)
 from people4d.messages import (
     Message,
     MovingTransform,
@@ -208,7 +214,7 @@ def walks(seed: int) -> tuple[list[Truth], list[Tracks]]:
     return truths, told
 
 
-def whole(truths: Sequence[Truth], told: Sequence[Tracks]) -> Frames:
+def whole(truths: Sequence[Truth], told: Sequence[Tracks]) -> EvaluationSequence:
     """The same as one sequence for `common.metrics`."""
     at = {message.stamp_ns: message for message in truths}
     frames = []
@@ -218,16 +224,16 @@ def whole(truths: Sequence[Truth], told: Sequence[Tracks]) -> Frames:
         # 45 degrees to either side, up to 5 m: written out for this camera.
         outside = (positions[:, 0] > 5) | (np.abs(positions[:, 1]) > 0.995 * positions[:, 0])
         frames.append(
-            Frame(
+            EvaluationFrame(
                 stamp_ns=message.stamp_ns,
-                truth=TruePeople(
+                truth=GroundTruth(
                     ids=tuple(p.id for p in people),
                     positions_m=positions,
                     velocities_mps=np.array([p.velocity_mps for p in people]),
                     yaws_rad=np.array([p.yaw_rad for p in people]),
                     out_of_view=outside,
                 ),
-                tracked=TrackedPeople(
+                tracked=Hypotheses(
                     ids=tuple(t.id for t in found),
                     positions_m=np.array([t.position_m for t in found]).reshape(-1, 3),
                     velocities_mps=np.array([t.velocity_mps for t in found]).reshape(-1, 3),
@@ -235,7 +241,7 @@ def whole(truths: Sequence[Truth], told: Sequence[Tracks]) -> Frames:
                 ),
             )
         )
-    return Frames("walks", tuple(frames))
+    return EvaluationSequence("walks", tuple(frames))
 
 
 @pytest.mark.parametrize("seed", range(3))

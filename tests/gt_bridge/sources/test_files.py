@@ -11,8 +11,8 @@ import pytest
 from people4d.errors import SourceError
 from people4d.messages import Truth
 from services.gt_bridge.config import GtBridgeConfig
+from services.gt_bridge.playback import StoredTruth
 from services.gt_bridge.sources.registry import open_truth
-from services.gt_bridge.sources.stored import StoredTruth
 
 SEQINFO = """[Sequence]
 name=x

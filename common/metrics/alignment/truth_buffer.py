@@ -12,7 +12,7 @@ MAX_GAP_NS = 200_000_000  # people move 0.3 m in this time; what lies farther ap
 KEEP = 2048  # messages that are remembered, 20 s at 100 Hz
 
 
-class TruthTrail:
+class TruthBuffer:
     """Truth of the last seconds, which can be asked for any stamp in between.
 
     A person who is absent for a few samples is filled in, too, as long as the gap is short.
@@ -78,7 +78,7 @@ class TruthTrail:
 
 def interpolate(before: Truth, after: Truth, stamp_ns: int) -> Truth:
     """Return the people who are in both messages at a stamp between them."""
-    trail = TruthTrail(max_gap_ns=after.stamp_ns - before.stamp_ns)
+    trail = TruthBuffer(max_gap_ns=after.stamp_ns - before.stamp_ns)
     trail.add(before)
     trail.add(after)
     return trail.at(stamp_ns) or msgspec.structs.replace(before, stamp_ns=stamp_ns, people=())

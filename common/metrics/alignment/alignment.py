@@ -1,8 +1,8 @@
 """Bringing truth to the clock and the frame of the tracks.
 
-Known calibration moves the truth (`moved`). What is not known can be estimated from the tracks
-(`estimate_clock`, `estimate_motion`): good to find a fault of the set-up, and to be told beside
-the errors, since an alignment that is fitted to the tracks takes away errors of theirs.
+A known calibration is applied with `transform_truth`. An unknown one can be estimated from the
+tracks (`estimate_clock`, `estimate_motion`): it finds faults of the set-up, and is reported beside
+the errors, since an alignment that is fitted to the tracks removes errors of theirs.
 """
 
 import math
@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from common.geometry.transforms import apply, transform_from, wrap
-from common.metrics.paths import Pairs, Paths, cost, pair_up
+from common.metrics.alignment.trajectories import Trajectories, TrajectoryPairs, cost, pair_up
 from common.metrics.record import BOOL
 from people4d.messages import F64, Truth, TruthPerson
 
@@ -36,7 +36,7 @@ class ClockOffset:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SpaceAlignment:
     """Where the truth lies in the frame of the tracks."""
 
     matrix: F64  # [m] 4x4, tracks' frame from truth's frame
@@ -45,7 +45,7 @@ class Motion:
     samples: int
 
 
-def moved(truth: Truth, matrix: F64, frame_id: str) -> Truth:
+def transform_truth(truth: Truth, matrix: F64, frame_id: str) -> Truth:
     """Bring truth to another frame.
 
     Args:
@@ -100,7 +100,9 @@ def fit_3d(source_m: F64, target_m: F64) -> F64:
     return transform_from(centre_b - rotation @ centre_a, rotation)
 
 
-def estimate_clock(truth: Paths, tracked: Paths, widest_s: float = 0.5) -> ClockOffset | None:
+def estimate_clock(
+    truth: Trajectories, tracked: Trajectories, widest_s: float = 0.5
+) -> ClockOffset | None:
     """Estimate the constant offset between both clocks, whatever constant error positions have.
 
     A track is where its person was an offset ago, plus a shift: p(t) = q(t - d) + b. After a
@@ -132,11 +134,11 @@ def estimate_clock(truth: Paths, tracked: Paths, widest_s: float = 0.5) -> Clock
 
 
 def estimate_motion(
-    truth: Paths, tracked: Paths, offset_s: float = 0.0, dimensions: Literal[2, 3] = 2
-) -> Motion | None:
+    truth: Trajectories, tracked: Trajectories, offset_s: float = 0.0, dimensions: Literal[2, 3] = 2
+) -> SpaceAlignment | None:
     """Estimate where the truth lies in the frame of the tracks, from less than a metre away.
 
-    Pairs and motion are found in turns, as in iterative closest points.
+    TrajectoryPairs and motion are found in turns, as in iterative closest points.
 
     Args:
         truth: Where people were.
@@ -146,7 +148,7 @@ def estimate_motion(
 
     Returns:
         The motion; None if there are too few samples, or they do not tell the rotation: people
-        hardly moved, or (in 3D) all along one line.
+        hardly transform_truth, or (in 3D) all along one line.
     """
     matrix = np.eye(4)
     pairs = pair_up(truth, tracked, offset_s)
@@ -159,7 +161,7 @@ def estimate_motion(
         pairs = pair_up(truth, tracked, offset_s, matrix)
         if np.abs(matrix - last).max() < SETTLED:
             break
-    return Motion(matrix, before_m, pairs.rmse_m(matrix), len(pairs.true_m))
+    return SpaceAlignment(matrix, before_m, pairs.rmse_m(matrix), len(pairs.true_m))
 
 
 def _tells_rotation(points_m: F64, dimensions: Literal[2, 3]) -> bool:
@@ -171,7 +173,7 @@ def _tells_rotation(points_m: F64, dimensions: Literal[2, 3]) -> bool:
     return bool(spread_m[dimensions - 2] >= MIN_SPREAD_M)
 
 
-def _clock_step(pairs: Pairs) -> ClockOffset | None:
+def _clock_step(pairs: TrajectoryPairs) -> ClockOffset | None:
     """Return the change of the offset that explains the residuals best beside a constant shift."""
     residual, velocity = (pairs.told_m - pairs.true_m)[:, :2], pairs.velocity_mps[:, :2]
     if len(residual) < MIN_SAMPLES:

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from common.metrics import Row, combine
-from evaluation.output import (
+from evaluation.pool import Pool
+from evaluation.recordings.recordings import EvaluationRecording
+from evaluation.report.csv_files import (
     SWITCH_FIELDS,
     switch_rows,
     write_bytes,
@@ -14,27 +16,32 @@ from evaluation.output import (
     write_summary,
     write_table,
 )
-from evaluation.page import Content, Picture, html_of
-from evaluation.pool import Pool
-from evaluation.preparation import Plan, Report, Work, check_models, film_all, trials_of
-from evaluation.strips import Strip, strips_of
-from evaluation.tables import (
+from evaluation.report.filmstrips import Filmstrip, filmstrips_of
+from evaluation.report.page import ReportContent, ReportFigure, html_of
+from evaluation.report.tables import (
     OVERVIEW,
     SHAPES,
     SPEED,
-    Table,
+    ReportTable,
     fill,
     groups_of,
     row_of,
     speed_of,
 )
-from evaluation.takes import Take
-from evaluation.trace import Trace, trace_of
-from evaluation.trial import Result, Trial, judge, run
+from evaluation.report.trajectories import RunTrajectories, trajectories_of
+from evaluation.run.preparation import (
+    EvaluationPlan,
+    OnProgress,
+    WorkQueue,
+    check_models,
+    render_all,
+    runs_of,
+)
+from evaluation.run.run import EvaluationRun, RunScores, run, score_run
 
 
 @dataclass(frozen=True)
-class Judged:
+class RunReport:
     """One trial.
 
     Args:
@@ -44,10 +51,10 @@ class Judged:
         trace: Its course, if wanted.
     """
 
-    result: Result
+    result: RunScores
     switches: tuple[tuple[object, ...], ...]
-    strips: tuple[Strip, ...] = ()
-    trace: Trace | None = None
+    strips: tuple[Filmstrip, ...] = ()
+    trace: RunTrajectories | None = None
 
 
 @dataclass(frozen=True)
@@ -62,14 +69,14 @@ class Evaluation:
         pictures: Of the first take of each scenario, and of the errors.
     """
 
-    judged: tuple[Judged, ...]
+    judged: tuple[RunReport, ...]
     rows: tuple[Row, ...]
-    overview: Table
-    tables: tuple[Table, ...]
-    pictures: tuple[Picture, ...]
+    overview: ReportTable
+    tables: tuple[ReportTable, ...]
+    pictures: tuple[ReportFigure, ...]
 
 
-def evaluate(plan: Plan, report: Report) -> Evaluation:
+def evaluate(plan: EvaluationPlan, report: OnProgress) -> Evaluation:
     """Judge all methods on all takes.
 
     Args:
@@ -81,11 +88,11 @@ def evaluate(plan: Plan, report: Report) -> Evaluation:
         ModelError: A model is absent.
     """
     check_models(plan)
-    film_all(plan, report)
+    render_all(plan, report)
     with Pool(plan.jobs) as pool:
-        work = Work(pool, report)
+        work = WorkQueue(pool, report)
         shown = _shown(plan.takes)
-        tries = [(trial, trial.take.name in shown) for trial in trials_of(plan, work)]
+        tries = [(trial, trial.take.name in shown) for trial in runs_of(plan, work)]
         judged = work.do("tracking", try_out, tries)
         pictures = _pictures(plan, judged, work) if plan.figures else ()
     results = [one.result for one in judged]
@@ -99,7 +106,7 @@ def evaluate(plan: Plan, report: Report) -> Evaluation:
     return Evaluation(tuple(judged), tuple(rows), overview, tuple(tables), pictures)
 
 
-def write(plan: Plan, evaluation: Evaluation, folder: Path, command: str) -> Path:
+def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: str) -> Path:
     """Write all figures as CSV files, pictures, and the report that holds everything.
 
     Args:
@@ -128,7 +135,7 @@ def write(plan: Plan, evaluation: Evaluation, folder: Path, command: str) -> Pat
     for number, strip in enumerate(strips, 1):
         name = f"{number:03d}_{strip.method}_{strip.take}.png"
         write_bytes(folder / "switches" / name, strip.png())
-    content = Content(
+    content = ReportContent(
         command=command,
         results=results,
         tables=evaluation.tables,
@@ -142,7 +149,7 @@ def write(plan: Plan, evaluation: Evaluation, folder: Path, command: str) -> Pat
     return report
 
 
-def try_out(asked: tuple[Trial, bool]) -> Judged:
+def try_out(asked: tuple[EvaluationRun, bool]) -> RunReport:
     """Do one trial.
 
     Args:
@@ -152,31 +159,35 @@ def try_out(asked: tuple[Trial, bool]) -> Judged:
     done = run(trial)
     rows = tuple(switch_rows(trial.method.name, trial.take.name, done))
     if not shown:
-        return Judged(judge(trial, done), rows)
-    course = trace_of(trial.method.name, done)
-    return Judged(judge(trial, done), rows, strips_of(trial, done), course)
+        return RunReport(score_run(trial, done), rows)
+    course = trajectories_of(trial.method.name, done)
+    return RunReport(score_run(trial, done), rows, filmstrips_of(trial, done), course)
 
 
-def draw(asked: tuple[Take, tuple[Trace, ...]]) -> tuple[Picture, ...]:
+def draw(
+    asked: tuple[EvaluationRecording, tuple[RunTrajectories, ...]],
+) -> tuple[ReportFigure, ...]:
     """Draw the courses of all methods on one take."""
-    from evaluation import figures  # noqa: PLC0415 (matplotlib may not be there)
+    from evaluation.report import figures  # noqa: PLC0415 (matplotlib may not be there)
 
     take, traces = asked
     plans, courses = figures.floor_plans(take.name, traces), figures.courses(take.name, traces)
     return (
-        Picture(f"{take.name}_floor", f"{take.name}: trajectories on the floor", plans),
-        Picture(f"{take.name}_time", f"{take.name}: position, velocity and yaw", courses),
+        ReportFigure(f"{take.name}_floor", f"{take.name}: trajectories on the floor", plans),
+        ReportFigure(f"{take.name}_time", f"{take.name}: position, velocity and yaw", courses),
     )
 
 
-def _shown(takes: Sequence[Take]) -> set[str]:
+def _shown(takes: Sequence[EvaluationRecording]) -> set[str]:
     """Return the names of the takes that are shown: the first of each scenario."""
     first = {take.scenario: take.name for take in reversed(takes)}
     return set(first.values())
 
 
-def _pictures(plan: Plan, judged: Sequence[Judged], work: Work) -> tuple[Picture, ...]:
-    from evaluation import figures  # noqa: PLC0415
+def _pictures(
+    plan: EvaluationPlan, judged: Sequence[RunReport], work: WorkQueue
+) -> tuple[ReportFigure, ...]:
+    from evaluation.report import figures  # noqa: PLC0415
 
     asked = []
     for take in plan.takes:
@@ -187,6 +198,6 @@ def _pictures(plan: Plan, judged: Sequence[Judged], work: Work) -> tuple[Picture
         method.name: combine(j.result.scores for j in judged if j.result.method == method.name)
         for method in plan.methods
     }
-    errors = Picture("errors", "Errors over all recordings", figures.histograms(pooled))
+    errors = ReportFigure("errors", "Errors over all recordings", figures.histograms(pooled))
     drawn = work.do("drawing", draw, asked)
     return (errors, *(picture for pictures in drawn for picture in pictures))

@@ -36,7 +36,7 @@ NO_NOTES: Notes = MappingProxyType({})
 
 
 @dataclass(frozen=True)
-class Seen:
+class FrameMotion:
     """What one frame told.
 
     Args:
@@ -78,7 +78,7 @@ class VisualMotion:
         """What was counted."""
         return self._node.status().counters
 
-    def __iter__(self) -> Iterator[Seen]:
+    def __iter__(self) -> Iterator[FrameMotion]:
         """Yield what each frame tells."""
         info = self._source.info
         for message in (info, *self._transforms):
@@ -88,7 +88,7 @@ class VisualMotion:
             yield self._see(capture, info, sequence)
         self._source.close()
 
-    def _see(self, capture: Capture, info: CameraInfo, sequence: int) -> Seen:
+    def _see(self, capture: Capture, info: CameraInfo, sequence: int) -> FrameMotion:
         frame = RgbdFrame(
             stamp_ns=capture.stamp_ns,
             sequence=sequence,
@@ -103,11 +103,11 @@ class VisualMotion:
             self._node.handle(people, 0)
         took_ms = (time.process_time_ns() - start_ns) / 1e6
         motion = next((m for m in told if isinstance(m, Odometry | MovingTransform)), None)
-        return Seen(capture.stamp_ns, motion, took_ms)
+        return FrameMotion(capture.stamp_ns, motion, took_ms)
 
 
 @dataclass(frozen=True)
-class Watch:
+class VisualMotionJob:
     """What is watched for its motion.
 
     Args:
@@ -123,7 +123,7 @@ class Watch:
     folder: Path
 
 
-def watch(wanted: Watch) -> Path:
+def estimate_motion(wanted: VisualMotionJob) -> Path:
     """Return the detections with the motion that pictures tell, unless they were watched before.
 
     Raises:
@@ -138,13 +138,15 @@ def watch(wanted: Watch) -> Path:
     messages = [message for _, message in stored.messages()]
     new = path.with_suffix(f".{os.getpid()}.new")
     new.parent.mkdir(parents=True, exist_ok=True)
-    write_seen(messages, VisualMotion(wanted.camera, wanted.config, messages), new, stored.notes)
+    write_with_motion(
+        messages, VisualMotion(wanted.camera, wanted.config, messages), new, stored.notes
+    )
     new.replace(path)
     return path
 
 
-def write_seen(
-    messages: Iterable[Message], seen: Iterable[Seen], path: Path, notes: Notes = NO_NOTES
+def write_with_motion(
+    messages: Iterable[Message], seen: Iterable[FrameMotion], path: Path, notes: Notes = NO_NOTES
 ) -> None:
     """Write a recording again, with the motion that its pictures tell for what it had.
 

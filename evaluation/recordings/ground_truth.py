@@ -8,9 +8,9 @@ import numpy as np
 from msgspec.structs import replace
 
 from common.geometry.transforms import invert
-from common.metrics import TruePeople, TruthTrail, in_view
-from evaluation.takes import Take
-from evaluation.visibility import LabView, lab_views, load_views, save_views
+from common.metrics import GroundTruth, TruthBuffer, in_view
+from evaluation.recordings.recordings import EvaluationRecording
+from evaluation.recordings.visibility import SimulatedView, load_views, save_views, simulated_views
 from lab.scenario import Scenario
 from lab.world import EPOCH_NS
 from people4d.errors import SourceError
@@ -24,7 +24,7 @@ ALL = 2**40  # messages that are remembered: all
 
 
 @dataclass(frozen=True)
-class Moment:
+class TruthFrame:
     """The people at one stamp.
 
     Args:
@@ -39,7 +39,7 @@ class Moment:
     shares: Mapping[str, float] = field(default_factory=dict)
     map_from_camera: F64 | None = None
 
-    def true_people(self, info: CameraInfo, map_from_camera: F64 | None) -> TruePeople:
+    def true_people(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
         """Return who was there and who had to be found.
 
         Args:
@@ -54,7 +54,7 @@ class Moment:
         unknown = np.full(3, np.nan)
         velocities = [unknown if p.velocity_mps is None else p.velocity_mps for p in self.people]
         yaws = [np.nan if p.yaw_rad is None else p.yaw_rad for p in self.people]
-        return TruePeople(
+        return GroundTruth(
             ids=ids,
             positions_m=positions_m,
             velocities_mps=np.array(velocities).reshape(-1, 3),
@@ -65,7 +65,7 @@ class Moment:
 
 
 @dataclass(frozen=True)
-class Happening:
+class SampledTruth:
     """The truth of a take at the stamps of its frames.
 
     Args:
@@ -76,7 +76,7 @@ class Happening:
 
     frame_id: str
     ids: tuple[str, ...]
-    moments: tuple[Moment | None, ...]
+    moments: tuple[TruthFrame | None, ...]
 
     @property
     def visibility(self) -> bool:
@@ -84,7 +84,7 @@ class Happening:
         return any(moment is not None and moment.shares for moment in self.moments)
 
 
-def read_truth(take: Take, stamps_ns: Sequence[int]) -> Happening:
+def read_truth(take: EvaluationRecording, stamps_ns: Sequence[int]) -> SampledTruth:
     """Return what was true at the stamps of frames.
 
     How much of each person could be seen is known in the virtual lab: to the pixel where the truth
@@ -95,9 +95,9 @@ def read_truth(take: Take, stamps_ns: Sequence[int]) -> Happening:
     """
     for path, epoch_ns in ((take.truth_file, EPOCH_NS), (take.path / "gt.npz", 0)):
         if path.is_file():
-            happening = happening_of(_numbered(path, epoch_ns), stamps_ns, str(path))
+            happening = sample_truth(_numbered(path, epoch_ns), stamps_ns, str(path))
             return _with_frames(happening, path, [stamp - epoch_ns for stamp in stamps_ns])
-    happening = happening_of(_told(take.path), stamps_ns, str(take.path))
+    happening = sample_truth(_told(take.path), stamps_ns, str(take.path))
     if take.filmed is None:
         return happening
     views = _views(take, take.filmed, happening, stamps_ns)
@@ -107,7 +107,7 @@ def read_truth(take: Take, stamps_ns: Sequence[int]) -> Happening:
     return _replaced(happening, [view.shares for view in views], poses)
 
 
-def happening_of(told: Iterable[Truth], stamps_ns: Sequence[int], where: str) -> Happening:
+def sample_truth(told: Iterable[Truth], stamps_ns: Sequence[int], where: str) -> SampledTruth:
     """Return the people of messages at other stamps.
 
     Args:
@@ -118,7 +118,7 @@ def happening_of(told: Iterable[Truth], stamps_ns: Sequence[int], where: str) ->
     Raises:
         SourceError: There is no message, or they are in several frames.
     """
-    near, far = TruthTrail(keep=ALL), TruthTrail(max_gap_ns=LOST_NS, keep=ALL)
+    near, far = TruthBuffer(keep=ALL), TruthBuffer(max_gap_ns=LOST_NS, keep=ALL)
     ids: dict[str, None] = {}
     for message in told:
         if near.newest_ns is not None and message.stamp_ns <= near.newest_ns:
@@ -131,17 +131,17 @@ def happening_of(told: Iterable[Truth], stamps_ns: Sequence[int], where: str) ->
         got = f"truth in the frames {', '.join(frames)}" if frames else "no truth"
         raise SourceError(f"{where} has {got}", "One is needed to evaluate: record topic truth.")
     moments = [_moment(near, far, stamp_ns, len(ids)) for stamp_ns in stamps_ns]
-    return Happening(frames[0], tuple(ids), tuple(moments))
+    return SampledTruth(frames[0], tuple(ids), tuple(moments))
 
 
-def _moment(near: TruthTrail, far: TruthTrail, stamp_ns: int, count: int) -> Moment | None:
+def _moment(near: TruthBuffer, far: TruthBuffer, stamp_ns: int, count: int) -> TruthFrame | None:
     known = near.at(stamp_ns)
     if known is None:
         return None
     sure = frozenset(person.id for person in known.people)
     about = far.at(stamp_ns) if len(sure) < count else None
     lost = tuple(p for p in about.people if p.id not in sure) if about else ()
-    return Moment(known.people + lost, sure)
+    return TruthFrame(known.people + lost, sure)
 
 
 def _told(path: Path) -> Iterable[Truth]:
@@ -156,26 +156,26 @@ def _numbered(path: Path, epoch_ns: int) -> Iterator[Truth]:
 
 
 def _views(
-    take: Take, scenario: Scenario, happening: Happening, stamps_ns: Sequence[int]
-) -> list[LabView] | None:
+    take: EvaluationRecording, scenario: Scenario, happening: SampledTruth, stamps_ns: Sequence[int]
+) -> list[SimulatedView] | None:
     """Return what the camera saw; it is kept beside what was filmed for an evaluation."""
     kept = take.path.with_suffix(".views.npz") if take.order else None
     views = load_views(kept, stamps_ns) if kept else None
     if views is None:
-        views = lab_views(scenario, take.seed, _places(happening), stamps_ns)
+        views = simulated_views(scenario, take.seed, _places(happening), stamps_ns)
         if views and kept:
             save_views(kept, stamps_ns, views)
     return views
 
 
-def _places(happening: Happening) -> list[dict[str, F64]]:
+def _places(happening: SampledTruth) -> list[dict[str, F64]]:
     return [
         {person.id: person.position_m for person in moment.people} if moment else {}
         for moment in happening.moments
     ]
 
 
-def _with_frames(happening: Happening, path: Path, times_ns: Sequence[int]) -> Happening:
+def _with_frames(happening: SampledTruth, path: Path, times_ns: Sequence[int]) -> SampledTruth:
     """Add visible shares and poses of the camera from a rendering's truth of each frame."""
     with np.load(path, allow_pickle=False) as file:
         if not {"t", "vis", "T_world_cam"} <= set(file):
@@ -190,10 +190,10 @@ def _with_frames(happening: Happening, path: Path, times_ns: Sequence[int]) -> H
 
 
 def _replaced(
-    happening: Happening, shares: Sequence[Mapping[str, float]], poses: Sequence[F64]
-) -> Happening:
+    happening: SampledTruth, shares: Sequence[Mapping[str, float]], poses: Sequence[F64]
+) -> SampledTruth:
     moments = tuple(
-        Moment(moment.people, moment.sure, share, pose) if moment else None
+        TruthFrame(moment.people, moment.sure, share, pose) if moment else None
         for moment, share, pose in zip(happening.moments, shares, poses, strict=True)
     )
-    return Happening(happening.frame_id, happening.ids, moments)
+    return SampledTruth(happening.frame_id, happening.ids, moments)

@@ -8,21 +8,21 @@ import msgspec
 import numpy as np
 
 from common.metrics import (
-    Frame,
+    EvaluationFrame,
+    EvaluationSequence,
     GroundDistance,
+    Hypotheses,
     Matching,
     Scores,
-    Sequence,
-    TrackedPeople,
     match,
     score_matching,
 )
-from evaluation.chain import track_again
-from evaluation.detections import mean_ms, read
-from evaluation.drift import Drift, carried
 from evaluation.methods import Method
-from evaluation.takes import Take
-from evaluation.truth import Happening, Moment
+from evaluation.pipeline import track_again
+from evaluation.recordings.detections import mean_ms, read_tracker_input
+from evaluation.recordings.ground_truth import SampledTruth, TruthFrame
+from evaluation.recordings.recordings import EvaluationRecording
+from evaluation.run.odometry_drift import OdometryDrift, transform_track
 from people4d.errors import SourceError
 from people4d.messages import F64, CameraInfo, Detections, Message, StaticTransform, Track, Tracks
 
@@ -30,7 +30,7 @@ MATCH_M = 1.0  # largest distance on the ground of a match
 
 
 @dataclass(frozen=True)
-class Trial:
+class EvaluationRun:
     """What is done.
 
     Args:
@@ -42,14 +42,14 @@ class Trial:
     """
 
     method: Method
-    take: Take
+    take: EvaluationRecording
     detections: Path
     embeddings: Path | None
-    truth: Happening
+    truth: SampledTruth
 
 
 @dataclass(frozen=True)
-class Run:
+class RunOutput:
     """All messages of a trial, and what they are worth.
 
     Args:
@@ -68,7 +68,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Result:
+class RunScores:
     """The figures of a trial.
 
     Args:
@@ -82,7 +82,7 @@ class Result:
     """
 
     method: str
-    take: Take
+    take: EvaluationRecording
     people: int
     scores: Scores
     visibility: bool
@@ -97,16 +97,16 @@ class _Told:
     info: CameraInfo
     tracks: dict[int, Tracks]
     map_from_camera: F64 | None
-    drift: Drift
+    drift: OdometryDrift
 
 
-def run(trial: Trial) -> Run:
+def run(trial: EvaluationRun) -> RunOutput:
     """Track the people of a take.
 
     Raises:
         SourceError: The recording has no calibration, or truth and tracks are in different frames.
     """
-    messages = list(read(trial.detections, trial.embeddings))
+    messages = list(read_tracker_input(trial.detections, trial.embeddings))
     detections = tuple(m for m in messages if isinstance(m, Detections))
     info = next((m for m in messages if isinstance(m, CameraInfo)), None)
     if info is None or not detections:
@@ -118,24 +118,24 @@ def run(trial: Trial) -> Run:
     took_ms = (time.perf_counter_ns() - start_ns) / 1e6 / len(detections)
     _check_frame(trial, tracks)
     pose = _pose(messages, trial.truth.frame_id, info)
-    drift = Drift(messages, trial.truth.frame_id, info.frame_id)
+    drift = OdometryDrift(messages, trial.truth.frame_id, info.frame_id)
     told = _Told(info, tracks, pose, drift)
     frames = [
         _frame(told, moment, found.stamp_ns)
         for found, moment in zip(detections, trial.truth.moments, strict=True)
         if moment is not None
     ]
-    sequence = Sequence(f"{trial.method.name} {trial.take.name}", _in_order(frames))
-    return Run(info, detections, tracks, match(sequence, GroundDistance(MATCH_M)), took_ms)
+    sequence = EvaluationSequence(f"{trial.method.name} {trial.take.name}", _in_order(frames))
+    return RunOutput(info, detections, tracks, match(sequence, GroundDistance(MATCH_M)), took_ms)
 
 
-def judge(trial: Trial, done: Run) -> Result:
+def score_run(trial: EvaluationRun, done: RunOutput) -> RunScores:
     """Return the figures of a run."""
     stages = [mean_ms(trial.detections)]
     if trial.embeddings:
         stages.append(mean_ms(trial.embeddings))
     known = [stage for stage in stages if stage is not None]
-    return Result(
+    return RunScores(
         method=trial.method.name,
         take=trial.take,
         people=len(trial.truth.ids),
@@ -146,12 +146,12 @@ def judge(trial: Trial, done: Run) -> Result:
     )
 
 
-def _frame(done: "_Told", moment: Moment, stamp_ns: int) -> Frame:
+def _frame(done: "_Told", moment: TruthFrame, stamp_ns: int) -> EvaluationFrame:
     pose = done.map_from_camera if moment.map_from_camera is None else moment.map_from_camera
     tracks = done.tracks.get(stamp_ns)
     matrix = done.drift.true_from_told(stamp_ns, pose)
-    people = tuple(carried(track, matrix) for track in tracks.tracks) if tracks else ()
-    return Frame(
+    people = tuple(transform_track(track, matrix) for track in tracks.tracks) if tracks else ()
+    return EvaluationFrame(
         stamp_ns=stamp_ns,
         truth=moment.true_people(done.info, pose),
         tracked=_tracked(people),
@@ -159,9 +159,9 @@ def _frame(done: "_Told", moment: Moment, stamp_ns: int) -> Frame:
     )
 
 
-def _tracked(people: tuple[Track, ...]) -> TrackedPeople:
+def _tracked(people: tuple[Track, ...]) -> Hypotheses:
     yaws = [np.nan if track.yaw_rad is None else track.yaw_rad for track in people]
-    return TrackedPeople(
+    return Hypotheses(
         ids=tuple(track.id for track in people),
         positions_m=np.array([track.position_m for track in people]).reshape(-1, 3),
         velocities_mps=np.array([track.velocity_mps for track in people]).reshape(-1, 3),
@@ -179,16 +179,16 @@ def _pose(messages: list[Message], frame_id: str, info: CameraInfo) -> F64 | Non
     return pose
 
 
-def _in_order(frames: list[Frame]) -> tuple[Frame, ...]:
+def _in_order(frames: list[EvaluationFrame]) -> tuple[EvaluationFrame, ...]:
     """Leave out frames whose stamp does not rise: no tracker takes them."""
-    kept: list[Frame] = []
+    kept: list[EvaluationFrame] = []
     for frame in frames:
         if not kept or frame.stamp_ns > kept[-1].stamp_ns:
             kept.append(frame)
     return tuple(kept)
 
 
-def _check_frame(trial: Trial, tracks: dict[int, Tracks]) -> None:
+def _check_frame(trial: EvaluationRun, tracks: dict[int, Tracks]) -> None:
     told = next((message.frame_id for message in tracks.values()), trial.truth.frame_id)
     if told != trial.truth.frame_id:
         raise SourceError(

@@ -11,7 +11,7 @@ from matplotlib.patches import Wedge
 
 from common.drawing.palette import Colour, colour_of
 from common.metrics import Scores
-from evaluation.trace import YAW, Camera, Trace, X, Y
+from evaluation.report.trajectories import YAW, CameraCoverage, RunTrajectories, X, Y
 from people4d.messages import F64
 
 WINDOW_S = 8.0  # of a floor plan
@@ -23,7 +23,7 @@ BINS = 60
 DPI = 110
 
 
-def floor_plans(take: str, traces: Sequence[Trace]) -> bytes:
+def floor_plans(take: str, traces: Sequence[RunTrajectories]) -> bytes:
     """Draw where people walked, a panel for each method, as a PNG file.
 
     Args:
@@ -46,7 +46,7 @@ def floor_plans(take: str, traces: Sequence[Trace]) -> bytes:
     return _png(figure)
 
 
-def courses(take: str, traces: Sequence[Trace]) -> bytes:
+def courses(take: str, traces: Sequence[RunTrajectories]) -> bytes:
     """Draw position, velocity and yaw of one person over time, all methods together, as PNG.
 
     The person is the one who had to be found in the most frames.
@@ -114,7 +114,7 @@ def histograms(pooled: Mapping[str, Scores]) -> bytes:
     return _png(figure)
 
 
-def _floor_plan(axes: Axes, trace: Trace, start_s: float, end_s: float) -> None:
+def _floor_plan(axes: Axes, trace: RunTrajectories, start_s: float, end_s: float) -> None:
     if trace.camera:
         _draw_camera(axes, trace.camera)
     rows = (trace.stamps_s >= start_s) & (trace.stamps_s <= end_s)
@@ -148,7 +148,7 @@ def _arrow(axes: Axes, path: F64, colour: str) -> None:
         axes.annotate("", tip, (y, x), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6})
 
 
-def _draw_camera(axes: Axes, camera: Camera) -> None:
+def _draw_camera(axes: Axes, camera: CameraCoverage) -> None:
     x, y = camera.position_m
     # On paper y points left and x up: an angle from x towards y is counted from the vertical.
     middle_deg, half_deg = np.degrees((np.pi / 2 - camera.axis_rad, camera.half_angle_rad))
@@ -157,7 +157,7 @@ def _draw_camera(axes: Axes, camera: Camera) -> None:
     axes.plot([y], [x], "o", color="red", ms=6, zorder=4)
 
 
-def _course(axes: Axes, traces: Sequence[Trace], person: int, column: int) -> None:
+def _course(axes: Axes, traces: Sequence[RunTrajectories], person: int, column: int) -> None:
     first = traces[0]
     truth = _degrees(first.true[:, person, column], column)
     for start, end in _runs(~first.counted[:, person]):
@@ -189,7 +189,7 @@ def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 
 
-def _window(traces: Sequence[Trace]) -> tuple[float, float]:
+def _window(traces: Sequence[RunTrajectories]) -> tuple[float, float]:
     """Return the time with the most ID switches of all methods, else the middle."""
     first_s, last_s = float(traces[0].stamps_s[0]), float(traces[0].stamps_s[-1])
     if last_s - first_s <= WINDOW_S * 1.5:
@@ -205,7 +205,7 @@ def _window(traces: Sequence[Trace]) -> tuple[float, float]:
     return start_s, start_s + WINDOW_S
 
 
-def _extent(trace: Trace, start_s: float, end_s: float) -> tuple[F64, F64]:
+def _extent(trace: RunTrajectories, start_s: float, end_s: float) -> tuple[F64, F64]:
     rows = (trace.stamps_s >= start_s) & (trace.stamps_s <= end_s)
     points = trace.true[rows][..., :2].reshape(-1, 2)
     points = points[np.isfinite(points).all(axis=1)]

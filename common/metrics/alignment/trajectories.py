@@ -18,7 +18,7 @@ HALF_STEP_S = 0.02  # [s] to both sides of the time at which a velocity is wante
 
 
 @dataclass(frozen=True)
-class Path:
+class Trajectory:
     """Where one identity was."""
 
     stamps_s: F64  # [s] N, rising
@@ -34,11 +34,11 @@ class Path:
         return np.where(known[:, None], np.column_stack(columns), np.nan)
 
 
-Paths: TypeAlias = Mapping[Any, Path]  # by identity, text or number
+Trajectories: TypeAlias = Mapping[Any, Trajectory]  # by identity, text or number
 
 
 @dataclass(frozen=True)
-class Pairs:
+class TrajectoryPairs:
     """Positions of tracks, and the truth that each of them is taken for: K samples."""
 
     true_m: F64  # [m] Kx3
@@ -51,7 +51,9 @@ class Pairs:
         return float(np.sqrt(np.mean(np.sum(error**2, axis=1)))) if len(error) else math.nan
 
 
-def paths_of(samples: Iterable[tuple[Hashable, int, F64]], start_ns: int) -> dict[Hashable, Path]:
+def trajectories_of(
+    samples: Iterable[tuple[Hashable, int, F64]], start_ns: int
+) -> dict[Hashable, Trajectory]:
     """Gather positions by identity.
 
     Args:
@@ -62,12 +64,14 @@ def paths_of(samples: Iterable[tuple[Hashable, int, F64]], start_ns: int) -> dic
     for identity, stamp_ns, position_m in samples:
         rows.setdefault(identity, []).append(((stamp_ns - start_ns) / 1e9, position_m))
     return {
-        identity: Path(np.array([t for t, _ in row]), np.array([p for _, p in row]))
+        identity: Trajectory(np.array([t for t, _ in row]), np.array([p for _, p in row]))
         for identity, row in rows.items()
     }
 
 
-def pair_up(truth: Paths, tracked: Paths, offset_s: float, matrix: F64 | None = None) -> Pairs:
+def pair_up(
+    truth: Trajectories, tracked: Trajectories, offset_s: float, matrix: F64 | None = None
+) -> TrajectoryPairs:
     """Pair each position of a track with the nearest person at that time.
 
     Args:
@@ -86,10 +90,10 @@ def pair_up(truth: Paths, tracked: Paths, offset_s: float, matrix: F64 | None = 
     later = _everyone(truth, times_s + HALF_STEP_S)
     velocity = _pick((later - earlier) / (2 * HALF_STEP_S), near.who)
     good = near.clear & (near.distance_m < GATE_M) & np.isfinite(velocity).all(axis=1)
-    return Pairs(_pick(true_m, near.who)[good], velocity[good], told_m[good])
+    return TrajectoryPairs(_pick(true_m, near.who)[good], velocity[good], told_m[good])
 
 
-def cost(truth: Paths, tracked: Paths, offset_s: float) -> float:
+def cost(truth: Trajectories, tracked: Trajectories, offset_s: float) -> float:
     """Return the mean distance of tracks to the nearest person, counted up to the gate."""
     stamps_s, told_m = _samples(tracked)
     distance_m = _nearest(_everyone(truth, stamps_s - offset_s), told_m).distance_m
@@ -117,13 +121,13 @@ def _pick(people: F64, who: I64) -> F64:
     return np.asarray(padded[who, np.arange(len(who))])
 
 
-def _samples(tracked: Paths) -> tuple[F64, F64]:
+def _samples(tracked: Trajectories) -> tuple[F64, F64]:
     stamps = [np.zeros(0), *(path.stamps_s for path in tracked.values())]
     points = [np.zeros((0, 3)), *(path.positions_m for path in tracked.values())]
     return np.concatenate(stamps), np.concatenate(points)
 
 
-def _everyone(truth: Paths, stamps_s: F64) -> F64:
+def _everyone(truth: Trajectories, stamps_s: F64) -> F64:
     """Return where all people of the truth were, PxNx3."""
     paths = [path.at(stamps_s) for path in truth.values()]
     return np.array(paths).reshape(len(paths), len(stamps_s), 3)

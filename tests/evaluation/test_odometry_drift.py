@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from evaluation.drift import Drift, carried
+from evaluation.run.odometry_drift import OdometryDrift, transform_track
 from people4d.messages import F64, Odometry, StaticTransform, Track
 
 CAMERA = "front_optical_frame"
@@ -51,22 +51,26 @@ def one(x_m: float, y_m: float, yaw_rad: float) -> Track:
 def test_drift_of_place_and_direction_is_taken_out() -> None:
     # The robot believes to be at (1, 0), facing x; it is at (2, 1), facing y. A person told at
     # (4, 0) is 3 m before it: truly at (2, 4). What goes along x goes along y.
-    drift = Drift([fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(0, 1.0, 0.0)], "map", CAMERA)
+    drift = OdometryDrift(
+        [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(0, 1.0, 0.0)], "map", CAMERA
+    )
     matrix = drift.true_from_told(0, base(2.0, 1.0, math.pi / 2) @ LINK_FROM_OPTICAL)
-    track = carried(one(4.0, 0.0, math.pi * 0.75), matrix)
+    track = transform_track(one(4.0, 0.0, math.pi * 0.75), matrix)
     np.testing.assert_allclose(track.position_m, [2.0, 4.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(track.velocity_mps, [0.0, 0.5, 0.0], atol=1e-12)
     assert track.yaw_rad == pytest.approx(-math.pi * 0.75)
 
 
 def test_a_camera_that_stands_does_not_drift() -> None:
-    drift = Drift([fixed("map", CAMERA, LINK_FROM_OPTICAL)], "map", CAMERA)
+    drift = OdometryDrift([fixed("map", CAMERA, LINK_FROM_OPTICAL)], "map", CAMERA)
     assert drift.true_from_told(0, base(9.0, 0.0, 0.0) @ LINK_FROM_OPTICAL) is None
     track = one(1.0, 2.0, 0.0)
-    assert carried(track, None) is track
+    assert transform_track(track, None) is track
 
 
 def test_where_the_robot_is_must_be_known() -> None:
-    drift = Drift([fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(10, 1, 0)], "map", CAMERA)
+    drift = OdometryDrift(
+        [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(10, 1, 0)], "map", CAMERA
+    )
     assert drift.true_from_told(10, None) is None
     assert drift.true_from_told(9, LINK_FROM_OPTICAL) is None  # before the first odometry

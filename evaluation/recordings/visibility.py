@@ -19,7 +19,7 @@ CHECKED = 5  # stamps at which that is looked at
 
 
 @dataclass(frozen=True)
-class LabView:
+class SimulatedView:
     """What the camera saw at one stamp.
 
     Args:
@@ -31,12 +31,12 @@ class LabView:
     map_from_camera: F64
 
 
-def lab_views(
+def simulated_views(
     scenario: Scenario,
     seed: int | None,
     places: Sequence[Mapping[str, F64]],
     stamps_ns: Sequence[int],
-) -> list[LabView] | None:
+) -> list[SimulatedView] | None:
     """Return what the camera saw at some stamps.
 
     Args:
@@ -60,7 +60,7 @@ def lab_views(
     return [_view(world, _seconds(stamp_ns)) for stamp_ns in stamps_ns]
 
 
-def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[LabView]) -> None:
+def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[SimulatedView]) -> None:
     """Keep what the camera saw at some stamps.
 
     Raises:
@@ -77,7 +77,7 @@ def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[LabView]) -
         raise SourceError(f"{path} cannot be written: {error.strerror}") from error
 
 
-def load_views(path: Path, stamps_ns: Sequence[int]) -> list[LabView] | None:
+def load_views(path: Path, stamps_ns: Sequence[int]) -> list[SimulatedView] | None:
     """Return what was kept; None if that is nothing, or of other stamps."""
     if not path.is_file():
         return None
@@ -86,16 +86,16 @@ def load_views(path: Path, stamps_ns: Sequence[int]) -> list[LabView] | None:
             return None
         rows = zip(file["shares"].tolist(), file["map_from_camera"], strict=True)
         ids = file["ids"].tolist()
-        return [LabView(dict(zip(ids, row, strict=True)), pose) for row, pose in rows]
+        return [SimulatedView(dict(zip(ids, row, strict=True)), pose) for row, pose in rows]
 
 
-def _view(world: World, t_s: float) -> LabView:
+def _view(world: World, t_s: float) -> SimulatedView:
     people = world.keypoints_m(t_s)
     found = outlines(people, world.optical_from_map(t_s), world.info)
     shares = {
         person_id(k): found[k].visible_share if k in found else 0.0 for k in range(len(people))
     }
-    return LabView(shares, world.map_from_optical(t_s))
+    return SimulatedView(shares, world.map_from_optical(t_s))
 
 
 def _seconds(stamp_ns: int) -> float:

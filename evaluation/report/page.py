@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from evaluation.paper import WHERE
-from evaluation.strips import Strip
-from evaluation.tables import Table
-from evaluation.trial import Result
+from evaluation.report.filmstrips import Filmstrip
+from evaluation.report.published import WHERE
+from evaluation.report.tables import ReportTable
+from evaluation.run.run import RunScores
 
 STYLE = """
 :root { color-scheme: light; }
@@ -35,7 +35,7 @@ pre { background: #eeeeea; padding: .7em; white-space: pre-wrap; overflow-wrap: 
 
 
 @dataclass(frozen=True)
-class Picture:
+class ReportFigure:
     """A figure of the report.
 
     Args:
@@ -50,7 +50,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Content:
+class ReportContent:
     """What the report shows.
 
     Args:
@@ -64,15 +64,15 @@ class Content:
     """
 
     command: str
-    results: Sequence[Result]
-    tables: Sequence[Table]
-    pictures: Sequence[Picture]
-    strips: Sequence[Strip]
+    results: Sequence[RunScores]
+    tables: Sequence[ReportTable]
+    pictures: Sequence[ReportFigure]
+    strips: Sequence[Filmstrip]
     switches: int
     settings: dict[str, str]
 
 
-def html_of(content: Content) -> str:
+def html_of(content: ReportContent) -> str:
     """Return the report; it needs no other file."""
     methods = dict.fromkeys(result.method for result in content.results)
     parts = [
@@ -121,7 +121,7 @@ NOTE = (
 )
 
 
-def _table(table: Table) -> str:
+def _table(table: ReportTable) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in ("method", "people", *_titles(table)))
     span = len(table.columns) + 2
     body = []
@@ -142,17 +142,17 @@ def _table(table: Table) -> str:
     )
 
 
-def _titles(table: Table) -> Iterable[str]:
+def _titles(table: ReportTable) -> Iterable[str]:
     return (column.title for column in table.columns)
 
 
-def _picture(picture: Picture) -> str:
+def _picture(picture: ReportFigure) -> str:
     source = _data("image/png", picture.png)
     title = escape(picture.title)
     return f'<h3>{title}</h3>\n<img alt="{title}" src="{source}">'
 
 
-def _strip(strip: Strip) -> str:
+def _strip(strip: Filmstrip) -> str:
     cells = []
     for cell in strip.cells:
         lines = "<br>".join(map(escape, cell.lines))
@@ -166,7 +166,7 @@ def _strip(strip: Strip) -> str:
     )
 
 
-def _recordings(results: Sequence[Result]) -> str:
+def _recordings(results: Sequence[RunScores]) -> str:
     head = ("recording", "people", "seconds", "frames", "visible share")
     takes = {result.take.name: result for result in reversed(results)}
     rows = [

@@ -17,7 +17,7 @@ PEOPLE_AXES = (17, 3)
 
 
 @dataclass(frozen=True)
-class Found:
+class CachedDetections:
     """The people in one picture.
 
     Args:
@@ -30,7 +30,7 @@ class Found:
 
 
 @dataclass
-class Findings:
+class DetectionCache:
     """What one model found, by picture.
 
     Args:
@@ -39,10 +39,10 @@ class Findings:
     """
 
     name: str = ""
-    frames: dict[int, Found] = field(default_factory=dict)
+    frames: dict[int, CachedDetections] = field(default_factory=dict)
 
 
-class Remembered:
+class CachingModel:
     """A model that looks at a picture only if it did not before.
 
     Args:
@@ -50,7 +50,7 @@ class Remembered:
         known: What it found before; what it finds is added.
     """
 
-    def __init__(self, model: PersonModel, known: Findings) -> None:
+    def __init__(self, model: PersonModel, known: DetectionCache) -> None:
         self.name = known.name = model.name
         self.found_new = False
         self._model, self._known = model, known
@@ -66,7 +66,7 @@ class Remembered:
         start_ns = time.perf_counter_ns()
         people = self._model.detect(rgb)
         took_ms = (time.perf_counter_ns() - start_ns) / 1e6
-        self._known.frames[key] = Found(tuple(people), took_ms)
+        self._known.frames[key] = CachedDetections(tuple(people), took_ms)
         self.found_new = True
         return people
 
@@ -82,7 +82,7 @@ def digest(rgb: U8) -> int:
     return int.from_bytes(hashlib.blake2b(data, digest_size=8).digest())
 
 
-def save(path: Path, findings: Findings) -> None:
+def save(path: Path, findings: DetectionCache) -> None:
     """Write findings to a file, whole or not at all."""
     people = [person for found in findings.frames.values() for person in found.people]
     masks = [person.mask or InstanceMask(np.zeros((0, 0), np.uint8), 0, 0) for person in people]
@@ -107,16 +107,16 @@ def save(path: Path, findings: Findings) -> None:
     new.replace(path)
 
 
-def load(path: Path) -> Findings:
+def load(path: Path) -> DetectionCache:
     """Return the findings in a file; none if there is no such file, or it is damaged."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             return _read({name: file[name] for name in file.files})
     except (OSError, EOFError, ValueError, KeyError, IndexError, zipfile.BadZipFile):
-        return Findings()
+        return DetectionCache()
 
 
-def _read(data: dict[str, np.ndarray]) -> Findings:
+def _read(data: dict[str, np.ndarray]) -> DetectionCache:
     masks, start = [], 0
     for x_px, y_px, height, width in data["windows"].reshape(-1, 4).tolist():
         size = height * width
@@ -130,9 +130,9 @@ def _read(data: dict[str, np.ndarray]) -> Findings:
             data["scores"].tolist(), data["boxes"], data["keypoints"], masks, strict=True
         )
     ]
-    found, first = Findings(str(data["name"])), 0
+    found, first = DetectionCache(str(data["name"])), 0
     counts, digests = data["counts"].tolist(), data["digests"].tolist()
     for key, count, took_ms in zip(digests, counts, data["took_ms"].tolist(), strict=True):
-        found.frames[key] = Found(tuple(people[first : first + count]), took_ms)
+        found.frames[key] = CachedDetections(tuple(people[first : first + count]), took_ms)
         first += count
     return found

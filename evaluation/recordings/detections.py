@@ -11,7 +11,6 @@ import msgspec
 
 from common.io.odometry_order import odometry_first
 from common.io.recording import RecordingWriter, open_recording
-from evaluation import findings
 from evaluation.cache import (
     CODE,
     REID_CODE,
@@ -20,7 +19,8 @@ from evaluation.cache import (
     key_of,
     model_digest,
 )
-from evaluation.chain import Step, play
+from evaluation.pipeline import PipelineStep, play
+from evaluation.recordings import detection_cache as findings
 from people4d.errors import SourceError
 from people4d.messages import (
     CameraInfo,
@@ -47,7 +47,7 @@ KEPT = (CameraInfo, StaticTransform, MovingTransform, Odometry, Detections)
 
 
 @dataclass(frozen=True)
-class Look:
+class DetectionJob:
     """One way to see one recording.
 
     Args:
@@ -91,19 +91,19 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """Where the results of a look are.
+class DetectionFiles:
+    """Files that a detection job makes.
 
     Args:
         detections: Recording with calibration, transforms, odometry and detections.
-        embeddings: Recording with the embeddings, for each of the look's `reids`.
+        embeddings: Recording with the embeddings, for each of the detect's `reids`.
     """
 
     detections: Path
     embeddings: tuple[Path, ...]
 
 
-def is_stored(source: Path) -> bool:
+def holds_detections(source: Path) -> bool:
     """Tell whether a recording holds detections in place of frames."""
     if kind_of(str(source)) != "recording":
         return False
@@ -112,28 +112,28 @@ def is_stored(source: Path) -> bool:
     return not frames and any(topic.startswith("detections/") for topic in topics)
 
 
-def look(wanted: Look) -> Seen:
+def detect(wanted: DetectionJob) -> DetectionFiles:
     """See a recording, unless it was seen so before.
 
     Raises:
-        SourceError: The recording cannot be read, or has more than one camera.
+        SourceError: The recording cannot be read_tracker_input, or has more than one camera.
         ModelError: A model is absent.
     """
-    if is_stored(wanted.source):
-        return Seen(wanted.source, tuple(wanted.source for _ in wanted.reids))
+    if holds_detections(wanted.source):
+        return DetectionFiles(wanted.source, tuple(wanted.source for _ in wanted.reids))
     content = content_digest(wanted.source)
     files = [wanted.file(content), *(wanted.file(content, reid) for reid in wanted.reids)]
     if not all(file.exists() for file in files):
         _see(wanted, files)
-    return Seen(files[0], tuple(files[1:]))
+    return DetectionFiles(files[0], tuple(files[1:]))
 
 
-def read(detections: Path, embeddings: Path | None) -> Iterator[Message]:
+def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Message]:
     """Yield what a tracker takes, in order; the embeddings of a frame before its detections.
 
     Args:
-        detections: From `look`.
-        embeddings: From `look`; None: the tracker takes none.
+        detections: From `detect`.
+        embeddings: From `detect`; None: the tracker takes none.
 
     Raises:
         SourceError: The recording has more than one camera.
@@ -157,7 +157,7 @@ def mean_ms(path: Path) -> float | None:
     return float(text) if text else None
 
 
-def _see(wanted: Look, files: Sequence[Path]) -> None:
+def _see(wanted: DetectionJob, files: Sequence[Path]) -> None:
     camera = msgspec.structs.replace(
         wanted.camera,
         source=str(wanted.source.absolute()),
@@ -173,7 +173,7 @@ def _see(wanted: Look, files: Sequence[Path]) -> None:
     known = findings.load(wanted.findings_file())
     with ExitStack() as stack:
         writers = [stack.enter_context(RecordingWriter(path)) for path in new]
-        model = findings.Remembered(load_model(wanted.detector), known)
+        model = findings.CachingModel(load_model(wanted.detector), known)
         for step in play(camera, [build_detector(wanted.detector, model)]):
             for message in step.messages:
                 if isinstance(message, KEPT):
@@ -202,15 +202,15 @@ def _untraced(message: Message) -> Message:
     return msgspec.structs.replace(message, trace=())
 
 
-def _detector_ms(step: Step) -> float:
+def _detector_ms(step: PipelineStep) -> float:
     return step.duration_ms - _stage_ms(step, "send") - _crops_ms(step)
 
 
-def _crops_ms(step: Step) -> float:
+def _crops_ms(step: PipelineStep) -> float:
     return _stage_ms(step, "crops")
 
 
-def _stage_ms(step: Step, stage: str) -> float:
+def _stage_ms(step: PipelineStep, stage: str) -> float:
     spans = [span for span in step.spans if span.stage.endswith(f".{stage}")]
     return sum(span.end_ns - span.start_ns for span in spans) / 1e6
 

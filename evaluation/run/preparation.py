@@ -11,24 +11,24 @@ import msgspec
 
 from common.io.recording import open_recording
 from evaluation.cache import model_digest
-from evaluation.detections import Look, Seen, is_stored, look
 from evaluation.methods import Method
 from evaluation.pool import Pool
-from evaluation.takes import Take, film
-from evaluation.trial import Trial
-from evaluation.truth import Happening, read_truth
-from evaluation.visual_motion import Watch, watch
+from evaluation.recordings.detections import DetectionFiles, DetectionJob, detect, holds_detections
+from evaluation.recordings.ground_truth import SampledTruth, read_truth
+from evaluation.recordings.recordings import EvaluationRecording, render_recording
+from evaluation.recordings.visual_motion import VisualMotionJob, estimate_motion
+from evaluation.run.run import EvaluationRun
 from people4d.messages import Detections
 from services.visual_odometry.config import VisualOdometryConfig
 
 A = TypeVar("A")
 B = TypeVar("B")
 W = TypeVar("W")
-Report = Callable[[str, float], object]
+OnProgress = Callable[[str, float], object]
 
 
 @dataclass(frozen=True)
-class Plan:
+class EvaluationPlan:
     """What is evaluated.
 
     Args:
@@ -41,7 +41,7 @@ class Plan:
     """
 
     methods: tuple[Method, ...]
-    takes: tuple[Take, ...]
+    takes: tuple[EvaluationRecording, ...]
     cache: Path
     jobs: int = 1
     figures: bool = True
@@ -49,7 +49,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Work:
+class WorkQueue:
     """Does pieces of work and tells how far it is.
 
     Args:
@@ -58,7 +58,7 @@ class Work:
     """
 
     pool: Pool
-    report: Report
+    report: OnProgress
 
     def do(self, what: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
         """Return the results of all pieces, in their order."""
@@ -72,7 +72,7 @@ class Work:
         return self.pool.do_all(work, items, done)
 
 
-def check_models(plan: Plan) -> None:
+def check_models(plan: EvaluationPlan) -> None:
     """Check that all models are there, before anything that takes long.
 
     Raises:
@@ -86,32 +86,32 @@ def check_models(plan: Plan) -> None:
             model_digest(method.reid)
 
 
-def film_all(plan: Plan, report: Report) -> None:
+def render_all(plan: EvaluationPlan, report: OnProgress) -> None:
     """Film all scenarios that were not filmed before.
 
     Raises:
         SourceError: The cache cannot be written.
     """
     for take in plan.takes:
-        film(take, plan.jobs, partial(_filming, report, take.name))
+        render_recording(take, plan.jobs, partial(_filming, report, take.name))
 
 
-def trials_of(plan: Plan, work: Work) -> list[Trial]:
+def runs_of(plan: EvaluationPlan, work: WorkQueue) -> list[EvaluationRun]:
     """Return all trials, method by method, with detections and truth.
 
     Raises:
         SourceError: A recording cannot be read, or has no truth.
         ModelError: A model is absent.
     """
-    looks: dict[tuple[str, bytes], Look] = {}
+    looks: dict[tuple[str, bytes], DetectionJob] = {}
     for take in plan.takes:
         for method in plan.methods:
             _ask(looks, take, method, plan.cache)
     turns = _in_turn(looks)
-    seen = dict(zip(turns, work.do("detecting", look, list(turns.values())), strict=True))
+    seen = dict(zip(turns, work.do("detecting", detect, list(turns.values())), strict=True))
     if plan.motion:
         seen = _with_motion(plan, looks, seen, work)
-    asked: dict[tuple[str, bytes], tuple[Take, Path]] = {}
+    asked: dict[tuple[str, bytes], tuple[EvaluationRecording, Path]] = {}
     for take in plan.takes:
         for method in plan.methods:
             found = seen[_way(take, method)].detections
@@ -123,18 +123,21 @@ def trials_of(plan: Plan, work: Work) -> list[Trial]:
             way = _way(take, method)
             vectors = _embeddings(looks[way], seen[way], method)
             truth = told[take.name, _key(method.camera)]
-            trials.append(Trial(method, take, seen[way].detections, vectors, truth))
+            trials.append(EvaluationRun(method, take, seen[way].detections, vectors, truth))
     return trials
 
 
 def _with_motion(
-    plan: Plan, looks: Mapping[W, Look], seen: Mapping[W, Seen], work: Work
-) -> dict[W, Seen]:
+    plan: EvaluationPlan,
+    looks: Mapping[W, DetectionJob],
+    seen: Mapping[W, DetectionFiles],
+    work: WorkQueue,
+) -> dict[W, DetectionFiles]:
     """Return what was seen, with the motion that pictures tell in place of odometry."""
     if plan.motion is None:
         return dict(seen)
     watches = [
-        Watch(
+        VisualMotionJob(
             msgspec.structs.replace(looks[way].camera, source=str(looks[way].source)),
             plan.motion,
             one.detections,
@@ -142,20 +145,25 @@ def _with_motion(
         )
         for way, one in seen.items()
     ]
-    told = work.do("watching motion", watch, watches)
+    told = work.do("watching motion", estimate_motion, watches)
     pairs = zip(seen.items(), told, strict=True)
     return {way: replace(one, detections=path) for (way, one), path in pairs}
 
 
-def _ask(looks: dict[tuple[str, bytes], Look], take: Take, method: Method, cache: Path) -> None:
+def _ask(
+    looks: dict[tuple[str, bytes], DetectionJob],
+    take: EvaluationRecording,
+    method: Method,
+    cache: Path,
+) -> None:
     way = _way(take, method)
-    wanted = looks.get(way) or Look(take.path, method.camera, method.detector, (), cache)
+    wanted = looks.get(way) or DetectionJob(take.path, method.camera, method.detector, (), cache)
     if method.reid and method.reid not in wanted.reids:
         wanted = replace(wanted, reids=(*wanted.reids, method.reid))
     looks[way] = wanted
 
 
-def _in_turn(looks: Mapping[W, Look]) -> dict[W, Look]:
+def _in_turn(looks: Mapping[W, DetectionJob]) -> dict[W, DetectionJob]:
     """Put first who is first to ask a network about a take: the others need not ask again."""
     asked: Counter[tuple[object, ...]] = Counter()
     turn = {}
@@ -166,17 +174,17 @@ def _in_turn(looks: Mapping[W, Look]) -> dict[W, Look]:
     return dict(sorted(looks.items(), key=lambda item: turn[item[0]]))
 
 
-def _embeddings(wanted: Look, seen: Seen, method: Method) -> Path | None:
+def _embeddings(wanted: DetectionJob, seen: DetectionFiles, method: Method) -> Path | None:
     return seen.embeddings[wanted.reids.index(method.reid)] if method.reid else None
 
 
-def _truth(asked: tuple[Take, Path]) -> Happening:
+def _truth(asked: tuple[EvaluationRecording, Path]) -> SampledTruth:
     take, detections = asked
     found = open_recording(detections).messages(Detections)
     return read_truth(take, [message.stamp_ns for _, message in found])
 
 
-def _way(take: Take, method: Method) -> tuple[str, bytes]:
+def _way(take: EvaluationRecording, method: Method) -> tuple[str, bytes]:
     """Return what tells one way to see one take from any other."""
     return take.name, _key(method.camera) + _key(method.detector)
 
@@ -185,9 +193,9 @@ def _key(record: msgspec.Struct) -> bytes:
     return msgspec.json.encode(record)
 
 
-def _shows_no_picture(take: Take) -> bool:
-    return take.order.speed == "geometry" if take.order else is_stored(take.path)
+def _shows_no_picture(take: EvaluationRecording) -> bool:
+    return take.order.speed == "geometry" if take.order else holds_detections(take.path)
 
 
-def _filming(report: Report, name: str, what: str, share: float) -> None:
+def _filming(report: OnProgress, name: str, what: str, share: float) -> None:
     report(f"{what} {name}", share)

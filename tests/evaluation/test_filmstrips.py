@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from evaluation.strips import _told
+from evaluation.report.filmstrips import _told
 from people4d.messages import Track, Tracks
 
 

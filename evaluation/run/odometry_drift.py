@@ -9,7 +9,7 @@ from people4d.messages import F64, Message, MovingTransform, Odometry, StaticTra
 from services.tracker import placing
 
 
-class Drift:
+class OdometryDrift:
     """How far a driving robot errs about its own place.
 
     Args:
@@ -42,6 +42,6 @@ class Drift:
         return None if told is None else map_from_camera @ invert(told.matrix)
 
 
-def carried(track: Track, matrix: F64 | None) -> Track:
+def transform_track(track: Track, matrix: F64 | None) -> Track:
     """Return a track moved and turned by a 4x4 transform of the ground; None: as it is."""
     return track if matrix is None else placing.carried(track, Placement(matrix))

@@ -24,7 +24,7 @@ CHAIN = Place("node", "chain", "")
 
 
 @dataclass(frozen=True)
-class Step:
+class PipelineStep:
     """What one frame brought about.
 
     Args:
@@ -52,7 +52,7 @@ def pipeline(
     ]
 
 
-def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[Step]:
+def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[PipelineStep]:
     """Play a source in lock-step through nodes.
 
     Args:
@@ -78,7 +78,7 @@ def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[Step]:
                 messages = bus.advance()
             bus.log.clear()
             if messages:
-                yield Step(messages, spans)
+                yield PipelineStep(messages, spans)
             elif not news.wait(PATIENCE_S):
                 raise SourceError(f"{camera.source} gave nothing for {PATIENCE_S:g} s")
     finally:

@@ -8,14 +8,14 @@ import numpy as np
 
 from common.metrics import id_switches
 from common.metrics.record import BOOL, I64
-from evaluation.trial import Run
+from evaluation.run.run import RunOutput
 from people4d.messages import F64
 
 X, Y, VX, VY, YAW = range(5)  # columns
 
 
 @dataclass(frozen=True)
-class Camera:
+class CameraCoverage:
     """What the camera covers, seen from above, in the frame of truth.
 
     Args:
@@ -32,7 +32,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Trace:
+class RunTrajectories:
     """One method on one take: N frames, K people.
 
     Args:
@@ -57,10 +57,10 @@ class Trace:
     tracks: I64
     paths: Mapping[int, F64]
     switches_s: tuple[float, ...]
-    camera: Camera | None
+    camera: CameraCoverage | None
 
 
-def trace_of(method: str, done: Run) -> Trace:
+def trajectories_of(method: str, done: RunOutput) -> RunTrajectories:
     """Return the course of a run."""
     matching, sequence = done.matching, done.matching.sequence
     shape = (len(sequence.frames), len(matching.persons))
@@ -76,7 +76,7 @@ def trace_of(method: str, done: Run) -> Trace:
         tracks[row, step.persons[step.rows]] = ids[step.columns]
         for identity, values in zip(ids.tolist(), there, strict=True):
             paths.setdefault(identity, []).append(np.append(sequence.stamps_s[row], values))
-    return Trace(
+    return RunTrajectories(
         method=method,
         stamps_s=sequence.stamps_s,
         persons=tuple(map(str, matching.persons)),
@@ -98,13 +98,13 @@ def _columns(people: object) -> F64:
     return np.column_stack([positions_m[:, :2], velocities_mps[:, :2], yaws_rad])
 
 
-def _camera(done: Run) -> Camera | None:
+def _camera(done: RunOutput) -> CameraCoverage | None:
     frames = done.matching.sequence.frames
     poses = [frame.map_from_camera for frame in (frames[0], frames[-1])] if frames else []
     if not poses or poses[0] is None or poses[-1] is None or not np.allclose(poses[0], poses[-1]):
         return None
     axis, info = poses[0][:2, 2], done.info
-    return Camera(
+    return CameraCoverage(
         position_m=poses[0][:2, 3],
         axis_rad=float(np.arctan2(axis[1], axis[0])),
         half_angle_rad=float(np.arctan(info.width / 2 / info.fx)),

@@ -11,8 +11,8 @@ from common.drawing.people import View, annotate
 from common.geometry.transforms import apply, invert, project
 from common.io.images import decode_jpeg, encode_jpeg
 from common.io.recording import open_recording
-from common.metrics import Frame, IdSwitch, id_switches
-from evaluation.trial import Run, Trial
+from common.metrics import EvaluationFrame, IdSwitch, id_switches
+from evaluation.run.run import EvaluationRun, RunOutput
 from people4d.errors import DecodeError
 from people4d.messages import F64, U8, CompressedRgbdFrame, Detections, RgbdFrame, Tracks
 from services.camera.source import Capture
@@ -27,7 +27,7 @@ QUALITY = 82
 
 
 @dataclass(frozen=True)
-class Cell:
+class FilmstripImage:
     """One moment.
 
     Args:
@@ -42,7 +42,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Strip:
+class Filmstrip:
     """One ID switch.
 
     Args:
@@ -55,7 +55,7 @@ class Strip:
     method: str
     take: str
     sentence: str
-    cells: tuple[Cell, ...]
+    cells: tuple[FilmstripImage, ...]
 
     def png(self) -> bytes:
         """Return the pictures side by side."""
@@ -66,7 +66,7 @@ class Strip:
         return data.tobytes()
 
 
-def strips_of(trial: Trial, done: Run) -> tuple[Strip, ...]:
+def filmstrips_of(trial: EvaluationRun, done: RunOutput) -> tuple[Filmstrip, ...]:
     """Return strips of the first ID switches of a run."""
     switches = id_switches(done.matching)[:MOST]
     if not switches:
@@ -77,7 +77,7 @@ def strips_of(trial: Trial, done: Run) -> tuple[Strip, ...]:
     pictures = pictures_at(trial, stamps)
     detections = {m.stamp_ns: m for m in done.detections if m.stamp_ns in stamps}
     return tuple(
-        Strip(
+        Filmstrip(
             trial.method.name,
             trial.take.name,
             _sentence(switch, done),
@@ -87,7 +87,7 @@ def strips_of(trial: Trial, done: Run) -> tuple[Strip, ...]:
     )
 
 
-def pictures_at(trial: Trial, stamps_ns: Collection[int]) -> dict[int, U8]:
+def pictures_at(trial: EvaluationRun, stamps_ns: Collection[int]) -> dict[int, U8]:
     """Return the colour images of some stamps, as far as the recording has them."""
     path = trial.take.path
     if kind_of(str(path)) != "recording":
@@ -122,7 +122,7 @@ def _moments(switch: IdSwitch, count: int) -> list[int]:
     return sorted(row for row in rows if 0 <= row < count)
 
 
-def _sentence(switch: IdSwitch, done: Run) -> str:
+def _sentence(switch: IdSwitch, done: RunOutput) -> str:
     sequence = done.matching.sequence
     last_s, at_s = sequence.stamps_s[[switch.last_frame, switch.frame]]
     between = sequence.frames[switch.last_frame + 1 : switch.frame]
@@ -140,7 +140,7 @@ def _sentence(switch: IdSwitch, done: Run) -> str:
     return f"{text} {_whereabouts(switch, done)}"
 
 
-def _whereabouts(switch: IdSwitch, done: Run) -> str:
+def _whereabouts(switch: IdSwitch, done: RunOutput) -> str:
     """Tell what became of the track that the person had before."""
     step, frame = done.matching.steps[switch.frame], done.matching.sequence.frames[switch.frame]
     ids = frame.tracked.ids
@@ -153,12 +153,12 @@ def _whereabouts(switch: IdSwitch, done: Run) -> str:
     return f"ID {switch.before} is still told, but follows nobody."
 
 
-def _is_hidden(frame: Frame, switch: IdSwitch) -> bool:
+def _is_hidden(frame: EvaluationFrame, switch: IdSwitch) -> bool:
     truth = frame.truth
     return switch.person not in truth.ids or not truth.counted[truth.ids.index(switch.person)]
 
 
-def _distance_m(frame: Frame, switch: IdSwitch, done: Run) -> float:
+def _distance_m(frame: EvaluationFrame, switch: IdSwitch, done: RunOutput) -> float:
     """Return how far the nearest detection is from a person, infinite if there is none."""
     found = next((m for m in done.detections if m.stamp_ns == frame.stamp_ns), None)
     place, pose = _place(frame, switch), frame.map_from_camera
@@ -168,7 +168,7 @@ def _distance_m(frame: Frame, switch: IdSwitch, done: Run) -> float:
     return min((_apart_m(apply(pose, position), place) for position in positions), default=np.inf)
 
 
-def _place(frame: Frame, switch: IdSwitch) -> F64 | None:
+def _place(frame: EvaluationFrame, switch: IdSwitch) -> F64 | None:
     truth = frame.truth
     if truth.positions_m is None or switch.person not in truth.ids:
         return None
@@ -179,10 +179,10 @@ def _place(frame: Frame, switch: IdSwitch) -> F64 | None:
 def _cell(
     switch: IdSwitch,
     row: int,
-    done: Run,
+    done: RunOutput,
     pictures: Mapping[int, U8],
     detections: Mapping[int, Detections],
-) -> Cell:
+) -> FilmstripImage:
     sequence = done.matching.sequence
     frame = sequence.frames[row]
     place, tracks = _place(frame, switch), done.tracks.get(frame.stamp_ns)
@@ -192,7 +192,7 @@ def _cell(
     elif row == switch.frame:
         title += f", first as {switch.after}"
     if place is None:
-        return Cell(b"", title, ("not captured",))
+        return FilmstripImage(b"", title, ("not captured",))
     found = detections.get(frame.stamp_ns)
     size = (done.info.height, done.info.width, 3)
     rgb = pictures.get(frame.stamp_ns, np.full(size, FAINT, np.uint8))
@@ -202,7 +202,9 @@ def _cell(
         jpeg = _cut(annotate(rgb, found, tracks, view), view, place)
     told = _told(tracks, place) if tracks else []
     hidden = ["hidden or out of view"] if _is_hidden(frame, switch) else []
-    return Cell(jpeg, title, (*hidden, *(told or ["no track near"]), *_found(frame, found, place)))
+    return FilmstripImage(
+        jpeg, title, (*hidden, *(told or ["no track near"]), *_found(frame, found, place))
+    )
 
 
 def _told(tracks: Tracks, place: F64) -> list[str]:
@@ -219,7 +221,7 @@ def _told(tracks: Tracks, place: F64) -> list[str]:
     return lines
 
 
-def _found(frame: Frame, found: Detections | None, place: F64) -> list[str]:
+def _found(frame: EvaluationFrame, found: Detections | None, place: F64) -> list[str]:
     if found is None or frame.map_from_camera is None:
         return []
     near = []

@@ -5,7 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.findings import Findings, Found, Remembered, digest, load, save
+from evaluation.recordings.detection_cache import (
+    CachedDetections,
+    CachingModel,
+    DetectionCache,
+    digest,
+    load,
+    save,
+)
 from people4d.messages import U8
 from services.detector.models import InstanceMask, Person
 
@@ -34,20 +41,20 @@ class Counting:
 
 
 def test_a_network_is_asked_once_for_each_picture() -> None:
-    model, known = Counting(), Findings()
-    memory = Remembered(model, known)
+    model, known = Counting(), DetectionCache()
+    memory = CachingModel(model, known)
     assert [len(memory.detect(picture(v))) for v in (1, 2, 1, 0, 0)] == [1, 2, 1, 0, 0]
     assert model.asked == 3  # the second 1 and the second 0 were known
     assert memory.found_new
-    again = Remembered(model, known)
+    again = CachingModel(model, known)
     assert len(again.detect(picture(2))) == 2
     assert model.asked == 3
     assert not again.found_new
 
 
 def test_time_saved_is_told_once() -> None:
-    known = Findings("counting", {digest(picture(3)): Found((), 40.0)})
-    memory = Remembered(Counting(), known)
+    known = DetectionCache("counting", {digest(picture(3)): CachedDetections((), 40.0)})
+    memory = CachingModel(Counting(), known)
     memory.detect(picture(3))
     assert memory.saved_ms() == 40.0
     assert memory.saved_ms() == 0.0
@@ -61,12 +68,14 @@ def test_findings_come_back_from_a_file_as_they_were(tmp_path: Path) -> None:
         person(0.1, points=False),
         person(0.8, InstanceMask(np.ones((1, 8), np.uint8), 0, 0)),
     )
-    kept = Findings("seg", {2**64 - 1: Found(people, 12.5), 5: Found((), 3.0)})
+    kept = DetectionCache(
+        "seg", {2**64 - 1: CachedDetections(people, 12.5), 5: CachedDetections((), 3.0)}
+    )
     save(tmp_path / "a" / "f.npz", kept)
     back = load(tmp_path / "a" / "f.npz")
     assert back.name == "seg"
     assert list(back.frames) == [2**64 - 1, 5]
-    assert back.frames[5] == Found((), 3.0)
+    assert back.frames[5] == CachedDetections((), 3.0)
     assert back.frames[2**64 - 1].took_ms == 12.5
     for got, want in zip(back.frames[2**64 - 1].people, people, strict=True):
         assert got.score == want.score
@@ -83,7 +92,7 @@ def test_findings_come_back_from_a_file_as_they_were(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", ["absent", "empty", "cut"])
 def test_a_damaged_file_holds_no_findings(tmp_path: Path, damage: str) -> None:
     file = tmp_path / "f.npz"
-    save(file, Findings("seg", {5: Found((person(0.5),), 3.0)}))
+    save(file, DetectionCache("seg", {5: CachedDetections((person(0.5),), 3.0)}))
     data = file.read_bytes()
     if damage == "absent":
         file.unlink()

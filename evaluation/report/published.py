@@ -11,7 +11,7 @@ WHERE = "the paper: its own recordings of real people, Intel NUC 11"
 
 
 @dataclass(frozen=True)
-class Reported:
+class PublishedResult:
     """One method of the paper.
 
     Args:
@@ -30,7 +30,7 @@ def _reported(
     switches: tuple[float, ...],
     errors: tuple[tuple[float, ...], ...],
     rates_hz: tuple[float, ...],
-) -> Reported:
+) -> PublishedResult:
     position, velocity, yaw = errors
     figures = {
         "id_switches_per_min": switches[0],
@@ -53,12 +53,12 @@ def _reported(
         people: {"id_switches_per_min": switches[k], "rate_hz": rates_hz[k]}
         for k, people in enumerate((2, 3, 4), 1)
     }
-    return Reported(method, figures, by_people)
+    return PublishedResult(method, figures, by_people)
 
 
 # Switches and rates: all, 2, 3, 4 people. Errors: two axes, then success rates in percent; yaw:
 # error, correlation, success rates.
-PAPER = (
+PUBLISHED = (
     _reported(
         "YOLOv8s-seg + SORT-3D",
         (8.6, 3.1, 6.5, 17.2),

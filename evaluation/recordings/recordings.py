@@ -20,11 +20,11 @@ from services.camera.sources import kind_of
 
 LAB_CODE = Path(lab.__file__).parent
 
-Report = Callable[[str, float], object]
+OnProgress = Callable[[str, float], object]
 
 
 @dataclass(frozen=True)
-class Take:
+class EvaluationRecording:
     """One recording with what is true in it.
 
     Args:
@@ -49,7 +49,9 @@ class Take:
         return self.path.with_suffix(".truth.npz")
 
 
-def plan_takes(names: Sequence[str], seeds: Sequence[int], speed: Speed, cache: Path) -> list[Take]:
+def plan_recordings(
+    names: Sequence[str], seeds: Sequence[int], speed: Speed, cache: Path
+) -> list[EvaluationRecording]:
     """Return the takes of recordings and scenarios, in the order given.
 
     Args:
@@ -71,7 +73,7 @@ def plan_takes(names: Sequence[str], seeds: Sequence[int], speed: Speed, cache: 
     return takes
 
 
-def film(take: Take, jobs: int, report: Report) -> None:
+def render_recording(take: EvaluationRecording, jobs: int, report: OnProgress) -> None:
     """Film a scenario, unless it was filmed before.
 
     Args:
@@ -90,30 +92,32 @@ def film(take: Take, jobs: int, report: Report) -> None:
     render(take.order, Outputs(recording=take.path, truth=truth), jobs, report)
 
 
-def _scenes(name: str, seeds: Sequence[int], speed: Speed, cache: Path) -> list[Take]:
+def _scenes(
+    name: str, seeds: Sequence[int], speed: Speed, cache: Path
+) -> list[EvaluationRecording]:
     scenario, own = split_seed(name.removeprefix(PREFIX))
     plan = load_scenario(scenario)
     wanted = [own] if own is not None else list(seeds) or [plan.seed]
     return [_scene(plan, seed, speed, cache) for seed in wanted]
 
 
-def _scene(plan: Scenario, seed: int, speed: Speed, cache: Path) -> Take:
+def _scene(plan: Scenario, seed: int, speed: Speed, cache: Path) -> EvaluationRecording:
     order = Order(scenario=plan, seed=seed, speed=speed, truth_per_frame=speed != "geometry")
     name = f"{plan.name}@{seed}"
     key = key_of(msgspec.to_builtins(order), digest_of(LAB_CODE))
     path = cache / "scenes" / f"{name}-{speed}-{key[:16]}.mcap"
-    return Take(name, plan.name, path, seed, plan, order)
+    return EvaluationRecording(name, plan.name, path, seed, plan, order)
 
 
-def _recorded(name: str) -> Take:
+def _recorded(name: str) -> EvaluationRecording:
     path, kind = Path(name), kind_of(name)
     if kind in ("plugin", "lab"):
         raise SourceError(f"{name} is no recording", "Give a file, a folder or lab:SCENARIO.")
     note = read_note(open_recording(path)) if kind == "recording" else None
     stem = path.name if path.is_dir() else path.stem
     if note is None:
-        return Take(stem, stem, path)
-    return Take(stem, note.scenario, path, note.seed, _scenario_of(note))
+        return EvaluationRecording(stem, stem, path)
+    return EvaluationRecording(stem, note.scenario, path, note.seed, _scenario_of(note))
 
 
 def _scenario_of(note: LabNote) -> Scenario | None:

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from common.metrics import id_switches
-from evaluation.tables import Group, Table
-from evaluation.trial import Result, Run
+from evaluation.report.tables import ReportTable, RunGroup
+from evaluation.run.run import RunOutput, RunScores
 from people4d.errors import SourceError
 
 SWITCH_FIELDS = ("method", "recording", "person", "before", "after", "last_s", "at_s")
@@ -41,7 +41,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def write_runs(
-    path: Path, results: Sequence[Result], rows: Sequence[Mapping[str, float | None]]
+    path: Path, results: Sequence[RunScores], rows: Sequence[Mapping[str, float | None]]
 ) -> None:
     """Write one line for each trial with all its figures."""
     names = list(dict.fromkeys(name for row in rows for name in row))
@@ -56,7 +56,7 @@ def write_runs(
     )
 
 
-def write_summary(path: Path, groups: Sequence[Group]) -> None:
+def write_summary(path: Path, groups: Sequence[RunGroup]) -> None:
     """Write one line for each figure of each group of trials."""
     write_csv(
         path,
@@ -70,7 +70,7 @@ def write_summary(path: Path, groups: Sequence[Group]) -> None:
     )
 
 
-def write_table(folder: Path, table: Table) -> None:
+def write_table(folder: Path, table: ReportTable) -> None:
     """Write a table of the report as it is shown there."""
     header = ["method", "source", "people", *(column.title for column in table.columns)]
     rows = (
@@ -80,7 +80,7 @@ def write_table(folder: Path, table: Table) -> None:
     write_csv(folder / f"{table.name}.csv", header, rows)
 
 
-def switch_rows(method: str, take: str, done: Run) -> list[tuple[object, ...]]:
+def switch_rows(method: str, take: str, done: RunOutput) -> list[tuple[object, ...]]:
     """Return one row for each ID switch, see SWITCH_FIELDS."""
     stamps_s = done.matching.sequence.stamps_s
     return [

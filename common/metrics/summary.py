@@ -7,7 +7,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Spread:
+class SummaryStatistics:
     """One figure over several runs."""
 
     mean: float
@@ -17,7 +17,7 @@ class Spread:
     runs: int  # in which the figure was defined
 
 
-def summarise(rows: Sequence[Mapping[str, float | None]]) -> dict[str, Spread | None]:
+def summarise(rows: Sequence[Mapping[str, float | None]]) -> dict[str, SummaryStatistics | None]:
     """Summarise each figure over the runs that have it.
 
     Args:
@@ -30,9 +30,11 @@ def summarise(rows: Sequence[Mapping[str, float | None]]) -> dict[str, Spread | 
     return {name: _spread([row.get(name) for row in rows]) for name in names}
 
 
-def _spread(values: Sequence[float | None]) -> Spread | None:
+def _spread(values: Sequence[float | None]) -> SummaryStatistics | None:
     known = np.array([value for value in values if value is not None], np.float64)
     if not len(known):
         return None
     std = float(known.std(ddof=1)) if len(known) > 1 else 0.0
-    return Spread(float(known.mean()), std, float(known.min()), float(known.max()), len(known))
+    return SummaryStatistics(
+        float(known.mean()), std, float(known.min()), float(known.max()), len(known)
+    )

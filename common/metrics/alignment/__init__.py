@@ -1,0 +1,1 @@
+"""Ground truth brought to the clock and the frame of the tracks."""

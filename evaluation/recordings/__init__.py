@@ -1,0 +1,1 @@
+"""Recordings with ground truth: detections, embeddings and motion, made once and cached."""

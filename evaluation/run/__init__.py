@@ -1,0 +1,1 @@
+"""One method on one recording: tracks beside the ground truth, and their metrics."""
