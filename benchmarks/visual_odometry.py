@@ -21,7 +21,7 @@ from benchmarks.lib.table import markdown, write
 from benchmarks.moving_base import STANDING_MPS, WALKING_MPS, velocities
 from benchmarks.odometry import OWN, figures, run, variants
 from benchmarks.real_inputs import filinha
-from common.geometry.transform_buffer import matrix_of
+from common.geometry.transform_buffer import transform_from_odometry
 from common.geometry.transform_history import TransformBufferConfig, TransformHistory
 from common.geometry.transforms import invert, wrap
 from common.metrics import Matching, score_matching
@@ -123,11 +123,11 @@ def watch(trial: EvaluationRun) -> Film:
 
 def at_frames(samples: Sequence[Odometry], seen: Sequence[FrameMotion]) -> list[F64 | None]:
     """Return the pose of the base in each frame; None where it would be guessed."""
-    trail = TransformHistory(TransformBufferConfig(keep_s=1e6, gap_s=0.1), Counter())
+    trail = TransformHistory(TransformBufferConfig(history_s=1e6, gap_s=0.1), Counter())
     for sample in samples:
-        trail.add(sample.stamp_ns, matrix_of(sample))
+        trail.add(sample.stamp_ns, transform_from_odometry(sample))
     placed = [trail.at(one.stamp_ns) for one in seen]
-    return [one.matrix if one and not one.is_guess else None for one in placed]
+    return [one.matrix if one and not one.is_uncertain else None for one in placed]
 
 
 def errors(told: Sequence[F64 | None], true: F64, step: Sequence[int]) -> F64:

@@ -1,4 +1,4 @@
-"""Which frame lies where: a chain of rigid transforms between any two frames that are linked."""
+"""Frames linked by rigid transforms, and the chain of transforms between any two of them."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -17,24 +17,24 @@ Edges: TypeAlias = dict[Edge, F64]  # each with its target_from_source
 class FrameGraph:
     """Transforms by the names of their frames, each usable in both directions.
 
-    Beside an optical frame X_optical_frame lies X_link, at the same place and with axes x forward,
-    y left, z up (REP 103), unless transforms tell where X_link is.
+    An optical frame X_optical_frame implies X_link, with the same origin and axes x forward,
+    y left, z up (REP 103), unless X_link is linked by transforms.
     """
 
     def __init__(self) -> None:
         self._edges: Edges = {}
-        self._found: dict[Edge, Edges | None] = {}  # answers so far
+        self._paths: dict[Edge, Edges | None] = {}  # cache of searches
 
     def add(self, transform: StaticTransform) -> None:
-        """Take a transform; it replaces an earlier one between the same frames."""
+        """Add a transform; it replaces an earlier one between the same frames."""
         self.link(transform.parent, transform.child, transform.matrix)
 
     def link(self, parent: str, child: str, matrix: F64) -> None:
-        """Take a transform, 4x4 parent_from_child; it replaces an earlier one."""
+        """Add a transform, 4x4 parent_from_child; it replaces an earlier one."""
         _link(self._edges, parent, child, matrix)
-        self._found.clear()
+        self._paths.clear()
 
-    def find(self, target: str, source: str) -> F64 | None:
+    def lookup(self, target: str, source: str) -> F64 | None:
         """Return target_from_source.
 
         Args:
@@ -44,10 +44,10 @@ class FrameGraph:
         Returns:
             4x4 through the fewest transforms, None if the frames are not linked.
         """
-        way = self.way(target, source)
-        return None if way is None else compose(way.values())
+        path = self.path(target, source)
+        return None if path is None else compose(path.values())
 
-    def way(self, target: str, source: str) -> Edges | None:
+    def path(self, target: str, source: str) -> Edges | None:
         """Return the fewest transforms whose product is target_from_source, in their order.
 
         Args:
@@ -57,11 +57,12 @@ class FrameGraph:
         Returns:
             Empty for one and the same frame, None if the frames are not linked.
         """
-        if (target, source) not in self._found:
-            told = _search(self._edges, target, source)
-            rest = _search(self._with_links(), target, source) if told is None else told
-            self._found[target, source] = rest
-        return self._found[target, source]
+        if (target, source) not in self._paths:
+            path = _search(self._edges, target, source)
+            if path is None:
+                path = _search(self._with_links(), target, source)
+            self._paths[target, source] = path
+        return self._paths[target, source]
 
     def _with_links(self) -> Edges:
         edges = dict(self._edges)
@@ -86,21 +87,20 @@ def _link(edges: Edges, parent: str, child: str, matrix: F64) -> None:
 
 
 def _search(edges: Edges, target: str, source: str) -> Edges | None:
-    before: dict[str, Edge] = {}  # frame to the edge that leads from it towards the source
-    waiting, seen = deque([source]), {source}
-    while waiting and target not in seen:
-        here = waiting.popleft()
-        for to, start in edges:
-            if start == here and to not in seen:
-                seen.add(to)
-                before[to] = (to, start)
-                waiting.append(to)
-    if target not in seen:
+    """Search breadth first from the source."""
+    towards_source: dict[str, Edge | None] = {source: None}
+    queue = deque([source])
+    while queue and target not in towards_source:
+        frame = queue.popleft()
+        for edge in edges:
+            if edge[1] == frame and edge[0] not in towards_source:
+                towards_source[edge[0]] = edge
+                queue.append(edge[0])
+    if target not in towards_source:
         return None
-    way: Edges = {}
-    here = target
-    while here != source:
-        edge = before[here]
-        way[edge] = edges[edge]
-        here = edge[1]
-    return way
+    path: Edges = {}
+    step = towards_source[target]
+    while step:
+        path[step] = edges[step]
+        step = towards_source[step[1]]
+    return path

@@ -1,4 +1,4 @@
-"""A rigid transform over time: a base that drives, or a camera that is turned."""
+"""A rigid transform over time: a base that drives, or a camera on a pan-tilt head."""
 
 import bisect
 import math
@@ -12,26 +12,26 @@ from scipy.spatial.transform import Rotation
 from common.geometry.transforms import invert, transform_from
 from people4d.messages import F64
 
-SPEED_BASE_S = 0.04  # [s] least time that a speed is taken over
+SPEED_BASELINE_S = 0.04  # [s] least time over which a velocity is measured
 COUNTERS = ("motion_duplicates", "motion_jumps", "motion_gaps", "motion_clock_resets")
 
 
 class TransformBufferConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """What motions are believed. All values are this project's."""
+    """Limits of plausible motion and its uncertainty. All values are this project's."""
 
-    keep_s: float = 5.0  # [s] of samples that are kept
-    gap_s: float = 0.5  # [s] between two samples above which what lies between is a guess
-    predict_s: float = 0.5  # [s] the last motion is believed to go on; after that it has stopped
-    speed_max_mps: float = 5.0  # [m/s] above it the origin was set anew, not the base moved
-    turn_max_radps: float = 12.0  # [rad/s] likewise
-    clock_jump_s: float = 1.0  # [s] samples older than the newest by more begin a new time
-    # Standard deviations of what a base does that nobody told of
+    history_s: float = 5.0  # [s] length of the history
+    gap_s: float = 0.5  # [s] between two samples above which interpolation is uncertain
+    predict_s: float = 0.5  # [s] of extrapolation at constant velocity, at rest afterwards
+    speed_max_mps: float = 5.0  # [m/s] a faster motion is a reset of the origin
+    angular_speed_max_radps: float = 12.0  # [rad/s] likewise
+    clock_jump_s: float = 1.0  # [s] a sample older than the newest by more restarts the history
+    # Standard deviations of unobserved acceleration
     sigma_acceleration_mps2: float = 1.0  # [m/s^2]
-    sigma_turn_radps2: float = 2.0  # [rad/s^2]
-    # Standard deviations of the errors that odometry makes as a base moves, which grow with the
-    # root of the way and of the angle; 0: it makes none
-    drift_way_m: float = 0.02  # [m] in 1 m
-    drift_turn_rad: float = 0.05  # [rad] in 1 rad
+    sigma_angular_acceleration_radps2: float = 2.0  # [rad/s^2]
+    # Standard deviations of odometry drift, which grow with the root of the distance travelled and
+    # of the rotation; 0: none
+    drift_distance_m: float = 0.02  # [m] in 1 m
+    drift_rotation_rad: float = 0.05  # [rad] in 1 rad
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -45,13 +45,13 @@ class TransformBufferConfig(msgspec.Struct, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True)
-class Placement:
-    """Where a frame is at one time.
+class TransformEstimate:
+    """A transform at one time, with the uncertainty of extrapolation.
 
     Args:
         matrix: 4x4, parent_from_child.
-        sigma_m: Standard deviation of the place, because no sample tells it; 0 between samples.
-        sigma_rad: Likewise of the direction.
+        sigma_m: Standard deviation of the translation; 0 at and between samples.
+        sigma_rad: Standard deviation of the rotation, likewise.
     """
 
     matrix: F64
@@ -59,19 +59,19 @@ class Placement:
     sigma_rad: float = 0.0
 
     @property
-    def is_guess(self) -> bool:
-        """Whether no sample tells it."""
+    def is_uncertain(self) -> bool:
+        """Extrapolated, or interpolated over a gap."""
         return self.sigma_m > 0 or self.sigma_rad > 0
 
 
 class TransformHistory:
-    """Samples of one transform; between them it is interpolated, after them predicted.
+    """Samples of one transform, interpolated between them and extrapolated after the last.
 
-    A sample that no motion explains means that whoever tells them counts from a new origin: the
-    trail goes on from where the child was thought to be.
+    A sample that no plausible motion explains means that the origin of the source was reset: the
+    history continues from the extrapolated transform.
 
     Args:
-        config: What is believed.
+        config: Limits of plausible motion.
         counters: Counts `COUNTERS`.
     """
 
@@ -80,7 +80,7 @@ class TransformHistory:
         self._counters = counters
         self._stamps_ns: list[int] = []
         self._matrices: list[F64] = []
-        self._parent_from_told = np.eye(4)
+        self._parent_from_origin = np.eye(4)  # of the source, which may reset it
 
     @property
     def newest_ns(self) -> int | None:
@@ -88,7 +88,7 @@ class TransformHistory:
         return self._stamps_ns[-1] if self._stamps_ns else None
 
     def add(self, stamp_ns: int, matrix: F64) -> None:
-        """Take a sample; they may come in any order.
+        """Add a sample, in any order.
 
         Args:
             stamp_ns: Its time.
@@ -104,74 +104,74 @@ class TransformHistory:
             self._counters["motion_duplicates"] += 1
             return
         if newest is not None and stamp_ns > newest:
-            self._follow(stamp_ns, matrix)
+            self._check_motion(stamp_ns, matrix)
         self._stamps_ns.insert(index, stamp_ns)
-        self._matrices.insert(index, self._parent_from_told @ matrix)
-        self._forget()
-
-    def at(self, stamp_ns: int) -> Placement | None:
-        """Return the transform at a time; None before the first sample."""
-        index = bisect.bisect_left(self._stamps_ns, stamp_ns)
-        if index == len(self._stamps_ns):
-            return self._predicted(stamp_ns) if index else None
-        if self._stamps_ns[index] == stamp_ns:
-            return Placement(self._matrices[index])
-        if index == 0:
-            return None
-        before_ns, after_ns = self._stamps_ns[index - 1], self._stamps_ns[index]
-        share = (stamp_ns - before_ns) / (after_ns - before_ns)
-        matrix = moved(self._matrices[index - 1], self._matrices[index], share)
-        if after_ns - before_ns <= self._config.gap_s * 1e9:
-            return Placement(matrix)
-        return self._guess(matrix, min(stamp_ns - before_ns, after_ns - stamp_ns))
-
-    def _follow(self, stamp_ns: int, matrix: F64) -> None:
-        """Notice a new origin, and a gap."""
-        elapsed_s = (stamp_ns - self._stamps_ns[-1]) / 1e9
-        self._counters["motion_gaps"] += elapsed_s > self._config.gap_s
-        way = invert(self._matrices[-1]) @ self._parent_from_told @ matrix
-        moved_m, turned_rad = extent(way)
-        far = moved_m > self._config.speed_max_mps * elapsed_s + 0.1
-        turned = turned_rad > self._config.turn_max_radps * elapsed_s + 0.1
-        if far or turned:
-            self._counters["motion_jumps"] += 1
-            self._parent_from_told = self._predicted(stamp_ns).matrix @ invert(matrix)
-
-    def _predicted(self, stamp_ns: int) -> Placement:
-        newest_ns = self._stamps_ns[-1]
-        ahead_ns = stamp_ns - newest_ns
-        first = bisect.bisect_right(self._stamps_ns, newest_ns - int(SPEED_BASE_S * 1e9)) - 1
-        base_ns = newest_ns - self._stamps_ns[max(first, 0)]
-        if not 0 < base_ns <= self._config.gap_s * 1e9:
-            return self._guess(self._matrices[-1], ahead_ns)
-        goes_on_ns = min(ahead_ns, self._config.predict_s * 1e9)
-        matrix = moved(self._matrices[max(first, 0)], self._matrices[-1], 1 + goes_on_ns / base_ns)
-        return self._guess(matrix, ahead_ns)
-
-    def _guess(self, matrix: F64, alone_ns: int) -> Placement:
-        half_s2 = 0.5 * (alone_ns / 1e9) ** 2
-        config = self._config
-        return Placement(
-            matrix, config.sigma_acceleration_mps2 * half_s2, config.sigma_turn_radps2 * half_s2
-        )
-
-    def _forget(self) -> None:
-        oldest_ns = self._stamps_ns[-1] - int(self._config.keep_s * 1e9)
+        self._matrices.insert(index, self._parent_from_origin @ matrix)
+        oldest_ns = self._stamps_ns[-1] - int(self._config.history_s * 1e9)
         count = bisect.bisect_left(self._stamps_ns, oldest_ns)
         del self._stamps_ns[:count], self._matrices[:count]
 
+    def at(self, stamp_ns: int) -> TransformEstimate | None:
+        """Return the transform at a time; None before the first sample."""
+        index = bisect.bisect_left(self._stamps_ns, stamp_ns)
+        if index == len(self._stamps_ns):
+            return self._extrapolate(stamp_ns) if index else None
+        if self._stamps_ns[index] == stamp_ns:
+            return TransformEstimate(self._matrices[index])
+        if index == 0:
+            return None
+        before_ns, after_ns = self._stamps_ns[index - 1], self._stamps_ns[index]
+        fraction = (stamp_ns - before_ns) / (after_ns - before_ns)
+        matrix = interpolate(self._matrices[index - 1], self._matrices[index], fraction)
+        if after_ns - before_ns <= self._config.gap_s * 1e9:
+            return TransformEstimate(matrix)
+        return self._uncertain(matrix, min(stamp_ns - before_ns, after_ns - stamp_ns))
 
-def extent(motion: F64) -> tuple[float, float]:
-    """Return how far a rigid motion (4x4) goes [m], and by what angle it turns [rad]."""
-    turned_rad = float(Rotation.from_matrix(motion[:3, :3]).magnitude())
-    return float(np.linalg.norm(motion[:3, 3])), turned_rad
+    def _check_motion(self, stamp_ns: int, matrix: F64) -> None:
+        """Detect a gap, and a reset of the origin."""
+        elapsed_s = (stamp_ns - self._stamps_ns[-1]) / 1e9
+        self._counters["motion_gaps"] += elapsed_s > self._config.gap_s
+        motion = invert(self._matrices[-1]) @ self._parent_from_origin @ matrix
+        distance_m, rotation_rad = displacement(motion)
+        if (
+            distance_m > self._config.speed_max_mps * elapsed_s + 0.1
+            or rotation_rad > self._config.angular_speed_max_radps * elapsed_s + 0.1
+        ):
+            self._counters["motion_jumps"] += 1
+            self._parent_from_origin = self._extrapolate(stamp_ns).matrix @ invert(matrix)
+
+    def _extrapolate(self, stamp_ns: int) -> TransformEstimate:
+        newest_ns = self._stamps_ns[-1]
+        ahead_ns = stamp_ns - newest_ns
+        baseline_ns = newest_ns - int(SPEED_BASELINE_S * 1e9)
+        first = max(bisect.bisect_right(self._stamps_ns, baseline_ns) - 1, 0)
+        measured_ns = newest_ns - self._stamps_ns[first]
+        matrix = self._matrices[-1]
+        if 0 < measured_ns <= self._config.gap_s * 1e9:
+            moving_ns = min(ahead_ns, self._config.predict_s * 1e9)
+            matrix = interpolate(self._matrices[first], matrix, 1 + moving_ns / measured_ns)
+        return self._uncertain(matrix, ahead_ns)
+
+    def _uncertain(self, matrix: F64, unobserved_ns: int) -> TransformEstimate:
+        half_s2 = 0.5 * (unobserved_ns / 1e9) ** 2
+        config = self._config
+        return TransformEstimate(
+            matrix,
+            config.sigma_acceleration_mps2 * half_s2,
+            config.sigma_angular_acceleration_radps2 * half_s2,
+        )
 
 
-def moved(start: F64, end: F64, share: float) -> F64:
-    """Return the transform at a share of the way between two, or beyond: steady speed and turn."""
-    way = invert(start) @ end
-    turn = Rotation.from_matrix(way[:3, :3]).as_rotvec()
+def displacement(motion: F64) -> tuple[float, float]:
+    """Return the length of the translation [m] and the angle of the rotation [rad] of a 4x4."""
+    angle_rad = float(Rotation.from_matrix(motion[:3, :3]).magnitude())
+    return float(np.linalg.norm(motion[:3, 3])), angle_rad
+
+
+def interpolate(start: F64, end: F64, fraction: float) -> F64:
+    """Return the transform between two at constant velocity; fractions beyond 0..1 extrapolate."""
+    rotation = Rotation.from_matrix((invert(start) @ end)[:3, :3]).as_rotvec()
     return transform_from(
-        start[:3, 3] + share * (end[:3, 3] - start[:3, 3]),
-        start[:3, :3] @ Rotation.from_rotvec(share * turn).as_matrix(),
+        start[:3, 3] + fraction * (end[:3, 3] - start[:3, 3]),
+        start[:3, :3] @ Rotation.from_rotvec(fraction * rotation).as_matrix(),
     )

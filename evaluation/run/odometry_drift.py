@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import Placement, TransformBufferConfig
+from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
 from common.geometry.transforms import invert
 from people4d.messages import F64, Message, MovingTransform, Odometry, StaticTransform, Track
 from services.tracker import placing
@@ -20,11 +20,11 @@ class OdometryDrift:
 
     def __init__(self, messages: Iterable[Message], frame_id: str, camera: str) -> None:
         self._ends = frame_id, camera
-        self._frames = TransformBuffer(TransformBufferConfig(keep_s=1e9))
+        self._frames = TransformBuffer(TransformBufferConfig(history_s=1e9))
         for message in messages:
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
                 self._frames.add(message)
-        self.drives = self._frames.standing(*self._ends) is None
+        self.drives = self._frames.lookup_static(*self._ends) is None
 
     def true_from_told(self, stamp_ns: int, map_from_camera: F64 | None) -> F64 | None:
         """Return what carries tracks to where they would be without drift.
@@ -38,10 +38,10 @@ class OdometryDrift:
         """
         if not self.drives or map_from_camera is None:
             return None
-        told = self._frames.find(*self._ends, stamp_ns)
+        told = self._frames.lookup(*self._ends, stamp_ns)
         return None if told is None else map_from_camera @ invert(told.matrix)
 
 
 def transform_track(track: Track, matrix: F64 | None) -> Track:
     """Return a track moved and turned by a 4x4 transform of the ground; None: as it is."""
-    return track if matrix is None else placing.carried(track, Placement(matrix))
+    return track if matrix is None else placing.carried(track, TransformEstimate(matrix))

@@ -38,7 +38,7 @@ class Places:
             Where nothing is known of a camera, it stands at the origin and looks along +x: the
             tracker, whose people these are, takes it so. None where that is known, but not now.
         """
-        found = self._frames.find(frame_id, camera, stamp_ns)
+        found = self._frames.lookup(frame_id, camera, stamp_ns)
         if found is not None:
             self._known.add((frame_id, camera))
             return found.matrix

@@ -28,7 +28,7 @@ from services.gt_bridge.scoring.scorer import Scorer
 from services.gt_bridge.scoring.views import Views
 
 DEFAULT = GtBridgeConfig()
-MOTION = TransformBufferConfig(keep_s=30.0)  # truth may come late, and alignments look back
+MOTION = TransformBufferConfig(history_s=30.0)  # truth may come late, and alignments look back
 
 
 class GtBridgeNode:
@@ -134,7 +134,7 @@ class GtBridgeNode:
     def _placed(self, truth: Truth) -> Truth:
         """Bring truth to the wanted frame if the way is known, and number it."""
         target = self._config.frame_id
-        place = self._frames.find(target, truth.frame_id, truth.stamp_ns)
+        place = self._frames.lookup(target, truth.frame_id, truth.stamp_ns)
         self._unplaced = "" if place is not None else truth.frame_id
         if place is None:
             self._counters["unplaced"] += 1

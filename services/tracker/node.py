@@ -231,7 +231,7 @@ class TrackerNode:
         if place is None:
             self._counters["no_transform"] += 1
             return None
-        self._counters["predicted_base"] += place.is_guess
+        self._counters["predicted_base"] += place.is_uncertain
         with span("association"):
             observation = observe(
                 detections, embeddings, place, self._config.max_range_m, self._counters

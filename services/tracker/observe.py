@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 
-from common.geometry.transform_history import Placement
+from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import apply
 from people4d.messages import F64, CameraInfo, Detections, Embeddings
 from services.tracker.interface import Measurement, Observation, Unplaced
@@ -18,7 +18,7 @@ LEVEL_MIN = 0.2  # a heading whose level part is shorter than this (steeper than
 def observe(
     detections: Detections,
     embeddings: Embeddings | None,
-    place: Placement,
+    place: TransformEstimate,
     max_range_m: float,
     counters: Counter[str],
 ) -> Observation:

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import Placement, TransformBufferConfig
+from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, wrap
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, Track
 
@@ -58,13 +58,13 @@ class Places:
         if not isinstance(message, StaticTransform):
             return moved
         for camera, before in tuple(self._fixed.items()):
-            now = self._frames.standing(self._ground, camera)
+            now = self._frames.lookup_static(self._ground, camera)
             if now is not None and not np.array_equal(now, before):
                 self._fixed[camera] = now
                 moved = True
         return moved
 
-    def find(self, camera: str, stamp_ns: int) -> Placement | None:
+    def find(self, camera: str, stamp_ns: int) -> TransformEstimate | None:
         """Return where a camera was at a time.
 
         Args:
@@ -74,17 +74,17 @@ class Places:
         Returns:
             None if that is not known, and has to be.
         """
-        found = self._frames.find(self._ground, camera, stamp_ns)
+        found = self._frames.lookup(self._ground, camera, stamp_ns)
         if found is None and camera in self._fixed and camera not in self.unplaced:
-            return Placement(self._fixed[camera])
+            return TransformEstimate(self._fixed[camera])
         if found is None:
             self.unplaced.add(camera)
             if self._required:
                 return None
-            found = Placement(LINK_FROM_OPTICAL)
+            found = TransformEstimate(LINK_FROM_OPTICAL)
         else:
             self.unplaced.discard(camera)
-        if self._frames.standing(self._ground, camera) is not None or camera in self.unplaced:
+        if self._frames.lookup_static(self._ground, camera) is not None or camera in self.unplaced:
             self._fixed[camera] = found.matrix
         return found
 
@@ -92,16 +92,16 @@ class Places:
         """Return tracks in the frame that is wanted; nobody if nobody tells where that is."""
         if self._ground == self._frame_id:
             return tracks
-        place = self._frames.find(self._frame_id, self._ground, stamp_ns)
+        place = self._frames.lookup(self._frame_id, self._ground, stamp_ns)
         return [] if place is None else [carried(track, place) for track in tracks]
 
     def waits(self, camera: str, stamp_ns: int) -> bool:
         """Tell whether odometry may yet come that tells where a camera was at a time."""
-        return self._frames.waits(self._ground, camera, stamp_ns)
+        return self._frames.awaits_sample(self._ground, camera, stamp_ns)
 
     def _follow_ground(self) -> bool:
         """Notice that tracks are wanted in a frame that moves."""
-        ground = self._frames.ground(self._frame_id)
+        ground = self._frames.fixed_frame(self._frame_id)
         if ground == self._ground:
             return False
         self._ground, known = ground, bool(self._fixed)
@@ -109,7 +109,7 @@ class Places:
         return known
 
 
-def carried(track: Track, place: Placement) -> Track:
+def carried(track: Track, place: TransformEstimate) -> Track:
     """Return a track in another frame, both with z up; its velocity stays that over the ground.
 
     Args:
@@ -130,7 +130,7 @@ def carried(track: Track, place: Placement) -> Track:
     )
 
 
-def doubt(away_m: F64, place: Placement) -> F64:
+def doubt(away_m: F64, place: TransformEstimate) -> F64:
     """Return the covariance (3x3) of a position because where the camera or the base is is a guess.
 
     Args:

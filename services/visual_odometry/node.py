@@ -153,7 +153,7 @@ class VisualOdometryNode:
         if frame.rgb.shape[:2] != (info.height, info.width):
             self._lacks("wrong_size")
             return None
-        mount = self._frames.find(self._config.child_frame_id, info.frame_id)
+        mount = self._frames.lookup(self._config.child_frame_id, info.frame_id)
         if mount is None:
             self._lacks("no_transform")
             return None
@@ -204,7 +204,7 @@ class VisualOdometryNode:
         config, sequence = self._config, self._sequence
         self._sequence += 1
         parent = config.frame_id
-        if self._frames.way(config.map_id, parent) is None:
+        if self._frames.path(config.map_id, parent) is None:
             parent = config.map_id
         if not config.planar:
             return MovingTransform(

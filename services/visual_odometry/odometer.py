@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.geometry.transform_history import extent
+from common.geometry.transform_history import displacement
 from common.geometry.transforms import invert
 from people4d.messages import F32, F64, U8
 from services.visual_odometry.config import VisualOdometryConfig
@@ -210,7 +210,7 @@ class Odometer:
     def _plausible(self, matrix: F64, stamp_ns: int) -> bool:
         assert self._course is not None
         elapsed_s = (stamp_ns - self._course.stamp_ns) / 1e9
-        moved_m, turned_rad = extent(invert(self.place.matrix) @ matrix)
+        moved_m, turned_rad = displacement(invert(self.place.matrix) @ matrix)
         config = self._config
         far = moved_m > config.speed_max_mps * elapsed_s + 0.1
         return not far and turned_rad <= config.turn_max_radps * elapsed_s + 0.1
@@ -232,7 +232,7 @@ class Odometer:
 
         What was known of both differs by drift. A little of it is made good; more would be a jump.
         """
-        moved_m, turned_rad = extent(invert(place.matrix) @ found.place.matrix)
+        moved_m, turned_rad = displacement(invert(place.matrix) @ found.place.matrix)
         if moved_m <= self._config.jump_max_m and turned_rad <= self._config.jump_max_rad:
             return found
         moved = Place(place.matrix @ invert(found.fit.before_from_now), place.covariance)

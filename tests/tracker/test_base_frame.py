@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry.transform_buffer import TransformBuffer, matrix_of
-from common.geometry.transform_history import Placement, TransformBufferConfig
+from common.geometry.transform_buffer import TransformBuffer, transform_from_odometry
+from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
 from common.geometry.transforms import (
     LINK_FROM_OPTICAL,
     apply,
@@ -55,7 +55,7 @@ def driven(number: int) -> Odometry:
 
 def seen(number: int) -> Detections:
     """One person who stands and one who walks along y at 0.5 m/s, both measured without error."""
-    optical_from_odom = invert(matrix_of(driven(number)) @ MOUNT)
+    optical_from_odom = invert(transform_from_odometry(driven(number)) @ MOUNT)
     people = []
     for place_m in (STANDS, WALKS + np.array([0.0, 0.05 * number, 0.0])):
         x, y, z = apply(optical_from_odom, place_m)
@@ -92,9 +92,9 @@ def test_tracks_in_the_base_are_those_in_the_map_seen_from_there() -> None:
     assert len(in_map) == len(in_base) == 40
     assert {tracks.frame_id for tracks in in_base} == {"base_link"}
     for number, (there, here) in enumerate(zip(in_map, in_base, strict=True)):
-        base_from_map = invert(map_from_odom @ matrix_of(driven(number)))
+        base_from_map = invert(map_from_odom @ transform_from_odometry(driven(number)))
         for a, b in zip(there.tracks, here.tracks, strict=True):
-            expected = carried(a, Placement(base_from_map))
+            expected = carried(a, TransformEstimate(base_from_map))
             assert b.id == a.id
             np.testing.assert_allclose(b.position_m, expected.position_m, atol=1e-9)
             np.testing.assert_allclose(b.velocity_mps, expected.velocity_mps, atol=1e-9)
@@ -130,7 +130,7 @@ def test_a_track_seen_from_a_base_that_has_turned() -> None:
         score=0.9,
     )
     base = transform_from([1.0, 0.0, 0.0], rotation_from_rpy(0.0, 0.0, math.pi / 2))
-    told = carried(track, Placement(invert(base), 0.1, 0.05))
+    told = carried(track, TransformEstimate(invert(base), 0.1, 0.05))
     np.testing.assert_allclose(told.position_m, [0.0, -2.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(told.velocity_mps, [0.0, -1.0, 0.0], atol=1e-12)
     expected = [0.01 + 0.01 + 0.01, 0.04 + 0.01, 0.01, 0.1, 0.2, 0.1]
@@ -140,9 +140,9 @@ def test_a_track_seen_from_a_base_that_has_turned() -> None:
 
 def test_only_frames_on_a_base_move_with_it() -> None:
     frames = TransformBuffer(TransformBufferConfig())
-    assert frames.ground("base_link") == "base_link"
+    assert frames.fixed_frame("base_link") == "base_link"
     for message in (fixed("base_link", CAMERA, MOUNT), fixed("map", "odom", np.eye(4)), driven(0)):
         frames.add(message)
-    assert frames.ground("base_link") == frames.ground(CAMERA) == "odom"
-    assert frames.ground("odom") == "odom"
-    assert frames.ground("map") == "map"
+    assert frames.fixed_frame("base_link") == frames.fixed_frame(CAMERA) == "odom"
+    assert frames.fixed_frame("odom") == "odom"
+    assert frames.fixed_frame("map") == "map"

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from common.geometry.transform_history import Placement
+from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.messages import Detection, Detections
 from services.tracker.observe import observe, rotated
@@ -35,7 +35,9 @@ def test_covariances_turn_with_the_camera() -> None:
         position_covariance_m2=np.diag([1.0, 2.0, 3.0]),
     )
     unsure = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([0.0, 0.0, 2.0]))
-    found = observe(detections(sure, unsure), None, Placement(LINK_FROM_OPTICAL), 100.0, Counter())
+    found = observe(
+        detections(sure, unsure), None, TransformEstimate(LINK_FROM_OPTICAL), 100.0, Counter()
+    )
     first, second = (m.covariance_m2 for m in found.measurements)
     assert first is not None
     np.testing.assert_allclose(first, np.diag([3.0, 1.0, 2.0]))
@@ -53,13 +55,13 @@ def test_turning_keeps_the_size_of_a_covariance() -> None:
 def test_a_guessed_base_puts_positions_in_doubt() -> None:
     # The camera looks along x, the person is 4 m before it: a turn by 0.05 rad moves them 0.2 m
     # along y, on top of 0.1 m of the base each way.
-    matrix = doubt(np.array([4.0, 0.0, 0.0]), Placement(LINK_FROM_OPTICAL, 0.1, 0.05))
+    matrix = doubt(np.array([4.0, 0.0, 0.0]), TransformEstimate(LINK_FROM_OPTICAL, 0.1, 0.05))
     np.testing.assert_allclose(matrix, np.diag([0.01, 0.01 + 0.04, 0.0]), atol=1e-12)
 
 
 def test_only_a_bad_guess_is_doubted() -> None:
     person = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([0.0, 0.0, 2.0]))
     for sigma_m, is_doubted in ((0.0, False), (0.005, False), (0.05, True)):
-        place = Placement(LINK_FROM_OPTICAL, sigma_m, 0.0)
+        place = TransformEstimate(LINK_FROM_OPTICAL, sigma_m, 0.0)
         (found,) = observe(detections(person), None, place, 100.0, Counter()).measurements
         assert (found.doubt_m2 is not None) == is_doubted

@@ -114,7 +114,7 @@ def _placed(
     """Yield identity, stamp and position of people in the frame of the tracks."""
     last_ns = since_ns
     for truth in trail.messages:
-        place = frames.find(frame_id, truth.frame_id, truth.stamp_ns)
+        place = frames.lookup(frame_id, truth.frame_id, truth.stamp_ns)
         # Paths need rising stamps, and captures may have the same stamp twice.
         if truth.stamp_ns > last_ns and place is not None:
             last_ns = truth.stamp_ns

@@ -84,7 +84,7 @@ class Scorer:
         if truth is None:
             self._counters["without_truth"] += 1
             return None
-        place = self._frames.find(tracks.frame_id, truth.frame_id, tracks.stamp_ns)
+        place = self._frames.lookup(tracks.frame_id, truth.frame_id, tracks.stamp_ns)
         if place is None:
             self._counters["without_transform"] += 1
             return None

@@ -37,7 +37,7 @@ class Views:
             N; None if the place of no camera is known.
         """
         places = [
-            (info, self._frames.find(info.frame_id, frame_id, stamp_ns))
+            (info, self._frames.lookup(info.frame_id, frame_id, stamp_ns))
             for info in self._infos.values()
         ]
         views = [

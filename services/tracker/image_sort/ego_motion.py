@@ -124,7 +124,7 @@ class EgoMotion:
         return newest_rad, self._doubt_rad2(alone_ns)
 
     def _doubt_rad2(self, alone_ns: int) -> float:
-        sigma_rad = self._config.sigma_turn_radps2 * 0.5 * (alone_ns / 1e9) ** 2
+        sigma_rad = self._config.sigma_angular_acceleration_radps2 * 0.5 * (alone_ns / 1e9) ** 2
         return min(sigma_rad, math.pi) ** 2
 
     def _follow(self, stamp_ns: int, theta_rad: float) -> None:
@@ -132,12 +132,12 @@ class EgoMotion:
         elapsed_s = (stamp_ns - self._stamps_ns[-1]) / 1e9
         self.counters["motion_gaps"] += elapsed_s > self._config.gap_s
         turned_rad = abs(wrap(theta_rad + self._offset_rad - self._headings_rad[-1]))
-        if turned_rad > self._config.turn_max_radps * elapsed_s + JUMP_SLACK_RAD:
+        if turned_rad > self._config.angular_speed_max_radps * elapsed_s + JUMP_SLACK_RAD:
             self.counters["motion_jumps"] += 1
             self._offset_rad = self._predicted(stamp_ns)[0] - theta_rad
 
     def _forget(self) -> None:
-        oldest_ns = self._stamps_ns[-1] - int(self._config.keep_s * 1e9)
+        oldest_ns = self._stamps_ns[-1] - int(self._config.history_s * 1e9)
         if self._stamps_ns[0] < oldest_ns:
             count = bisect.bisect_left(self._stamps_ns, oldest_ns)
             del self._stamps_ns[:count], self._headings_rad[:count]

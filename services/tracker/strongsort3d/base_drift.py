@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from common.geometry.transform_history import TransformBufferConfig, extent
+from common.geometry.transform_history import TransformBufferConfig, displacement
 from common.geometry.transforms import invert
 from people4d.messages import F64
 from services.tracker.interface import Observation
@@ -39,11 +39,13 @@ class BaseDrift:
         self._poses[observation.camera] = pose
         if before is None or np.array_equal(before, pose):
             return None
-        way_m, turn_rad = extent(invert(before) @ pose)
+        way_m, turn_rad = displacement(invert(before) @ pose)
         away_m = places_m - pose[:3, 3]
         aside_m = np.stack([-away_m[:, 1], away_m[:, 0], np.zeros(len(away_m))], axis=-1)
-        turned = self._config.drift_turn_rad**2 * turn_rad * aside_m[:, :, None] * aside_m[:, None]
-        return turned + self._config.drift_way_m**2 * way_m * np.diag([1.0, 1.0, 0.0])
+        turned = (
+            self._config.drift_rotation_rad**2 * turn_rad * aside_m[:, :, None] * aside_m[:, None]
+        )
+        return turned + self._config.drift_distance_m**2 * way_m * np.diag([1.0, 1.0, 0.0])
 
     def clear(self) -> None:
         """Forget where cameras were."""

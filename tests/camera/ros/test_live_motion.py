@@ -169,7 +169,7 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
     for message in (base, *told, fixed):
         assert isinstance(message, Odometry | MovingTransform | StaticTransform)
         known.add(message)
-    place = known.find("map", "camera", S)
+    place = known.lookup("map", "camera", S)
     assert place is not None
     # 5 + 1 ahead; 2 to the right, since pan and tilt only turn; 1 + 0.1 up.
     assert place.matrix[:3, 3] == pytest.approx([6, -2, 1.1])

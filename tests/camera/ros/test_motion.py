@@ -86,7 +86,7 @@ def placed(source: RosbagSource, target: str, stamp_ns: int) -> F64:
     for item in source:
         if isinstance(item, Odometry | MovingTransform):
             known.add(item)
-    found = known.find(target, FRAME, stamp_ns)
+    found = known.lookup(target, FRAME, stamp_ns)
     assert found is not None
     return found.matrix
 

@@ -29,19 +29,19 @@ def test_a_chain_is_followed_in_both_directions() -> None:
     turn = transform_from([0.0, 1.0, 0.0], rotation_from_rpy(0, 0, math.pi / 2))
     frames = graph(transform("map", "mocap", turn), transform("mocap", "camera_link", shift(2.0)))
     # The camera is 2 m along mocap's x, which is map's y: (0, 1) + (0, 2).
-    map_from_camera = frames.find("map", "camera_link")
+    map_from_camera = frames.lookup("map", "camera_link")
     assert map_from_camera is not None
     assert apply(map_from_camera, [0.0, 0.0, 0.0]) == pytest.approx(np.array([0.0, 3.0, 0.0]))
-    camera_from_map = frames.find("camera_link", "map")
+    camera_from_map = frames.lookup("camera_link", "map")
     assert camera_from_map is not None
     assert camera_from_map @ map_from_camera == pytest.approx(np.eye(4))
 
 
 def test_a_frame_in_itself_and_frames_that_are_not_linked() -> None:
     frames = graph(transform("map", "mocap", shift(1.0)))
-    assert frames.find("x", "x") == pytest.approx(np.eye(4))
-    assert frames.find("map", "x") is None
-    assert FrameGraph().find("map", "mocap") is None
+    assert frames.lookup("x", "x") == pytest.approx(np.eye(4))
+    assert frames.lookup("map", "x") is None
+    assert FrameGraph().lookup("map", "mocap") is None
 
 
 def test_mocap_that_measured_the_camera_is_found_through_it() -> None:
@@ -51,7 +51,7 @@ def test_mocap_that_measured_the_camera_is_found_through_it() -> None:
         transform("map", "camera_optical_frame", shift(1.0, 0.0, 1.5) @ LINK_FROM_OPTICAL),
         transform("mocap", "camera_link", shift(2.0)),
     )
-    map_from_mocap = frames.find("map", "mocap")
+    map_from_mocap = frames.lookup("map", "mocap")
     assert map_from_mocap is not None
     assert map_from_mocap == pytest.approx(shift(-1.0, 0.0, 1.5))
 
@@ -62,13 +62,13 @@ def test_transforms_of_the_link_win_over_the_rule() -> None:
         transform("camera_link", "camera_optical_frame", shift(0, 0.015) @ LINK_FROM_OPTICAL),
         transform("map", "camera_link", shift(1.0)),
     )
-    got = frames.find("map", "camera_optical_frame")
+    got = frames.lookup("map", "camera_optical_frame")
     assert got is not None
     assert got[:3, 3] == pytest.approx(np.array([1.0, 0.015, 0.0]))
 
 
 def test_a_newer_transform_replaces_the_older() -> None:
     frames = graph(transform("map", "a", shift(1.0)), transform("map", "a", shift(5.0)))
-    got = frames.find("map", "a")
+    got = frames.lookup("map", "a")
     assert got is not None
     assert got[0, 3] == 5.0

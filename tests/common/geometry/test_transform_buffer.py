@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry.transform_buffer import TransformBuffer, matrix_of
+from common.geometry.transform_buffer import TransformBuffer, transform_from_odometry
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
@@ -43,7 +43,7 @@ def frames(*messages: StaticTransform | MovingTransform | Odometry) -> Transform
 MOUNT = fixed("base_link", CAMERA, shift(0.2, 0.0, 1.0) @ LINK_FROM_OPTICAL)
 
 
-def test_someone_who_stands_still_stays_in_place_while_the_robot_turns() -> None:
+def test_standing_person_keeps_its_map_position_while_the_robot_turns() -> None:
     # Map's origin is 1 m behind odom's. The camera is 0.2 m before the base, 1 m high. A person
     # 3 m before the base at the start: optical (0, 0, 2.8), in map (4, 0, 1). Half-way through a
     # turn of 60 degrees to the left the person is seen 30 degrees to the right of the base.
@@ -51,35 +51,35 @@ def test_someone_who_stands_still_stays_in_place_while_the_robot_turns() -> None
     for at_ms, turned_deg in ((0, 0), (50, 30), (100, 60)):
         angle = math.radians(turned_deg)
         forward, right = 3 * math.cos(angle), 3 * math.sin(angle)
-        placement = made.find("map", CAMERA, at_ms * 1_000_000)
-        assert placement is not None
-        assert not placement.is_guess
-        seen = [right, 0.0, forward - 0.2]
-        assert apply(placement.matrix, seen) == pytest.approx(np.array([4.0, 0.0, 1.0]))
+        estimate = made.lookup("map", CAMERA, at_ms * 1_000_000)
+        assert estimate is not None
+        assert not estimate.is_uncertain
+        measured = [right, 0.0, forward - 0.2]
+        assert apply(estimate.matrix, measured) == pytest.approx(np.array([4.0, 0.0, 1.0]))
 
 
-def test_both_directions_are_known() -> None:
+def test_transform_is_usable_in_both_directions() -> None:
     made = frames(odometry(0, 2.0))
-    placement = made.find("base_link", "odom", 0)
-    assert placement is not None
-    np.testing.assert_allclose(placement.matrix, shift(-2))
+    estimate = made.lookup("base_link", "odom", 0)
+    assert estimate is not None
+    np.testing.assert_allclose(estimate.matrix, shift(-2))
 
 
-def test_what_does_not_move_needs_no_time() -> None:
+def test_static_transform_is_found_at_any_time() -> None:
     made = frames(MOUNT, odometry(1000, 5.0))
-    placement = made.find("base_link", CAMERA, 0)
-    assert placement is not None
-    np.testing.assert_array_equal(placement.matrix, MOUNT.matrix)
-    assert made.find("odom", CAMERA, 0) is None  # before the first sample
-    assert made.find("map", CAMERA, 0) is None  # nobody tells where odom lies
+    estimate = made.lookup("base_link", CAMERA, 0)
+    assert estimate is not None
+    np.testing.assert_array_equal(estimate.matrix, MOUNT.matrix)
+    assert made.lookup("odom", CAMERA, 0) is None  # before the first sample
+    assert made.lookup("map", CAMERA, 0) is None  # odom is not linked to map
 
 
-def test_a_frame_waits_for_the_odometry_of_its_time_only_where_it_counts() -> None:
+def test_awaits_sample_only_if_the_path_moves() -> None:
     made = frames(MOUNT, odometry(100, 0))
-    assert made.waits("odom", CAMERA, 101_000_000)
-    assert not made.waits("odom", CAMERA, 100_000_000)
-    assert not made.waits("base_link", CAMERA, 101_000_000)
-    assert not made.waits("map", CAMERA, 101_000_000)
+    assert made.awaits_sample("odom", CAMERA, 101_000_000)
+    assert not made.awaits_sample("odom", CAMERA, 100_000_000)
+    assert not made.awaits_sample("base_link", CAMERA, 101_000_000)
+    assert not made.awaits_sample("map", CAMERA, 101_000_000)
 
 
 def head(at_ms: int, matrix: F64) -> MovingTransform:
@@ -93,7 +93,7 @@ def turned(yaw_deg: float, pitch_deg: float) -> F64:
     return transform_from([0.0, 0.0, 1.0], rotation_from_rpy(0.0, *angles))
 
 
-def test_a_camera_on_a_head_that_pans_and_tilts_on_a_base_that_drives() -> None:
+def test_camera_on_a_pan_tilt_head_on_a_driving_base() -> None:
     # Half-way between two times the base is at x = 0.2, the head 1 m above it has panned 45 degrees
     # to the left: what is 2 m before the camera is at 0.2 + sqrt 2, sqrt 2 and 1 m high.
     made = frames(
@@ -103,36 +103,36 @@ def test_a_camera_on_a_head_that_pans_and_tilts_on_a_base_that_drives() -> None:
         head(0, turned(0, 0)),
         head(200, turned(90, 0)),
     )
-    placement = made.find("odom", CAMERA, 100_000_000)
-    assert placement is not None
-    place = apply(placement.matrix, [0.0, 0.0, 2.0])
-    assert place == pytest.approx(np.array([0.2 + math.sqrt(2), math.sqrt(2), 1.0]))
+    estimate = made.lookup("odom", CAMERA, 100_000_000)
+    assert estimate is not None
+    point = apply(estimate.matrix, [0.0, 0.0, 2.0])
+    assert point == pytest.approx(np.array([0.2 + math.sqrt(2), math.sqrt(2), 1.0]))
     # A head that tilts down by 30 degrees: 2 m before it is 1 m below it.
     made.add(head(300, turned(90, 30)))
     made.add(odometry(300, 0.4))
-    placement = made.find("odom", CAMERA, 300_000_000)
-    assert placement is not None
-    place = apply(placement.matrix, [0.0, 0.0, 2.0])
-    assert place == pytest.approx(np.array([0.4, math.sqrt(3), 0.0]))
+    estimate = made.lookup("odom", CAMERA, 300_000_000)
+    assert estimate is not None
+    point = apply(estimate.matrix, [0.0, 0.0, 2.0])
+    assert point == pytest.approx(np.array([0.4, math.sqrt(3), 0.0]))
 
 
-def test_guesses_of_two_motions_add_up() -> None:
-    # A head that turns on a base that drives; 0.2 s after both were told. Each 0.5 * 1 * 0.04 m.
+def test_uncertainties_of_two_extrapolated_transforms_add_up() -> None:
+    # A head that turns on a base that drives, 0.2 s after both last samples: 0.5 * 0.04 m.
     made = frames(odometry(0, 0), odometry(50, 0), head(0, turned(0, 0)), head(50, turned(0, 0)))
-    placement = made.find("odom", "head", 250_000_000)
-    assert placement is not None
-    assert placement.sigma_m == pytest.approx(0.02 * math.sqrt(2))
+    estimate = made.lookup("odom", "head", 250_000_000)
+    assert estimate is not None
+    assert estimate.sigma_m == pytest.approx(0.02 * math.sqrt(2))
 
 
-def test_the_pose_of_a_base_is_on_the_plane() -> None:
-    matrix = matrix_of(odometry(0, 1.5, 90))
+def test_pose_of_odometry_is_planar() -> None:
+    matrix = transform_from_odometry(odometry(0, 1.5, 90))
     assert apply(matrix, [1.0, 0.0, 0.5]) == pytest.approx(np.array([1.5, 1.0, 0.5]))
 
 
-def test_what_stands_is_told_from_what_moves() -> None:
+def test_lookup_static_refuses_moving_transforms() -> None:
     made = frames(MOUNT, odometry(0, 1.0))
-    standing = made.standing("base_link", CAMERA)
-    assert standing is not None
-    np.testing.assert_array_equal(standing, MOUNT.matrix)
-    assert made.standing("odom", CAMERA) is None
-    assert made.standing("map", CAMERA) is None
+    mount = made.lookup_static("base_link", CAMERA)
+    assert mount is not None
+    np.testing.assert_array_equal(mount, MOUNT.matrix)
+    assert made.lookup_static("odom", CAMERA) is None
+    assert made.lookup_static("map", CAMERA) is None

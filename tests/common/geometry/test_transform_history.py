@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.geometry.transform_history import TransformBufferConfig, TransformHistory, moved
+from common.geometry.transform_history import TransformBufferConfig, TransformHistory, interpolate
 from common.geometry.transforms import rotation_from_rpy, transform_from
 from people4d.messages import F64
 
@@ -21,7 +21,9 @@ def ms(value: float) -> int:
     return round(value * 1e6)
 
 
-def trail(*samples: tuple[float, F64], **settings: float) -> tuple[TransformHistory, Counter[str]]:
+def history(
+    *samples: tuple[float, F64], **settings: float
+) -> tuple[TransformHistory, Counter[str]]:
     counters: Counter[str] = Counter()
     made = TransformHistory(TransformBufferConfig(**settings), counters)
     for at_ms, matrix in samples:
@@ -30,57 +32,57 @@ def trail(*samples: tuple[float, F64], **settings: float) -> tuple[TransformHist
 
 
 def matrix_at(made: TransformHistory, at_ms: float) -> F64:
-    placement = made.at(ms(at_ms))
-    assert placement is not None
-    return placement.matrix
+    estimate = made.at(ms(at_ms))
+    assert estimate is not None
+    return estimate.matrix
 
 
-def test_between_samples_place_and_direction_go_steadily() -> None:
+def test_interpolation_has_constant_velocity() -> None:
     # A quarter of the way from (0, 0), 170 deg to (1, 2), -170 deg: through 180, not through 0.
-    made, _ = trail((0, pose(0, 0, math.radians(170))), (100, pose(0.1, 0.2, math.radians(-170))))
+    made, _ = history((0, pose(0, 0, math.radians(170))), (100, pose(0.1, 0.2, math.radians(-170))))
     np.testing.assert_allclose(
         matrix_at(made, 25), pose(0.025, 0.05, math.radians(175)), atol=1e-12
     )
-    placement = made.at(ms(25))
-    assert placement is not None
-    assert not placement.is_guess
+    estimate = made.at(ms(25))
+    assert estimate is not None
+    assert not estimate.is_uncertain
 
 
-def test_before_the_first_sample_nothing_is_known() -> None:
-    made, _ = trail((100, pose(1)))
+def test_transform_before_the_first_sample_is_none() -> None:
+    made, _ = history((100, pose(1)))
     assert made.at(ms(99)) is None
     np.testing.assert_array_equal(matrix_at(made, 100), pose(1))
 
 
-def test_the_last_motion_goes_on_and_then_stops() -> None:
-    # 1 m/s along x, told every 20 ms: 100 ms later 0.1 m on, and after 0.5 s no farther.
-    made, _ = trail(*((t, pose(t / 1000)) for t in range(0, 201, 20)))
+def test_extrapolation_continues_the_motion_for_predict_s() -> None:
+    # 1 m/s along x, a sample every 20 ms: 100 ms later 0.1 m on, and after 0.5 s no farther.
+    made, _ = history(*((t, pose(t / 1000)) for t in range(0, 201, 20)))
     np.testing.assert_allclose(matrix_at(made, 300), pose(0.3), atol=1e-12)
     np.testing.assert_allclose(matrix_at(made, 2000), pose(0.7), atol=1e-12)
 
 
-def test_a_prediction_is_less_sure_with_time() -> None:
+def test_uncertainty_of_extrapolation_grows_with_time() -> None:
     # Half of 1 m/s^2 and of 2 rad/s^2 times 0.2 s squared: 0.02 m, 0.04 rad.
-    made, _ = trail((0, pose(0)), (50, pose(0)))
-    placement = made.at(ms(250))
-    assert placement is not None
-    assert placement.sigma_m == pytest.approx(0.02)
-    assert placement.sigma_rad == pytest.approx(0.04)
+    made, _ = history((0, pose(0)), (50, pose(0)))
+    estimate = made.at(ms(250))
+    assert estimate is not None
+    assert estimate.sigma_m == pytest.approx(0.02)
+    assert estimate.sigma_rad == pytest.approx(0.04)
 
 
-def test_in_a_gap_it_is_a_guess() -> None:
+def test_interpolation_over_a_gap_is_uncertain() -> None:
     # 0.8 s between samples; 0.3 s from the nearer: half of 1 * 0.09 = 0.045 m.
-    made, counters = trail((0, pose(0)), (800, pose(0.8)))
-    placement = made.at(ms(500))
-    assert placement is not None
-    np.testing.assert_allclose(placement.matrix, pose(0.5), atol=1e-12)
-    assert placement.sigma_m == pytest.approx(0.045)
+    made, counters = history((0, pose(0)), (800, pose(0.8)))
+    estimate = made.at(ms(500))
+    assert estimate is not None
+    np.testing.assert_allclose(estimate.matrix, pose(0.5), atol=1e-12)
+    assert estimate.sigma_m == pytest.approx(0.045)
     assert counters["motion_gaps"] == 1
 
 
-def test_a_new_origin_moves_nobody() -> None:
+def test_reset_of_the_origin_does_not_move_the_base() -> None:
     # Standing at (2, 0); the wheels' counter is set to 0: the base is still at (2, 0), then at 2.1.
-    made, counters = trail(
+    made, counters = history(
         (0, pose(2)), (50, pose(2)), (100, pose(0)), (150, pose(0.1)), (200, pose(0.2))
     )
     np.testing.assert_allclose(matrix_at(made, 100), pose(2), atol=1e-12)
@@ -89,36 +91,36 @@ def test_a_new_origin_moves_nobody() -> None:
 
 
 def test_duplicates_are_counted_and_late_samples_put_in_order() -> None:
-    made, counters = trail((0, pose(0)), (100, pose(0.1)), (100, pose(0.1)), (50, pose(0.08)))
+    made, counters = history((0, pose(0)), (100, pose(0.1)), (100, pose(0.1)), (50, pose(0.08)))
     np.testing.assert_allclose(matrix_at(made, 75), pose(0.09), atol=1e-12)
     assert counters == {"motion_duplicates": 1, "motion_gaps": 0}
 
 
-def test_a_clock_that_goes_back_begins_a_new_time() -> None:
-    made, counters = trail((60_000, pose(9)), (0, pose(0)), (100, pose(0.1)))
+def test_clock_jump_back_restarts_the_history() -> None:
+    made, counters = history((60_000, pose(9)), (0, pose(0)), (100, pose(0.1)))
     np.testing.assert_allclose(matrix_at(made, 50), pose(0.05), atol=1e-12)
     assert counters["motion_clock_resets"] == 1
 
 
-def test_what_is_old_is_forgotten() -> None:
-    made, _ = trail((0, pose(0)), (400, pose(0)), (1500, pose(0)), keep_s=1.0, gap_s=10.0)
+def test_samples_older_than_history_s_are_dropped() -> None:
+    made, _ = history((0, pose(0)), (400, pose(0)), (1500, pose(0)), history_s=1.0, gap_s=10.0)
     assert made.at(ms(450)) is None
     assert made.at(ms(1500)) is not None
 
 
 @given(st.floats(-3, 3), st.floats(-2, 2), st.floats(0, 1))
-def test_a_share_of_the_way_and_the_rest_make_the_whole(
-    yaw_rad: float, far_m: float, share: float
+def test_interpolation_composes_to_the_end_transform(
+    yaw_rad: float, far_m: float, fraction: float
 ) -> None:
     start, end = pose(1, 2, 0.5), pose(1 + far_m, 2 - far_m, 0.5 + yaw_rad)
-    middle = moved(start, end, share)
-    if share < 1:
-        np.testing.assert_allclose(moved(middle, end, 1.0), end, atol=1e-9)
-    # A constant turn: the middle is turned by its share.
+    middle = interpolate(start, end, fraction)
+    if fraction < 1:
+        np.testing.assert_allclose(interpolate(middle, end, 1.0), end, atol=1e-9)
+    # A constant turn: the middle is turned by its fraction.
     turned = math.atan2(middle[1, 0], middle[0, 0]) - 0.5
-    assert math.cos(turned - share * yaw_rad) == pytest.approx(1.0, abs=1e-9)
+    assert math.cos(turned - fraction * yaw_rad) == pytest.approx(1.0, abs=1e-9)
 
 
-def test_settings_are_checked() -> None:
+def test_config_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match="gap_s: expected a finite number > 0, got 0"):
         TransformBufferConfig(gap_s=0.0)

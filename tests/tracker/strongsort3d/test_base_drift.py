@@ -11,7 +11,7 @@ from services.tracker.interface import Observation
 from services.tracker.strongsort3d.base_drift import BaseDrift
 from tests.tracker.scene import frame
 
-CONFIG = TransformBufferConfig(drift_way_m=0.1, drift_turn_rad=0.05)
+CONFIG = TransformBufferConfig(drift_distance_m=0.1, drift_rotation_rad=0.05)
 
 
 def at(x_m: float, yaw_rad: float) -> Observation:
