@@ -1,10 +1,10 @@
 """The nodes of the services in one process, frame by frame: same input, same output."""
 
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from common.runtime.node import Node
+from common.runtime.node import LoopCallbacks, Node
 from common.runtime.process_id import Place
 from common.transport.bus import MemoryBus
 from common.transport.trace import collect
@@ -67,10 +67,8 @@ def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[PipelineStep]:
     """
     node = build_camera(camera)
     news = threading.Event()
-    set_wake: Callable[[Callable[[], None]], None] | None = getattr(node, "set_wake", None)
-    if set_wake:
-        set_wake(news.set)
     bus = MemoryBus([node, *nodes])
+    node.attach(LoopCallbacks(wake=news.set))
     try:
         while node.status().state != "finished":
             news.clear()

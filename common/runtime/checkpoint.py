@@ -10,16 +10,13 @@ import re
 import struct
 import time
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
 
-import msgspec
-
-from common.runtime.node import Node, Status
+from common.runtime.heartbeat import Work
+from common.runtime.node import StatefulNode
 from people4d.errors import DecodeError
-from people4d.messages import Message
 
 FOLDER = "PEOPLE4D_KEEP"  # environment variable; without it nothing is kept
 SUFFIX = ".kept"
@@ -29,31 +26,6 @@ PERIOD_NS = 250_000_000
 PAUSES = 50  # after having kept a state, so many times the time that it took are left to the node
 
 log = logging.getLogger("people4d")
-
-
-@runtime_checkable
-class Lasting(Protocol):
-    """What a node has whose state outlives its process."""
-
-    def next_number(self) -> int:
-        """Return the next number to be given, for example to a person; none is given twice."""
-        ...
-
-    def save(self) -> bytes:
-        """Return what the node knows; empty if nothing yet."""
-        ...
-
-    def restore(self, saved: bytes, next_number: int) -> None:
-        """Go on with what another process saved.
-
-        Args:
-            saved: From `save`; empty if it is lost.
-            next_number: All below it are taken as given.
-
-        Raises:
-            DecodeError: `saved` is damaged; only the number was taken then.
-        """
-        ...
 
 
 @dataclass(frozen=True)
@@ -131,113 +103,69 @@ def _opened(content: bytes) -> tuple[int, bytes] | None:
     return (count, state) if len(state) == length and zlib.crc32(state) == checksum else None
 
 
-class KeptNode:
-    """A node whose state is kept; all else is its own.
+class Checkpoint:
+    """Saves the state of a node while it runs; made, it restores what another process saved.
 
-    A number is kept before anything is published that tells it, the state four times a second.
-
-    Args:
-        node: The node, which must be `Lasting`.
-        keeper: Where its state is kept.
-    """
-
-    inputs: ClassVar[tuple[type[Message], ...]]
-
-    def __init__(self, node: Any, keeper: Keeper) -> None:
-        self._node = node
-        self._keeper = keeper
-        self._problem = ""
-        self._changed = False
-        self._due_ns = 0
-        kept = keeper.read()
-        try:
-            node.restore(kept.state, kept.next_number)
-        except DecodeError as error:
-            log.warning("%s: it begins anew", error)
-        self._told = 0
-        self._keep_number()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._node, name)
-
-    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Let the node answer; what it numbers is kept first."""
-        outputs: Sequence[Message] = self._node.handle(message, now_ns)
-        self._keep_number()
-        self._changed = True
-        return outputs
-
-    def tick(self, now_ns: int) -> Sequence[Message]:
-        """Return what is due, and keep the state."""
-        outputs: Sequence[Message] = self._node.tick(now_ns)
-        self._keep_number()
-        # What is due goes out first, unless something always is.
-        due_ns = self._due_ns + (PERIOD_NS if outputs else 0)
-        if self._changed and now_ns >= due_ns:
-            start_ns = time.monotonic_ns()
-            self._keep_state()
-            took_ns = time.monotonic_ns() - start_ns
-            self._due_ns = now_ns + max(PERIOD_NS, PAUSES * took_ns)
-        return outputs
-
-    def flush(self, now_ns: int) -> Sequence[Message]:
-        """Return what the node held back, if it can tell."""
-        flush = getattr(self._node, "flush", None)
-        outputs: Sequence[Message] = flush(now_ns) if flush else ()
-        self._keep_number()
-        return outputs
-
-    def wake_ns(self) -> int | None:
-        """Return when the node wants a tick."""
-        wake_ns: int | None = self._node.wake_ns()
-        return wake_ns
-
-    def status(self) -> Status:
-        """Return the node's status, and that its state cannot be kept."""
-        status: Status = self._node.status()
-        if not self._problem or status.state not in ("ready", "degraded"):
-            return status
-        reason = "; ".join(filter(None, (status.reason, self._problem)))
-        return msgspec.structs.replace(status, state="degraded", reason=reason)
-
-    def close(self) -> None:
-        """Keep the last state and close the node."""
-        self._keep_state()
-        self._node.close()
-
-    def _keep_number(self) -> None:
-        number = self._node.next_number()
-        if number != self._told:
-            self._told = number
-            self._try(lambda: self._keeper.write_number(number))
-
-    def _keep_state(self) -> None:
-        self._changed = False
-        state = self._node.save()
-        if state:
-            self._try(lambda: self._keeper.write_state(state))
-
-    def _try(self, write: Any) -> None:
-        try:
-            write()
-            self._problem = ""
-        except OSError as error:
-            folder, why = self._keeper.folder, error.strerror
-            self._problem = f"its state cannot be kept in {folder} ({why}): a restart loses it"
-
-
-def keep(node: Node, instance: str, environment: Mapping[str, str] = os.environ) -> Node:
-    """Return a node that goes on where the process of that name before it ended, if it can.
+    A number is saved before anything is published that holds it, the state four times a second.
 
     Args:
         node: The node.
-        instance: Name of the process.
-        environment: Environment variables; PEOPLE4D_KEEP names the folder.
+        store: Files of the state.
+        work: Takes as its problem that the state cannot be saved.
     """
-    folder = environment.get(FOLDER)
-    if not folder or not isinstance(node, Lasting):
-        return node
-    return KeptNode(node, Keeper(Path(folder), instance))
+
+    def __init__(self, node: StatefulNode, store: Keeper, work: Work) -> None:
+        self._node, self._store, self._work = node, store, work
+        self._changed = False
+        self._due_ns = 0
+        self._number = 0
+        saved = store.read()
+        try:
+            node.restore(saved.state, saved.next_number)
+        except DecodeError as error:
+            log.warning("%s: it begins anew", error)
+        self.save_number()
+
+    def save_number(self) -> None:
+        """Save the next number if it has changed."""
+        number = self._node.next_number()
+        if number != self._number:
+            self._number = number
+            self._write(lambda: self._store.write_number(number))
+
+    def handled(self) -> None:
+        """Note that the node handled a message."""
+        self.save_number()
+        self._changed = True
+
+    def ticked(self, now_ns: int, has_outputs: bool) -> None:
+        """Save the number, and the state if that is due.
+
+        Args:
+            now_ns: Monotonic time in nanoseconds.
+            has_outputs: Outputs wait to be published: they go first, unless there are some always.
+        """
+        self.save_number()
+        if self._changed and now_ns >= self._due_ns + (PERIOD_NS if has_outputs else 0):
+            start_ns = time.monotonic_ns()
+            self.save_state()
+            took_ns = time.monotonic_ns() - start_ns
+            self._due_ns = now_ns + max(PERIOD_NS, PAUSES * took_ns)
+
+    def save_state(self) -> None:
+        """Save the state, if there is one yet."""
+        self._changed = False
+        state = self._node.save()
+        if state:
+            self._write(lambda: self._store.write_state(state))
+
+    def _write(self, write: Callable[[], None]) -> None:
+        try:
+            write()
+            self._work.problem = ""
+        except OSError as error:
+            where = f"{self._store.folder} ({error.strerror})"
+            self._work.problem = f"its state cannot be saved in {where}: a restart loses it"
 
 
 def _read(file: Path) -> bytes | None:

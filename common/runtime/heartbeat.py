@@ -33,6 +33,7 @@ class Work:
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
+        self.problem = ""  # of the process beside its node, one sentence
         self._since: dict[int, float] = {}
         self._lock = threading.Lock()
         self._taken_ns: dict[str, int] = {}
@@ -81,8 +82,7 @@ class Heartbeat:
     elsewhere; `stalled` while it does not go on itself. The reason is one that a user understands.
 
     Args:
-        node: Whose status is told. If it has `takes`, it can do nothing without these messages; if
-            it has `gives`, it sends these by itself: when none come, that is told.
+        node: Node of the process.
         bus: Where to publish.
         place: Which process this is.
         inbox: Whose counters are told.
@@ -96,8 +96,8 @@ class Heartbeat:
         self._clock = Clock(bus)
         self._sequence = 0
         self._before: tuple[float, Counter[str]] = (time.monotonic(), Counter())
-        takes, gives = (_topics(getattr(node, name, ())) for name in ("takes", "gives"))
-        self._flow = Flow(takes, gives, time.monotonic())
+        inputs, outputs = _topics(node.required_inputs), _topics(node.periodic_outputs)
+        self._flow = Flow(inputs, outputs, time.monotonic())
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
         self._thread.start()
@@ -158,8 +158,9 @@ class Heartbeat:
             return status.state, status.reason
         if self._inbox.last_error_is_fresh():
             losing = self._inbox.last_error
-        reasons = [reason for reason in (status.reason, missing, losing) if reason]
-        degraded = bool(missing or losing) or status.state == "degraded"
+        problems = [problem for problem in (self._work.problem, missing, losing) if problem]
+        reasons = [status.reason, *problems] if status.reason else problems
+        degraded = bool(problems) or status.state == "degraded"
         return ("degraded" if degraded else "ready"), "; ".join(reasons)
 
     def _gauges(self, counters: Counter[str]) -> dict[str, float]:

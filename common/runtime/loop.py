@@ -4,18 +4,20 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
+from common.runtime.checkpoint import Checkpoint, Keeper
 from common.runtime.gate import Gate
 from common.runtime.heartbeat import Heartbeat, Work
 from common.runtime.inbox import Arrival, Inbox
-from common.runtime.node import Node
+from common.runtime.node import LoopCallbacks, Node, StatefulNode
 from common.runtime.process_id import Place
 from common.runtime.replica import Replica
-from common.runtime.sharing import Sharing
 from common.transport.bus import Bus, Subscription
 from common.transport.trace import Tracer, span
-from people4d.messages import Message, Span
-from people4d.topics import BY_MESSAGE, ForeignTopic, Topic
+from people4d.messages import Message, RgbdFrame, Span
+from people4d.topics import BY_MESSAGE, Topic
 
 LONGEST_WAIT_S = 0.25
 READERS_S = 2.0
@@ -23,36 +25,44 @@ READERS_S = 2.0
 log = logging.getLogger("people4d")
 
 
+@dataclass(frozen=True)
+class LoopSettings:
+    """Settings of a run loop.
+
+    Args:
+        workers: Threads that call `handle` at once; outputs keep the order of the inputs.
+        traced: Messages are marked with the times of their stages.
+        state_folder: Where the state of a stateful node is saved; None: nowhere.
+    """
+
+    workers: int = 1
+    traced: bool = True
+    state_folder: Path | None = None
+
+
+ALONE = LoopSettings()
+
+
 class Loop:
     """Runs a node on a bus until it is finished or told to stop.
 
     Args:
-        node: What to run. It is told what it has a method for: `set_wake`, a callback that makes
-            `tick` due at once, for nodes that are fed by a thread of their own; `set_next`, what
-            lets another thread take the next message before `handle` returns; `set_send`, what
-            publishes one answer before the others. If it has `foreign_inputs`, these topics of
-            others come to `handle`, too. If it has `newest`, so many frames wait while it is busy,
-            else one. If it has `sharing`, it does that work by turns with its
-            replicas, and `set_replicas` gets what tells their names.
+        node: What to run.
         bus: Where messages come from and go to.
         place: Which process this is.
-        workers: Threads that call `handle` at once; outputs keep the order of the inputs.
-        traced: Whether messages are marked with the times of their stages.
+        settings: How it is run.
     """
 
-    def __init__(
-        self, node: Node, bus: Bus, place: Place, workers: int = 1, traced: bool = True
-    ) -> None:
-        sharing: Sharing | None = getattr(node, "sharing", None)
+    def __init__(self, node: Node, bus: Bus, place: Place, settings: LoopSettings = ALONE) -> None:
         self._work = Work()
-        self._replica = Replica(bus, place, sharing, self._work) if sharing else None
-        share = self._replica.share if self._replica else None
-        self.inbox = Inbox(share, getattr(node, "newest", 1))
+        self._replica = Replica(bus, place, node.sharing, self._work) if node.sharing else None
+        self.inbox = Inbox(self._replica.share if self._replica else None, node.frames_waiting)
         self._node = node
         self._bus = bus
         self._place = place
-        self._workers = workers
-        self._tracer = Tracer(place, traced)
+        self._workers = settings.workers
+        self._tracer = Tracer(place, settings.traced)
+        self._checkpoint = self._restored(settings.state_folder)
         self._stopped = False  # no Event: a signal may come while its lock is held
         self._gate = Gate()
         self._working = threading.local()  # ticket and spans of what this thread handles
@@ -62,13 +72,16 @@ class Loop:
 
     def run(self) -> None:
         """Handle messages until `stop` is called or the node is finished, then what still waits."""
-        self._tell_node("set_wake", self.inbox.wake)
-        self._tell_node("set_next", self._gate.open)
-        self._tell_node("set_send", self._send)
-        if self._replica:
-            self._tell_node("set_replicas", self._replica.all)
-        foreign: Sequence[ForeignTopic] = getattr(self._node, "foreign_inputs", ())
-        topics = [*(BY_MESSAGE[kind] for kind in self._node.inputs), *foreign]
+        self._node.attach(
+            LoopCallbacks(
+                wake=self.inbox.wake,
+                release=self._gate.open,
+                publish=self._send,
+                replicas=self._replica.all if self._replica else lambda: ("", ()),
+            )
+        )
+        own = (BY_MESSAGE[kind] for kind in self._node.inputs)
+        topics = [*own, *self._node.foreign_inputs]
         subscriptions = [self._subscribe(topic) for topic in topics]
         helpers = [threading.Thread(target=self._serve) for _ in range(self._workers - 1)]
         for helper in helpers:
@@ -87,8 +100,10 @@ class Loop:
             self._drain()
             for helper in helpers:
                 helper.join()
-            self._flush()
+            self._publish(*self._ask(self._flush))
             try:
+                if self._checkpoint:
+                    self._checkpoint.save_state()
                 self._node.close()
             finally:
                 heartbeat.close()
@@ -98,10 +113,10 @@ class Loop:
         self._stopped = True
         self.inbox.wake()
 
-    def _tell_node(self, hook: str, value: object) -> None:
-        tell: Callable[[object], None] | None = getattr(self._node, hook, None)
-        if tell:
-            tell(value)
+    def _restored(self, folder: Path | None) -> Checkpoint | None:
+        if not folder or not isinstance(self._node, StatefulNode):
+            return None
+        return Checkpoint(self._node, Keeper(folder, self._place.instance), self._work)
 
     def _join(self) -> None:
         if self._replica:
@@ -141,7 +156,7 @@ class Loop:
             arrival = self._take(self._wait_s())
             if arrival:
                 self._handle(arrival)
-            outputs, spans = self._ask(lambda: self._node.tick(time.monotonic_ns()))
+            outputs, spans = self._ask(self._tick)
             self._publish(outputs, spans)
             status = self._node.status()
             if status.state == "finished":
@@ -151,12 +166,6 @@ class Loop:
     def _drain(self) -> None:
         while arrival := self.inbox.get(0.0):
             self._handle(arrival)
-
-    def _flush(self) -> None:
-        """Publish what the node still held back, waiting for more."""
-        flush: Callable[[int], Sequence[Message]] | None = getattr(self._node, "flush", None)
-        if flush:
-            self._publish(*self._ask(lambda: flush(time.monotonic_ns())))
 
     def _wait_s(self) -> float:
         wake_ns = self._node.wake_ns()
@@ -171,7 +180,7 @@ class Loop:
             arrival.message, arrival.received_ns, arrival.decoded_ns, taken_ns
         )
         self._working.ticket = arrival.ticket
-        outputs, spans = self._ask(lambda: self._node.handle(message, time.monotonic_ns()))
+        outputs, spans = self._ask(lambda: self._answer(message))
         self._gate.open()
         spans = self._tracer.handled(taken_ns, spans)
         if self._replica:
@@ -183,6 +192,25 @@ class Loop:
             with self._turn:
                 self._published += 1
                 self._turn.notify_all()
+
+    def _answer(self, message: Message) -> Sequence[Message]:
+        outputs = self._node.handle(message, time.monotonic_ns())
+        if self._checkpoint:
+            self._checkpoint.handled()
+        return outputs
+
+    def _tick(self) -> Sequence[Message]:
+        now_ns = time.monotonic_ns()
+        outputs = self._node.tick(now_ns)
+        if self._checkpoint:
+            self._checkpoint.ticked(now_ns, bool(outputs))
+        return outputs
+
+    def _flush(self) -> Sequence[Message]:
+        outputs = self._node.flush(time.monotonic_ns())
+        if self._checkpoint:
+            self._checkpoint.save_number()
+        return outputs
 
     def _send(self, message: Message) -> None:
         """Publish what a node has ready before the rest of its answer."""
@@ -226,4 +254,4 @@ def _name(message: Message) -> str:
 def _may_be_replaced(message: Message) -> bool:
     topic = BY_MESSAGE.get(type(message))
     newest = topic is not None and topic.delivery == "newest"
-    return newest and not getattr(message, "lockstep", False)
+    return newest and not (isinstance(message, RgbdFrame) and message.lockstep)

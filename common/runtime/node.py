@@ -1,54 +1,134 @@
-"""The shape of a service without its input and output."""
+"""Base class of every service's node: messages in, messages out, no input or output of its own."""
 
-from collections.abc import Sequence
-from typing import ClassVar, Literal, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import msgspec
 
 from people4d.messages import Message
+from people4d.topics import ForeignTopic
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
-    """What a node says of itself in its heartbeat."""
+    """State of a node for its heartbeat."""
 
     state: Literal["starting", "ready", "degraded", "finished"] = "ready"
     reason: str = ""  # why it is not ready, one sentence; finished: the process may end
     counters: dict[str, int] = msgspec.field(default_factory=dict)  # events, drops by cause
 
 
-class Node(Protocol):
-    """Messages in, messages out; no bus, no files, no clock of its own.
+@dataclass(frozen=True)
+class Sharing:
+    """Work that the replicas of a service share.
 
-    It may name in `takes` the messages without which it can do nothing, and in `gives` those that
-    it sends by itself; its heartbeat tells when none come.
-
-    A node raises nothing for bad data: it counts the drop and says so in its status. `now_ns` is a
-    monotonic clock, good for waiting only; stamps come from the messages.
+    Args:
+        work: Type of message of which each is handled by one replica.
+        answer: Type that they publish for it, with the same camera and sequence.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]]
+    work: type[Message]
+    answer: type[Message]
 
+
+@dataclass(frozen=True)
+class LoopCallbacks:
+    """Callbacks of the run loop for its node.
+
+    Args:
+        wake: Makes `tick` due at once; may be called from any thread.
+        release: Lets another worker take the next message before `handle` returns.
+        publish: Publishes one output before the others that `handle` returns; None: only what
+            `handle` returns is published.
+        replicas: Returns the name of this process, and those of all that share its work.
+    """
+
+    wake: Callable[[], None] = lambda: None
+    release: Callable[[], None] = lambda: None
+    publish: Callable[[Message], None] | None = None
+    replicas: Callable[[], tuple[str, tuple[str, ...]]] = lambda: ("", ())
+
+
+NO_LOOP = LoopCallbacks()
+
+
+class Node(ABC):
+    """Messages in, messages out; no bus, no files, no clock of its own.
+
+    A node raises nothing for bad data: it counts the drop and reports it in its status. `now_ns` is
+    a monotonic clock, good for waiting only; stamps come from the messages. Subclasses add no
+    public methods of their own, so that a misspelt hook is found by a test.
+
+    Attributes:
+        inputs: Types of messages that `handle` gets.
+        required_inputs: Those without which the node can do nothing; the heartbeat reports when
+            none arrive.
+        periodic_outputs: Types that the node publishes by itself; the heartbeat reports when none
+            are published.
+        sharing: Work that replicas share, None if the node can have none.
+        foreign_inputs: Topics of other programs that `handle` gets, too.
+        frames_waiting: Length of the queue of a topic of which only the newest messages count.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = ()
+    required_inputs: ClassVar[tuple[type[Message], ...]] = ()
+    periodic_outputs: ClassVar[tuple[type[Message], ...]] = ()
+    sharing: ClassVar[Sharing | None] = None
+    foreign_inputs: Sequence[ForeignTopic] = ()
+    frames_waiting: int = 1
+
+    def attach(self, loop: LoopCallbacks) -> None:  # noqa: B027
+        """Take the callbacks of the loop that runs this node; called once, before all else."""
+
+    @abstractmethod
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         """Take one message and return what follows from it.
 
         Args:
-            message: One of the types in `inputs`.
+            message: One of the types in `inputs` or of the topics in `foreign_inputs`.
             now_ns: Monotonic time in nanoseconds.
         """
-        ...
 
-    def tick(self, now_ns: int) -> Sequence[Message]:
+    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Return what is due by now; called after each message and at `wake_ns`."""
-        ...
+        return ()
+
+    def flush(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Return outputs that still wait for more input; called when no more input comes."""
+        return ()
 
     def wake_ns(self) -> int | None:
         """Return the monotonic time in nanoseconds at which `tick` is wanted, None if at none."""
-        ...
+        return None
 
     def status(self) -> Status:
-        """Return what the heartbeat shall say."""
-        ...
+        """Return state, reason and counters for the heartbeat."""
+        return Status()
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027
         """Release devices and files; called once, when the process ends."""
-        ...
+
+
+class StatefulNode(Node):
+    """Node whose state outlives its process."""
+
+    @abstractmethod
+    def next_number(self) -> int:
+        """Return the next number to be given, for example to a person; none is given twice."""
+
+    @abstractmethod
+    def save(self) -> bytes:
+        """Return the state; empty if there is none yet."""
+
+    @abstractmethod
+    def restore(self, saved: bytes, next_number: int) -> None:
+        """Continue from the state that another process saved.
+
+        Args:
+            saved: From `save`; empty if it is lost.
+            next_number: All numbers below it are taken as given.
+
+        Raises:
+            DecodeError: `saved` is damaged; only the number was restored then.
+        """

@@ -8,7 +8,7 @@ import re
 import signal
 import socket
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,8 +17,8 @@ import msgspec
 
 from common.config import load
 from common.runtime.assignment import CAPACITY_MAX
-from common.runtime.checkpoint import keep
-from common.runtime.loop import Loop
+from common.runtime.checkpoint import FOLDER
+from common.runtime.loop import Loop, LoopSettings
 from common.runtime.node import Node
 from common.runtime.process_id import Place
 from common.transport.clock import keep_time
@@ -69,11 +69,11 @@ def main(
         config = load(kind, service, flags.config, flags.set)
         bus = ZenohBus(read_config(flags.zenoh, mode, role=service), flags.robot)
         try:
-            node = keep(build(config), flags.instance)
+            node = build(config)
             place = Place(service, flags.instance, socket.gethostname(), flags.capacity)
             if mode == "router":  # everyone reaches it
                 keep_time(bus)
-            loop = Loop(node, bus, place, workers, traced=os.environ.get("PEOPLE4D_TRACE") != "off")
+            loop = Loop(node, bus, place, _loop_settings(workers))
             _on_stop_signals(loop.stop)
             log.info("started")
             loop.run()
@@ -84,6 +84,15 @@ def main(
         log.error("%s", error, exc_info=flags.debug)
         return 1
     return 0
+
+
+def _loop_settings(workers: int, environment: Mapping[str, str] = os.environ) -> LoopSettings:
+    folder = environment.get(FOLDER)
+    return LoopSettings(
+        workers=workers,
+        traced=environment.get("PEOPLE4D_TRACE") != "off",
+        state_folder=Path(folder) if folder else None,
+    )
 
 
 def _on_stop_signals(stop: Callable[[], None]) -> None:

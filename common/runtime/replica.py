@@ -9,8 +9,9 @@ import msgspec
 
 from common.runtime.heartbeat import Work
 from common.runtime.inbox import Inbox
+from common.runtime.node import Sharing
 from common.runtime.process_id import Place
-from common.runtime.sharing import Share, Sharing, Spare, head_of
+from common.runtime.sharing import Share, Spare, head_of
 from common.runtime.team import Team
 from common.transport.bus import Bus, Members, Subscription
 from people4d.messages import Health

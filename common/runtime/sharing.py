@@ -11,22 +11,9 @@ from dataclasses import dataclass
 
 import msgspec
 
+from common.runtime.node import Sharing
 from common.runtime.team import Team
-from people4d.messages import Message
 from people4d.topics import BY_MESSAGE, Topic
-
-
-@dataclass(frozen=True)
-class Sharing:
-    """What replicas share; a node that can have replicas says it in `sharing`.
-
-    Args:
-        work: Type of message of which each is done by one replica.
-        answer: Type that they send for it, with the same camera and sequence.
-    """
-
-    work: type[Message]
-    answer: type[Message]
 
 
 class Head(msgspec.Struct, frozen=True):

@@ -17,7 +17,7 @@ from typing import ClassVar, Protocol
 import msgspec
 
 from common.runtime import process
-from common.runtime.node import Status
+from common.runtime.node import Node, Status
 from deploy.launcher.state import MARK, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from people4d.errors import ConfigError
@@ -137,7 +137,7 @@ class Watch:
         return now_s - heard.last_s > limit_s
 
 
-class WatchdogNode:
+class WatchdogNode(Node):
     """Ends processes that hang, so that supervisord starts them again.
 
     Args:
@@ -190,9 +190,6 @@ class WatchdogNode:
             reason="; ".join(problems or lately),
             counters=dict(self._counters),
         )
-
-    def close(self) -> None:
-        """Hold nothing."""
 
     def _look(self, now_s: float) -> None:
         try:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
-from common.runtime.node import Status
+from common.runtime.node import Node
 from evaluation.methods import Method
 from evaluation.pipeline import pipeline, play
 from people4d.errors import SourceError
@@ -134,7 +134,7 @@ def _check(found: Sequence[Found] | None, seen: Seen) -> None:
         )
 
 
-class _Answer:
+class _Answer(Node):
     """Tells that each frame was taken, so that the next one comes."""
 
     inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
@@ -153,15 +153,3 @@ class _Answer:
             height=height,
         )
         return [nobody]
-
-    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        return ()
-
-    def wake_ns(self) -> int | None:
-        return None
-
-    def status(self) -> Status:
-        return Status()
-
-    def close(self) -> None:
-        """Hold nothing."""

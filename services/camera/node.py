@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from common.io.images import compress
-from common.runtime.node import Status
+from common.runtime.node import LoopCallbacks, Node, Status
 from common.transport.trace import record, span
 from people4d.errors import ConfigError
 from people4d.messages import (
@@ -38,11 +38,11 @@ OLDEST_NS = 1_000_000_000  # a live frame that is older has the stamp of another
 ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
 
 
-class CameraNode:
+class CameraNode(Node):
     """Publishes calibration and transform once, then frames and odometry.
 
-    A thread reads and decodes ahead. It calls the callback given to `set_wake` when there is
-    news; without one, `wake_ns` asks for a look every 2 ms.
+    A thread reads and decodes ahead. It wakes the loop when there is news; without a
+    loop, `wake_ns` asks for a tick every 2 ms.
 
     Args:
         config: What to play and how.
@@ -54,7 +54,7 @@ class CameraNode:
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Tracks, Detections)
-    gives: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    periodic_outputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
 
     def __init__(self, config: CameraConfig, source: Source) -> None:
         self._config = config
@@ -83,9 +83,9 @@ class CameraNode:
         self._ignored = False  # frames were given up and no answer came since
         self._counters: Counter[str] = Counter()
 
-    def set_wake(self, wake: Callable[[], None]) -> None:
-        """Take what makes `tick` due at once; it is called from another thread."""
-        self._wake = wake
+    def attach(self, loop: LoopCallbacks) -> None:
+        """Take the callbacks of the loop."""
+        self._wake = loop.wake
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take an answer to a frame; the tick that follows sends the next. Pass motion on."""

@@ -3,12 +3,11 @@
 import logging
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
-from common.runtime.node import Status
-from common.runtime.sharing import Sharing
+from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
 from people4d.messages import (
     CameraInfo,
@@ -30,7 +29,7 @@ from services.detector.position.silhouette import grow_mask
 log = logging.getLogger("people4d")
 
 
-class DetectorNode:
+class DetectorNode(Node):
     """Finds people in each frame and reads from depth where they are and which way they face.
 
     Cameras may be several; each frame needs the CameraInfo of its camera before it. `handle` may be
@@ -43,7 +42,7 @@ class DetectorNode:
 
     inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
     sharing: ClassVar[Sharing] = Sharing(RgbdFrame, Detections)
-    takes: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    required_inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
 
     def __init__(self, model: PersonModel, config: DetectorConfig) -> None:
         self._model = model
@@ -55,21 +54,11 @@ class DetectorNode:
         self._calibrations: dict[str, CameraInfo] = {}
         self._counters: Counter[str] = Counter()
         self._faults: dict[str, str] = {}  # what is wrong with the newest frame, by camera
-        self._replicas: Callable[[], tuple[str, tuple[str, ...]]] = lambda: ("", ())
-        self._send: Callable[[Message], None] | None = None
-        self._next: Callable[[], None] = lambda: None
+        self._loop = NO_LOOP
 
-    def set_send(self, send: Callable[[Message], None]) -> None:
-        """Take what publishes crops while the people are still being placed."""
-        self._send = send
-
-    def set_next(self, let_next: Callable[[], None]) -> None:
-        """Take what lets another thread begin with the next frame; called after the network."""
-        self._next = let_next
-
-    def set_replicas(self, replicas: Callable[[], tuple[str, tuple[str, ...]]]) -> None:
-        """Take what tells the name of this process, and who shares the frames with it."""
-        self._replicas = replicas
+    def attach(self, loop: LoopCallbacks) -> None:
+        """Take the callbacks of the loop."""
+        self._loop = loop
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take a calibration, or a frame: return its Detections and, if configured, its Crops."""
@@ -82,23 +71,12 @@ class DetectorNode:
         info = self._calibration(message)
         return () if info is None else self._detect(message, info)
 
-    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return nothing: every output answers a frame."""
-        return ()
-
-    def wake_ns(self) -> int | None:
-        """Return None: the node never waits."""
-        return None
-
     def status(self) -> Status:
         """Return counters, and as the reason what is wrong with the newest frames."""
         with self._lock:
             reason = "; ".join(f"camera {camera}: {why}" for camera, why in self._faults.items())
             counters = dict(self._counters)
         return Status(state="degraded" if reason else "ready", reason=reason, counters=counters)
-
-    def close(self) -> None:
-        """Release nothing: the node holds no devices or files."""
 
     def _calibration(self, frame: RgbdFrame) -> CameraInfo | None:
         """Return the calibration of a frame; None, counted, if there is none that fits."""
@@ -118,21 +96,22 @@ class DetectorNode:
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
         people = self._find(frame)
         with span("hand_over"):
-            self._next()
+            self._loop.release()
         if self._config.position == "grown":
             with span("locate"):
                 people = [self._with_mask(person, frame, info) for person in people]
         outputs: list[Message] = []
         if self._config.crops:
             # Crops first: what the tracker waits for longest is on its way soonest.
-            (self._send or outputs.append)(self._crops(people, frame))
+            publish = self._loop.publish or outputs.append
+            publish(self._crops(people, frame))
         with span("locate"):
             detections = self._detections(people, frame, info)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
             self._counters["with_heading"] += sum(d.heading is not None for d in detections)
-        detector, replicas = self._replicas()
+        detector, replicas = self._loop.replicas()
         result = Detections(
             stamp_ns=frame.stamp_ns,
             sequence=frame.sequence,

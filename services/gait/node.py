@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from common.geometry.transforms import apply, invert
-from common.runtime.node import Status
+from common.runtime.node import Node, Status
 from common.transport.trace import span
 from people4d.messages import (
     F64,
@@ -35,7 +35,7 @@ CAMERAS_MAX = 64  # with people; whoever sends more names is no camera
 Watch = Callable[[CameraInfo, Scene, Sequence[Found]], None]
 
 
-class GaitNode:
+class GaitNode(Node):
     """Follows points on the bodies of tracked people, at its own rate.
 
     Live, the newest complete frame of a camera wins and older ones are counted `passed_over`: what
@@ -52,11 +52,11 @@ class GaitNode:
         *(RgbdFrame, Detections, Tracks, CameraInfo),
         *(StaticTransform, MovingTransform, Odometry),
     )
-    takes: ClassVar[tuple[type[Message], ...]] = (RgbdFrame, Tracks)
+    required_inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame, Tracks)
 
     def __init__(self, config: GaitConfig, watch: Watch | None = None) -> None:
         self._config, self._watch = config, watch
-        self.newest = config.frames  # that wait while this one is busy
+        self.frames_waiting = config.frames
         self._join = Join(config.frames)
         self._places = Places(config.base)
         self._infos: dict[str, CameraInfo] = {}
@@ -92,9 +92,6 @@ class GaitNode:
     def status(self) -> Status:
         """Tell what is missing and what was counted."""
         return Status(counters={**self._counters, **self._join.counters, **self._places.counters})
-
-    def close(self) -> None:
-        """Hold nothing that needs releasing."""
 
     def _wait(self, moment: Moment, now_ns: int) -> None:
         """Let a frame wait until no newer one comes at once, but not for ever."""

@@ -9,7 +9,7 @@ import msgspec
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.metrics import transform_truth
-from common.runtime.node import Status
+from common.runtime.node import Node, Status
 from people4d.messages import (
     CameraInfo,
     Detections,
@@ -31,7 +31,7 @@ DEFAULT = GtBridgeConfig()
 MOTION = TransformBufferConfig(history_s=30.0)  # truth may come late, and alignments look back
 
 
-class GtBridgeNode:
+class GtBridgeNode(Node):
     """Sends the truth in the frame that is wanted, and a score for each Tracks message.
 
     Args:
@@ -98,9 +98,6 @@ class GtBridgeNode:
             )
             return Status(state="degraded", reason=reason, counters=counters)
         return Status(reason=self._quiet(), counters=counters)
-
-    def close(self) -> None:
-        """Nothing to release."""
 
     def _quiet(self) -> str:
         """Say why there is no truth."""

@@ -6,15 +6,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from common.runtime.node import Status
-from common.runtime.sharing import Sharing
+from common.runtime.node import Node, Sharing, Status
 from people4d.messages import Crops, Embeddings, Message
 from services.reid.embedder import Embedder
 
 SIDE_MIN_PX = 8  # a smaller picture tells nothing about a person
 
 
-class ReidNode:
+class ReidNode(Node):
     """Embeds the people of each frame; a frame without people gives no vectors, but a message.
 
     Args:
@@ -23,7 +22,7 @@ class ReidNode:
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Crops,)
     sharing: ClassVar[Sharing] = Sharing(Crops, Embeddings)
-    takes = inputs
+    required_inputs = inputs
 
     def __init__(self, embedder: Embedder) -> None:
         self._embedder = embedder
@@ -57,14 +56,6 @@ class ReidNode:
             ),
         )
 
-    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return nothing: every output answers a message."""
-        return ()
-
-    def wake_ns(self) -> int | None:
-        """Return None: the node never waits."""
-        return None
-
     def status(self) -> Status:
         """Return counters, and as the reason whether the newest frame's embedding failed."""
         return Status(
@@ -72,6 +63,3 @@ class ReidNode:
             reason=self._fault,
             counters=dict(self._counters),
         )
-
-    def close(self) -> None:
-        """Release nothing: the node holds no devices or files."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 from common.drawing.people import View, annotate
 from common.drawing.tiles import Tile, shrink
 from common.geometry.transforms import invert
-from common.runtime.node import Status
+from common.runtime.node import Node, Status
 from people4d.messages import (
     CameraInfo,
     Detections,
@@ -26,7 +26,7 @@ from services.report.statistics import Statistics
 from services.report.trails import Trails
 
 
-class ReportNode:
+class ReportNode(Node):
     """Joins frames with what was made of them; memory is bounded however long the run.
 
     Args:
@@ -65,14 +65,6 @@ class ReportNode:
             for moment in self._join.add(message):
                 self._show(moment)
         return ()
-
-    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Nothing is ever due."""
-        return ()
-
-    def wake_ns(self) -> int | None:
-        """Nothing is ever due."""
-        return None
 
     def status(self) -> Status:
         """Return what the heartbeat shall say."""

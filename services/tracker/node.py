@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import ClassVar
 
-from common.runtime.node import Status
+from common.runtime.node import StatefulNode, Status
 from common.transport.trace import span
 from people4d.errors import DecodeError
 from people4d.messages import (
@@ -46,7 +46,7 @@ class _Last:
     arrived_ns: int  # [ns] monotonic
 
 
-class TrackerNode:
+class TrackerNode(StatefulNode):
     """Joins the streams by camera and stamp, and tracks in one fixed frame.
 
     Every Detections is answered by one Tracks of the same stamp, but for counted drops: `stale`
@@ -63,7 +63,7 @@ class TrackerNode:
         *(Detections, Embeddings),
         *(CameraInfo, StaticTransform, MovingTransform, Odometry),
     )
-    takes: ClassVar[tuple[type[Message], ...]] = (Detections,)
+    required_inputs: ClassVar[tuple[type[Message], ...]] = (Detections,)
 
     def __init__(self, config: TrackerConfig, tracker: Tracker) -> None:
         self._config = config
@@ -132,9 +132,6 @@ class TrackerNode:
             reason="; ".join(reasons),
             counters={**self._counters, **self._join.counters, **self._places.counters},
         )
-
-    def close(self) -> None:
-        """Hold nothing that needs releasing."""
 
     def next_number(self) -> int:
         """Return the next identity to be given; 0 if the tracker does not tell."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from common.geometry.frame_graph import FrameGraph
-from common.runtime.node import Status
+from common.runtime.node import Node, Status
 from common.transport.trace import span
 from people4d.messages import (
     F64,
@@ -41,7 +41,7 @@ CAUSES = {
 }
 
 
-class VisualOdometryNode:
+class VisualOdometryNode(Node):
     """Tells the motion of the base that one camera hangs on.
 
     Every frame is answered by an Odometry of its stamp (a MovingTransform if the base moves any
@@ -56,7 +56,7 @@ class VisualOdometryNode:
         *(RgbdFrame, Detections, CameraInfo),
         *(StaticTransform, Odometry),
     )
-    takes: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    required_inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
 
     def __init__(self, config: VisualOdometryConfig) -> None:
         self._config = config
@@ -90,14 +90,6 @@ class VisualOdometryNode:
             self._notice(message)
         return ()
 
-    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return nothing: only frames bring motion."""
-        return ()
-
-    def wake_ns(self) -> int | None:
-        """Return that no tick is wanted."""
-        return None
-
     def status(self) -> Status:
         """Tell why there is no odometry, and what was counted."""
         reason = self._reason()
@@ -106,9 +98,6 @@ class VisualOdometryNode:
             reason=reason,
             counters=dict(self._counters),
         )
-
-    def close(self) -> None:
-        """Hold nothing that needs releasing."""
 
     def _follow(self, frame: RgbdFrame) -> list[Message]:
         if not self._is_next(frame):

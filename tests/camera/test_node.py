@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from common.io.images import decompress
+from common.runtime.node import LoopCallbacks
 from common.runtime.process_id import Place
 from common.transport.trace import collect
 from people4d.errors import ConfigError, SourceError
@@ -44,7 +45,7 @@ class Player:
         self.now_ns = 0
         self.out: list[Message] = []
         self.news = threading.Event()
-        node.set_wake(self.news.set)
+        node.attach(LoopCallbacks(wake=self.news.set))
 
     def frames(self) -> list[RgbdFrame]:
         return [message for message in self.out if isinstance(message, RgbdFrame)]

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import ClassVar, Literal
 
-from common.runtime.node import Status
+from common.runtime.node import Node, Status
 from common.transport.trace import span
 from people4d.messages import Detections, Message, Tracks, Truth
 
@@ -22,7 +22,7 @@ def detections(sequence: int, camera: str = "front") -> Detections:
     )
 
 
-class Echo:
+class Echo(Node):
     """Answers Detections with empty Tracks of the same stamp; a camera named "bad" raises."""
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Detections,)
@@ -57,9 +57,6 @@ class Echo:
         due, self.due = self.due, []
         return due
 
-    def wake_ns(self) -> int | None:
-        return None
-
     def status(self) -> Status:
         counters = {"handled": len(self.handled), "skipped": 0}
         return Status(state=self.state, reason=self.reason, counters=counters)
@@ -68,10 +65,8 @@ class Echo:
         self.closed = True
 
 
-class Source:
+class Source(Node):
     """Sends a given number of Truth messages, one at each tick, then is finished."""
-
-    inputs: ClassVar[tuple[type[Message], ...]] = ()
 
     def __init__(self, count: int) -> None:
         self.left = count

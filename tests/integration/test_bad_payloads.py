@@ -10,7 +10,7 @@ import pytest
 import zenoh
 
 from common.runtime import heartbeat
-from common.runtime.loop import Loop
+from common.runtime.loop import Loop, LoopSettings
 from common.runtime.process_id import Place
 from common.transport.zenoh_bus import read_config
 from people4d.codec import encode
@@ -63,7 +63,8 @@ def test_bad_payloads_are_counted_and_good_ones_handled_after_them(
     monkeypatch.setattr(heartbeat, "PERIOD_S", 0.05)
     node = All() if service == "all" else node_of(service, tmp_path)
     robot = network.robot()
-    loop = Loop(node, network.open(robot), Place(service, f"{service}-1", "host"), workers=2)
+    place = Place(service, f"{service}-1", "host")
+    loop = Loop(node, network.open(robot), place, LoopSettings(workers=2))
     watcher = Watcher(network.open(robot), Health)
     running = threading.Thread(target=loop.run)
     running.start()

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from common.runtime.node import Status
+from common.runtime.node import Node
 from evaluation.pipeline import play
 from lab.film import Film
 from lab.source import LabSource
@@ -143,7 +143,7 @@ def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.Monke
     assert [type(item) for item in late] == [type(item) for item in wanted]
 
 
-class Detector:
+class Detector(Node):
     """Answers each frame."""
 
     inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
@@ -165,18 +165,6 @@ class Detector:
                 height=SIZE[0],
             )
         ]
-
-    def tick(self, now_ns: int) -> Sequence[Message]:
-        return []
-
-    def wake_ns(self) -> int | None:
-        return None
-
-    def status(self) -> Status:
-        return Status()
-
-    def close(self) -> None:
-        pass
 
 
 def test_lockstep_through_the_camera_loses_no_frame(tmp_path: Path) -> None:

@@ -1,12 +1,13 @@
 """Of two threads none takes a frame that a newer one may still replace."""
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import msgspec
 import pytest
 
+from common.runtime.node import LoopCallbacks
 from people4d.messages import Message, RgbdFrame, Truth
 from tests.common.nodes import Echo
 from tests.common.runtime.test_loop import running
@@ -30,14 +31,14 @@ class Heavy(Echo):
         super().__init__()
         self.begun, self.heavy_done, self.light_done = (threading.Event() for _ in range(3))
 
-    def set_next(self, let_next: Callable[[], None]) -> None:
-        self.let_next = let_next
+    def attach(self, loop: LoopCallbacks) -> None:
+        self.loop = loop
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         self.handled.append(message.sequence)
         self.begun.set()
         assert self.heavy_done.wait(WAIT_S)
-        self.let_next()
+        self.loop.release()
         assert message.sequence > 1 or self.light_done.wait(WAIT_S)
         return [Truth(stamp_ns=0, sequence=message.sequence, frame_id="map")]
 
@@ -79,11 +80,10 @@ def test_frames_that_must_not_be_skipped_are_taken_at_once(network: Network) -> 
 class Early(Heavy):
     """Sends Tracks before it is done with the Truth."""
 
-    def set_send(self, send: Callable[[Message], None]) -> None:
-        self.send = send
-
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        self.send(msgspec.structs.replace(BY_NAME["Tracks"], sequence=message.sequence, trace=()))
+        tracks = msgspec.structs.replace(BY_NAME["Tracks"], sequence=message.sequence, trace=())
+        assert self.loop.publish
+        self.loop.publish(tracks)
         assert self.heavy_done.wait(WAIT_S)
         return [Truth(stamp_ns=0, sequence=message.sequence, frame_id="map")]
 

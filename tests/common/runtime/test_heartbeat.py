@@ -14,7 +14,7 @@ from common.runtime.node import Status
 from common.runtime.process_id import Place
 from common.transport.clock import keep_time
 from common.transport.zenoh_bus import ZenohBus
-from people4d.messages import Detections, Health, Message
+from people4d.messages import Detections, Health
 from people4d.topics import BY_NAME
 from tests.common.nodes import Echo
 from tests.network import WAIT_S, Network, Watcher
@@ -213,8 +213,7 @@ def test_what_does_not_come_and_who_tells_it(
     beating: Beating, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(flow, "QUIET_S", 0.2)
-    takes: tuple[type[Message], ...] = (Detections,)
-    monkeypatch.setattr(Echo, "takes", takes, raising=False)
+    monkeypatch.setattr(Echo, "required_inputs", (Detections,))
     bus = beating.bus
     watcher = Watcher(bus, Health)
     other = Heartbeat(Echo(), bus, Place("tracker", "tracker-1", "robot"), Inbox(), Work())

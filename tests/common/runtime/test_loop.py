@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -14,8 +14,8 @@ import pytest
 
 from common.runtime import loop as loop_module
 from common.runtime import process
-from common.runtime.loop import Loop
-from common.runtime.node import Node
+from common.runtime.loop import Loop, LoopSettings
+from common.runtime.node import LoopCallbacks, Node
 from common.runtime.process_id import Place
 from common.transport.ports import free_port
 from people4d.messages import Health, Message, Tracks, Truth
@@ -48,7 +48,7 @@ class Running:
         robot = network.robot()
         self.outside = network.open(robot)
         self.watcher = Watcher(self.outside, Tracks, Truth, Health)
-        self.loop = Loop(node, network.open(robot), PLACE, workers)
+        self.loop = Loop(node, network.open(robot), PLACE, LoopSettings(workers))
         self.thread = threading.Thread(target=self.loop.run)
         self.thread.start()
         # Its subscriptions are declared before its first heartbeat is sent.
@@ -184,8 +184,8 @@ def test_a_node_with_a_thread_of_its_own_can_make_tick_due(
     network: Network, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Fed(Echo):
-        def set_wake(self, wake: Callable[[], None]) -> None:
-            self.wake = wake
+        def attach(self, loop: LoopCallbacks) -> None:
+            self.wake = loop.wake
 
     monkeypatch.setattr(loop_module, "LONGEST_WAIT_S", 10 * WAIT_S)
     node = Fed()

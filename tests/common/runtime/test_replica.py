@@ -9,8 +9,8 @@ from typing import ClassVar
 import pytest
 
 from common.runtime.loop import Loop
+from common.runtime.node import Sharing
 from common.runtime.process_id import Place
-from common.runtime.sharing import Sharing
 from people4d.messages import Detections, Health, Message, Tracks
 from tests.common.nodes import Echo, detections
 from tests.network import WAIT_S, Network, Watcher

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.runtime.sharing import Head, Share, Sharing, Spare, head_of
+from common.runtime.node import Sharing
+from common.runtime.sharing import Head, Share, Spare, head_of
 from common.runtime.team import SILENT_S, Team
 from people4d.codec import encode
 from people4d.messages import Crops, Detections, Embeddings, Message, RgbdFrame

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
-from common.runtime.node import Status
+from common.runtime.node import Node
 from common.transport.bus import MemoryBus
 from people4d.messages import Detections, Message, Odometry, Tracks, Truth
 from tests.common.nodes import Echo, Source, detections
 from tests.contract.examples import BY_NAME
 
 
-class Evaluator:
+class Evaluator(Node):
     """Answers Tracks with Truth, and one Odometry when its time has come."""
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
@@ -27,12 +27,6 @@ class Evaluator:
 
     def wake_ns(self) -> int | None:
         return 100
-
-    def status(self) -> Status:
-        return Status()
-
-    def close(self) -> None:
-        pass
 
 
 def test_a_message_is_followed_by_all_that_follows_from_it() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from common.runtime.loop import Loop
-from common.runtime.node import Node, Status
+from common.runtime.node import Node
 from common.runtime.process_id import Place
 from deploy.doctor.evidence import listen
 from deploy.doctor.finding import Finding
@@ -39,13 +39,12 @@ PLACED = StaticTransform(
 
 
 @dataclass
-class Filming:
+class Filming(Node):
     """A camera of 25 frames a second that tells what it is given to tell."""
 
     first: Sequence[Message] = (INFO, PLACED)
     depth_mm: int = 2000
-    inputs: ClassVar[tuple[type[Message], ...]] = ()
-    gives: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    periodic_outputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
     sent: int = -1
     due_ns: int = 0
 
@@ -63,12 +62,6 @@ class Filming:
 
     def wake_ns(self) -> int | None:
         return self.due_ns
-
-    def status(self) -> Status:
-        return Status()
-
-    def close(self) -> None:
-        """Hold nothing."""
 
 
 class SlowModel(FixedModel):
