@@ -11,10 +11,27 @@ import msgspec
 
 from common.io.files import parse_toml, read_toml
 from people4d.errors import ConfigError
+from people4d.validation import check, explain
 
 T = TypeVar("T", bound=msgspec.Struct)
 
 MAX_NAME = 80  # characters of an unknown name that are told and compared
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True):
+    """Base of configuration records: every field is checked against its annotation.
+
+    Ranges are types of `people4d.messages.base`, for example Positive or Ratio. A `float` is finite
+    unless it is annotated INFINITE.
+    """
+
+    def __post_init__(self) -> None:
+        """Check the fields.
+
+        Raises:
+            ValueError: A value is out of range or not finite.
+        """
+        check(self)
 
 
 def load(
@@ -53,9 +70,8 @@ def load(
     except RecursionError:
         raise ConfigError(f"configuration of {section} is nested too deeply") from None
     except (msgspec.ValidationError, ConfigError) as error:
-        problem, _, place = str(error).partition(" - at `$.")
-        where = f"{section}.{place[:-1]}" if place else section
-        raise ConfigError(f"configuration of {where:.200}: {problem:.400}") from error
+        problem = explain(error, values, section)
+        raise ConfigError(f"configuration of {problem:.600}") from error
 
 
 def _read(file: Path, section: str) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from people4d.errors import DecodeError
 from people4d.messages import Message, Span
 from people4d.topics import TOPICS
+from people4d.validation import describe, explain
 
 MAX_BYTES = 64 * 2**20
 MAX_ITEMS = 4096
@@ -64,16 +65,16 @@ def decode(payload: bytes) -> Message:
     name, version = fields.pop("message", None), fields.pop("version", None)
     kind = MESSAGES.get(name) if isinstance(name, str) else None
     if kind is None:
-        raise DecodeError(f"message: expected one of {', '.join(MESSAGES)}, got {_told(name)}")
+        raise DecodeError(f"message: expected one of {', '.join(MESSAGES)}, got {describe(name)}")
     if type(version) is not int or version != kind.VERSION:
         raise DecodeError(
-            f"{name}: expected version {kind.VERSION}, got {_told(version)}",
+            f"{name}: expected version {kind.VERSION}, got {describe(version)}",
             "Run the same people4d release on all machines.",
         )
     try:
         return msgspec.convert(fields, kind, dec_hook=_map_to_array)
     except (msgspec.ValidationError, RecursionError) as error:
-        raise DecodeError(f"{name}: {error}") from error
+        raise DecodeError(explain(error, fields, kind.__name__)) from error
 
 
 def _unpack(payload: bytes) -> dict[str, Any]:
@@ -125,22 +126,17 @@ def _map_to_array(kind: Any, value: Any) -> npt.NDArray[Any]:
         raise ValueError(f"expected an array (dtype, shape, data), got {type(value).__name__}")
     shape, data = value["shape"], value["data"]
     if value["dtype"] != want.name:
-        raise ValueError(f"expected dtype {want.name}, got {_told(value['dtype'])}")
+        raise ValueError(f"expected dtype {want.name}, got {describe(value['dtype'])}")
     if not isinstance(data, bytes):
         raise ValueError(f"expected bytes as data, got {type(data).__name__}")
     if not isinstance(shape, list) or len(shape) > MAX_AXES:
-        raise ValueError(f"expected a shape of at most {MAX_AXES} axes, got {_told(shape)}")
+        raise ValueError(f"expected a shape of at most {MAX_AXES} axes, got {describe(shape)}")
     if not all(type(n) is int and 0 <= n <= MAX_BYTES for n in shape):
-        told = ", ".join(map(_told, shape))
-        raise ValueError(f"expected a shape of lengths from 0 to {MAX_BYTES}, got {told}")
+        lengths = ", ".join(map(describe, shape))
+        raise ValueError(f"expected a shape of lengths from 0 to {MAX_BYTES}, got {lengths}")
     size = want.itemsize
     for n in shape:
         size *= n
     if len(data) != size:
         raise ValueError(f"expected {size} bytes for shape {shape}, got {len(data)}")
     return np.frombuffer(data, want.newbyteorder("<")).reshape(shape)
-
-
-def _told(value: Any) -> str:
-    """Tell an untrusted value in few words; what is nested is told by its type only."""
-    return f"{value!r:.80}" if isinstance(value, str | int | float) else type(value).__name__

@@ -1,24 +1,63 @@
-"""What every message has, and the checks that messages share."""
+"""The base of all messages, and the types of fields that messages share.
+
+Ranges, shapes and forms are declared once, as annotations, and checked by `Record`. A `float` is
+finite unless it is annotated INFINITE.
+"""
 
 import re
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
+from msgspec import Meta
+
+from people4d.validation import INFINITE, Rule, Shape, check
 
 # A dot or dash at the start would make "..", a hidden file or a flag of a name.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
+NAME_FORM = "1 to 64 of A-Z a-z 0-9 _ . -, not . or - first"
+MAX_TRACE = 64
+MAX_SIDE = 16384  # [px]
+MAX_PIXELS = 4096 * 4096  # more is no RGB-D camera; it bounds what is allocated for a picture
+MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
+
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+PositiveOrInfinite = Annotated[float, Meta(gt=0), INFINITE]
+Ratio = Annotated[float, Meta(ge=0, le=1)]
+PositiveRatio = Annotated[float, Meta(gt=0, le=1)]
+Probability = Ratio
+Correlation = Annotated[float, Meta(ge=-1, le=1)]
+Count = Annotated[int, Meta(ge=0)]
+Index = Count
+PositiveInt = Annotated[int, Meta(ge=1)]
+ImageSide = Annotated[int, Meta(ge=1, le=MAX_SIDE)]  # [px]
+
+Name = Annotated[str, Rule(NAME_FORM, lambda name: bool(NAME.fullmatch(name)))]
+NameOrEmpty = Annotated[
+    str, Rule(f"{NAME_FORM}, or nothing", lambda name: not name or bool(NAME.fullmatch(name)))
+]
+# Texts for people hold nothing that a terminal takes for a command, line breaks among them.
+Text = Annotated[str, Rule("printable text", str.isprintable)]
 
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
-MAX_TRACE = 64
-MAX_SIDE = 16384  # [px]
-MAX_PIXELS = 4096 * 4096  # more is no RGB-D camera; it bounds what is allocated for a picture
-MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
+Vector2 = Annotated[F64, Shape(2)]
+Vector3 = Annotated[F64, Shape(3)]
+Matrix3 = Annotated[F64, Shape(3, 3)]
+Matrix4 = Annotated[F64, Shape(4, 4)]
+Matrix6 = Annotated[F64, Shape(6, 6)]
+Box = Annotated[F32, Shape(4)]
+Keypoints = Annotated[F32, Shape(17, 3)]
+RgbImage = Annotated[
+    U8,
+    Shape(None, None, 3),
+    Rule("at least one pixel", lambda image: image.size > 0, lambda _: "none"),
+]
 
 
 class Span(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -30,27 +69,28 @@ class Span(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     end_ns: int  # [ns] wall clock (Unix epoch) when the stage ended
 
 
-class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Base of every message: when it was seen, its number, and the way it came."""
+class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of messages and their parts: every field is checked against its annotation."""
+
+    def __post_init__(self) -> None:
+        """Check the fields.
+
+        Raises:
+            ValueError: A value is out of range, not finite, or of another shape or form.
+        """
+        check(self)
+
+
+class Message(Record, frozen=True, kw_only=True):
+    """Base of every message: acquisition time, sequence number and the stages passed."""
 
     VERSION: ClassVar[int] = 1
 
-    stamp_ns: int  # [ns] acquisition time of the data (Unix epoch, or the recording's own clock)
-    sequence: int  # counts up by one per frame of a camera, else per message of its publisher
-    trace: tuple[Span, ...] = ()  # stages passed so far, oldest first
-
-    def __post_init__(self) -> None:
-        """Check the header.
-
-        Raises:
-            ValueError: A number is out of range or the trace is too long.
-        """
-        if not 0 <= self.sequence <= MAX_SEQUENCE:
-            raise ValueError(f"sequence: expected 0 to {MAX_SEQUENCE}, got {self.sequence}")
-        if not -(2**63) <= self.stamp_ns < 2**63:
-            raise ValueError(f"stamp_ns: expected a signed 64-bit number, got {self.stamp_ns}")
-        if len(self.trace) > MAX_TRACE:
-            raise ValueError(f"trace: expected at most {MAX_TRACE} stages, got {len(self.trace)}")
+    # [ns] acquisition time of the data (Unix epoch, or the recording's own clock)
+    stamp_ns: Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
+    # counts up by one per frame of a camera, else per message of its publisher
+    sequence: Annotated[int, Meta(ge=0, le=MAX_SEQUENCE)]
+    trace: Annotated[tuple[Span, ...], Meta(max_length=MAX_TRACE)] = ()  # stages, oldest first
 
 
 def check_name(field: str, value: str) -> None:

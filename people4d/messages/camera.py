@@ -3,13 +3,15 @@
 import numpy as np
 
 from people4d.messages.base import (
-    F64,
-    U8,
     U16,
+    ImageSide,
+    Matrix3,
+    Matrix4,
     Message,
-    check_finite,
-    check_name,
-    check_shape,
+    Name,
+    Positive,
+    RgbImage,
+    Vector3,
     check_size,
 )
 
@@ -19,30 +21,22 @@ DISTORTION_LENGTHS = {"none": (0,), "plumb_bob": (4, 5), "rational_polynomial": 
 class CameraInfo(Message, frozen=True, kw_only=True):
     """Calibration of one camera; depth is aligned to colour, so one pinhole serves both."""
 
-    camera: str  # name of the camera
-    frame_id: str  # name of its optical frame: x right, y down, z forward
-    width: int  # [px] of the images
-    height: int  # [px] of the images
-    fx: float  # [px] focal length, horizontal
-    fy: float  # [px] focal length, vertical
+    camera: Name  # name of the camera
+    frame_id: Name  # name of its optical frame: x right, y down, z forward
+    width: ImageSide  # [px] of the images
+    height: ImageSide  # [px] of the images
+    fx: Positive  # [px] focal length, horizontal
+    fy: Positive  # [px] focal length, vertical
     cx: float  # [px] principal point, horizontal
     cy: float  # [px] principal point, vertical
     distortion_model: str = "none"  # "none", "plumb_bob" (4 or 5) or "rational_polynomial" (8)
     distortion: tuple[float, ...] = ()  # coefficients in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6
-    max_depth_m: float = 5.0  # [m] readings beyond are invalid
+    max_depth_m: Positive = 5.0  # [m] readings beyond are invalid
 
     def __post_init__(self) -> None:
         """Check that the calibration can be used."""
         super().__post_init__()
-        check_name("camera", self.camera)
-        check_name("frame_id", self.frame_id)
-        check_finite("fx, fy, cx, cy", self.fx, self.fy, self.cx, self.cy)
-        check_finite("distortion, max_depth_m", *self.distortion, self.max_depth_m)
         check_size(self.width, self.height)
-        if self.fx <= 0 or self.fy <= 0 or self.max_depth_m <= 0:
-            raise ValueError(
-                f"fx, fy, max_depth_m: expected > 0, got {self.fx}, {self.fy}, {self.max_depth_m}"
-            )
         lengths = DISTORTION_LENGTHS.get(self.distortion_model)
         if lengths is None:
             names = ", ".join(DISTORTION_LENGTHS)
@@ -59,32 +53,31 @@ class CameraInfo(Message, frozen=True, kw_only=True):
 class RgbdFrame(Message, frozen=True, kw_only=True):
     """One colour image with the depth image aligned to it."""
 
-    camera: str  # name of the camera
-    rgb: U8  # HxWx3, red first
+    camera: Name  # name of the camera
+    rgb: RgbImage  # HxWx3, red first
     depth_mm: U16  # [mm] HxW, aligned to rgb, 0 = no reading
     lockstep: bool = False  # True: no consumer may skip this frame; False: the newest frame wins
 
     def __post_init__(self) -> None:
         """Check that the two images have the same size."""
         super().__post_init__()
-        check_name("camera", self.camera)
-        check_shape("rgb", self.rgb, (None, None, 3))
-        check_shape("depth_mm", self.depth_mm, self.rgb.shape[:2])
-        if 0 in self.rgb.shape:
-            raise ValueError("rgb: expected at least one pixel, got none")
+        if self.depth_mm.shape != self.rgb.shape[:2]:
+            raise ValueError(
+                f"depth_mm: expected the size of rgb, {self.rgb.shape[:2]}, "
+                f"got {self.depth_mm.shape}"
+            )
 
 
 class CompressedRgbdFrame(Message, frozen=True, kw_only=True):
     """An RGB-D frame for recordings and slow links: JPEG colour and 16-bit PNG depth."""
 
-    camera: str  # name of the camera
+    camera: Name  # name of the camera
     rgb_jpeg: bytes  # JPEG, HxWx3
     depth_png: bytes  # [mm] PNG, HxW, 16 bits, aligned to rgb, 0 = no reading
 
     def __post_init__(self) -> None:
         """Check the file signatures."""
         super().__post_init__()
-        check_name("camera", self.camera)
         if not self.rgb_jpeg.startswith(b"\xff\xd8\xff"):
             raise ValueError("rgb_jpeg: expected a JPEG file, got other bytes")
         if not self.depth_png.startswith(b"\x89PNG\r\n\x1a\n"):
@@ -94,9 +87,9 @@ class CompressedRgbdFrame(Message, frozen=True, kw_only=True):
 class StaticTransform(Message, frozen=True, kw_only=True):
     """A rigid transform that does not change: parent_from_child."""
 
-    parent: str  # name of the frame that results are in, for example "map"
-    child: str  # name of the frame that points come from, for example the optical frame
-    matrix: F64  # [m] 4x4 homogeneous; a point p in child is matrix @ p in parent
+    parent: Name  # name of the frame that results are in, for example "map"
+    child: Name  # name of the frame that points come from, for example the optical frame
+    matrix: Matrix4  # [m] 4x4 homogeneous; a point p in child is matrix @ p in parent
 
     def __post_init__(self) -> None:
         """Check that the matrix is a rigid transform."""
@@ -107,9 +100,9 @@ class StaticTransform(Message, frozen=True, kw_only=True):
 class MovingTransform(Message, frozen=True, kw_only=True):
     """A rigid transform at one time, of a camera that is turned or moved: parent_from_child."""
 
-    parent: str  # name of the frame that results are in, for example "base_link"
-    child: str  # name of the frame that points come from, for example "head"
-    matrix: F64  # [m] 4x4 homogeneous; a point p in child is matrix @ p in parent
+    parent: Name  # name of the frame that results are in, for example "base_link"
+    child: Name  # name of the frame that points come from, for example "head"
+    matrix: Matrix4  # [m] 4x4 homogeneous; a point p in child is matrix @ p in parent
 
     def __post_init__(self) -> None:
         """Check that the matrix is a rigid transform."""
@@ -120,30 +113,18 @@ class MovingTransform(Message, frozen=True, kw_only=True):
 class Odometry(Message, frozen=True, kw_only=True):
     """Pose of the moving base, from its wheels or from what its camera sees."""
 
-    frame_id: str  # frame of the pose, for example "odom"
-    child_frame_id: str  # frame of the base, for example "base_link"
+    frame_id: Name  # frame of the pose, for example "odom"
+    child_frame_id: Name  # frame of the base, for example "base_link"
     x_m: float  # [m] frame: frame_id, forward at start
     y_m: float  # [m] frame: frame_id, left at start
     theta_rad: float  # [rad] heading, counter-clockwise, in (-pi, pi]
-    covariance: F64 | None = None  # [m, rad] 3x3 of x, y, theta; absent if unknown
-    twist: F64 | None = None  # [m/s, rad/s] 3: vx, vy, omega in child_frame_id; absent if unknown
-
-    def __post_init__(self) -> None:
-        """Check shapes and numbers."""
-        super().__post_init__()
-        check_name("frame_id", self.frame_id)
-        check_name("child_frame_id", self.child_frame_id)
-        check_finite("x_m, y_m, theta_rad", self.x_m, self.y_m, self.theta_rad)
-        check_shape("covariance", self.covariance, (3, 3))
-        check_shape("twist", self.twist, (3,))
-        check_finite("covariance, twist", self.covariance, self.twist)
+    covariance: Matrix3 | None = None  # [m, rad] 3x3 of x, y, theta; absent if unknown
+    twist: Vector3 | None = (
+        None  # [m/s, rad/s] 3: vx, vy, omega in child_frame_id; absent if unknown
+    )
 
 
 def _check_rigid(transform: StaticTransform | MovingTransform) -> None:
-    check_name("parent", transform.parent)
-    check_name("child", transform.child)
-    check_shape("matrix", transform.matrix, (4, 4))
-    check_finite("matrix", transform.matrix)
     rotation, last = transform.matrix[:3, :3], transform.matrix[3]
     orthonormal = np.all(np.abs(rotation) < 2) and np.allclose(
         rotation @ rotation.T, np.eye(3), atol=1e-4

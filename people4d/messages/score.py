@@ -2,12 +2,10 @@
 
 from typing import Literal
 
-import msgspec
-
-from people4d.messages.base import F64, Message, check_finite, check_name, check_shape
+from people4d.messages.base import Matrix4, Message, Name, Record, Vector2
 
 
-class PersonScore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PersonScore(Record, frozen=True, kw_only=True):
     """One true person in one frame and the track matched to them; errors are track minus truth."""
 
     id: str  # identity in the truth
@@ -15,21 +13,15 @@ class PersonScore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     track: int | None = None  # id of the track that is taken for this person; absent if none is
     predicted: bool = False  # that track was not seen in this frame
     switched: bool = False  # the last match of this person was another track
-    position_error_m: F64 | None = None  # [m] 2: x, y, frame: Score.frame_id; absent if no track
-    velocity_error_mps: F64 | None = None  # [m/s] 2: x, y, likewise; absent if unknown
+    position_error_m: Vector2 | None = (
+        None  # [m] 2: x, y, frame: Score.frame_id; absent if no track
+    )
+    velocity_error_mps: Vector2 | None = None  # [m/s] 2: x, y, likewise; absent if unknown
     yaw_error_rad: float | None = None  # [rad] in (-pi, pi]; absent if one of both is unknown
     consistency: float | None = None  # share of their matches so far under their main track
 
-    def __post_init__(self) -> None:
-        """Check shapes and numbers."""
-        check_shape("position_error_m", self.position_error_m, (2,))
-        check_shape("velocity_error_mps", self.velocity_error_mps, (2,))
-        check_finite("position_error_m", self.position_error_m)
-        check_finite("velocity_error_mps", self.velocity_error_mps)
-        check_finite("yaw_error_rad, consistency", self.yaw_error_rad, self.consistency)
 
-
-class Tally(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Tally(Record, frozen=True, kw_only=True):
     """Figures over several frames; whoever is outside of the view is neither match nor miss."""
 
     frames: int  # frames compared
@@ -45,46 +37,28 @@ class Tally(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     yaw_rmse_rad: float | None = None  # [rad] of min(|e|, 2 pi - |e|); absent if unknown
     yaw_correlation: float | None = None  # Mardia's circular correlation, -1 to 1
 
-    def __post_init__(self) -> None:
-        """Check numbers."""
-        check_finite("duration_s, position_rmse_m", self.duration_s, self.position_rmse_m)
-        check_finite("velocity_rmse_mps, yaw_rmse_rad", self.velocity_rmse_mps, self.yaw_rmse_rad)
-        check_finite("yaw_correlation", self.yaw_correlation)
 
-
-class Alignment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Alignment(Record, frozen=True, kw_only=True):
     """What the tracks say of the truth's clock and frame: estimates, not calibrations."""
 
     applied: bool  # True: the errors are those after this alignment
     clock_offset_s: float | None = None  # [s] to add to stamps of the truth; absent: not observable
     clock_sigma_s: float | None = None  # [s] its standard deviation if errors were independent
-    matrix: F64 | None = None  # [m] 4x4, tracks' frame from where the truth says it is; or absent
+    matrix: Matrix4 | None = (
+        None  # [m] 4x4, tracks' frame from where the truth says it is; or absent
+    )
     rmse_before_m: float | None = None  # [m] horizontal, with the clock offset but not the matrix
     rmse_after_m: float | None = None  # [m] horizontal, with both
-
-    def __post_init__(self) -> None:
-        """Check shapes and numbers."""
-        check_shape("matrix", self.matrix, (4, 4))
-        check_finite("matrix", self.matrix)
-        check_finite("clock_offset_s, clock_sigma_s", self.clock_offset_s, self.clock_sigma_s)
-        check_finite("rmse_before_m, rmse_after_m", self.rmse_before_m, self.rmse_after_m)
 
 
 class Score(Message, frozen=True, kw_only=True):
     """Tracks against the truth interpolated to their stamp: this frame, lately, and in all."""
 
-    frame_id: str  # frame of tracks and truth
-    camera: str  # camera whose frame was judged
+    frame_id: Name  # frame of tracks and truth
+    camera: Name  # camera whose frame was judged
     people: tuple[PersonScore, ...] = ()  # everyone in the truth
     false_alarms: tuple[int, ...] = ()  # ids of tracks matched to nobody
     recent: Tally  # the last 10 s
     total: Tally  # since playback began
     id_consistency: float | None = None  # share of all matches under each person's main track
     alignment: Alignment | None = None  # absent unless asked for
-
-    def __post_init__(self) -> None:
-        """Check names."""
-        super().__post_init__()
-        check_name("frame_id", self.frame_id)
-        check_name("camera", self.camera)
-        check_finite("id_consistency", self.id_consistency)

@@ -98,14 +98,14 @@ def test_a_table_in_one_setting_and_one_field_of_it_in_another() -> None:
         ("zzz=3", "has no field 'zzz'. Its fields are min_hits, name, frame, fast, weights, gate."),
         # A misspelt field of a table was once taken as silence.
         ("gate.distance=3", "tracker.gate has no field 'distance'. Did you mean distance_m?"),
-        ("min_hits=3.5", "configuration of tracker.min_hits: Expected `int`, got `float`"),
-        ("min_hits=many", "configuration of tracker.min_hits: Expected `int`, got `str`"),
-        ("gate.distance_m=[1]", "tracker.gate.distance_m: Expected `float`, got `array`"),
-        ("gate.method=mode", "configuration of tracker.gate.method: Invalid enum value 'mode'"),
-        ("gate=3", "configuration of tracker.gate: Expected `object`, got `int`"),
-        ("min_hits=0", "configuration of tracker: min_hits: expected >= 1, got 0"),
+        ("min_hits=3.5", "configuration of tracker.min_hits: expected `int`, got `float`"),
+        ("min_hits=many", "configuration of tracker.min_hits: expected `int`, got `str`"),
+        ("gate.distance_m=[1]", "tracker.gate.distance_m: expected `float`, got `array`"),
+        ("gate.method=mode", "configuration of tracker.gate.method: invalid enum value 'mode'"),
+        ("gate=3", "configuration of tracker.gate: expected `object`, got `int`"),
+        ("min_hits=0", "configuration of tracker.min_hits: expected >= 1, got 0"),
         ("min_hits", "setting 'min_hits' has no value. Write field=value."),
-        ("name.more=3", "configuration of tracker.name: Expected `str`, got `object`"),
+        ("name.more=3", "configuration of tracker.name: expected `str`, got `object`"),
     ],
 )
 def test_a_bad_setting_is_told_with_what_mends_it(override: str, problem: str) -> None:
@@ -124,7 +124,7 @@ def test_a_setting_below_a_value_is_refused(file: Path) -> None:
         (b"[tracker\n", "is not TOML: "),
         (b"\xff\xfe", "is not TOML: "),
         (b"tracker = 3\n", "[tracker] is not a table"),
-        (b"[tracker]\nmin_hits = '4x'\n", "configuration of tracker.min_hits: Expected `int`"),
+        (b"[tracker]\nmin_hits = '4x'\n", "configuration of tracker.min_hits: expected `int`"),
         (b"[tracker]\ngate = { far = 1 }\n", "configuration of tracker.gate has no field 'far'"),
     ],
 )
@@ -161,5 +161,5 @@ def test_a_hostile_file_is_refused_in_a_short_sentence(text: str, tmp_path: Path
 
 
 def test_a_hostile_override_is_refused_too() -> None:
-    with pytest.raises(ConfigError, match="Expected `int`"):
+    with pytest.raises(ConfigError, match="expected `int`"):
         of("min_hits=" + "[" * 5000)

@@ -14,22 +14,26 @@ from tests.contract.examples import BY_NAME, DETECTION, RGB, SPAN, TRACK
 BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
     ("Truth", {"sequence": -1}, f"sequence: expected 0 to {MAX_SEQUENCE}, got -1"),
     ("Truth", {"sequence": 2**53}, f"expected 0 to {MAX_SEQUENCE}, got {2**53}"),
-    ("Truth", {"stamp_ns": 2**63}, "stamp_ns: expected a signed 64-bit number"),
-    ("Truth", {"trace": (SPAN,) * 65}, "trace: expected at most 64 stages, got 65"),
+    ("Truth", {"stamp_ns": 2**63}, f"stamp_ns: expected {-(2**63)} to {2**63 - 1}, got {2**63}"),
+    ("Truth", {"trace": (SPAN,) * 65}, "trace: expected at most 64 elements, got 65"),
     (
         "Truth",
         {"frame_id": "a/b"},
         "frame_id: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got 'a/b'",
     ),
     # Escape sequences once went through to the terminal of whoever looked at the system.
-    ("Health", {"reason": "all\x1b[2Jwell"}, "reason, release: expected printable text, got"),
-    ("Health", {"counters": {"a\nb": 1}}, "counters, gauges: expected printable text"),
-    ("CameraInfo", {"fx": float("nan")}, "expected finite numbers, got NaN or infinity"),
-    ("CameraInfo", {"fy": 0.0}, "expected > 0, got 600.5, 0.0, 4.0"),
-    ("CameraInfo", {"width": 0}, "width, height: expected 1 to 16384, got 0, 480"),
+    ("Health", {"reason": "all\x1b[2Jwell"}, "reason: expected printable text, got"),
+    ("Health", {"counters": {"a\nb": 1}}, "counters: expected printable text"),
+    ("CameraInfo", {"fx": float("nan")}, "fx: expected a finite number > 0, got nan"),
+    ("CameraInfo", {"fy": 0.0}, "fy: expected a finite number > 0, got 0.0"),
+    ("CameraInfo", {"width": 0}, "width: expected 1 to 16384, got 0"),
     ("CameraInfo", {"distortion_model": "fisheye"}, "expected one of none, plumb_bob, "),
     ("CameraInfo", {"distortion": (0.1,)}, "expected 4 or 5 numbers for plumb_bob, got 1"),
-    ("RgbdFrame", {"depth_mm": np.zeros((3, 2), np.uint16)}, "expected shape 2x3, got 3x2"),
+    (
+        "RgbdFrame",
+        {"depth_mm": np.zeros((3, 2), np.uint16)},
+        "rgb, (2, 3), got (3, 2)",
+    ),
     ("RgbdFrame", {"rgb": RGB[..., 0]}, "rgb: expected shape anyxanyx3, got 2x3"),
     (
         "RgbdFrame",
@@ -43,12 +47,12 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
     ("StaticTransform", {"matrix": np.diag([-1.0, 1, 1, 1])}, "expected a rotation and a trans"),
     ("StaticTransform", {"matrix": 2 * np.eye(4)}, "expected a rotation and a translation"),
     ("Odometry", {"twist": np.zeros(2)}, "twist: expected shape 3, got 2"),
-    ("Odometry", {"theta_rad": float("inf")}, "expected finite numbers"),
-    ("Detections", {"height": 0}, "width, height: expected 1 to 16384, got 640, 0"),
-    ("Embeddings", {"detections": (0,)}, "vectors: expected shape 1xany, got 2x4"),
-    ("Embeddings", {"detections": (0, -1)}, "detections: expected indices >= 0, got -1"),
+    ("Odometry", {"theta_rad": float("inf")}, "theta_rad: expected a finite number, got inf"),
+    ("Detections", {"height": 0}, "height: expected 1 to 16384, got 0"),
+    ("Embeddings", {"detections": (0,)}, "vectors: expected 1, one a detection, got 2"),
+    ("Embeddings", {"detections": (0, -1)}, "detections: expected elements >= 0, got -1"),
     ("Tracks", {"camera": ""}, "camera: expected 1 to 64 of"),
-    ("Health", {"gauges": {"a_hz": float("nan")}}, "gauges: expected finite numbers"),
+    ("Health", {"gauges": {"a_hz": float("nan")}}, "gauges: expected a finite number, got nan"),
 ]
 
 
@@ -74,12 +78,16 @@ BAD_PARTS: list[tuple[msgspec.Struct, dict[str, Any], str]] = [
     (DETECTION, {"heading": np.array([1.0, 1.0, 0.0])}, "heading: expected unit length, got 1.41"),
     (DETECTION, {"heading": np.array([1.0, 0.0])}, "heading: expected shape 3, got 2"),
     (DETECTION, {"heading": np.full(3, np.nan)}, "expected finite numbers"),
-    (DETECTION, {"heading_sigma_rad": 0.0}, "heading_sigma_rad: expected > 0, got 0.0"),
-    (TRACK, {"id": 0}, "id >= 1"),
-    (TRACK, {"detection": -1}, "no negative number, got 7, 4, 5, -1"),
+    (
+        DETECTION,
+        {"heading_sigma_rad": 0.0},
+        "a finite number > 0, got 0.0",
+    ),
+    (TRACK, {"id": 0}, "id: expected >= 1, got 0"),
+    (TRACK, {"detection": -1}, "detection: expected >= 0, got -1"),
     (TRACK, {"score": 2.0}, "score: expected 0 to 1, got 2.0"),
-    (TRACK, {"yaw_rad": float("nan")}, "expected finite numbers"),
-    (TRACK, {"time_since_update_s": float("inf")}, "time_since_update_s: expected finite"),
+    (TRACK, {"yaw_rad": float("nan")}, "yaw_rad: expected a finite number, got nan"),
+    (TRACK, {"time_since_update_s": float("inf")}, "time_since_update_s: expected a finite"),
     (TRACK, {"covariance": np.eye(3)}, "covariance: expected shape 6x6, got 3x3"),
 ]
 
@@ -111,7 +119,7 @@ def test_a_mask_packs_eight_pixels_in_a_byte_highest_bit_first() -> None:
 def test_a_mask_must_be_filled_exactly() -> None:
     with pytest.raises(ValueError, match="bits: expected 2 bytes, got 1"):
         Mask(x_px=0, y_px=0, width=3, height=3, bits=b"\x00")
-    with pytest.raises(ValueError, match="negative or empty"):
+    with pytest.raises(ValueError, match="width: expected 1 to 16384, got 0"):
         Mask(x_px=0, y_px=0, width=0, height=3, bits=b"")
 
 
