@@ -16,7 +16,7 @@ from lab.wheels import wheel_odometry
 from lab.world import EPOCH_NS, World
 from people4d.messages import F64, U8, U16, Odometry, StaticTransform
 from services.camera.ros.images import millimetres
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 
 BLURRED = 5  # moments that a picture with blurred motion is the mean of
 FAR_M = 8.0  # from which on the flat picture is darkest
@@ -45,10 +45,10 @@ class Film:
         self.world = world
         self._settings = settings
 
-    def capture(self, index: int) -> Capture:
+    def capture(self, index: int) -> SourceFrame:
         """Return a frame."""
         view = self.view(index)
-        return Capture(
+        return SourceFrame(
             self.rgb(index, view), self.depth_mm(index, view), self.world.stamp_ns(index)
         )
 

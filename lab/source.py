@@ -12,7 +12,7 @@ from lab.depth.note import with_errors
 from lab.film import Film, FilmSettings, odometry, transforms
 from lab.scenario import load_scenario, split_seed
 from lab.world import World
-from services.camera.playback import Item
+from services.camera.playback import SourceItem
 from services.camera.source import Source
 from services.camera.sources import read_options
 
@@ -49,11 +49,11 @@ class LabSource(Source):
         self.info = self._world.info
         self.transforms = transforms(self._world)
 
-    def __iter__(self) -> Iterator[Item]:
+    def __iter__(self) -> Iterator[SourceItem]:
         """Yield frames and odometry by their stamps."""
         return self.part(0.0, 0.0)
 
-    def part(self, start_s: float, duration_s: float) -> Iterator[Item]:
+    def part(self, start_s: float, duration_s: float) -> Iterator[SourceItem]:
         """Yield frames and odometry of some time; what is left out is not drawn."""
         world = self._world
         first_ns = world.stamp_ns(0) + int(start_s * 1e9)
@@ -63,7 +63,7 @@ class LabSource(Source):
             for index in range(world.frame_count)
             if first_ns <= world.stamp_ns(index) <= last_ns
         ]
-        frames: Iterator[Item] = map(self._film.capture, indices)
+        frames: Iterator[SourceItem] = map(self._film.capture, indices)
         told = [m for m in odometry(world) if first_ns <= m.stamp_ns <= last_ns]
         return heapq.merge(told, frames, key=lambda item: item.stamp_ns)
 

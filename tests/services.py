@@ -10,8 +10,8 @@ import numpy as np
 
 from common.runtime.node import Node
 from people4d.messages import Odometry
-from services.camera.calibration import Lens, camera_info
-from services.camera.source import Capture, Source
+from services.camera.calibration import Intrinsics, camera_info
+from services.camera.source import Source, SourceFrame
 
 SIZE = (48, 64)
 
@@ -20,12 +20,12 @@ class Blank(Source):
     """A plug-in camera that sees nothing, for ever."""
 
     def __init__(self) -> None:
-        self.info = camera_info(Lens(fx=60, fy=60, cx=32, cy=24), SIZE)
+        self.info = camera_info(Intrinsics(fx=60, fy=60, cx=32, cy=24), SIZE)
 
-    def __iter__(self) -> Iterator[Capture | Odometry]:
+    def __iter__(self) -> Iterator[SourceFrame | Odometry]:
         rgb, depth_mm = np.zeros((*SIZE, 3), np.uint8), np.zeros(SIZE, np.uint16)
         for number in itertools.count():
-            yield Capture(rgb, depth_mm, number * 33_000_000)
+            yield SourceFrame(rgb, depth_mm, number * 33_000_000)
 
 
 SERVICES: dict[str, dict[str, Any]] = {

@@ -10,7 +10,7 @@ from itertools import count, islice
 from pathlib import Path
 
 from services.camera.recording import RecordingOptions, RecordingSource
-from services.camera.source import Capture, Source
+from services.camera.source import Source, SourceFrame
 
 DEMO = Path(__file__).parents[2] / "deploy" / "demo" / "crossing.mcap"
 
@@ -29,17 +29,17 @@ class LiveDemo(Source):
     def __init__(self, rate_hz: float = 10.0, pictures: int = 24, stride: int = 5) -> None:
         recording = RecordingSource(DEMO, RecordingOptions())
         self.info, self.transforms = recording.info, recording.transforms
-        shown = (item for item in recording if isinstance(item, Capture))
+        shown = (item for item in recording if isinstance(item, SourceFrame))
         self._pictures = list(islice(shown, 0, pictures * stride, stride))
         self._period_s = 1 / rate_hz
 
-    def __iter__(self) -> Iterator[Capture]:
+    def __iter__(self) -> Iterator[SourceFrame]:
         """Yield pictures at their time, for ever."""
         begin_s = time.monotonic()
         for number in count():
             time.sleep(max(0.0, begin_s + number * self._period_s - time.monotonic()))
             picture = self._pictures[number % len(self._pictures)]
-            yield Capture(picture.rgb, picture.depth_mm, time.time_ns())
+            yield SourceFrame(picture.rgb, picture.depth_mm, time.time_ns())
 
 
 class StoredDemo(Source):
@@ -52,9 +52,9 @@ class StoredDemo(Source):
     def __init__(self, pictures: int = 75) -> None:
         recording = RecordingSource(DEMO, RecordingOptions())
         self.info, self.transforms = recording.info, recording.transforms
-        shown = (item for item in recording if isinstance(item, Capture))
+        shown = (item for item in recording if isinstance(item, SourceFrame))
         self._pictures = list(islice(shown, pictures))
 
-    def __iter__(self) -> Iterator[Capture]:
+    def __iter__(self) -> Iterator[SourceFrame]:
         """Yield the pictures in order."""
         return iter(self._pictures)

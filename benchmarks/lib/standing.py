@@ -10,7 +10,7 @@ from itertools import islice
 from deploy.cli.up import DEMO
 from people4d.messages import CameraInfo
 from services.camera.recording import RecordingOptions, RecordingSource
-from services.camera.source import Capture, Motion, Source
+from services.camera.source import MotionMessage, Source, SourceFrame
 
 RATE_HZ = 15.0
 FRAME = 84  # of the shipped recording: three people, apart
@@ -26,13 +26,13 @@ class Standing(Source):
         recording = RecordingSource(DEMO, RecordingOptions())
         self.info: CameraInfo = recording.info
         self.transforms = recording.transforms
-        captures = (item for item in recording if isinstance(item, Capture))
+        captures = (item for item in recording if isinstance(item, SourceFrame))
         self._shown = next(islice(captures, FRAME, None))
 
-    def __iter__(self) -> Iterator[Capture | Motion]:
+    def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
         """Yield the frame at its rate."""
         due_s = time.monotonic()
         while True:
             due_s += 1 / RATE_HZ
             time.sleep(max(0.0, due_s - time.monotonic()))
-            yield Capture(self._shown.rgb, self._shown.depth_mm, time.time_ns())
+            yield SourceFrame(self._shown.rgb, self._shown.depth_mm, time.time_ns())

@@ -24,7 +24,7 @@ DOTTED = np.array([k not in (1, 2, 3, 4) for k in range(17)])  # dots would hide
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class CameraView:
     """What it takes to draw a point of the tracks' frame into the image."""
 
     info: CameraInfo
@@ -41,7 +41,7 @@ class View:
 
 
 def annotate(
-    rgb: U8, detections: Detections | None, tracks: Tracks | None, view: View | None
+    rgb: U8, detections: Detections | None, tracks: Tracks | None, view: CameraView | None
 ) -> U8:
     """Draw people into a copy of a frame.
 
@@ -102,7 +102,7 @@ def _draw_skeleton(image: U8, keypoints: F32, colour: Colour) -> None:
         cv2.circle(image, (int(u), int(v)), _line(image) + 1, WHITE, cv2.FILLED, cv2.LINE_AA)
 
 
-def _draw_track(image: U8, track: Track, view: View | None) -> None:
+def _draw_track(image: U8, track: Track, view: CameraView | None) -> None:
     """Draw the heading as an arrow, and a lost person as a ring at the predicted place."""
     here = view.pixels(track.position_m[None]) if view else None
     if view is None or here is None or np.abs(here).max() > 9999:
@@ -133,7 +133,7 @@ def _draw_arrow(image: U8, ends: F64, colour: Colour) -> None:
         put_path(image, np.stack(path), colour, _line(image) + 1)
 
 
-def _label(track: Track | None, person: Detection, view: View | None) -> str:
+def _label(track: Track | None, person: Detection, view: CameraView | None) -> str:
     if track is None:
         return f"{person.score:.2f}"
     words = [f"#{track.id}"]

@@ -17,7 +17,7 @@ WEDGE_M = 0.6  # length of a camera's field of view
 
 
 @dataclass(frozen=True, slots=True)
-class Walks:
+class Trajectories:
     """What the map shows; all in one frame, x forward (up), y left."""
 
     tracks: Mapping[int, F64] = field(default_factory=dict)  # [m] Nx2 by track id
@@ -26,7 +26,7 @@ class Walks:
     frame_id: str = "map"
 
 
-def draw_map(walks: Walks, width: int, height: int) -> U8:
+def draw_map(walks: Trajectories, width: int, height: int) -> U8:
     """Draw trails of tracks in their colours over the truth in grey.
 
     Args:
@@ -64,7 +64,7 @@ class _Scale:
     centre_px: F64  # 2
 
     @classmethod
-    def fit(cls, walks: Walks, width: int, height: int) -> "_Scale":
+    def fit(cls, walks: Trajectories, width: int, height: int) -> "_Scale":
         paths = [
             *walks.tracks.values(),
             *walks.truth.values(),

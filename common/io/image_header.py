@@ -22,7 +22,7 @@ PNM = re.compile(rb"P[56](?:\s|#[^\n]{0,200}\n){1,8}(\d{1,6})\s(?:\s|#[^\n]{0,20
 _CHUNK = struct.Struct(">I4s")
 
 
-def picture_size(data: bytes, name: str = "picture") -> tuple[int, int]:
+def image_size(data: bytes, name: str = "picture") -> tuple[int, int]:
     """Return width and height of a JPEG, PNG, BMP, PGM or PPM file.
 
     Args:

@@ -5,7 +5,7 @@ import struct
 import cv2
 import numpy as np
 
-from common.io.image_header import JPEG, PNG, picture_size
+from common.io.image_header import JPEG, PNG, image_size
 from people4d.errors import DecodeError
 from people4d.messages import U8, U16, CompressedRgbdFrame, RgbdFrame
 
@@ -88,7 +88,7 @@ def decode_jpeg(data: bytes) -> U8:
     """
     if not data.startswith(JPEG):
         raise DecodeError("rgb_jpeg: expected a JPEG, got a corrupt one")
-    width, height = picture_size(data, "rgb_jpeg")
+    width, height = image_size(data, "rgb_jpeg")
     # OpenCV fills what a cut JPEG lacks with grey; only the end marker tells (some pad it).
     whole = b"\xff\xd9" in data[-256:]
     rgb = _decode(data, cv2.IMREAD_COLOR_RGB) if whole else None
@@ -111,7 +111,7 @@ def decode_png16(data: bytes) -> U16:
     """
     if not data.startswith(PNG):
         raise DecodeError("depth_png: expected a PNG, got a corrupt one")
-    width, height = picture_size(data, "depth_png")
+    width, height = image_size(data, "depth_png")
     bits, colour = struct.unpack_from(">BB", data, 24)
     if (bits, colour) != (16, 0):
         raise DecodeError(

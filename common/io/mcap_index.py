@@ -28,7 +28,7 @@ _OPCODES = frozenset({*Opcode, *range(0x80, 0x100)})  # those of MCAP and of pri
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class MessageEntry:
     """One message in the file."""
 
     log_time_ns: int
@@ -38,11 +38,11 @@ class Entry:
 
 
 @dataclass
-class Index:
+class McapIndex:
     """All messages of a file in the order of their log time."""
 
     profile: str = ""
-    entries: list[Entry] = field(default_factory=list)
+    entries: list[MessageEntry] = field(default_factory=list)
     truncated: bool = False  # the file is cut short or damaged; what lies before is there
     topics: dict[int, str] = field(default_factory=dict)  # by number of the channel
     notes: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
@@ -66,7 +66,7 @@ def read_profile(path: Path) -> str:
     return head[21 : 21 + length].decode("utf-8", "replace")
 
 
-def scan(file: BinaryIO) -> Index:
+def scan(file: BinaryIO) -> McapIndex:
     """Find the messages, skipping over their payloads.
 
     Args:
@@ -82,7 +82,7 @@ def scan(file: BinaryIO) -> Index:
     if file.read(len(MAGIC)) != MAGIC:
         raise DecodeError("it does not begin like an MCAP file", "Check the path.")
     end = file.seek(0, 2)
-    index = Index()
+    index = McapIndex()
     position = len(MAGIC)
     try:
         while (step := _record(file, position, end, index)) is not None:
@@ -95,7 +95,7 @@ def scan(file: BinaryIO) -> Index:
     return index
 
 
-def _record(file: BinaryIO, position: int, end: int, index: Index) -> int | None:
+def _record(file: BinaryIO, position: int, end: int, index: McapIndex) -> int | None:
     """Take in the record at a position; return where the next one is, None at the end."""
     start = position + _RECORD.size
     file.seek(position)
@@ -130,7 +130,7 @@ def _chunk(file: BinaryIO, start: int, end: int) -> int:
     return min(start + _CHUNK.size + _LENGTH.size, end)
 
 
-def _describe(opcode: int, record: ReadDataStream, index: Index) -> None:
+def _describe(opcode: int, record: ReadDataStream, index: McapIndex) -> None:
     if opcode == Opcode.HEADER:
         index.profile = Header.read(record).profile
         return
@@ -154,11 +154,13 @@ def _small(file: BinaryIO, size: int) -> ReadDataStream:
     return ReadDataStream(BytesIO(file.read(size)))
 
 
-def _message(file: BinaryIO, start: int, size: int, index: Index) -> None:
+def _message(file: BinaryIO, start: int, size: int, index: McapIndex) -> None:
     channel, _, log_time_ns, _ = _MESSAGE.unpack(file.read(min(size, _MESSAGE.size)))
     if channel not in index.topics:
         raise McapError(f"message of an unknown channel at byte {start}")
     offset = start + _MESSAGE.size
-    index.entries.append(Entry(log_time_ns, index.topics[channel], offset, size - _MESSAGE.size))
+    index.entries.append(
+        MessageEntry(log_time_ns, index.topics[channel], offset, size - _MESSAGE.size)
+    )
     if len(index.entries) > MAX_MESSAGES:
         raise DecodeError(f"it has more than {MAX_MESSAGES} messages", "Split the recording.")

@@ -15,7 +15,7 @@ import msgspec
 from mcap.writer import CompressionType, IndexType, Writer
 
 from common.io.images import compress
-from common.io.mcap_index import Entry, Index, scan
+from common.io.mcap_index import McapIndex, MessageEntry, scan
 from people4d.codec import MAX_BYTES, decode, encode
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import Message, RgbdFrame
@@ -129,7 +129,7 @@ class RecordingWriter:
         return self._channels[topic]
 
 
-class Summary(msgspec.Struct, frozen=True, kw_only=True):
+class RecordingSummary(msgspec.Struct, frozen=True, kw_only=True):
     """What a recording holds."""
 
     topics: dict[str, int]  # number of messages by topic, sorted by topic
@@ -146,20 +146,20 @@ class Recording:
         index: Where its messages lie.
     """
 
-    def __init__(self, path: Path, index: Index) -> None:
+    def __init__(self, path: Path, index: McapIndex) -> None:
         self._path = path
         self._index = index
         self.bad_messages = 0  # messages skipped by `messages` because they could not be decoded
 
     @property
-    def summary(self) -> Summary:
+    def summary(self) -> RecordingSummary:
         """What the recording holds, without decoding any message."""
         entries = self._index.entries
         counts: dict[str, int] = {}
         for entry in entries:
             counts[entry.topic] = counts.get(entry.topic, 0) + 1
         first, last = (entries[0], entries[-1]) if entries else (None, None)
-        return Summary(
+        return RecordingSummary(
             topics=dict(sorted(counts.items())),
             start_ns=first.log_time_ns if first else 0,
             duration_s=(last.log_time_ns - first.log_time_ns) / 1e9 if first and last else 0.0,
@@ -225,7 +225,7 @@ def _holds(topic: str, types: tuple[type[Message], ...]) -> bool:
     return not types or (known is not None and known.message in types)
 
 
-def _read(file: BinaryIO, entry: Entry) -> Message | None:
+def _read(file: BinaryIO, entry: MessageEntry) -> Message | None:
     if entry.size > MAX_BYTES:
         return None
     file.seek(entry.offset)

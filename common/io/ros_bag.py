@@ -20,7 +20,7 @@ from people4d.codec import MAX_BYTES
 from people4d.errors import SourceError
 
 
-def types_of(version: int, definitions: Mapping[str, str]) -> Typestore:
+def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
     """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), and some more.
 
     Args:
@@ -121,7 +121,7 @@ def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
 
     Args:
         path: File or folder, untrusted.
-        definitions: Types that ROS does not bring, see `types_of`.
+        definitions: Types that ROS does not bring, see `make_typestore`.
 
     Raises:
         SourceError: The bag is absent, cut short, damaged, or would cost more than a bag does.
@@ -130,7 +130,7 @@ def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
         with _told(path, "cannot be opened"):
             reader = stack.enter_context(guarded(path))
         with _told(path, "is damaged"):
-            store = types_of(1 if isinstance(reader, Reader1) else 2, definitions)
+            store = make_typestore(1 if isinstance(reader, Reader1) else 2, definitions)
             bag = Bag(path, reader, store)
         yield bag
 

@@ -182,7 +182,7 @@ def export(
     """Write a recording as a ROS 2 bag with the topics of a RealSense driver."""
     from services.camera.ros import export as ros_export  # noqa: PLC0415
 
-    layout = ros_export.Layout(storage=storage, compressed=compressed, namespace=namespace)
+    layout = ros_export.BagFormat(storage=storage, compressed=compressed, namespace=namespace)
     with interruptible("Nothing was written."), progress() as report:
         counts = ros_export.export(recording, out, layout, camera, partial(report, "writing"))
     for topic, count in sorted(counts.items()):

@@ -6,7 +6,7 @@ import numpy as np
 import pyrealsense2 as rs  # type: ignore[import-not-found]  # pip install pyrealsense2
 
 from people4d.messages import CameraInfo
-from services.camera.source import Capture, Source
+from services.camera.source import Source, SourceFrame
 
 
 class RealSense(Source):
@@ -32,13 +32,13 @@ class RealSense(Source):
             distortion_model="plumb_bob", distortion=tuple(lens.coeffs),
         )  # fmt: skip
 
-    def __iter__(self) -> Iterator[Capture]:
+    def __iter__(self) -> Iterator[SourceFrame]:
         """Yield frames as they come; the stamps are on the host's clock."""
         while True:
             frames = self._align.process(self._pipeline.wait_for_frames(2000))
             rgb = np.array(frames.get_color_frame().get_data())
             depth = np.rint(np.array(frames.get_depth_frame().get_data()) * self._mm)
-            yield Capture(rgb, depth.astype(np.uint16), round(frames.get_timestamp() * 1e6))
+            yield SourceFrame(rgb, depth.astype(np.uint16), round(frames.get_timestamp() * 1e6))
 
     def close(self) -> None:
         """Stop the camera."""

@@ -22,7 +22,7 @@ from people4d.messages import (
 )
 from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from services.camera.sources import open_source
 from services.visual_odometry.build import build
 from services.visual_odometry.config import VisualOdometryConfig
@@ -83,12 +83,12 @@ class VisualMotion:
         info = self._source.info
         for message in (info, *self._transforms):
             self._node.handle(message, 0)
-        captures = (item for item in self._source if isinstance(item, Capture))
+        captures = (item for item in self._source if isinstance(item, SourceFrame))
         for sequence, capture in enumerate(captures):
             yield self._see(capture, info, sequence)
         self._source.close()
 
-    def _see(self, capture: Capture, info: CameraInfo, sequence: int) -> FrameMotion:
+    def _see(self, capture: SourceFrame, info: CameraInfo, sequence: int) -> FrameMotion:
         frame = RgbdFrame(
             stamp_ns=capture.stamp_ns,
             sequence=sequence,

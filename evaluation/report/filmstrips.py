@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from common.drawing.palette import FAINT
-from common.drawing.people import View, annotate
+from common.drawing.people import CameraView, annotate
 from common.geometry.transforms import apply, invert, project
 from common.io.images import decode_jpeg, encode_jpeg
 from common.io.recording import open_recording
@@ -15,7 +15,7 @@ from common.metrics import EvaluationFrame, IdSwitch, id_switches
 from evaluation.run.run import EvaluationRun, RunOutput
 from people4d.errors import DecodeError
 from people4d.messages import F64, U8, CompressedRgbdFrame, Detections, RgbdFrame, Tracks
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from services.camera.sources import kind_of, open_source
 
 MOST = 5  # strips of one trial
@@ -93,7 +93,7 @@ def pictures_at(trial: EvaluationRun, stamps_ns: Collection[int]) -> dict[int, U
     if kind_of(str(path)) != "recording":
         camera = trial.method.camera
         source = open_source(str(path), camera.kind, camera.options)
-        captures = (item for item in source if isinstance(item, Capture))
+        captures = (item for item in source if isinstance(item, SourceFrame))
         return {c.stamp_ns: c.rgb for c in captures if c.stamp_ns in stamps_ns}
     found: dict[int, U8] = {}
     for _, message in open_recording(path).messages(CompressedRgbdFrame, RgbdFrame):
@@ -198,7 +198,7 @@ def _cell(
     rgb = pictures.get(frame.stamp_ns, np.full(size, FAINT, np.uint8))
     jpeg = b""
     if frame.map_from_camera is not None:
-        view = View(done.info, invert(frame.map_from_camera))
+        view = CameraView(done.info, invert(frame.map_from_camera))
         jpeg = _cut(annotate(rgb, found, tracks, view), view, place)
     told = _told(tracks, place) if tracks else []
     hidden = ["hidden or out of view"] if _is_hidden(frame, switch) else []
@@ -237,7 +237,7 @@ def _apart_m(a: F64, b: F64) -> float:
     return float(np.linalg.norm((a - b)[:2]))
 
 
-def _cut(image: U8, view: View, place: F64) -> bytes:
+def _cut(image: U8, view: CameraView, place: F64) -> bytes:
     """Cut a square about a person out of an image, as JPEG; empty if it misses the image."""
     point = apply(view.optical_from_map, place)
     if point[2] < 0.2:

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 
 from common.drawing.palette import PAPER
-from common.drawing.people import View, annotate
+from common.drawing.people import CameraView, annotate
 from common.drawing.strokes import put_label
 from common.drawing.tiles import Tile, grid, shrink
-from common.drawing.topdown import Walks, draw_map
+from common.drawing.topdown import Trajectories, draw_map
 from lab.film import Film, flat
 from lab.frame_truth import person_views
 from lab.views import PersonView
@@ -65,10 +65,10 @@ class Preview:
         t_s, info = world.frame_s(index), world.info
         view = film.view(index)
         people = person_views(world, t_s, view)
-        seen = View(info, world.optical_from_map(t_s))
+        seen = CameraView(info, world.optical_from_map(t_s))
         colour = annotate(film.rgb(index, view), *_messages(world, index, people), seen)
         depth = depth_picture(film.depth_mm(index, view), info.max_depth_m)
-        walks = Walks(
+        walks = Trajectories(
             tracks={k + 1: way[: 1 + round(t_s / TRAIL_S)] for k, way in enumerate(self._trails)},
             truth={str(k): way for k, way in enumerate([*self._trails, self._way])},
             cameras=[world.map_from_optical(t_s)],

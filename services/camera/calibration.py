@@ -21,7 +21,7 @@ OPTICAL_FRAME = "camera_optical_frame"
 DISTORTION_MODELS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
 
 
-class Lens(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Intrinsics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A pinhole with distortion."""
 
     fx: float  # [px] focal length, horizontal
@@ -36,8 +36,8 @@ class Lens(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What is known of a camera; what is None is not known."""
 
-    colour: Lens | None = None  # the colour camera
-    depth: Lens | None = None  # the depth camera; None if depth is aligned to colour
+    colour: Intrinsics | None = None  # the colour camera
+    depth: Intrinsics | None = None  # the depth camera; None if depth is aligned to colour
     rotation: tuple[tuple[float, float, float], ...] | None = None  # 3x3, colour_from_depth
     translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] colour_from_depth
     depth_offset_px: tuple[float, float] = (0.0, 0.0)  # [px] u, v, see Registration
@@ -85,11 +85,13 @@ def read_calibration(path: Path, names: MatNames) -> Calibration:
         raise SourceError(f"calibration {path} is not valid: {str(error)[:400]}") from error
 
 
-def camera_info(lens: Lens, size: tuple[int, int], frame_id: str = OPTICAL_FRAME) -> CameraInfo:
+def camera_info(
+    intrinsics: Intrinsics, size: tuple[int, int], frame_id: str = OPTICAL_FRAME
+) -> CameraInfo:
     """Return the calibration of a camera as a message.
 
     Args:
-        lens: Its calibration.
+        intrinsics: Its calibration.
         size: Height and width of its images.
         frame_id: Name of its optical frame.
 
@@ -97,9 +99,10 @@ def camera_info(lens: Lens, size: tuple[int, int], frame_id: str = OPTICAL_FRAME
         SourceError: The calibration is of another image size, or its numbers cannot be used.
     """
     height, width = size
-    if (lens.height or height, lens.width or width) != size:
+    if (intrinsics.height or height, intrinsics.width or width) != size:
         raise SourceError(
-            f"calibration is for {lens.width}x{lens.height} pixels, images have {width}x{height}"
+            f"calibration is for {intrinsics.width}x{intrinsics.height} pixels, "
+            f"images have {width}x{height}"
         )
     try:
         return CameraInfo(
@@ -109,12 +112,12 @@ def camera_info(lens: Lens, size: tuple[int, int], frame_id: str = OPTICAL_FRAME
             frame_id=frame_name(frame_id),
             width=width,
             height=height,
-            fx=lens.fx,
-            fy=lens.fy,
-            cx=lens.cx,
-            cy=lens.cy,
-            distortion_model=DISTORTION_MODELS.get(len(lens.distortion), "unknown"),
-            distortion=lens.distortion,
+            fx=intrinsics.fx,
+            fy=intrinsics.fy,
+            cx=intrinsics.cx,
+            cy=intrinsics.cy,
+            distortion_model=DISTORTION_MODELS.get(len(intrinsics.distortion), "unknown"),
+            distortion=intrinsics.distortion,
         )
     except ValueError as error:
         raise SourceError(f"calibration cannot be used: {error}") from error
@@ -181,7 +184,7 @@ def _from_camera_info(table: Any) -> Calibration:
     """Read the file that ROS's camera calibration writes."""
     info = msgspec.convert(table, _CameraInfo)
     return Calibration(
-        colour=_lens(
+        colour=_intrinsics(
             np.reshape(info.camera_matrix.data, (3, 3)),
             info.distortion_coefficients.data,
             info.image_width,
@@ -194,7 +197,7 @@ def _from_npz(path: Path) -> Calibration:
     """Read K and, if the camera stands still, T_world_cam."""
     arrays = read_arrays(path, ["K"], ["T_world_cam"])
     poses = arrays.get("T_world_cam")
-    colour = _lens(arrays["K"])
+    colour = _intrinsics(arrays["K"])
     if poses is None:
         return Calibration(colour=colour)
     if poses.shape[1:] != (4, 4) or not len(poses):
@@ -209,13 +212,13 @@ def _from_npz(path: Path) -> Calibration:
 
 def _from_mat(path: Path, names: MatNames) -> Calibration:
     arrays = read_mat(path)
-    colour = _lens(_inside(arrays, names.colour), _inside(arrays, names.colour_distortion))
+    colour = _intrinsics(_inside(arrays, names.colour), _inside(arrays, names.colour_distortion))
     if not names.depth:
         return Calibration(colour=colour)
     x, y, z = _inside(arrays, names.translation).ravel().tolist()
     return Calibration(
         colour=colour,
-        depth=_lens(_inside(arrays, names.depth), _inside(arrays, names.depth_distortion)),
+        depth=_intrinsics(_inside(arrays, names.depth), _inside(arrays, names.depth_distortion)),
         rotation=tuple(tuple(row) for row in _inside(arrays, names.rotation).tolist()),
         translation_m=(x, y, z),
     )
@@ -231,13 +234,13 @@ def _inside(arrays: Mapping[str, Any], name: str) -> F64:
     return np.asarray(value, np.float64)
 
 
-def _lens(matrix: F64, distortion: Any = (), width: int = 0, height: int = 0) -> Lens:
+def _intrinsics(matrix: F64, distortion: Any = (), width: int = 0, height: int = 0) -> Intrinsics:
     """Make a lens from a 3x3 matrix or from fx, fy, cx, cy."""
     matrix = np.asarray(matrix, np.float64)
     if matrix.shape == (3, 3):
         matrix = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
     fx, fy, cx, cy = matrix.tolist()
     numbers = tuple(float(k) for k in np.ravel(distortion))
-    return Lens(
+    return Intrinsics(
         fx=fx, fy=fy, cx=cx, cy=cy, distortion=numbers, width=int(width), height=int(height)
     )

@@ -22,10 +22,10 @@ from people4d.messages import (
 from people4d.topics import ForeignTopic
 from services.camera.calibration import OPTICAL_FRAME, static_transform
 from services.camera.config import CameraConfig
-from services.camera.pacing import AsTheyCome, Lockstep, Pacing, Recorded, is_jump
+from services.camera.pacing import LivePacing, LockstepPacing, Pacing, RecordedPacing, is_jump
 from services.camera.playback import Selection, play
-from services.camera.prefetch import Prefetch, Reading
-from services.camera.source import Capture, Source
+from services.camera.prefetch import Prefetch, PrefetchedItem
+from services.camera.source import Source, SourceFrame
 
 if TYPE_CHECKING:
     from services.camera.ros.live_motion import LiveMotion
@@ -169,14 +169,14 @@ class CameraNode(Node):
         item = self._prefetch.peek()
         if item is None or now_ns < (self._begin_ns or 0):
             return False
-        if not isinstance(item, Capture):
+        if not isinstance(item, SourceFrame):
             return True  # odometry follows the frame before it: consumers join it by stamp
         due_ns = self._pacing.due_ns(item.stamp_ns, now_ns)
         return due_ns is not None and due_ns <= now_ns
 
-    def _message(self, reading: Reading, now_ns: int) -> list[Message]:
+    def _message(self, reading: PrefetchedItem, now_ns: int) -> list[Message]:
         capture = reading.item
-        if not isinstance(capture, Capture):
+        if not isinstance(capture, SourceFrame):
             return [capture]
         jumped = self._stamp_ns is not None and is_jump(capture.stamp_ns - self._stamp_ns)
         self._counters["stamp_jumps"] += jumped
@@ -194,7 +194,7 @@ class CameraNode(Node):
             self._next_leaving_ns = now_ns + int(1e9 / self._config.compressed_hz)
         return [frame]
 
-    def _frame(self, capture: Capture) -> RgbdFrame | None:
+    def _frame(self, capture: SourceFrame) -> RgbdFrame | None:
         """Make the message; None, and counted, if the images do not fit."""
         size = (self._info.height, self._info.width)
         if capture.rgb.shape != (*size, 3) or capture.depth_mm.shape != size:
@@ -213,7 +213,7 @@ class CameraNode(Node):
         )
 
 
-def _acquired_ns(reading: Reading, capture: Capture) -> int:
+def _acquired_ns(reading: PrefetchedItem, capture: SourceFrame) -> int:
     """Return the wall clock when a live frame was seen, else when its reading began.
 
     Waiting for a camera that has nothing new is no latency, but a frame that grows old in its
@@ -239,8 +239,8 @@ def _pacing(config: CameraConfig, live: bool) -> Pacing:
             "Leave it on auto.",
         )
     if config.playback == "lockstep":
-        return Lockstep(config.window, int(config.answer_timeout_s * 1e9))
-    return AsTheyCome() if live else Recorded(config.speed)
+        return LockstepPacing(config.window, int(config.answer_timeout_s * 1e9))
+    return LivePacing() if live else RecordedPacing(config.speed)
 
 
 def _info(config: CameraConfig, source: Source) -> CameraInfo:

@@ -30,7 +30,7 @@ class Pacing(Protocol):
         ...
 
 
-class AsTheyCome:
+class LivePacing:
     """A live camera paces itself."""
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:  # noqa: ARG002
@@ -52,7 +52,7 @@ class AsTheyCome:
         return None
 
 
-class Recorded(AsTheyCome):
+class RecordedPacing(LivePacing):
     """The distances in time at which frames were recorded.
 
     Args:
@@ -84,7 +84,7 @@ class Recorded(AsTheyCome):
         return self._gap_ns if is_jump(gap_ns) else gap_ns
 
 
-class Lockstep:
+class LockstepPacing:
     """As fast as the pipeline goes: a frame goes out when few enough are unanswered.
 
     Args:

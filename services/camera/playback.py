@@ -7,9 +7,9 @@ import msgspec
 
 from common.io.odometry_order import odometry_first
 from people4d.messages import MovingTransform, Odometry
-from services.camera.source import Capture, Motion, Source
+from services.camera.source import MotionMessage, Source, SourceFrame
 
-Item = Capture | Motion
+SourceItem = SourceFrame | MotionMessage
 
 ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there is one frame only
 
@@ -33,7 +33,7 @@ class Selection:
     loop: bool = False
 
 
-def play(source: Source, selection: Selection) -> Iterator[Item]:
+def play(source: Source, selection: Selection) -> Iterator[SourceItem]:
     """Yield the selected part of a source, round after round if it loops.
 
     In each round the stamps rise by the time from first to last frame and one frame more, so that
@@ -58,7 +58,7 @@ def play(source: Source, selection: Selection) -> Iterator[Item]:
         shift_ns += length_ns + (length_ns // (count - 1) if count > 1 else ONE_FRAME_NS)
 
 
-def _one_round(source: Source, selection: Selection) -> Iterator[Item]:
+def _one_round(source: Source, selection: Selection) -> Iterator[SourceItem]:
     index = 0
     items = source.part(selection.start_s, selection.duration_s)
     for item in items if source.live else odometry_first(items):
@@ -70,10 +70,10 @@ def _one_round(source: Source, selection: Selection) -> Iterator[Item]:
         index += 1
 
 
-def _shifted(item: Item, shift_ns: int) -> Item:
+def _shifted(item: SourceItem, shift_ns: int) -> SourceItem:
     if not shift_ns:
         return item
     stamp_ns = item.stamp_ns + shift_ns
-    if isinstance(item, Capture):
+    if isinstance(item, SourceFrame):
         return replace(item, stamp_ns=stamp_ns)
     return msgspec.structs.replace(item, stamp_ns=stamp_ns)

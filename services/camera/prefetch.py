@@ -6,15 +6,15 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from services.camera.playback import Item
-from services.camera.source import Capture
+from services.camera.playback import SourceItem
+from services.camera.source import SourceFrame
 
 MAX_ITEMS = 1024  # with odometry, of which there may be much between two frames
 RETRY_S = 1.0
 
 
 @dataclass(frozen=True)
-class Reading:
+class PrefetchedItem:
     """What was read and when.
 
     Args:
@@ -23,7 +23,7 @@ class Reading:
         end_ns: Wall clock when it was ready.
     """
 
-    item: Item
+    item: SourceItem
     start_ns: int
     end_ns: int
 
@@ -38,11 +38,11 @@ class Prefetch:
             again; else reading waits for room and an error ends it.
     """
 
-    def __init__(self, play: Callable[[], Iterator[Item]], frames: int, live: bool) -> None:
+    def __init__(self, play: Callable[[], Iterator[SourceItem]], frames: int, live: bool) -> None:
         self._play = play
         self._room = frames
         self._live = live
-        self._items: deque[Reading] = deque()
+        self._items: deque[PrefetchedItem] = deque()
         self._frames = 0
         self._changed = threading.Condition()
         self._stopped = threading.Event()
@@ -58,16 +58,16 @@ class Prefetch:
         self._wake = wake
         self._thread.start()
 
-    def peek(self) -> Item | None:
+    def peek(self) -> SourceItem | None:
         """Return the oldest item without taking it, None if nothing waits."""
         with self._changed:
             return self._items[0].item if self._items else None
 
-    def take(self) -> Reading:
+    def take(self) -> PrefetchedItem:
         """Take the oldest item."""
         with self._changed:
             reading = self._items.popleft()
-            self._frames -= isinstance(reading.item, Capture)
+            self._frames -= isinstance(reading.item, SourceFrame)
             self._changed.notify_all()
             return reading
 
@@ -101,10 +101,10 @@ class Prefetch:
             item = next(items, None)
             if item is None:
                 return
-            self._put(Reading(item, start_ns, time.time_ns()))
+            self._put(PrefetchedItem(item, start_ns, time.time_ns()))
 
-    def _put(self, reading: Reading) -> None:
-        frame = isinstance(reading.item, Capture)
+    def _put(self, reading: PrefetchedItem) -> None:
+        frame = isinstance(reading.item, SourceFrame)
         with self._changed:
             if self._live:
                 self._make_room(frame)
@@ -122,7 +122,7 @@ class Prefetch:
     def _make_room(self, frame: bool) -> None:
         """Push out the frames that wait if a newer one comes, and the oldest of too many."""
         if frame and self._frames:
-            kept = [r for r in self._items if not isinstance(r.item, Capture)]
+            kept = [r for r in self._items if not isinstance(r.item, SourceFrame)]
             self.skipped += self._frames
             self._items, self._frames = deque(kept), 0
         if len(self._items) >= MAX_ITEMS:

@@ -20,7 +20,7 @@ from people4d.messages import (
     RgbdFrame,
     StaticTransform,
 )
-from services.camera.source import Capture, Motion, Source
+from services.camera.source import MotionMessage, Source, SourceFrame
 
 M = TypeVar("M", bound=Message)
 
@@ -70,7 +70,7 @@ class RecordingSource(Source):
         rest = [transform for child, transform in placed.items() if child not in cameras]
         self.transforms = [own, *rest] if own else []
 
-    def __iter__(self) -> Iterator[Capture | Motion]:
+    def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
         """Yield frames and odometry in the order in which they were recorded."""
         kinds = (CompressedRgbdFrame, RgbdFrame, MovingTransform, Odometry)
         for _, message in self._recording.messages(*kinds):
@@ -83,7 +83,7 @@ class RecordingSource(Source):
         self.counters["bad_messages"] = self._recording.bad_messages
         self.counters["cut_short"] = int(self._recording.summary.truncated)
 
-    def _capture(self, message: Message) -> Capture | None:
+    def _capture(self, message: Message) -> SourceFrame | None:
         try:
             frame = decompress(message) if isinstance(message, CompressedRgbdFrame) else message
             if not isinstance(frame, RgbdFrame):
@@ -94,7 +94,7 @@ class RecordingSource(Source):
         except DecodeError:
             self.counters["bad_images"] += 1
             return None
-        return Capture(frame.rgb, depth_mm, frame.stamp_ns)
+        return SourceFrame(frame.rgb, depth_mm, frame.stamp_ns)
 
     def _all(self, kind: type[M]) -> Iterator[M]:
         for _, message in self._recording.messages(kind):

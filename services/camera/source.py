@@ -8,11 +8,11 @@ from typing import TypeAlias
 
 from people4d.messages import U8, U16, CameraInfo, MovingTransform, Odometry, StaticTransform
 
-Motion: TypeAlias = Odometry | MovingTransform  # of the base, or of the camera on it
+MotionMessage: TypeAlias = Odometry | MovingTransform  # of the base, or of the camera on it
 
 
 @dataclass(frozen=True)
-class Capture:
+class SourceFrame:
     """One RGB-D image pair.
 
     Args:
@@ -41,10 +41,10 @@ class Source(ABC):
     live: bool = False  # True: a device, whose newest capture matters; False: a recording
 
     @abstractmethod
-    def __iter__(self) -> Iterator[Capture | Motion]:
+    def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
         """Yield what the camera saw, oldest first."""
 
-    def part(self, start_s: float, duration_s: float) -> Iterator[Capture | Motion]:
+    def part(self, start_s: float, duration_s: float) -> Iterator[SourceFrame | MotionMessage]:
         """Yield what came from a time since the first item on, for some time.
 
         A source that need not make what is left out has a method of its own.

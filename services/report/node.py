@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
-from common.drawing.people import View, annotate
+from common.drawing.people import CameraView, annotate
 from common.drawing.tiles import Tile, shrink
 from common.geometry.transforms import invert
 from common.runtime.node import Node, Status
@@ -94,10 +94,10 @@ class ReportNode(Node):
         else:
             self._tiles.skip()
 
-    def _view(self, camera: str) -> View | None:
+    def _view(self, camera: str) -> CameraView | None:
         info = self._infos.get(camera)
         pose = self._trails.map_from_optical(info.frame_id) if info else None
-        return View(info, invert(pose)) if info and pose is not None else None
+        return CameraView(info, invert(pose)) if info and pose is not None else None
 
     def _caption(self, moment: Moment) -> str:
         if self._first_ns is None:

@@ -7,7 +7,7 @@ import numpy as np
 from common.drawing.palette import GREY, INK, PAPER
 from common.drawing.strokes import put_text, text_width
 from common.drawing.tiles import GAP, Tile, grid
-from common.drawing.topdown import Walks, draw_map
+from common.drawing.topdown import Trajectories, draw_map
 from people4d.messages import U8
 from services.report.statistics import Summary
 from services.report.text import facts, headline, latency_table
@@ -21,7 +21,7 @@ TEXT = 14.0  # [px] height of text
 LEAST_WIDTH = 1440  # [px] so that the figures have room where there are few tiles
 
 
-def contact_sheet(tiles: Sequence[Tile], walks: Walks, summary: Summary) -> U8:
+def contact_sheet(tiles: Sequence[Tile], walks: Trajectories, summary: Summary) -> U8:
     """Compose the page.
 
     Args:

@@ -4,7 +4,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from common.drawing.topdown import Walks
+from common.drawing.topdown import Trajectories
 from people4d.messages import F64, StaticTransform, Tracks, Truth
 from services.report.spread import EvenSample
 
@@ -42,9 +42,9 @@ class Trails:
         known = transform is not None and transform.parent == self.frame_id
         return transform.matrix if transform is not None and known else None
 
-    def walks(self) -> Walks:
+    def walks(self) -> Trajectories:
         """Return what the map shows."""
-        return Walks(
+        return Trajectories(
             tracks={key: np.array(trail.values) for key, trail in self._tracks.items()},
             truth={key: np.array(trail.values) for key, trail in self._truth.items()},
             cameras=[c.matrix for c in self._cameras.values() if c.parent == self.frame_id],

@@ -29,7 +29,7 @@ from people4d.messages import (
 from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
-from services.camera.source import Capture, Source
+from services.camera.source import Source, SourceFrame
 from tests.camera.memory import MemorySource, capture, odometry
 
 MS = 1_000_000
@@ -171,7 +171,7 @@ def test_reading_ahead_is_bounded() -> None:
     read: list[int] = []
 
     class Counting(MemorySource):
-        def __iter__(self) -> Iterator[Capture | Odometry]:
+        def __iter__(self) -> Iterator[SourceFrame | Odometry]:
             for k in range(500):
                 read.append(k)
                 yield capture(k)
@@ -215,7 +215,7 @@ def test_live_camera_gives_its_newest_frame() -> None:
     done = threading.Event()
 
     class Live(MemorySource):
-        def __iter__(self) -> Iterator[Capture | Odometry]:
+        def __iter__(self) -> Iterator[SourceFrame | Odometry]:
             yield from (capture(k) for k in range(20))
             done.set()
             yield capture(99)
@@ -234,7 +234,7 @@ def test_live_camera_that_fails_is_opened_again() -> None:
     class Flaky(MemorySource):
         attempts = 0
 
-        def __iter__(self) -> Iterator[Capture | Odometry]:
+        def __iter__(self) -> Iterator[SourceFrame | Odometry]:
             self.attempts += 1
             if self.attempts == 1:
                 raise OSError("unplugged")
@@ -266,7 +266,7 @@ def test_a_source_without_frames_says_so() -> None:
 
 
 def test_frames_that_do_not_fit_are_counted() -> None:
-    float_depth = Capture(
+    float_depth = SourceFrame(
         np.zeros((6, 8, 3), np.uint8),
         np.zeros((6, 8), np.float32),
         3 * MS,
@@ -333,7 +333,7 @@ def test_without_a_wake_callback_the_node_asks_to_be_polled() -> None:
     gate = threading.Event()
 
     class Slow(MemorySource):
-        def __iter__(self) -> Iterator[Capture | Odometry]:
+        def __iter__(self) -> Iterator[SourceFrame | Odometry]:
             gate.wait(5.0)
             yield capture(0)
 

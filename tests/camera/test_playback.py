@@ -2,7 +2,7 @@
 
 import pytest
 
-from services.camera.pacing import Lockstep, Recorded
+from services.camera.pacing import LockstepPacing, RecordedPacing
 from services.camera.playback import Selection, play
 from services.camera.source import Source
 from tests.camera.memory import MemorySource, capture, odometry
@@ -56,7 +56,7 @@ def test_loop_over_a_clock_that_jumps_back_still_rises_between_rounds() -> None:
 
 
 def test_recorded_rate_and_speed() -> None:
-    pacing = Recorded(speed=2.0)
+    pacing = RecordedPacing(speed=2.0)
     assert pacing.due_ns(7 * SECOND, 100) == 100
     pacing.sent(7 * SECOND, 100)
     # 50 ms of recording take 25 ms; sent late, the next is still due by the first.
@@ -67,7 +67,7 @@ def test_recorded_rate_and_speed() -> None:
 
 @pytest.mark.parametrize("jump_ns", [-5 * SECOND, 0, 11 * SECOND])
 def test_recorded_rate_does_not_wait_out_a_clock_jump(jump_ns: int) -> None:
-    pacing = Recorded(speed=1.0)
+    pacing = RecordedPacing(speed=1.0)
     pacing.sent(20 * SECOND, 0)
     pacing.sent(20 * SECOND + 40 * MS, 40 * MS)
     after_ns = 20 * SECOND + 40 * MS + jump_ns
@@ -77,7 +77,7 @@ def test_recorded_rate_does_not_wait_out_a_clock_jump(jump_ns: int) -> None:
 
 
 def test_recorded_rate_does_not_rush_after_a_long_stop() -> None:
-    pacing = Recorded(speed=1.0)
+    pacing = RecordedPacing(speed=1.0)
     pacing.sent(0, 0)
     assert pacing.due_ns(33 * MS, 5 * SECOND) == 5 * SECOND
     pacing.sent(33 * MS, 5 * SECOND)
@@ -85,7 +85,7 @@ def test_recorded_rate_does_not_rush_after_a_long_stop() -> None:
 
 
 def test_lockstep_window_and_time_out() -> None:
-    pacing = Lockstep(window=2, timeout_ns=100)
+    pacing = LockstepPacing(window=2, timeout_ns=100)
     for stamp in (1, 2):
         assert pacing.due_ns(stamp, 10 * stamp) == 10 * stamp
         pacing.sent(stamp, 10 * stamp)

@@ -14,7 +14,7 @@ from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
 from services.camera.recording import RecordingSource
 from services.camera.ros.source import RosbagSource
-from services.camera.source import Capture, Source
+from services.camera.source import Source, SourceFrame
 from services.camera.sources import SOURCES, kind_of, open_source
 from tests import ROOT
 from tests.camera.memory import SIZE, MemorySource, capture, odometry
@@ -58,9 +58,9 @@ def test_recording_gives_frames_calibration_and_odometry(tmp_path: Path) -> None
     assert (source.info.camera, source.info.frame_id) == ("front", "front_optical_frame")
     assert [t.child for t in source.transforms] == ["front_optical_frame"]
     items = list(source)
-    assert [type(item) for item in items] == [Odometry, Capture] * 3
+    assert [type(item) for item in items] == [Odometry, SourceFrame] * 3
     last = items[-1]
-    assert isinstance(last, Capture)
+    assert isinstance(last, SourceFrame)
     assert (last.stamp_ns, int(last.depth_mm[0, 0])) == (20_000_000, 502)
     assert abs(int(last.rgb[0, 0, 0]) - 90) < 4  # JPEG
 
@@ -70,7 +70,7 @@ def test_recording_cut_short_plays_up_to_the_cut(tmp_path: Path) -> None:
     data = path.read_bytes()
     path.write_bytes(data[: data.rindex(b"CompressedRgbdFrame") + 100])
     source = open_source(str(path))
-    assert sum(isinstance(item, Capture) for item in source) == 2
+    assert sum(isinstance(item, SourceFrame) for item in source) == 2
     assert source.counters["cut_short"] == 1
 
 
@@ -80,7 +80,7 @@ def test_recording_of_two_cameras_needs_a_name(tmp_path: Path) -> None:
         open_source(path)
     source = open_source(path, options={"camera": "right"})
     assert source.info.camera == "right"
-    assert sum(isinstance(item, Capture) for item in source) == 3
+    assert sum(isinstance(item, SourceFrame) for item in source) == 3
 
 
 def test_recording_without_calibration_is_refused(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_damaged_frame_in_a_recording_is_counted(tmp_path: Path) -> None:
                 )
             writer.write(message, time_ns)
     source = open_source(str(tmp_path / "b.mcap"))
-    assert sum(isinstance(item, Capture) for item in source) == 2
+    assert sum(isinstance(item, SourceFrame) for item in source) == 2
     assert source.counters["bad_images"] == 1
 
 

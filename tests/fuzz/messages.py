@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from common.io.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
-from common.io.ros_bag import types_of
+from common.io.ros_bag import make_typestore
 from people4d.codec import MESSAGES, decode, encode
 from people4d.errors import DecodeError
 from people4d.messages import CompressedRgbdFrame, Detections, Message
 from services.camera.config import MotionConfig
 from services.camera.ros.bag_reader import RGBD, RGBD_DEFINITION
-from services.camera.ros.calibration import Transforms, lens_of
+from services.camera.ros.calibration import TransformTree, intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
 from services.camera.ros.motion import JointConfig, odometry_of
@@ -41,7 +41,7 @@ def _image(message: Any) -> None:
 
 
 def _tree(message: Any) -> None:
-    tree = Transforms()
+    tree = TransformTree()
     tree.add(message)
     tree.find("map", "camera_color_optical_frame")
 
@@ -50,12 +50,12 @@ def _tree(message: Any) -> None:
 READERS: dict[str, Callable[[Any], object]] = {
     "sensor_msgs/msg/Image": _image,
     "sensor_msgs/msg/CompressedImage": _image,
-    "sensor_msgs/msg/CameraInfo": lambda m: (lens_of(m), lens_of(m, rectified=True)),
+    "sensor_msgs/msg/CameraInfo": lambda m: (intrinsics_of(m), intrinsics_of(m, rectified=True)),
     "nav_msgs/msg/Odometry": lambda m: odometry_of(m, 0, 0),
     "tf2_msgs/msg/TFMessage": _tree,
     RGBD: lambda m: (colour_image(m.rgb), depth_image(m.depth)),
 }
-STORE = types_of(2, {RGBD: RGBD_DEFINITION})
+STORE = make_typestore(2, {RGBD: RGBD_DEFINITION})
 
 
 def message_target(name: str) -> Target:

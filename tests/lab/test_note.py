@@ -20,7 +20,7 @@ from lab.depth.note import LabNote, read_note
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import U16, CameraInfo, CompressedRgbdFrame, RgbdFrame
 from services.camera.describe import describe
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from services.camera.sources import open_source
 from tests.camera.test_node import player, with_
 
@@ -66,7 +66,7 @@ def recorded(path: Path, values: Mapping[str, str] | None, shape: Any = (60, 80)
 
 def depths(path: Path, **options: Any) -> list[U16]:
     source = open_source(str(path), options=options)
-    return [item.depth_mm for item in source if isinstance(item, Capture)]
+    return [item.depth_mm for item in source if isinstance(item, SourceFrame)]
 
 
 def expected(frame: int, config: DepthSensorConfig = SENSOR) -> U16:
@@ -162,7 +162,7 @@ def test_damaged_note_is_told_in_one_sentence(
 def test_frame_of_another_size_is_left_out(tmp_path: Path) -> None:
     path = recorded(tmp_path / "a.mcap", NOTE.values(), shape=(50, 80))
     source = open_source(str(path))
-    assert [item for item in source if isinstance(item, Capture)] == []
+    assert [item for item in source if isinstance(item, SourceFrame)] == []
     assert source.counters["bad_images"] == 4
 
 

@@ -27,7 +27,7 @@ from people4d.messages import (
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.source import RosbagSource
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.recording import RecordingTruth
 from services.gt_bridge.sources.rosbag import RosbagTruth
@@ -54,9 +54,9 @@ def rendered(folder: Path, wanted: Order, name: str = "out.mcap", jobs: int = 1)
     return folder / name
 
 
-def captures(path: Path) -> list[Capture]:
+def captures(path: Path) -> list[SourceFrame]:
     source = RecordingSource(path, RecordingOptions())
-    return [item for item in source if isinstance(item, Capture)]
+    return [item for item in source if isinstance(item, SourceFrame)]
 
 
 def test_a_recording_holds_frames_calibration_place_and_truth(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(tmp_path: Path)
     source = LabSource(
         str(tmp_path / "walk.toml"), LabOptions(mode="depth", depth_sensor="off", threads=1)
     )
-    taken = [item for item in source if isinstance(item, Capture)]
+    taken = [item for item in source if isinstance(item, SourceFrame)]
     frames = [m for _, m in open_recording(clean).messages(CompressedRgbdFrame)]
     for frame, capture in zip(frames, taken, strict=True):
         assert isinstance(frame, CompressedRgbdFrame)
@@ -201,7 +201,7 @@ def test_a_bag_plays_as_the_recording_does(tmp_path: Path) -> None:
     outputs = Outputs(recording=tmp_path / "out.mcap", bag=tmp_path / "out_ros2")
     render(order(tmp_path), outputs, 1, lambda *_: None)
     bag = RosbagSource(tmp_path / "out_ros2", RosbagOptions())
-    theirs = [item for item in bag if isinstance(item, Capture)]
+    theirs = [item for item in bag if isinstance(item, SourceFrame)]
     for a, b in zip(captures(tmp_path / "out.mcap"), theirs, strict=True):
         assert a.stamp_ns == b.stamp_ns
         assert np.array_equal(a.rgb, b.rgb)

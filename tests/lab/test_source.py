@@ -26,7 +26,7 @@ from people4d.messages import (
 from services.camera.config import CameraConfig
 from services.camera.playback import Selection
 from services.camera.playback import play as play_source
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from services.camera.sources import kind_of, open_source
 from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 
@@ -39,8 +39,8 @@ def opened(path: Path, seed: str = "", **options: object) -> LabSource:
     return source
 
 
-def captures(source: LabSource) -> list[Capture]:
-    return [item for item in source if isinstance(item, Capture)]
+def captures(source: LabSource) -> list[SourceFrame]:
+    return [item for item in source if isinstance(item, SourceFrame)]
 
 
 def test_a_still_camera_gives_its_frames_and_its_place(tmp_path: Path) -> None:
@@ -118,8 +118,8 @@ def test_blurred_motion_is_between_that_before_and_after(tmp_path: Path) -> None
     path = write_scenario(tmp_path, "exposure_s = 0.08", "blurred")
     blurred = opened(path, mode="colour", samples=1)
     a, b = (next(iter(source)) for source in (sharp, blurred))
-    assert isinstance(a, Capture)
-    assert isinstance(b, Capture)
+    assert isinstance(a, SourceFrame)
+    assert isinstance(b, SourceFrame)
     assert a.rgb.std() > 20  # a picture, not a plane
     assert not np.array_equal(a.rgb, b.rgb)
     assert np.array_equal(a.depth_mm, b.depth_mm)

@@ -5,9 +5,9 @@ import numpy.typing as npt
 import pytest
 
 from common.drawing.palette import INK, PAPER, PEOPLE, WHITE, colour_of, ink_on
-from common.drawing.people import View, annotate
+from common.drawing.people import CameraView, annotate
 from common.drawing.tiles import Tile, shrink
-from common.drawing.topdown import Walks, draw_map
+from common.drawing.topdown import Trajectories, draw_map
 from common.geometry.transforms import invert
 from people4d.messages import U8
 from services.report.join import Moment
@@ -24,7 +24,7 @@ from tests.report.builders import (
     tracks,
 )
 
-VIEW = View(info(), invert(MAP_FROM_OPTICAL))
+VIEW = CameraView(info(), invert(MAP_FROM_OPTICAL))
 
 
 def near(image: U8, colour: tuple[int, int, int]) -> npt.NDArray[np.bool_]:
@@ -104,10 +104,10 @@ def test_colours_are_stable_and_readable() -> None:
 def test_the_map_has_x_up_and_y_left() -> None:
     # From (0, 0) to (2, 0) the person walks up; the end dot is the highest point of the trail.
     line = np.stack([np.linspace(0, 2, 20), np.zeros(20)], axis=1)
-    image = draw_map(Walks(tracks={1: line}), 300, 300)
+    image = draw_map(Trajectories(tracks={1: line}), 300, 300)
     rows, columns = np.nonzero(near(image, colour_of(1)))
     assert rows.max() - rows.min() > 150  # 2 m of the 3 m that 300 px show are 200 px
-    aside = draw_map(Walks(tracks={1: line[:, ::-1]}), 300, 300)
+    aside = draw_map(Trajectories(tracks={1: line[:, ::-1]}), 300, 300)
     rows, columns = np.nonzero(near(aside, colour_of(1)))
     assert columns.max() - columns.min() > 150
     dot = rows[columns < columns.min() + 8]  # the end, y = 2, is on the left and has the dot
@@ -117,19 +117,19 @@ def test_the_map_has_x_up_and_y_left() -> None:
 @pytest.mark.parametrize(
     "walks",
     [
-        Walks(),
-        Walks(tracks={1: np.array([[1e9, 0.0], [1.0, 1.0]])}),
-        Walks(truth={"a": np.zeros((1, 2))}, cameras=[np.eye(4), MAP_FROM_OPTICAL]),
+        Trajectories(),
+        Trajectories(tracks={1: np.array([[1e9, 0.0], [1.0, 1.0]])}),
+        Trajectories(truth={"a": np.zeros((1, 2))}, cameras=[np.eye(4), MAP_FROM_OPTICAL]),
     ],
 )
-def test_odd_maps(walks: Walks) -> None:
+def test_odd_maps(walks: Trajectories) -> None:
     assert draw_map(walks, 200, 100).shape == (100, 200, 3)
 
 
 @pytest.mark.parametrize(("count", "rows", "columns"), [(0, 0, 0), (3, 1, 3), (4, 1, 4), (6, 2, 4)])
 def test_the_sheet_holds_all_tiles(count: int, rows: int, columns: int) -> None:
     tile = Tile(np.zeros((300, 400, 3), np.uint8), "front  0.00 s")
-    page = contact_sheet([tile] * count, Walks(), Statistics().summary())
+    page = contact_sheet([tile] * count, Trajectories(), Statistics().summary())
     # Head 60, panel 600; a tile takes 400 + 8 by 300 + 8 px, and 8 px more once.
     assert page.shape == (60 + 600 + (rows * 308 + 8) * (rows > 0), max(1440, columns * 408 + 8), 3)
     dark = np.count_nonzero(page.max(axis=2) == 0)
@@ -138,7 +138,7 @@ def test_the_sheet_holds_all_tiles(count: int, rows: int, columns: int) -> None:
 
 def test_tiles_of_two_cameras_need_not_be_alike() -> None:
     tiles = [Tile(np.zeros((h, 400, 3), np.uint8), "x") for h in (300, 225)]
-    page = contact_sheet(tiles, Walks(), Statistics().summary())
+    page = contact_sheet(tiles, Trajectories(), Statistics().summary())
     assert tuple(page[60 + 8 + 225 + 4, 8 + 408 + 10]) == PAPER  # below the lower one
 
 
@@ -148,7 +148,7 @@ def test_the_page_grows_with_the_latency_table() -> None:
     statistics.settle(Moment("front", 0, frame(0).rgb, None, tracks(0, trace=trace)))
     summary = statistics.summary()
     assert len(summary.latency) == 61  # 60 stages, whole
-    page = contact_sheet([], Walks(), summary)
+    page = contact_sheet([], Trajectories(), summary)
     lowest = np.flatnonzero(page.min(axis=(1, 2)) < 100).max()  # of the dark text
     assert 660 < lowest < page.shape[0] - 8
 

@@ -21,7 +21,7 @@ MAX_TIME_S = 2**33  # [s] the year 2242; beyond it nanoseconds do not fit 64 bit
 
 
 @dataclass(frozen=True)
-class Pair:
+class ImagePair:
     """The two files of one frame."""
 
     stamp_ns: int
@@ -30,15 +30,15 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Layout:
+class FolderLayout:
     """The frames of a folder, and the files that found no partner."""
 
-    pairs: Sequence[Pair]
+    pairs: Sequence[ImagePair]
     unpaired: int
 
 
-def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> Layout:
-    """Pair files by the last number in their names.
+def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> FolderLayout:
+    """ImagePair files by the last number in their names.
 
     Args:
         folder: The folder.
@@ -55,10 +55,10 @@ def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> La
         if numbers:
             times_s = _times(stamps, len(numbers))
             pairs = [
-                Pair(round(float(t) * 1e9), colours[n], depths[n])
+                ImagePair(round(float(t) * 1e9), colours[n], depths[n])
                 for t, n in zip(times_s, numbers, strict=True)
             ]
-            return Layout(pairs, len(colours) + len(depths) - 2 * len(numbers))
+            return FolderLayout(pairs, len(colours) + len(depths) - 2 * len(numbers))
     tried = [patterns] if any(patterns) else LAYOUTS
     raise SourceError(
         f"folder {folder} has no numbered pairs of colour and depth "
@@ -67,8 +67,8 @@ def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> La
     )
 
 
-def listed(folder: Path, slop_s: float) -> Layout:
-    """Pair the files that rgb.txt and depth.txt list with their times, as TUM's data sets do.
+def listed(folder: Path, slop_s: float) -> FolderLayout:
+    """ImagePair the files that rgb.txt and depth.txt list with their times, as TUM's data sets do.
 
     Args:
         folder: The folder.
@@ -93,8 +93,8 @@ def listed(folder: Path, slop_s: float) -> Layout:
             f"folder {folder}: no image of {LISTS[0]} is within {slop_s} s of one of {LISTS[1]}",
             "Set options.sync_slop_s.",
         )
-    pairs = [Pair(stamp_ns, colour, depth) for (stamp_ns, colour), (_, depth) in found]
-    return Layout(pairs, pairing.unpaired)
+    pairs = [ImagePair(stamp_ns, colour, depth) for (stamp_ns, colour), (_, depth) in found]
+    return FolderLayout(pairs, pairing.unpaired)
 
 
 def wheel_odometry(times_s: F64, poses: F64) -> list[Odometry]:

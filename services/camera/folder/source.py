@@ -11,22 +11,29 @@ import numpy as np
 import numpy.typing as npt
 
 from common.io.files import read_bytes
-from common.io.image_header import MAX_FILE_BYTES, picture_size
+from common.io.image_header import MAX_FILE_BYTES, image_size
 from common.io.npz import read_arrays
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, U8, U16, Odometry
 from services.camera.calibration import (
     Calibration,
-    Lens,
+    Intrinsics,
     MatNames,
     camera_info,
     read_calibration,
     registration,
     static_transform,
 )
-from services.camera.folder.layout import LISTS, Layout, Pair, listed, numbered, wheel_odometry
+from services.camera.folder.layout import (
+    LISTS,
+    FolderLayout,
+    ImagePair,
+    listed,
+    numbered,
+    wheel_odometry,
+)
 from services.camera.folder.mat_file import read_mat
-from services.camera.source import Capture, Source
+from services.camera.source import Source, SourceFrame
 
 # Looked for in the folder, first come first served, where no calibration is configured.
 CALIBRATIONS = ("camera.toml", "camera.json", "camera_info.yaml", "gt.npz", "CalibrationData.mat")
@@ -45,8 +52,8 @@ class FolderOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     mat_array: str = "depth_array"  # name of the depth image in .mat files
     calibration: str = ""  # calibration file; empty: one of the usual names in the folder
     mat: MatNames = MatNames()  # names in a calibration .mat
-    lens: Lens | None = None  # calibration of colour, instead of the file's
-    depth_lens: Lens | None = None  # calibration of depth that is not aligned
+    intrinsics: Intrinsics | None = None  # calibration of colour, instead of the file's
+    depth_intrinsics: Intrinsics | None = None  # calibration of depth that is not aligned
     rotation: tuple[tuple[float, float, float], ...] | None = None  # 3x3, colour_from_depth
     translation_m: tuple[float, float, float] | None = None  # [m] colour_from_depth
     depth_offset_px: tuple[float, float] | None = None  # [px] u, v, see Registration
@@ -87,7 +94,9 @@ class FolderSource(Source):
         rgb, depth = self._first()
         calibration = _calibration(path, options)
         if calibration.colour is None:
-            raise SourceError(f"calibration of {path} has no colour camera", "Set options.lens.")
+            raise SourceError(
+                f"calibration of {path} has no colour camera", "Set options.intrinsics."
+            )
         self.info = camera_info(calibration.colour, (rgb.shape[0], rgb.shape[1]))
         self.registration = registration(calibration, self.info, (depth.shape[0], depth.shape[1]))
         if calibration.parent_from_optical is not None:
@@ -95,7 +104,7 @@ class FolderSource(Source):
             parent = calibration.parent
             self.transforms = [static_transform(parent, self.info.frame_id, matrix)]
 
-    def __iter__(self) -> Iterator[Capture | Odometry]:
+    def __iter__(self) -> Iterator[SourceFrame | Odometry]:
         """Yield the frames, each after the odometry up to its time."""
         odometry = iter(self._odometry)
         ahead = next(odometry, None)
@@ -110,7 +119,7 @@ class FolderSource(Source):
             except (SourceError, ValueError):  # ValueError: depth changed its size
                 self.counters["bad_images"] += 1
                 continue
-            yield Capture(rgb, depth_mm, pair.stamp_ns)
+            yield SourceFrame(rgb, depth_mm, pair.stamp_ns)
 
     @property
     def has_odometry(self) -> bool:
@@ -126,7 +135,7 @@ class FolderSource(Source):
                 reason = error
         raise reason
 
-    def _read(self, pair: Pair) -> tuple[U8, U16]:
+    def _read(self, pair: ImagePair) -> tuple[U8, U16]:
         rgb = _read_picture(pair.colour, cv2.IMREAD_COLOR_RGB)
         if pair.depth.suffix == ".mat":
             depth = _read_mat(pair.depth, self._options.mat_array)
@@ -145,7 +154,7 @@ class FolderSource(Source):
         return np.where(scaled <= 65535, scaled, 0).astype(np.uint16)
 
 
-def _layout(path: Path, options: FolderOptions, tum: bool, times_s: F64 | None) -> Layout:
+def _layout(path: Path, options: FolderOptions, tum: bool, times_s: F64 | None) -> FolderLayout:
     if tum:
         return listed(path, options.sync_slop_s)
     stamps = options.fps if times_s is None else times_s
@@ -172,8 +181,8 @@ def _calibration(path: Path, options: FolderOptions) -> Calibration:
     files += [path / name for name in CALIBRATIONS if (path / name).is_file()]
     calibration = read_calibration(files[0], options.mat) if files else Calibration()
     options_given = {
-        "colour": options.lens,
-        "depth": options.depth_lens,
+        "colour": options.intrinsics,
+        "depth": options.depth_intrinsics,
         "rotation": options.rotation,
         "translation_m": options.translation_m,
         "depth_offset_px": options.depth_offset_px,
@@ -184,7 +193,7 @@ def _calibration(path: Path, options: FolderOptions) -> Calibration:
     if calibration.colour is None:
         raise SourceError(
             f"folder {path} has no calibration ({', '.join(CALIBRATIONS)})",
-            "Set options.lens.fx, fy, cx and cy, or options.calibration to a file.",
+            "Set options.intrinsics.fx, fy, cx and cy, or options.calibration to a file.",
         )
     return calibration
 
@@ -194,7 +203,7 @@ def _read_picture(path: Path, flags: int) -> npt.NDArray[Any]:
         if not path.is_file():  # to open a pipe would wait for ever
             raise SourceError(f"{path} is not a file")
         data = read_bytes(path, MAX_FILE_BYTES)
-        picture_size(data)
+        image_size(data)
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except (OSError, DecodeError, cv2.error) as error:
         raise SourceError(f"{path} is not an image that can be read: {error}") from error

@@ -28,12 +28,12 @@ DEFINITIONS = {
 
 def ros1_types() -> Typestore:
     """Return the types of ROS 1 with those of transforms."""
-    return ros_bag.types_of(1, DEFINITIONS)
+    return ros_bag.make_typestore(1, DEFINITIONS)
 
 
 def ros2_types() -> Typestore:
     """Return the types of ROS 2 with realsense2_camera_msgs/RGBD."""
-    return ros_bag.types_of(2, DEFINITIONS)
+    return ros_bag.make_typestore(2, DEFINITIONS)
 
 
 def open_bag(path: Path) -> AbstractContextManager[Bag]:

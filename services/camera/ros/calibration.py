@@ -7,13 +7,13 @@ import numpy as np
 from common.geometry.transforms import invert
 from people4d.errors import SourceError
 from people4d.messages import F64
-from services.camera.calibration import Lens
-from services.camera.ros.motion import Lineage, edges_of
+from services.camera.calibration import Intrinsics
+from services.camera.ros.motion import FrameParents, edges_of
 
 DISTORTIONS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "none": (0,), "": (0, 4, 5)}
 
 
-def lens_of(message: Any, rectified: bool = False) -> Lens:
+def intrinsics_of(message: Any, rectified: bool = False) -> Intrinsics:
     """Read a sensor_msgs CameraInfo.
 
     Args:
@@ -40,7 +40,7 @@ def lens_of(message: Any, rectified: bool = False) -> Lens:
             f"CameraInfo: expected distortion plumb_bob or rational_polynomial, got "
             f"{len(coefficients)} numbers for {message.distortion_model!r:.40}"
         )
-    return Lens(
+    return Intrinsics(
         fx=float(fx),
         fy=float(fy),
         cx=float(cx),
@@ -51,12 +51,12 @@ def lens_of(message: Any, rectified: bool = False) -> Lens:
     )
 
 
-class Transforms:
+class TransformTree:
     """A tree of transforms, some of which may move."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, F64]] = {}
-        self._moving = Lineage()
+        self._moving = FrameParents()
 
     def add(self, message: Any) -> None:
         """Take a tf2_msgs TFMessage of what stands; a transform that is not one is left out."""

@@ -14,7 +14,7 @@ from people4d.errors import DecodeError, SourceError
 from people4d.messages import U8, U16, CameraInfo, StaticTransform
 from services.camera.calibration import (
     Calibration,
-    Lens,
+    Intrinsics,
     MatNames,
     camera_info,
     read_calibration,
@@ -22,7 +22,7 @@ from services.camera.calibration import (
     static_transform,
 )
 from services.camera.folder.registration import Registration
-from services.camera.ros.calibration import Transforms, lens_of
+from services.camera.ros.calibration import TransformTree, intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.motion import JointConfig
 from services.camera.ros.topics import TRANSFORMS, Topics
@@ -42,7 +42,7 @@ class RosbagOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     sync_slop_s: float = 0.5  # [s] largest distance in time of colour and depth
     map_frame: str = "map"  # frame of the bag that becomes `map`
     tf_as_static: bool = False  # True: take /tf as static too (a camera that stands still)
-    # Wheels of a base whose odometry nobody told: sensor_msgs/JointState, or a topic of a number
+    # Wheels of a base without odometry: sensor_msgs/JointState, or a topic of a number
     # (std_msgs) for the left wheel and one for the right
     wheel_topics: tuple[str, ...] = ()
     wheels: JointConfig = JointConfig()
@@ -147,8 +147,8 @@ def _frame(message: Any) -> str:
     return str(message.header.frame_id).strip("/")
 
 
-def _tree(bag: Bag, tf_as_static: bool) -> Transforms:
-    tree = Transforms()
+def _tree(bag: Bag, tf_as_static: bool) -> TransformTree:
+    tree = TransformTree()
     wanted = [
         topic
         for topic, kind in bag.types.items()
@@ -160,7 +160,7 @@ def _tree(bag: Bag, tf_as_static: bool) -> Transforms:
 
 
 def _calibration(
-    topics: Topics, options: RosbagOptions, tree: Transforms, heads: tuple[_Head, _Head]
+    topics: Topics, options: RosbagOptions, tree: TransformTree, heads: tuple[_Head, _Head]
 ) -> Calibration:
     """Gather the calibration, with that of depth only where depth has to be registered."""
     if options.calibration:
@@ -171,23 +171,23 @@ def _calibration(
             f"bag has no calibration (CameraInfo) for {topics.colour}",
             "Set options.colour_info_topic, or options.calibration to a file.",
         )
-    lens = lens_of(colour.info, rectified="image_rect" in topics.colour)
-    depth_lens = None
+    intrinsics = intrinsics_of(colour.info, rectified="image_rect" in topics.colour)
+    depth_intrinsics = None
     if depth.info is not None:
-        depth_lens = lens_of(depth.info, rectified="image_rect" in topics.depth)
-    if _aligned(options, heads, (lens, depth_lens)):
-        return Calibration(colour=lens)
+        depth_intrinsics = intrinsics_of(depth.info, rectified="image_rect" in topics.depth)
+    if _aligned(options, heads, (intrinsics, depth_intrinsics)):
+        return Calibration(colour=intrinsics)
     matrix = tree.find(colour.frame, depth.frame)
-    if depth_lens is None or matrix is None:
-        missing = "CameraInfo of depth" if depth_lens is None else "transform between them"
+    if depth_intrinsics is None or matrix is None:
+        missing = "CameraInfo of depth" if depth_intrinsics is None else "transform between them"
         raise SourceError(
             f"depth (frame {depth.frame}) is not aligned to colour (frame {colour.frame}) and "
             f"the bag has no {missing}",
             "Set options.depth_aligned=true if it is, or options.calibration to a file.",
         )
     return Calibration(
-        colour=lens,
-        depth=depth_lens,
+        colour=intrinsics,
+        depth=depth_intrinsics,
         rotation=tuple(tuple(row) for row in matrix[:3, :3].tolist()),
         translation_m=tuple(matrix[:3, 3].tolist()),
         depth_offset_px=options.depth_offset_px,
@@ -195,22 +195,26 @@ def _calibration(
 
 
 def _aligned(
-    options: RosbagOptions, heads: tuple[_Head, _Head], lenses: tuple[Lens, Lens | None]
+    options: RosbagOptions,
+    heads: tuple[_Head, _Head],
+    intrinsics: tuple[Intrinsics, Intrinsics | None],
 ) -> bool:
     """Depth is aligned if it has the size of colour, and its frame or its calibration too."""
     if options.depth_aligned is not None:
         return options.depth_aligned
-    (colour, depth), (lens, depth_lens) = heads, lenses
+    (colour, depth), (colour_intrinsics, depth_intrinsics) = heads, intrinsics
     if colour.size != depth.size:
         return False
-    if depth_lens is None:
+    if depth_intrinsics is None:
         return colour.frame == depth.frame
-    ours, theirs = ((one.fx, one.fy, one.cx, one.cy) for one in (lens, depth_lens))
+    ours, theirs = (
+        (one.fx, one.fy, one.cx, one.cy) for one in (colour_intrinsics, depth_intrinsics)
+    )
     # Two sensors never share a calibration to a hundredth of a pixel.
     return colour.frame == depth.frame or bool(np.allclose(ours, theirs, atol=0.01, rtol=0))
 
 
-def _add_moving(bag: Bag, tree: Transforms) -> None:
+def _add_moving(bag: Bag, tree: TransformTree) -> None:
     wanted = [
         topic
         for topic, kind in bag.types.items()
@@ -231,7 +235,7 @@ def _base(bag: Bag, topics: Topics, options: RosbagOptions) -> tuple[str, str] |
 
 
 def _on_what_moves(
-    tree: Transforms, optical: str, base: tuple[str, str] | None, options: RosbagOptions
+    tree: TransformTree, optical: str, base: tuple[str, str] | None, options: RosbagOptions
 ) -> Mounting | None:
     """Return the way from the camera to the map, else to the base, else as far as /tf moves it.
 
@@ -258,7 +262,7 @@ def _on_what_moves(
 
 
 def _on_what_stands(
-    tree: Transforms, optical: str, base: tuple[str, str] | None, options: RosbagOptions
+    tree: TransformTree, optical: str, base: tuple[str, str] | None, options: RosbagOptions
 ) -> Mounting:
     """Find where the camera sits: in the map, else on the base that odometry moves."""
     parents = {options.map_frame: "map"}

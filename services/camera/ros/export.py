@@ -28,7 +28,7 @@ from people4d.errors import SourceError
 from people4d.messages import CameraInfo, MovingTransform, Odometry, StaticTransform, Tracks, Truth
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros.messages import PEOPLE, RosMessages, export_types
-from services.camera.source import Capture, Motion
+from services.camera.source import MotionMessage, SourceFrame
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO = "sensor_msgs/msg/CameraInfo"
@@ -54,7 +54,7 @@ LATCHED = VOLATILE._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class BagFormat:
     """How a bag is written.
 
     Args:
@@ -68,14 +68,14 @@ class Layout:
     namespace: str = "camera"
 
 
-Item = Capture | Motion | Truth | Tracks
-Entry = tuple[str, str, Any]  # topic, type and message
+ExportItem = SourceFrame | MotionMessage | Truth | Tracks
+BagEntry = tuple[str, str, Any]  # topic, type and message
 
 
 def export(
     recording: Path,
     out: Path,
-    layout: Layout = Layout(),
+    layout: BagFormat = BagFormat(),
     camera: str = "",
     progress: Callable[[float], object] = float,
 ) -> dict[str, int]:
@@ -100,7 +100,7 @@ def export(
         for _, message in open_recording(recording).messages(Truth, Tracks)
         if isinstance(message, Truth | Tracks)
     )
-    items: Iterator[Item] = heapq.merge(source, people, key=lambda item: item.stamp_ns)
+    items: Iterator[ExportItem] = heapq.merge(source, people, key=lambda item: item.stamp_ns)
     duration_ns = max(1, round(open_recording(recording).summary.duration_s * 1e9))
     first = next(items, None)
     if first is None:
@@ -127,7 +127,7 @@ class BagWriter:
         SourceError: The folder exists or cannot be written.
     """
 
-    def __init__(self, path: Path, info: CameraInfo, layout: Layout = Layout()) -> None:
+    def __init__(self, path: Path, info: CameraInfo, layout: BagFormat = BagFormat()) -> None:
         self.counts: dict[str, int] = {}  # messages by topic
         self._path = path
         self._info = info
@@ -142,7 +142,7 @@ class BagWriter:
         except (OSError, WriterError) as error:
             raise SourceError(f"bag {path} cannot be written: {error}") from error
 
-    def write(self, item: Item) -> None:
+    def write(self, item: ExportItem) -> None:
         """Append what a camera, a tracker or motion capture saw, at the time of its stamp.
 
         Raises:
@@ -173,7 +173,7 @@ class BagWriter:
             self._writer.abort()
             shutil.rmtree(self._path, ignore_errors=True)
 
-    def _entries(self, item: Item) -> list[Entry]:
+    def _entries(self, item: ExportItem) -> list[BagEntry]:
         ros = self._ros
         if isinstance(item, Odometry):
             return [
@@ -188,13 +188,13 @@ class BagWriter:
             return [("/people", PEOPLE, ros.tracks(item))]
         return self._frame(item)
 
-    def _frame(self, capture: Capture) -> list[Entry]:
+    def _frame(self, capture: SourceFrame) -> list[BagEntry]:
         ros, stamp_ns, frame = self._ros, capture.stamp_ns, self._info.frame_id
         colour, depth = (
             f"/{self._layout.namespace}/{stream}" for stream in ("color", "aligned_depth_to_color")
         )
         info = ros.camera_info(self._info, stamp_ns)
-        infos: list[Entry] = [(f"{name}/camera_info", INFO, info) for name in (colour, depth)]
+        infos: list[BagEntry] = [(f"{name}/camera_info", INFO, info) for name in (colour, depth)]
         if self._layout.compressed:
             jpeg, png = encode_jpeg(capture.rgb, QUALITY), encode_png16(capture.depth_mm)
             return [
@@ -212,7 +212,7 @@ class BagWriter:
             (f"{depth}/image_raw", IMAGE, ros.image(capture.depth_mm, "16UC1", stamp_ns, frame)),
         ]
 
-    def _append(self, entry: Entry, time_ns: int) -> None:
+    def _append(self, entry: BagEntry, time_ns: int) -> None:
         topic, kind, message = entry
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(

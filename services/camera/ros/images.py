@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.io.image_header import picture_size
+from common.io.image_header import image_size
 from people4d.errors import DecodeError
 from people4d.messages import U8, U16
 from people4d.messages.base import MAX_PIXELS
@@ -114,7 +114,7 @@ def _png16(data: bytes) -> U16:
 
 
 def _decode_file(data: bytes, flags: int) -> npt.NDArray[Any]:
-    picture_size(data, "image")
+    image_size(data, "image")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:

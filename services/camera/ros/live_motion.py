@@ -6,23 +6,29 @@ from typing import Any
 
 import msgspec
 
-from common.io.ros_live import Cdr, live_key
+from common.io.ros_cdr import CdrDecoder, parse_key
 from people4d.errors import DecodeError
 from people4d.messages import Message, MovingTransform, Odometry, StaticTransform
 from people4d.topics import ForeignTopic
 from services.camera.calibration import frame_name, static_transform
 from services.camera.config import MotionConfig
 from services.camera.ros.bag_reader import TRANSFORMS, ros2_types
-from services.camera.ros.motion import Edge, Lineage, Wheels, edges_of, odometry_of
+from services.camera.ros.motion import (
+    FrameParents,
+    StampedTransform,
+    WheelReader,
+    edges_of,
+    odometry_of,
+)
 from services.camera.ros.topics import JOINTS, ODOMETRY
 
 COUNTERS = ("moving_transforms", "live_odometry", "bad_transforms", "other_transforms")
 
 
-class ToldTransforms(Message, frozen=True, kw_only=True):
+class TransformMessage(Message, frozen=True, kw_only=True):
     """One tf2_msgs/TFMessage; it never leaves this process."""
 
-    edges: tuple[Edge, ...]
+    edges: tuple[StampedTransform, ...]
     stand: bool  # whether they hold for ever
 
 
@@ -42,10 +48,10 @@ class LiveMotion:
     def __init__(self, config: MotionConfig) -> None:
         self.counters = Counter(dict.fromkeys(COUNTERS, 0)) if config.used else Counter[str]()
         self._config = config
-        self._lineage = Lineage()
+        self._lineage = FrameParents()
         self._base: tuple[str, str] | None = None  # frames of odometry
         self._heard = set[type[Message]]()
-        self._wheels = Wheels(config.wheels)
+        self._wheels = WheelReader(config.wheels)
         self.topics: Sequence[ForeignTopic] = tuple(self._topics()) if config.used else ()
 
     def _topics(self) -> Sequence[ForeignTopic]:
@@ -57,18 +63,20 @@ class LiveMotion:
         ):
             text = getattr(config, name)
             if text:
-                decode = Cdr(name, store, kind, read).decode
-                key = live_key(f"motion.{name}", text, "odom")
+                decode = CdrDecoder(name, store, kind, read).decode
+                key = parse_key(f"motion.{name}", text, "odom")
                 told.append(
                     ForeignTopic(f"live_{name}", key, Odometry, 50, "queue", 256, "ROS", decode)
                 )
         for number, text in enumerate(config.transforms):
-            key = live_key("motion.transforms", text, "tf")
+            key = parse_key("motion.transforms", text, "tf")
             stand = key.endswith("tf_static")
             read_ = _standing if stand else _moving
-            decode_ = Cdr("transforms", store, TRANSFORMS, read_).decode
+            decode_ = CdrDecoder("transforms", store, TRANSFORMS, read_).decode
             topic = f"live_transforms{number or ''}"
-            told.append(ForeignTopic(topic, key, ToldTransforms, 100, "queue", 256, "ROS", decode_))
+            told.append(
+                ForeignTopic(topic, key, TransformMessage, 100, "queue", 256, "ROS", decode_)
+            )
         return told
 
     @property
@@ -94,7 +102,7 @@ class LiveMotion:
                     sequence=self.counters["live_odometry"] - 1,
                 )
             ]
-        if not isinstance(message, ToldTransforms):
+        if not isinstance(message, TransformMessage):
             return []
         for edge in message.edges:
             self._lineage.add(frame_name(edge.parent), frame_name(edge.child))
@@ -111,7 +119,7 @@ class LiveMotion:
                 self.counters["bad_transforms"] += 1
         return told
 
-    def _transform(self, edge: Edge, stand: bool) -> StaticTransform | MovingTransform:
+    def _transform(self, edge: StampedTransform, stand: bool) -> StaticTransform | MovingTransform:
         if stand:
             return static_transform(edge.parent, edge.child, edge.matrix)
         if edge.stamp_ns == 0:
@@ -132,15 +140,15 @@ class LiveMotion:
         return self._wheels.joints(message, _stamp_ns(message))
 
 
-def _standing(message: Any) -> ToldTransforms:
-    return ToldTransforms(stamp_ns=0, sequence=0, edges=_edges(message), stand=True)
+def _standing(message: Any) -> TransformMessage:
+    return TransformMessage(stamp_ns=0, sequence=0, edges=_edges(message), stand=True)
 
 
-def _moving(message: Any) -> ToldTransforms:
-    return ToldTransforms(stamp_ns=0, sequence=0, edges=_edges(message), stand=False)
+def _moving(message: Any) -> TransformMessage:
+    return TransformMessage(stamp_ns=0, sequence=0, edges=_edges(message), stand=False)
 
 
-def _edges(message: Any) -> tuple[Edge, ...]:
+def _edges(message: Any) -> tuple[StampedTransform, ...]:
     return tuple(edge for edge in edges_of(message) if edge.parent and edge.child)
 
 

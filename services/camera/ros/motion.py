@@ -26,7 +26,7 @@ class JointConfig(WheelConfig, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True)
-class Edge:
+class StampedTransform:
     """One transform of a tf2_msgs/TFMessage, its names without slashes at their ends."""
 
     parent: str
@@ -52,7 +52,7 @@ class Edge:
             raise DecodeError(f"transform: {error}") from error
 
 
-def edges_of(message: Any) -> Iterator[Edge]:
+def edges_of(message: Any) -> Iterator[StampedTransform]:
     """Yield the transforms of a tf2_msgs/TFMessage; what is none is left out."""
     for item in message.transforms:
         t, q, stamp = item.transform.translation, item.transform.rotation, item.header.stamp
@@ -63,10 +63,12 @@ def edges_of(message: Any) -> Iterator[Edge]:
         matrix = transform_from((t.x, t.y, t.z), rotation)
         if np.all(np.isfinite(matrix)):
             parent, child = item.header.frame_id.strip("/"), item.child_frame_id.strip("/")
-            yield Edge(parent, child, int(stamp.sec) * 10**9 + int(stamp.nanosec), matrix)
+            yield StampedTransform(
+                parent, child, int(stamp.sec) * 10**9 + int(stamp.nanosec), matrix
+            )
 
 
-class Lineage:
+class FrameParents:
     """Which frames a camera hangs on, by what transforms have told so far."""
 
     def __init__(self) -> None:
@@ -115,7 +117,7 @@ def odometry_of(message: Any, stamp_ns: int, sequence: int) -> Odometry:
         raise DecodeError(f"odometry: {error}") from error
 
 
-class Wheels:
+class WheelReader:
     """Odometry of a base whose wheels are told as joints, or each as a number.
 
     Args:

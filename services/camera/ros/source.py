@@ -14,9 +14,9 @@ from services.camera.folder.pairing import Pairing
 from services.camera.ros.bag_reader import open_bag
 from services.camera.ros.camera import RosbagOptions, read_camera
 from services.camera.ros.images import colour_image, depth_image
-from services.camera.ros.motion import Wheels, edges_of, odometry_of
+from services.camera.ros.motion import WheelReader, edges_of, odometry_of
 from services.camera.ros.topics import JOINTS, TRANSFORMS, Topics, find_topics
-from services.camera.source import Capture, Motion, Source
+from services.camera.source import MotionMessage, Source, SourceFrame
 
 NUMBER = re.compile(r"std_msgs/msg/(U?Int(8|16|32|64)|Float(32|64))")
 LOOSE_NS = 50_000_000  # pairs further apart are counted: a walking person moves by 7 cm
@@ -53,10 +53,10 @@ class RosbagSource(Source):
         if not self.moves:
             self._tf = set()
 
-    def __iter__(self) -> Iterator[Capture | Motion]:
+    def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
         """Yield pairs of colour and depth, and what moves, in the order of the bag."""
         pairing = Pairing[Stamped](self._slop_ns)
-        wheels, wheel_topics = Wheels(self._options.wheels), self._options.wheel_topics
+        wheels, wheel_topics = WheelReader(self._options.wheels), self._options.wheel_topics
         told = wheel_topics or (self.topics.odometry,)
         wanted = {self.topics.colour, self.topics.depth, *told, *self._tf} - {""}
         before = Counter(self.counters)
@@ -86,7 +86,7 @@ class RosbagSource(Source):
             return [((stamp_ns, message.rgb), (stamp_ns, message.depth))]
         return pairing.add("colour" if topic == self.topics.colour else "depth", stamp_ns, image)
 
-    def _captures(self, pairs: Iterable[tuple[Stamped, Stamped]]) -> Iterator[Capture]:
+    def _captures(self, pairs: Iterable[tuple[Stamped, Stamped]]) -> Iterator[SourceFrame]:
         for (stamp_ns, colour), (depth_stamp_ns, depth) in pairs:
             try:
                 rgb, depth_mm = colour_image(colour), depth_image(depth)
@@ -97,7 +97,7 @@ class RosbagSource(Source):
                 continue
             if abs(stamp_ns - depth_stamp_ns) > LOOSE_NS:
                 self.counters["loose_pairs"] += 1
-            yield Capture(rgb, depth_mm, stamp_ns)
+            yield SourceFrame(rgb, depth_mm, stamp_ns)
 
     def _odometry(self, message: Any, stamp_ns: int) -> Iterator[Odometry]:
         try:
@@ -109,7 +109,7 @@ class RosbagSource(Source):
         yield odometry
 
     def _wheels(
-        self, wheels: Wheels, message: Any, time_ns: int, is_left: bool
+        self, wheels: WheelReader, message: Any, time_ns: int, is_left: bool
     ) -> Iterator[Odometry]:
         try:
             if self._joints:
@@ -123,7 +123,7 @@ class RosbagSource(Source):
             self.counters["odometry"] += 1
             yield told
 
-    def _transforms(self, message: Any, time_ns: int) -> Iterator[Motion]:
+    def _transforms(self, message: Any, time_ns: int) -> Iterator[MotionMessage]:
         for edge in edges_of(message):
             if (edge.parent, edge.child) not in self._moving:
                 continue

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from common.io.ros_live import Cdr, live_key
+from common.io.ros_cdr import CdrDecoder, parse_key
 from people4d.errors import DecodeError
 from people4d.messages import Truth
 from people4d.topics import ForeignTopic
@@ -19,8 +19,8 @@ class LiveTruth:
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
-        key = live_key("truth", config.truth, "vicon/people")
-        self.decode = Cdr("people", people_typestore(), PEOPLE, _stamped).decode
+        key = parse_key("truth", config.truth, "vicon/people")
+        self.decode = CdrDecoder("people", people_typestore(), PEOPLE, _stamped).decode
         self.topics: Sequence[ForeignTopic] = (
             ForeignTopic("captured", key, Truth, 100, "queue", 256, "motion capture", self.decode),
         )

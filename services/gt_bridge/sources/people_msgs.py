@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from common.io.ros_bag import types_of
+from common.io.ros_bag import make_typestore
 from people4d.messages import F64, Truth, TruthPerson
 
 PEOPLE = "people_msgs/msg/People"
@@ -19,7 +19,7 @@ DEFINITIONS = {
 
 def people_typestore(version: int = 2) -> Typestore:
     """Return the message types of ROS 1 or 2, people_msgs among them."""
-    return types_of(version, DEFINITIONS)
+    return make_typestore(version, DEFINITIONS)
 
 
 def truth_of(message: Any, sequence: int) -> Truth:

@@ -11,9 +11,9 @@ import scipy.io
 
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import Odometry
-from services.camera.calibration import Lens, MatNames, read_calibration
+from services.camera.calibration import Intrinsics, MatNames, read_calibration
 from services.camera.folder.source import FolderOptions, FolderSource
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from services.camera.sources import open_source
 from tests import ROOT
 
@@ -34,8 +34,8 @@ def numbered(tmp_path: Path, numbers: tuple[int, ...] = (1, 2, 10)) -> Path:
     return tmp_path
 
 
-def captures(source: FolderSource) -> list[Capture]:
-    return [item for item in source if isinstance(item, Capture)]
+def captures(source: FolderSource) -> list[SourceFrame]:
+    return [item for item in source if isinstance(item, SourceFrame)]
 
 
 def test_pairs_by_number_not_by_name(tmp_path: Path) -> None:
@@ -53,9 +53,9 @@ def test_pairs_by_number_not_by_name(tmp_path: Path) -> None:
 def test_patterns_of_ones_own(tmp_path: Path) -> None:
     put(tmp_path / "a_1_left.png", 5, depth=False)
     put(tmp_path / "z_1.png", 900, depth=True)
-    options = {"colour": "a_*_left.png", "depth": "z_*.png", "lens": LENS}
+    options = {"colour": "a_*_left.png", "depth": "z_*.png", "intrinsics": LENS}
     (capture,) = list(open_source(str(tmp_path), options=options))
-    assert isinstance(capture, Capture)
+    assert isinstance(capture, SourceFrame)
     assert capture.depth_mm[0, 0] == 900
 
 
@@ -85,16 +85,16 @@ def test_track_gives_times_odometry_and_a_moving_mount(tmp_path: Path) -> None:
     (tmp_path / "camera.json").unlink()
     poses = np.stack([np.eye(4), np.eye(4)])
     poses[1, 0, 3] = 0.5
-    lens, times_s = np.array([10, 10, 4, 3]), np.array([0.5, 0.75])
+    intrinsics, times_s = np.array([10, 10, 4, 3]), np.array([0.5, 0.75])
     odom = np.array([(0, 0, 0), (0.5, 0, 4)])
-    np.savez(tmp_path / "gt.npz", K=lens, t=times_s, T_world_cam=poses, odom=odom)
+    np.savez(tmp_path / "gt.npz", K=intrinsics, t=times_s, T_world_cam=poses, odom=odom)
     source = FolderSource(tmp_path, FolderOptions())
     items = list(source)
     assert [(type(i).__name__, i.stamp_ns) for i in items] == [
         ("Odometry", 500_000_000),
-        ("Capture", 500_000_000),
+        ("SourceFrame", 500_000_000),
         ("Odometry", 750_000_000),
-        ("Capture", 750_000_000),
+        ("SourceFrame", 750_000_000),
     ]
     last = items[2]
     assert isinstance(last, Odometry)
@@ -102,7 +102,7 @@ def test_track_gives_times_odometry_and_a_moving_mount(tmp_path: Path) -> None:
     assert last.theta_rad == pytest.approx(4 - 2 * np.pi)
     assert [t.parent for t in source.transforms] == ["base_link"]
     poses[1] = poses[0]
-    np.savez(tmp_path / "gt.npz", K=lens, t=times_s, T_world_cam=poses)
+    np.savez(tmp_path / "gt.npz", K=intrinsics, t=times_s, T_world_cam=poses)
     still = FolderSource(tmp_path, FolderOptions())
     assert [t.parent for t in still.transforms] == ["map"]
     assert not still.has_odometry
@@ -133,11 +133,11 @@ def test_ros_calibration_yaml(tmp_path: Path) -> None:
         "camera_matrix: {rows: 3, cols: 3, data: [10, 0, 4, 0, 11, 3, 0, 0, 1]}\n"
         "distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0.2, 0, 0, 0]}\n"
     )
-    lens = read_calibration(file, MatNames()).colour
-    assert lens is not None
-    assert (lens.fx, lens.fy, lens.cx, lens.cy) == (10, 11, 4, 3)
-    assert (lens.width, lens.height) == (8, 6)
-    assert lens.distortion == (0.1, 0.2, 0, 0, 0)
+    intrinsics = read_calibration(file, MatNames()).colour
+    assert intrinsics is not None
+    assert (intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy) == (10, 11, 4, 3)
+    assert (intrinsics.width, intrinsics.height) == (8, 6)
+    assert intrinsics.distortion == (0.1, 0.2, 0, 0, 0)
 
 
 def test_damaged_images_are_counted_and_left_out(tmp_path: Path) -> None:
@@ -229,7 +229,9 @@ def test_a_list_does_not_lead_out_of_its_folder(tmp_path: Path) -> None:
     for name in ("../secret.png", str(tmp_path / "secret.png"), "link.png", "depth/../../x"):
         (folder / "rgb.txt").write_text(f"1.0 {name}\n")
         with pytest.raises(SourceError, match=r"leads out of the folder.*Copy the file"):
-            FolderSource(folder, FolderOptions(lens=Lens(fx=10.0, fy=10.0, cx=4.0, cy=3.0)))
+            FolderSource(
+                folder, FolderOptions(intrinsics=Intrinsics(fx=10.0, fy=10.0, cx=4.0, cy=3.0))
+            )
 
 
 def test_a_linked_picture_does_not_lead_out_of_its_folder(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from common.geometry.transforms import transform_from
 from people4d.messages import CameraInfo
-from services.camera.calibration import Lens, camera_info
+from services.camera.calibration import Intrinsics, camera_info
 from services.camera.folder.registration import Registration
 
 IDENTITY = np.eye(4)
@@ -16,8 +16,8 @@ IDENTITY = np.eye(4)
 def info(
     width: int = 64, height: int = 48, fx: float = 60.0, k: tuple[float, ...] = ()
 ) -> CameraInfo:
-    lens = Lens(fx=fx, fy=fx, cx=width / 2, cy=height / 2, distortion=k)
-    return camera_info(lens, (height, width))
+    intrinsics = Intrinsics(fx=fx, fy=fx, cx=width / 2, cy=height / 2, distortion=k)
+    return camera_info(intrinsics, (height, width))
 
 
 def plane(value: int, shape: tuple[int, int] = (48, 64)) -> npt.NDArray[np.uint16]:
@@ -83,8 +83,8 @@ def test_lens_distortion_is_that_of_opencv() -> None:
 
 
 def test_distorted_depth_and_colour_of_one_lens_change_nothing() -> None:
-    lens = info(k=(0.05, -0.02, 0.001, 0.001, 0.0))
-    assert (Registration(lens, lens, IDENTITY)(plane(1234)) == 1234).all()
+    intrinsics = info(k=(0.05, -0.02, 0.001, 0.001, 0.0))
+    assert (Registration(intrinsics, intrinsics, IDENTITY)(plane(1234)) == 1234).all()
 
 
 def test_pixel_offset() -> None:

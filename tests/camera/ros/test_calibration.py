@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from services.camera.ros.calibration import Transforms
+from services.camera.ros.calibration import TransformTree
 from tests.camera.ros.bags import Ros
 
 ROS = Ros(2)
@@ -12,8 +12,8 @@ NO_TURN = (0, 0, 0, 1)
 LEFT_90 = (0, 0, math.sqrt(0.5), math.sqrt(0.5))
 
 
-def tree(*items: tuple[str, str, tuple[float, float, float], tuple[float, ...]]) -> Transforms:
-    transforms = Transforms()
+def tree(*items: tuple[str, str, tuple[float, float, float], tuple[float, ...]]) -> TransformTree:
+    transforms = TransformTree()
     for item in items:
         transforms.add(ROS.transform(*item))
     return transforms

@@ -23,9 +23,9 @@ from people4d.messages import (
 )
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros.camera import RosbagOptions
-from services.camera.ros.export import Layout, export
+from services.camera.ros.export import BagFormat, export
 from services.camera.ros.source import RosbagSource
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.rosbag import RosbagTruth
 
@@ -135,7 +135,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_any_reader_finds_the_topics_of_a_driver(
     recording: Path, tmp_path: Path, storage: str
 ) -> None:
-    assert export(recording, tmp_path / "bag", Layout(storage=storage)) == TOPICS
+    assert export(recording, tmp_path / "bag", BagFormat(storage=storage)) == TOPICS
     with AnyReader([tmp_path / "bag"]) as reader:
         assert {c.topic: c.msgcount for c in reader.connections} == TOPICS
         times_ns = [time_ns for _, time_ns, _ in reader.messages()]
@@ -166,7 +166,7 @@ def test_static_transforms_reach_late_subscribers(recording: Path, tmp_path: Pat
 def test_a_bag_plays_as_the_recording_does(
     recording: Path, tmp_path: Path, compressed: bool
 ) -> None:
-    export(recording, tmp_path / "bag", Layout(compressed=compressed, namespace="front"))
+    export(recording, tmp_path / "bag", BagFormat(compressed=compressed, namespace="front"))
     ours = RecordingSource(recording, RecordingOptions())
     theirs = RosbagSource(tmp_path / "bag", RosbagOptions())
     known = ("frame_id", "width", "height", "fx", "fy", "cx", "cy", "distortion")
@@ -174,8 +174,8 @@ def test_a_bag_plays_as_the_recording_does(
     assert theirs.transforms[0].parent == "base_link"
     assert np.allclose(theirs.transforms[0].matrix, BASE_FROM_OPTICAL, atol=1e-12)
     assert theirs.registration is None
-    captures = [item for item in ours if isinstance(item, Capture)]
-    found = [item for item in theirs if isinstance(item, Capture)]
+    captures = [item for item in ours if isinstance(item, SourceFrame)]
+    found = [item for item in theirs if isinstance(item, SourceFrame)]
     assert [c.stamp_ns for c in found] == [c.stamp_ns for c in captures]
     for a, b in zip(captures, found, strict=True):
         assert np.array_equal(a.depth_mm, b.depth_mm)

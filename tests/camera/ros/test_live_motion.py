@@ -21,9 +21,9 @@ from people4d.messages import Health, Message, MovingTransform, Odometry, Static
 from people4d.topics import ForeignTopic
 from services.camera.config import CameraConfig, MotionConfig
 from services.camera.node import CameraNode
-from services.camera.ros.live_motion import LiveMotion, ToldTransforms
+from services.camera.ros.live_motion import LiveMotion, TransformMessage
 from services.camera.ros.motion import JointConfig
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from tests.camera.memory import MemorySource, capture
 from tests.camera.ros.bags import Ros
 from tests.camera.ros.test_motion import NO_TURN, joints, quaternion, tf
@@ -68,7 +68,7 @@ def test_transforms_by_hand() -> None:
     numbers = np.array([1, 2, 3, 0, 0, 0, 1], "<f8").tobytes()
     head = bytes.fromhex(words)
     got = topics()["tf"].decode(head[: 4 + 8 * math.ceil((len(head) - 4) / 8)] + numbers)
-    assert isinstance(got, ToldTransforms)
+    assert isinstance(got, TransformMessage)
     (edge,) = got.edges
     assert (edge.parent, edge.child, edge.stamp_ns) == ("a", "b", 5 * S + 7)
     assert edge.matrix[:3, 3].tolist() == [1, 2, 3]
@@ -209,7 +209,7 @@ class OneFrame(MemorySource):
         super().__init__([capture(1)], live=True)
         self.ended = threading.Event()
 
-    def __iter__(self) -> Iterator[Capture | Odometry]:
+    def __iter__(self) -> Iterator[SourceFrame | Odometry]:
         yield from self.items  # type: ignore[misc]
         self.ended.wait(WAIT_S)
 

@@ -15,18 +15,18 @@ from common.geometry.transforms import rotation_from_rpy, transform_from
 from common.geometry.wheel_odometry import WheelConfig
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
-from services.camera.calibration import Lens, camera_info
+from services.camera.calibration import Intrinsics, camera_info
 from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
 from services.camera.ros.camera import RosbagOptions
-from services.camera.ros.export import BagWriter, Item
-from services.camera.ros.motion import JointConfig, Lineage, Wheels, edges_of
+from services.camera.ros.export import BagWriter, ExportItem
+from services.camera.ros.motion import FrameParents, JointConfig, WheelReader, edges_of
 from services.camera.ros.source import RosbagSource
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from tests.camera.memory import SIZE, capture, odometry
 from tests.camera.ros.bags import FRAME, ODOMETRY, TF, Entry, Ros, frames
 
-INFO = camera_info(Lens(fx=10, fy=10, cx=4, cy=3), SIZE)
+INFO = camera_info(Intrinsics(fx=10, fy=10, cx=4, cy=3), SIZE)
 TF_TYPE, JOINT_TYPE = "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/JointState"
 BAGS = [(1, "bag.bag"), (2, "bag_mcap")]
 S = 10**9
@@ -167,7 +167,7 @@ def test_our_own_bags_give_back_what_moves(tmp_path: Path) -> None:
     )
     with BagWriter(tmp_path / "bag", INFO) as bag:
         bag.write_transforms([fixed], S)
-        items: list[Item] = [capture(1000), odometry(1000), *moved, capture(1001)]
+        items: list[ExportItem] = [capture(1000), odometry(1000), *moved, capture(1001)]
         for item in items:
             bag.write(item)
     source = RosbagSource(tmp_path / "bag", RosbagOptions())
@@ -196,7 +196,7 @@ def test_transforms_that_are_none_are_left_out() -> None:
 
 
 def test_lineage() -> None:
-    tree = Lineage()
+    tree = FrameParents()
     for parent, child in (("map", "odom"), ("odom", "base"), ("base", "pan"), ("base", "arm")):
         tree.add(parent, child)
     assert tree.above("pan") == ["pan", "base", "odom", "map"]
@@ -218,7 +218,7 @@ def joints(ros: Ros, stamp_ns: int, left: float, right: float) -> Any:
 
 @pytest.mark.parametrize(("version", "name"), BAGS)
 def test_wheels_that_are_joints(tmp_path: Path, version: int, name: str) -> None:
-    # Wheels of 0.05 m turn by 2 rad: 0.1 m ahead. Then the right one alone by 2 rad: 0.1 m over
+    # Wheels of 0.05 m turn by 2 rad: 0.1 m ahead. Then the right one by 2 rad: 0.1 m over
     # the track of 0.2 m is 0.5 rad to the left.
     ros = Ros(version)
     told = [(0.0, 0.0), (2.0, 2.0), (2.0, 4.0)]
@@ -253,17 +253,17 @@ def test_wheels_that_are_ticks(tmp_path: Path) -> None:
     got = [item for item in RosbagSource(path, options) if isinstance(item, Odometry)]
     assert [o.stamp_ns for o in got] == [S + 1, S + S // 10 + 1]
     assert [o.theta_rad for o in got] == pytest.approx([0, 0.5])
-    assert sum(isinstance(item, Capture) for item in RosbagSource(path, options)) == 3
+    assert sum(isinstance(item, SourceFrame) for item in RosbagSource(path, options)) == 3
     for wrong in (("/lwheel",), ("/lwheel", "/none"), ("/camera/color/camera_info",)):
         with pytest.raises(SourceError, match="wheel_topics: expected a topic of sensor_msgs"):
             RosbagSource(path, RosbagOptions(wheel_topics=wrong))
 
 
 def test_wheels_that_cannot_be_used() -> None:
-    ros, wheels = Ros(2), Wheels(JointConfig(joints=("wheel_left_joint", "other")))
+    ros, wheels = Ros(2), WheelReader(JointConfig(joints=("wheel_left_joint", "other")))
     with pytest.raises(DecodeError, match="joints: expected positions of wheel_left_joint, other"):
         wheels.joints(joints(ros, 0, 1.0, 2.0), 0)
-    wheels = Wheels(JointConfig())
+    wheels = WheelReader(JointConfig())
     for bad in (math.nan, math.inf, 1e300):
         with pytest.raises(DecodeError, match="finite positions"):
             wheels.joints(joints(ros, 0, 1.0, bad), 0)

@@ -10,7 +10,7 @@ from people4d.errors import SourceError
 from people4d.messages import Odometry
 from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.source import RosbagSource
-from services.camera.source import Capture
+from services.camera.source import SourceFrame
 from tests.camera.ros.bags import (
     COLOUR,
     DEPTH,
@@ -30,8 +30,8 @@ from tests.camera.ros.bags import (
 FORMATS = [(1, "bag.bag"), (2, "bag_sqlite3"), (2, "bag_mcap")]
 
 
-def captures(source: RosbagSource) -> list[Capture]:
-    return [item for item in source if isinstance(item, Capture)]
+def captures(source: RosbagSource) -> list[SourceFrame]:
+    return [item for item in source if isinstance(item, SourceFrame)]
 
 
 def written(tmp_path: Path, entries: list[Entry]) -> Path:

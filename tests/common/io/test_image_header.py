@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from common.io.image_header import MAX_PACKED, MAX_SCANS, picture_size
+from common.io.image_header import MAX_PACKED, MAX_SCANS, image_size
 from people4d.errors import DecodeError
 
 PIXELS = np.random.default_rng(0).integers(0, 255, (6, 11, 3), np.uint8)
@@ -31,16 +31,16 @@ def with_chunks(*chunks: bytes) -> bytes:
 @pytest.mark.parametrize("ending", [".jpg", ".png", ".bmp", ".ppm", ".pgm"])
 def test_sizes_are_those_of_the_decoder(ending: str) -> None:
     data = encoded(ending, grey=ending == ".pgm")
-    assert picture_size(data) == (11, 6)
+    assert image_size(data) == (11, 6)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     assert image is not None
     assert image.shape[:2] == (6, 11)
 
 
 def test_progressive_and_commented_pictures_are_sound() -> None:
-    assert picture_size(encoded(".jpg", cv2.IMWRITE_JPEG_PROGRESSIVE, 1)) == (11, 6)
-    assert picture_size(b"P5 # a comment\n# and another\n 11 6\n255\n" + bytes(66)) == (11, 6)
-    assert picture_size(with_chunks(chunk(b"tEXt", b"Title\0x"))) == (11, 6)
+    assert image_size(encoded(".jpg", cv2.IMWRITE_JPEG_PROGRESSIVE, 1)) == (11, 6)
+    assert image_size(b"P5 # a comment\n# and another\n 11 6\n255\n" + bytes(66)) == (11, 6)
+    assert image_size(with_chunks(chunk(b"tEXt", b"Title\0x"))) == (11, 6)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_progressive_and_commented_pictures_are_sound() -> None:
 )
 def test_files_that_would_cost_too_much_are_refused(data: bytes, told: str) -> None:
     with pytest.raises(DecodeError, match=told):
-        picture_size(data)
+        image_size(data)
 
 
 @pytest.mark.parametrize("ending", [".jpg", ".png"])
@@ -75,6 +75,6 @@ def test_the_plainest_pictures_are_large_enough(ending: str) -> None:
     best = (cv2.IMWRITE_PNG_COMPRESSION, 9) if ending == ".png" else (cv2.IMWRITE_JPEG_QUALITY, 1)
     settings = [*best, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
     data = cv2.imencode(ending, plain, settings if ending == ".jpg" else best)[1].tobytes()
-    assert picture_size(data) == (2048, 1024)
+    assert image_size(data) == (2048, 1024)
     grey = cv2.imencode(ending, plain[..., 0], best)[1].tobytes()
-    assert picture_size(grey) == (2048, 1024)
+    assert image_size(grey) == (2048, 1024)

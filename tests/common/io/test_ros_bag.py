@@ -18,7 +18,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
 from common.io import ros_bag_guard
-from common.io.ros_bag import open_bag, types_of
+from common.io.ros_bag import make_typestore, open_bag
 from common.io.yaml import parse_yaml
 from people4d.errors import SourceError
 
@@ -26,7 +26,7 @@ TEXT = "std_msgs/msg/String"
 
 
 def text(version: int, data: str = "hello") -> bytes:
-    store = types_of(version, {})
+    store = make_typestore(version, {})
     message = store.types[TEXT](data=data)
     if version == 1:
         return bytes(store.serialize_ros1(message, TEXT))
@@ -38,7 +38,7 @@ def write1(path: Path, compression: str = "", count: int = 3) -> Path:
     if compression:
         bag.set_compression(rosbag1.Writer.CompressionFormat[compression])
     with bag as writer:
-        link = writer.add_connection("/text", TEXT, typestore=types_of(1, {}))
+        link = writer.add_connection("/text", TEXT, typestore=make_typestore(1, {}))
         for k in range(count):
             writer.write(link, k, text(1))
     return path
@@ -49,7 +49,7 @@ def write2(path: Path, storage: str = "MCAP", mode: str = "NONE", data: bytes = 
     if mode != "NONE":
         bag.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
     with bag as writer:
-        link = writer.add_connection("/text", TEXT, typestore=types_of(2, {}))
+        link = writer.add_connection("/text", TEXT, typestore=make_typestore(2, {}))
         for k in range(3):
             writer.write(link, k, data)
     return path
@@ -114,7 +114,7 @@ def test_a_chunk_of_ros_1_is_not_unpacked_beyond_a_limit(compression: str, tmp_p
     with rosbag1.Writer(tmp_path / "a.bag") as writer:
         writer.compression_format = compression.lower()
         writer.compressor = lambda _: PACKERS[compression](ZEROS)
-        link = writer.add_connection("/text", TEXT, typestore=types_of(1, {}))
+        link = writer.add_connection("/text", TEXT, typestore=make_typestore(1, {}))
         writer.write(link, 1, text(1))
     told, peak = peak_of(tmp_path / "a.bag")
     assert "unpacks to more than 1048576 bytes" in told
@@ -133,7 +133,7 @@ def test_a_chunk_of_mcap_is_not_unpacked_beyond_a_limit(
         storage: Any = writer.storage
         storage.compression = compression.lower()
         storage.compressor = lambda _: PACKERS[compression](ZEROS)
-        link = writer.add_connection("/text", TEXT, typestore=types_of(2, {}))
+        link = writer.add_connection("/text", TEXT, typestore=make_typestore(2, {}))
         writer.write(link, 1, text(2))
     path = tmp_path / "a" / "a.mcap"
     if not indexed:
@@ -249,7 +249,7 @@ def test_no_code_is_made_from_the_definitions_of_a_bag(tmp_path: Path) -> None:
 
 def test_another_type_of_the_same_name_is_refused(tmp_path: Path) -> None:
     path = write1(tmp_path / "a.bag")
-    digest = types_of(1, {}).generate_msgdef(TEXT)[1].encode()
+    digest = make_typestore(1, {}).generate_msgdef(TEXT)[1].encode()
     path.write_bytes(path.read_bytes().replace(digest, b"0" * 32))
     assert "/text is of another std_msgs/msg/String than the known one" in refusal(path)
 

@@ -17,7 +17,7 @@ KEY = re.compile(r"[A-Za-z0-9_~.%@-]{1,64}(/[A-Za-z0-9_~.%@-]{1,64}){0,31}")
 MAX_BYTES = 2**20
 
 
-def live_key(field: str, text: str, example: str) -> str:
+def parse_key(field: str, text: str, example: str) -> str:
     """Return the key that "zenoh:KEY" names, for example "odom" of the ROS topic /odom.
 
     Args:
@@ -38,7 +38,7 @@ def live_key(field: str, text: str, example: str) -> str:
 
 
 @dataclass(frozen=True)
-class Cdr(Generic[T]):
+class CdrDecoder(Generic[T]):
     """One kind of message in CDR, and what is made of it.
 
     Args:
