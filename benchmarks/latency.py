@@ -24,7 +24,7 @@ from benchmarks.lib.tracing_cost import cost_of_marks, tracing
 from common.runtime.latency import percentiles, summed
 from common.runtime.process_id import Place
 from common.transport.trace import STAGES
-from deploy.monitor import Monitor, Way
+from deploy.monitor import FramePath, Monitor
 from people4d.messages import Detections, Tracks
 
 WARM_UP = 15
@@ -44,7 +44,7 @@ class Seen:
         cpu_ms: Processor time of all processes for one frame.
     """
 
-    ways: list[Way] = field(default_factory=list)
+    ways: list[FramePath] = field(default_factory=list)
     end_to_end_ms: list[float] = field(default_factory=list)
     rate_hz: float = 0.0
     cpu_ms: float = 0.0
@@ -96,14 +96,14 @@ def live(rate_hz: float) -> tuple[str, ...]:
     return (f"source={LiveDemo.__module__}:{LiveDemo.__name__}", f"options.rate_hz={rate_hz:.2f}")
 
 
-def stage_table(ways: Sequence[Way]) -> str:
+def stage_table(ways: Sequence[FramePath]) -> str:
     """Return the durations of all stages in the order of the way, and their share of the whole."""
     found: dict[tuple[str, bool], list[float]] = defaultdict(list)
     for way in sorted(ways, key=lambda way: -len(way.parts)):  # the fullest tells the order
         for pieces, beside in ((way.parts, False), (way.beside, True)):
             for part in summed(pieces):
                 found[part.name, beside].append(part.ms)
-    whole_ms = sum(way.whole.ms for way in ways)
+    whole_ms = sum(way.end_to_end.ms for way in ways)
     rows = [
         [
             name,
@@ -116,7 +116,7 @@ def stage_table(ways: Sequence[Way]) -> str:
     return markdown(["stage", "mean ms", "p50 ms", "p95 ms", "p99 ms", "of the whole"], rows)
 
 
-def kinds_table(ways: Sequence[Way]) -> str:
+def kinds_table(ways: Sequence[FramePath]) -> str:
     """Return what is not inference, by kind of stage over all processes, dearest first."""
     found: dict[str, list[float]] = defaultdict(list)
     for way in ways:

@@ -1,1 +1,1 @@
-"""What runs the system: the process picture, the launcher, the command line."""
+"""Deployment: compose file, launcher, doctor, exporters, command line."""

@@ -1,4 +1,4 @@
-"""The way of frames through processes, in the format of chrome://tracing and Perfetto.
+"""The path of frames through processes, in the format of chrome://tracing and Perfetto.
 
 Source: Trace Event Format, https://docs.google.com/document/d/1CvAClvFfyA5R-PhYUmn5OOQtYMH4h6I0nSsKchNAySU
 """
@@ -14,7 +14,7 @@ from deploy.monitor import clocks_of, of_frame
 from people4d.messages import Detections, Embeddings, Health, Message, Span, Tracks
 
 KINDS = (Detections, Embeddings, Tracks, Health)
-WAY, WORK = 100, 1  # first lanes (threads) of a process: what comes to it, what it does
+PATH_LANE, WORK = 100, 1  # first lanes (threads) of a process: what comes to it, what it does
 UNKNOWN = "clock not compared"
 
 Event = dict[str, Any]
@@ -30,7 +30,7 @@ class FrameTraces:
 
     @property
     def clocks(self) -> dict[str, Offset]:
-        """Offsets of the clocks of hosts, as far as they were told."""
+        """Offsets of the clocks of hosts, as far as heartbeats report them."""
         return clocks_of(self._healths.values())
 
     def add(self, message: Message) -> None:
@@ -78,18 +78,18 @@ def _events(
     traces: Mapping[Frame, list[tuple[Span, ...]]], clocks: Mapping[str, Offset]
 ) -> Iterator[Event]:
     """Yield all events: processes first, then frame by frame."""
-    ways = {frame: _way(found, clocks) for frame, found in traces.items()}
-    starts_ns = [part.start_ns for way in ways.values() for part in way]
+    paths = {frame: _frame_path(found, clocks) for frame, found in traces.items()}
+    starts_ns = [part.start_ns for path in paths.values() for part in path]
     zero_ns = min(starts_ns, default=0)
     writer = _Writer(zero_ns)
-    ordered = sorted(ways.items(), key=lambda item: item[1][0].start_ns)
-    body = [event for frame, way in ordered for event in writer.frame(frame, way)]
+    ordered = sorted(paths.items(), key=lambda item: item[1][0].start_ns)
+    body = [event for frame, path in ordered for event in writer.frame(frame, path)]
     yield from writer.processes(clocks)
     yield from body
 
 
-def _way(traces: Iterable[tuple[Span, ...]], clocks: Mapping[str, Offset]) -> list[Part]:
-    """Return the pieces of a frame's way by their start; messages share those they have in common.
+def _frame_path(traces: Iterable[tuple[Span, ...]], clocks: Mapping[str, Offset]) -> list[Part]:
+    """Return the pieces of a frame's path by their start; messages share those they have in common.
 
     `other` is left out: it is the gap that one sees.
     """
@@ -101,7 +101,7 @@ class _Writer:
     """Makes events.
 
     Args:
-        zero_ns: Time at which the picture begins.
+        zero_ns: Time at which the snapshot begins.
     """
 
     def __init__(self, zero_ns: int) -> None:
@@ -123,28 +123,28 @@ class _Writer:
             yield _meta("process_sort_index", pid, 0, sort_index=pid)
             for (owner, first), lanes in self._lanes.items():
                 for tid in range(first, first + len(lanes.ends_ns)) if owner == pid else ():
-                    name = "work" if first == WORK else "on the way here"
+                    name = "work" if first == WORK else "on the path here"
                     yield _meta("thread_name", pid, tid, name=name)
 
-    def frame(self, frame: Frame, way: list[Part]) -> Iterator[Event]:
+    def frame(self, frame: Frame, path: list[Part]) -> Iterator[Event]:
         """Yield the events of one frame: a slice in each process, its stages in it, arrows."""
-        told = {"camera": frame[0], "sequence": frame[1], "stamp_ns": frame[2]}
+        fields = {"camera": frame[0], "sequence": frame[1], "stamp_ns": frame[2]}
         by_process: dict[str, list[Part]] = defaultdict(list)
-        for part in way:
-            self._pid(part.process)  # numbered in the order of the way
+        for part in path:
+            self._pid(part.process)  # numbered in the order of the path
             if part.stage == "transport":
-                yield self._transport(part, told)
+                yield self._transport(part, fields)
             else:
                 by_process[part.process].append(part)
-        placed: dict[Part, int] = {}
+        drawn: dict[Part, int] = {}
         for process, work in by_process.items():
-            yield from self._work(process, work, told, placed)
-        for part in way:
+            yield from self._work(process, work, fields, drawn)
+        for part in path:
             if part.stage == "transport":
-                yield from self._arrow(part, placed)
+                yield from self._arrow(part, drawn)
 
     def _work(
-        self, process: str, work: list[Part], told: Event, placed: dict[Part, int]
+        self, process: str, work: list[Part], fields: Event, drawn: dict[Part, int]
     ) -> Iterator[Event]:
         """Yield what one process did for a frame; what overlaps goes to lanes of its own."""
         pid, groups = self._pid(process), list[list[Part]]()
@@ -159,26 +159,28 @@ class _Writer:
             first, last = group[0], max(group, key=lambda part: part.end_ns)
             tid = self._lane(pid, WORK, first.start_ns, last.end_ns)
             outer = (first.start_ns, last.end_ns)
-            yield self._slice(f"frame {told['sequence']}", "frame", pid, tid, outer, told)
+            yield self._slice(f"frame {fields['sequence']}", "frame", pid, tid, outer, fields)
             for part in group:
-                placed[part] = tid
+                drawn[part] = tid
                 span = (part.start_ns, part.end_ns)
-                yield self._slice(part.stage, part.service, pid, tid, span, told)
+                yield self._slice(part.stage, part.service, pid, tid, span, fields)
 
-    def _transport(self, part: Part, told: Event) -> Event:
+    def _transport(self, part: Part, fields: Event) -> Event:
         pid = self._pid(part.process)
         clock_ms = None if part.error_ns is None else part.error_ns / 1e6
-        told = told | {"ms": part.ms, "clock_error_ms": clock_ms}
-        tid = self._lane(pid, WAY, part.start_ns, max(part.end_ns, part.start_ns))
-        return self._slice("transport", part.service, pid, tid, (part.start_ns, part.end_ns), told)
+        fields = fields | {"ms": part.ms, "clock_error_ms": clock_ms}
+        tid = self._lane(pid, PATH_LANE, part.start_ns, max(part.end_ns, part.start_ns))
+        return self._slice(
+            "transport", part.service, pid, tid, (part.start_ns, part.end_ns), fields
+        )
 
-    def _arrow(self, way: Part, placed: Mapping[Part, int]) -> Iterator[Event]:
+    def _arrow(self, path: Part, drawn: Mapping[Part, int]) -> Iterator[Event]:
         """Yield an arrow from what the sender did last to what the receiver did first."""
         sent = next(
-            (p for p in placed if p.end_ns == way.start_ns and p.process != way.process), None
+            (p for p in drawn if p.end_ns == path.start_ns and p.process != path.process), None
         )
         came = next(
-            (p for p in placed if p.start_ns == way.end_ns and p.process == way.process), None
+            (p for p in drawn if p.start_ns == path.end_ns and p.process == path.process), None
         )
         if sent is None or came is None:
             return
@@ -190,17 +192,17 @@ class _Writer:
                 "ph": phase,
                 "id": self._arrows,
                 "pid": self._pid(part.process),
-                "tid": placed[part],
+                "tid": drawn[part],
                 "ts": self._us(part.start_ns),
                 **({"bp": "e"} if phase == "f" else {}),
             }
 
     def _slice(
-        self, name: str, category: str, pid: int, tid: int, span_ns: tuple[int, int], told: Event
+        self, name: str, category: str, pid: int, tid: int, span_ns: tuple[int, int], fields: Event
     ) -> Event:
         """Return a slice; one that ends before it begins is a mark that tells so."""
         start_ns, end_ns = span_ns
-        event = {"name": name, "cat": category, "pid": pid, "tid": tid, "args": told}
+        event = {"name": name, "cat": category, "pid": pid, "tid": tid, "args": fields}
         if end_ns < start_ns:
             late_ms = (end_ns - start_ns) / 1e6
             mark = {"name": f"{name} {late_ms:.3f} ms: clocks disagree", "ph": "i", "s": "t"}
@@ -217,5 +219,5 @@ class _Writer:
         return (time_ns - self._zero_ns) / 1e3
 
 
-def _meta(kind: str, pid: int, tid: int, **told: Any) -> Event:
-    return {"name": kind, "ph": "M", "pid": pid, "tid": tid, "args": told}
+def _meta(kind: str, pid: int, tid: int, **fields: Any) -> Event:
+    return {"name": kind, "ph": "M", "pid": pid, "tid": tid, "args": fields}

@@ -47,7 +47,7 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Dependency:
-    """What a service waits for before it is started.
+    """Condition that another service must meet before a service is started.
 
     Args:
         service: Name of the other service.
@@ -224,26 +224,26 @@ def _service(name: str, value: Any) -> Service:
     )
 
 
-def _dependencies(value: Any, place: str) -> tuple[Dependency, ...]:
+def _dependencies(value: Any, path: str) -> tuple[Dependency, ...]:
     if isinstance(value, list):
         return tuple(Dependency(str(name), CONDITIONS[0], True) for name in value)
     found = []
-    for name, entry in _table(value, place).items():
+    for name, entry in _table(value, path).items():
         fields = _fields(
-            entry or {}, frozenset({"condition", "required"}), frozenset({"restart"}), place
+            entry or {}, frozenset({"condition", "required"}), frozenset({"restart"}), path
         )
         condition = fields.get("condition", CONDITIONS[0])
         if condition not in CONDITIONS:
-            raise ValueError(f"{place}.{name}: expected one of {', '.join(CONDITIONS)}")
+            raise ValueError(f"{path}.{name}: expected one of {', '.join(CONDITIONS)}")
         found.append(Dependency(name, condition, bool(fields.get("required", True))))
     return tuple(found)
 
 
-def _healthcheck(value: Any, place: str) -> Healthcheck | None:
+def _healthcheck(value: Any, path: str) -> Healthcheck | None:
     if value is None:
         return None
     timing = frozenset({"start_period", "start_interval", "retries"})
-    fields = _fields(value, frozenset({"test", "interval", "timeout", "disable"}), timing, place)
+    fields = _fields(value, frozenset({"test", "interval", "timeout", "disable"}), timing, path)
     test = fields.get("test") or ["NONE"]
     if fields.get("disable") or test == ["NONE"]:
         return None
@@ -251,54 +251,54 @@ def _healthcheck(value: Any, place: str) -> Healthcheck | None:
         test = ["CMD-SHELL", test]
     kind, *command = map(str, test)
     if kind not in ("CMD", "CMD-SHELL") or not command:
-        raise ValueError(f"{place}.test: expected [CMD, ...] or [CMD-SHELL, ...], got {test}")
+        raise ValueError(f"{path}.test: expected [CMD, ...] or [CMD-SHELL, ...], got {test}")
     return Healthcheck(
         test=tuple(command if kind == "CMD" else ["sh", "-c", *command]),
-        interval_s=_seconds(fields.get("interval", "30s"), f"{place}.interval"),
-        timeout_s=_seconds(fields.get("timeout", "30s"), f"{place}.timeout"),
+        interval_s=_seconds(fields.get("interval", "30s"), f"{path}.interval"),
+        timeout_s=_seconds(fields.get("timeout", "30s"), f"{path}.timeout"),
     )
 
 
-def _command(value: Any, place: str) -> tuple[str, ...]:
+def _command(value: Any, path: str) -> tuple[str, ...]:
     if isinstance(value, str):
         return tuple(shlex.split(value))
     if not isinstance(value, list):
-        raise ValueError(f"{place}: expected a list of arguments, got {value!r}")
+        raise ValueError(f"{path}: expected a list of arguments, got {value!r}")
     return tuple(map(str, value))
 
 
-def _environment(value: Any, place: str) -> dict[str, str]:
+def _environment(value: Any, path: str) -> dict[str, str]:
     if isinstance(value, list):
         value = dict(str(item).partition("=")[::2] for item in value if "=" in str(item))
     # A name without a value stands for the caller's own, which a local process inherits anyway.
     return {
         key: str(item).lower() if isinstance(item, bool) else str(item)
-        for key, item in _table(value, place).items()
+        for key, item in _table(value, path).items()
         if item is not None
     }
 
 
-def _seconds(value: Any, place: str) -> float:
+def _seconds(value: Any, path: str) -> float:
     match = DURATION.fullmatch(str(value))
     if not match or not any(match.groups()):
-        raise ValueError(f"{place}: expected a duration such as 10s or 1m30s, got {value!r}")
+        raise ValueError(f"{path}: expected a duration such as 10s or 1m30s, got {value!r}")
     hours, minutes, seconds, milliseconds = (float(group or 0) for group in match.groups())
     return hours * 3600 + minutes * 60 + seconds + milliseconds / 1000
 
 
-def _fields(value: Any, used: Set[str], passed_over: Set[str], place: str) -> Table:
-    table = _table(value, place or "file")
+def _fields(value: Any, used: Set[str], passed_over: Set[str], path: str) -> Table:
+    table = _table(value, path or "file")
     for name in table:
         if name not in used and name not in passed_over and not name.startswith("x-"):
-            where = f"{place}.{name}" if place else name
+            where = f"{path}.{name}" if path else name
             raise ValueError(f"{where}: this field has no meaning for local processes")
     return table
 
 
-def _table(value: Any, place: str) -> Table:
+def _table(value: Any, path: str) -> Table:
     if not isinstance(value, dict):
-        raise ValueError(f"{place}: expected a map of names, got {type(value).__name__}")
+        raise ValueError(f"{path}: expected a map of names, got {type(value).__name__}")
     for name in value:
         if not isinstance(name, str):  # YAML reads off, on, yes and no as truth values
-            raise ValueError(f"{place}: expected text as a name, got {name!r}; put it in quotes")
+            raise ValueError(f"{path}: expected text as a name, got {name!r}; put it in quotes")
     return value

@@ -42,8 +42,8 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Finding:
-    """What is known of one certificate or password.
+class CredentialCheck:
+    """State of one certificate or password.
 
     Args:
         file: The file.
@@ -104,7 +104,7 @@ def write_passwords(folder: Path, hosts: Hosts) -> None:
             _write(folder / host / PASSWORDS, lines.encode(), SECRET)
 
 
-def check(folder: Path, now: datetime) -> list[Finding]:
+def check(folder: Path, now: datetime) -> list[CredentialCheck]:
     """Check all credentials below a folder: of each host, or of one.
 
     Args:
@@ -115,7 +115,7 @@ def check(folder: Path, now: datetime) -> list[Finding]:
     passwords = sorted(folder.rglob("*.password"))
     return [
         *(_check_certificate(file, now) for file in certificates),
-        *(Finding(file, file.stem, None, _open_to_others(file)) for file in passwords),
+        *(CredentialCheck(file, file.stem, None, _open_to_others(file)) for file in passwords),
     ]
 
 
@@ -182,14 +182,14 @@ def _builder(
     return builder.not_valid_before(now - SLACK).not_valid_after(now + timedelta(days=days))
 
 
-def _check_certificate(file: Path, now: datetime) -> Finding:
+def _check_certificate(file: Path, now: datetime) -> CredentialCheck:
     try:
         certificate = x509.load_pem_x509_certificate(file.read_bytes())
         names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
         role, ends = str(names[0].value), certificate.not_valid_after_utc
     except (OSError, ValueError, IndexError) as error:
-        return Finding(file, file.stem, None, f"not a certificate: {error}")
-    return Finding(file, role, ends, _problem(file, certificate, role, now))
+        return CredentialCheck(file, file.stem, None, f"not a certificate: {error}")
+    return CredentialCheck(file, role, ends, _problem(file, certificate, role, now))
 
 
 def _problem(file: Path, certificate: x509.Certificate, role: str, now: datetime) -> str:

@@ -1,4 +1,4 @@
-"""What a running system tells of itself: processes, stages and clocks, over the last seconds."""
+"""Monitor of a running system: processes, stages and clocks, over the last seconds."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ MAX_WAITING = 256  # frames whose detections came and tracks did not
 
 
 class Durations(msgspec.Struct, frozen=True, kw_only=True):
-    """How long one stage took, over the last seconds."""
+    """Durations of one stage, over the last seconds."""
 
-    stage: str  # see common.transport.trace.STAGES; "whole" for the whole way
+    stage: str  # see common.transport.trace.STAGES; "end_to_end": from the first stage to the last
     p50_ms: float  # [ms] median
     p95_ms: float  # [ms]
     p99_ms: float  # [ms]
@@ -31,7 +31,7 @@ class Durations(msgspec.Struct, frozen=True, kw_only=True):
     # [ms] bound of what clocks bring into it: 0 on one host; null: between hosts whose clocks were
     # not compared, so that the figures hold their difference
     error_ms: float | None
-    beside: bool = False  # done for the same frames, but nothing on their way had to wait for it
+    beside: bool = False  # done for the same frames, but nothing on their path had to wait for it
 
     @classmethod
     def of(cls, stage: str, values_ms: list[float], error_ms: float | None) -> Self:
@@ -47,7 +47,7 @@ class Durations(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-class ProcessNow(msgspec.Struct, frozen=True, kw_only=True):
+class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """One process."""
 
     service: str  # its service
@@ -60,10 +60,10 @@ class ProcessNow(msgspec.Struct, frozen=True, kw_only=True):
     losses: dict[str, int] = {}  # messages lost and errors since its start, by cause
     cpu_percent: float | None = None  # of one core
     memory_mb: float | None = None  # resident
-    stages: list[Durations] = []  # in the order of the way
+    stages: list[Durations] = []  # in the order of the path
 
 
-class ClockNow(msgspec.Struct, frozen=True, kw_only=True):
+class ClockSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """The clock of one host."""
 
     host: str  # machine
@@ -71,61 +71,62 @@ class ClockNow(msgspec.Struct, frozen=True, kw_only=True):
     error_ms: float | None  # [ms] bound of the error of that
 
 
-class Picture(msgspec.Struct, frozen=True, kw_only=True):
+class SystemSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """A system at one moment."""
 
     seconds: float  # [s] how long figures of stages go back
-    whole: Durations | None  # from the first stage of a frame to its people here; null: no frames
-    clocks: list[ClockNow]  # of all hosts that were heard of
-    processes: list[ProcessNow]  # those on the way in its order, then the others
+    # from the first stage of a frame to the arrival of its tracks; null: no frames
+    end_to_end: Durations | None
+    clocks: list[ClockSnapshot]  # of all hosts that were heard of
+    processes: list[ProcessSnapshot]  # those on the path in its order, then the others
 
 
 @dataclass(frozen=True)
-class Way:
-    """The way of one frame.
+class FramePath:
+    """The path of one frame.
 
     Args:
         tracks: What it ended in.
         parts: Its pieces, to the one who listens.
-        beside: What was done for the frame while its way went on elsewhere.
-        whole: From the first stage to the last.
+        beside: What was done for the frame while its path went on elsewhere.
+        end_to_end: From the first stage to the last.
     """
 
     tracks: Tracks
     parts: list[Part]
     beside: list[Part]
-    whole: Part
+    end_to_end: Part
 
 
 class Monitor:
     """Adds up messages in bounded memory.
 
     Args:
-        place: Who listens: the end of the way.
+        origin: Who listens: the end of the path.
         seconds: How long a frame counts.
     """
 
-    def __init__(self, place: Place, seconds: float) -> None:
-        self._place = place
-        self._tracer = Tracer(place)
+    def __init__(self, origin: Place, seconds: float) -> None:
+        self._process_id = origin
+        self._tracer = Tracer(origin)
         self._seconds = seconds
         self._health: dict[str, tuple[float, Health]] = {}
         self._stages: dict[tuple[str, str, bool], _Stage] = {}
         self._detections: dict[tuple[str, int], tuple[Span, ...]] = {}  # traces by camera, stamp
-        self._whole = _Stage(seconds)
+        self._end_to_end = _Stage(seconds)
         self.clocks: dict[str, Offset] = {}
 
-    def add(self, arrival: Arrival, now_ns: int, now_s: float) -> Way | None:
+    def add(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
         """Take a message.
 
         Args:
             arrival: Health, Tracks, or Detections, of which comes what was done for a frame beside
-                its way; others are passed over.
+                its path; others are passed over.
             now_ns: Wall clock.
             now_s: Monotonic clock.
 
         Returns:
-            The way of a frame, once its Tracks come.
+            The path of a frame, once its Tracks come.
         """
         message = arrival.message
         if isinstance(message, Health):
@@ -138,65 +139,65 @@ class Monitor:
                 del self._detections[next(iter(self._detections))]
         elif isinstance(message, Tracks) and of_frame(message.trace):
             taken = self._tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
-            way = self._way(taken)
-            self._add_way(way, now_s)
-            return way
+            path = self._frame_path(taken)
+            self._add_frame_path(path, now_s)
+            return path
         return None
 
     def add_own_clock(self, offset: Offset | None) -> None:
         """Take how far the clock of this host is ahead of the router's."""
         if offset:
-            self.clocks[self._place.host] = offset
+            self.clocks[self._process_id.host] = offset
 
     def healths(self, now_s: float) -> list[Health]:
         """Return the fresh heartbeats, sorted by instance."""
         fresh = (h for when_s, h in self._health.values() if now_s - when_s < FRESH_S)
         return sorted(fresh, key=lambda health: health.instance)
 
-    def picture(self, now_s: float) -> Picture:
+    def snapshot(self, now_s: float) -> SystemSnapshot:
         """Return the system as it is now."""
         healths = {health.instance: health for health in self.healths(now_s)}
         stages: dict[str, list[Durations]] = {}
-        places: dict[str, tuple[str, str]] = {}
+        origins: dict[str, tuple[str, str]] = {}
         in_order = sorted(self._stages.items(), key=lambda item: item[1].after_ns)
         for (process, *_), stage in in_order:
             instance, _, host = process.partition("@")
             durations = stage.durations(now_s)
             if durations:
                 stages.setdefault(instance, []).append(durations)
-                places.setdefault(instance, (stage.service, host))
+                origins.setdefault(instance, (stage.service, host))
         for name, health in healths.items():
-            places.setdefault(name, (health.service, health.host))
-        return Picture(
+            origins.setdefault(name, (health.service, health.host))
+        return SystemSnapshot(
             seconds=self._seconds,
-            whole=self._whole.durations(now_s),
-            clocks=[self._clock(host) for host in sorted({host for _, host in places.values()})],
+            end_to_end=self._end_to_end.durations(now_s),
+            clocks=[self._clock(host) for host in sorted({host for _, host in origins.values()})],
             processes=[
-                _process(name, *place, healths.get(name), stages.get(name, []))
-                for name, place in places.items()
+                _process(name, *origin, healths.get(name), stages.get(name, []))
+                for name, origin in origins.items()
             ],
         )
 
-    def _way(self, tracks: Tracks) -> Way:
+    def _frame_path(self, tracks: Tracks) -> FramePath:
         passed = set(tracks.trace)
-        told = self._detections.pop((tracks.camera, tracks.stamp_ns), ())
-        beside = [parts([span], self.clocks)[0] for span in told if span not in passed]
+        trace = self._detections.pop((tracks.camera, tracks.stamp_ns), ())
+        beside = [parts([span], self.clocks)[0] for span in trace if span not in passed]
         total = whole(tracks.trace, self.clocks)
-        assert total is not None, "only messages with a trace have a way"
-        return Way(tracks, parts(tracks.trace, self.clocks), beside, total)
+        assert total is not None, "only messages with a trace have a path"
+        return FramePath(tracks, parts(tracks.trace, self.clocks), beside, total)
 
-    def _add_way(self, way: Way, now_s: float) -> None:
-        for parts_, beside in ((way.parts, False), (way.beside, True)):
+    def _add_frame_path(self, path: FramePath, now_s: float) -> None:
+        for parts_, beside in ((path.parts, False), (path.beside, True)):
             for part in summed(parts_):
                 key = (part.process, part.stage, beside)
                 if key in self._stages or len(self._stages) < MAX_STAGES:
                     stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
-                    stage.add(part, now_s, part.start_ns - way.whole.start_ns)
-        self._whole.add(way.whole, now_s, 0)
+                    stage.add(part, now_s, part.start_ns - path.end_to_end.start_ns)
+        self._end_to_end.add(path.end_to_end, now_s, 0)
 
-    def _clock(self, host: str) -> ClockNow:
+    def _clock(self, host: str) -> ClockSnapshot:
         offset = self.clocks.get(host)
-        return ClockNow(
+        return ClockSnapshot(
             host=host,
             offset_ms=offset.offset_ns / 1e6 if offset else None,
             error_ms=offset.error_ns / 1e6 if offset else None,
@@ -208,18 +209,18 @@ class _Stage:
 
     Args:
         seconds: How long they count.
-        beside: Whether it is beside the way.
+        beside: Whether it is beside the path.
     """
 
     def __init__(self, seconds: float, beside: bool = False) -> None:
         self._beside = beside
-        self.after_ns = 0  # time since the begin of the way, of the newest frame
+        self.after_ns = 0  # time since the begin of the path, of the newest frame
         self.service = self._name = ""
         self._error_ns: float | None = 0.0
         self._window = Window(seconds)
 
     def add(self, part: Part, now_s: float, after_ns: int) -> None:
-        """Take a piece of a message's way, which began some time after the whole did."""
+        """Take a piece of a message's path, which began some time after its first stage."""
         self.after_ns = after_ns
         self.service, self._name, self._error_ns = part.service, part.stage, part.error_ns
         self._window.add(now_s, part.ms)
@@ -235,7 +236,7 @@ class _Stage:
 
 
 def of_frame(trace: Sequence[Span]) -> bool:
-    """Return whether a trace tells the way of a frame; predictions are made without one."""
+    """Return True for the trace of a frame; predictions are made without one."""
     return bool(trace) and not any(span.stage.endswith(".prediction") for span in trace)
 
 
@@ -254,8 +255,8 @@ def clocks_of(healths: Iterable[Health]) -> dict[str, Offset]:
 
 def _process(
     instance: str, service: str, host: str, health: Health | None, stages: list[Durations]
-) -> ProcessNow:
-    named = ProcessNow(service=service, instance=instance, host=host, stages=stages)
+) -> ProcessSnapshot:
+    named = ProcessSnapshot(service=service, instance=instance, host=host, stages=stages)
     if health is None:
         return named
     gauges = health.gauges

@@ -32,7 +32,7 @@ COMMANDS = (
     ("record", "record", "Record messages to a file."),
     ("csv", "csv", "Write truth and tracks of a recording to a table, CSV or Parquet."),
     ("replay", "replay", "Publish recorded messages, to try one service alone."),
-    ("doctor", "doctor", "Find why there is no output, and what mends it."),
+    ("doctor", "doctor", "Find why there is no output, and how to fix it."),
     ("health", "health", "Exit with 0 once a service is healthy."),
     ("run", "run", "Run one service in this terminal."),
     ("keys", "keys", "Make certificates or passwords for hosts and roles, or check them."),
@@ -64,7 +64,7 @@ class LazyCommand(typer.core.TyperCommand):
 
 
 class Commands(typer.core.TyperGroup):
-    """All commands; errors that a user can hint are told in one sentence."""
+    """All commands; People4dError is printed in one sentence."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -81,7 +81,7 @@ class Commands(typer.core.TyperGroup):
         except People4dError as error:
             if ctx.params["debug"]:
                 raise
-            tell(error)
+            print_error(error)
             raise typer.Exit(1) from error
 
 
@@ -90,7 +90,7 @@ app = typer.Typer(
 )
 
 
-def tell(error: People4dError) -> None:
+def print_error(error: People4dError) -> None:
     """Print an error to stderr, and the end of a log that belongs to it."""
     console = Console(stderr=True, soft_wrap=True)
     log = getattr(error, "tail", "")
@@ -116,7 +116,7 @@ def people4d(
         ),
     ] = False,
 ) -> None:
-    """Where people are, how fast they move and which way they face, in real time."""
+    """Track people in real time: position, velocity, orientation, identity."""
     del debug, version  # read by Commands.invoke and _show_version
 
 

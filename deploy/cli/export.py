@@ -43,7 +43,7 @@ def export(
     """
     if prometheus is None and not otlp:
         raise typer.BadParameter("name --prometheus PORT, --otlp URL, or both")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a supervisor's way to say Ctrl-C
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a supervisor's path to say Ctrl-C
     exporters: list[Exporter] = []
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
         try:
@@ -65,10 +65,10 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
     for arrival in client.arrivals(Health, Tracks, Detections):
         clock.ask()
         monitor.add_own_clock(clock.offset())
-        way = monitor.add(arrival, time.time_ns(), time.monotonic())
+        path = monitor.add(arrival, time.time_ns(), time.monotonic())
         for exporter in exporters:
-            if way:
-                exporter.add_way(way)
+            if path:
+                exporter.add_frame_path(path)
             elif isinstance(arrival.message, Health):
                 exporter.add_healths(monitor.healths(time.monotonic()))
 

@@ -64,8 +64,8 @@ def gait(
             "Install it with: pip install 'people4d[evaluate]', or add --no-figures.",
         )
     source = scenarios.resolve(recording) if scenarios.is_scenario(recording) else recording
-    wish = read_wish(source, _box(person), preset, set_)
-    report = Report(wish, out, video=video, figures=figures)
+    request = read_wish(source, _box(person), preset, set_)
+    report = Report(request, out, video=video, figures=figures)
     try:
         with interruptible(f"What came before is in {out}."), progress() as told:
             report.run(told)

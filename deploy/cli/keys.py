@@ -81,20 +81,20 @@ def _host(text: str) -> tuple[str, list[str]]:
     return name, roles
 
 
-def _show(folder: Path, findings: Sequence[Any]) -> None:
-    if not findings:
+def _show(folder: Path, checks: Sequence[Any]) -> None:
+    if not checks:
         raise ConfigError(f"{folder} holds no keys", "Make them: people4d keys FOLDER --router ...")
     console = Console(highlight=False, soft_wrap=True)
     table = Table(box=None, header_style="bold", pad_edge=False)
     for title in ("host", "role", "good until", "state"):
         table.add_column(title)
-    for found in findings:
+    for found in checks:
         table.add_row(found.file.parent.name, found.role, *_state(found.ends, found.problem))
     console.print(table)
-    bad = sum(bool(found.problem) for found in findings)
+    bad = sum(bool(found.problem) for found in checks)
     if bad:
         raise People4dError(
-            f"{bad} of {len(findings)} keys in {folder} are not good", "Make new ones: --renew"
+            f"{bad} of {len(checks)} keys in {folder} are not good", "Make new ones: --renew"
         )
 
 

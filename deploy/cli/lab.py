@@ -125,8 +125,8 @@ def render(
         bag=None if format_ == "recording" else file.with_name(f"{file.stem}_ros2"),
         truth=file.with_suffix(".truth.npz") if truth_per_frame else None,
     )
-    kept = f"What is done is kept in {outputs.shelf}: the same command goes on."
-    with interruptible(kept), progress() as report:
+    hint = f"What is done is kept in {outputs.shelf}: the same command goes on."
+    with interruptible(hint), progress() as report:
         job.render(order, outputs, jobs or cores(), report)
     for path in outputs.paths:
         typer.echo(f"Wrote {path}")

@@ -58,15 +58,15 @@ def _files(folder: Path, service: str) -> list[Path]:
 
 def _new_lines(files: Sequence[Path]) -> Iterator[tuple[Path, str]]:
     """Yield lines as they are written; a log that was begun anew is read from its start."""
-    places = {file: file.stat().st_size for file in files}
+    offsets = {file: file.stat().st_size for file in files}
     while True:
         for file in files:
-            if file.stat().st_size < places[file]:
-                places[file] = 0
+            if file.stat().st_size < offsets[file]:
+                offsets[file] = 0
             with file.open("rb") as log:
-                log.seek(places[file])
+                log.seek(offsets[file])
                 for line in log:
                     if line.endswith(b"\n"):
-                        places[file] += len(line)
+                        offsets[file] += len(line)
                         yield file, line.decode(errors="replace").rstrip()
         time.sleep(POLL_S)

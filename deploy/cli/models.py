@@ -26,9 +26,9 @@ def models(
     ] = False,
 ) -> None:
     """List the models: whether they are here, their licence and input, and how to get them."""
-    places = folders()
+    folders_ = folders()
     manifest = load_manifest()
-    states = {name: state_of(model, places, verify_) for name, model in manifest.items()}
+    states = {name: state_of(model, folders_, verify_) for name, model in manifest.items()}
     console = Console(highlight=False, soft_wrap=True)
     table = Table(box=None, header_style="bold", pad_edge=False)
     for title in ("model", "kind", "state", "licence", "input"):
@@ -38,7 +38,9 @@ def models(
         coloured = f"[{COLOURS[state]}]{state}[/]"
         table.add_row(f"[bold]{name}[/]", model.kind, coloured, model.licence, model.input)
     console.print(table)
-    _print_ways(console, [m for name, m in manifest.items() if states[name] == "absent"], places)
+    _print_sources(
+        console, [m for name, m in manifest.items() if states[name] == "absent"], folders_
+    )
     altered = [name for name, state in states.items() if state == "altered"]
     if altered:
         raise ModelError(
@@ -46,10 +48,10 @@ def models(
         )
 
 
-def state_of(model: ModelFile, places: tuple[Path, ...], check: bool) -> State:
+def state_of(model: ModelFile, folders_: tuple[Path, ...], check: bool) -> State:
     """Return whether a model is here, and with `check` whether it is the right one."""
     try:
-        path = find(model, places)
+        path = find(model, folders_)
     except ModelError:
         return "absent"
     if not check:
@@ -63,11 +65,11 @@ def state_of(model: ModelFile, places: tuple[Path, ...], check: bool) -> State:
     return "verified"
 
 
-def _print_ways(console: Console, absent: list[ModelFile], places: tuple[Path, ...]) -> None:
+def _print_sources(console: Console, absent: list[ModelFile], folders_: tuple[Path, ...]) -> None:
     if not absent:
         return
     console.print("\n[bold]How to get the others[/]")
     for model in absent:
         console.print(f"[bold]{model.name}[/] ({model.url or 'no page'})")
         console.print(f"  {model.get}", markup=False)
-    console.print("\nFolders searched: " + ", ".join(map(str, places)), markup=False)
+    console.print("\nFolders searched: " + ", ".join(map(str, folders_)), markup=False)

@@ -46,7 +46,7 @@ def progress() -> Iterator[Report]:
 
 
 @contextmanager
-def interruptible(told: str) -> Iterator[None]:
+def interruptible(message: str) -> Iterator[None]:
     """End the block on Ctrl-C, SIGTERM and a closed terminal, and say what there is."""
 
     def interrupt(*_: object) -> None:
@@ -57,7 +57,7 @@ def interruptible(told: str) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        typer.echo(f"Interrupted. {told}", err=True)
+        typer.echo(f"Interrupted. {message}", err=True)
         raise typer.Exit(130) from None
     finally:
         for number, handler in zip(numbers, before, strict=True):

@@ -57,9 +57,9 @@ def ps(
     own = running if running and connect in ("", running.connect) else None
     processes = Supervisor(state).processes() if own else {}
     healths = _heartbeats(connect or (running.connect if running else ""), robot, bool(own))
-    told = {name: of_instance(healths, name) for name in processes}
-    rows = [_row(name, process, told[name]) for name, process in processes.items()]
-    rows += [_row(h.instance, None, h) for h in healths if h not in told.values()]
+    own_health = {name: of_instance(healths, name) for name in processes}
+    rows = [_row(name, process, own_health[name]) for name, process in processes.items()]
+    rows += [_row(h.instance, None, h) for h in healths if h not in own_health.values()]
     if json:
         typer.echo(msgspec.json.encode(rows).decode())
     else:
@@ -138,11 +138,11 @@ def _state(row: Row) -> str:
     return row.health or "silent"
 
 
-def _rates(rates_hz: dict[str, float], way: str) -> str:
+def _rates(rates_hz: dict[str, float], direction: str) -> str:
     return "\n".join(
-        f"{name.removeprefix(way)} {rate:.0f}"
+        f"{name.removeprefix(direction)} {rate:.0f}"
         for name, rate in sorted(rates_hz.items())
-        if name.startswith(way) and rate >= 0.5
+        if name.startswith(direction) and rate >= 0.5
     )
 
 

@@ -18,7 +18,7 @@ console = Console(highlight=False, soft_wrap=True)
 
 
 def scale(
-    wishes: Annotated[
+    requests: Annotated[
         list[str] | None,
         typer.Argument(metavar="SERVICE=N...", help="Number of equal processes, detector=3."),
     ] = None,
@@ -38,7 +38,7 @@ def scale(
         raise People4dError(f"nothing runs here for {robot}", "Start it with people4d up.")
     heartbeats = Heartbeats(running.connect, robot)
     try:
-        rescale(state, wishes or [], heartbeats, timeout_s, _progress)
+        rescale(state, requests or [], heartbeats, timeout_s, _progress)
     finally:
         heartbeats.close()
     for service in read_plan(state):

@@ -19,7 +19,7 @@ from common.runtime.process_id import Place
 from common.transport.clock import Clock
 from deploy.cli.live import Json
 from deploy.cli.options import Connect, Robot, open_client
-from deploy.monitor import ClockNow, Durations, Monitor, Picture, ProcessNow
+from deploy.monitor import ClockSnapshot, Durations, Monitor, ProcessSnapshot, SystemSnapshot
 from people4d.client import Client
 from people4d.errors import People4dError
 from people4d.messages import Detections, Health, Tracks
@@ -39,29 +39,29 @@ def top(
     every_s: Annotated[
         float, typer.Option("--every", min=0.2, help="Seconds between pictures.")
     ] = 1,
-    once: Annotated[bool, typer.Option("--once", help="Show one picture and end.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Show one snapshot and end.")] = False,
     json: Json = False,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
     """Show where time goes, live: latency of every stage, rates, losses, ages, processor, memory.
 
-    A picture over the last --window seconds; Ctrl-C ends it.
+    A snapshot over the last --window seconds; Ctrl-C ends it.
     """
     with (
         open_client(connect, robot) as client,
-        watching(client, seconds) as picture,
+        watching(client, seconds) as snapshot,
         suppress(KeyboardInterrupt),
     ):
         if once:
-            _wait(picture, min(seconds, FIRST_S))
-            _show_once(picture(), json)
+            _wait(snapshot, min(seconds, FIRST_S))
+            _show_once(snapshot(), json)
         else:
-            _show(picture, every_s, json)
+            _show(snapshot, every_s, json)
 
 
 @contextmanager
-def watching(client: Client, seconds: float) -> Iterator[Callable[[], Picture]]:
+def watching(client: Client, seconds: float) -> Iterator[Callable[[], SystemSnapshot]]:
     """Listen in a thread until the block ends.
 
     Args:
@@ -69,7 +69,7 @@ def watching(client: Client, seconds: float) -> Iterator[Callable[[], Picture]]:
         seconds: How long a frame counts.
 
     Yields:
-        What gives the picture of this moment.
+        What gives the snapshot of this moment.
     """
     host = socket.gethostname()
     monitor = Monitor(Place(HERE, f"top-{os.getpid()}", host), seconds)
@@ -85,26 +85,26 @@ def watching(client: Client, seconds: float) -> Iterator[Callable[[], Picture]]:
             if ended.is_set():
                 return
 
-    def picture() -> Picture:
+    def snapshot() -> SystemSnapshot:
         with lock:
-            return monitor.picture(time.monotonic())
+            return monitor.snapshot(time.monotonic())
 
     thread = threading.Thread(target=listen, name="top", daemon=True)
     thread.start()
     try:
-        yield picture
+        yield snapshot
     finally:
         ended.set()
 
 
-def _wait(picture: Callable[[], Picture], seconds: float) -> None:
+def _wait(snapshot: Callable[[], SystemSnapshot], seconds: float) -> None:
     """Listen for a time, and longer if nothing came yet.
 
     Raises:
         People4dError: Nothing came.
     """
     end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s or not picture().processes:
+    while time.monotonic() < end_s or not snapshot().processes:
         if time.monotonic() > end_s + seconds:
             raise People4dError(
                 f"no heartbeat came within {2 * seconds:g} s", "See what runs with people4d ps."
@@ -112,23 +112,23 @@ def _wait(picture: Callable[[], Picture], seconds: float) -> None:
         time.sleep(0.1)
 
 
-def _show_once(picture: Picture, json: bool) -> None:
+def _show_once(snapshot: SystemSnapshot, json: bool) -> None:
     if json:
-        typer.echo(msgspec.json.encode(picture).decode())
+        typer.echo(msgspec.json.encode(snapshot).decode())
     else:
-        _console().print(drawn(picture))
+        _console().print(drawn(snapshot))
 
 
-def _show(picture: Callable[[], Picture], every_s: float, json: bool) -> None:
+def _show(snapshot: Callable[[], SystemSnapshot], every_s: float, json: bool) -> None:
     console = _console()
     if json or not console.is_terminal:
         while True:
             time.sleep(every_s)
-            _show_once(picture(), json)
+            _show_once(snapshot(), json)
     with Live("listening ...", console=console, auto_refresh=False, screen=True) as live:
         while True:
             time.sleep(every_s)
-            live.update(drawn(picture()), refresh=True)
+            live.update(drawn(snapshot()), refresh=True)
 
 
 def _console() -> Console:
@@ -136,42 +136,42 @@ def _console() -> Console:
     return console if console.is_terminal else Console(highlight=False, width=WIDTH)
 
 
-def drawn(picture: Picture) -> Group:
-    """Draw a picture: the whole way and the clocks, the processes, the stages."""
+def drawn(snapshot: SystemSnapshot) -> Group:
+    """Draw a snapshot: end-to-end latency and clocks, the processes, the stages."""
     return Group(
-        _headline(picture),
-        _clocks(picture.clocks),
+        _headline(snapshot),
+        _clocks(snapshot.clocks),
         Text(""),
-        _processes(picture.processes),
-        *(Text(f"{p.instance}: {p.reason}", "yellow") for p in picture.processes if p.reason),
+        _processes(snapshot.processes),
+        *(Text(f"{p.instance}: {p.reason}", "yellow") for p in snapshot.processes if p.reason),
         Text(""),
-        _stages(picture),
+        _stages(snapshot),
     )
 
 
-def _headline(picture: Picture) -> Text:
-    whole = picture.whole
-    if whole is None:
-        return Text(f"no frame came through in the last {picture.seconds:g} s", style="yellow")
+def _headline(snapshot: SystemSnapshot) -> Text:
+    total = snapshot.end_to_end
+    if total is None:
+        return Text(f"no frame came through in the last {snapshot.seconds:g} s", style="yellow")
     return Text(
-        f"whole way p50 {whole.p50_ms:.1f}  p95 {whole.p95_ms:.1f}  p99 {whole.p99_ms:.1f} ms"
-        f"{_error(whole)} · {whole.count} frames in {picture.seconds:g} s"
+        f"end to end p50 {total.p50_ms:.1f}  p95 {total.p95_ms:.1f}  p99 {total.p99_ms:.1f} ms"
+        f"{_error(total)} · {total.count} frames in {snapshot.seconds:g} s"
     )
 
 
-def _clocks(clocks: list[ClockNow]) -> Text:
-    told = []
+def _clocks(clocks: list[ClockSnapshot]) -> Text:
+    lines = []
     for clock in clocks:
         if clock.offset_ms is None or clock.error_ms is None:
-            told.append(f"{clock.host} not known")
+            lines.append(f"{clock.host} not known")
         elif clock.error_ms == 0:
-            told.append(f"{clock.host} 0 (the router's)")
+            lines.append(f"{clock.host} 0 (the router's)")
         else:
-            told.append(f"{clock.host} {clock.offset_ms:+.2f} ± {clock.error_ms:.2f} ms")
-    return Text(f"clocks ahead of the router's: {' · '.join(told) or 'no host was heard'}")
+            lines.append(f"{clock.host} {clock.offset_ms:+.2f} ± {clock.error_ms:.2f} ms")
+    return Text(f"clocks ahead of the router's: {' · '.join(lines) or 'no host was heard'}")
 
 
-def _processes(processes: list[ProcessNow]) -> Table:
+def _processes(processes: list[ProcessSnapshot]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     for title in ("process", "state"):
         table.add_column(title, no_wrap=True)
@@ -200,18 +200,18 @@ def _processes(processes: list[ProcessNow]) -> Table:
     return table
 
 
-def _stages(picture: Picture) -> Table:
+def _stages(snapshot: SystemSnapshot) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column(f"last {picture.seconds:g} s", no_wrap=True)
+    table.add_column(f"last {snapshot.seconds:g} s", no_wrap=True)
     table.add_column("stage", no_wrap=True)
     for title in ("p50 ms", "p95 ms", "p99 ms", "frames"):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("")
-    for process in picture.processes:
+    for process in snapshot.processes:
         name = HERE if process.service == HERE else process.instance
         for stage in process.stages:
             figures = (f"{ms:.2f}" for ms in (stage.p50_ms, stage.p95_ms, stage.p99_ms))
-            note = "beside the way" if stage.beside else _error(stage)
+            note = "beside the path" if stage.beside else _error(stage)
             table.add_row(name, stage.stage, *figures, str(stage.count), note)
             name = ""
     return table

@@ -22,7 +22,7 @@ from deploy.launcher.plan import (
     HOST,
     PORT,
     REPORT,
-    Wish,
+    LaunchRequest,
     check_source,
     plan,
     router_of,
@@ -34,8 +34,8 @@ from people4d.errors import ConfigError
 from services.gt_bridge.sources.registry import SCHEME as LIVE_TRUTH
 from services.presets import PRESETS, preset_settings
 
-# In lock-step nobody waits for the result: the same recording gives the same tracks on any machine.
-PATIENCE = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
+# Lock-step waits for every result: the same recording gives the same tracks on any machine.
+LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
 # A camera whose place its source does not know hangs on the base, not in the map.
 ON_BASE = f"{CAMERA}.mount_parent=base_link"
 DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
@@ -130,9 +130,9 @@ def up(
     if scenarios.is_scenario(truth):
         settings += scenarios.truth_settings(truth, loop)
     settings += [f"{CAMERA}.loop=true"] if loop else []
-    settings += PATIENCE if playback == "lockstep" else ()
+    settings += LOCKSTEP_WAITS if playback == "lockstep" else ()
     settings += [ON_BASE] if visual_odometry else []
-    wish = Wish(
+    request = LaunchRequest(
         robot=robot,
         host=host,
         port=port,
@@ -145,8 +145,8 @@ def up(
         visual_odometry=visual_odometry,
     )
     if compose == COMPOSE_FILE:
-        check_source(wish)
-    _launch(wish, timeout_s, detach)
+        check_source(request)
+    _launch(request, timeout_s, detach)
 
 
 def demo(
@@ -162,11 +162,11 @@ def demo(
         *preset_settings(preset),
         setting(f"{CAMERA}.source", str(DEMO)),
         setting(f"{CAMERA}.playback", "lockstep"),
-        *PATIENCE,
+        *LOCKSTEP_WAITS,
         setting("gt_bridge.truth", str(DEMO)),
     ]
-    wish = Wish(robot=robot, port=port or free_port(), settings=settings, report=report)
-    _launch(wish, START_TIMEOUT_S, detach=False)
+    request = LaunchRequest(robot=robot, port=port or free_port(), settings=settings, report=report)
+    _launch(request, START_TIMEOUT_S, detach=False)
 
 
 def _resolve(source: str) -> str:
@@ -181,33 +181,33 @@ def _resolve(source: str) -> str:
     return str(path.absolute())
 
 
-def _launch(wish: Wish, timeout_s: float, detach: bool) -> None:
-    services = plan(wish)
-    connect = router_of(services, wish)
-    state = State.of_robot(wish.robot)
-    heartbeats = Heartbeats(connect, wish.robot)
+def _launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
+    services = plan(request)
+    connect = router_of(services, request)
+    state = State.of_robot(request.robot)
+    heartbeats = Heartbeats(connect, request.robot)
     launcher = Launcher(state, services, heartbeats, _progress)
     with _signals_interrupt():
         try:
-            launcher.start(wish.robot, connect, timeout_s)
+            launcher.start(request.robot, connect, timeout_s)
             if detach:
                 console.print("Everything is up. See: people4d ps, listen, logs, down")
                 return
             try:
-                _attend(launcher, wish)
+                _attend(launcher, request)
             finally:
                 stop(state)
         except KeyboardInterrupt:
             console.print("Stopped.")
-            raise typer.Exit(130 if wish.report else 0) from None
+            raise typer.Exit(130 if request.report else 0) from None
         finally:
             heartbeats.close()
-    if wish.report:
-        _print_summary(wish.report, state)
+    if request.report:
+        _print_summary(request.report, state)
 
 
-def _attend(launcher: Launcher, wish: Wish) -> None:
-    if not wish.report:
+def _attend(launcher: Launcher, request: LaunchRequest) -> None:
+    if not request.report:
         console.print("Everything is up; Ctrl-C stops it. In another terminal: people4d listen")
         _watch(launcher)
         return

@@ -1,1 +1,1 @@
-"""Why there is no output: what is gathered of a system, and what is concluded from it."""
+"""Diagnosis of a system without output: evidence gathered, diagnostics concluded."""

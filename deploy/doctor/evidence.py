@@ -1,4 +1,4 @@
-"""What a running system lets one hear in a few seconds."""
+"""Evidence: messages of a running system, collected over a few seconds."""
 
 import time
 from collections import Counter
@@ -30,7 +30,7 @@ class Vitals:
 
     @property
     def fault(self) -> str:
-        """Why it is not ready, empty if it is."""
+        """Reason of a process that is not ready; empty if it is."""
         return "" if self.last.state == "ready" else self.last.reason or f"it is {self.last.state}"
 
     def total(self, *names: str) -> int:

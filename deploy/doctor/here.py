@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from common.config import load
-from deploy.doctor.finding import Finding, ok, problem, warning
+from deploy.doctor.diagnostic import Diagnostic, ok, problem, warning
 from deploy.launcher.launcher import tail
 from deploy.launcher.plan import CONFIG_FILE
 from deploy.launcher.state import State
@@ -33,7 +33,7 @@ LOADERS = {
 }
 
 
-def router(endpoint: str, error: People4dError) -> Finding:
+def router(endpoint: str, error: People4dError) -> Diagnostic:
     """Tell why there is no session with a router.
 
     Args:
@@ -48,7 +48,7 @@ def router(endpoint: str, error: People4dError) -> Finding:
         return problem("settings", error.problem, error.hint)
     if not _listens(match["host"], int(match["port"])):
         hint = "Start the system (people4d up), or name its router: --connect tcp/HOST:7447."
-        return problem("router", f"nobody listens at {endpoint}", hint)
+        return problem("router", f"no router listens at {endpoint}", hint)
     hint = (
         "Does PEOPLE4D_KEYS name the folder of keys for this host and role (people4d keys), do "
         "router and this command both use tcp or both tls, and is it a people4d router?"
@@ -64,7 +64,7 @@ def _listens(host: str, port: int) -> bool:
         return False
 
 
-def running(state: State) -> Iterator[Finding]:
+def running(state: State) -> Iterator[Diagnostic]:
     """Look at the processes that people4d up started on this machine."""
     if not state.read():
         others = sorted(
@@ -88,7 +88,7 @@ def running(state: State) -> Iterator[Finding]:
         yield ok("processes", f"{len(processes)} processes run here")
 
 
-def _down(process: Process, state: State) -> Finding | None:
+def _down(process: Process, state: State) -> Diagnostic | None:
     if process.state in ("RUNNING", "STARTING", "STOPPED", "STOPPING"):
         return None
     if process.finished:
@@ -109,13 +109,13 @@ def _last_word(log: Path) -> str:
     return lines[-1].partition(" INFO ")[2] or lines[-1] if lines else "its log is empty"
 
 
-def settings(config: Path | None, environment: Mapping[str, str]) -> Iterator[Finding]:
+def settings(config: Path | None, environment: Mapping[str, str]) -> Iterator[Diagnostic]:
     """Look whether the settings can be read and the models of them loaded."""
     file = config or Path(environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
     good = True
-    for service, place in CONFIGS.items():
+    for service, location in CONFIGS.items():
         try:
-            record = load(_find(place), service, file, (), environment)
+            record = load(_find(location), service, file, (), environment)
         except People4dError as error:
             good = False
             hint = error.hint or f"Set it right in {file} or in the environment."
@@ -127,7 +127,7 @@ def settings(config: Path | None, environment: Mapping[str, str]) -> Iterator[Fi
         yield ok("settings", f"{file} can be used")
 
 
-def _model(service: str, config: Any) -> Finding:
+def _model(service: str, config: Any) -> Diagnostic:
     try:
         _find(LOADERS[service])(config)
     except People4dError as error:
@@ -136,6 +136,6 @@ def _model(service: str, config: Any) -> Finding:
     return ok("model", f"{service}: {name} can be loaded")
 
 
-def _find(place: str) -> Any:
-    module, _, name = place.partition(":")
+def _find(location: str) -> Any:
+    module, _, name = location.partition(":")
     return getattr(importlib.import_module(module), name)

@@ -2,25 +2,25 @@
 
 from collections.abc import Callable, Sequence
 
+from deploy.doctor.diagnostic import Diagnostic, ok, problem, warning
 from deploy.doctor.evidence import Evidence, Vitals
-from deploy.doctor.finding import Finding, ok, problem, warning
 from people4d.messages import Tracks
 
 NEEDED = ("camera", "detector", "tracker")
-APART_NS = 50_000_000  # [ns] by which clocks may differ before people are told too late
-LATE_NS = 1_000_000_000  # [ns] heartbeats are never so long on their way
+APART_NS = 50_000_000  # [ns] by which clocks may differ before people are published too late
+LATE_NS = 1_000_000_000  # [ns] heartbeats are never so long in transit
 MOST = 0.5  # share of frames from which on a fault is one of all of them
 
-Check = Callable[[Evidence], Sequence[Finding]]
+Check = Callable[[Evidence], Sequence[Diagnostic]]
 
 
-def services(evidence: Evidence) -> Sequence[Finding]:
+def services(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether all services run, and under this robot's name."""
     there = sorted({v.last.service for v in evidence.vitals.values()})
     missing = [name for name in NEEDED if name not in there]
     robots = sorted({robot for robot, _, _ in evidence.present} - {evidence.robot})
     if not there and robots:
-        what = f"nobody calls this robot {evidence.robot}; there is {', '.join(robots)}"
+        what = f"no robot is called {evidence.robot}; there is {', '.join(robots)}"
         return [problem("robot", what, f"Add --robot {robots[0]}.")]
     silent = _silent(evidence)
     if silent:
@@ -41,7 +41,7 @@ def _silent(evidence: Evidence) -> list[str]:
     return sorted(present - set(evidence.vitals))
 
 
-def names(evidence: Evidence) -> Sequence[Finding]:
+def names(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether anything runs twice that must not."""
     twice = sorted(name for name, v in evidence.vitals.items() if len(v.pids) > 1)
     if twice:
@@ -49,13 +49,13 @@ def names(evidence: Evidence) -> Sequence[Finding]:
         return [problem("twice", what, "Give each its own name: --instance.", *twice)]
     trackers = [v.last for v in evidence.of("tracker")]
     if len(trackers) > 1:
-        told = ", ".join(f"{t.instance} on {t.host} (process {t.pid})" for t in trackers)
-        what = f"{len(trackers)} trackers tell people at once, with numbers of their own: {told}"
+        listing = ", ".join(f"{t.instance} on {t.host} (process {t.pid})" for t in trackers)
+        what = f"{len(trackers)} trackers tell people at once, with numbers of their own: {listing}"
         return [problem("twice", what, "Stop all but one.", *(t.instance for t in trackers))]
     return []
 
 
-def releases(evidence: Evidence) -> Sequence[Finding]:
+def releases(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether the same release runs everywhere."""
     if "version" in evidence.refusal and evidence.refused:
         topics = ", ".join(sorted(evidence.refused))
@@ -65,24 +65,24 @@ def releases(evidence: Evidence) -> Sequence[Finding]:
     for name, vitals in evidence.vitals.items():
         found.setdefault(vitals.last.release or "an older one", []).append(name)
     if len(found) > 1:
-        told = "; ".join(f"{r}: {', '.join(who)}" for r, who in sorted(found.items()))
+        listing = "; ".join(f"{r}: {', '.join(who)}" for r, who in sorted(found.items()))
         hint = "Run the same people4d release on all machines."
-        return [problem("release", f"releases differ: {told}", hint)]
+        return [problem("release", f"releases differ: {listing}", hint)]
     return [ok("release", f"everyone runs {evidence.release}")] if evidence.vitals else []
 
 
-def clocks(evidence: Evidence) -> Sequence[Finding]:
+def clocks(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether the clocks of the hosts agree, and whether one was set."""
     apart: dict[str, str] = {}
     for vitals in evidence.vitals.values():
         behind_ns, host = _behind_ns(vitals), vitals.last.host
         if behind_ns:
-            way = "behind" if behind_ns > 0 else "ahead"
-            apart[host] = f"{abs(behind_ns) / 1e6:.0f} ms {way}"
+            direction = "behind" if behind_ns > 0 else "ahead"
+            apart[host] = f"{abs(behind_ns) / 1e6:.0f} ms {direction}"
     if apart:
-        told = ", ".join(f"{host} is {how}" for host, how in sorted(apart.items()))
+        listing = ", ".join(f"{host} is {how}" for host, how in sorted(apart.items()))
         hint = "Let all hosts keep time by one server: chrony or systemd-timesyncd."
-        return [problem("clocks", f"clocks of hosts are apart: {told}", hint)]
+        return [problem("clocks", f"clocks of hosts are apart: {listing}", hint)]
     stepped = sorted(name for name, v in evidence.vitals.items() if v.since("clock_steps"))
     if stepped:
         what = f"a clock was set while {', '.join(stepped)} ran"
@@ -106,7 +106,7 @@ def _behind_ns(vitals: Vitals) -> float:
     return float(late_ns) if late_ns < -APART_NS or late_ns > LATE_NS else 0.0
 
 
-def frames(evidence: Evidence) -> Sequence[Finding]:
+def frames(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether frames leave the camera and reach the detector."""
     cameras, detectors = evidence.of("camera"), evidence.of("detector")
     quiet = [v for v in cameras if not v.since("sent_frames", "sent_compressed")]
@@ -128,7 +128,7 @@ def frames(evidence: Evidence) -> Sequence[Finding]:
     return [ok("frames", f"{rate_hz / max(evidence.elapsed_s, 0.1):.0f} frames a second come")]
 
 
-def pairs(evidence: Evidence) -> Sequence[Finding]:
+def pairs(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether colour and depth belong together."""
     for vitals in evidence.of("camera"):
         alone, sent = vitals.total("unpaired", "loose_pairs"), vitals.total("sent_frames")
@@ -142,12 +142,12 @@ def pairs(evidence: Evidence) -> Sequence[Finding]:
     return []
 
 
-def calibration(evidence: Evidence) -> Sequence[Finding]:
+def calibration(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether the camera's intrinsics are known and fit."""
     for vitals in evidence.of("detector"):
         name = vitals.last.instance
         if vitals.since("no_calibration"):
-            what = "no CameraInfo comes: frames are dropped, since nothing can be placed"
+            what = "no CameraInfo comes: frames are dropped, since detections get no positions"
             hint = "Give the camera its calibration: --set camera.options.calibration=FILE."
             return [problem("calibration", what, hint, name)]
         if vitals.since("wrong_size"):
@@ -156,11 +156,11 @@ def calibration(evidence: Evidence) -> Sequence[Finding]:
             return [problem("calibration", what, hint, name)]
     if not evidence.infos:
         return []
-    told = ", ".join(f"{i.camera} {i.width}x{i.height}" for i in evidence.infos.values())
-    return [ok("calibration", f"known: {told}")]
+    listing = ", ".join(f"{i.camera} {i.width}x{i.height}" for i in evidence.infos.values())
+    return [ok("calibration", f"known: {listing}")]
 
 
-def transforms(evidence: Evidence) -> Sequence[Finding]:
+def transforms(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether it is known where the cameras stand."""
     for vitals in evidence.of("tracker"):
         if "no transform" in vitals.last.reason:
@@ -174,11 +174,11 @@ def transforms(evidence: Evidence) -> Sequence[Finding]:
             return [warning("odometry", what, hint, vitals.last.instance)]
     if not evidence.transforms:
         return []
-    told = ", ".join(f"{t.child} in {t.parent}" for t in evidence.transforms.values())
-    return [ok("transform", f"known: {told}")]
+    listing = ", ".join(f"{t.child} in {t.parent}" for t in evidence.transforms.values())
+    return [ok("transform", f"known: {listing}")]
 
 
-def depth(evidence: Evidence) -> Sequence[Finding]:
+def depth(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether depth images hold anything."""
     for vitals in evidence.of("detector"):
         empty, came = vitals.since("no_depth"), vitals.since("frames")
@@ -192,7 +192,7 @@ def depth(evidence: Evidence) -> Sequence[Finding]:
     return []
 
 
-def model(evidence: Evidence) -> Sequence[Finding]:
+def model(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether networks fail."""
     for service, counter in (("detector", "model_errors"), ("reid", "embedder_errors")):
         for vitals in evidence.of(service):
@@ -202,17 +202,17 @@ def model(evidence: Evidence) -> Sequence[Finding]:
     return []
 
 
-def load(evidence: Evidence) -> Sequence[Finding]:
+def load(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether the machine keeps up."""
     slow = [v for v in evidence.vitals.values() if _slowness(v)]
     if not slow:
         return [ok("load", "everyone keeps up")] if evidence.vitals else []
-    told = "; ".join(f"{v.last.instance} is {_slowness(v)}" for v in slow)
+    listing = "; ".join(f"{v.last.instance} is {_slowness(v)}" for v in slow)
     hint = (
         "Choose a smaller model (people4d models), run more detectors (people4d scale detector=2) "
         "or send fewer frames (--set camera.stride=2)."
     )
-    return [warning("load", told, hint, *(v.last.instance for v in slow))]
+    return [warning("load", listing, hint, *(v.last.instance for v in slow))]
 
 
 def _slowness(vitals: Vitals) -> str:
@@ -221,60 +221,60 @@ def _slowness(vitals: Vitals) -> str:
     return next((p for p in parts if "too slow" in p or "overflows" in p), "")
 
 
-def hanging(evidence: Evidence) -> Sequence[Finding]:
+def hanging(evidence: Evidence) -> Sequence[Diagnostic]:
     """Look whether anyone does not go on."""
     stalled = [v for v in evidence.vitals.values() if v.last.state == "stalled"]
     if not stalled:
         return []
-    told = "; ".join(f"{v.last.instance} is stalled: {v.last.reason}" for v in stalled)
+    listing = "; ".join(f"{v.last.instance} is stalled: {v.last.reason}" for v in stalled)
     hint = (
         "With people4d up it is started again when that lasts, and its log then says in which "
         f"line it was: people4d logs {stalled[0].last.service}. kill -9 does so at once."
     )
-    return [problem("hanging", told, hint, *(v.last.instance for v in stalled))]
+    return [problem("hanging", listing, hint, *(v.last.instance for v in stalled))]
 
 
-def people(evidence: Evidence) -> Sequence[Finding]:
-    """Look whether anybody is found, placed and told."""
+def people(evidence: Evidence) -> Sequence[Diagnostic]:
+    """Check that people are detected, have positions and are tracked."""
     found = [d for message in evidence.detections for d in message.detections]
     if not evidence.detections:
         return []
     if not found:
-        what = f"the detector finds nobody in {len(evidence.detections)} frames"
+        what = f"the detector finds no person in {len(evidence.detections)} frames"
         hint = (
-            "Is anybody there, upright, lit, and nearer than about 8 m? Look at what it sees: "
+            "Are people in view, upright, lit, and nearer than about 8 m? See its images: "
             "people4d up --report DIR."
         )
         return [warning("people", what, hint)]
-    placed = sum(d.position_m is not None for d in found)
-    if not placed:
+    with_position = sum(d.position_m is not None for d in found)
+    if not with_position:
         what = f"{len(found)} people are found, none of them has a position"
         hint = "Depth is missing where people are: are they within the sensor's range?"
         return [problem("people", what, hint)]
     shown = [len(message.tracks) for message in evidence.tracks]
     if evidence.tracks and not any(shown):
-        what = f"{placed} people are found with a position, but no track is told"
+        what = f"{with_position} people are found with a position, but no track is published"
         hint = "Does each stay for tracker.strongsort3d.n_init frames? See people4d ps for losses."
         return [warning("people", what, hint)]
     return []
 
 
-def output(evidence: Evidence) -> Sequence[Finding]:
-    """Look whether people are told."""
-    seen: list[Tracks] = [m for m in evidence.tracks if m.tracks]
+def output(evidence: Evidence) -> Sequence[Diagnostic]:
+    """Check that people are published."""
+    non_empty: list[Tracks] = [m for m in evidence.tracks if m.tracks]
     if not evidence.tracks:
         if not evidence.of("tracker"):
             return []
         hint = "What stands above explains it; else see people4d logs tracker."
         return [problem("output", "no message about people comes", hint)]
     rate_hz = len(evidence.tracks) / max(evidence.elapsed_s, 0.1)
-    most = max((len(m.tracks) for m in seen), default=0)
+    most = max((len(m.tracks) for m in non_empty), default=0)
     return [ok("output", f"{rate_hz:.0f} messages about people a second, of up to {most} people")]
 
 
-def others(findings: Sequence[Finding], evidence: Evidence) -> list[Finding]:
+def others(diagnostics: Sequence[Diagnostic], evidence: Evidence) -> list[Diagnostic]:
     """Return what processes say of themselves and no check explains."""
-    explained = {name for finding in findings for name in finding.about}
+    explained = {name for diagnostic in diagnostics for name in diagnostic.about}
     said = []
     for name, vitals in sorted(evidence.vitals.items()):
         if vitals.fault and name not in explained and vitals.last.state != "starting":
@@ -290,7 +290,7 @@ CHECKS: tuple[Check, ...] = (
 )
 
 
-def examine(evidence: Evidence) -> list[Finding]:
-    """Return the findings of all checks, in the order in which a frame meets its fate."""
-    findings = [finding for check in CHECKS for finding in check(evidence)]
-    return findings + others(findings, evidence)
+def examine(evidence: Evidence) -> list[Diagnostic]:
+    """Return the diagnostics of all checks, in the order of the pipeline."""
+    diagnostics = [diagnostic for check in CHECKS for diagnostic in check(evidence)]
+    return diagnostics + others(diagnostics, evidence)

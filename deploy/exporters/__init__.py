@@ -1,1 +1,1 @@
-"""What others' monitoring gets, through their own libraries."""
+"""Exporters for Prometheus and OpenTelemetry, through their own libraries."""

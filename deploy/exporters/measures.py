@@ -1,11 +1,11 @@
-"""What heartbeats tell, as measures that Prometheus and OpenTelemetry share."""
+"""Measures from heartbeats that Prometheus and OpenTelemetry share."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
 
 from common.runtime.losses import losses
-from deploy.monitor import Way, clocks_of
+from deploy.monitor import FramePath, clocks_of
 from people4d.messages import Health
 from people4d.messages.status import State
 
@@ -58,8 +58,8 @@ class Sample:
 class Exporter(Protocol):
     """Hands on what a system tells."""
 
-    def add_way(self, way: Way) -> None:
-        """Take the way of a frame."""
+    def add_frame_path(self, path: FramePath) -> None:
+        """Take the path of a frame."""
         ...
 
     def add_healths(self, healths: Sequence[Health]) -> None:

@@ -11,7 +11,7 @@ from opentelemetry.sdk.trace import SpanProcessor, TracerProvider
 
 from common.runtime.latency import Part, summed
 from deploy.exporters.measures import BUCKETS_S, MEASURES, samples
-from deploy.monitor import Way
+from deploy.monitor import FramePath
 from people4d.messages import Health
 
 MAX_PROCESSES = 256
@@ -56,35 +56,35 @@ class OtelExporter:
             )
             create(f"people4d.{name}", [self._observe(name)], measure.unit, measure.text)
 
-    def add_way(self, way: Way) -> None:
-        """Take the way of a frame."""
-        tracks, whole = way.tracks, way.whole
+    def add_frame_path(self, path: FramePath) -> None:
+        """Take the path of a frame."""
+        tracks, end_to_end = path.tracks, path.end_to_end
         frame = self._frames.start_span(
             "frame",
-            start_time=whole.start_ns,
+            start_time=end_to_end.start_ns,
             attributes={
                 "people4d.camera": tracks.camera,
                 "people4d.sequence": tracks.sequence,
                 "people4d.stamp_ns": tracks.stamp_ns,
                 "people4d.people": len(tracks.tracks),
-                **_clock(whole),
+                **_clock(end_to_end),
             },
         )
         inside = trace.set_span_in_context(frame)
-        for part in (*way.parts, *way.beside):
+        for part in (*path.parts, *path.beside):
             tracer = self._tracer(part.service, part.instance, part.process.partition("@")[2])
             piece = tracer.start_span(
                 part.name, inside, start_time=part.start_ns, attributes=_clock(part)
             )
             # A span cannot end before it begins; the attribute tells that it did.
             piece.end(max(part.end_ns, part.start_ns))
-        frame.end(max(whole.end_ns, whole.start_ns))
-        for part in [*summed(way.parts), *summed(way.beside)]:
+        frame.end(max(end_to_end.end_ns, end_to_end.start_ns))
+        for part in [*summed(path.parts), *summed(path.beside)]:
             labels = {"service": part.service, "instance": part.instance, "stage": part.stage}
             if part.ms >= 0:
                 self._stage.record(part.ms / 1e3, labels)
-        if whole.ms >= 0:
-            self._latency.record(whole.ms / 1e3, {"camera": tracks.camera})
+        if end_to_end.ms >= 0:
+            self._latency.record(end_to_end.ms / 1e3, {"camera": tracks.camera})
 
     def add_healths(self, healths: Sequence[Health]) -> None:
         """Take the fresh heartbeats of all processes; those that are not in it are gone."""
@@ -127,11 +127,11 @@ class OtelExporter:
 
 def _clock(part: Part) -> dict[str, float | bool]:
     """Return what clocks of different hosts bring into a piece, nothing on one host."""
-    told: dict[str, float | bool] = {}
+    attributes: dict[str, float | bool] = {}
     if part.error_ns is None:
-        told["people4d.clocks_compared"] = False
+        attributes["people4d.clocks_compared"] = False
     elif part.error_ns:
-        told["people4d.clock_error_ms"] = part.error_ns / 1e6
+        attributes["people4d.clock_error_ms"] = part.error_ns / 1e6
     if part.ms < 0:
-        told["people4d.duration_ms"] = part.ms
-    return told
+        attributes["people4d.duration_ms"] = part.ms
+    return attributes

@@ -9,7 +9,7 @@ from prometheus_client.registry import Collector
 
 from common.runtime.latency import summed
 from deploy.exporters.measures import BUCKETS_S, MEASURES, Sample, samples
-from deploy.monitor import Way
+from deploy.monitor import FramePath
 from people4d.errors import People4dError
 from people4d.messages import Health
 
@@ -43,7 +43,7 @@ class PrometheusExporter:
             PIECE,
             registry=registry,
         )
-        self._whole = Histogram(
+        self._end_to_end = Histogram(
             "people4d_latency_seconds",
             "Time from the first stage of a frame to its people here",
             ("camera",),
@@ -71,17 +71,17 @@ class PrometheusExporter:
         """Port that it listens at."""
         return self._server.server_port
 
-    def add_way(self, way: Way) -> None:
-        """Take the way of a frame."""
-        for part in [*summed(way.parts), *summed(way.beside)]:
+    def add_frame_path(self, path: FramePath) -> None:
+        """Take the path of a frame."""
+        for part in [*summed(path.parts), *summed(path.beside)]:
             labels = (part.service, part.instance, part.stage)
             if part.ms < 0:
                 self._negative.labels(*labels).inc()
             else:
                 self._stages.labels(*labels).observe(part.ms / 1e3)
-        camera = way.tracks.camera
-        self._whole.labels(camera).observe(way.whole.ms / 1e3)
-        confirmed = sum(person.state == "confirmed" for person in way.tracks.tracks)
+        camera = path.tracks.camera
+        self._end_to_end.labels(camera).observe(path.end_to_end.ms / 1e3)
+        confirmed = sum(person.state == "confirmed" for person in path.tracks.tracks)
         self._people.labels(camera).set(confirmed)
 
     def add_healths(self, healths: Sequence[Health]) -> None:

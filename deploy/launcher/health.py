@@ -1,4 +1,4 @@
-"""How the launcher knows that a service is healthy."""
+"""Health of services as the launcher checks it."""
 
 import socket
 import subprocess
@@ -81,8 +81,8 @@ class Heartbeats:
 def of_instance(healths: Sequence[Health], instance: str, pid: int = 0) -> Health | None:
     """Return the heartbeat of a process on this machine, None if there is none.
 
-    Each machine has a watchdog-1, and in a container a machine has another name: only where nobody
-    of that name is here, that of another machine counts.
+    Each machine has a watchdog-1, and in a container a machine has another name: a process of
+    another machine counts only where none of that name runs here.
 
     Args:
         healths: All that came.

@@ -147,10 +147,10 @@ class Launcher:
 
     def _late(self, processes: list[Process], timeout_s: float) -> LaunchError:
         late = processes[0]
-        told = {p.name: self.heartbeats.of_instance(p.name, p.pid) for p in processes}
+        healths = {p.name: self.heartbeats.of_instance(p.name, p.pid) for p in processes}
         reason = "it runs, but sends no heartbeat" if late.pid else f"it is {late.state}"
         for process in processes:
-            health = told[process.name]
+            health = healths[process.name]
             if health and health.state not in ("ready", "degraded"):
                 late, reason = process, f"it is {health.state}: {health.reason}"
         return self._failure(late.name, f"is not ready after {timeout_s:.0f} s; {reason}")

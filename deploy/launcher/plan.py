@@ -30,8 +30,8 @@ PORT = 7447
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What the user asks for.
+class LaunchRequest:
+    """Launch request: options of `people4d up`.
 
     Args:
         robot: Name of the robot.
@@ -65,58 +65,62 @@ class Wish:
         return f"tcp/{HOST if self.host == '0.0.0.0' else self.host}:{self.port}"
 
 
-def plan(wish: Wish) -> tuple[Service, ...]:
-    """Return the services of a wish, in an order in which they can be started.
+def plan(request: LaunchRequest) -> tuple[Service, ...]:
+    """Return the services of a request, in an order in which they can be started.
 
     Raises:
-        ConfigError: The wish names services that do not run, or files that cannot be read.
+        ConfigError: The request names services that do not run, or files that cannot be read.
     """
-    settings = list(wish.settings)
-    if wish.report:
-        settings.append(setting(f"{REPORT}.folder", str(wish.report.absolute())))
-    asked = {REPORT: wish.report is not None, GAIT: wish.gait, VISUAL: wish.visual_odometry}
+    settings = list(request.settings)
+    if request.report:
+        settings.append(setting(f"{REPORT}.folder", str(request.report.absolute())))
+    asked = {
+        REPORT: request.report is not None,
+        GAIT: request.gait,
+        VISUAL: request.visual_odometry,
+    }
     profiles = {PROCESSES} | {name for name, wanted in asked.items() if wanted}
-    services = compose.read(wish.compose, variables(wish), profiles)
+    services = compose.read(request.compose, variables(request), profiles)
     arguments = _arguments(settings, services)
-    replicas = replicas_of(wish.scale, services)
-    return tuple(_adapt(service, wish, arguments, replicas) for service in services)
+    replicas = replicas_of(request.scale, services)
+    return tuple(_adapt(service, request, arguments, replicas) for service in services)
 
 
-def router_of(services: Sequence[Service], wish: Wish) -> str:
+def router_of(services: Sequence[Service], request: LaunchRequest) -> str:
     """Return the endpoint of the router that services meet at: their own, or another host's."""
     if any(service.name == ROUTER for service in services):
-        return wish.connect
-    return wish.environment.get("PEOPLE4D_CONNECT") or wish.connect
+        return request.connect
+    return request.environment.get("PEOPLE4D_CONNECT") or request.connect
 
 
-def variables(wish: Wish) -> dict[str, str]:
+def variables(request: LaunchRequest) -> dict[str, str]:
     """Return the values that the compose file's variables have on this machine."""
-    config = wish.config or Path(wish.environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
+    config = request.config or Path(request.environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
     if not config.is_file():
         raise ConfigError(f"configuration file {config} does not exist", "Check the path.")
     local = {
-        "PEOPLE4D_ROUTER_LISTEN": f"tcp/{wish.host}:{wish.port}",
+        "PEOPLE4D_ROUTER_LISTEN": f"tcp/{request.host}:{request.port}",
         "PEOPLE4D_PEER_LISTEN": "tcp/127.0.0.1:0",
     }
     fixed = {
-        "PEOPLE4D_ROBOT": wish.robot,
+        "PEOPLE4D_ROBOT": request.robot,
         "PEOPLE4D_CONFIG_INSIDE": str(config.absolute()),
-        "PEOPLE4D_CONNECT_INSIDE": wish.connect,
+        "PEOPLE4D_CONNECT_INSIDE": request.connect,
     }
-    keys = wish.environment.get("PEOPLE4D_KEYS")
+    keys = request.environment.get("PEOPLE4D_KEYS")
     if keys:  # a container has them elsewhere
         fixed["PEOPLE4D_KEYS_INSIDE"] = str(Path(keys).absolute())
-    return local | dict(wish.environment) | fixed
+    return local | dict(request.environment) | fixed
 
 
-def check_source(wish: Wish) -> None:
+def check_source(request: LaunchRequest) -> None:
     """Check that a camera is named somewhere, before anything is started.
 
     Raises:
         ConfigError: Nowhere is a source.
     """
-    named = any(text.startswith(f"{CAMERA}.source=") for text in wish.settings)
-    values = variables(wish)
+    named = any(text.startswith(f"{CAMERA}.source=") for text in request.settings)
+    values = variables(request)
     if named or values.get("PEOPLE4D_CAMERA_SOURCE"):
         return
     try:
@@ -151,7 +155,7 @@ def replicas_of(scale: Sequence[str], services: Sequence[Service]) -> dict[str, 
         services: The services with the numbers that hold where nothing is said.
 
     Raises:
-        ConfigError: A wish names no service, or several processes of one that runs once.
+        ConfigError: A request names no service, or several processes of one that runs once.
     """
     replicas = {service.name: service.replicas for service in services}
     for text in scale:
@@ -177,12 +181,12 @@ def _known(name: str, services: Mapping[str, object]) -> None:
 
 def _adapt(
     service: Service,
-    wish: Wish,
+    request: LaunchRequest,
     arguments: Mapping[str, list[str]],
     replicas: Mapping[str, int],
 ) -> Service:
     # A report is on one pass over the recording: a camera that starts again would spoil it.
-    once = wish.report is not None and service.name == CAMERA
+    once = request.report is not None and service.name == CAMERA
     return replace(
         service,
         command=(*service.command, *arguments[service.name]),

@@ -21,7 +21,7 @@ Progress = Callable[[str, str], None]
 
 def scale(
     state: State,
-    wishes: Sequence[str],
+    requests: Sequence[str],
     heartbeats: Heartbeats,
     timeout_s: float,
     progress: Progress,
@@ -30,17 +30,17 @@ def scale(
 
     Args:
         state: Its folder.
-        wishes: "service=number".
+        requests: "service=number".
         heartbeats: Where its services tell how they are.
         timeout_s: Longest time until a new process works.
         progress: Told of each change: name of the service or process, what happened.
 
     Raises:
-        ConfigError: A wish names no service, or one that runs only once.
+        ConfigError: A request names no service, or one that runs only once.
         LaunchError: A new process does not come up; it is left as it is.
     """
     services = read_plan(state)
-    numbers = replicas_of(wishes, services)
+    numbers = replicas_of(requests, services)
     services = tuple(replace(s, replicas=numbers[s.name]) for s in services)
     supervisor = Supervisor(state)
     added, removed = supervisor.rescale(services)
@@ -60,7 +60,7 @@ def read_plan(state: State) -> tuple[Service, ...]:
     """Return the services that a system was started with.
 
     Raises:
-        People4dError: Nobody has noted them.
+        People4dError: The plan of the run is missing or damaged.
     """
     try:
         return msgspec.json.decode(state.plan_file.read_bytes(), type=tuple[Service, ...])

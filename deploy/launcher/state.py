@@ -20,7 +20,7 @@ POLL_S = 0.05
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
-    """What a running system was started with."""
+    """Record of a running system: what it was started with."""
 
     robot: str  # name of the robot
     connect: str  # endpoint of its router, for example tcp/127.0.0.1:7447
@@ -133,7 +133,7 @@ class State:
         for number in (signal.SIGTERM, signal.SIGKILL):
             _signal(self.leftovers(), number)
             deadline_s = time.monotonic() + grace_s
-            # A zombie has no mark, so one that nobody buries does not count as alive.
+            # A zombie has no mark, so one that is never reaped does not count as alive.
             while (alive := self.leftovers()) and time.monotonic() < deadline_s:
                 time.sleep(POLL_S)
         if alive:

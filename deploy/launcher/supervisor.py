@@ -67,7 +67,7 @@ AUTORESTART = {
 
 @dataclass(frozen=True)
 class Process:
-    """What supervisord knows of one process.
+    """One process as supervisord reports it.
 
     Args:
         name: Instance, for example detector-1.
@@ -87,17 +87,17 @@ class Process:
 
     @property
     def finished(self) -> bool:
-        """Whether it ended by itself and well."""
+        """True if it ended by itself with exit status 0."""
         return self.state == "EXITED" and self.exit_status == 0
 
     @property
     def ended_badly(self) -> bool:
-        """Whether it ended with an error; supervisord may be about to start it again."""
+        """True if it ended with an error; supervisord may be about to start it again."""
         return self.state == "EXITED" and self.exit_status != 0
 
     @property
     def gave_up(self) -> bool:
-        """Whether supervisord starts it no more."""
+        """True if supervisord starts it no more."""
         return self.state in ("FATAL", "UNKNOWN")
 
 

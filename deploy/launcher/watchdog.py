@@ -25,14 +25,14 @@ from people4d.messages import Health, Message
 
 SERVICE = "watchdog"
 ROUTER = "router"
-LOOK_NS = 500_000_000
-TOLD_S = 60.0
+PERIOD_NS = 500_000_000
+REPORT_S = 60.0
 DEAD_S = 10.0
 TRACE_S = 0.1  # that a process has to write down where it hangs
 
 
 class WatchdogConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """When a process hangs. All values are this project's."""
+    """Limits above which a process hangs. All values are this project's."""
 
     silent_s: float = 4.0  # [s] without a heartbeat, of which two come in a second
     # [s] in which a process says that it is stalled, which it does 2 s after it took a message that
@@ -52,7 +52,7 @@ class WatchdogConfig(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Supervised(Protocol):
-    """What runs the processes."""
+    """Supervisor of the processes."""
 
     def processes(self) -> Mapping[str, Process]:
         """Return all processes by name."""
@@ -65,7 +65,7 @@ class Supervised(Protocol):
 
 @dataclass(slots=True)
 class _Heard:
-    """What the heartbeats of one process told."""
+    """Last heartbeat of one process."""
 
     pid: int
     last_s: float  # monotonic, of the last one
@@ -73,8 +73,8 @@ class _Heard:
     stalled_s: float | None = None  # monotonic, of the first one of this stall
 
 
-class Watch:
-    """Who hangs, by heartbeats; knows no clock and ends nobody.
+class HangDetector:
+    """Processes that hang, found by their heartbeats; without a clock or side effects.
 
     Args:
         config: When a process hangs.
@@ -83,7 +83,7 @@ class Watch:
     def __init__(self, config: WatchdogConfig) -> None:
         self._config = config
         self._heard: dict[str, _Heard] = {}
-        self._looked_s: float | None = None
+        self._checked_s: float | None = None
 
     def hear(self, health: Health, now_s: float) -> None:
         """Note a heartbeat."""
@@ -107,14 +107,15 @@ class Watch:
         watched = [p for p in running if p.name in self._heard]
         found = {p.name: why for p in watched if (why := self._why(p, now_s))}
         silent = [name for name in found if self._is_silent(name, now_s)]
-        if len(silent) == len(watched) > 1:  # who hears nobody at all may be deaf
+        # A watchdog that hears no process at all may itself be cut off.
+        if len(silent) == len(watched) > 1:
             return {name: why for name, why in found.items() if name.startswith(f"{ROUTER}-")}
         return found
 
     def _excuse(self, now_s: float) -> None:
-        """Let nobody suffer for a time in which this process itself did not run."""
-        asleep_s = 0.0 if self._looked_s is None else now_s - self._looked_s - 3 * LOOK_NS / 1e9
-        self._looked_s = now_s
+        """Excuse processes for a time in which this process itself did not run."""
+        asleep_s = 0.0 if self._checked_s is None else now_s - self._checked_s - 3 * PERIOD_NS / 1e9
+        self._checked_s = now_s
         if asleep_s > 0:
             for heard in self._heard.values():
                 heard.last_s = min(now_s, heard.last_s + asleep_s)
@@ -152,13 +153,13 @@ class WatchdogNode(Node):
         self._config = config
         self._host = host
         self._supervised = supervised
-        self._watch = Watch(config)
+        self._watch = HangDetector(config)
         self._due_ns = 0
         self._ended_s: dict[str, deque[float]] = {}  # monotonic, by process
         self._killed: dict[str, tuple[int, float]] = {}  # process number and monotonic time
         self._counters: Counter[str] = Counter(restarts=0)
         self._now_s = 0.0
-        self._last: tuple[float, str] = (-TOLD_S, "")
+        self._last: tuple[float, str] = (-REPORT_S, "")
         self._left_alone: dict[str, str] = {}
         self._gone = ""
 
@@ -172,8 +173,8 @@ class WatchdogNode(Node):
         """Look twice a second whether anyone hangs."""
         self._now_s = now_ns / 1e9
         if now_ns >= self._due_ns:
-            self._due_ns = now_ns + LOOK_NS
-            self._look(self._now_s)
+            self._due_ns = now_ns + PERIOD_NS
+            self._check(self._now_s)
         return ()
 
     def wake_ns(self) -> int | None:
@@ -184,14 +185,14 @@ class WatchdogNode(Node):
         """Tell who was ended lately, and who is left alone."""
         problems = [*self._left_alone.values(), *filter(None, [self._gone])]
         when_s, what = self._last
-        lately = [what] if self._now_s - when_s < TOLD_S else []
+        lately = [what] if self._now_s - when_s < REPORT_S else []
         return Status(
             state="degraded" if problems else "ready",
             reason="; ".join(problems or lately),
             counters=dict(self._counters),
         )
 
-    def _look(self, now_s: float) -> None:
+    def _check(self, now_s: float) -> None:
         try:
             processes = self._supervised.processes()
             hung = self._watch.hung(processes, now_s)

@@ -35,7 +35,7 @@ FRAME_ID = "map"
 
 
 @dataclass(frozen=True)
-class Wish:
+class LaunchRequest:
     """What is followed in what.
 
     Args:
@@ -52,11 +52,11 @@ class Wish:
     box: Box | None
 
 
-def follow(wish: Wish, watch: Watch) -> Iterator[int]:
+def follow(request: LaunchRequest, watch: Watch) -> Iterator[int]:
     """Follow people; yield the stamp of each frame that was done.
 
     Args:
-        wish: What is followed.
+        request: What is followed.
         watch: Told of every frame in which people could be looked for.
 
     Raises:
@@ -64,8 +64,8 @@ def follow(wish: Wish, watch: Watch) -> Iterator[int]:
         ModelError: A model is absent.
     """
     camera = msgspec.structs.replace(
-        wish.method.camera,
-        source=wish.source,
+        request.method.camera,
+        source=request.source,
         playback="lockstep",
         answer="detections",
         window=1,
@@ -73,25 +73,27 @@ def follow(wish: Wish, watch: Watch) -> Iterator[int]:
         loop=False,
     )
     return (
-        _follow_all(camera, wish, watch) if wish.box is None else _follow_box(camera, wish, watch)
+        _follow_all(camera, request, watch)
+        if request.box is None
+        else _follow_box(camera, request, watch)
     )
 
 
-def _follow_all(camera: CameraConfig, wish: Wish, watch: Watch) -> Iterator[int]:
-    method = wish.method
+def _follow_all(camera: CameraConfig, request: LaunchRequest, watch: Watch) -> Iterator[int]:
+    method = request.method
     # What has not come when the next frame is asked for never comes.
     tracker = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
-    nodes = [*pipeline(method.detector, method.reid, tracker), build(wish.gait, watch)]
+    nodes = [*pipeline(method.detector, method.reid, tracker), build(request.gait, watch)]
     for step in play(camera, nodes):
         yield from (m.stamp_ns for m in step.messages if isinstance(m, RgbdFrame))
 
 
-def _follow_box(camera: CameraConfig, wish: Wish, watch: Watch) -> Iterator[int]:
-    places, counters = Places(wish.gait.base), Counter(dict.fromkeys(COUNTERS, 0))
-    seen = Seen(id=1, box_xyxy_px=np.array(wish.box, np.float64))
+def _follow_box(camera: CameraConfig, request: LaunchRequest, watch: Watch) -> Iterator[int]:
+    places, counters = Places(request.gait.base), Counter(dict.fromkeys(COUNTERS, 0))
+    seen = Seen(id=1, box_xyxy_px=np.array(request.box, np.float64))
     people: People | None = None
     info: CameraInfo | None = None
-    config = by_colour(wish.gait)
+    config = by_colour(request.gait)
     for step in play(camera, [_Answer()]):
         for message in step.messages:
             if isinstance(message, StaticTransform | MovingTransform | Odometry):

@@ -10,7 +10,7 @@ import msgspec
 from common.config import load
 from common.drawing.tiles import Tile, grid
 from deploy.launcher.plan import CONFIG_FILE
-from evaluation.gait.following import Box, Wish, follow
+from evaluation.gait.following import Box, LaunchRequest, follow
 from evaluation.gait.log import Log
 from evaluation.gait.viewer import Viewer
 from evaluation.methods import read_method
@@ -34,7 +34,7 @@ STILLS, COLUMNS = 6, 2
 Told = Callable[[str, float], None]
 
 
-def read_wish(source: str, box: Box | None, preset: str, settings: Sequence[str]) -> Wish:
+def read_wish(source: str, box: Box | None, preset: str, settings: Sequence[str]) -> LaunchRequest:
     """Return what is to be done.
 
     Args:
@@ -50,28 +50,28 @@ def read_wish(source: str, box: Box | None, preset: str, settings: Sequence[str]
     own = [text.removeprefix(SERVICE) for text in told if text.startswith(SERVICE)]
     method = read_method("", [text for text in told if not text.startswith(SERVICE)])
     gait = load(GaitConfig, "gait", CONFIG_FILE, own)
-    return Wish(source=source, method=method, gait=gait, box=box)
+    return LaunchRequest(source=source, method=method, gait=gait, box=box)
 
 
 class Report:
     """Follows people and writes down what was found.
 
     Args:
-        wish: What is followed.
+        request: What is followed.
         folder: Of the files.
         video: Whether each frame is drawn.
         figures: Whether plots are drawn, which takes matplotlib.
     """
 
-    def __init__(self, wish: Wish, folder: Path, video: bool, figures: bool) -> None:
-        cascade = msgspec.structs.replace(wish.gait.cascade, keep_details=True)
-        self._wish = replace(wish, gait=msgspec.structs.replace(wish.gait, cascade=cascade))
+    def __init__(self, request: LaunchRequest, folder: Path, video: bool, figures: bool) -> None:
+        cascade = msgspec.structs.replace(request.gait.cascade, keep_details=True)
+        self._wish = replace(request, gait=msgspec.structs.replace(request.gait, cascade=cascade))
         self._folder, self._figures = folder, figures
         self._draws_all = video
         self._video: Video | None = None
         self._stills: EvenSample[Tile] = EvenSample(2 * STILLS)
         self._viewer: Viewer | None = None
-        self.log = Log(wish.gait.steps)
+        self.log = Log(request.gait.steps)
 
     def run(self, told: Told) -> None:
         """Go through the recording, telling the share of it that is done.
@@ -143,19 +143,19 @@ def make_folder(folder: Path) -> None:
         raise SourceError(f"folder {folder} cannot be made: {error.strerror}") from error
 
 
-def frame_count(wish: Wish) -> int:
+def frame_count(request: LaunchRequest) -> int:
     """Return about how many frames will be played; at least 1.
 
     Raises:
         SourceError: The source is of no kind that is known.
     """
-    camera = wish.method.camera
-    if scenarios.is_scenario(wish.source):
-        scenario = load_scenario(split_seed(wish.source.removeprefix(scenarios.PREFIX))[0])
+    camera = request.method.camera
+    if scenarios.is_scenario(request.source):
+        scenario = load_scenario(split_seed(request.source.removeprefix(scenarios.PREFIX))[0])
         frames = round(scenario.duration_s * scenario.camera.fps)
-    elif kind_of(wish.source) == "plugin":
+    elif kind_of(request.source) == "plugin":
         frames = camera.max_frames
     else:
-        frames = describe(Path(wish.source)).frames
+        frames = describe(Path(request.source)).frames
     frames = -(-frames // camera.stride)
     return max(min(frames, camera.max_frames or frames), 1)

@@ -23,7 +23,7 @@ from deploy.cli.export import feed, otlp_exporter, prometheus_exporter
 from deploy.exporters.measures import Exporter
 from deploy.exporters.otel import OtelExporter
 from deploy.exporters.prometheus import PrometheusExporter
-from deploy.monitor import Way, clocks_of
+from deploy.monitor import FramePath, clocks_of
 from people4d.client import Client
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import Span
@@ -39,15 +39,15 @@ def give(exporter: Exporter, frames: int) -> None:
     exporter.add_healths(healths())
     clocks = clocks_of(healths())
     for number in range(frames):
-        exporter.add_way(way(number, trace_of(number), clocks))
+        exporter.add_frame_path(path(number, trace_of(number), clocks))
 
 
-def way(number: int, trace: Sequence[Span], clocks: Mapping[str, Offset]) -> Way:
-    """Return the way of a frame, beside which its people were placed for 5 ms."""
+def path(number: int, trace: Sequence[Span], clocks: Mapping[str, Offset]) -> FramePath:
+    """Return the path of a frame, beside which its people were placed for 5 ms."""
     total = whole(trace, clocks)
     assert total is not None
     beside = parts([span("detector.locate", 20 * number + 36, 20 * number + 41, "detector-1@nuc")])
-    return Way(tracks(number), parts(trace, clocks), beside, total)
+    return FramePath(tracks(number), parts(trace, clocks), beside, total)
 
 
 def fetched(exporter: PrometheusExporter) -> dict[tuple[str, frozenset[str]], float]:
@@ -107,7 +107,7 @@ def test_negative_times_are_counted_not_hidden(prometheus: PrometheusExporter) -
     # A tracker host whose clock is 250 ms behind, and not compared.
     behind = [s for s in trace_of(0) if "tracker" not in s.stage]
     behind += [s for s in trace_of(-25) if "tracker" in s.stage]
-    prometheus.add_way(way(0, behind, {}))
+    prometheus.add_frame_path(path(0, behind, {}))
     labels = frozenset({"service=tracker", "instance=tracker-1", "stage=transport"})
     got = fetched(prometheus)
     assert got["people4d_stage_negative_total", labels] == 1

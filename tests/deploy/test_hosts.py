@@ -4,22 +4,24 @@ from pathlib import Path
 
 import pytest
 
-from deploy.launcher.plan import COMPOSE_FILE, Wish, plan, router_of
+from deploy.launcher.plan import COMPOSE_FILE, LaunchRequest, plan, router_of
 from people4d.errors import ConfigError
 
 HOSTS = COMPOSE_FILE.parent / "hosts"
 ROUTER = "tcp/192.168.1.7:7447"
 
 
-def wish(host: str, environment: dict[str, str]) -> Wish:
-    return Wish(compose=HOSTS / f"{host}.yaml", host="0.0.0.0", port=7000, environment=environment)
+def request(host: str, environment: dict[str, str]) -> LaunchRequest:
+    return LaunchRequest(
+        compose=HOSTS / f"{host}.yaml", host="0.0.0.0", port=7000, environment=environment
+    )
 
 
 def test_the_host_of_the_camera_has_the_router(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    wanted = wish("nuc", {"PEOPLE4D_KEYS": "keys/nuc", "PEOPLE4D_CONNECT": ROUTER})
+    wanted = request("nuc", {"PEOPLE4D_KEYS": "keys/nuc", "PEOPLE4D_CONNECT": ROUTER})
     services = {service.name: service for service in plan(wanted)}
     assert router_of(list(services.values()), wanted) == "tcp/127.0.0.1:7000"
     assert services["router"].environment["PEOPLE4D_LISTEN"] == "tcp/0.0.0.0:7000"
@@ -32,7 +34,7 @@ def test_the_host_of_the_camera_has_the_router(
 
 
 def test_the_host_of_the_tracker_goes_to_the_router_of_another() -> None:
-    wanted = wish("tracker", {"PEOPLE4D_KEYS": "/keys/tracker", "PEOPLE4D_CONNECT": ROUTER})
+    wanted = request("tracker", {"PEOPLE4D_KEYS": "/keys/tracker", "PEOPLE4D_CONNECT": ROUTER})
     services = plan(wanted)
     assert {service.name for service in services} == {"tracker", "watchdog"}
     assert router_of(services, wanted) == ROUTER
@@ -43,4 +45,4 @@ def test_the_host_of_the_tracker_goes_to_the_router_of_another() -> None:
 
 def test_without_a_router_to_go_to_nothing_is_started() -> None:
     with pytest.raises(ConfigError, match="variable PEOPLE4D_CONNECT is not set: endpoint of the"):
-        plan(wish("tracker", {"PEOPLE4D_KEYS": "/keys/tracker"}))
+        plan(request("tracker", {"PEOPLE4D_KEYS": "/keys/tracker"}))

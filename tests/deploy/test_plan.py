@@ -6,17 +6,19 @@ import pytest
 
 from common.config import setting
 from deploy.compose import Service
-from deploy.launcher.plan import Wish, check_source, plan
+from deploy.launcher.plan import LaunchRequest, check_source, plan
 from people4d.errors import ConfigError
 
 
-def planned(wish: Wish) -> dict[str, Service]:
-    return {service.name: service for service in plan(wish)}
+def planned(launch: LaunchRequest) -> dict[str, Service]:
+    return {service.name: service for service in plan(launch)}
 
 
 def test_settings_reach_their_service_in_order() -> None:
-    wish = Wish(settings=["tracker.sort3d.t_lost=5", "tracker.frame_id=odom"], environment={})
-    services = planned(wish)
+    launch = LaunchRequest(
+        settings=["tracker.sort3d.t_lost=5", "tracker.frame_id=odom"], environment={}
+    )
+    services = planned(launch)
     assert services["tracker"].command[3:] == (
         *("--set", "sort3d.t_lost=5"),
         *("--set", "frame_id=odom"),
@@ -31,7 +33,9 @@ def test_text_stays_text_whatever_it_looks_like() -> None:
 
 
 def test_scale_and_endpoints() -> None:
-    services = planned(Wish(scale=["detector=2"], port=7555, host="0.0.0.0", environment={}))
+    services = planned(
+        LaunchRequest(scale=["detector=2"], port=7555, host="0.0.0.0", environment={})
+    )
     assert services["detector"].instances == ("detector-1", "detector-2")
     assert services["detector"].environment["PEOPLE4D_CONNECT"] == "tcp/127.0.0.1:7555"
     assert services["detector"].environment["PEOPLE4D_LISTEN"] == "tcp/127.0.0.1:0"
@@ -39,51 +43,54 @@ def test_scale_and_endpoints() -> None:
 
 
 def test_a_report_adds_its_service_and_plays_the_source_once(tmp_path: Path) -> None:
-    services = planned(Wish(report=tmp_path, environment={}))
+    services = planned(LaunchRequest(report=tmp_path, environment={}))
     assert services["report"].command[-1] == setting("folder", str(tmp_path))
     assert services["camera"].restart == "no"
-    assert "report" not in planned(Wish(environment={}))
-    assert planned(Wish(environment={}))["camera"].restart == "on-failure"
+    assert "report" not in planned(LaunchRequest(environment={}))
+    assert planned(LaunchRequest(environment={}))["camera"].restart == "on-failure"
 
 
 def test_gait_runs_only_if_asked_for() -> None:
-    assert "gait" not in planned(Wish(environment={}))
-    services = planned(Wish(gait=True, settings=["gait.people_max=2"], environment={}))
+    assert "gait" not in planned(LaunchRequest(environment={}))
+    services = planned(LaunchRequest(gait=True, settings=["gait.people_max=2"], environment={}))
     assert services["gait"].command[-2:] == ("--set", "people_max=2")
     assert "gait" in [one.service for one in services["camera"].depends_on]
 
 
 def test_motion_is_seen_in_pictures_only_if_asked_for() -> None:
-    assert "visual_odometry" not in planned(Wish(environment={}))
+    assert "visual_odometry" not in planned(LaunchRequest(environment={}))
     settings = ["visual_odometry.planar=false"]
-    services = planned(Wish(visual_odometry=True, settings=settings, environment={}))
+    services = planned(LaunchRequest(visual_odometry=True, settings=settings, environment={}))
     assert services["visual_odometry"].command[-2:] == ("--set", "planar=false")
     assert "visual_odometry" in [one.service for one in services["camera"].depends_on]
 
 
 @pytest.mark.parametrize(
-    ("wish", "message"),
+    ("launch", "message"),
     [
-        (Wish(settings=["nobody.field=1"]), "there is no service 'nobody'"),
-        (Wish(settings=["gait.people_max=2"]), "gait does not run unless asked for. Add --gait"),
-        (Wish(scale=["gait=2"], gait=True), "gait runs once"),
-        (Wish(settings=["tracker=1"]), "Write service.field=value"),
-        (Wish(settings=["tracker.field"]), "Write service.field=value"),
-        (Wish(scale=["detector"]), "Write service=number"),
-        (Wish(scale=["nobody=2"]), "there is no service 'nobody'"),
-        (Wish(config=Path("none.toml")), "none.toml does not exist"),
+        (LaunchRequest(settings=["nobody.field=1"]), "there is no service 'nobody'"),
+        (
+            LaunchRequest(settings=["gait.people_max=2"]),
+            "gait does not run unless asked for. Add --gait",
+        ),
+        (LaunchRequest(scale=["gait=2"], gait=True), "gait runs once"),
+        (LaunchRequest(settings=["tracker=1"]), "Write service.field=value"),
+        (LaunchRequest(settings=["tracker.field"]), "Write service.field=value"),
+        (LaunchRequest(scale=["detector"]), "Write service=number"),
+        (LaunchRequest(scale=["nobody=2"]), "there is no service 'nobody'"),
+        (LaunchRequest(config=Path("none.toml")), "none.toml does not exist"),
     ],
 )
-def test_refused_wishes(wish: Wish, message: str) -> None:
+def test_a_bad_launch_request_is_refused(launch: LaunchRequest, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        plan(wish)
+        plan(launch)
 
 
 def test_a_camera_must_be_named_somewhere(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"no camera is named.*--source"):
-        check_source(Wish(environment={}))
-    check_source(Wish(settings=["camera.source=x"], environment={}))
-    check_source(Wish(environment={"PEOPLE4D_CAMERA_SOURCE": "x"}))
+        check_source(LaunchRequest(environment={}))
+    check_source(LaunchRequest(settings=["camera.source=x"], environment={}))
+    check_source(LaunchRequest(environment={"PEOPLE4D_CAMERA_SOURCE": "x"}))
     file = tmp_path / "own.toml"
     file.write_text('[camera]\nsource = "my.camera:Camera"\n')
-    check_source(Wish(config=file, environment={}))
+    check_source(LaunchRequest(config=file, environment={}))

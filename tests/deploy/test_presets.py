@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from common.config import load
 from deploy.cli import app
-from deploy.launcher.plan import CONFIG_FILE, Wish, plan
+from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
 from people4d.errors import ConfigError
 from services.detector.config import DetectorConfig
 from services.detector.orientation.orientation import FaceRule, OrientationRule
@@ -106,7 +106,9 @@ def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:
 
 def test_a_later_setting_wins_over_the_preset() -> None:
     settings = [*preset_settings("seg-sort"), "detector.model=mine.onnx"]
-    (detector,) = (s for s in plan(Wish(settings=settings, environment={})) if s.name == "detector")
+    (detector,) = (
+        s for s in plan(LaunchRequest(settings=settings, environment={})) if s.name == "detector"
+    )
     arguments = detector.command[3:]
     overrides = [value for flag, value in zip(arguments[::2], arguments[1::2], strict=True) if flag]
     assert load(DetectorConfig, "detector", None, overrides, {}).model == "mine.onnx"

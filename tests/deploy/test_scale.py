@@ -8,7 +8,7 @@ import pytest
 from deploy.compose import read
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop
-from deploy.launcher.plan import Wish, plan
+from deploy.launcher.plan import LaunchRequest, plan
 from deploy.launcher.scale import read_plan, scale
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
@@ -36,9 +36,9 @@ def state(tmp_path: Path) -> Iterator[State]:
     stop(state)
 
 
-def told_by(state: State, *wishes: str) -> list[tuple[str, str]]:
+def told_by(state: State, *requests: str) -> list[tuple[str, str]]:
     told: list[tuple[str, str]] = []
-    scale(state, wishes, Heartbeats("", "robot"), TIMEOUT_S, lambda *what: told.append(what))
+    scale(state, requests, Heartbeats("", "robot"), TIMEOUT_S, lambda *what: told.append(what))
     return told
 
 
@@ -76,4 +76,4 @@ def test_wishes_that_cannot_be_met(state: State) -> None:
 @pytest.mark.parametrize("name", ["router", "camera", "tracker", "gt_bridge"])
 def test_what_cannot_share_its_work_runs_once(name: str) -> None:
     with pytest.raises(ConfigError, match=f"{name} runs once"):
-        plan(Wish(scale=[f"{name}=2"], environment={}))
+        plan(LaunchRequest(scale=[f"{name}=2"], environment={}))

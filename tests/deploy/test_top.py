@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from common.runtime.process_id import Place
 from deploy.cli import app
 from deploy.cli.top import drawn
-from deploy.monitor import Monitor, Picture
+from deploy.monitor import Monitor, SystemSnapshot
 from tests.deploy.traces import BEGIN_NS, MS, arrival, detections, healths, span, tracks
 from tests.network import Network
 
@@ -31,85 +31,85 @@ def monitor(frames: int = 4, clocks: bool = True) -> Monitor:
     return found
 
 
-def stages(picture: Picture, instance: str) -> dict[str, float]:
-    (process,) = [p for p in picture.processes if p.instance == instance]
+def stages(snapshot: SystemSnapshot, instance: str) -> dict[str, float]:
+    (process,) = [p for p in snapshot.processes if p.instance == instance]
     return {stage.stage: stage.p50_ms for stage in process.stages}
 
 
 def test_every_stage_of_every_instance_on_one_clock() -> None:
-    picture = monitor().picture(0.1)
-    assert stages(picture, "camera-1") == {"release": 1, "publish": 1}
+    snapshot = monitor().snapshot(0.1)
+    assert stages(snapshot, "camera-1") == {"release": 1, "publish": 1}
     # Frames 0 and 2 went to detector-1, 1 and 3 to detector-2.
-    assert stages(picture, "detector-2") == stages(picture, "detector-1")
-    assert stages(picture, "detector-1")["transport"] == 2
+    assert stages(snapshot, "detector-2") == stages(snapshot, "detector-1")
+    assert stages(snapshot, "detector-1")["transport"] == 2
     # 40 - 37 ms; the 250 ms between the clocks are gone.
-    assert stages(picture, "tracker-1")["transport"] == pytest.approx(3)
-    assert stages(picture, "top-1") == {"transport": pytest.approx(5), "decode": 1, "queue": 1}
-    assert picture.whole is not None
-    assert picture.whole.p50_ms == pytest.approx(52)
-    assert picture.whole.count == 4
-    (tracker,) = [p for p in picture.processes if p.instance == "tracker-1"]
+    assert stages(snapshot, "tracker-1")["transport"] == pytest.approx(3)
+    assert stages(snapshot, "top-1") == {"transport": pytest.approx(5), "decode": 1, "queue": 1}
+    assert snapshot.end_to_end is not None
+    assert snapshot.end_to_end.p50_ms == pytest.approx(52)
+    assert snapshot.end_to_end.count == 4
+    (tracker,) = [p for p in snapshot.processes if p.instance == "tracker-1"]
     errors = {stage.stage: stage.error_ms for stage in tracker.stages}
     assert (errors["transport"], errors["association"]) == (0.5, 0)
 
 
 def test_what_was_done_beside_the_way_is_no_part_of_it() -> None:
-    """The detector placed people for 5 ms while its pictures of them were under way."""
+    """The detector placed people for 5 ms while its pictures of them were under path."""
     found = Monitor(HERE, 10.0)
     beside = span("detector.locate", 37, 42, "detector-1@nuc")
     told = detections(0)
     told = msgspec.structs.replace(told, trace=(*told.trace, beside))
     assert found.add(arrival(told), BEGIN_NS, 0.0) is None
-    way = found.add(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 0.0)
-    assert way is not None
-    assert [(part.name, part.ms) for part in way.beside] == [("detector.locate", 5)]
-    assert "detector.locate" not in {part.name for part in way.parts}
-    (detector,) = [p for p in found.picture(0.0).processes if p.instance == "detector-1"]
+    path = found.add(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 0.0)
+    assert path is not None
+    assert [(part.name, part.ms) for part in path.beside] == [("detector.locate", 5)]
+    assert "detector.locate" not in {part.name for part in path.parts}
+    (detector,) = [p for p in found.snapshot(0.0).processes if p.instance == "detector-1"]
     assert [s.stage for s in detector.stages if s.beside] == ["locate"]
-    line = next(line for line in text(found.picture(0.0)).splitlines() if "locate" in line)
-    assert line.split() == ["locate", "5.00", "5.00", "5.00", "1", "beside", "the", "way"]
+    line = next(line for line in text(found.snapshot(0.0)).splitlines() if "locate" in line)
+    assert line.split() == ["locate", "5.00", "5.00", "5.00", "1", "beside", "the", "path"]
 
 
 def test_the_surest_process_tells_the_clock_of_its_host() -> None:
-    clocks = {c.host: (c.offset_ms, c.error_ms) for c in monitor().picture(0.1).clocks}
+    clocks = {c.host: (c.offset_ms, c.error_ms) for c in monitor().snapshot(0.1).clocks}
     assert clocks == {"nuc": (0, 0), "brain": (250, 0.5)}
 
 
 def test_clocks_that_nobody_compared_are_told() -> None:
-    picture = monitor(clocks=False).picture(0.1)
-    assert [(c.host, c.offset_ms) for c in picture.clocks] == [("brain", None), ("nuc", None)]
-    assert stages(picture, "tracker-1")["transport"] == 253
-    assert "(clocks not compared)" in text(picture)
+    snapshot = monitor(clocks=False).snapshot(0.1)
+    assert [(c.host, c.offset_ms) for c in snapshot.clocks] == [("brain", None), ("nuc", None)]
+    assert stages(snapshot, "tracker-1")["transport"] == 253
+    assert "(clocks not compared)" in text(snapshot)
 
 
 def test_health_is_shown_beside() -> None:
-    processes = {p.instance: p for p in monitor().picture(0.1).processes}
+    processes = {p.instance: p for p in monitor().snapshot(0.1).processes}
     detector = processes["detector-1"]
     assert detector.rates_hz == {"received_frames": 50, "sent_detections": 45}
     assert detector.ages_ms == {"frames": 12}
     assert detector.losses == {"dropped_frames": 10}  # left_frames are a replica's
     assert (detector.cpu_percent, detector.memory_mb) == (83, 128)
-    assert list(processes)[:2] == ["camera-1", "detector-1"]  # in the order of the way
+    assert list(processes)[:2] == ["camera-1", "detector-1"]  # in the order of the path
     assert (processes["reid-1"].state, processes["reid-1"].stages) == ("degraded", [])
 
 
 def test_what_is_old_is_gone() -> None:
-    picture = monitor().picture(60.0)
-    assert picture.whole is None
-    assert picture.processes == []
-    assert "no frame came through in the last 10 s" in text(picture)
+    snapshot = monitor().snapshot(60.0)
+    assert snapshot.end_to_end is None
+    assert snapshot.processes == []
+    assert "no frame came through in the last 10 s" in text(snapshot)
 
 
-def text(picture: Picture) -> str:
+def text(snapshot: SystemSnapshot) -> str:
     console = Console(width=120)
     with console.capture() as capture:
-        console.print(drawn(picture))
+        console.print(drawn(snapshot))
     return capture.get()
 
 
 def test_the_picture_by_eye() -> None:
-    lines = [line.split() for line in text(monitor().picture(0.1)).splitlines()]
-    assert lines[0][:5] == ["whole", "way", "p50", "52.0", "p95"]
+    lines = [line.split() for line in text(monitor().snapshot(0.1)).splitlines()]
+    assert lines[0][:5] == ["end", "to", "end", "p50", "52.0"]
     clocks = "clocks ahead of the router's: brain +250.00 ± 0.50 ms · nuc 0 (the router's)"
     assert lines[1] == clocks.split()
     assert ["detector-1", "ready", "83", "128", "frames", "50", "12", "detections", "45"] in [
@@ -146,9 +146,9 @@ def test_once_in_words_and_in_json(talking: str) -> None:
     shown, plain = (CliRunner().invoke(app, [*arguments, *more]) for more in ([], ["--json"]))
     assert (shown.exit_code, plain.exit_code) == (0, 0), shown.output + plain.output
     assert "association" in shown.stdout
-    picture = json.loads(plain.stdout)
-    assert {p["instance"] for p in picture["processes"]} >= {"tracker-1", "detector-2", "reid-1"}
-    assert picture["whole"]["count"] > 0
+    snapshot = json.loads(plain.stdout)
+    assert {p["instance"] for p in snapshot["processes"]} >= {"tracker-1", "detector-2", "reid-1"}
+    assert snapshot["end_to_end"]["count"] > 0
 
 
 def test_silence_is_told_with_the_mend() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import pytest
 
 from deploy.launcher.supervisor import Process, SupervisorGoneError
-from deploy.launcher.watchdog import Watch, WatchdogConfig, WatchdogNode
+from deploy.launcher.watchdog import HangDetector, WatchdogConfig, WatchdogNode
 from people4d.messages import Health
 from people4d.messages.status import State
 
@@ -31,7 +31,7 @@ class Machine:
     """Processes and their heartbeats, twice a second; who is in `hanging` sends none."""
 
     def __init__(self, *names: str) -> None:
-        self.watch = Watch(CONFIG)
+        self.watch = HangDetector(CONFIG)
         self.processes = {name: process(name) for name in names}
         self.states: dict[str, State] = dict.fromkeys(names, "ready")
         self.hanging: set[str] = set()

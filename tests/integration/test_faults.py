@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from common.transport.ports import free_port
 from common.transport.zenoh_bus import read_config
 from deploy.cli import app
-from deploy.doctor.finding import Finding
+from deploy.doctor.diagnostic import Diagnostic
 from deploy.launcher.state import State
 from people4d.codec import encode
 from people4d.messages import Detections, Embeddings, Health, Tracks
@@ -77,8 +77,8 @@ def doctor(system: System, robot: str) -> tuple[int, dict[str, str]]:
     """Run people4d doctor; return its exit code and what it finds that is not good, by check."""
     command = ["doctor", "--json", "--for", "2", "--robot", robot, "--connect", system.connect]
     result = CliRunner().invoke(app, command)
-    findings = msgspec.json.decode(result.stdout, type=list[Finding])
-    return result.exit_code, {f.check: f.what for f in findings if f.level != "ok"}
+    diagnostics = msgspec.json.decode(result.stdout, type=list[Diagnostic])
+    return result.exit_code, {f.check: f.what for f in diagnostics if f.level != "ok"}
 
 
 def test_the_doctor_finds_nothing_but_a_repeated_recording_and_a_busy_machine(
@@ -89,7 +89,7 @@ def test_the_doctor_finds_nothing_but_a_repeated_recording_and_a_busy_machine(
     status, found = doctor(working, "other")
     assert (status, found["robot"]) == (
         1,
-        f"nobody calls this robot other; there is {ROBOT}",
+        f"no robot is called other; there is {ROBOT}",
     )
 
 

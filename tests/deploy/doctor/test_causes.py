@@ -14,8 +14,8 @@ import pytest
 from common.runtime.loop import Loop
 from common.runtime.node import Node
 from common.runtime.process_id import Place
+from deploy.doctor.diagnostic import Diagnostic
 from deploy.doctor.evidence import listen
-from deploy.doctor.finding import Finding
 from deploy.doctor.running import examine
 from people4d.client import Client
 from people4d.codec import encode
@@ -114,15 +114,15 @@ class System:
         for thread in self._threads:
             thread.start()
 
-    def examine(self, check: str, robot: str = "") -> Finding:
+    def examine(self, check: str, robot: str = "") -> Diagnostic:
         """Listen until a check says something but good; it takes a moment to start."""
         with Client(self.network.endpoint, robot or self.robot, WAIT_S) as client:
             for _ in range(int(WAIT_S / LISTEN_S)):
-                findings = examine(listen(client, LISTEN_S))
-                found = [f for f in findings if f.check == check and f.level != "ok"]
+                diagnostics = examine(listen(client, LISTEN_S))
+                found = [f for f in diagnostics if f.check == check and f.level != "ok"]
                 if found:
                     return found[0]
-        raise AssertionError(f"nothing found but {findings}")
+        raise AssertionError(f"nothing found but {diagnostics}")
 
     def close(self) -> None:
         for loop in self._loops:
@@ -145,11 +145,11 @@ def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Netw
     with running(network, *nodes) as system:
         with Client(network.endpoint, system.robot, WAIT_S) as client:
             for _ in range(int(WAIT_S / LISTEN_S)):
-                findings = examine(listen(client, LISTEN_S))
-                if {f.level for f in findings} == {"ok"}:
+                diagnostics = examine(listen(client, LISTEN_S))
+                if {f.level for f in diagnostics} == {"ok"}:
                     break
-        assert {f.level for f in findings} == {"ok"}, findings
-        assert "of up to 1 people" in next(f.what for f in findings if f.check == "output")
+        assert {f.level for f in diagnostics} == {"ok"}, diagnostics
+        assert "of up to 1 people" in next(f.what for f in diagnostics if f.check == "output")
         # Asked under another name, the doctor knows the right one.
         assert system.examine("robot", "other").hint == f"Add --robot {system.robot}."
         # Words of another release.
@@ -183,7 +183,7 @@ def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Netw
             None,
             "expected 80x60 as in its CameraInfo, got 40x60",
         ),
-        ("people", Filming(), FixedModel([]), "the detector finds nobody"),
+        ("people", Filming(), FixedModel([]), "the detector finds no person"),
         ("model", Filming(), FailingModel([]), "out of memory"),
         ("load", Filming(), SlowModel([person()]), "detector-1 is too slow"),
     ],

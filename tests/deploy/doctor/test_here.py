@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from common.transport.ports import free_port
 from deploy.cli import app
 from deploy.doctor import here
-from deploy.doctor.finding import Finding
+from deploy.doctor.diagnostic import Diagnostic
 from tests.security.guarded import guarded
 
 
@@ -19,71 +19,73 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("deploy.cli.doctor.CONNECT_S", 1.0)
 
 
-def doctor(folder: Path, *arguments: str, **environment: str) -> tuple[int, list[Finding]]:
-    """Run people4d doctor --json; return its exit code and findings."""
+def doctor(folder: Path, *arguments: str, **environment: str) -> tuple[int, list[Diagnostic]]:
+    """Run people4d doctor --json; return its exit code and diagnostics."""
     command = ["doctor", "--json", "--for", "0.5", *arguments]
     result = CliRunner().invoke(app, command, env={"PEOPLE4D_STATE": str(folder), **environment})
     assert result.stdout, result.stderr
-    return result.exit_code, msgspec.json.decode(result.stdout, type=list[Finding])
+    return result.exit_code, msgspec.json.decode(result.stdout, type=list[Diagnostic])
 
 
-def found(findings: list[Finding], check: str) -> Finding:
-    (finding,) = [f for f in findings if f.check == check and f.level != "ok"]
-    return finding
+def found(diagnostics: list[Diagnostic], check: str) -> Diagnostic:
+    (diagnostic,) = [f for f in diagnostics if f.check == check and f.level != "ok"]
+    return diagnostic
 
 
 def test_nothing_runs(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    status, findings = doctor(tmp_path, "--connect", endpoint)
+    status, diagnostics = doctor(tmp_path, "--connect", endpoint)
     assert status == 1
-    router = found(findings, "router")
-    assert router.what == f"nobody listens at {endpoint}"
+    router = found(diagnostics, "router")
+    assert router.what == f"no router listens at {endpoint}"
     assert "people4d up" in router.hint
 
 
 def test_without_keys_a_guarded_router_refuses(tmp_path: Path) -> None:
     with guarded(tmp_path, passwords=True) as network:
-        status, findings = doctor(tmp_path, "--connect", f"tcp/127.0.0.1:{network.port}")
+        status, diagnostics = doctor(tmp_path, "--connect", f"tcp/127.0.0.1:{network.port}")
     assert status == 1
-    router = found(findings, "router")
+    router = found(diagnostics, "router")
     assert "refuses this machine" in router.what
     assert "PEOPLE4D_KEYS" in router.hint
 
 
 def test_keys_of_another_folder(tmp_path: Path) -> None:
-    status, findings = doctor(tmp_path, "--connect", "tcp/127.0.0.1:1", PEOPLE4D_KEYS=str(tmp_path))
+    status, diagnostics = doctor(
+        tmp_path, "--connect", "tcp/127.0.0.1:1", PEOPLE4D_KEYS=str(tmp_path)
+    )
     assert status == 1
-    assert "holds neither operator.pem" in found(findings, "settings").what
+    assert "holds neither operator.pem" in found(diagnostics, "settings").what
 
 
 def test_an_endpoint_that_is_none(tmp_path: Path) -> None:
-    _, findings = doctor(tmp_path, "--connect", "192.168.1.7")
-    assert found(findings, "router").what == "'192.168.1.7' is no endpoint"
+    _, diagnostics = doctor(tmp_path, "--connect", "192.168.1.7")
+    assert found(diagnostics, "router").what == "'192.168.1.7' is no endpoint"
 
 
 def test_who_listens_may_be_no_router(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
-        _, findings = doctor(tmp_path, "--connect", endpoint)
-    assert found(findings, "router").what.startswith(f"{endpoint} refuses this machine")
+        _, diagnostics = doctor(tmp_path, "--connect", endpoint)
+    assert found(diagnostics, "router").what.startswith(f"{endpoint} refuses this machine")
 
 
-def settings(folder: Path, text: str, **environment: str) -> list[Finding]:
+def settings(folder: Path, text: str, **environment: str) -> list[Diagnostic]:
     file = folder / "own.toml"
     file.write_text(text)
     return list(here.settings(file, environment))
 
 
 def test_the_shipped_settings_and_models_are_good() -> None:
-    findings = list(here.settings(None, {}))
-    assert {f.level for f in findings} == {"ok"}
-    assert {f.check for f in findings} == {"settings", "model"}
+    diagnostics = list(here.settings(None, {}))
+    assert {f.level for f in diagnostics} == {"ok"}
+    assert {f.check for f in diagnostics} == {"settings", "model"}
 
 
 def test_settings_with_a_mistake(tmp_path: Path) -> None:
-    findings = settings(tmp_path, "[tracker]\ntrackr = 'sort3d'")
-    assert "has no field 'trackr'" in found(findings, "settings").what
-    assert found(findings, "settings").hint == "Did you mean tracker?"
+    diagnostics = settings(tmp_path, "[tracker]\ntrackr = 'sort3d'")
+    assert "has no field 'trackr'" in found(diagnostics, "settings").what
+    assert found(diagnostics, "settings").hint == "Did you mean tracker?"
     wrong = settings(tmp_path, "", PEOPLE4D_TRACKER_MAX_LOST_S="-1")
     assert "max_lost_s" in found(wrong, "settings").what
 
@@ -98,10 +100,10 @@ def test_a_model_that_is_missing_or_corrupt(
     model = tmp_path / "own.onnx"
     if content is not None:
         model.write_bytes(content)
-    finding = found(settings(tmp_path, f'[detector]\nmodel = "{model}"'), "model")
-    assert finding.what.startswith("detector: model file")
-    assert says in finding.what
-    assert finding.hint
+    diagnostic = found(settings(tmp_path, f'[detector]\nmodel = "{model}"'), "model")
+    assert diagnostic.what.startswith("detector: model file")
+    assert says in diagnostic.what
+    assert diagnostic.hint
 
 
 def test_a_log_s_last_error_says_why_a_process_is_down(tmp_path: Path) -> None:

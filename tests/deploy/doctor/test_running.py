@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deploy.doctor.diagnostic import Diagnostic
 from deploy.doctor.evidence import Evidence
-from deploy.doctor.finding import Finding
 from deploy.doctor.running import examine
 from people4d.messages import Detection, Detections, Health, Track, Tracks
 
@@ -80,7 +80,7 @@ class Heard:
         for name, count in counts.items():
             last[name] = first.get(name, 0) + count
 
-    def findings(self) -> list[Finding]:
+    def diagnostics(self) -> list[Diagnostic]:
         for name, (first, last) in self.counters.items():
             for counters, stamp_ns in ((first, 0), (last, S)):
                 told = health(
@@ -104,9 +104,9 @@ class Heard:
         self.evidence.present = self.evidence.present or present
         return examine(self.evidence)
 
-    def found(self, check: str) -> Finding:
-        """Return the finding of a check that is not content."""
-        (found,) = [f for f in self.findings() if f.check == check and f.level != "ok"]
+    def found(self, check: str) -> Diagnostic:
+        """Return the diagnostic of a check that is not content."""
+        (found,) = [f for f in self.diagnostics() if f.check == check and f.level != "ok"]
         assert found.hint
         return found
 
@@ -117,9 +117,9 @@ def heard() -> Heard:
 
 
 def test_of_a_system_that_works_nothing_is_said_but_good(heard: Heard) -> None:
-    findings = heard.findings()
-    assert {f.level for f in findings} == {"ok"}
-    told = {f.check: f.what for f in findings}
+    diagnostics = heard.diagnostics()
+    assert {f.level for f in diagnostics} == {"ok"}
+    told = {f.check: f.what for f in diagnostics}
     assert told["frames"] == "30 frames a second come"
     assert told["output"] == "30 messages about people a second, of up to 1 people"
     assert told["services"] == "camera, detector, router, tracker run"
@@ -136,7 +136,7 @@ def test_a_wrong_name_of_the_robot(heard: Heard) -> None:
     heard.counters.clear()
     heard.evidence.present = [("left", "tracker", "tracker-1"), ("right", "camera", "camera-1")]
     found = heard.found("robot")
-    assert found.what == "nobody calls this robot robot; there is left, right"
+    assert found.what == "no robot is called robot; there is left, right"
     assert found.hint == "Add --robot left."
 
 
@@ -187,7 +187,7 @@ def test_clocks_that_may_agree(heard: Heard, offset_ms: float, error_ms: float) 
     heard.fields["camera-1"] = {
         "gauges": {"clock_offset_ms": offset_ms, "clock_error_ms": error_ms}
     }
-    assert {f.level for f in heard.findings()} == {"ok"}
+    assert {f.level for f in heard.diagnostics()} == {"ok"}
 
 
 def test_clocks_apart_without_a_reference(heard: Heard) -> None:
@@ -216,7 +216,7 @@ def test_a_camera_that_sends_nothing_says_why(heard: Heard) -> None:
     heard.fields["detector-1"] = {"state": "degraded", "reason": "no frames for 5 s"}
     found = heard.found("frames")
     assert found.what == "camera-1 sends no frames: the source failed: unplugged"
-    assert [f.check for f in heard.findings() if f.level != "ok"] == ["frames"]
+    assert [f.check for f in heard.diagnostics() if f.level != "ok"] == ["frames"]
 
 
 def test_frames_that_do_not_arrive(heard: Heard) -> None:
@@ -254,7 +254,7 @@ def test_empty_depth(heard: Heard) -> None:
     assert "all zero in 30 of 30 frames" in heard.found("depth").what
     other = Heard()
     other.count("detector-1", no_depth=2, frames=30)  # a frame now and then is no fault
-    assert all(f.check != "depth" for f in other.findings())
+    assert all(f.check != "depth" for f in other.diagnostics())
 
 
 def test_a_model_that_fails(heard: Heard) -> None:
@@ -268,7 +268,7 @@ def test_overload(heard: Heard) -> None:
     heard.fields["detector-1"] = {"state": "degraded", "reason": reason}
     found = heard.found("load")
     assert (found.level, found.what) == ("warning", f"detector-1 is {reason}")
-    assert [f.check for f in heard.findings() if f.level != "ok"] == ["load"]
+    assert [f.check for f in heard.diagnostics() if f.level != "ok"] == ["load"]
 
 
 def test_one_that_is_busy_with_one_message_for_ever(heard: Heard) -> None:
@@ -281,13 +281,13 @@ def test_one_that_is_busy_with_one_message_for_ever(heard: Heard) -> None:
 def test_nobody_found_nobody_placed_nobody_told(heard: Heard) -> None:
     heard.people, heard.tracks = (), ()
     found = heard.found("people")
-    assert (found.level, found.what) == ("warning", "the detector finds nobody in 30 frames")
+    assert (found.level, found.what) == ("warning", "the detector finds no person in 30 frames")
     nowhere = Heard()
     nowhere.people = (NOWHERE,)
     assert nowhere.found("people").what == "30 people are found, none of them has a position"
     untold = Heard()
     untold.tracks = ()
-    assert "no track is told" in untold.found("people").what
+    assert "no track is published" in untold.found("people").what
 
 
 def test_what_no_check_explains_is_told_in_the_process_s_own_words(heard: Heard) -> None:
@@ -299,4 +299,4 @@ def test_what_no_check_explains_is_told_in_the_process_s_own_words(heard: Heard)
 def test_a_process_that_leaves_is_not_missed(heard: Heard) -> None:
     heard.evidence.hear(health("report-1"), 0)
     heard.evidence.hear(health("report-1", state="stopping"), 0)
-    assert {f.level for f in heard.findings()} == {"ok"}
+    assert {f.level for f in heard.diagnostics()} == {"ok"}
