@@ -12,8 +12,7 @@ from lab.depth.note import with_errors
 from lab.film import Film, FilmSettings, odometry, transforms
 from lab.scenario import load_scenario, split_seed
 from lab.world import World
-from services.camera.playback import SourceItem
-from services.camera.source import Source
+from services.camera.source import Source, SourceItem
 from services.camera.sources import read_options
 
 MAX_NS = 2**63 - 1  # later than any stamp

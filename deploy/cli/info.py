@@ -8,26 +8,46 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from lab.depth.note import LabNote
+from common.io.recording import open_recording
+from lab.depth.note import LabNote, read_note
 from services.camera.describe import Description, describe
+
+
+class Info(Description, frozen=True, kw_only=True):
+    """Contents of a recording, and the simulation that made it."""
+
+    lab: LabNote | None = None  # scenario, seed, depth sensor; None if it is not simulated
 
 
 def info(
     recording: Annotated[Path, typer.Argument(help="Recording, ROS bag or folder of images.")],
     json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
-    """Tell what a recording, bag or folder of images holds, and whether it can be played."""
-    description = describe(recording)
+    """Show what a recording, bag or folder of images holds, and whether it can be played."""
+    found = read_info(recording)
     if json:
-        typer.echo(msgspec.json.encode(description).decode())
+        typer.echo(msgspec.json.encode(found).decode())
         return
     console = Console(highlight=False, soft_wrap=True)
-    console.print(_facts(description))
-    if description.topics:
-        console.print(_topics(description))
+    console.print(_facts(found))
+    if found.topics:
+        console.print(_topics(found))
 
 
-def _facts(description: Description) -> Table:
+def read_info(path: Path) -> Info:
+    """Describe a recording, a ROS bag or a folder of images.
+
+    Raises:
+        SourceError: The path does not exist, is damaged, or is of no known kind.
+    """
+    description = describe(path)
+    lab = None
+    if description.kind == "recording" and description.calibration:
+        lab = read_note(open_recording(path))
+    return Info(**msgspec.structs.asdict(description), lab=lab)
+
+
+def _facts(description: Info) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     rate_hz = (description.frames - 1) / description.duration_s if description.duration_s else 0.0
     rate = f", {rate_hz:.1f} a second" if rate_hz > 0 else ""
@@ -35,9 +55,9 @@ def _facts(description: Description) -> Table:
         "path": description.path,
         "kind": description.kind,
         "duration": f"{description.duration_s:.1f} s",
-        "frames": f"{description.frames}{rate}",
+        "frames": f"{description.frames}{rate}" if description.frames else "none",
         "camera": _camera(description),
-        "mounted in": description.mounted_in or "unknown: say it with camera.mount_xyz_m, _rpy_rad",
+        "mounted in": description.mounted_in or "unknown: set camera.mount_xyz_m, mount_rpy_rad",
         "odometry": "yes" if description.has_odometry else "no",
         "truth": "yes" if description.has_truth else "no",
         "can be played": _playable(description),
@@ -50,9 +70,9 @@ def _facts(description: Description) -> Table:
 
 
 def _simulated(note: LabNote) -> str:
-    depth = "stored clean, the sensor's errors are added on playing"
-    if note.depth == "measured":
-        depth = "with the sensor's errors"
+    depth = "with the sensor's errors"
+    if note.depth == "clean":
+        depth = "stored clean, the sensor's errors are added on playing"
     return f"scenario {note.scenario}, seed {note.seed}; depth {depth}"
 
 

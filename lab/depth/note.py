@@ -73,6 +73,19 @@ def with_errors(config: DepthSensorConfig, changes: Mapping[str, Any]) -> DepthS
         raise ConfigError(f"the depth sensor cannot be changed so: {error}") from error
 
 
+def depth_sensor_of(
+    recording: Recording, info: CameraInfo, changes: Mapping[str, Any]
+) -> "CleanDepth | None":
+    """Return the sensor to apply to a camera of a recording; None if its depth has the errors.
+
+    Raises:
+        SourceError: The note is damaged, or of a later version.
+        ConfigError: A change is unknown or out of range.
+    """
+    note = read_note(recording)
+    return CleanDepth(note, info, changes) if note and note.depth == "clean" else None
+
+
 class CleanDepth:
     """Reads the clean depth of one camera as a depth sensor would.
 

@@ -1,4 +1,4 @@
-"""What a recording holds, told without playing it."""
+"""Contents of a recording, a bag or a folder, without playing it."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +7,6 @@ from typing import TypeVar
 import msgspec
 
 from common.io.recording import open_recording
-from lab.depth.note import LabNote
 from people4d.errors import SourceError
 from people4d.messages import CameraInfo
 from people4d.topics import prefix, topic_of_key
@@ -35,7 +34,7 @@ class TopicCount(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Description(msgspec.Struct, frozen=True, kw_only=True):
-    """What a recording holds."""
+    """Contents of a recording."""
 
     path: str
     kind: str  # recording, rosbag or folder
@@ -44,11 +43,10 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 0  # colour images
     calibration: CameraInfo | None = None  # of colour; None if it cannot be played
     registered: bool = False  # True: depth is moved into the view of colour while playing
-    mounted_in: str = ""  # frame that the camera's place is given in; empty if unknown
+    mounted_in: str = ""  # parent frame of the camera; empty if unknown
     has_odometry: bool = False
     has_truth: bool = False  # motion capture, or the virtual lab's
-    lab: LabNote | None = None  # of a simulated recording: scenario, seed, depth sensor
-    cut_short: bool = False  # True: it ends without its end mark; what lies before is there
+    cut_short: bool = False  # True: it has no end mark; the messages before are readable
     problem: str = ""  # why it cannot be played; empty if it can
 
 
@@ -56,7 +54,7 @@ def describe(path: Path) -> Description:
     """Describe a recording, a ROS bag or a folder of images.
 
     Raises:
-        SourceError: Nothing is there, or it is damaged or of no kind that is known.
+        SourceError: The path does not exist, is damaged, or is of no known kind.
     """
     kind = kind_of(str(path))
     if kind not in DESCRIBERS:
@@ -80,7 +78,6 @@ def _recording(path: Path) -> Description:
             frames=sum(t.count for t in topics if t.type in FRAMES),
             has_odometry="odometry" in summary.topics,
             has_truth="truth" in summary.topics,
-            lab=source.note if source else None,
             cut_short=summary.truncated,
             problem=problem,
         ),
@@ -125,7 +122,7 @@ def _folder(path: Path) -> Description:
 
 
 def _opened(source: Callable[[], S]) -> tuple[S | None, str]:
-    """Open a source, or tell why it cannot be played."""
+    """Open a source, or return why it cannot be played."""
     try:
         return source(), ""
     except SourceError as error:
@@ -133,14 +130,15 @@ def _opened(source: Callable[[], S]) -> tuple[S | None, str]:
 
 
 def _with_source(description: Description, source: Source | None) -> Description:
-    """Add what the source says of its camera."""
+    """Add the camera of the source."""
     if source is None:
         return description
     return msgspec.structs.replace(
         description,
         calibration=source.info,
-        registered=getattr(source, "registration", None) is not None,
+        registered=source.registration is not None,
         mounted_in=next((transform.parent for transform in source.transforms), ""),
+        problem=description.problem or ("" if description.frames else "it has no frames"),
     )
 
 

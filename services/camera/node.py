@@ -90,8 +90,8 @@ class CameraNode(Node):
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take an answer to a frame; the tick that follows sends the next. Pass motion on."""
         if self._motion and type(message) not in self.inputs:
-            hangs_on = [self._info.frame_id, *(t.parent for t in self._transforms)]
-            return self._motion.taken(message, hangs_on)
+            parents = [self._info.frame_id, *(t.parent for t in self._transforms)]
+            return self._motion.convert(message, parents)
         answer = ANSWERS[self._config.answer]
         if isinstance(message, answer) and getattr(message, "camera", "") == self._info.camera:
             self._pacing.answered(message.stamp_ns)
@@ -224,7 +224,7 @@ def _acquired_ns(reading: PrefetchedItem, capture: SourceFrame) -> int:
 
 
 def _motion(config: CameraConfig) -> "LiveMotion | None":
-    if not config.motion.used:
+    if not config.motion.enabled:
         return None
     from services.camera.ros.live_motion import LiveMotion  # noqa: PLC0415  # has the types of ROS
 

@@ -1,4 +1,4 @@
-"""Which part of a source is played, and how often."""
+"""Playback of a part of a source, once or in a loop."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -7,9 +7,7 @@ import msgspec
 
 from common.io.odometry_order import odometry_first
 from people4d.messages import MovingTransform, Odometry
-from services.camera.source import MotionMessage, Source, SourceFrame
-
-SourceItem = SourceFrame | MotionMessage
+from services.camera.source import Source, SourceFrame, SourceItem
 
 ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there is one frame only
 
@@ -21,9 +19,9 @@ class Selection:
     Args:
         start_s: Seconds left out at the beginning.
         duration_s: Seconds played; 0 plays all.
-        max_frames: Frames played, over all rounds; 0 plays all.
+        max_frames: Frames played in all; 0 plays all.
         stride: Every n-th frame is played.
-        loop: Begin anew at the end.
+        loop: Repeat from the start.
     """
 
     start_s: float = 0.0
@@ -34,10 +32,9 @@ class Selection:
 
 
 def play(source: Source, selection: Selection) -> Iterator[SourceItem]:
-    """Yield the selected part of a source, round after round if it loops.
+    """Yield the selected part of a source, again and again if it loops.
 
-    In each round the stamps rise by the time from first to last frame and one frame more, so that
-    they never fall back.
+    Each repetition shifts the stamps by the duration and one frame more, so that they always rise.
     """
     sent, shift_ns = 0, 0
     while True:

@@ -1,4 +1,4 @@
-"""A thread that reads ahead, so that decoding never holds up the node."""
+"""A thread that reads ahead, so that decoding never delays the node."""
 
 import threading
 import time
@@ -6,8 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from services.camera.playback import SourceItem
-from services.camera.source import SourceFrame
+from services.camera.source import SourceFrame, SourceItem
 
 MAX_ITEMS = 1024  # with odometry, of which there may be much between two frames
 RETRY_S = 1.0
@@ -15,10 +14,10 @@ RETRY_S = 1.0
 
 @dataclass(frozen=True)
 class PrefetchedItem:
-    """What was read and when.
+    """An item with the times of its reading.
 
     Args:
-        item: A capture or odometry.
+        item: A frame or a motion.
         start_ns: Wall clock when its reading began.
         end_ns: Wall clock when it was ready.
     """
@@ -34,8 +33,8 @@ class Prefetch:
     Args:
         play: Begins reading; called in the thread.
         frames: Frames that may wait.
-        live: The newest frame pushes out one that still waits, and a device that fails is tried
-            again; else reading waits for room and an error ends it.
+        live: The newest frame replaces one that waits, and a device that fails is tried again;
+            else reading waits for room and an error ends it.
     """
 
     def __init__(self, play: Callable[[], Iterator[SourceItem]], frames: int, live: bool) -> None:
@@ -48,13 +47,13 @@ class Prefetch:
         self._stopped = threading.Event()
         self._wake: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._run, name="camera-prefetch", daemon=True)
-        self.ended = False  # nothing more will come
+        self.ended = False  # no more items
         self.errors = 0  # times that reading failed
         self.reason = ""  # of the last failure, empty while a live device delivers
-        self.skipped = 0  # frames pushed out by newer ones
+        self.skipped = 0  # frames replaced by newer ones
 
     def start(self, wake: Callable[[], None]) -> None:
-        """Begin to read; `wake` is called from the thread whenever there is news."""
+        """Begin to read; `wake` is called from the thread after each change."""
         self._wake = wake
         self._thread.start()
 
@@ -84,7 +83,7 @@ class Prefetch:
             try:
                 self._read()
                 break
-            except Exception as error:  # whatever a camera's SDK or a foreign file brings about
+            except Exception as error:  # a camera's SDK or a foreign file may raise anything
                 self.errors += 1
                 self.reason = str(error) or type(error).__name__
             if not self._live:
@@ -120,10 +119,10 @@ class Prefetch:
         return self._frames < self._room and len(self._items) < MAX_ITEMS
 
     def _make_room(self, frame: bool) -> None:
-        """Push out the frames that wait if a newer one comes, and the oldest of too many."""
+        """Drop waiting frames for a newer one, and the oldest of too many items."""
         if frame and self._frames:
-            kept = [r for r in self._items if not isinstance(r.item, SourceFrame)]
+            motion = [one for one in self._items if not isinstance(one.item, SourceFrame)]
             self.skipped += self._frames
-            self._items, self._frames = deque(kept), 0
+            self._items, self._frames = deque(motion), 0
         if len(self._items) >= MAX_ITEMS:
             self._items.popleft()

@@ -1,17 +1,19 @@
 """RGB-D frames from the project's own recordings."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, Protocol, TypeVar
 
-import msgspec
+from msgspec import field
 
+from common import registry
+from common.config import Config
 from common.io.images import decompress
-from common.io.recording import open_recording
-from lab.depth.note import CleanDepth, read_note
-from people4d.errors import DecodeError, SourceError
+from common.io.recording import Recording, open_recording
+from people4d.errors import ConfigError, DecodeError, SourceError
 from people4d.messages import (
+    U16,
     CameraInfo,
     CompressedRgbdFrame,
     Message,
@@ -20,19 +22,40 @@ from people4d.messages import (
     RgbdFrame,
     StaticTransform,
 )
-from services.camera.source import MotionMessage, Source, SourceFrame
+from services.camera.source import Source, SourceFrame, SourceItem
 
 M = TypeVar("M", bound=Message)
 
+# Functions that make the depth sensor of a recording, by the metadata record that asks for one.
+# They take the recording, the calibration and changes of the sensor, and return None for depth
+# that is measured already. By name, since layers above the services provide them.
+DEPTH_SENSORS = {"lab": "lab.depth.note:depth_sensor_of"}
 
-class RecordingOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What can be chosen in a recording."""
 
-    camera: str = ""  # name of the camera to play; may be empty where there is only one
-    # Simulated recordings hold depth without errors. auto: the errors of a depth sensor are added,
-    # those that the recording names; off: depth comes as stored.
+class SimulatedSensor(Protocol):
+    """A depth sensor that is applied to the true depth in a recording."""
+
+    def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
+        """Return the readings of the sensor.
+
+        Args:
+            depth_mm: HxW, true depth in millimetres.
+            stamp_ns: Time of the frame.
+
+        Raises:
+            DecodeError: The image has another size than the calibration.
+        """
+        ...
+
+
+class RecordingOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Options of a recording."""
+
+    camera: str = ""  # name of the camera to play; may be empty if there is only one
+    # Simulated recordings hold depth without errors. auto: the errors of the depth sensor that the
+    # recording names are added; off: depth comes as stored.
     depth_sensor: Literal["auto", "off"] = "auto"
-    sensor: dict[str, Any] = {}  # errors to change, see lab.depth_config.DepthSensorConfig
+    sensor: dict[str, Any] = field(default_factory=dict)  # errors to change, see DepthSensorConfig
 
 
 class RecordingSource(Source):
@@ -40,12 +63,12 @@ class RecordingSource(Source):
 
     Args:
         path: The file.
-        options: Which camera, and what becomes of simulated depth.
+        options: Camera and depth sensor.
 
     Raises:
-        SourceError: The file is not a recording, or has no such camera, or is simulated and its
-            note of that is damaged.
-        ConfigError: The errors of the depth sensor cannot be changed so.
+        SourceError: The file is not a recording, has no such camera, or needs a depth sensor that
+            cannot be made.
+        ConfigError: The depth sensor has no such settings.
     """
 
     def __init__(self, path: Path, options: RecordingOptions) -> None:
@@ -60,37 +83,37 @@ class RecordingSource(Source):
                 "Set options.camera to one of them." if infos else "Record camera_info too.",
             )
         self.info = infos[self._camera]
-        self.note = read_note(self._recording) if options.depth_sensor == "auto" else None
-        self._clean = None
-        if self.note and self.note.depth == "clean":
-            self._clean = CleanDepth(self.note, self.info, options.sensor)
-        placed = {transform.child: transform for transform in self._all(StaticTransform)}
-        own = placed.pop(self.info.frame_id, None)
+        self._sensor = None
+        if options.depth_sensor == "auto":
+            self._sensor = _depth_sensor(self._recording, self.info, options.sensor)
+        transforms = {transform.child: transform for transform in self._all(StaticTransform)}
+        mount = transforms.pop(self.info.frame_id, None)
         cameras = {info.frame_id for info in infos.values()}
-        rest = [transform for child, transform in placed.items() if child not in cameras]
-        self.transforms = [own, *rest] if own else []
+        rest = [transform for child, transform in transforms.items() if child not in cameras]
+        self.transforms = [mount, *rest] if mount else []
 
-    def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
-        """Yield frames and odometry in the order in which they were recorded."""
-        kinds = (CompressedRgbdFrame, RgbdFrame, MovingTransform, Odometry)
-        for _, message in self._recording.messages(*kinds):
+    def __iter__(self) -> Iterator[SourceItem]:
+        """Yield frames and motion in the order in which they were recorded."""
+        types = (CompressedRgbdFrame, RgbdFrame, MovingTransform, Odometry)
+        for _, message in self._recording.messages(*types):
             if isinstance(message, Odometry | MovingTransform):
                 yield message
-            elif getattr(message, "camera", "") == self._camera:
-                capture = self._capture(message)
-                if capture:
-                    yield capture
+            elif (
+                isinstance(message, CompressedRgbdFrame | RgbdFrame)
+                and message.camera == self._camera
+            ):
+                frame = self._frame(message)
+                if frame:
+                    yield frame
         self.counters["bad_messages"] = self._recording.bad_messages
         self.counters["cut_short"] = int(self._recording.summary.truncated)
 
-    def _capture(self, message: Message) -> SourceFrame | None:
+    def _frame(self, message: CompressedRgbdFrame | RgbdFrame) -> SourceFrame | None:
         try:
             frame = decompress(message) if isinstance(message, CompressedRgbdFrame) else message
-            if not isinstance(frame, RgbdFrame):
-                return None
             depth_mm = frame.depth_mm
-            if self._clean:
-                depth_mm = self._clean.measure(depth_mm, frame.stamp_ns)
+            if self._sensor:
+                depth_mm = self._sensor.measure(depth_mm, frame.stamp_ns)
         except DecodeError:
             self.counters["bad_images"] += 1
             return None
@@ -100,3 +123,20 @@ class RecordingSource(Source):
         for _, message in self._recording.messages(kind):
             if isinstance(message, kind):
                 yield message
+
+
+def _depth_sensor(
+    recording: Recording, info: CameraInfo, changes: Mapping[str, Any]
+) -> SimulatedSensor | None:
+    name = next((name for name in recording.notes if name in DEPTH_SENSORS), None)
+    if name is None:
+        return None
+    try:
+        make = registry.find("depth sensor", DEPTH_SENSORS, name)
+    except ConfigError as error:
+        raise SourceError(
+            f"the recording holds depth without errors: {error.problem}",
+            "Set options.depth_sensor=off to play it so, or install the virtual lab.",
+        ) from error
+    sensor: SimulatedSensor | None = make(recording, info, changes)
+    return sensor

@@ -1,4 +1,4 @@
-"""What every RGB-D source looks like to the camera service: numpy out, no camera SDK."""
+"""Interface of RGB-D sources: numpy out, no camera SDK."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 from people4d.messages import U8, U16, CameraInfo, MovingTransform, Odometry, StaticTransform
+from services.camera.folder.registration import Registration
 
 MotionMessage: TypeAlias = Odometry | MovingTransform  # of the base, or of the camera on it
 
@@ -26,28 +27,32 @@ class SourceFrame:
     stamp_ns: int
 
 
+SourceItem: TypeAlias = SourceFrame | MotionMessage
+
+
 class Source(ABC):
     """A camera or a recording of one.
 
-    A source sets `info` in its constructor and yields captures, and odometry where it has any, in
-    the order in which they were taken. It may raise `SourceError` at any time; what came before
-    is used. A recording can be iterated more than once, from the start each time.
+    A source sets `info` in its constructor and yields frames, and odometry if it has any, in the
+    order of their acquisition. It may raise `SourceError` at any time; earlier items are used. A
+    recording can be iterated more than once, from the start each time.
     """
 
-    info: CameraInfo  # calibration; the configuration may overrule `camera` and `max_depth_m`
-    transforms: Sequence[StaticTransform] = ()  # where the camera sits, if the source knows
-    moves: bool = False  # True: what it yields tells where the camera sits, so no mount is needed
+    info: CameraInfo  # calibration; the configuration may override `camera` and `max_depth_m`
+    transforms: Sequence[StaticTransform] = ()  # pose of the camera, if known
+    registration: Registration | None = None  # moves depth into the view of colour
+    moves: bool = False  # True: it yields transforms of the camera, so no mount is needed
     counters: Mapping[str, int] = MappingProxyType({})  # events since opening, drops by cause
-    live: bool = False  # True: a device, whose newest capture matters; False: a recording
+    live: bool = False  # True: a device, whose newest frame matters; False: a recording
 
     @abstractmethod
-    def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
-        """Yield what the camera saw, oldest first."""
+    def __iter__(self) -> Iterator[SourceItem]:
+        """Yield frames and motion, oldest first."""
 
-    def part(self, start_s: float, duration_s: float) -> Iterator[SourceFrame | MotionMessage]:
-        """Yield what came from a time since the first item on, for some time.
+    def part(self, start_s: float, duration_s: float) -> Iterator[SourceItem]:
+        """Yield the items of a period since the first one.
 
-        A source that need not make what is left out has a method of its own.
+        A source that need not produce the rest overrides this method.
 
         Args:
             start_s: Seconds left out at the beginning.
@@ -59,7 +64,7 @@ class Source(ABC):
         for item in self:
             origin_ns = item.stamp_ns if origin_ns is None else origin_ns
             elapsed_ns = item.stamp_ns - origin_ns
-            # Once started never again: after a clock jump the elapsed time means nothing.
+            # Once started never again: after a clock jump the elapsed time is meaningless.
             started = started or elapsed_ns >= start_ns
             if started and length_ns and elapsed_ns > start_ns + length_ns:
                 return

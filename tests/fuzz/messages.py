@@ -133,7 +133,7 @@ def _motion(data: bytes, _: Path) -> None:
     """Decode what a robot tells of its motion; what passes is taken in as the camera does."""
     motion = MOTIONS[data[0] % len(MOTIONS) if data else 0]
     topic = motion.topics[data[1] % len(motion.topics) if len(data) > 1 else 0]
-    for told in motion.taken(topic.decode(data[2:]), ("base", "camera")):
+    for told in motion.convert(topic.decode(data[2:]), ("base", "camera")):
         encode(told)
 
 

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from common.io.images import decompress
 from common.io.recording import RecordingWriter, open_recording
 from deploy.cli import app
+from deploy.cli.info import read_info
 from deploy.cli.replay import clean_cameras, frame_of
 from lab.depth.depth_config import DepthSensorConfig
 from lab.depth.depth_sensor import DepthSensor
@@ -122,14 +123,14 @@ def test_replay_gives_the_same_with_pixels_and_compressed(tmp_path: Path) -> Non
         assert frame_of(message, None, pixels=False) is message
 
 
-def test_info_tells_that_it_is_simulated(tmp_path: Path) -> None:
+def test_info_shows_the_simulation(tmp_path: Path) -> None:
     path = recorded(tmp_path / "a.mcap", NOTE.values())
-    assert describe(path).lab == NOTE
+    assert read_info(path).lab == NOTE
     told = CliRunner().invoke(app, ["info", str(path)]).stdout
     assert "scenario crossing, seed 4; depth stored clean" in told
     as_json = json.loads(CliRunner().invoke(app, ["info", "--json", str(path)]).stdout)
     assert as_json["lab"]["sensor"]["noise_px"] == 0.1
-    assert describe(recorded(tmp_path / "b.mcap", None)).lab is None
+    assert read_info(recorded(tmp_path / "b.mcap", None)).lab is None
 
 
 @pytest.mark.parametrize(

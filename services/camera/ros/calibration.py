@@ -52,53 +52,53 @@ def intrinsics_of(message: Any, rectified: bool = False) -> Intrinsics:
 
 
 class TransformTree:
-    """A tree of transforms, some of which may move."""
+    """A tree of static and moving transforms."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, F64]] = {}
         self._moving = FrameParents()
 
     def add(self, message: Any) -> None:
-        """Take a tf2_msgs TFMessage of what stands; a transform that is not one is left out."""
+        """Add the valid static transforms of a tf2_msgs TFMessage."""
         for edge in edges_of(message):
             self._parents[edge.child] = (edge.parent, edge.matrix)
 
     def add_moving(self, message: Any) -> None:
-        """Take a tf2_msgs TFMessage of what moves: only what hangs on what counts."""
+        """Add the moving transforms of a tf2_msgs TFMessage, of which only the frames count."""
         for edge in edges_of(message):
             if edge.child not in self._parents:
                 self._moving.add(edge.parent, edge.child)
 
     def find(self, target: str, source: str) -> F64 | None:
-        """Return target_from_source, None if the tree does not connect them, or moves there."""
-        ours, theirs = self._ancestors(source.strip("/")), self._ancestors(target.strip("/"))
-        for frame, ancestor_from_source in ours.items():
-            if frame in theirs:
-                return invert(theirs[frame]) @ ancestor_from_source
+        """Return target_from_source, None without a static path between them."""
+        of_source, of_target = (self._ancestors(name.strip("/")) for name in (source, target))
+        for frame, ancestor_from_source in of_source.items():
+            if frame in of_target:
+                return invert(of_target[frame]) @ ancestor_from_source
         return None
 
     def climb(self, frame: str) -> list[tuple[str, str, F64 | None]]:
-        """Return the way from a frame to the root of its tree.
+        """Return the path from a frame to the root of its tree.
 
         Returns:
-            Parent, child and parent_from_child of each transform, nearest first; those that stand
-            in a row are one, and None is one that moves.
+            Parent, child and parent_from_child of each transform, nearest first; static ones in a
+            row are one, and None is a moving one.
         """
-        here, way, seen = frame.strip("/"), list[tuple[str, str, F64 | None]](), set[str]()
-        while here not in seen:
-            seen.add(here)
+        here, path, visited = frame.strip("/"), list[tuple[str, str, F64 | None]](), set[str]()
+        while here not in visited:
+            visited.add(here)
             top, top_from_here = list(self._ancestors(here).items())[-1]
             if top != here:
-                way.append((top, here, top_from_here))
-            (_, *above) = self._moving.above(top)[:2]
-            if not above:
+                path.append((top, here, top_from_here))
+            (_, *parents) = self._moving.ancestors(top)[:2]
+            if not parents:
                 break
-            way.append((above[0], top, None))
-            here = above[0]
-        return way
+            path.append((parents[0], top, None))
+            here = parents[0]
+        return path
 
     def _ancestors(self, frame: str) -> dict[str, F64]:
-        """Return ancestor_from_frame for the frame and all above it, nearest first."""
+        """Return ancestor_from_frame of the frame and its static ancestors, nearest first."""
         found = {frame: np.eye(4)}
         matrix = np.eye(4)
         while frame in self._parents:

@@ -1,4 +1,4 @@
-"""What a robot's ROS 2 tells now of its motion: odometry, wheels and transforms in CDR."""
+"""Live motion of the robot from its ROS 2: odometry, wheels and transforms in CDR."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -28,35 +28,35 @@ COUNTERS = ("moving_transforms", "live_odometry", "bad_transforms", "other_trans
 class TransformMessage(Message, frozen=True, kw_only=True):
     """One tf2_msgs/TFMessage; it never leaves this process."""
 
-    edges: tuple[StampedTransform, ...]
-    stand: bool  # whether they hold for ever
+    transforms: tuple[StampedTransform, ...]
+    static: bool
 
 
 class LiveMotion:
-    """The streams of others that tell how the camera moves.
+    """Topics of ROS 2 from which the motion of the camera follows.
 
-    Of all transforms only those are passed on that the camera hangs on; that from base to the
-    frame of its odometry only where no odometry tells it.
+    Only transforms between the camera and the root of its tree are passed on, and the one between
+    the base and the frame of its odometry only without odometry.
 
     Args:
-        config: Where they come from.
+        config: The topics.
 
     Raises:
         ConfigError: A key is not one.
     """
 
     def __init__(self, config: MotionConfig) -> None:
-        self.counters = Counter(dict.fromkeys(COUNTERS, 0)) if config.used else Counter[str]()
+        self.counters = Counter(dict.fromkeys(COUNTERS, 0))
         self._config = config
-        self._lineage = FrameParents()
+        self._parents = FrameParents()
         self._base: tuple[str, str] | None = None  # frames of odometry
-        self._heard = set[type[Message]]()
+        self._received = set[type[Message]]()
         self._wheels = WheelReader(config.wheels)
-        self.topics: Sequence[ForeignTopic] = tuple(self._topics()) if config.used else ()
+        self.topics: Sequence[ForeignTopic] = tuple(self._topics())
 
     def _topics(self) -> Sequence[ForeignTopic]:
         config, store = self._config, ros2_types()
-        told = []
+        topics = []
         for name, kind, read in (
             ("odometry", ODOMETRY, self._odometry),
             ("joints", JOINTS, self._joints),
@@ -65,33 +65,32 @@ class LiveMotion:
             if text:
                 decode = CdrDecoder(name, store, kind, read).decode
                 key = parse_key(f"motion.{name}", text, "odom")
-                told.append(
+                topics.append(
                     ForeignTopic(f"live_{name}", key, Odometry, 50, "queue", 256, "ROS", decode)
                 )
         for number, text in enumerate(config.transforms):
             key = parse_key("motion.transforms", text, "tf")
-            stand = key.endswith("tf_static")
-            read_ = _standing if stand else _moving
+            read_ = _static if key.endswith("tf_static") else _moving
             decode_ = CdrDecoder("transforms", store, TRANSFORMS, read_).decode
             topic = f"live_transforms{number or ''}"
-            told.append(
+            topics.append(
                 ForeignTopic(topic, key, TransformMessage, 100, "queue", 256, "ROS", decode_)
             )
-        return told
+        return topics
 
     @property
     def silent(self) -> list[str]:
-        """Keys on which nothing came so far."""
-        return [topic.key for topic in self.topics if topic.message not in self._heard]
+        """Keys without a message so far."""
+        return [topic.key for topic in self.topics if topic.message not in self._received]
 
-    def taken(self, message: Message, hangs_on: Sequence[str]) -> list[Message]:
-        """Return what a message of these streams tells of the camera.
+    def convert(self, message: Message, parents: Sequence[str]) -> list[Message]:
+        """Return the messages of ours that follow from a message of these topics.
 
         Args:
             message: As decoded.
-            hangs_on: Frames in which the camera was placed.
+            parents: Frame of the camera, and those that its transforms lead to.
         """
-        self._heard.add(type(message))
+        self._received.add(type(message))
         if isinstance(message, Odometry):
             self._base = message.frame_id, message.child_frame_id
             self.counters["live_odometry"] += 1
@@ -104,23 +103,23 @@ class LiveMotion:
             ]
         if not isinstance(message, TransformMessage):
             return []
-        for edge in message.edges:
-            self._lineage.add(frame_name(edge.parent), frame_name(edge.child))
-        above = {name for frame in hangs_on for name in self._lineage.above(frame)}
-        told: list[Message] = []
-        for edge in message.edges:
+        for edge in message.transforms:
+            self._parents.add(frame_name(edge.parent), frame_name(edge.child))
+        ancestors = {name for frame in parents for name in self._parents.ancestors(frame)}
+        converted: list[Message] = []
+        for edge in message.transforms:
             names = frame_name(edge.parent), frame_name(edge.child)
-            if names[1] not in above or names == self._base:
+            if names[1] not in ancestors or names == self._base:
                 self.counters["other_transforms"] += 1
                 continue
             try:
-                told.append(self._transform(edge, message.stand))
+                converted.append(self._transform(edge, message.static))
             except DecodeError:
                 self.counters["bad_transforms"] += 1
-        return told
+        return converted
 
-    def _transform(self, edge: StampedTransform, stand: bool) -> StaticTransform | MovingTransform:
-        if stand:
+    def _transform(self, edge: StampedTransform, static: bool) -> StaticTransform | MovingTransform:
+        if static:
             return static_transform(edge.parent, edge.child, edge.matrix)
         if edge.stamp_ns == 0:
             raise DecodeError("transform: expected a time in header.stamp, got 0")
@@ -140,12 +139,12 @@ class LiveMotion:
         return self._wheels.joints(message, _stamp_ns(message))
 
 
-def _standing(message: Any) -> TransformMessage:
-    return TransformMessage(stamp_ns=0, sequence=0, edges=_edges(message), stand=True)
+def _static(message: Any) -> TransformMessage:
+    return TransformMessage(stamp_ns=0, sequence=0, transforms=_edges(message), static=True)
 
 
 def _moving(message: Any) -> TransformMessage:
-    return TransformMessage(stamp_ns=0, sequence=0, edges=_edges(message), stand=False)
+    return TransformMessage(stamp_ns=0, sequence=0, transforms=_edges(message), static=False)
 
 
 def _edges(message: Any) -> tuple[StampedTransform, ...]:

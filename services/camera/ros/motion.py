@@ -1,4 +1,4 @@
-"""What moves, as messages of ROS tell it: odometry, transforms over time, wheels."""
+"""Motion in messages of ROS: odometry, transforms over time, wheels."""
 
 import math
 from collections.abc import Iterator
@@ -14,20 +14,20 @@ from people4d.messages import F64, MovingTransform, Odometry
 from services.camera.calibration import frame_name
 
 CLIMB_MAX = 32  # transforms between a camera and the root of its tree
-FRAMES_MAX = 4096  # remembered, so that made-up names fill no memory
+FRAMES_MAX = 4096  # bounds the memory that made-up names take
 
 
 class JointConfig(WheelConfig, frozen=True, kw_only=True):
     """A base whose wheels are joints of sensor_msgs/JointState, or two topics of std_msgs."""
 
-    # Radians, as ROS tells joints; else what the encoder counts in one turn of the wheel
+    # Radians, as joints of ROS have; else counts of the encoder in one turn of the wheel
     ticks_per_turn: float = math.tau
     joints: tuple[str, str] = ("wheel_left_joint", "wheel_right_joint")  # names of left and right
 
 
 @dataclass(frozen=True)
 class StampedTransform:
-    """One transform of a tf2_msgs/TFMessage, its names without slashes at their ends."""
+    """One transform of a tf2_msgs/TFMessage, its names without slashes at either end."""
 
     parent: str
     child: str
@@ -38,7 +38,7 @@ class StampedTransform:
         """Return it as a message of ours.
 
         Raises:
-            DecodeError: It cannot be one.
+            DecodeError: It is not rigid, or its stamp is out of range.
         """
         try:
             return MovingTransform(
@@ -53,7 +53,7 @@ class StampedTransform:
 
 
 def edges_of(message: Any) -> Iterator[StampedTransform]:
-    """Yield the transforms of a tf2_msgs/TFMessage; what is none is left out."""
+    """Yield the transforms of a tf2_msgs/TFMessage that are valid."""
     for item in message.transforms:
         t, q, stamp = item.transform.translation, item.transform.rotation, item.header.stamp
         try:
@@ -69,18 +69,18 @@ def edges_of(message: Any) -> Iterator[StampedTransform]:
 
 
 class FrameParents:
-    """Which frames a camera hangs on, by what transforms have told so far."""
+    """Parents of coordinate frames, from the transforms so far."""
 
     def __init__(self) -> None:
         self._parents: dict[str, str] = {}
 
     def add(self, parent: str, child: str) -> None:
-        """Take that a frame lies in another."""
+        """Add a frame and its parent."""
         if len(self._parents) < FRAMES_MAX or child in self._parents:
             self._parents[child] = parent
 
-    def above(self, frame: str) -> list[str]:
-        """Return a frame and all that it hangs on, nearest first."""
+    def ancestors(self, frame: str) -> list[str]:
+        """Return a frame and its ancestors, nearest first."""
         found = [frame]
         while frame in self._parents and len(found) <= CLIMB_MAX:
             frame = self._parents[frame]
@@ -118,7 +118,7 @@ def odometry_of(message: Any, stamp_ns: int, sequence: int) -> Odometry:
 
 
 class WheelReader:
-    """Odometry of a base whose wheels are told as joints, or each as a number.
+    """Odometry of a base from its wheels, which are joints or two numbers.
 
     Args:
         config: The base and the names of its joints.

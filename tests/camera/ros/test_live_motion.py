@@ -69,7 +69,7 @@ def test_transforms_by_hand() -> None:
     head = bytes.fromhex(words)
     got = topics()["tf"].decode(head[: 4 + 8 * math.ceil((len(head) - 4) / 8)] + numbers)
     assert isinstance(got, TransformMessage)
-    (edge,) = got.edges
+    (edge,) = got.transforms
     assert (edge.parent, edge.child, edge.stamp_ns) == ("a", "b", 5 * S + 7)
     assert edge.matrix[:3, 3].tolist() == [1, 2, 3]
 
@@ -111,7 +111,7 @@ def test_bad_bytes_raise_nothing_but_decode_error(
             told.append(str(error))
         else:
             assert type(message) is topic.message
-            motion.taken(message, ["b", "c"])
+            motion.convert(message, ["b", "c"])
     assert len(told) > 300
     assert max(map(len, told)) < 300
     assert "at most 1048576 bytes" in told[-1]
@@ -123,7 +123,7 @@ def test_what_has_no_time_is_refused() -> None:
     motion = LiveMotion(ALL)
     (tf_topic,) = (topic for topic in motion.topics if topic.key == "tf")
     timeless = tf_topic.decode(transforms(0, ("a", "b", (0, 0, 0), NO_TURN)))
-    assert motion.taken(timeless, ["b"]) == []
+    assert motion.convert(timeless, ["b"]) == []
     assert motion.counters["bad_transforms"] == 1
 
 
@@ -145,7 +145,7 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
     assert motion.silent == ["odom", "tf", "tf_static"]
 
     def taken(key: str, payload: bytes) -> list[Message]:
-        return motion.taken(by_key[key].decode(payload), ["camera", "tilt"])
+        return motion.convert(by_key[key].decode(payload), ["camera", "tilt"])
 
     (base,) = taken("odom", odometry(S))
     assert isinstance(base, Odometry)
@@ -178,7 +178,7 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
 def test_clock_offset_and_numbers() -> None:
     motion = LiveMotion(MotionConfig(odometry="zenoh:odom", offset_s=-0.1))
     (topic,) = motion.topics
-    told = [motion.taken(topic.decode(odometry(S + k)), [])[0] for k in range(3)]
+    told = [motion.convert(topic.decode(odometry(S + k)), [])[0] for k in range(3)]
     assert [(m.stamp_ns - S, m.sequence) for m in told] == [(k - S // 10, k) for k in range(3)]
 
 
@@ -189,7 +189,7 @@ def test_wheels_that_are_joints_make_odometry() -> None:
     (topic,) = motion.topics
     kind = "sensor_msgs/msg/JointState"
     for stamp_ns, right in ((S, 0.0), (2 * S, 2.0)):
-        (got,) = motion.taken(topic.decode(cdr(joints(ROS, stamp_ns, 0.0, right), kind)), [])
+        (got,) = motion.convert(topic.decode(cdr(joints(ROS, stamp_ns, 0.0, right), kind)), [])
     assert isinstance(got, Odometry)
     assert got.stamp_ns == 2 * S
     assert got.theta_rad == pytest.approx(0.5)

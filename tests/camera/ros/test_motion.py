@@ -199,10 +199,10 @@ def test_lineage() -> None:
     tree = FrameParents()
     for parent, child in (("map", "odom"), ("odom", "base"), ("base", "pan"), ("base", "arm")):
         tree.add(parent, child)
-    assert tree.above("pan") == ["pan", "base", "odom", "map"]
-    assert tree.above("alone") == ["alone"]
+    assert tree.ancestors("pan") == ["pan", "base", "odom", "map"]
+    assert tree.ancestors("alone") == ["alone"]
     tree.add("pan", "map")  # a loop ends
-    assert tree.above("base") == ["base", "odom", "map", "pan"]
+    assert tree.ancestors("base") == ["base", "odom", "map", "pan"]
 
 
 def joints(ros: Ros, stamp_ns: int, left: float, right: float) -> Any:
