@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from common.transport.access import PEOPLE, ROUTER, roles
-from common.transport.credentials import AUTHORITY, PASSWORDS
+from people4d.credentials import AUTHORITY, PASSWORDS
 from people4d.errors import ConfigError
 
 AUTHORITY_KEY = "ca.key"

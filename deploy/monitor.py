@@ -6,13 +6,13 @@ from typing import Self
 
 import msgspec
 
-from common.runtime.inbox import Arrival
 from common.runtime.latency import Part, Window, parts, percentiles, summed, whole
 from common.runtime.losses import losses
 from common.runtime.process_id import Place
 from common.transport.clock import Offset
 from common.transport.trace import Tracer
 from people4d.messages import Detections, Health, Span, Tracks
+from people4d.queue import Arrival
 
 FRESH_S = 3.0  # a process that has been silent for longer is gone
 MAX_PROCESSES = 256

@@ -1,17 +1,21 @@
-"""The few lines a planner needs: people as they are told, on any machine."""
+"""Client of a running system: the tracks around a robot in a few lines, on any machine."""
 
+import logging
 import os
 import time
 from collections.abc import Iterator
 from typing import TypeVar
 
-from common.runtime.inbox import Arrival, Inbox
-from common.transport.bus import Subscription
-from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.messages import Message, Tracks
-from people4d.topics import BY_MESSAGE, Topic
+from people4d.queue import Arrival, MessageQueue
+from people4d.session import Session, read_config
+from people4d.topics import BY_MESSAGE
 
 M = TypeVar("M", bound=Message)
+
+POLL_S = 0.2  # short waits let Ctrl-C through
+SILENCE_S = 5.0  # without any message, after which `subscribe` logs what it found
+LOG = logging.getLogger("people4d")
 
 
 class Client:
@@ -28,22 +32,19 @@ class Client:
     """
 
     def __init__(self, connect: str = "", robot: str = "robot", timeout_s: float = 3.0) -> None:
-        environment = dict(os.environ)
-        if connect:
-            environment["PEOPLE4D_CONNECT"] = connect
-        config = read_config(None, "client", environment)
-        self.bus = ZenohBus(config, robot, connect_timeout_s=timeout_s)
-        self.inbox = Inbox()
+        environment = dict(os.environ) | ({"PEOPLE4D_CONNECT": connect} if connect else {})
+        self.session = Session(read_config(None, "client", environment), robot, timeout_s)
+        self.queue = MessageQueue()
 
     @property
     def counters(self) -> dict[str, int]:
-        """What came and what did not, by cause since the start.
+        """Number of messages received, missed and dropped since the start.
 
-        `received_people`; `gaps_people`: camera frames for which no people came, lost on the way or
-        skipped by a busy detector; `dropped_people`: pushed out because nobody took them;
-        `bad_people`: bytes that are no such message. Likewise for other streams.
+        `received_people`; `gaps_people`: camera frames without a message, lost on the network or
+        skipped by a busy detector; `dropped_people`: pushed out before they were read;
+        `bad_people`: payloads that do not decode. Likewise for other topics.
         """
-        return dict(self.inbox.counters)
+        return dict(self.queue.counters)
 
     def messages(self, *kinds: type[M], timeout_s: float | None = None) -> Iterator[M]:
         """Subscribe, and yield messages as they come.
@@ -55,37 +56,63 @@ class Client:
         arrivals = self.arrivals(*kinds, timeout_s=timeout_s)
         return (arrival.message for arrival in arrivals if isinstance(arrival.message, kinds))
 
-    def arrivals(self, *kinds: type[Message], timeout_s: float | None = None) -> Iterator[Arrival]:
+    def arrivals(
+        self,
+        *kinds: type[Message],
+        timeout_s: float | None = None,
+        warn_after_s: float | None = None,
+    ) -> Iterator[Arrival]:
         """Subscribe, and yield messages with the times at which they came.
 
         Args:
             kinds: Types of message.
             timeout_s: End when no message came for so long; None: wait for ever.
+            warn_after_s: Log the robots and services found if no message came for so long.
         """
-        subscriptions = [self._subscribe(BY_MESSAGE[kind]) for kind in kinds]
-        return self._yield(kinds, timeout_s, subscriptions)
+        topics = [BY_MESSAGE[kind] for kind in kinds]
+        subscriptions = [self.session.subscribe(topic) for topic in topics]
+        for subscription, topic in zip(subscriptions, topics, strict=True):
+            self.queue.follow(subscription, topic)
 
-    def _yield(
+        def receive() -> Iterator[Arrival]:
+            try:
+                yield from self._receive(kinds, timeout_s, warn_after_s)
+            finally:
+                for subscription in subscriptions:
+                    subscription.close()
+
+        return receive()
+
+    def _receive(
         self,
         kinds: tuple[type[Message], ...],
         timeout_s: float | None,
-        subscriptions: list[Subscription],
+        warn_after_s: float | None,
     ) -> Iterator[Arrival]:
-        waited_since = time.monotonic()
-        try:
-            while timeout_s is None or time.monotonic() - waited_since < timeout_s:
-                # Short waits let Ctrl-C through.
-                arrival = self.inbox.get(0.2 if timeout_s is None else min(timeout_s, 0.2))
-                if arrival and isinstance(arrival.message, kinds):
-                    yield arrival
-                    waited_since = time.monotonic()
-        finally:
-            for subscription in subscriptions:
-                subscription.close()
+        last_s = time.monotonic()
+        while timeout_s is None or time.monotonic() - last_s < timeout_s:
+            arrival = self.queue.get(POLL_S if timeout_s is None else min(timeout_s, POLL_S))
+            if arrival and isinstance(arrival.message, kinds):
+                yield arrival
+                last_s, warn_after_s = time.monotonic(), None
+            elif warn_after_s is not None and time.monotonic() - last_s > warn_after_s:
+                LOG.warning("no message for %g s: %s", warn_after_s, self._found())
+                warn_after_s = None
+
+    def _found(self) -> str:
+        """Describe the robots and services whose liveliness tokens are there."""
+        present = self.session.present()
+        robots = sorted({robot for robot, _, _ in present})
+        services = sorted({service for robot, service, _ in present if robot == self.session.robot})
+        if services:
+            return f"of robot {self.session.robot!r} these services run: {', '.join(services)}"
+        if robots:
+            return f"no robot {self.session.robot!r}, but {', '.join(map(repr, robots))}"
+        return "the router answers, but no service runs (people4d up)"
 
     def close(self) -> None:
         """Leave the network."""
-        self.bus.close()
+        self.session.close()
 
     def __enter__(self) -> "Client":
         return self
@@ -93,25 +120,22 @@ class Client:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _subscribe(self, topic: Topic) -> Subscription:
-        subscription = self.bus.subscribe(topic)
-        self.inbox.follow(subscription, topic)
-        return subscription
-
 
 def subscribe(connect: str = "", robot: str = "robot") -> Iterator[Tracks]:
     """Yield the people around a robot, one message for every camera frame.
 
-        for people in subscribe("tcp/192.168.1.7:7447"):
-            for person in people.people:
-                print(person.id, person.position_m, person.velocity_mps, person.yaw_rad)
+        for message in subscribe("tcp/192.168.1.7:7447"):
+            for track in message.tracks:
+                print(track.id, track.position_m, track.velocity_mps, track.yaw_rad)
 
     Args:
-        connect: Endpoint of the router; empty for the one on this host.
+        connect: Endpoint of the router; empty for $PEOPLE4D_CONNECT, else the one on this host.
         robot: Name of the robot.
 
     Raises:
         People4dError: No router answers, or it refuses the credentials.
     """
     with Client(connect, robot) as client:
-        yield from client.messages(Tracks)
+        for arrival in client.arrivals(Tracks, warn_after_s=SILENCE_S):
+            if isinstance(arrival.message, Tracks):
+                yield arrival.message

@@ -8,11 +8,11 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from common.runtime.inbox import Inbox
 from common.transport.ports import free_port
 from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.client import Client
 from people4d.messages import Health
+from people4d.queue import MessageQueue
 
 READY_S = 60.0
 CONNECT_S = 20.0
@@ -27,8 +27,8 @@ class Listener(Client):
 
     def __init__(self, endpoint: str) -> None:
         environment = {"PEOPLE4D_CONNECT": endpoint, "PEOPLE4D_LISTEN": "tcp/127.0.0.1:0"}
-        self.bus = ZenohBus(read_config(None, "peer", environment), "robot", CONNECT_S)
-        self.inbox = Inbox()
+        self.session = ZenohBus(read_config(None, "peer", environment), "robot", CONNECT_S)
+        self.queue = MessageQueue()
 
 
 class Cluster:

@@ -10,13 +10,14 @@ from pathlib import Path
 from common.runtime.checkpoint import Checkpoint, Keeper
 from common.runtime.gate import Gate
 from common.runtime.heartbeat import Heartbeat, Work
-from common.runtime.inbox import Arrival, Inbox
+from common.runtime.inbox import Inbox
 from common.runtime.node import LoopCallbacks, Node, StatefulNode
 from common.runtime.process_id import Place
 from common.runtime.replica import Replica
 from common.transport.bus import Bus, Subscription
 from common.transport.trace import Tracer, span
 from people4d.messages import Message, RgbdFrame, Span
+from people4d.queue import Arrival
 from people4d.topics import BY_MESSAGE, Topic
 
 LONGEST_WAIT_S = 0.25

@@ -111,12 +111,16 @@ class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     told_ns: int  # [ns] its clock when the answer left
 
 
-class Questions(Protocol):
-    """Carries questions to whoever answers them, and answers back."""
+class Asker(Protocol):
+    """Carries questions to other processes."""
 
-    def ask(self, name: str, heard: Callable[[bytes], None]) -> None:
-        """Put a question; `heard` gets the answer in another thread, or is never called."""
+    def ask(self, name: str, on_answer: Callable[[bytes], None]) -> None:
+        """Send a question; `on_answer` gets the answer in another thread, or is never called."""
         ...
+
+
+class Questions(Asker, Protocol):
+    """Carries questions to other processes, and answers theirs."""
 
     def answer(self, name: str, reply: Callable[[], bytes]) -> None:
         """Answer a question whenever it is put, in a thread of its own."""
@@ -159,7 +163,7 @@ class Clock:
     """
 
     def __init__(
-        self, bus: Questions, clock: str = "", now_ns: Callable[[], int] = time.time_ns
+        self, bus: Asker, clock: str = "", now_ns: Callable[[], int] = time.time_ns
     ) -> None:
         self._bus, self._clock, self._now_ns = bus, clock or this_clock(), now_ns
         self._comparison = Comparison()

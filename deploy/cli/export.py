@@ -61,7 +61,7 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
     """Give exporters what comes, until interrupted."""
     host = socket.gethostname()
     monitor = Monitor(Place("export", f"export-{os.getpid()}", host), WINDOW_S)
-    clock = Clock(client.bus)
+    clock = Clock(client.session)
     for arrival in client.arrivals(Health, Tracks, Detections):
         clock.ask()
         monitor.add_own_clock(clock.offset())

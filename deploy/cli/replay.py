@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from itertools import count
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,7 @@ import typer
 
 from common.io.images import decompress, encode_png16
 from common.io.recording import Recording, open_recording
-from deploy.cli.options import Connect, Robot, open_client
+from deploy.cli.options import Connect, Robot, open_bus
 from deploy.cli.record import kinds_of
 from lab.depth.note import CleanDepth, read_note
 from people4d.errors import ConfigError
@@ -49,7 +49,7 @@ def replay(
         )
     sensors = {} if clean_depth else clean_cameras(recording)
     sent = 0
-    with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
+    with closing(open_bus(connect, robot)) as bus, suppress(KeyboardInterrupt):
         # Subscribers and this publisher need a moment to learn of each other.
         time.sleep(MEET_S)
         for _ in count() if loop else range(1):
@@ -58,7 +58,7 @@ def replay(
                     pixels = not kinds or RgbdFrame in kinds
                     message = frame_of(message, sensors.get(message.camera), pixels)
                 # The times of its trace were those of the recording.
-                client.bus.publish(msgspec.structs.replace(message, trace=()))
+                bus.publish(msgspec.structs.replace(message, trace=()))
                 sent += 1
         time.sleep(hold_s)
     typer.echo(f"Published {sent} messages.")

@@ -73,7 +73,7 @@ def watching(client: Client, seconds: float) -> Iterator[Callable[[], SystemSnap
     """
     host = socket.gethostname()
     monitor = Monitor(Place(HERE, f"top-{os.getpid()}", host), seconds)
-    clock, lock, ended = Clock(client.bus), threading.Lock(), threading.Event()
+    clock, lock, ended = Clock(client.session), threading.Lock(), threading.Event()
     arrivals = client.arrivals(Health, Tracks, Detections)
 
     def listen() -> None:

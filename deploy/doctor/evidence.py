@@ -106,16 +106,16 @@ def listen(client: Client, seconds: float) -> Evidence:
         client: Connected to its router.
         seconds: How long; heartbeats come twice a second.
     """
-    evidence = Evidence(robot=client.bus.robot)
+    evidence = Evidence(robot=client.session.robot)
     start_s = time.monotonic()
     messages = client.messages(*HEARD, timeout_s=seconds)
     _take(evidence, messages, start_s + seconds)
     evidence.elapsed_s = time.monotonic() - start_s
-    evidence.present = client.bus.present()
-    for name, count in client.inbox.counters.items():
+    evidence.present = client.session.present()
+    for name, count in client.queue.counters.items():
         if name.startswith("bad_"):
             evidence.refused[name.removeprefix("bad_")] = count
-    evidence.refusal = client.inbox.last_error
+    evidence.refusal = client.queue.last_error
     return evidence
 
 

@@ -2,9 +2,9 @@
 
 import msgspec
 
-from common.runtime.inbox import Arrival
 from people4d.messages import Detections, Health, Message, Span, Tracks
 from people4d.messages.status import State
+from people4d.queue import Arrival
 from tests.contract.examples import BY_NAME
 
 MS = 1_000_000

@@ -8,13 +8,13 @@ import pytest
 
 from benchmarks.lib.live_camera import LiveDemo
 from benchmarks.lib.system import running
-from common.runtime.inbox import Arrival
 from common.runtime.latency import parts
 from common.runtime.process_id import Place
 from common.transport.trace import STAGES, Tracer
 from deploy.chrome_trace import KINDS, FrameTraces
 from deploy.monitor import of_frame
 from people4d.messages import Detections, Tracks
+from people4d.queue import Arrival
 from tests.deploy.test_trace_file import check, names
 
 FRAMES = 20

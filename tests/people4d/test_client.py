@@ -1,5 +1,8 @@
 """The few lines a planner needs."""
 
+import re
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,10 +67,51 @@ def test_the_iteration_ends_when_nothing_comes(network: Network, talking: str) -
 
 def test_what_came_after_the_call_and_before_the_loop_is_not_lost(network: Network) -> None:
     # The subscription was once made by a thread, some time after the loop began.
-    with Client(network.endpoint, network.robot()) as client:
+    robot = network.robot()
+    bus = network.open(robot)
+    with Client(network.endpoint, robot) as client:
         messages = client.messages(Truth, timeout_s=10.0)
-        client.bus.publish(BY_NAME["Truth"])
+        bus.publish(BY_NAME["Truth"])
         assert isinstance(next(messages), Truth)
+
+
+@pytest.mark.parametrize(
+    ("services", "found"),
+    [((), "no service runs"), (("camera", "detector"), "these services run: camera, detector")],
+)
+def test_silence_is_logged_once_with_the_services_found(
+    caplog: pytest.LogCaptureFixture, services: tuple[str, ...], found: str
+) -> None:
+    network = Network()  # of its own: other tests announce robots
+    try:
+        for service in services:
+            network.open("mine").announce(service, f"{service}-1")
+        with Client(network.endpoint, "mine") as client:
+            assert list(client.arrivals(Tracks, timeout_s=0.8, warn_after_s=0.1)) == []
+        assert [record.name for record in caplog.records] == ["people4d"]
+        assert found in caplog.text
+    finally:
+        network.close()
+
+
+def test_another_robot_is_named_in_the_log(
+    network: Network, caplog: pytest.LogCaptureFixture
+) -> None:
+    network.open("mine").announce("tracker", "tracker-1")
+    with Client(network.endpoint, "yours") as client:
+        list(client.arrivals(Tracks, timeout_s=0.5, warn_after_s=0.1))
+    assert re.search("no robot 'yours', but .*'mine'", caplog.text)
+
+
+def test_importing_the_contract_loads_neither_zenoh_nor_the_pipeline() -> None:
+    light = (
+        "import sys, people4d, people4d.codec; from people4d import Track, Tracks;"
+        "print([m for m in ('zenoh', 'cv2', 'common', 'services') if m in sys.modules])"
+    )
+    client = "from people4d import Client, subscribe; import sys; print('common' in sys.modules)"
+    for program, expected in ((light, "[]\n"), (client, "False\n")):
+        done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+        assert (done.stdout.decode(), done.stderr) == (expected, b"")
 
 
 def test_nobody_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,10 +4,11 @@ import threading
 
 import msgspec
 
-from common.runtime.inbox import Arrival, Inbox
+from common.runtime.inbox import Inbox
 from people4d.codec import encode
 from people4d.errors import DecodeError
 from people4d.messages import Message, Truth
+from people4d.queue import Arrival
 from people4d.topics import BY_NAME, ForeignTopic, Topic
 from tests.contract.examples import BY_NAME as EXAMPLES
 

@@ -100,8 +100,8 @@ class Wire:
     def __init__(self, answer: bytes | None = None) -> None:
         self._reply: Callable[[], bytes] = lambda: answer or b""
 
-    def ask(self, name: str, heard: Callable[[bytes], None]) -> None:
-        heard(self._reply())
+    def ask(self, name: str, on_answer: Callable[[bytes], None]) -> None:
+        on_answer(self._reply())
 
     def answer(self, name: str, reply: Callable[[], bytes]) -> None:
         self._reply = reply

@@ -1,0 +1,238 @@
+"""Zenoh sessions of a robot's network: configuration, credentials and subscriptions."""
+
+import json
+import os
+import re
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from people4d import credentials
+from people4d.errors import ConfigError, People4dError
+from people4d.messages.base import check_name
+from people4d.topics import LOCKSTEP_MAX, Topic, prefix, question
+
+BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")  # of the machine that Zenoh was built on
+
+CONFIGS = Path(__file__).parent / "zenoh"
+CLOSE_S = 2.0
+ANSWER_S = 2.0
+ENCRYPTED = ("tls", "quic")
+IGNORED = {("connect", "router"), ("listen", "client")}
+
+
+def read_config(
+    file: Path | None, default: str, environment: Mapping[str, str] | None = None, role: str = ""
+) -> zenoh.Config:
+    """Read a Zenoh configuration (Zenoh's own JSON5) and insert endpoints and credentials.
+
+    Args:
+        file: The file, or a folder of one for each mode; None for $PEOPLE4D_ZENOH, else the
+            shipped ones.
+        default: Mode, which names the file in a folder: "peer", "router" or "client".
+        environment: PEOPLE4D_CONNECT and PEOPLE4D_LISTEN (endpoints, comma-separated) win over the
+            file, so that one file serves every host; the others are in docs/hosts.md; None for
+            the process's own environment.
+        role: Role to prove; empty: $PEOPLE4D_ROLE, which a client needs where its folder of keys
+            holds several.
+
+    Raises:
+        ConfigError: The file cannot be read or Zenoh refuses it.
+    """
+    environment = os.environ if environment is None else environment
+    path = file or Path(environment.get("PEOPLE4D_ZENOH") or CONFIGS)
+    path = path / f"{default}.json5" if path.is_dir() else path
+    try:
+        config = zenoh.Config.from_file(str(path))
+        for name in ("connect", "listen"):
+            endpoints = environment.get(f"PEOPLE4D_{name.upper()}")
+            # Where the variables are set for all processes of a host, a router must not connect to
+            # itself and a client must not take the router's port.
+            if endpoints and (name, default) not in IGNORED:
+                config.insert_json5(f"{name}/endpoints", json.dumps(endpoints.split(",")))
+        keys = environment.get("PEOPLE4D_KEYS")
+        if keys:
+            role = role or environment.get("PEOPLE4D_ROLE", "")
+            _insert_credentials(config, Path(keys), default, role)
+    except zenoh.ZError as error:
+        reason = problem_of(error)
+        raise ConfigError(f"Zenoh configuration {path} is not usable: {reason}") from error
+    return config
+
+
+def _insert_credentials(config: zenoh.Config, folder: Path, mode: str, role: str) -> None:
+    for path, value in credentials.settings(folder, mode, role).items():
+        config.insert_json5(path, json.dumps(value))
+    if not credentials.uses_certificates(folder):
+        return
+    for path in ("connect/endpoints", "listen/endpoints"):
+        endpoints = config.get_json(path).replace('"tcp/', '"tls/')
+        for protocol in re.findall(r'"([\w-]+)/', endpoints):
+            if protocol not in ENCRYPTED:
+                raise ConfigError(
+                    f"{path}: {protocol} is not encrypted, but PEOPLE4D_KEYS holds certificates",
+                    "Use tcp/ (which becomes tls/), tls/ or quic/.",
+                )
+        config.insert_json5(path, endpoints)
+
+
+def problem_of(error: zenoh.ZError) -> str:
+    """Return what an error of Zenoh says, without its source files."""
+    text = " ".join(BUILD_PATH.sub("", str(error)).split())
+    inner = re.search(r'Message { msg: "(.*)", location', text)
+    return inner[1] if inner else text
+
+
+def _open(config: zenoh.Config) -> zenoh.Session:
+    endpoints = config.get_json("connect/endpoints")
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        if "listener" in str(error):
+            raise People4dError(
+                f"Zenoh cannot listen ({problem_of(error)})",
+                "Does another router run on this host (people4d ps)? Else take another port "
+                "(people4d up --port, or PEOPLE4D_LISTEN).",
+            ) from error
+        raise People4dError(
+            f"no Zenoh session with {endpoints} ({problem_of(error)})",
+            "Is the system up (people4d ps), the endpoint right (--connect), and do user, "
+            "password or certificates match the router's?",
+        ) from error
+
+
+class ZenohSubscription:
+    """Payloads of one topic; iterate in a thread of its own."""
+
+    def __init__(self, subscriber: Any) -> None:
+        self._subscriber = subscriber
+        self._closed = False
+        self._receiving = threading.Lock()
+
+    def __iter__(self) -> Iterator[tuple[str, bytes]]:
+        """Yield key and payload until closed."""
+        for sample in self.samples():
+            if sample.kind == zenoh.SampleKind.PUT:
+                yield str(sample.key_expr), sample.payload.to_bytes()
+
+    def samples(self) -> Iterator[Any]:
+        """Yield all samples, as Zenoh gives them, until closed."""
+        while not self._closed:
+            try:
+                with self._receiving:
+                    sample = self._subscriber.handler.recv()
+            except zenoh.ZError:
+                return
+            yield sample
+
+    def close(self) -> None:
+        """End the iteration."""
+        if not self._closed:
+            self._closed = True
+            self._subscriber.undeclare()
+            # Python aborts if it ends while a thread is still inside of Zenoh.
+            if self._receiving.acquire(timeout=CLOSE_S):
+                self._receiving.release()
+
+
+class Session:
+    """Subscribes to the topics of one robot.
+
+    Args:
+        config: Zenoh configuration.
+        robot: Name of the robot, third chunk of every key.
+        connect_timeout_s: Longest wait for a router in client mode.
+
+    Raises:
+        ConfigError: The name of the robot cannot be part of a key.
+        People4dError: No session: nothing listens at the endpoint, or it refuses the credentials.
+    """
+
+    def __init__(self, config: zenoh.Config, robot: str, connect_timeout_s: float = 0.0) -> None:
+        check_chunk("robot", robot)
+        self.robot = robot
+        self._subscriptions: list[ZenohSubscription] = []
+        self._threads: list[threading.Thread] = []
+        zenoh.init_log_from_env_or("error")
+        if connect_timeout_s:
+            config.insert_json5("connect/timeout_ms", str(int(connect_timeout_s * 1000)))
+            config.insert_json5("connect/exit_on_failure", "true")
+        self._session = _open(config)
+
+    def subscribe(self, topic: Topic, own: bool = True) -> ZenohSubscription:
+        """Receive a topic; of a latched one the last message of each key comes first.
+
+        Args:
+            topic: The topic.
+            own: Receive also what this session publishes.
+        """
+        key = topic.key_expression(self.robot)
+        channel: Any = zenoh.handlers.RingChannel(
+            LOCKSTEP_MAX if topic.delivery == "newest" else topic.depth
+        )
+        subscriber: Any
+        if topic.delivery == "latched":
+            history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
+            subscriber = zenoh.ext.declare_advanced_subscriber(
+                self._session, key, channel, history=history
+            )
+        else:
+            origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
+            subscriber = self._session.declare_subscriber(key, channel, allowed_origin=origin)
+        return self._keep(subscriber)
+
+    def present(self) -> list[tuple[str, str, str]]:
+        """Return robot, service and instance of every live process, of all robots."""
+        channel: Any = zenoh.handlers.FifoChannel(256)
+        key = f"{prefix('*')}/alive/*/*/*"
+        replies = self._session.liveliness().get(key, channel, timeout=ANSWER_S)
+        keys = sorted({str(reply.ok.key_expr) for reply in replies if reply.ok})
+        parts = (key.split("/") for key in keys)
+        return [(robot, service, instance) for *_, robot, _, service, instance, _ in parts]
+
+    def ask(self, name: str, on_answer: Callable[[bytes], None]) -> None:
+        """Send a question; `on_answer` gets the answer in another thread, or is never called."""
+        channel: Any = zenoh.handlers.FifoChannel(1)
+        replies = self._session.get(question(self.robot, name), channel, timeout=ANSWER_S)
+
+        def receive() -> None:
+            for reply in replies:
+                if reply.ok:
+                    on_answer(reply.ok.payload.to_bytes())
+
+        self._start(receive, f"ask {name}")
+
+    def close(self) -> None:
+        """End all subscriptions and leave the network."""
+        for subscription in self._subscriptions:
+            subscription.close()
+        self._session.close()  # type: ignore[no-untyped-call]
+        # Python aborts if it ends while a thread is still inside of Zenoh.
+        for thread in self._threads:
+            thread.join(CLOSE_S)
+
+    def _keep(self, subscriber: Any) -> ZenohSubscription:
+        self._subscriptions.append(ZenohSubscription(subscriber))
+        return self._subscriptions[-1]
+
+    def _start(self, work: Callable[[], None], name: str) -> None:
+        """Run what waits for Zenoh in a thread of its own, which has ended when `close` returns."""
+        self._threads = [thread for thread in self._threads if thread.is_alive()]
+        self._threads.append(threading.Thread(target=work, name=name, daemon=True))
+        self._threads[-1].start()
+
+
+def check_chunk(field: str, name: str) -> None:
+    """Check that a name can be one chunk of a key.
+
+    Raises:
+        ConfigError: It cannot.
+    """
+    try:
+        check_name(field, name)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
