@@ -1,4 +1,4 @@
-"""Colours of all pictures, red first."""
+"""Colours of all drawings, red first."""
 
 Colour = tuple[int, int, int]
 
@@ -22,11 +22,11 @@ WHITE: Colour = (255, 255, 255)
 
 
 def colour_of(track: int) -> Colour:
-    """Return the colour of a track, the same in every picture."""
+    """Return the colour of a track, the same in every drawing."""
     return PEOPLE[(track - 1) % len(PEOPLE)]
 
 
 def ink_on(colour: Colour) -> Colour:
-    """Return black or white, whichever is read better on a colour (ITU-R BT.601 luma)."""
+    """Return black or white, the one with more contrast to a colour (ITU-R BT.601 luma)."""
     red, green, blue = colour
     return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 150 else WHITE

@@ -10,8 +10,8 @@ from common.drawing.strokes import put_label, put_path
 from common.geometry.transforms import apply, project
 from people4d.messages import F32, F64, U8, CameraInfo, Detection, Detections, Mask, Track, Tracks
 
-TINT = 0.38  # share of the colour in a mask
-SURE = 0.3  # confidence from which a keypoint is drawn
+TINT = 0.38  # fraction of the colour in a mask
+CONFIDENCE_MIN = 0.3  # confidence from which a keypoint is drawn
 ARROW_M = 0.5  # length of the heading arrow
 NEAREST_M = 0.2  # points nearer to the camera, or behind it, are not drawn
 
@@ -25,7 +25,7 @@ DOTTED = np.array([k not in (1, 2, 3, 4) for k in range(17)])  # dots would hide
 
 @dataclass(frozen=True, slots=True)
 class CameraView:
-    """What it takes to draw a point of the tracks' frame into the image."""
+    """Projection from the frame of the tracks into the image."""
 
     info: CameraInfo
     optical_from_map: F64  # 4x4; from the frame that tracks are in
@@ -49,7 +49,7 @@ def annotate(
         rgb: HxWx3, red first; stays as it is.
         detections: People found in the frame, None if unknown.
         tracks: People tracked, None if unknown.
-        view: Where tracks lie in the image, None if unknown.
+        view: Projection into the image, None if unknown.
 
     Returns:
         HxWx3, red first.
@@ -93,17 +93,17 @@ def _tint(image: U8, mask: Mask, colour: Colour) -> None:
 
 
 def _draw_skeleton(image: U8, keypoints: F32, colour: Colour) -> None:
-    sure = keypoints[:, 2] >= SURE
+    confident = keypoints[:, 2] >= CONFIDENCE_MIN
     points = np.clip(keypoints[:, :2], -9999, 9999)
     for a, b in LIMBS:
-        if sure[a] and sure[b]:
+        if confident[a] and confident[b]:
             put_path(image, points[[a, b]], colour, _line(image))
-    for u, v in np.round(points[sure & DOTTED]).astype(int):
+    for u, v in np.round(points[confident & DOTTED]).astype(int):
         cv2.circle(image, (int(u), int(v)), _line(image) + 1, WHITE, cv2.FILLED, cv2.LINE_AA)
 
 
 def _draw_track(image: U8, track: Track, view: CameraView | None) -> None:
-    """Draw the heading as an arrow, and a lost person as a ring at the predicted place."""
+    """Draw the heading as an arrow, and a lost person as a ring at the predicted position."""
     here = view.pixels(track.position_m[None]) if view else None
     if view is None or here is None or np.abs(here).max() > 9999:
         return
@@ -118,7 +118,7 @@ def _draw_track(image: U8, track: Track, view: CameraView | None) -> None:
             [np.cos(track.yaw_rad), np.sin(track.yaw_rad), 0.0]
         )
         ends = view.pixels(np.stack([track.position_m, tip]))
-        # Of a person right before the camera it would cross the whole picture.
+        # Of a person close to the camera it would cross the image.
         if ends is not None and np.linalg.norm(ends[1] - ends[0]) < image.shape[1] / 3:
             _draw_arrow(image, ends, colour)
 
@@ -136,12 +136,12 @@ def _draw_arrow(image: U8, ends: F64, colour: Colour) -> None:
 def _label(track: Track | None, person: Detection, view: CameraView | None) -> str:
     if track is None:
         return f"{person.score:.2f}"
-    words = [f"#{track.id}"]
+    texts = [f"#{track.id}"]
     if person.position_m is not None:
-        words.append(f"{np.linalg.norm(person.position_m):.2f} m")
+        texts.append(f"{np.linalg.norm(person.position_m):.2f} m")
     elif view is not None:
-        words.append(f"{view.range_m(track.position_m):.2f} m")
-    return "  ".join([*words, f"{np.linalg.norm(track.velocity_mps):.1f} m/s"])
+        texts.append(f"{view.range_m(track.position_m):.2f} m")
+    return "  ".join([*texts, f"{np.linalg.norm(track.velocity_mps):.1f} m/s"])
 
 
 def _line(image: U8) -> int:

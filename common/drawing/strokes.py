@@ -1,4 +1,4 @@
-"""Text and lines on an image; these draw in place, see people.py for pictures."""
+"""Text and lines on an image; these draw in place."""
 
 import cv2
 import numpy as np

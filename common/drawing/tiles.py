@@ -1,4 +1,4 @@
-"""Small pictures in rows, each with a caption."""
+"""Small images in rows, each with a caption."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from common.drawing.strokes import put_label
 from people4d.messages import U8
 
 GAP = 8  # [px] between tiles
-TALLEST = 2  # times its width: a tile of a stranger image is squeezed
+TALLEST = 2  # times its width: a tile of a taller image is squeezed
 EDGE: Colour = (60, 66, 74)
 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One annotated frame, already as small as it is shown."""
+    """One annotated frame, already scaled."""
 
     image: U8  # HxWx3, red first
     caption: str
@@ -47,7 +47,7 @@ def grid(tiles: Sequence[Tile], columns: int) -> U8:
     page = np.full(shape, PAPER, np.uint8)
     for k, tile in enumerate(tiles):
         top, left = (GAP + k // columns * (height + GAP)), (GAP + k % columns * (width + GAP))
-        place = page[top : top + tile.image.shape[0], left : left + width]
-        place[:] = tile.image[:, :width]
-        put_label(place, tile.caption, (0, place.shape[0]), 11, EDGE)
+        cell = page[top : top + tile.image.shape[0], left : left + width]
+        cell[:] = tile.image[:, :width]
+        put_label(cell, tile.caption, (0, cell.shape[0]), 11, EDGE)
     return page

@@ -1,4 +1,4 @@
-"""A map from above: where people walked."""
+"""A map from above with the trajectories of people."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ WEDGE_M = 0.6  # length of a camera's field of view
 
 @dataclass(frozen=True, slots=True)
 class Trajectories:
-    """What the map shows; all in one frame, x forward (up), y left."""
+    """Trajectories and cameras of a map, all in one frame, x forward (up), y left."""
 
     tracks: Mapping[int, F64] = field(default_factory=dict)  # [m] Nx2 by track id
     truth: Mapping[str, F64] = field(default_factory=dict)  # [m] Nx2 by person
@@ -26,49 +26,51 @@ class Trajectories:
     frame_id: str = "map"
 
 
-def draw_map(walks: Trajectories, width: int, height: int) -> U8:
-    """Draw trails of tracks in their colours over the truth in grey.
+def draw_map(trajectories: Trajectories, width: int, height: int) -> U8:
+    """Draw trajectories of tracks in their colours over the truth in grey.
 
     Args:
-        walks: What to show.
-        width: Of the picture in pixels.
-        height: Of the picture in pixels.
+        trajectories: Its content.
+        width: Of the image in pixels.
+        height: Of the image in pixels.
 
     Returns:
         HxWx3, red first.
     """
     image = np.full((height, width, 3), PAPER, np.uint8)
-    scale = _Scale.fit(walks, width, height)
+    scale = _Scale.fit(trajectories, width, height)
     _draw_grid(image, scale)
-    for camera in walks.cameras:
+    for camera in trajectories.cameras:
         _draw_camera(image, scale, camera)
-    for path in walks.truth.values():
+    for path in trajectories.truth.values():
         put_path(image, scale.pixels(path), GREY, 4)
-    for track, path in walks.tracks.items():
+    for track, path in trajectories.tracks.items():
         put_path(image, scale.pixels(path), colour_of(track), 2)
-    for track, path in walks.tracks.items():
+    for track, path in trajectories.tracks.items():
         u, v = scale.pixels(path[-1:])[0]
         cv2.circle(image, (round(u), round(v)), 5, colour_of(track), cv2.FILLED, cv2.LINE_AA)
         put_label(image, f"#{track}", (u + 7, v - 4), 13, colour_of(track))
-    legend = f"{walks.frame_id}: x up, y left" + (", truth grey" if walks.truth else "")
+    legend = f"{trajectories.frame_id}: x up, y left" + (
+        ", truth grey" if trajectories.truth else ""
+    )
     put_label(image, legend, (width, 0), 13, PAPER)
     return image
 
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """From metres to pixels."""
+    """Scale from metres to pixels."""
 
-    centre_m: F64  # 2, x and y in the middle of the picture
+    centre_m: F64  # 2, x and y in the middle of the image
     px_per_m: float
     centre_px: F64  # 2
 
     @classmethod
-    def fit(cls, walks: Trajectories, width: int, height: int) -> "_Scale":
+    def fit(cls, trajectories: Trajectories, width: int, height: int) -> "_Scale":
         paths = [
-            *walks.tracks.values(),
-            *walks.truth.values(),
-            *(c[None, :2, 3] for c in walks.cameras),
+            *trajectories.tracks.values(),
+            *trajectories.truth.values(),
+            *(c[None, :2, 3] for c in trajectories.cameras),
         ]
         points = np.concatenate([np.zeros((0, 2)), *paths])
         points = points[np.abs(points).max(axis=1, initial=0) < MOST_M]
@@ -86,7 +88,7 @@ class _Scale:
         return self.centre_px - moved[:, ::-1]
 
     def range_m(self) -> tuple[F64, F64]:
-        """Return lowest and highest x and y in the picture."""
+        """Return lowest and highest x and y in the image."""
         half = self.centre_px[::-1] / self.px_per_m
         return self.centre_m - half, self.centre_m + half
 
@@ -110,10 +112,10 @@ def _draw_grid(image: U8, scale: _Scale) -> None:
 
 
 def _draw_camera(image: U8, scale: _Scale, frame_from_optical: F64) -> None:
-    """Draw a camera as a wedge that opens in the direction of its view."""
+    """Draw a camera as a wedge along its optical axis."""
     here, forward = frame_from_optical[:2, 3], frame_from_optical[:2, 2]
     length = float(np.linalg.norm(forward))
-    if length < 1e-3:  # it looks straight up or down
+    if length < 1e-3:  # it points straight up or down
         return
     forward = forward / length * WEDGE_M
     side = np.array([-forward[1], forward[0]]) * 0.52  # half of 55 degrees

@@ -33,14 +33,14 @@ def nms(boxes: npt.ArrayLike, scores: npt.ArrayLike, iou_max: float) -> list[int
     Args:
         boxes: Nx4 boxes, xyxy.
         scores: N scores.
-        iou_max: Largest intersection over union that two kept boxes may have.
+        iou_max: Largest intersection over union of two remaining boxes.
 
     Returns:
-        Indices of the boxes kept, best first.
+        Indices of the remaining boxes, best first.
     """
     overlap = iou_xyxy(boxes, boxes)
-    kept: list[int] = []
+    selected: list[int] = []
     for index in np.argsort(-np.asarray(scores, np.float64), kind="stable"):
-        if not kept or overlap[index, kept].max() <= iou_max:
-            kept.append(int(index))
-    return kept
+        if not selected or overlap[index, selected].max() <= iou_max:
+            selected.append(int(index))
+    return selected

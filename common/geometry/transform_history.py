@@ -1,47 +1,37 @@
 """A rigid transform over time: a base that drives, or a camera on a pan-tilt head."""
 
 import bisect
-import math
 from collections import Counter
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from common.config import Config
 from common.geometry.transforms import invert, transform_from
 from people4d.messages import F64
+from people4d.messages.base import NonNegative, Positive
 
 SPEED_BASELINE_S = 0.04  # [s] least time over which a velocity is measured
 COUNTERS = ("motion_duplicates", "motion_jumps", "motion_gaps", "motion_clock_resets")
 
 
-class TransformBufferConfig(msgspec.Struct, frozen=True, kw_only=True):
+class TransformBufferConfig(Config, frozen=True, kw_only=True):
     """Limits of plausible motion and its uncertainty. All values are this project's."""
 
-    history_s: float = 5.0  # [s] length of the history
-    gap_s: float = 0.5  # [s] between two samples above which interpolation is uncertain
-    predict_s: float = 0.5  # [s] of extrapolation at constant velocity, at rest afterwards
-    speed_max_mps: float = 5.0  # [m/s] a faster motion is a reset of the origin
-    angular_speed_max_radps: float = 12.0  # [rad/s] likewise
-    clock_jump_s: float = 1.0  # [s] a sample older than the newest by more restarts the history
+    history_s: Positive = 5.0  # [s] length of the history
+    gap_s: Positive = 0.5  # [s] between two samples above which interpolation is uncertain
+    predict_s: Positive = 0.5  # [s] of extrapolation at constant velocity, at rest afterwards
+    speed_max_mps: Positive = 5.0  # [m/s] a faster motion is a reset of the origin
+    angular_speed_max_radps: Positive = 12.0  # [rad/s] likewise
+    clock_jump_s: Positive = 1.0  # [s] a sample older than the newest by more restarts the history
     # Standard deviations of unobserved acceleration
-    sigma_acceleration_mps2: float = 1.0  # [m/s^2]
-    sigma_angular_acceleration_radps2: float = 2.0  # [rad/s^2]
+    sigma_acceleration_mps2: Positive = 1.0  # [m/s^2]
+    sigma_angular_acceleration_radps2: Positive = 2.0  # [rad/s^2]
     # Standard deviations of odometry drift, which grow with the root of the distance travelled and
     # of the rotation; 0: none
-    drift_distance_m: float = 0.02  # [m] in 1 m
-    drift_rotation_rad: float = 0.05  # [rad] in 1 rad
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        for name in self.__struct_fields__:
-            value = getattr(self, name)
-            if name.startswith("drift"):
-                if not 0 <= value < math.inf:
-                    raise ValueError(f"{name}: expected a finite number >= 0, got {value}")
-            elif not 0 < value < math.inf:
-                raise ValueError(f"{name}: expected a finite number > 0, got {value}")
+    drift_distance_m: NonNegative = 0.02  # [m] in 1 m
+    drift_rotation_rad: NonNegative = 0.05  # [rad] in 1 rad
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Frames, the pinhole camera and angles (method book section 1).
+"""Frames, the pinhole camera and angles (docs/method.md section 1).
 
 Optical frames: x right, y down, z forward. Body frames (camera_link, map): x forward, y left, z up.
 Transforms are 4x4 and named target_from_source.
@@ -23,7 +23,7 @@ UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 def wrap(angle_rad: float) -> float:
     """Wrap an angle to (-pi, pi]."""
     wrapped = math.pi - (math.pi - angle_rad) % (2 * math.pi)
-    # The remainder of a tiny negative number rounds up to the whole turn.
+    # The remainder of a tiny negative number rounds up to a full turn.
     return wrapped if wrapped > -math.pi else math.pi
 
 
@@ -56,7 +56,7 @@ def deproject(pixels: npt.ArrayLike, depth_m: npt.ArrayLike, info: CameraInfo) -
 
 
 def project(points_m: npt.ArrayLike, info: CameraInfo) -> F64:
-    """Return the pixels at which points are seen, lens distortion applied.
+    """Return the pixels of points, lens distortion applied.
 
     Args:
         points_m: Nx3 in metres, optical frame, in front of the camera.

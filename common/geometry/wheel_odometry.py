@@ -1,41 +1,28 @@
-"""Odometry from the ticks of two wheels (method book section 7)."""
+"""Odometry from the ticks of two wheels (docs/method.md section 7)."""
 
 import math
 
-import msgspec
-
+from common.config import Config
 from common.geometry.transforms import wrap
 from people4d.messages import Odometry
+from people4d.messages.base import Count, Positive
 
 
-class WheelConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """A base with two driven wheels; the values are the odometry paper's robot."""
+class WheelConfig(Config, frozen=True, kw_only=True):
+    """A base with two driven wheels; the values are those of docs/method.md section 7."""
 
-    radius_m: float = 0.035  # [m] of a wheel
-    track_m: float = 0.108  # [m] between the wheels
-    # What the encoder counts in one turn of the wheel; 2 pi where it tells radians
-    ticks_per_turn: float = 374.0
-    # Number of different readings of an encoder that begins anew, for example 65536; 0: it never
-    # does
-    wraps_at: int = 0
+    radius_m: Positive = 0.035  # [m] of a wheel
+    track_m: Positive = 0.108  # [m] between the wheels
+    # Counts of the encoder in one turn of the wheel; 2 pi if it gives radians
+    ticks_per_turn: Positive = 374.0
+    # Number of different readings of an encoder that overflows, for example 65536; 0: none
+    wraps_at: Count = 0
     frame_id: str = "odom"  # frame of the pose
     child_frame_id: str = "base_link"  # frame of the base
 
-    def __post_init__(self) -> None:
-        """Check ranges.
-
-        Raises:
-            ValueError: A value is out of range.
-        """
-        for name in ("radius_m", "track_m", "ticks_per_turn"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name}: expected > 0, got {getattr(self, name)}")
-        if self.wraps_at < 0:
-            raise ValueError(f"wraps_at: expected >= 0, got {self.wraps_at}")
-
 
 class WheelOdometry:
-    """Adds up the steps of the wheels; the pose begins at (0, 0, 0) with the first reading."""
+    """Sum of the steps of the wheels; the pose begins at (0, 0, 0) with the first reading."""
 
     def __init__(self, config: WheelConfig) -> None:
         self._config = config
@@ -44,15 +31,15 @@ class WheelOdometry:
         self._sequence = 0
 
     def add(self, stamp_ns: int, left: float, right: float) -> Odometry:
-        """Take a reading of both encoders.
+        """Add a reading of both encoders.
 
         Args:
-            stamp_ns: When they were read.
+            stamp_ns: Time of the reading.
             left: Ticks of the left wheel since any beginning, forward rising.
             right: Ticks of the right wheel, likewise.
 
         Returns:
-            The pose: dtheta = (right - left) / track, the way along the middle of the turn.
+            The pose: dtheta = (right - left) / track, the distance along the mean heading.
         """
         left_m, right_m = self._steps_m(left, right)
         x_m, y_m, theta_rad = self._pose

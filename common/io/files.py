@@ -1,4 +1,4 @@
-"""Files that others wrote: read up to a size, and never outside of their folder."""
+"""Untrusted files: read up to a size, and never outside of their folder."""
 
 import errno
 import os
@@ -10,7 +10,7 @@ MAX_TEXT_BYTES = 2**20  # of a configuration, a calibration, a list of settings
 
 
 def read_bytes(path: Path, limit: int) -> bytes:
-    """Read a whole file into memory.
+    """Read a file into memory.
 
     Args:
         path: The file.
@@ -20,7 +20,7 @@ def read_bytes(path: Path, limit: int) -> bytes:
         OSError: It cannot be read, or is larger.
     """
     with path.open("rb") as file:
-        # The size that is told need not be the one there is, of a pipe least of all.
+        # The reported size may be wrong; that of a pipe is 0.
         data = file.read(min(limit, os.fstat(file.fileno()).st_size) + 1)
         while len(data) <= limit and (more := file.read(limit + 1 - len(data))):
             data += more
@@ -30,7 +30,7 @@ def read_bytes(path: Path, limit: int) -> bytes:
 
 
 def read_text(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
-    """Read a whole file as UTF-8.
+    """Read a file as UTF-8.
 
     Raises:
         OSError: It cannot be read, or is larger than the limit in bytes.
@@ -62,7 +62,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Return the path of a file that a file tells of, which must lie in the same folder.
+    """Return the path of a file that another file names, which must lie in the same folder.
 
     Args:
         folder: The folder, which its user chose.
@@ -75,9 +75,9 @@ def inside(folder: Path, name: str) -> Path:
         raise ValueError(f"expected the name of a file, got {name!r:.80}")
     path = folder / name
     try:
-        whole = path.resolve()
+        resolved = path.resolve()
     except (OSError, RuntimeError) as error:  # a loop of links
         raise ValueError(f"{name!r:.80} cannot be followed: {error}") from error
-    if not whole.is_relative_to(folder.resolve()):
+    if not resolved.is_relative_to(folder.resolve()):
         raise ValueError(f"{name!r:.80} leads out of the folder {folder}")
     return path

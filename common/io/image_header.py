@@ -1,4 +1,4 @@
-"""What a picture file says of itself, read before a decoder allocates what it asks for."""
+"""Image sizes in the headers of files, read before a decoder allocates memory."""
 
 import re
 import struct
@@ -7,13 +7,13 @@ from people4d.errors import DecodeError
 from people4d.messages.base import MAX_PIXELS
 
 MAX_FILE_BYTES = 64 * 2**20
-# Deflate packs at most 1032 to one, and a JPEG takes a bit for each block of 8x8 at least: who
-# tells more has not sent it, but a decoder would allocate it.
+# Deflate packs at most 1032 to one, and a JPEG takes at least a bit for each block of 8x8: a
+# larger size is false, but a decoder would allocate it.
 MAX_PIXELS_PER_BYTE = 1100
 MAX_SEGMENTS = 1024  # of a JPEG before its size; a colour profile of 16 MB takes 256
-MAX_SCANS = 64  # of a JPEG: each may take as long as the whole picture; ten are usual
+MAX_SCANS = 64  # of a JPEG: each may take as long as the image itself; ten are usual
 MAX_CHUNKS = 65536  # of a PNG
-MAX_PACKED = 4  # packed texts and profiles of a PNG, which unpack to 8 MB each and are kept
+MAX_PACKED = 4  # packed texts and profiles of a PNG, which unpack to 8 MB each and stay in memory
 
 JPEG, PNG = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n"
 PACKED = (b"zTXt", b"iTXt", b"iCCP")
@@ -22,15 +22,15 @@ PNM = re.compile(rb"P[56](?:\s|#[^\n]{0,200}\n){1,8}(\d{1,6})\s(?:\s|#[^\n]{0,20
 _CHUNK = struct.Struct(">I4s")
 
 
-def image_size(data: bytes, name: str = "picture") -> tuple[int, int]:
+def image_size(data: bytes, name: str = "image") -> tuple[int, int]:
     """Return width and height of a JPEG, PNG, BMP, PGM or PPM file.
 
     Args:
         data: File contents, untrusted.
-        name: What it is, for the error.
+        name: Name for the error.
 
     Raises:
-        DecodeError: It is none of them, or would cost more than any picture of a camera does.
+        DecodeError: It is none of them, or is too large for an image of a camera.
     """
     try:
         width, height = _size(data)
@@ -39,7 +39,7 @@ def image_size(data: bytes, name: str = "picture") -> tuple[int, int]:
     if width < 1 or height < 1 or width * height > MAX_PIXELS:
         raise DecodeError(f"{name}: expected 1 to {MAX_PIXELS} pixels, got {width}x{height}")
     if width * height > MAX_PIXELS_PER_BYTE * len(data):
-        raise DecodeError(f"{name}: {width}x{height} pixels are told in {len(data)} bytes")
+        raise DecodeError(f"{name}: {width}x{height} pixels cannot be in {len(data)} bytes")
     return width, height
 
 
@@ -60,7 +60,7 @@ def _jpeg(data: bytes) -> tuple[int, int]:
         if position + 9 > len(data) or data[position] != 0xFF:
             break
         marker = data[position + 1]
-        # SOF0 to SOF15 hold the size; C4, C8 and CC in their midst are tables.
+        # SOF0 to SOF15 hold the size; C4, C8 and CC among them are tables.
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
             height, width = struct.unpack_from(">HH", data, position + 5)
             return width, height
@@ -79,8 +79,8 @@ def _png(data: bytes) -> tuple[int, int]:
         if position + 12 > len(data):
             break
         length, kind = _CHUNK.unpack_from(data, position)
-        if length > len(data) - position - 12:  # OpenCV would allocate what is told
-            raise ValueError("expected a whole PNG, got a cut one")
+        if length > len(data) - position - 12:  # OpenCV would allocate it
+            raise ValueError("expected a complete PNG, got a truncated one")
         packed += kind in PACKED
         if kind == b"acTL":
             raise ValueError("expected a still PNG, got an animated one")
@@ -93,7 +93,7 @@ def _png(data: bytes) -> tuple[int, int]:
 
 def _bmp(data: bytes) -> tuple[int, int]:
     if len(data) < 26:
-        raise ValueError("expected a BMP, got a cut one")
+        raise ValueError("expected a BMP, got a truncated one")
     if data[14] == 12:
         width, height = struct.unpack_from("<HH", data, 18)
     else:

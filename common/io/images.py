@@ -11,7 +11,7 @@ from people4d.messages import U8, U16, CompressedRgbdFrame, RgbdFrame
 
 
 def compress(frame: RgbdFrame, quality: int = 90, png_level: int = 1) -> CompressedRgbdFrame:
-    """Compress a frame for a recording or a slow link; depth is kept exactly.
+    """Compress a frame for a recording or a slow link; depth is lossless.
 
     Args:
         frame: The frame.
@@ -89,11 +89,11 @@ def decode_jpeg(data: bytes) -> U8:
     if not data.startswith(JPEG):
         raise DecodeError("rgb_jpeg: expected a JPEG, got a corrupt one")
     width, height = image_size(data, "rgb_jpeg")
-    # OpenCV fills what a cut JPEG lacks with grey; only the end marker tells (some pad it).
-    whole = b"\xff\xd9" in data[-256:]
-    rgb = _decode(data, cv2.IMREAD_COLOR_RGB) if whole else None
+    # OpenCV fills a truncated JPEG with grey; only the end marker shows it (some files pad it).
+    complete = b"\xff\xd9" in data[-256:]
+    rgb = _decode(data, cv2.IMREAD_COLOR_RGB) if complete else None
     if rgb is None or rgb.shape != (height, width, 3):
-        raise DecodeError("rgb_jpeg: expected a whole JPEG, got a corrupt one")
+        raise DecodeError("rgb_jpeg: expected a complete JPEG, got a corrupt one")
     return np.asarray(rgb, np.uint8)
 
 
@@ -120,7 +120,7 @@ def decode_png16(data: bytes) -> U16:
         )
     depth = _decode(data, cv2.IMREAD_UNCHANGED) if b"IEND" in data[-64:] else None
     if depth is None or depth.shape != (height, width) or depth.dtype != np.uint16:
-        raise DecodeError("depth_png: expected a whole PNG, got a corrupt one")
+        raise DecodeError("depth_png: expected a complete PNG, got a corrupt one")
     return np.asarray(depth, np.uint16)
 
 

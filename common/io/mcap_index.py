@@ -1,4 +1,4 @@
-"""Where the messages of an MCAP file lie, found from the front so that a cut file works too."""
+"""Index of an MCAP file, built from the front so that a truncated file works too."""
 
 import struct
 from dataclasses import dataclass, field
@@ -15,10 +15,10 @@ from people4d.errors import DecodeError, SourceError
 
 MAGIC = b"\x89MCAP0\r\n"
 MAX_HEADER_BYTES = 2**20  # of a header, channel or metadata record
-MAX_DESCRIPTION_BYTES = 16 * 2**20  # of all of them together
+MAX_DESCRIPTION_BYTES = 16 * 2**20  # of all of them
 MAX_MESSAGES = 10_000_000  # 90 hours of frames at 30 Hz; bounds the memory of the index
 MAX_CHANNELS = 4096
-MAX_NOTES = 256
+MAX_METADATA = 256
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -43,9 +43,9 @@ class McapIndex:
 
     profile: str = ""
     entries: list[MessageEntry] = field(default_factory=list)
-    truncated: bool = False  # the file is cut short or damaged; what lies before is there
+    truncated: bool = False  # the file is cut short or damaged; messages before are there
     topics: dict[int, str] = field(default_factory=dict)  # by number of the channel
-    notes: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
     description_bytes: int = 0  # of headers, channels and metadata records read so far
 
 
@@ -61,26 +61,26 @@ def read_profile(path: Path) -> str:
     except OSError as error:
         raise SourceError(f"source {path} cannot be read: {error.strerror}") from error
     if not head.startswith(MAGIC) or len(head) < 21:
-        raise SourceError(f"source {path} is not an MCAP file", "It may be cut or of another kind.")
+        raise SourceError(f"source {path} is not an MCAP file", "It may be truncated.")
     length = int.from_bytes(head[17:21], "little")  # after magic (8), opcode (1), length (8)
     return head[21 : 21 + length].decode("utf-8", "replace")
 
 
 def scan(file: BinaryIO) -> McapIndex:
-    """Find the messages, skipping over their payloads.
+    """Index the messages, skipping their payloads.
 
     Args:
         file: An MCAP file at its start; chunks must not be compressed.
 
     Returns:
-        The index, up to the place where the file is cut short or damaged.
+        The index, up to the position where the file is cut short or damaged.
 
     Raises:
         DecodeError: The file is no MCAP file, has compressed chunks, or exceeds a limit.
         OSError: Reading failed.
     """
     if file.read(len(MAGIC)) != MAGIC:
-        raise DecodeError("it does not begin like an MCAP file", "Check the path.")
+        raise DecodeError("it has no MCAP signature", "Check the path.")
     end = file.seek(0, 2)
     index = McapIndex()
     position = len(MAGIC)
@@ -88,15 +88,15 @@ def scan(file: BinaryIO) -> McapIndex:
         while (step := _record(file, position, end, index)) is not None:
             position = step
     except (struct.error, McapError, UnicodeDecodeError):
-        index.truncated = True  # a power cut can leave junk at the end
+        index.truncated = True  # a power failure can leave junk at the end
     if not index.profile and index.truncated:
-        raise DecodeError("it is cut off before its header")
+        raise DecodeError("it is truncated before its header")
     index.entries.sort(key=lambda entry: entry.log_time_ns)
     return index
 
 
 def _record(file: BinaryIO, position: int, end: int, index: McapIndex) -> int | None:
-    """Take in the record at a position; return where the next one is, None at the end."""
+    """Index the record at a position; return the position of the next one, None at the end."""
     start = position + _RECORD.size
     file.seek(position)
     opcode: int
@@ -110,7 +110,7 @@ def _record(file: BinaryIO, position: int, end: int, index: McapIndex) -> int | 
     if opcode in (Opcode.HEADER, Opcode.CHANNEL, Opcode.METADATA):
         index.description_bytes += size
         if index.description_bytes > MAX_DESCRIPTION_BYTES:
-            raise DecodeError(f"it describes itself in more than {MAX_DESCRIPTION_BYTES} bytes")
+            raise DecodeError(f"its metadata has more than {MAX_DESCRIPTION_BYTES} bytes")
         _describe(opcode, _small(file, size), index)
     elif opcode == Opcode.MESSAGE:
         _message(file, start, size, index)
@@ -120,7 +120,7 @@ def _record(file: BinaryIO, position: int, end: int, index: McapIndex) -> int | 
 
 
 def _chunk(file: BinaryIO, start: int, end: int) -> int:
-    """Step into a chunk: its records lie in the file as if there were none."""
+    """Step into a chunk, whose records follow each other as outside of chunks."""
     *_, compression_size = _CHUNK.unpack(file.read(_CHUNK.size))
     if compression_size:
         raise DecodeError(
@@ -135,10 +135,10 @@ def _describe(opcode: int, record: ReadDataStream, index: McapIndex) -> None:
         index.profile = Header.read(record).profile
         return
     if opcode == Opcode.METADATA:
-        note = Metadata.read(record)
-        index.notes[note.name] = note.metadata
-        if len(index.notes) > MAX_NOTES:
-            raise DecodeError(f"it has more than {MAX_NOTES} metadata records")
+        metadata = Metadata.read(record)
+        index.metadata[metadata.name] = metadata.metadata
+        if len(index.metadata) > MAX_METADATA:
+            raise DecodeError(f"it has more than {MAX_METADATA} metadata records")
         return
     channel = Channel.read(record)
     index.topics[channel.id] = channel.topic

@@ -1,4 +1,4 @@
-"""Arrays of numbers from NPZ files that are not trusted: no objects, no more than is told."""
+"""Arrays of numbers from untrusted NPZ files: no objects, no more bytes than declared."""
 
 import math
 import zipfile
@@ -12,16 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 MAX_BYTES = 256 * 2**20  # of one array
-MAX_HEADER_BYTES = 4096  # of the text that tells type and shape
-NUMBERS = "biuf"  # kinds of numpy types: truth values, whole numbers, fractions
-# Others unpack any number of bytes at once, whatever size is told.
+MAX_HEADER_BYTES = 4096  # of the text with type and shape
+NUMBERS = "biuf"  # kinds of numpy types: booleans, integers, floats
+# Other compressions unpack any number of bytes at once, whatever size is declared.
 PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 def read_arrays(
     path: Path, needed: Sequence[str], optional: Sequence[str] = ()
 ) -> Mapping[str, npt.NDArray[Any]]:
-    """Read arrays by name; the others of the file are not touched.
+    """Read arrays by name; others in the file are not read.
 
     Args:
         path: NPZ file.
@@ -35,11 +35,11 @@ def read_arrays(
     """
     try:
         with zipfile.ZipFile(path) as file:
-            there = set(file.namelist())
-            lacking = [name for name in needed if f"{name}.npy" not in there]
+            names = set(file.namelist())
+            lacking = [name for name in needed if f"{name}.npy" not in names]
             if lacking:
                 raise ValueError(f"it has no array {lacking[0]}")
-            wanted = [*needed, *(name for name in optional if f"{name}.npy" in there)]
+            wanted = [*needed, *(name for name in optional if f"{name}.npy" in names)]
             return {name: _array(file, name, path.stat().st_size) for name in wanted}
     except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError) as error:
         raise ValueError(f"it is no NPZ file: {error}") from error  # RuntimeError: encrypted
@@ -53,9 +53,9 @@ def _array(file: zipfile.ZipFile, name: str, end: int) -> npt.NDArray[Any]:
         raise ValueError(f"array {name} is packed in a way that numpy does not write")
     if member.file_size > MAX_BYTES:
         raise ValueError(f"array {name} is larger than {MAX_BYTES} bytes")
-    # Read asks for as many bytes at once as are told to be packed.
+    # Reading allocates the declared compressed size at once.
     if member.compress_size > end:
-        raise ValueError(f"array {name} is cut")
+        raise ValueError(f"array {name} is truncated")
     data = file.read(member)  # never more than file_size
     try:
         shape, column_major, kind, start = _header(data)
@@ -73,11 +73,11 @@ def _array(file: zipfile.ZipFile, name: str, end: int) -> npt.NDArray[Any]:
 def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:
     text = BytesIO(data)
     version = np.lib.format.read_magic(text)
-    if version == (1, 0):
-        told = np.lib.format.read_array_header_1_0(text, MAX_HEADER_BYTES)
-    elif version == (2, 0):
-        told = np.lib.format.read_array_header_2_0(text, MAX_HEADER_BYTES)
-    else:
+    readers = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    if version not in readers:
         raise ValueError(f"version {version[0]}.{version[1]} is not supported")
-    shape, column_major, kind = told
+    shape, column_major, kind = readers[version](text, MAX_HEADER_BYTES)
     return shape, column_major, kind, text.tell()

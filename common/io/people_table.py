@@ -1,4 +1,4 @@
-"""People as the rows of a table, for spreadsheets and data frames: truth and tracks alike."""
+"""Tracks and ground truth as rows of a table, for spreadsheets and data frames."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
 
-Cell: TypeAlias = str | int | float | None  # None: not known, or not of this kind
+Cell: TypeAlias = str | int | float | None  # None: unknown, or not of this kind
 
 
 @dataclass(frozen=True)
@@ -16,8 +16,8 @@ class Column:
     Args:
         name: Its name, unit at the end.
         kind: Type of its cells; an empty cell is possible where `optional`.
-        meaning: What it holds.
-        optional: Whether a cell may be empty.
+        meaning: Its content.
+        optional: A cell may be empty.
     """
 
     name: str
@@ -38,12 +38,12 @@ COLUMNS = (
     Column("vx_mps", float, "[m/s] velocity", optional=True),
     Column("vy_mps", float, "[m/s]", optional=True),
     Column("vz_mps", float, "[m/s]", optional=True),
-    Column("yaw_rad", float, "[rad] way the chest faces, 0 = +x, (-pi, pi]", optional=True),
-    Column("path_yaw_rad", float, "[rad] truth: way walked, likewise", optional=True),
+    Column("yaw_rad", float, "[rad] direction of the chest, 0 = +x, (-pi, pi]", optional=True),
+    Column("path_yaw_rad", float, "[rad] truth: direction of walking, likewise", optional=True),
     Column("state", str, "track: `tentative`, `confirmed`, `lost` (only predicted)", optional=True),
-    Column("unseen_s", float, "[s] track: since it was last seen", optional=True),
+    Column("unseen_s", float, "[s] track: since the last match", optional=True),
     Column("score", float, "track: confidence of the last detection, 0 to 1", optional=True),
-    Column("hits", int, "track: frames in which it was seen", optional=True),
+    Column("hits", int, "track: matched frames", optional=True),
     Column("age", int, "track: frames since it began", optional=True),
     Column("camera", str, "track: camera whose frame it is of", optional=True),
 )

@@ -1,4 +1,4 @@
-"""Recordings: an MCAP file of messages as they are on the wire.
+"""Recordings: MCAP files of messages as they are on the wire.
 
 Profile "people4d", one channel per key with the key below people4d/v1/<robot>/ as its topic, so
 that a recording replays under any robot's name. Messages are not compressed (colour is JPEG and
@@ -58,14 +58,14 @@ class RecordingWriter:
 
         Args:
             message: The message.
-            log_time_ns: When it was received, on the clock that orders the recording.
+            log_time_ns: Time of reception, which orders the recording.
 
         Raises:
             SourceError: The file cannot be written, for example because the disk is full.
         """
         if isinstance(message, RgbdFrame):
             message = compress(message, self._quality)
-        with self._told():
+        with self._source_errors():
             self._writer.add_message(
                 self._channel(message),
                 log_time=max(log_time_ns, 0),
@@ -74,17 +74,17 @@ class RecordingWriter:
                 sequence=message.sequence & 0xFFFFFFFF,
             )
 
-    def note(self, name: str, values: Mapping[str, str]) -> None:
-        """Write down what holds for the whole recording, best before the first message.
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record about the recording, best before the first message.
 
         Args:
-            name: What the note is about; a later note of the same name replaces it.
+            name: Its subject; a later record of the same name replaces it.
             values: Text by name.
 
         Raises:
             SourceError: The file cannot be written.
         """
-        with self._told():
+        with self._source_errors():
             self._writer.add_metadata(name, dict(values))
 
     def close(self) -> None:
@@ -94,20 +94,20 @@ class RecordingWriter:
             SourceError: The file cannot be written.
         """
         if not self._file.closed:
-            with self._told():
+            with self._source_errors():
                 self._writer.finish()  # type: ignore[no-untyped-call]
                 self._file.close()
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _source_errors(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:
-            with suppress(OSError):  # it is closed even if the rest cannot be written
+            with suppress(OSError):  # closed even if the rest cannot be written
                 self._file.close()
             raise SourceError(
                 f"recording {self._path} cannot be written: {error.strerror}",
-                "What was written before can be read.",
+                "The messages before it can be read.",
             ) from error
 
     def __enter__(self) -> Self:
@@ -130,12 +130,12 @@ class RecordingWriter:
 
 
 class RecordingSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """What a recording holds."""
+    """Contents of a recording."""
 
     topics: dict[str, int]  # number of messages by topic, sorted by topic
     start_ns: int  # [ns] log time of the first message; 0 if there is none
     duration_s: float  # [s] from the first to the last message
-    truncated: bool  # True: the file is cut short or damaged; what lies before is there
+    truncated: bool  # True: the file is cut short or damaged; messages before are there
 
 
 class Recording:
@@ -143,7 +143,7 @@ class Recording:
 
     Args:
         path: The file.
-        index: Where its messages lie.
+        index: Of its messages.
     """
 
     def __init__(self, path: Path, index: McapIndex) -> None:
@@ -153,7 +153,7 @@ class Recording:
 
     @property
     def summary(self) -> RecordingSummary:
-        """What the recording holds, without decoding any message."""
+        """Contents of the recording, without decoding any message."""
         entries = self._index.entries
         counts: dict[str, int] = {}
         for entry in entries:
@@ -167,9 +167,9 @@ class Recording:
         )
 
     @property
-    def notes(self) -> Mapping[str, Mapping[str, str]]:
-        """What was noted for the whole recording, by name (the file's metadata records)."""
-        return self._index.notes
+    def metadata(self) -> Mapping[str, Mapping[str, str]]:
+        """Metadata records by name."""
+        return self._index.metadata
 
     def messages(self, *types: type[Message]) -> Iterator[tuple[int, Message]]:
         """Iterate over messages in the order of their log time.
@@ -182,7 +182,7 @@ class Recording:
             and counted in `bad_messages`.
 
         Raises:
-            SourceError: The file has gone since it was opened.
+            SourceError: The file vanished since it was opened.
         """
         wanted = [entry for entry in self._index.entries if _holds(entry.topic, types)]
         try:

@@ -153,7 +153,7 @@ def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Me
 
 def mean_ms(path: Path) -> float | None:
     """Return what a frame took, as noted when it was seen; None where that is not known."""
-    text = open_recording(path).notes.get(SPEED, {}).get("mean_ms", "")
+    text = open_recording(path).metadata.get(SPEED, {}).get("mean_ms", "")
     return float(text) if text else None
 
 
@@ -190,7 +190,7 @@ def _see(wanted: DetectionJob, files: Sequence[Path]) -> None:
                         writers[k].write(_untraced(answer), answer.stamp_ns)
         for writer, times in zip(writers, took_ms, strict=True):
             if times:
-                writer.note(SPEED, {"mean_ms": f"{sum(times) / len(times):.4f}"})
+                writer.write_metadata(SPEED, {"mean_ms": f"{sum(times) / len(times):.4f}"})
     if model.found_new:
         findings.save(wanted.findings_file(), known)
     for made, file in zip(new, files, strict=True):

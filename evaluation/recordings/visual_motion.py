@@ -139,7 +139,7 @@ def estimate_motion(wanted: VisualMotionJob) -> Path:
     new = path.with_suffix(f".{os.getpid()}.new")
     new.parent.mkdir(parents=True, exist_ok=True)
     write_with_motion(
-        messages, VisualMotion(wanted.camera, wanted.config, messages), new, stored.notes
+        messages, VisualMotion(wanted.camera, wanted.config, messages), new, stored.metadata
     )
     new.replace(path)
     return path
@@ -160,7 +160,7 @@ def write_with_motion(
     upcoming = next(waiting, None)
     with RecordingWriter(path) as writer:
         for name, values in notes.items():
-            writer.note(name, values)
+            writer.write_metadata(name, values)
         for message in messages:
             if isinstance(message, Odometry | MovingTransform):
                 continue

@@ -28,7 +28,7 @@ class LabNote(msgspec.Struct, frozen=True, kw_only=True):
     sensor: DepthSensorConfig = DepthSensorConfig()  # that is, or was, applied
 
     def values(self) -> dict[str, str]:
-        """Return the texts for `RecordingWriter.note`."""
+        """Return the texts for `RecordingWriter.write_metadata`."""
         return {
             "scenario": self.scenario,
             "seed": str(self.seed),
@@ -43,9 +43,9 @@ def read_note(recording: Recording) -> LabNote | None:
     Raises:
         SourceError: The note is damaged, or of a later version.
     """
-    if NAME not in recording.notes:
+    if NAME not in recording.metadata:
         return None
-    values: dict[str, Any] = dict(recording.notes[NAME])
+    values: dict[str, Any] = dict(recording.metadata[NAME])
     try:
         if "sensor" in values:
             values["sensor"] = msgspec.json.decode(values["sensor"])

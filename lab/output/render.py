@@ -101,7 +101,7 @@ def make_piece(order: Order, shelf: Shelf, size: int, piece: int) -> None:
 
 def _write_recording(order: Order, pieces: list[Path], path: Path) -> None:
     with RecordingWriter(path) as writer:
-        writer.note(NAME, order.note.values())
+        writer.write_metadata(NAME, order.note.values())
         for message in studio_of(order).timeline(_messages(pieces)):
             writer.write(message, message.stamp_ns)
 

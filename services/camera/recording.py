@@ -128,7 +128,7 @@ class RecordingSource(Source):
 def _depth_sensor(
     recording: Recording, info: CameraInfo, changes: Mapping[str, Any]
 ) -> SimulatedSensor | None:
-    name = next((name for name in recording.notes if name in DEPTH_SENSORS), None)
+    name = next((name for name in recording.metadata if name in DEPTH_SENSORS), None)
     if name is None:
         return None
     try:

@@ -100,8 +100,8 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     frames = 0
     shipped = open_recording(DEMO)
     with RecordingWriter(file) as writer:
-        for name, values in shipped.notes.items():
-            writer.note(name, values)
+        for name, values in shipped.metadata.items():
+            writer.write_metadata(name, values)
         for log_ns, message in shipped.messages():
             writer.write(message, log_ns)
             frames += type(message).__name__ == "CompressedRgbdFrame"
@@ -159,8 +159,8 @@ def merge(whole: Path, demo: Path, *made: Path) -> None:
     messages = [m for _, m in open_recording(demo).messages()]
     messages += [m for file in made for _, m in open_recording(file).messages(Detections, Tracks)]
     with RecordingWriter(whole) as writer:
-        for name, values in open_recording(demo).notes.items():
-            writer.note(name, values)
+        for name, values in open_recording(demo).metadata.items():
+            writer.write_metadata(name, values)
         for message in sorted(messages, key=lambda m: m.stamp_ns):
             writer.write(message, message.stamp_ns)
 

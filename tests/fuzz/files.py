@@ -55,7 +55,7 @@ def _play(source: Any) -> None:
 def _recording(path: Path) -> None:
     recording = open_recording(path)
     assert recording.summary.duration_s >= 0
-    assert recording.notes is not None
+    assert recording.metadata is not None
     for _ in recording.messages():
         pass
 
@@ -67,7 +67,7 @@ def _truth(kind: str) -> Callable[[Path], None]:
 
 def _recording_seeds(folder: Path) -> Sequence[bytes]:
     with RecordingWriter(folder / "all.mcap") as writer:
-        writer.note("lab", {"scenario": "two", "seed": "1", "depth": "clean"})
+        writer.write_metadata("lab", {"scenario": "two", "seed": "1", "depth": "clean"})
         for message in FULL:
             writer.write(message, message.sequence)
     return [recorded(folder / "a.mcap").read_bytes(), (folder / "all.mcap").read_bytes()]

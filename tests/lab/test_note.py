@@ -51,7 +51,7 @@ def clean(frame: int) -> U16:
 def recorded(path: Path, values: Mapping[str, str] | None, shape: Any = (60, 80)) -> Path:
     with RecordingWriter(path) as writer:
         if values is not None:
-            writer.note("lab", values)
+            writer.write_metadata("lab", values)
         writer.write(INFO, 0)
         for k in range(4):
             frame = RgbdFrame(

@@ -1,4 +1,4 @@
-"""Depth registered to colour (method book section 1)."""
+"""Depth registered to colour (docs/method.md section 1)."""
 
 import math
 
@@ -22,7 +22,7 @@ class Registration:
         depth_offset_px: u, v added to depth pixels before they are deprojected: structured-light
             sensors shift depth against the infrared image that their calibration was made with.
 
-    Source: method book section 1.
+    Source: docs/method.md section 1.
     """
 
     def __init__(
@@ -45,10 +45,10 @@ class Registration:
         self._gap_px = max(0, math.ceil(scale - 0.05) - 1)
 
     def __call__(self, depth_mm: U16) -> U16:
-        """Register one image; where two surfaces meet in a pixel, the nearer one wins.
+        """Register one image; where two surfaces fall on one pixel, the nearer one counts.
 
         Args:
-            depth_mm: HxW in millimetres, as the depth camera sees it, 0 = no reading.
+            depth_mm: HxW in millimetres, as measured, 0 = no reading.
 
         Returns:
             As large as colour, in millimetres along the optical axis of colour, 0 = no reading.
@@ -58,14 +58,14 @@ class Registration:
         """
         if depth_mm.shape != self._shape:
             raise ValueError(f"depth: expected shape {self._shape}, got {depth_mm.shape}")
-        seen = np.flatnonzero(depth_mm)
-        points = self._rays[:, seen] * depth_mm.ravel()[seen].astype(np.float32)
+        valid = np.flatnonzero(depth_mm)
+        points = self._rays[:, valid] * depth_mm.ravel()[valid].astype(np.float32)
         points += self._translation_mm[:, None]
         u, v = self._pixels(points)
         inside = (u >= 0) & (u < self._colour.width) & (v >= 0) & (v < self._colour.height)
         inside &= (points[2] >= 1.0) & (points[2] < 65535.0)
         pixel = v[inside] * self._colour.width + u[inside]
-        # 65535 is the z-buffer's "nothing here".
+        # 65535 marks an empty pixel of the z-buffer.
         buffer = np.full(self._colour.height * self._colour.width, 65535, np.uint16)
         np.minimum.at(buffer, pixel, np.rint(points[2, inside]).astype(np.uint16))
         registered = buffer.reshape(self._colour.height, self._colour.width)
@@ -74,7 +74,7 @@ class Registration:
         return np.where(registered == 65535, np.uint16(0), registered)
 
     def _pixels(self, points: F32) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        """Project 3xN points to whole pixels of colour, lens distortion applied."""
+        """Project 3xN points to integer pixels of colour, lens distortion applied."""
         colour = self._colour
         z = np.maximum(points[2], np.float32(1.0))
         x, y = points[0] / z, points[1] / z
@@ -92,10 +92,10 @@ class Registration:
         """Fill gaps between neighbouring readings without growing surfaces outward."""
         gap = self._gap_px
         kernel = np.ones((gap + 1, gap + 1), np.uint8)
-        seen = (registered < 65535).astype(np.uint8)
+        valid = (registered < 65535).astype(np.uint8)
         # Opposite anchors: with one and the same, a kernel of even size would shift the surface.
-        closed = cv2.erode(cv2.dilate(seen, kernel, anchor=(0, 0)), kernel, anchor=(gap, gap))
-        gaps = (closed > 0) & (seen == 0)
+        closed = cv2.erode(cv2.dilate(valid, kernel, anchor=(0, 0)), kernel, anchor=(gap, gap))
+        gaps = (closed > 0) & (valid == 0)
         nearest = cv2.erode(registered, np.ones((2 * gap + 1, 2 * gap + 1), np.uint8))
         return np.where(gaps, nearest, registered).astype(np.uint16)
 

@@ -1,4 +1,4 @@
-"""Frames, the pinhole camera and angles (method book section 1)."""
+"""Frames, the pinhole camera and angles (docs/method.md section 1)."""
 
 import math
 
@@ -65,7 +65,7 @@ def test_distortion_by_hand() -> None:
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_deproject_undoes_project_over_the_whole_image(lens: str) -> None:
+def test_deproject_undoes_project_over_the_full_image(lens: str) -> None:
     # OpenCV's usual five iterations left 0.07 px at the corner of the wide lens.
     model, coefficients = LENSES[lens]
     info = msgspec.structs.replace(
@@ -115,7 +115,7 @@ def test_wrap_by_hand(angle: float, wrapped: float) -> None:
 
 @settings(deadline=None)
 @given(st.floats(-1e6, 1e6))
-def test_wrap_turns_by_whole_turns_into_its_interval(angle: float) -> None:
+def test_wrap_adds_full_turns(angle: float) -> None:
     wrapped = wrap(angle)
     assert -math.pi < wrapped <= math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-6)

@@ -117,5 +117,5 @@ def test_more_packed_bytes_than_there_are_are_not_asked_for(tmp_path: Path) -> N
     data = path.read_bytes()
     at = data.rindex(size + size)  # packed and not, in the directory
     path.write_bytes(data[:at] + struct.pack("<I", 2**32 - 2) + data[at + 4 :])
-    with pytest.raises(ValueError, match="array a is cut"):
+    with pytest.raises(ValueError, match="array a is truncated"):
         read_arrays(path, ["a"])

@@ -73,19 +73,19 @@ def write_mcap(
 
 def test_notes_come_back(tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "x.mcap") as writer:
-        writer.note("lab", {"seed": "1"})
+        writer.write_metadata("lab", {"seed": "1"})
         writer.write(odometry(1), S)
-        writer.note("lab", {"seed": "2", "größe": ""})
-        writer.note("place", {})
+        writer.write_metadata("lab", {"seed": "2", "größe": ""})
+        writer.write_metadata("place", {})
     recording = open_recording(tmp_path / "x.mcap")
-    assert recording.notes == {"lab": {"seed": "2", "größe": ""}, "place": {}}
+    assert recording.metadata == {"lab": {"seed": "2", "größe": ""}, "place": {}}
     assert (len(list(recording.messages())), recording.summary.truncated) == (1, False)
 
 
 def test_too_many_notes_are_refused(tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "x.mcap") as writer:
         for k in range(257):
-            writer.note(str(k), {})
+            writer.write_metadata(str(k), {})
     with pytest.raises(SourceError, match="more than 256 metadata records"):
         open_recording(tmp_path / "x.mcap")
 
@@ -234,9 +234,9 @@ def write_packed(path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (write_junk, "does not begin like an MCAP file. Check the path."),
-        (write_empty, "does not begin like an MCAP file"),
-        (write_huge_header, "is cut off before its header"),
+        (write_junk, "has no MCAP signature. Check the path."),
+        (write_empty, "has no MCAP signature"),
+        (write_huge_header, "is truncated before its header"),
         (write_ros, "of profile 'ros2', not of 'people4d'. Open a ROS 2 recording as a ROS bag."),
         (write_packed, "chunks are compressed. Rewrite it with"),
     ],
@@ -276,7 +276,7 @@ def test_the_demo_recording() -> None:
         "transforms/front_optical_frame": 1,
         "truth": 901,
     }
-    assert recording.notes["lab"]["depth"] == "clean"
+    assert recording.metadata["lab"]["depth"] == "clean"
     assert DEMO.stat().st_size <= 16_000_000
     frames = [m.stamp_ns for _, m in recording.messages(CompressedRgbdFrame)]
     truth = [m.stamp_ns for _, m in recording.messages(Truth)]
