@@ -6,14 +6,14 @@ a field that would change what runs, and that is not known, is an error.
 
 import re
 import shlex
-from collections.abc import Mapping, Set
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from deploy import compose_file
+from deploy.compose_file import interpolate
 from people4d.errors import ConfigError
 
 CONDITIONS = ("service_started", "service_healthy", "service_completed_successfully")
@@ -22,24 +22,20 @@ RESTARTS = ("no", "always", "unless-stopped", "on-failure")
 CONTAINER_ONLY = frozenset((
     "annotations", "build", "cap_add", "cap_drop", "container_name", "cpus", "device_cgroup_rules",
     "devices", "dns", "expose", "extra_hosts", "group_add", "hostname", "image", "init", "ipc",
-    "labels", "logging", "mem_limit", "memswap_limit", "network_mode", "networks",
+    "logging", "mem_limit", "memswap_limit", "network_mode", "networks",
     "oom_score_adj", "pids_limit", "platform", "ports", "privileged", "pull_policy", "read_only",
     "security_opt", "shm_size", "sysctls", "tmpfs", "tty", "ulimits", "user", "volumes",
     "working_dir",
 ))
 USED = frozenset((
-    "command", "depends_on", "deploy", "environment", "healthcheck", "profiles", "restart",
-    "stop_grace_period",
+    "command", "depends_on", "deploy", "environment", "healthcheck", "labels", "profiles",
+    "restart", "stop_grace_period",
 ))
 # fmt: on
 CONTAINER_ONLY_TOP = frozenset({"name", "networks", "version", "volumes"})
 USED_DEPLOY = frozenset({"replicas"})
 CONTAINER_ONLY_DEPLOY = frozenset({"labels", "mode", "resources"})
 
-VARIABLE = re.compile(
-    r"\$(?:(?P<escaped>\$)|(?P<bare>[A-Za-z_]\w*)"
-    r"|\{(?P<name>[A-Za-z_]\w*)(?:(?P<rule>:?[-?+])(?P<word>[^${}]*))?\}|(?P<bad>))"
-)
 DURATION = re.compile(r"(?:(\d+)h)?(?:(\d+)m(?!s))?(?:(\d+(?:\.\d+)?)s)?(?:(\d+)ms)?")
 
 Table = Mapping[str, Any]
@@ -90,6 +86,8 @@ class Service:
         replicas: Number of equal processes.
         stop_grace_s: Time between SIGTERM and SIGKILL.
         profiles: It runs only with one of these profiles; empty: always.
+        labels: Further facts: `people4d.scalable` (its replicas share their work),
+            `people4d.option` (how it is asked for), `people4d.model` (loader of its model).
     """
 
     name: str
@@ -102,6 +100,25 @@ class Service:
     replicas: int
     stop_grace_s: float
     profiles: frozenset[str]
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def module(self) -> str:
+        """Python module that it runs; empty if it is another program."""
+        program, *arguments = self.command
+        is_module = program.startswith("python") and "-m" in arguments
+        return arguments[arguments.index("-m") + 1] if is_module else ""
+
+    @property
+    def scalable(self) -> bool:
+        """True if several equal processes share its work."""
+        return self.labels.get("people4d.scalable") == "true"
+
+    @property
+    def option(self) -> str:
+        """Command-line option that asks for it; empty if it always runs."""
+        named = self.labels.get("people4d.option", "")
+        return named or (f"--profile {min(self.profiles)}" if self.profiles else "")
 
     @property
     def instances(self) -> tuple[str, ...]:
@@ -109,49 +126,40 @@ class Service:
         return tuple(f"{self.name}-{n}" for n in range(1, self.replicas + 1))
 
 
-def read(file: Path, variables: Mapping[str, str], profiles: Set[str]) -> tuple[Service, ...]:
-    """Read the services of a compose file, in an order in which they can be started.
+def read(file: Path, variables: Mapping[str, str]) -> tuple[Service, ...]:
+    """Read the services of a compose file, those of every profile.
 
     Args:
         file: The compose file.
         variables: Values for ${VAR}.
-        profiles: Profiles whose services run beside those without a profile.
 
     Raises:
         ConfigError: The file cannot be read, or says what only a container could do.
     """
     try:
-        document = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"compose file {file} cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"compose file {file} is not YAML: {error}") from error
-    try:
-        top = _fields(document, frozenset({"services"}), CONTAINER_ONLY_TOP, "")
+        top = _fields(compose_file.load(file), frozenset({"services"}), CONTAINER_ONLY_TOP, "")
         tables = _table(top.get("services", {}), "services")
-        services = [_service(name, interpolate(tables[name], variables)) for name in tables]
-        return start_order(_part_of_run(services, profiles))
+        return tuple(
+            _service(name, interpolate(table, variables)) for name, table in tables.items()
+        )
     except ValueError as error:
         raise ConfigError(f"compose file {file}: {error}") from error
 
 
-def interpolate(value: Any, variables: Mapping[str, str]) -> Any:
-    """Fill ${VAR}, ${VAR:-default}, ${VAR:?error} and $$ into all strings of a value.
+def select(services: Sequence[Service], profiles: Set[str]) -> tuple[Service, ...]:
+    """Return the services of a run, in an order in which they can be started.
 
     Args:
-        value: String, list or map, to any depth.
-        variables: Values by name.
+        services: Those of a compose file.
+        profiles: Profiles whose services run beside those without a profile.
 
     Raises:
-        ValueError: A required variable is missing or an expression is not understood.
+        ConfigError: A dependency is unknown, or services wait for each other.
     """
-    if isinstance(value, str):
-        return VARIABLE.sub(lambda match: _fill(match, variables), value)
-    if isinstance(value, list):
-        return [interpolate(item, variables) for item in value]
-    if isinstance(value, dict):
-        return {key: interpolate(item, variables) for key, item in value.items()}
-    return value
+    try:
+        return start_order(_part_of_run(services, profiles))
+    except ValueError as error:
+        raise ConfigError(f"compose file: {error}") from error
 
 
 def start_order(services: tuple[Service, ...]) -> tuple[Service, ...]:
@@ -172,7 +180,7 @@ def start_order(services: tuple[Service, ...]) -> tuple[Service, ...]:
         raise ValueError(f"services wait for each other: {' -> '.join(error.args[1])}") from error
 
 
-def _part_of_run(services: list[Service], profiles: Set[str]) -> tuple[Service, ...]:
+def _part_of_run(services: Sequence[Service], profiles: Set[str]) -> tuple[Service, ...]:
     """Leave out services of other profiles, and what is optional and waits for them."""
     running = [s for s in services if not s.profiles or s.profiles & profiles]
     names = {service.name for service in running}
@@ -180,23 +188,6 @@ def _part_of_run(services: list[Service], profiles: Set[str]) -> tuple[Service, 
         replace(s, depends_on=tuple(d for d in s.depends_on if d.required or d.service in names))
         for s in running
     )
-
-
-def _fill(match: re.Match[str], variables: Mapping[str, str]) -> str:
-    if match["escaped"]:
-        return "$"
-    name, rule, word = match["bare"] or match["name"], match["rule"] or "", match["word"]
-    if not name:
-        raise ValueError(f"{match.string!r}: expected $$, ${{NAME}} or ${{NAME:-default}}")
-    value = variables.get(name)
-    is_set = value is not None and (value != "" or not rule.startswith(":"))
-    if rule.endswith("+"):
-        return word if is_set else ""
-    if is_set or not rule:
-        return value or ""
-    if rule.endswith("?"):
-        raise ValueError(f"variable {name} is not set: {word}")
-    return word
 
 
 def _service(name: str, value: Any) -> Service:
@@ -221,6 +212,7 @@ def _service(name: str, value: Any) -> Service:
         replicas=int(replicas),
         stop_grace_s=_seconds(fields.get("stop_grace_period", "10s"), f"{name}.stop_grace_period"),
         profiles=frozenset(fields.get("profiles", ())),
+        labels=_environment(fields.get("labels", {}), f"{name}.labels"),
     )
 
 

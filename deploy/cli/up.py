@@ -97,6 +97,9 @@ def up(
             help="The robot moves and tells no odometry: see it in its pictures.",
         ),
     ] = False,
+    profile: Annotated[
+        list[str], typer.Option(help="Profile of the compose file, whose services run too.")
+    ] = [],  # noqa: B006
     robot: Robot = "robot",
     host: Annotated[
         str, typer.Option(help="Address of the router; 0.0.0.0 lets other machines connect.")
@@ -132,6 +135,8 @@ def up(
     settings += [f"{CAMERA}.loop=true"] if loop else []
     settings += LOCKSTEP_WAITS if playback == "lockstep" else ()
     settings += [ON_BASE] if visual_odometry else []
+    asked = {"gait": gait, "visual_odometry": visual_odometry}
+    profiles = [*profile, *(name for name, wanted in asked.items() if wanted)]
     request = LaunchRequest(
         robot=robot,
         host=host,
@@ -141,8 +146,7 @@ def up(
         settings=[*settings, *set_],
         scale=scale,
         report=report,
-        gait=gait,
-        visual_odometry=visual_odometry,
+        profiles=profiles,
     )
     if compose == COMPOSE_FILE:
         check_source(request)

@@ -1,16 +1,18 @@
 """Checks of this machine: what needs no running system, and why one does not run."""
 
-import importlib
 import re
 import socket
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
-from common.config import load
+import msgspec
+
+from deploy import compose
+from deploy.compose import Service
 from deploy.doctor.diagnostic import Diagnostic, ok, problem, warning
 from deploy.launcher.launcher import tail
-from deploy.launcher.plan import CONFIG_FILE
+from deploy.launcher.plan import COMPOSE_FILE, CONFIG_FILE
+from deploy.launcher.settings import load_model, read_settings
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from people4d.errors import ConfigError, People4dError
@@ -18,19 +20,6 @@ from people4d.errors import ConfigError, People4dError
 CONNECT_S = 1.0
 TAIL_LINES = 200
 ENDPOINT = re.compile(r"(?P<scheme>tcp|tls)/(?P<host>.+):(?P<port>\d+)")
-CONFIGS = {
-    "camera": "services.camera.config:CameraConfig",
-    "detector": "services.detector.config:DetectorConfig",
-    "reid": "services.reid.config:ReidConfig",
-    "tracker": "services.tracker.config:TrackerConfig",
-    "gait": "services.gait.config:GaitConfig",
-    "visual_odometry": "services.visual_odometry.config:VisualOdometryConfig",
-    "gt_bridge": "services.gt_bridge.config:GtBridgeConfig",
-}
-LOADERS = {
-    "detector": "services.detector.models:load_model",
-    "reid": "services.reid.embedders:load_embedder",
-}
 
 
 def router(endpoint: str, error: People4dError) -> Diagnostic:
@@ -110,32 +99,27 @@ def _last_word(log: Path) -> str:
 
 
 def settings(config: Path | None, environment: Mapping[str, str]) -> Iterator[Diagnostic]:
-    """Look whether the settings can be read and the models of them loaded."""
+    """Check that the settings of every service can be read and its model loaded."""
     file = config or Path(environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
     good = True
-    for service, location in CONFIGS.items():
+    for service in compose.read(COMPOSE_FILE, environment):
         try:
-            record = load(_find(location), service, file, (), environment)
+            record = read_settings(service, file, environment)
         except People4dError as error:
             good = False
             hint = error.hint or f"Set it right in {file} or in the environment."
             yield problem("settings", error.problem, hint)
             continue
-        if service in LOADERS:
+        if record and "people4d.model" in service.labels:
             yield _model(service, record)
     if good:
         yield ok("settings", f"{file} can be used")
 
 
-def _model(service: str, config: Any) -> Diagnostic:
+def _model(service: Service, record: msgspec.Struct) -> Diagnostic:
     try:
-        _find(LOADERS[service])(config)
+        name = load_model(service, record)
     except People4dError as error:
-        return problem("model", f"{service}: {error.problem}", error.hint or "See people4d models.")
-    name = getattr(config, "model", None) or getattr(config, "embedder", "")
-    return ok("model", f"{service}: {name} can be loaded")
-
-
-def _find(location: str) -> Any:
-    module, _, name = location.partition(":")
-    return getattr(importlib.import_module(module), name)
+        problem_ = f"{service.name}: {error.problem}"
+        return problem("model", problem_, error.hint or "See people4d models.")
+    return ok("model", f"{service.name}: {name} can be loaded")

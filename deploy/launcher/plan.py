@@ -1,4 +1,4 @@
-"""From what the user asks for to the services that shall run."""
+"""Plan of a run: from the options of the user to the services that are started."""
 
 import os
 import tomllib
@@ -9,22 +9,15 @@ from pathlib import Path
 from common.config import setting
 from deploy import compose
 from deploy.compose import Service
+from deploy.launcher.settings import read_settings
 from people4d.errors import ConfigError
 
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
 CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
 REPORT = "report"  # profile and service that writes the report
-VISUAL = "visual_odometry"  # profile and service that sees how the base moves
-GAIT = "gait"  # profile and service that follows points of bodies
 PROCESSES = "processes"  # profile of what only processes of this machine need
 CAMERA = "camera"
 ROUTER = "router"
-ONCE = frozenset(("router", CAMERA, "tracker", GAIT, VISUAL, "gt_bridge", REPORT, "watchdog"))
-ASKED_FOR = {
-    GAIT: "--gait",
-    VISUAL: "--visual-odometry",
-    REPORT: "--report FOLDER",
-}  # services that run only then
 HOST = "127.0.0.1"
 PORT = 7447
 
@@ -42,8 +35,7 @@ class LaunchRequest:
         settings: "service.field=value", the last one of a field wins.
         scale: "service=number".
         report: Folder for a report, None for none.
-        gait: Whether points of bodies are followed.
-        visual_odometry: Whether the motion of the base is seen in its pictures.
+        profiles: Profiles of the compose file, for example "gait".
         environment: The caller's environment variables.
     """
 
@@ -55,8 +47,7 @@ class LaunchRequest:
     settings: Sequence[str] = ()
     scale: Sequence[str] = ()
     report: Path | None = None
-    gait: bool = False
-    visual_odometry: bool = False
+    profiles: Sequence[str] = ()
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
 
     @property
@@ -72,17 +63,15 @@ def plan(request: LaunchRequest) -> tuple[Service, ...]:
         ConfigError: The request names services that do not run, or files that cannot be read.
     """
     settings = list(request.settings)
+    profiles = {PROCESSES, *request.profiles}
     if request.report:
         settings.append(setting(f"{REPORT}.folder", str(request.report.absolute())))
-    asked = {
-        REPORT: request.report is not None,
-        GAIT: request.gait,
-        VISUAL: request.visual_odometry,
-    }
-    profiles = {PROCESSES} | {name for name, wanted in asked.items() if wanted}
-    services = compose.read(request.compose, variables(request), profiles)
-    arguments = _arguments(settings, services)
-    replicas = replicas_of(request.scale, services)
+        profiles.add(REPORT)
+    every = compose.read(request.compose, variables(request))
+    services = compose.select(every, profiles)
+    arguments = _arguments(settings, services, every)
+    replicas = replicas_of(request.scale, services, every)
+    _check_settings(services, request, arguments)
     return tuple(_adapt(service, request, arguments, replicas) for service in services)
 
 
@@ -135,48 +124,68 @@ def check_source(request: LaunchRequest) -> None:
         )
 
 
-def _arguments(settings: Sequence[str], services: Sequence[Service]) -> dict[str, list[str]]:
+def _check_settings(
+    services: Sequence[Service], request: LaunchRequest, overrides: Mapping[str, list[str]]
+) -> None:
+    file = Path(variables(request)["PEOPLE4D_CONFIG_INSIDE"])
+    for service in services:
+        environment = {**request.environment, **service.environment}
+        read_settings(service, file, environment, overrides[service.name])
+
+
+def _arguments(
+    settings: Sequence[str], services: Sequence[Service], every: Sequence[Service]
+) -> dict[str, list[str]]:
+    """Return the overrides of each service, "field=value"."""
     arguments: dict[str, list[str]] = {service.name: [] for service in services}
     for text in settings:
         path, separator, value = text.partition("=")
         name, dot, field_name = path.strip().partition(".")
         if not (separator and dot and field_name):
             raise ConfigError(f"setting {text!r} is incomplete", "Write service.field=value.")
-        _known(name, arguments)
-        arguments[name] += ["--set", f"{field_name}={value}"]
+        _check_runs(name, services, every)
+        arguments[name].append(f"{field_name}={value}")
     return arguments
 
 
-def replicas_of(scale: Sequence[str], services: Sequence[Service]) -> dict[str, int]:
+def replicas_of(
+    scale: Sequence[str], services: Sequence[Service], every: Sequence[Service] = ()
+) -> dict[str, int]:
     """Return the number of processes of each service.
 
     Args:
         scale: "service=number", the last one of a service wins.
-        services: The services with the numbers that hold where nothing is said.
+        services: Services of the run, with their default numbers.
+        every: Services of all profiles.
 
     Raises:
         ConfigError: A request names no service, or several processes of one that runs once.
     """
+    by_name = {service.name: service for service in services}
     replicas = {service.name: service.replicas for service in services}
     for text in scale:
         name, _, number = text.partition("=")
         if not number.isdecimal():
             raise ConfigError(f"scale {text!r} is incomplete", "Write service=number.")
-        _known(name, replicas)
-        if name in ONCE and int(number) > 1:
+        _check_runs(name, services, every)
+        if int(number) > 1 and not by_name[name].scalable:
+            scalable = " and ".join(service.name for service in services if service.scalable)
             raise ConfigError(
                 f"{name} runs once: two would do the same work twice",
-                "Services that share their work are detector and reid.",
+                f"Services that share their work are {scalable}.",
             )
         replicas[name] = int(number)
     return replicas
 
 
-def _known(name: str, services: Mapping[str, object]) -> None:
-    if name in ASKED_FOR and name not in services:
-        raise ConfigError(f"{name} does not run unless asked for", f"Add {ASKED_FOR[name]}.")
-    if name not in services:
-        raise ConfigError(f"there is no service {name!r}", f"Services are {', '.join(services)}.")
+def _check_runs(name: str, services: Sequence[Service], every: Sequence[Service]) -> None:
+    if any(service.name == name for service in services):
+        return
+    for service in every:
+        if service.name == name:
+            raise ConfigError(f"{name} does not run unless asked for", f"Add {service.option}.")
+    names = ", ".join(service.name for service in services)
+    raise ConfigError(f"there is no service {name!r}", f"Services are {names}.")
 
 
 def _adapt(
@@ -189,7 +198,10 @@ def _adapt(
     once = request.report is not None and service.name == CAMERA
     return replace(
         service,
-        command=(*service.command, *arguments[service.name]),
+        command=(
+            *service.command,
+            *(word for text in arguments[service.name] for word in ("--set", text)),
+        ),
         replicas=replicas[service.name],
         restart="no" if once else service.restart,
         retries=0 if once else service.retries,

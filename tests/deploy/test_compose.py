@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from deploy.compose import Dependency, Healthcheck, Service, interpolate, read
+from deploy.compose import Dependency, Healthcheck, Service, read, select
+from deploy.compose_file import interpolate
 from deploy.launcher.plan import COMPOSE_FILE
 from people4d.errors import ConfigError
 
@@ -15,7 +16,8 @@ def services_of(
 ) -> dict[str, Service]:
     file = tmp_path / "compose.yaml"
     file.write_text(text, encoding="utf-8")
-    return {s.name: s for s in read(file, variables or {}, set(profiles))}
+    services = select(read(file, variables or {}), set(profiles))
+    return {service.name: service for service in services}
 
 
 def test_every_used_field_is_read(tmp_path: Path) -> None:
@@ -150,7 +152,7 @@ def test_refused_files(tmp_path: Path, text: str, message: str) -> None:
 
 def test_a_missing_file_is_told(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read: No such file"):
-        read(tmp_path / "none.yaml", {}, set())
+        read(tmp_path / "none.yaml", {})
 
 
 EVERYTHING = {"report", "gait", "visual_odometry"}  # profiles
@@ -158,14 +160,14 @@ EVERYTHING = {"report", "gait", "visual_odometry"}  # profiles
 
 def test_the_shipped_file_starts_the_camera_last() -> None:
     """Nothing of a recording is lost only if all that listen are there before the camera."""
-    names = [service.name for service in read(COMPOSE_FILE, {}, EVERYTHING)]
+    names = [service.name for service in select(read(COMPOSE_FILE, {}), EVERYTHING)]
     assert names[0] == "router"
     assert names[-1] == "camera"
     assert set(names) == {
         *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report", "camera"),
         "visual_odometry",
     }
-    camera = read(COMPOSE_FILE, {}, EVERYTHING)[-1]
+    camera = select(read(COMPOSE_FILE, {}), EVERYTHING)[-1]
     assert {d.service for d in camera.depends_on if d.condition == "service_healthy"} == {
         *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report"),
         "visual_odometry",
@@ -173,6 +175,54 @@ def test_the_shipped_file_starts_the_camera_last() -> None:
 
 
 def test_every_shipped_service_has_a_health_check() -> None:
-    for service in read(COMPOSE_FILE, {}, EVERYTHING):
+    for service in select(read(COMPOSE_FILE, {}), EVERYTHING):
         assert service.healthcheck is not None
         assert service.healthcheck.test == ("people4d", "health", service.name, "--here")
+
+
+EXTENDED = """
+services:
+  base: {command: [run, a], environment: {A: one, B: two}, depends_on: [other], profiles: [x]}
+  other: {command: [run]}
+"""
+
+
+def test_a_service_extends_one_of_another_file(tmp_path: Path) -> None:
+    (tmp_path / "base.yaml").write_text(EXTENDED, encoding="utf-8")
+    text = """
+    services:
+      mine:
+        extends: {file: base.yaml, service: base}
+        command: [run, b]
+        environment: {B: three}
+        depends_on: !reset null
+        profiles: !override [y]
+    """
+    mine = services_of(tmp_path, text, {}, "y")["mine"]
+    assert mine.command == ("run", "b")  # replaced, not appended to
+    assert mine.environment == {"A": "one", "B": "three"}
+    assert mine.depends_on == ()
+    assert mine.profiles == {"y"}
+
+
+@pytest.mark.parametrize(
+    ("extends", "message"),
+    [
+        ("{file: base.yaml, service: none}", "base.yaml has no service 'none' to extend"),
+        ("{file: gone.yaml, service: base}", "gone.yaml cannot be read"),
+        ("{service: mine}", "mine.extends: expected a file and a service"),
+        ("base", "mine.extends: expected a file and a service"),
+    ],
+)
+def test_a_wrong_extends_is_refused(tmp_path: Path, extends: str, message: str) -> None:
+    (tmp_path / "base.yaml").write_text(EXTENDED, encoding="utf-8")
+    with pytest.raises(ConfigError, match=message):
+        services_of(tmp_path, f"services: {{mine: {{extends: {extends}}}}}")
+
+
+def test_facts_of_services_are_labels_of_the_shipped_file() -> None:
+    services = {service.name: service for service in read(COMPOSE_FILE, {})}
+    assert {name for name, s in services.items() if s.scalable} == {"detector", "reid"}
+    assert services["gait"].option == "--gait"
+    assert services["tracker"].option == ""
+    assert services["tracker"].module == "services.tracker"

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
-from deploy.compose import interpolate, read
+from deploy import compose_file
+from deploy.compose import read
+from deploy.compose_file import interpolate
 from deploy.launcher.plan import COMPOSE_FILE
 
 DEPLOY = COMPOSE_FILE.parent
@@ -21,7 +22,7 @@ VARIABLES = {"PEOPLE4D_KEYS": "keys", "PEOPLE4D_CONNECT": "tcp/192.168.1.7:7447"
 
 def services(file: Path) -> dict[str, dict[str, Any]]:
     """Return the services of a compose file as Docker sees them without further settings."""
-    document = yaml.safe_load(file.read_text(encoding="utf-8"))
+    document = compose_file.load(file)
     found: dict[str, dict[str, Any]] = interpolate(document["services"], VARIABLES)
     return found
 
@@ -93,7 +94,7 @@ def test_hosts_run_the_same_services_as_the_whole_system(file: Path) -> None:
 @pytest.mark.parametrize("file", HOST_FILES, ids=lambda file: file.name)
 def test_hosts_insist_on_keys(file: Path) -> None:
     with pytest.raises(Exception, match="variable PEOPLE4D_KEYS is not set"):
-        read(file, VARIABLES | {"PEOPLE4D_KEYS": ""}, set())
+        read(file, VARIABLES | {"PEOPLE4D_KEYS": ""})
     for service in services(file).values():
         assert service["environment"]["PEOPLE4D_KEYS"] == "/keys"
         assert "keys:/keys:ro" in service["volumes"]

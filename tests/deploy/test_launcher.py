@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from deploy.compose import read
+from deploy.compose import read, select
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop, tail
 from deploy.launcher.state import State
@@ -44,7 +44,7 @@ def launcher(state: State, text: str) -> Launcher:
     file = state.folder.parent / "compose.yaml"
     file.write_text(text.replace("FOLDER", str(state.folder.parent)))
     told: list[tuple[str, str]] = []
-    services = read(file, {}, set())
+    services = select(read(file, {}), set())
     return Launcher(state, services, Heartbeats("", "robot"), lambda *what: told.append(what))
 
 

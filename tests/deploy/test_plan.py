@@ -52,7 +52,9 @@ def test_a_report_adds_its_service_and_plays_the_source_once(tmp_path: Path) -> 
 
 def test_gait_runs_only_if_asked_for() -> None:
     assert "gait" not in planned(LaunchRequest(environment={}))
-    services = planned(LaunchRequest(gait=True, settings=["gait.people_max=2"], environment={}))
+    services = planned(
+        LaunchRequest(profiles=["gait"], settings=["gait.people_max=2"], environment={})
+    )
     assert services["gait"].command[-2:] == ("--set", "people_max=2")
     assert "gait" in [one.service for one in services["camera"].depends_on]
 
@@ -60,7 +62,9 @@ def test_gait_runs_only_if_asked_for() -> None:
 def test_motion_is_seen_in_pictures_only_if_asked_for() -> None:
     assert "visual_odometry" not in planned(LaunchRequest(environment={}))
     settings = ["visual_odometry.planar=false"]
-    services = planned(LaunchRequest(visual_odometry=True, settings=settings, environment={}))
+    services = planned(
+        LaunchRequest(profiles=["visual_odometry"], settings=settings, environment={})
+    )
     assert services["visual_odometry"].command[-2:] == ("--set", "planar=false")
     assert "visual_odometry" in [one.service for one in services["camera"].depends_on]
 
@@ -73,7 +77,7 @@ def test_motion_is_seen_in_pictures_only_if_asked_for() -> None:
             LaunchRequest(settings=["gait.people_max=2"]),
             "gait does not run unless asked for. Add --gait",
         ),
-        (LaunchRequest(scale=["gait=2"], gait=True), "gait runs once"),
+        (LaunchRequest(scale=["gait=2"], profiles=["gait"]), "gait runs once"),
         (LaunchRequest(settings=["tracker=1"]), "Write service.field=value"),
         (LaunchRequest(settings=["tracker.field"]), "Write service.field=value"),
         (LaunchRequest(scale=["detector"]), "Write service=number"),

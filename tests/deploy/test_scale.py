@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.compose import read
+from deploy.compose import read, select
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop
 from deploy.launcher.plan import LaunchRequest, plan
@@ -21,6 +21,7 @@ services:
   many:
     command: [sh, -c, "test $$PEOPLE4D_INSTANCE != many-4 && sleep 99"]
     restart: on-failure:1
+    labels: {people4d.scalable: "true"}
 """
 
 
@@ -29,17 +30,17 @@ def state(tmp_path: Path) -> Iterator[State]:
     """A running system of one process each."""
     state, file = State(tmp_path / "robot"), tmp_path / "compose.yaml"
     file.write_text(TOY)
-    services = read(file, {}, set())
+    services = select(read(file, {}), set())
     launcher = Launcher(state, services, Heartbeats("", "robot"), lambda *_: None)
     launcher.start("robot", "tcp/127.0.0.1:1", TIMEOUT_S)
     yield state
     stop(state)
 
 
-def told_by(state: State, *requests: str) -> list[tuple[str, str]]:
-    told: list[tuple[str, str]] = []
-    scale(state, requests, Heartbeats("", "robot"), TIMEOUT_S, lambda *what: told.append(what))
-    return told
+def progress_of(state: State, *requests: str) -> list[tuple[str, str]]:
+    progress: list[tuple[str, str]] = []
+    scale(state, requests, Heartbeats("", "robot"), TIMEOUT_S, lambda *what: progress.append(what))
+    return progress
 
 
 def pids(state: State) -> dict[str, int]:
@@ -49,28 +50,28 @@ def pids(state: State) -> dict[str, int]:
 def test_processes_are_added_and_stopped_and_the_others_run_on(state: State) -> None:
     before = pids(state)
     assert set(before) == {"one-1", "many-1"}
-    assert told_by(state, "many=3") == [("many-2, many-3", "ready")]
+    assert progress_of(state, "many=3") == [("many-2, many-3", "ready")]
     three = pids(state)
     assert set(three) == {"one-1", "many-1", "many-2", "many-3"}
     assert all(three.values())
     assert three.items() > before.items()
-    assert told_by(state, "many=1") == [("many-2", "stopped"), ("many-3", "stopped")]
+    assert progress_of(state, "many=1") == [("many-2", "stopped"), ("many-3", "stopped")]
     assert pids(state) == before
     assert {s.name: s.replicas for s in read_plan(state)} == {"one": 1, "many": 1}
-    assert told_by(state) == []
+    assert progress_of(state) == []
 
 
 def test_a_process_that_does_not_come_up_is_told(state: State) -> None:
     with pytest.raises(LaunchError, match="many-4 does not get ready"):
-        told_by(state, "many=4")
+        progress_of(state, "many=4")
 
 
 def test_wishes_that_cannot_be_met(state: State) -> None:
     with pytest.raises(ConfigError, match="there is no service 'nobody'"):
-        told_by(state, "nobody=2")
+        progress_of(state, "nobody=2")
     state.plan_file.unlink()
     with pytest.raises(People4dError, match="does not tell what runs"):
-        told_by(state, "many=2")
+        progress_of(state, "many=2")
 
 
 @pytest.mark.parametrize("name", ["router", "camera", "tracker", "gt_bridge"])
