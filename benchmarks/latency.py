@@ -22,8 +22,7 @@ from benchmarks.lib.system import running
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.lib.tracing_cost import cost_of_marks, tracing
 from common.runtime.latency import percentiles, summed
-from common.runtime.process_id import Place
-from common.transport.trace import STAGES
+from common.transport.trace import STAGES, ProcessId
 from deploy.monitor import FramePath, Monitor
 from people4d.messages import Detections, Tracks
 
@@ -58,7 +57,7 @@ def play(camera: Sequence[str], frames: int) -> Seen:
         frames: Frames to measure, after those for warming up.
     """
     services = [("tracker", ()), ("reid", ()), ("detector", ()), ("camera", camera)]
-    monitor, seen, count = Monitor(Place("subscriber", "subscriber", "here"), 1.0), Seen(), 0
+    monitor, seen, count = Monitor(ProcessId("subscriber", "subscriber", "here"), 1.0), Seen(), 0
     begin_s, begin_cpu_s = 0.0, 0.0
     with tempfile.TemporaryDirectory() as logs, running(services, Path(logs)) as client:
         for arrival in client.arrivals(Tracks, Detections, timeout_s=30):

@@ -7,10 +7,9 @@ from typing import Self
 import msgspec
 
 from common.runtime.latency import Part, Window, parts, percentiles, summed, whole
-from common.runtime.losses import losses
-from common.runtime.process_id import Place
+from common.runtime.throughput import losses
 from common.transport.clock import Offset
-from common.transport.trace import Tracer
+from common.transport.trace import ProcessId, Tracer
 from people4d.messages import Detections, Health, Span, Tracks
 from people4d.queue import Arrival
 
@@ -102,13 +101,13 @@ class Monitor:
     """Adds up messages in bounded memory.
 
     Args:
-        origin: Who listens: the end of the path.
+        process_id: Process that listens: the end of the path.
         seconds: How long a frame counts.
     """
 
-    def __init__(self, origin: Place, seconds: float) -> None:
-        self._process_id = origin
-        self._tracer = Tracer(origin)
+    def __init__(self, process_id: ProcessId, seconds: float) -> None:
+        self._process_id = process_id
+        self._tracer = Tracer(process_id)
         self._seconds = seconds
         self._health: dict[str, tuple[float, Health]] = {}
         self._stages: dict[tuple[str, str, bool], _Stage] = {}

@@ -5,9 +5,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from common.runtime.node import LoopCallbacks, Node
-from common.runtime.process_id import Place
 from common.transport.bus import MemoryBus
-from common.transport.trace import collect
+from common.transport.trace import ProcessId, collect
 from people4d.errors import SourceError
 from people4d.messages import Message, Span, Tracks
 from services.camera.build import build as build_camera
@@ -20,7 +19,7 @@ from services.tracker.build import build as build_tracker
 from services.tracker.config import TrackerConfig
 
 PATIENCE_S = 20.0
-CHAIN = Place("node", "chain", "")
+CHAIN = ProcessId("node", "chain", "")
 
 
 @dataclass(frozen=True)

@@ -188,11 +188,11 @@ class Session:
     def present(self) -> list[tuple[str, str, str]]:
         """Return robot, service and instance of every live process, of all robots."""
         channel: Any = zenoh.handlers.FifoChannel(256)
-        key = f"{prefix('*')}/alive/*/*/*"
+        key = f"{prefix('*')}/alive/*/*"
         replies = self._session.liveliness().get(key, channel, timeout=ANSWER_S)
         keys = sorted({str(reply.ok.key_expr) for reply in replies if reply.ok})
         parts = (key.split("/") for key in keys)
-        return [(robot, service, instance) for *_, robot, _, service, instance, _ in parts]
+        return [(robot, service, instance) for *_, robot, _, service, instance in parts]
 
     def ask(self, name: str, on_answer: Callable[[bytes], None]) -> None:
         """Send a question; `on_answer` gets the answer in another thread, or is never called."""

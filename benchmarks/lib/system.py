@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -42,6 +43,7 @@ class Cluster:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._logs = logs
+        self._state = tempfile.TemporaryDirectory()  # no state of an earlier run
         logs.mkdir(parents=True, exist_ok=True)
         self.start("router", "router", ())
 
@@ -56,6 +58,7 @@ class Cluster:
         flags = [flag for setting in settings for flag in ("--set", setting)]
         command = [sys.executable, "-m", f"services.{service}", "--instance", instance, *flags]
         environment = dict(os.environ, OMP_NUM_THREADS="1", PEOPLE4D_CONNECT=self.endpoint)
+        environment["PEOPLE4D_STATE"] = self._state.name
         listen = {"PEOPLE4D_LISTEN": self.endpoint} if service == "router" else {}
         with (self._logs / f"{instance}.log").open("wb") as log:
             self.processes[instance] = subprocess.Popen(

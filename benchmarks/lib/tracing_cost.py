@@ -7,8 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from common.runtime.process_id import Place
-from common.transport.trace import Tracer, span
+from common.transport.trace import ProcessId, Tracer, span
 from people4d.codec import decode, encode
 from people4d.messages import Crops, Detections, Embeddings, Message, RgbdFrame, Span, Tracks
 
@@ -31,8 +30,8 @@ def cost_of_marks(trace: Sequence[Span], frames: int) -> dict[str, float]:
         frames: Times that everything is measured.
     """
     trace = [s for s in trace if not s.stage.startswith("subscriber.")]
-    place = Place("detector", "detector-1", "host")
-    on, off = Tracer(place), Tracer(place, on=False)
+    process_id = ProcessId("detector", "detector-1", "host")
+    on, off = Tracer(process_id), Tracer(process_id, on=False)
     stages = sum(not s.stage.endswith(("decode", "queue", "publish")) for s in trace)
     hops = sum(s.stage.endswith(".publish") for s in trace)
     found = {}

@@ -1,51 +1,229 @@
-"""Which of several equal processes does which message: all of them find the same, unasked.
+"""Assignment of messages to the replicas of a service, and take-over from those that fail.
 
-Weighted round-robin over the sorted names, not rendezvous hashing. Hashing moves few messages when
-the team changes, which is worth nothing here: no replica keeps anything about a camera. But it
-throws a coin for each frame: of two replicas one gets two frames in a row half of the time, and
-drops the first of them or makes it wait. In turns, consecutive frames go to different replicas, and
-each gets its frames at even distances.
+Every replica receives every message. Those of the others are not decoded, only pending until an
+answer to them is received, so that the work of a replica that fails is taken over without being
+sent again.
 """
 
+import threading
 import zlib
-from collections.abc import Mapping
-from functools import reduce
-from math import gcd
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-CAPACITY_MAX = 100
+import msgspec
+
+from common.runtime.node import Sharing
+from people4d.topics import BY_MESSAGE, Topic
+
+SILENT_S = 1.2  # [s] without a heartbeat, two of which come in a second, that means: it hangs
 
 
-def turns(capacities: Mapping[str, int]) -> tuple[str, ...]:
-    """Return who has which turn, one round long, as evenly mixed as the capacities allow.
+class MessageHeader(msgspec.Struct, frozen=True):
+    """Fields of a message by which it is assigned."""
 
-    The smooth weighted round-robin: everyone gains their capacity at each turn; whoever has most
-    takes the turn and pays a whole round for it. 2 and 1 give a b a, never a a b.
+    camera: str
+    sequence: int
+    lockstep: bool = False
+
+
+_HEADER = msgspec.msgpack.Decoder(MessageHeader)
+
+
+def read_header(payload: bytes) -> MessageHeader | None:
+    """Read only the header of a message; None if the bytes have none."""
+    try:
+        return _HEADER.decode(payload)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
+
+
+@dataclass(frozen=True)
+class PendingMessage:
+    """A message that another replica handles.
 
     Args:
-        capacities: Relative speed of each member, 1 to CAPACITY_MAX, by name.
+        key: Full key that it came on.
+        payload: Its bytes.
+        received_ns: Wall clock when they came.
+        header: Fields by which it is assigned.
     """
-    divisor = reduce(gcd, capacities.values(), 0)
-    gains = {name: capacities[name] // divisor for name in sorted(capacities)}
-    round_length = sum(gains.values())
-    credit, order = dict.fromkeys(gains, 0), []
-    for _ in range(round_length):
-        for name, gain in gains.items():
-            credit[name] += gain
-        taker = max(credit, key=lambda name: credit[name])  # the first of equals
-        credit[taker] -= round_length
-        order.append(taker)
-    return tuple(order)
+
+    key: str
+    payload: bytes
+    received_ns: int
+    header: MessageHeader
 
 
-def owner(order: tuple[str, ...], camera: str, sequence: int) -> str | None:
-    """Return who does the message of a camera with this number; None if nobody is there.
+def assigned_replica(replicas: Sequence[str], camera: str, sequence: int) -> str | None:
+    """Return the replica that handles a message, None if there is none.
+
+    Round-robin, not rendezvous hashing: hashing moves few messages when the replicas change, which
+    is worth nothing for stateless nodes, but gives one replica two frames in a row half of the
+    time. In turns, each gets its frames at even distances.
 
     Args:
-        order: What `turns` gave.
-        camera: Name of the camera. Each has its own beginning, so that of several cameras that
-            run in step not all frames of one moment go to one member.
+        replicas: Names of the live replicas, sorted.
+        camera: Name of the camera. Each begins elsewhere, so that of several cameras in step not
+            all frames of one time go to one replica.
         sequence: Number of the message.
     """
-    if not order:
+    if not replicas:
         return None
-    return order[(sequence + zlib.crc32(camera.encode())) % len(order)]
+    return replicas[(sequence + zlib.crc32(camera.encode())) % len(replicas)]
+
+
+class Membership:
+    """Live replicas, by liveliness tokens and heartbeats.
+
+    A token vanishes with its process, in milliseconds. A process that hangs keeps its token for
+    seconds, but sends no heartbeats. This process itself counts as live while it has a token.
+
+    Args:
+        own_name: Name of this replica.
+    """
+
+    def __init__(self, own_name: str) -> None:
+        self.replicas: tuple[str, ...] = ()  # live ones, sorted
+        self._own_name = own_name
+        self._announced: set[str] = set()
+        self._heartbeats_s: dict[str, float] = {}  # time of the last
+        self._stalled: set[str] = set()
+
+    def add(self, name: str, now_s: float) -> None:
+        """Note that a replica has a token."""
+        self._announced.add(name)
+        self._heartbeats_s[name] = now_s
+        self._stalled.discard(name)
+
+    def remove(self, name: str) -> None:
+        """Note that the token of a replica has vanished."""
+        self._announced.discard(name)
+
+    def note_heartbeat(self, name: str, stalled: bool, now_s: float) -> None:
+        """Note a heartbeat.
+
+        Args:
+            name: Name of the replica.
+            stalled: State in the heartbeat.
+            now_s: Monotonic time in seconds.
+        """
+        self._heartbeats_s[name] = now_s
+        (self._stalled.add if stalled else self._stalled.discard)(name)
+
+    def extend_deadlines(self, duration_s: float) -> None:
+        """Forgive the silence of all for a time in which this process itself did not run."""
+        self._heartbeats_s = {name: s + duration_s for name, s in self._heartbeats_s.items()}
+
+    def update(self, now_s: float) -> bool:
+        """Find the live replicas; return True if they have changed."""
+        replicas = tuple(sorted(name for name in self._announced if self._is_live(name, now_s)))
+        changed, self.replicas = replicas != self.replicas, replicas
+        return changed
+
+    def _is_live(self, name: str, now_s: float) -> bool:
+        if name == self._own_name:
+            return True
+        return name not in self._stalled and now_s - self._heartbeats_s[name] < SILENT_S
+
+
+class Assignment:
+    """Divides messages into those of this replica and pending ones; safe for several threads.
+
+    Args:
+        own_name: Name of this replica.
+        sharing: Types of messages that are shared.
+    """
+
+    def __init__(self, own_name: str, sharing: Sharing) -> None:
+        self.topic: Topic = BY_MESSAGE[sharing.work]
+        self._membership = Membership(own_name)
+        self._own_name = own_name
+        self._lock = threading.Lock()
+        self._pending: dict[str, deque[PendingMessage]] = {}
+        self._newest: dict[str, int] = {}  # sequence of our last message, by key
+
+    @property
+    def replicas(self) -> tuple[str, ...]:
+        """Names of the live replicas, sorted."""
+        return self._membership.replicas
+
+    def is_ours(self, message: PendingMessage) -> bool:
+        """Assign a message that came; it becomes pending if it is another replica's."""
+        with self._lock:
+            ours = self._assigned(message) == self._own_name
+            if ours:
+                self._newest[message.key] = message.header.sequence
+            else:
+                self._add_pending(message)
+            return ours
+
+    def answered(self, header: MessageHeader) -> None:
+        """Forget the pending message that another replica has answered."""
+        with self._lock:
+            for key, pending in self._pending.items():
+                self._pending[key] = deque(m for m in pending if not _same(m.header, header))
+
+    def add_replica(self, name: str, now_s: float) -> list[PendingMessage]:
+        """Note the token of a replica; return pending messages that are ours by that."""
+        with self._lock:
+            self._membership.add(name, now_s)
+            return self._reassigned(now_s)
+
+    def remove_replica(self, name: str, now_s: float) -> list[PendingMessage]:
+        """Note that a token vanished; return pending messages that are ours by that."""
+        with self._lock:
+            self._membership.remove(name)
+            return self._reassigned(now_s)
+
+    def note_heartbeat(self, name: str, stalled: bool, now_s: float) -> list[PendingMessage]:
+        """Note the heartbeat of a replica; return pending messages that are ours by that."""
+        with self._lock:
+            self._membership.note_heartbeat(name, stalled, now_s)
+            return self._reassigned(now_s)
+
+    def reassign(self, now_s: float, paused_s: float = 0.0) -> list[PendingMessage]:
+        """Return pending messages that are ours because others have been silent too long.
+
+        Args:
+            now_s: Monotonic time in seconds.
+            paused_s: Time of late in which this process did not run, so received no heartbeats.
+        """
+        with self._lock:
+            self._membership.extend_deadlines(paused_s)
+            return self._reassigned(now_s)
+
+    def _assigned(self, message: PendingMessage) -> str | None:
+        header = message.header
+        return assigned_replica(self._membership.replicas, header.camera, header.sequence)
+
+    def _add_pending(self, message: PendingMessage) -> None:
+        pending = self._pending.setdefault(message.key, deque())
+        pending.append(message)
+        while len(pending) > (1 if self._may_skip(message) else self.topic.depth):
+            pending.popleft()
+
+    def _reassigned(self, now_s: float) -> list[PendingMessage]:
+        """Return the pending messages that are ours now; ours stay ours if a replica joins."""
+        if not self._membership.update(now_s):
+            return []
+        ours = []
+        for key, pending in self._pending.items():
+            mine = [m for m in pending if self._is_taken_over(m)]
+            self._pending[key] = deque(m for m in pending if m not in mine)
+            ours += mine
+        return ours
+
+    def _is_taken_over(self, message: PendingMessage) -> bool:
+        if self._assigned(message) != self._own_name:
+            return False
+        # Of messages that may be skipped only those newer than the last are worth it.
+        newest = self._newest.get(message.key, -1)
+        return not self._may_skip(message) or message.header.sequence > newest
+
+    def _may_skip(self, message: PendingMessage) -> bool:
+        return self.topic.delivery == "newest" and not message.header.lockstep
+
+
+def _same(one: MessageHeader, other: MessageHeader) -> bool:
+    return (one.camera, one.sequence) == (other.camera, other.sequence)

@@ -1,4 +1,4 @@
-"""What a node knows, kept in a file, from which the next process of its name goes on.
+"""Checkpoints: state of a node in files, from which the next process of its name goes on.
 
 Only the end of a process is provided for, not that of the machine: nothing is forced onto the disk.
 """
@@ -10,74 +10,81 @@ import re
 import struct
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.runtime.heartbeat import Work
+from common.runtime.heartbeat import Activity
 from common.runtime.node import StatefulNode
 from people4d.errors import DecodeError
 
-FOLDER = "PEOPLE4D_KEEP"  # environment variable; without it nothing is kept
-SUFFIX = ".kept"
+FOLDER = "PEOPLE4D_STATE"  # environment variable
+SUFFIX = ".checkpoint"
 NUMBER = re.compile(rb"\d{15}")
-HEADER = struct.Struct("<IQQ")  # checksum, which one it is, length
+HEADER = struct.Struct("<IQQ")  # checksum, count of states written, length
 PERIOD_NS = 250_000_000
-PAUSES = 50  # after having kept a state, so many times the time that it took are left to the node
+PAUSES = 50  # times the duration of a save that are left to the node after it
 
 log = logging.getLogger("people4d")
 
 
+def state_folder(robot: str, environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of a robot's state: $PEOPLE4D_STATE/<robot>, else under $XDG_STATE_HOME."""
+    home = environment.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(environment.get(FOLDER) or Path(home) / "people4d").absolute() / robot
+
+
 @dataclass(frozen=True)
-class Kept:
-    """What a file said.
+class SavedState:
+    """Content of a checkpoint.
 
     Args:
         state: Empty if there was none.
-        next_number: 0 if nothing was kept.
+        next_number: 0 if there was none.
     """
 
     state: bytes
     next_number: int
 
 
-class Keeper:
-    """The files of one process: the next number it gives, and its state in two places by turns.
+class CheckpointStore:
+    """Files of one process: the next number that it gives, and its state in two files by turns.
 
-    Whoever is killed while writing leaves the other place whole. Files are written in place,
-    because to put a new one in place of an old one waits for the disk, 4 ms on ext4.
+    A process that is killed while it writes leaves the other file intact. Files are written in
+    place, because replacing one by a new one waits for the disk, 4 ms on ext4.
 
     Args:
-        folder: Made if it does not exist.
+        folder: Folder of the files, made if it does not exist.
         instance: Name of the process.
     """
 
     def __init__(self, folder: Path, instance: str) -> None:
         self.folder = folder
-        self._number = folder / f"{instance}.next{SUFFIX}"
-        self._places = [folder / f"{instance}.state{place}{SUFFIX}" for place in (0, 1)]
+        self._number_file = folder / f"{instance}.next{SUFFIX}"
+        self._state_files = [folder / f"{instance}.state{i}{SUFFIX}" for i in (0, 1)]
         self._count = 0  # of states written
 
-    def read(self) -> Kept:
-        """Return what was kept; where the number is lost, one that cannot have been given yet."""
-        number, places = _read(self._number), [_read(place) for place in self._places]
-        states = [found for place in places if place and (found := _opened(place))]
+    def read(self) -> SavedState:
+        """Return the newest state; if its number is lost, one that cannot have been given yet."""
+        number, contents = _read(self._number_file), [_read(file) for file in self._state_files]
+        states = [found for content in contents if content and (found := _unpack(content))]
         self._count, state = max(states, default=(0, b""))
         if number and NUMBER.fullmatch(number):
-            return Kept(state, int(number))
-        if number is None and all(place is None for place in places):
-            return Kept(b"", 0)
+            return SavedState(state, int(number))
+        if number is None and all(content is None for content in contents):
+            return SavedState(b"", 0)
         # People do not come at one a second for years, so the time in seconds is above all numbers.
-        return Kept(state, int(time.time()))
+        return SavedState(state, int(time.time()))
 
     def write_number(self, number: int) -> None:
-        """Keep the next number; OSError if that fails."""
-        self._write(self._number, b"%015d" % number)
+        """Write the next number; OSError if that fails."""
+        self._write(self._number_file, b"%015d" % number)
 
     def write_state(self, state: bytes) -> None:
-        """Keep a state; OSError if that fails."""
+        """Write a state; OSError if that fails."""
         self._count += 1
-        self._write(self._places[self._count % 2], _closed(self._count, state))
+        header = HEADER.pack(zlib.crc32(state), self._count, len(state))
+        self._write(self._state_files[self._count % 2], header + state)
 
     def _write(self, file: Path, content: bytes) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -89,20 +96,6 @@ class Keeper:
             os.close(descriptor)
 
 
-def _closed(count: int, state: bytes) -> bytes:
-    """Return a state with what shows that it is whole, and the newest."""
-    return HEADER.pack(zlib.crc32(state), count, len(state)) + state
-
-
-def _opened(content: bytes) -> tuple[int, bytes] | None:
-    """Return count and state of what `_closed` made, None if it is not whole."""
-    if len(content) < HEADER.size:
-        return None
-    checksum, count, length = HEADER.unpack_from(content)
-    state = content[HEADER.size : HEADER.size + length]
-    return (count, state) if len(state) == length and zlib.crc32(state) == checksum else None
-
-
 class Checkpoint:
     """Saves the state of a node while it runs; made, it restores what another process saved.
 
@@ -111,11 +104,11 @@ class Checkpoint:
     Args:
         node: The node.
         store: Files of the state.
-        work: Takes as its problem that the state cannot be saved.
+        activity: Takes as its problem that the state cannot be saved.
     """
 
-    def __init__(self, node: StatefulNode, store: Keeper, work: Work) -> None:
-        self._node, self._store, self._work = node, store, work
+    def __init__(self, node: StatefulNode, store: CheckpointStore, activity: Activity) -> None:
+        self._node, self._store, self._activity = node, store, activity
         self._changed = False
         self._due_ns = 0
         self._number = 0
@@ -131,7 +124,7 @@ class Checkpoint:
         number = self._node.next_number()
         if number != self._number:
             self._number = number
-            self._write(lambda: self._store.write_number(number))
+            self._try(lambda: self._store.write_number(number))
 
     def handled(self) -> None:
         """Note that the node handled a message."""
@@ -143,7 +136,7 @@ class Checkpoint:
 
         Args:
             now_ns: Monotonic time in nanoseconds.
-            has_outputs: Outputs wait to be published: they go first, unless there are some always.
+            has_outputs: Outputs wait to be published: they go first, unless there always are some.
         """
         self.save_number()
         if self._changed and now_ns >= self._due_ns + (PERIOD_NS if has_outputs else 0):
@@ -157,15 +150,24 @@ class Checkpoint:
         self._changed = False
         state = self._node.save()
         if state:
-            self._write(lambda: self._store.write_state(state))
+            self._try(lambda: self._store.write_state(state))
 
-    def _write(self, write: Callable[[], None]) -> None:
+    def _try(self, write: Callable[[], None]) -> None:
         try:
             write()
-            self._work.problem = ""
+            self._activity.problem = ""
         except OSError as error:
             where = f"{self._store.folder} ({error.strerror})"
-            self._work.problem = f"its state cannot be saved in {where}: a restart loses it"
+            self._activity.problem = f"its state cannot be saved in {where}: a restart loses it"
+
+
+def _unpack(content: bytes) -> tuple[int, bytes] | None:
+    """Return count and state of a state file, None if it is damaged."""
+    if len(content) < HEADER.size:
+        return None
+    checksum, count, length = HEADER.unpack_from(content)
+    state = content[HEADER.size : HEADER.size + length]
+    return (count, state) if len(state) == length and zlib.crc32(state) == checksum else None
 
 
 def _read(file: Path) -> bytes | None:

@@ -1,26 +1,27 @@
-"""Health of a process, told twice a second from a thread of its own."""
+"""Heartbeat of a process: its Health, published twice a second from a thread of its own."""
 
 import contextlib
+import functools
+import importlib.metadata
 import logging
 import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Literal
 
 import psutil
 
-from common.runtime.flow import Flow
 from common.runtime.inbox import Inbox
 from common.runtime.node import Node, Status
-from common.runtime.process_id import Place
-from common.runtime.release import release
+from common.runtime.throughput import Throughput
 from common.transport.bus import Bus
 from common.transport.clock import Clock
-from people4d.messages import Health, Message
+from common.transport.trace import ProcessId
+from people4d.messages import Health
 from people4d.messages.status import State
-from people4d.topics import BY_MESSAGE, Topic
+from people4d.topics import BY_MESSAGE
 
 PERIOD_S = 0.5
 STALLED_AFTER_S = 2.0
@@ -28,31 +29,35 @@ STALLED_AFTER_S = 2.0
 log = logging.getLogger("people4d")
 
 
-class Work:
-    """What the threads of a loop are doing, and what they did."""
+@functools.cache
+def release() -> str:
+    """Return the version of the installed package, for example "0.1.0"."""
+    return importlib.metadata.version("people4d")
+
+
+class Activity:
+    """Present work of the threads of a loop, and counters of what they did."""
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
         self.problem = ""  # of the process beside its node, one sentence
         self._since: dict[int, float] = {}
         self._lock = threading.Lock()
-        self._taken_ns: dict[str, int] = {}
+        self._received_ns: dict[str, int] = {}
 
-    def took(self, topic: str, received_ns: int) -> None:
+    def note_taken(self, topic: str, received_ns: int) -> None:
         """Note that a message was taken to work on.
 
         Args:
             topic: Name of its topic.
             received_ns: Wall clock when it came.
         """
-        self._taken_ns[topic] = received_ns
+        self._received_ns[topic] = received_ns
 
     def ages(self) -> dict[str, float]:
-        """Return how long ago the newest message taken of each topic came [ms], by gauge."""
-        now_ns = time.time_ns()
-        return {
-            f"age_{topic}_ms": (now_ns - ns) / 1e6 for topic, ns in list(self._taken_ns.items())
-        }
+        """Return the ages of the newest messages taken of each topic [ms], by gauge."""
+        now_ns, received_ns = time.time_ns(), list(self._received_ns.items())
+        return {f"age_{topic}_ms": (now_ns - ns) / 1e6 for topic, ns in received_ns}
 
     def count(self, name: str) -> None:
         """Count an event."""
@@ -62,15 +67,15 @@ class Work:
     @contextlib.contextmanager
     def busy(self) -> Iterator[None]:
         """Mark this thread as at work inside the block."""
-        me, start = threading.get_ident(), time.monotonic()
-        self._since[me] = start
+        own_id, start = threading.get_ident(), time.monotonic()
+        self._since[own_id] = start
         try:
             yield
         finally:
-            del self._since[me]
+            del self._since[own_id]
 
-    def longest_s(self) -> float:
-        """Return how long the slowest thread has been at its present work."""
+    def longest_busy_s(self) -> float:
+        """Return for how long the slowest thread has been at its present work."""
         started = list(self._since.values())
         return time.monotonic() - min(started) if started else 0.0
 
@@ -78,37 +83,40 @@ class Work:
 class Heartbeat:
     """Publishes Health until closed.
 
-    A process is `ready`; `degraded` while it works with limits, or would if something came from
-    elsewhere; `stalled` while it does not go on itself. The reason is one that a user understands.
+    A process is `ready`; `degraded` while it works with limits, or would if its inputs arrived;
+    `stalled` while it does not go on itself. The reason is one that a user understands.
 
     Args:
         node: Node of the process.
-        bus: Where to publish.
-        place: Which process this is.
-        inbox: Whose counters are told.
-        work: Whose counters are told, and which shows whether the process hangs.
+        bus: Bus to publish on.
+        process_id: Identity of the process.
+        inbox: Gives counters.
+        activity: Gives counters, and shows that the process hangs.
     """
 
-    def __init__(self, node: Node, bus: Bus, place: Place, inbox: Inbox, work: Work) -> None:
-        self._node, self._bus, self._place = node, bus, place
-        self._inbox, self._work = inbox, work
+    def __init__(
+        self, node: Node, bus: Bus, process_id: ProcessId, inbox: Inbox, activity: Activity
+    ) -> None:
+        self._node, self._bus, self._process_id = node, bus, process_id
+        self._inbox, self._activity = inbox, activity
         self._process = psutil.Process()
         self._clock = Clock(bus)
         self._sequence = 0
         self._before: tuple[float, Counter[str]] = (time.monotonic(), Counter())
-        inputs, outputs = _topics(node.required_inputs), _topics(node.periodic_outputs)
-        self._flow = Flow(inputs, outputs, time.monotonic())
+        inputs = [BY_MESSAGE[kind] for kind in node.required_inputs]
+        outputs = [BY_MESSAGE[kind] for kind in node.periodic_outputs]
+        self._throughput = Throughput(inputs, outputs, time.monotonic())
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="heartbeat", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Tell that the process stops, and end."""
+        """Publish that the process stops, and end."""
         self._closed.set()
         self._thread.join()
         self._publish("stopping")
 
-    def _beat(self) -> None:
+    def _run(self) -> None:
         while not self._closed.is_set():
             self._clock.ask()
             self._publish()
@@ -117,7 +125,7 @@ class Heartbeat:
     def _publish(self, state: State | None = None) -> None:
         try:
             self._bus.publish(self._health(state))
-        except Exception:  # the heartbeat must outlive whatever it reports on
+        except Exception:  # the heartbeat must outlive all that it reports on
             log.exception("no heartbeat")
 
     def _health(self, state: State | None) -> Health:
@@ -125,40 +133,40 @@ class Heartbeat:
         # Copies, because other threads count on; zeros stay, they show what is counted.
         counters = Counter(dict(status.counters))
         counters.update(dict(self._inbox.counters))
-        counters.update(dict(self._work.counters))
+        counters.update(dict(self._activity.counters))
         counters.update(self._clock.counters())
-        now, reason = (state, status.reason) if state else self._judge(status, counters)
+        now, reason = (state, status.reason) if state else self._assess(status, counters)
         self._sequence += 1
         return Health(
             stamp_ns=time.time_ns(),
             sequence=self._sequence - 1,
-            service=self._place.service,
-            instance=self._place.instance,
-            host=self._place.host,
+            service=self._process_id.service,
+            instance=self._process_id.instance,
+            host=self._process_id.host,
             pid=os.getpid(),
             release=release(),
             state="stopping" if now == "finished" else now,
-            # It may quote an error of somebody else's code, of many lines.
+            # It may quote an error of other code, of many lines.
             reason="".join(c if c.isprintable() else " " for c in reason),
             counters=dict(counters),
             gauges=self._gauges(counters),
         )
 
-    def _judge(
+    def _assess(
         self, status: Status, counters: Counter[str]
     ) -> tuple[State | Literal["finished"], str]:
-        """Return state and reason: the node's own, or what it cannot know."""
-        now_s, stuck_s = time.monotonic(), self._work.longest_s()
-        # Asked always: they compare with what they were shown before.
-        missing = self._flow.missing(counters, now_s)
-        losing = self._flow.losing(counters, now_s)
+        """Return state and reason: the node's own, or what only the process can find."""
+        now_s, stuck_s = time.monotonic(), self._activity.longest_busy_s()
+        # Called always: they compare with the counters before.
+        missing = self._throughput.missing(counters, now_s)
+        losing = self._throughput.losing(counters, now_s)
         if stuck_s > STALLED_AFTER_S:
             return "stalled", f"busy with one message for {stuck_s:.0f} s"
         if status.state not in ("ready", "degraded"):
             return status.state, status.reason
         if self._inbox.last_error_is_fresh():
             losing = self._inbox.last_error
-        problems = [problem for problem in (self._work.problem, missing, losing) if problem]
+        problems = [problem for problem in (self._activity.problem, missing, losing) if problem]
         reasons = [status.reason, *problems] if status.reason else problems
         degraded = bool(problems) or status.state == "degraded"
         return ("degraded" if degraded else "ready"), "; ".join(reasons)
@@ -176,8 +184,4 @@ class Heartbeat:
         }
         memory_mb = self._process.memory_info().rss / 2**20
         own = {"cpu_percent": self._process.cpu_percent(), "memory_mb": memory_mb}
-        return rates | own | self._work.ages() | self._clock.gauges()
-
-
-def _topics(kinds: Sequence[type[Message]]) -> list[Topic]:
-    return [BY_MESSAGE[kind] for kind in kinds]
+        return rates | own | self._activity.ages() | self._clock.gauges()

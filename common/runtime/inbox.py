@@ -1,26 +1,26 @@
-"""Messages that wait for a busy node, some of them for its replicas."""
+"""Queue of messages that wait for a busy node, or for the answers of its replicas."""
 
 import time
 
-from common.runtime.sharing import Share, Spare, head_of
+from common.runtime.assignment import Assignment, PendingMessage, read_header
 from people4d.queue import MessageQueue
 from people4d.topics import Topic
 
 
 class Inbox(MessageQueue):
-    """A queue that leaves to other replicas what they do.
+    """Queue without the messages that are assigned to other replicas.
 
     Args:
-        share: The messages of other replicas; these do not wait here. None: there is one replica.
-        newest: Number of messages of a "newest" topic that wait.
+        assignment: Divides messages between replicas; None: there is one replica.
+        frames_waiting: Length of the queue of a "newest" topic.
     """
 
-    def __init__(self, share: Share | None = None, newest: int = 1) -> None:
-        super().__init__(newest)
-        self._share = share
+    def __init__(self, assignment: Assignment | None = None, frames_waiting: int = 1) -> None:
+        super().__init__(frames_waiting)
+        self._assignment = assignment
 
     def put(self, topic: Topic, key: str, payload: bytes) -> None:
-        """Decode a payload and add it unless another replica does it.
+        """Decode a payload and add it unless it is assigned to another replica.
 
         Args:
             topic: Topic that it came on.
@@ -28,18 +28,19 @@ class Inbox(MessageQueue):
             payload: Untrusted bytes.
         """
         received_ns = time.time_ns()
-        if self._share and topic is self._share.topic:
-            head = head_of(payload)
-            if head and not self._share.is_ours(Spare(key, payload, received_ns, head)):
+        if self._assignment and topic is self._assignment.topic:
+            header = read_header(payload)
+            pending = PendingMessage(key, payload, received_ns, header) if header else None
+            if pending and not self._assignment.is_ours(pending):
                 with self._changed:
                     self.counters[f"left_{topic.name}"] += 1
-                    self._count_gap(topic, key, head.sequence)
+                    self._count_gap(topic, key, pending.header.sequence)
                 return
         self._put(topic, key, payload, received_ns)
 
-    def take_over(self, spare: Spare) -> None:
-        """Add a message that another replica should have done."""
-        if self._share:
-            topic = self._share.topic
+    def take_over(self, message: PendingMessage) -> None:
+        """Add a message that another replica should have handled."""
+        if self._assignment:
+            topic = self._assignment.topic
             self.counters[f"taken_over_{topic.name}"] += 1
-            self._put(topic, spare.key, spare.payload, spare.received_ns, again=True)
+            self._put(topic, message.key, message.payload, message.received_ns, again=True)

@@ -7,15 +7,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.runtime.checkpoint import Checkpoint, Keeper
-from common.runtime.gate import Gate
-from common.runtime.heartbeat import Heartbeat, Work
+from common.runtime.checkpoint import Checkpoint, CheckpointStore
+from common.runtime.heartbeat import Activity, Heartbeat
 from common.runtime.inbox import Inbox
 from common.runtime.node import LoopCallbacks, Node, StatefulNode
-from common.runtime.process_id import Place
-from common.runtime.replica import Replica
+from common.runtime.replicas import Replica
 from common.transport.bus import Bus, Subscription
-from common.transport.trace import Tracer, span
+from common.transport.trace import ProcessId, Tracer, span
 from people4d.messages import Message, RgbdFrame, Span
 from people4d.queue import Arrival
 from people4d.topics import BY_MESSAGE, Topic
@@ -33,7 +31,7 @@ class LoopSettings:
     Args:
         workers: Threads that call `handle` at once; outputs keep the order of the inputs.
         traced: Messages are marked with the times of their stages.
-        state_folder: Where the state of a stateful node is saved; None: nowhere.
+        state_folder: Folder of the checkpoints of a stateful node; None: none are saved.
     """
 
     workers: int = 1
@@ -41,44 +39,74 @@ class LoopSettings:
     state_folder: Path | None = None
 
 
-ALONE = LoopSettings()
+DEFAULT = LoopSettings()
+
+
+class Turnstile:
+    """Admits one thread at a time to the heavy part of a node, before it takes a message.
+
+    Else a second thread would take a frame while the first still runs the network, and hold it
+    until that is done: an old one by then. Before the turnstile the frame waits in the inbox,
+    where a newer one replaces it.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._holder: int | None = None
+
+    def acquire(self, timeout_s: float) -> bool:
+        """Wait for admission; return False if it did not come in time."""
+        if not self._lock.acquire(timeout=timeout_s):
+            return False
+        self._holder = threading.get_ident()
+        return True
+
+    def release(self) -> None:
+        """Admit the next thread; does nothing if this thread is not the one admitted."""
+        if self._holder == threading.get_ident():
+            self._holder = None
+            self._lock.release()
 
 
 class Loop:
-    """Runs a node on a bus until it is finished or told to stop.
+    """Runs a node on a bus until it is finished or stopped.
 
     Args:
-        node: What to run.
-        bus: Where messages come from and go to.
-        place: Which process this is.
-        settings: How it is run.
+        node: The node.
+        bus: Bus of its messages.
+        process_id: Identity of this process.
+        settings: Settings of the loop.
     """
 
-    def __init__(self, node: Node, bus: Bus, place: Place, settings: LoopSettings = ALONE) -> None:
-        self._work = Work()
-        self._replica = Replica(bus, place, node.sharing, self._work) if node.sharing else None
-        self.inbox = Inbox(self._replica.share if self._replica else None, node.frames_waiting)
+    def __init__(
+        self, node: Node, bus: Bus, process_id: ProcessId, settings: LoopSettings = DEFAULT
+    ) -> None:
+        self._activity = Activity()
+        self._replica = (
+            Replica(bus, process_id, node.sharing, self._activity) if node.sharing else None
+        )
+        self.inbox = Inbox(self._replica.assignment if self._replica else None, node.frames_waiting)
         self._node = node
         self._bus = bus
-        self._place = place
+        self._process_id = process_id
         self._workers = settings.workers
-        self._tracer = Tracer(place, settings.traced)
+        self._tracer = Tracer(process_id, settings.traced)
         self._checkpoint = self._restored(settings.state_folder)
         self._stopped = False  # no Event: a signal may come while its lock is held
-        self._gate = Gate()
+        self._turnstile = Turnstile()
         self._working = threading.local()  # ticket and spans of what this thread handles
         self._turn = threading.Condition()
         self._published = 0
         self._readers: list[threading.Thread] = []
 
     def run(self) -> None:
-        """Handle messages until `stop` is called or the node is finished, then what still waits."""
+        """Handle messages until `stop` or the end of the node, then those that still wait."""
         self._node.attach(
             LoopCallbacks(
                 wake=self.inbox.wake,
-                release=self._gate.open,
+                release=self._turnstile.release,
                 publish=self._send,
-                replicas=self._replica.all if self._replica else lambda: ("", ()),
+                replicas=self._replica.names if self._replica else lambda: ("", ()),
             )
         )
         own = (BY_MESSAGE[kind] for kind in self._node.inputs)
@@ -88,7 +116,7 @@ class Loop:
         for helper in helpers:
             helper.start()
         self._join()
-        heartbeat = Heartbeat(self._node, self._bus, self._place, self.inbox, self._work)
+        heartbeat = Heartbeat(self._node, self._bus, self._process_id, self.inbox, self._activity)
         try:
             self._serve_and_tick()
         finally:
@@ -96,12 +124,12 @@ class Loop:
             self._leave()
             for subscription in subscriptions:
                 subscription.close()
-            for reader in self._readers:  # what they took already counts as received
+            for reader in self._readers:  # their messages already count as received
                 reader.join(READERS_S)
             self._drain()
             for helper in helpers:
                 helper.join()
-            self._publish(*self._ask(self._flush))
+            self._publish(*self._call(self._flush))
             try:
                 if self._checkpoint:
                     self._checkpoint.save_state()
@@ -117,16 +145,17 @@ class Loop:
     def _restored(self, folder: Path | None) -> Checkpoint | None:
         if not folder or not isinstance(self._node, StatefulNode):
             return None
-        return Checkpoint(self._node, Keeper(folder, self._place.instance), self._work)
+        store = CheckpointStore(folder, self._process_id.instance)
+        return Checkpoint(self._node, store, self._activity)
 
     def _join(self) -> None:
         if self._replica:
             self._replica.join(self.inbox)
         else:
-            self._bus.announce(self._place.service, self._place.instance)
+            self._bus.announce(self._process_id.service, self._process_id.instance)
 
     def _leave(self) -> None:
-        """Give what is shared to the others before the subscriptions end: nothing is left so."""
+        """Leave the work to the others before the subscriptions end, so that none is lost."""
         if self._replica:
             self._replica.leave()
         else:
@@ -139,11 +168,11 @@ class Loop:
 
     def _take(self, timeout_s: float) -> Arrival | None:
         """Take a message; one that a newer may replace only when the network is free for it."""
-        if not self._gate.enter(timeout_s):
+        if not self._turnstile.acquire(timeout_s):
             return None
         arrival = self.inbox.get(timeout_s)
         if arrival is None or not _may_be_replaced(arrival.message):
-            self._gate.open()
+            self._turnstile.release()
         return arrival
 
     def _serve(self) -> None:
@@ -157,7 +186,7 @@ class Loop:
             arrival = self._take(self._wait_s())
             if arrival:
                 self._handle(arrival)
-            outputs, spans = self._ask(self._tick)
+            outputs, spans = self._call(self._tick)
             self._publish(outputs, spans)
             status = self._node.status()
             if status.state == "finished":
@@ -176,16 +205,16 @@ class Loop:
 
     def _handle(self, arrival: Arrival) -> None:
         taken_ns = time.time_ns()
-        self._work.took(_name(arrival.message), arrival.received_ns)
+        self._activity.note_taken(_name(arrival.message), arrival.received_ns)
         message = self._tracer.taken(
             arrival.message, arrival.received_ns, arrival.decoded_ns, taken_ns
         )
         self._working.ticket = arrival.ticket
-        outputs, spans = self._ask(lambda: self._answer(message))
-        self._gate.open()
+        outputs, spans = self._call(lambda: self._answer(message))
+        self._turnstile.release()
         spans = self._tracer.handled(taken_ns, spans)
         if self._replica:
-            self._replica.worked((time.time_ns() - taken_ns) / 1e9)
+            self._replica.note_duration((time.time_ns() - taken_ns) / 1e9)
         self._wait_turn(arrival.ticket)
         try:
             self._publish(outputs, spans)
@@ -214,7 +243,7 @@ class Loop:
         return outputs
 
     def _send(self, message: Message) -> None:
-        """Publish what a node has ready before the rest of its answer."""
+        """Publish one output of a node before the rest of its answer."""
         with span("publish"):
             self._wait_turn(self._working.ticket)
             self._publish([message], self._working.spans)
@@ -223,15 +252,13 @@ class Loop:
         with self._turn:
             self._turn.wait_for(lambda: self._published == ticket)
 
-    def _ask(
-        self, question: Callable[[], Sequence[Message]]
-    ) -> tuple[Sequence[Message], list[Span]]:
-        with self._work.busy(), self._tracer.working() as spans:
+    def _call(self, work: Callable[[], Sequence[Message]]) -> tuple[Sequence[Message], list[Span]]:
+        with self._activity.busy(), self._tracer.working() as spans:
             self._working.spans = spans
             try:
-                return question(), spans
+                return work(), spans
             except Exception:  # a bug in a node must not end the stream
-                self._work.count("errors")
+                self._activity.count("errors")
                 log.exception("the node failed")
                 return (), spans
 
@@ -240,14 +267,14 @@ class Loop:
             traced = self._tracer.worked(message, spans)
             try:
                 self._bus.publish(traced, self._tracer.publishing(traced))
-                self._work.count(f"sent_{BY_MESSAGE[type(message)].name}")
-            except Exception:  # what cannot be sent must not end the thread that sends
-                self._work.count("errors")
+                self._activity.count(f"sent_{BY_MESSAGE[type(message)].name}")
+            except Exception:  # one bad message must not end the thread that sends
+                self._activity.count("errors")
                 log.exception("%s could not be sent", type(message).__name__)
 
 
 def _name(message: Message) -> str:
-    """Return the name of a message's topic; what others define may be no message of ours."""
+    """Return the name of a message's topic, or of its type if a foreign topic brought it."""
     topic = BY_MESSAGE.get(type(message))
     return topic.name if topic else type(message).__name__
 

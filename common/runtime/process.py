@@ -8,7 +8,7 @@ import re
 import signal
 import socket
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,19 +16,18 @@ import cv2
 import msgspec
 
 from common.config import load
-from common.runtime.assignment import CAPACITY_MAX
-from common.runtime.checkpoint import FOLDER
+from common.runtime.checkpoint import FOLDER, state_folder
 from common.runtime.loop import Loop, LoopSettings
 from common.runtime.node import Node
-from common.runtime.process_id import Place
 from common.transport.clock import keep_time
+from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.errors import People4dError
 
 T = TypeVar("T", bound=msgspec.Struct)
 
 # A thread that received a frame, or whose network has run, must not wait 5 ms (the default) until
-# another thread lets go of the interpreter.
+# another thread releases the interpreter.
 SWITCH_S = 0.0005
 
 log = logging.getLogger("people4d")
@@ -42,7 +41,7 @@ def main(
     mode: str = "peer",
     arguments: Sequence[str] | None = None,
 ) -> int:
-    """Run one service until it is finished or told to stop (SIGTERM, SIGINT).
+    """Run one service until it is finished or stopped (SIGTERM, SIGINT).
 
     Args:
         service: Name of the service and of its table in the configuration file.
@@ -53,27 +52,28 @@ def main(
         arguments: Command line, None for the process's own.
 
     Returns:
-        Exit code: 0 done, 1 a failure that was told in one sentence.
+        Exit code: 0 done, 1 a failure, logged in one sentence.
     """
     flags = _parser(service).parse_args(arguments)
+    host = socket.gethostname()
+    process_id = ProcessId(service, flags.instance or _instance(service, host), host)
     logging.basicConfig(
         level=logging.DEBUG if flags.debug else logging.INFO,
-        format=f"%(asctime)s {flags.instance} %(levelname)s %(message)s",
+        format=f"%(asctime)s {process_id.instance} %(levelname)s %(message)s",
         stream=sys.stderr,
     )
     cv2.setNumThreads(1)
     sys.setswitchinterval(SWITCH_S)
-    faulthandler.register(signal.SIGUSR2, all_threads=True)  # says where it hangs
+    faulthandler.register(signal.SIGUSR2, all_threads=True)  # dumps all stacks
     _on_stop_signals(lambda: sys.exit(0))  # until there is a loop to stop
     try:
         config = load(kind, service, flags.config, flags.set)
         bus = ZenohBus(read_config(flags.zenoh, mode, role=service), flags.robot)
         try:
             node = build(config)
-            place = Place(service, flags.instance, socket.gethostname(), flags.capacity)
-            if mode == "router":  # everyone reaches it
+            if mode == "router":  # all processes reach it
                 keep_time(bus)
-            loop = Loop(node, bus, place, _loop_settings(workers))
+            loop = Loop(node, bus, process_id, _loop_settings(workers, flags))
             _on_stop_signals(loop.stop)
             log.info("started")
             loop.run()
@@ -86,12 +86,13 @@ def main(
     return 0
 
 
-def _loop_settings(workers: int, environment: Mapping[str, str] = os.environ) -> LoopSettings:
-    folder = environment.get(FOLDER)
+def _loop_settings(workers: int, flags: argparse.Namespace) -> LoopSettings:
+    # A name made for this process is that of no later one, unless a container gives it again.
+    resumable = flags.instance or os.environ.get(FOLDER)
     return LoopSettings(
         workers=workers,
-        traced=environment.get("PEOPLE4D_TRACE") != "off",
-        state_folder=Path(folder) if folder else None,
+        traced=os.environ.get("PEOPLE4D_TRACE") != "off",
+        state_folder=state_folder(flags.robot) if resumable else None,
     )
 
 
@@ -100,16 +101,9 @@ def _on_stop_signals(stop: Callable[[], None]) -> None:
         signal.signal(number, lambda *_: stop())
 
 
-def _capacity(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= CAPACITY_MAX:
-        raise argparse.ArgumentTypeError(f"expected 1 to {CAPACITY_MAX}, got {text!r}")
-    return int(text)
-
-
-def _instance(service: str) -> str:
-    """Return a name that no other has: in containers all processes have the same number."""
-    host = re.sub(r"[^A-Za-z0-9.-]", "-", socket.gethostname())[:32]
-    return f"{service}-{host}-{os.getpid()}"
+def _instance(service: str, host: str) -> str:
+    """Return a unique name: in containers all processes have the same number."""
+    return f"{service}-{re.sub(r'[^A-Za-z0-9.-]', '-', host)[:32]}-{os.getpid()}"
 
 
 def _parser(service: str) -> argparse.ArgumentParser:
@@ -138,8 +132,8 @@ def _parser(service: str) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--instance",
-        default=environment.get("PEOPLE4D_INSTANCE") or _instance(service),
-        help="name of this process, unique on the robot; default $PEOPLE4D_INSTANCE",
+        default=environment.get("PEOPLE4D_INSTANCE"),
+        help="name of this process, unique on the robot; default $PEOPLE4D_INSTANCE or a new one",
     )
     parser.add_argument(
         "--zenoh",
@@ -147,12 +141,6 @@ def _parser(service: str) -> argparse.ArgumentParser:
         default=None,
         help="Zenoh configuration: a JSON5 file, or a folder with one for each role; "
         "default $PEOPLE4D_ZENOH or the shipped ones",
-    )
-    parser.add_argument(
-        "--capacity",
-        type=_capacity,
-        default=environment.get("PEOPLE4D_CAPACITY") or "1",
-        help="speed beside that of its replicas, 1 to 100; default $PEOPLE4D_CAPACITY or 1",
     )
     parser.add_argument("--debug", action="store_true", help="show traces and debug messages")
     return parser

@@ -1,4 +1,4 @@
-"""What carries messages between nodes, and the bus that needs no network."""
+"""Interface of the bus that carries messages between nodes, and a bus that needs no network."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -26,24 +26,22 @@ class Subscription(Protocol):
 
 @dataclass(frozen=True)
 class Member:
-    """A process of a service that came or went.
+    """A process of a service that joined or left.
 
     Args:
         instance: Its name.
-        capacity: Its relative speed.
-        there: Whether it came.
+        present: True if it joined.
     """
 
     instance: str
-    capacity: int
-    there: bool
+    present: bool
 
 
 class Members(Protocol):
-    """Processes of one service as they come and go."""
+    """Processes of one service as they join and leave."""
 
     def __iter__(self) -> Iterator[Member]:
-        """Yield those that are there, then changes; end when closed."""
+        """Yield the present ones, then changes; end when closed."""
         ...
 
     def close(self) -> None:
@@ -59,7 +57,7 @@ class Bus(Questions, Protocol):
 
         Args:
             message: The message.
-            publishing: Gives the last stage of its trace, asked when it is encoded.
+            publishing: Returns the last stage of its trace; called when it is encoded.
         """
         ...
 
@@ -68,20 +66,20 @@ class Bus(Questions, Protocol):
 
         Args:
             topic: The topic.
-            own: Whether what this process publishes itself comes, too.
+            own: Receive this process's own messages, too.
         """
         ...
 
-    def announce(self, service: str, instance: str, capacity: int = 1) -> None:
-        """Tell that this process is there, until it withdraws or ends."""
+    def announce(self, service: str, instance: str) -> None:
+        """Announce this process, until it withdraws or ends."""
         ...
 
     def withdraw(self) -> None:
-        """Tell that this process is not there any more; does nothing if it did not announce."""
+        """End the announcement; does nothing if there is none."""
         ...
 
     def members(self, service: str) -> Members:
-        """Receive who announces and who is gone."""
+        """Receive announcements of a service, and their ends."""
         ...
 
     def close(self) -> None:
@@ -95,7 +93,7 @@ class MemoryBus:
     Every message passes the codec, as it would between processes.
 
     Args:
-        nodes: The nodes, asked in this order.
+        nodes: The nodes, called in this order.
     """
 
     def __init__(self, nodes: Sequence[Node]) -> None:
@@ -107,10 +105,10 @@ class MemoryBus:
         """Deliver messages and all that follows from them.
 
         Args:
-            messages: What to deliver, in order.
+            messages: Messages in order.
 
         Returns:
-            What was published, these messages first.
+            All messages published, these first.
         """
         start = len(self.log)
         waiting = deque(messages)
@@ -124,13 +122,13 @@ class MemoryBus:
         return self.log[start:]
 
     def advance(self, duration_ns: int = 0) -> list[Message]:
-        """Let time pass, then ask every node what is due.
+        """Let time pass, then tick every node.
 
         Args:
             duration_ns: Time that passes.
 
         Returns:
-            What was published.
+            All messages published.
         """
         self.now_ns += duration_ns
         return self.publish(*(m for node in self.nodes for m in node.tick(self.now_ns)))

@@ -4,11 +4,11 @@ import contextvars
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import msgspec
 
-from common.runtime.process_id import Place
 from people4d.messages import Message, Span
 from people4d.messages.base import MAX_TRACE
 
@@ -41,18 +41,32 @@ STAGES = {
 }
 
 
-class _Collection:
-    """Spans of one piece of work.
+@dataclass(frozen=True)
+class ProcessId:
+    """Identity of a process.
 
     Args:
-        place: Process that does it.
+        service: Name of the service.
+        instance: Name of the process, unique on a robot.
+        host: Name of the machine.
     """
 
-    __slots__ = ("place", "spans")
+    service: str
+    instance: str
+    host: str
 
-    def __init__(self, place: Place) -> None:
-        self.place = place
-        self.spans: list[Span] = []
+    @property
+    def process(self) -> str:
+        """Name in traces."""
+        return f"{self.instance}@{self.host}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Collection:
+    """Spans of one piece of work, and the process that does it."""
+
+    process_id: ProcessId
+    spans: list[Span] = field(default_factory=list)
 
 
 _collection: contextvars.ContextVar[_Collection | None] = contextvars.ContextVar(
@@ -99,17 +113,17 @@ def record(stage: str, start_ns: int, end_ns: int) -> None:
     """
     collection = _collection.get()
     if collection is not None:
-        collection.spans.append(_span(collection.place, stage, start_ns, end_ns))
+        collection.spans.append(_span(collection.process_id, stage, start_ns, end_ns))
 
 
 @contextmanager
-def collect(place: Place) -> Iterator[list[Span]]:
+def collect(process_id: ProcessId) -> Iterator[list[Span]]:
     """Gather the spans measured inside the block, oldest first.
 
     Args:
-        place: Process that does the work.
+        process_id: Process that does the work.
     """
-    collection = _Collection(place)
+    collection = _Collection(process_id)
     before = _collection.set(collection)
     try:
         yield collection.spans
@@ -121,12 +135,12 @@ class Tracer:
     """Writes into messages when they passed a process.
 
     Args:
-        place: The process.
+        process_id: The process.
         on: False: messages pass without a mark, and spans cost next to nothing.
     """
 
-    def __init__(self, place: Place, on: bool = True) -> None:
-        self._place = place
+    def __init__(self, process_id: ProcessId, on: bool = True) -> None:
+        self._process_id = process_id
         self.on = on
 
     @contextmanager
@@ -135,7 +149,7 @@ class Tracer:
         if not self.on:
             yield []
             return
-        with collect(self._place) as spans:
+        with collect(self._process_id) as spans:
             yield spans
 
     def taken(self, message: M, received_ns: int, decoded_ns: int, taken_ns: int) -> M:
@@ -152,8 +166,8 @@ class Tracer:
         """
         return self._extended(
             message,
-            _span(self._place, "decode", received_ns, decoded_ns),
-            _span(self._place, "queue", decoded_ns, taken_ns),
+            _span(self._process_id, "decode", received_ns, decoded_ns),
+            _span(self._process_id, "queue", decoded_ns, taken_ns),
         )
 
     def worked(self, message: M, spans: list[Span]) -> M:
@@ -162,7 +176,7 @@ class Tracer:
 
     def handled(self, start_ns: int, spans: list[Span]) -> list[Span]:
         """Return the stages of the work; those of a node that measures none are one, `handle`."""
-        return spans or [_span(self._place, "handle", start_ns, time.time_ns())]
+        return spans or [_span(self._process_id, "handle", start_ns, time.time_ns())]
 
     def publishing(self, message: Message) -> Callable[[], Span] | None:
         """Return what ends the stage `publish` when called, None if off.
@@ -173,9 +187,9 @@ class Tracer:
         if not self.on:
             return None
         last = message.trace[-1] if message.trace else None
-        ours = last is not None and last.process == self._place.process
+        ours = last is not None and last.process == self._process_id.process
         start_ns = last.end_ns if last and ours else time.time_ns()
-        return lambda: _span(self._place, "publish", start_ns, time.time_ns())
+        return lambda: _span(self._process_id, "publish", start_ns, time.time_ns())
 
     def _extended(self, message: M, *spans: Span) -> M:
         if not self.on:
@@ -184,7 +198,10 @@ class Tracer:
         return msgspec.structs.replace(message, trace=trace)
 
 
-def _span(place: Place, stage: str, start_ns: int, end_ns: int) -> Span:
+def _span(process_id: ProcessId, stage: str, start_ns: int, end_ns: int) -> Span:
     return Span(
-        stage=f"{place.service}.{stage}", process=place.process, start_ns=start_ns, end_ns=end_ns
+        stage=f"{process_id.service}.{stage}",
+        process=process_id.process,
+        start_ns=start_ns,
+        end_ns=end_ns,
     )

@@ -68,17 +68,16 @@ def _access_rules(keys: Path, mode: str, here: list[str]) -> dict[str, Any] | No
 
 
 class ZenohMembers:
-    """Processes of one service as they come and go; iterate in a thread of its own."""
+    """Processes of one service as they join and leave; iterate in a thread of its own."""
 
     def __init__(self, tokens: ZenohSubscription) -> None:
         self._tokens = tokens
 
     def __iter__(self) -> Iterator[Member]:
-        """Yield those that are there, then changes, until closed."""
+        """Yield the present ones, then changes, until closed."""
         for sample in self._tokens.samples():
-            *_, instance, capacity = str(sample.key_expr).split("/")
-            if capacity.isdecimal():
-                yield Member(instance, int(capacity), sample.kind == zenoh.SampleKind.PUT)
+            instance = str(sample.key_expr).rpartition("/")[2]
+            yield Member(instance, sample.kind == zenoh.SampleKind.PUT)
 
     def close(self) -> None:
         """End the iteration."""
@@ -117,10 +116,10 @@ class ZenohBus(Session):
         publisher = self._publisher(topic, key, lossless)
         publisher.put(encode(message, publishing))
 
-    def announce(self, service: str, instance: str, capacity: int = 1) -> None:
+    def announce(self, service: str, instance: str) -> None:
         """Declare a liveliness token: it vanishes when this process does."""
         check_chunk("instance", instance)
-        key = f"{prefix(self.robot)}/alive/{service}/{instance}/{capacity}"
+        key = f"{prefix(self.robot)}/alive/{service}/{instance}"
         self._token = self._session.liveliness().declare_token(key)
 
     def withdraw(self) -> None:
@@ -131,7 +130,7 @@ class ZenohBus(Session):
 
     def members(self, service: str) -> ZenohMembers:
         """Receive the liveliness tokens of a service."""
-        key = f"{prefix(self.robot)}/alive/{service}/*/*"
+        key = f"{prefix(self.robot)}/alive/{service}/*"
         # A queue that is read at once: a ring would lose members.
         channel: Any = zenoh.handlers.FifoChannel(256)
         subscriber = self._session.liveliness().declare_subscriber(key, channel, history=True)

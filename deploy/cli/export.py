@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from common.runtime.process_id import Place
 from common.transport.clock import Clock
+from common.transport.trace import ProcessId
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.exporters.measures import Exporter
 from deploy.monitor import Monitor
@@ -60,7 +60,7 @@ def export(
 def feed(client: Client, exporters: Sequence[Exporter]) -> None:
     """Give exporters what comes, until interrupted."""
     host = socket.gethostname()
-    monitor = Monitor(Place("export", f"export-{os.getpid()}", host), WINDOW_S)
+    monitor = Monitor(ProcessId("export", f"export-{os.getpid()}", host), WINDOW_S)
     clock = Clock(client.session)
     for arrival in client.arrivals(Health, Tracks, Detections):
         clock.ask()

@@ -15,8 +15,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from common.runtime.process_id import Place
 from common.transport.clock import Clock
+from common.transport.trace import ProcessId
 from deploy.cli.live import Json
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.monitor import ClockSnapshot, Durations, Monitor, ProcessSnapshot, SystemSnapshot
@@ -72,7 +72,7 @@ def watching(client: Client, seconds: float) -> Iterator[Callable[[], SystemSnap
         What gives the snapshot of this moment.
     """
     host = socket.gethostname()
-    monitor = Monitor(Place(HERE, f"top-{os.getpid()}", host), seconds)
+    monitor = Monitor(ProcessId(HERE, f"top-{os.getpid()}", host), seconds)
     clock, lock, ended = Clock(client.session), threading.Lock(), threading.Event()
     arrivals = client.arrivals(Health, Tracks, Detections)
 

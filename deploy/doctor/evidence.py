@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from common.runtime.release import release
+from common.runtime.heartbeat import release
 from people4d.client import Client
 from people4d.messages import CameraInfo, Detections, Health, Message, StaticTransform, Tracks
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import msgspec
 import psutil
 
-from common.runtime.checkpoint import SUFFIX as KEPT
+from common.runtime.checkpoint import SUFFIX as CHECKPOINT
+from common.runtime.checkpoint import state_folder
 from people4d.errors import ConfigError, People4dError
 from people4d.messages.base import check_name
 
@@ -54,9 +55,7 @@ class State:
             check_name("robot", robot)
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        home = environment.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-        base = Path(environment.get("PEOPLE4D_STATE") or Path(home) / "people4d")
-        return cls(base.absolute() / robot)
+        return cls(state_folder(robot, environment))
 
     def log_of(self, instance: str) -> Path:
         """Return the log file of a process."""
@@ -76,7 +75,7 @@ class State:
             )
         try:
             self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            for old in (*self.folder.glob("*.log*"), *self.folder.glob(f"*{KEPT}")):
+            for old in (*self.folder.glob("*.log*"), *self.folder.glob(f"*{CHECKPOINT}")):
                 old.unlink()
         except OSError as error:
             raise ConfigError(

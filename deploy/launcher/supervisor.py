@@ -14,7 +14,7 @@ from typing import Any
 
 from supervisor.xmlrpc import Faults, SupervisorTransport
 
-from common.runtime.checkpoint import FOLDER as KEEP
+from common.runtime.checkpoint import FOLDER as STATE
 from deploy.compose import Service
 from deploy.launcher.state import MARK, State
 from people4d.errors import ConfigError, People4dError
@@ -119,7 +119,7 @@ def _program(state: State, service: Service, instance: str, priority: int) -> st
     variables = {
         **service.environment,
         MARK: str(state.folder),
-        KEEP: str(state.folder),
+        STATE: str(state.folder.parent),
         "PEOPLE4D_INSTANCE": instance,
     }
     # env(1) hands the variables over: supervisord's own syntax for them cannot hold every value.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from common.runtime.losses import losses
+from common.runtime.throughput import losses
 from people4d.messages import Detections, Health, Message, RgbdFrame, Tracks, Truth
 from services.report.accuracy import Accuracy, TruthCheck
 from services.report.join import Moment

@@ -13,8 +13,7 @@ import pytest
 
 from common.io.images import decompress
 from common.runtime.node import LoopCallbacks
-from common.runtime.process_id import Place
-from common.transport.trace import collect
+from common.transport.trace import ProcessId, collect
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import (
     CameraInfo,
@@ -360,7 +359,7 @@ def test_a_live_frame_is_traced_from_its_acquisition() -> None:
     for stamp_ns, on_this_clock in ((time.time_ns() - 5 * MS, True), (0, False)):
         frame = replace(capture(0), stamp_ns=stamp_ns)
         with player(with_(max_frames=1), MemorySource([frame], live=True)) as p:
-            with collect(Place("camera", "camera-1", "robot")) as spans:
+            with collect(ProcessId("camera", "camera-1", "robot")) as spans:
                 p.play()
             assert p.frames()[0].trace == ()  # the loop writes them into the message
         captured, released = spans

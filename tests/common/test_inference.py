@@ -8,8 +8,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from common.inference import OnnxSession
-from common.runtime.process_id import Place
-from common.transport.trace import collect
+from common.transport.trace import ProcessId, collect
 from people4d.errors import ModelError
 
 
@@ -30,7 +29,7 @@ def test_a_network_runs_and_tells_its_input(tmp_path: Path) -> None:
     session = OnnxSession(doubling(tmp_path / "m.onnx", TensorProto.FLOAT, [1, "n", 2]))
     assert session.input_shape == (1, None, 2)
     assert session.input_dtype == np.float32
-    with collect(Place("detector", "d", "h")) as spans:
+    with collect(ProcessId("detector", "d", "h")) as spans:
         outputs = session.run(np.array([[[1, 2], [3, 4]]], np.float32))
     np.testing.assert_array_equal(outputs["twice"], [[[2, 4], [6, 8]]])
     assert [s.stage for s in spans] == ["detector.inference_wait", "detector.inference"]

@@ -48,7 +48,7 @@ def test_each_replica_is_a_program_with_a_name_of_its_own() -> None:
     assert arguments(first)[1:] == [
         "A=b c",
         "PEOPLE4D_RUN=/state/robot",
-        "PEOPLE4D_KEEP=/state/robot",
+        "PEOPLE4D_STATE=/state",
         "PEOPLE4D_INSTANCE=detector-1",
         sys.executable,
         "-m",

@@ -9,14 +9,14 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from common.runtime.process_id import Place
+from common.transport.trace import ProcessId
 from deploy.cli import app
 from deploy.cli.top import drawn
 from deploy.monitor import Monitor, SystemSnapshot
 from tests.deploy.traces import BEGIN_NS, MS, arrival, detections, healths, span, tracks
 from tests.network import Network
 
-HERE = Place("here", "top-1", "nuc")
+HERE = ProcessId("here", "top-1", "nuc")
 
 
 def monitor(frames: int = 4, clocks: bool = True) -> Monitor:

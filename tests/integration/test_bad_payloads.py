@@ -11,7 +11,7 @@ import zenoh
 
 from common.runtime import heartbeat
 from common.runtime.loop import Loop, LoopSettings
-from common.runtime.process_id import Place
+from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import read_config
 from people4d.codec import encode
 from people4d.messages import Health, Message
@@ -63,8 +63,8 @@ def test_bad_payloads_are_counted_and_good_ones_handled_after_them(
     monkeypatch.setattr(heartbeat, "PERIOD_S", 0.05)
     node = All() if service == "all" else node_of(service, tmp_path)
     robot = network.robot()
-    place = Place(service, f"{service}-1", "host")
-    loop = Loop(node, network.open(robot), place, LoopSettings(workers=2))
+    process_id = ProcessId(service, f"{service}-1", "host")
+    loop = Loop(node, network.open(robot), process_id, LoopSettings(workers=2))
     watcher = Watcher(network.open(robot), Health)
     running = threading.Thread(target=loop.run)
     running.start()

@@ -9,8 +9,7 @@ import pytest
 from benchmarks.lib.live_camera import LiveDemo
 from benchmarks.lib.system import running
 from common.runtime.latency import parts
-from common.runtime.process_id import Place
-from common.transport.trace import STAGES, Tracer
+from common.transport.trace import STAGES, ProcessId, Tracer
 from deploy.chrome_trace import KINDS, FrameTraces
 from deploy.monitor import of_frame
 from people4d.messages import Detections, Tracks
@@ -48,7 +47,7 @@ def test_the_stages_of_frames_add_up_to_the_time_since_their_acquisition(
     What processes do between their stages, `other`, is left out of the sum, so that a stage that
     nobody measures shows.
     """
-    tracer = Tracer(Place("here", "here", "here"))
+    tracer = Tracer(ProcessId("here", "here", "here"))
     named_ms, end_to_end_ms, seen = list[float](), list[float](), set[str]()
     for arrival, now_ns in arrivals:
         message = arrival.message

@@ -24,7 +24,7 @@ class Feeding:
         self.robot = network.robot()
         self.bus = network.open(self.robot)
         self.watcher = Watcher(self.bus, Tracks, Health)
-        self._environment = os.environ | network.environment | {"PEOPLE4D_KEEP": str(folder)}
+        self._environment = os.environ | network.environment | {"PEOPLE4D_STATE": str(folder)}
 
     @contextlib.contextmanager
     def tracker(self) -> Iterator[subprocess.Popen[bytes]]:

@@ -14,7 +14,7 @@ from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from common.runtime.loop import Loop
-from common.runtime.process_id import Place
+from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import read_config
 from people4d.errors import ConfigError, DecodeError
 from people4d.messages import Health, Message, MovingTransform, Odometry, StaticTransform
@@ -223,7 +223,7 @@ def test_from_cdr_on_the_keys_of_the_ros_bridge_to_our_topics(
     config = CameraConfig(motion=ALL, mount_parent="tilt", start_delay_s=0.0)
     source = OneFrame()
     node = CameraNode(config, source)
-    loop = Loop(node, network.open(robot), Place("camera", "camera-1", "robot"))
+    loop = Loop(node, network.open(robot), ProcessId("camera", "camera-1", "robot"))
     thread = threading.Thread(target=loop.run)
     thread.start()
     try:

@@ -1,85 +1,249 @@
-"""Who does which message, worked out by hand."""
+"""Assignment of messages to replicas, worked out by hand."""
 
 import itertools
 from collections import Counter
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.runtime.assignment import owner, turns
-
-teams = st.dictionaries(
-    st.text("abcdefgh", min_size=1, max_size=3), st.integers(1, 9), min_size=1, max_size=6
+from common.runtime.assignment import (
+    SILENT_S,
+    Assignment,
+    Membership,
+    MessageHeader,
+    PendingMessage,
+    assigned_replica,
+    read_header,
 )
+from common.runtime.node import Sharing
+from people4d.codec import encode
+from people4d.messages import Crops, Detections, Embeddings, RgbdFrame
+from tests.contract.examples import BY_NAME
+
+FRAMES = Sharing(RgbdFrame, Detections)
+CROPS = Sharing(Crops, Embeddings)
+KEY = "people4d/v1/robot/raw/front/rgbd"
+
+replica_names = st.lists(st.text("abcd", min_size=1), min_size=2, max_size=8, unique=True)
 
 
-def test_equal_members_take_turns() -> None:
-    assert turns({"b": 1, "a": 1}) == ("a", "b")
-    assert turns({"c": 1, "a": 1, "b": 1}) == ("a", "b", "c")
+def test_frame_is_assigned_to_none_if_there_is_no_replica() -> None:
+    assert assigned_replica((), "front", 0) is None
 
 
-def test_only_the_ratio_of_capacities_counts() -> None:
-    assert turns({"a": 4, "b": 4}) == ("a", "b")
-    assert turns({"a": 6, "b": 3}) == turns({"a": 2, "b": 1})
-
-
-def test_turns_of_a_faster_member_are_spread() -> None:
-    # Credits before each turn, a gains 2, b 1, a turn costs 3:
-    # (2, 1) a -> (-1, 1); (1, 2) b -> (1, -1); (3, 0) a -> (0, 0).
-    assert turns({"a": 2, "b": 1}) == ("a", "b", "a")
-    # (5, 1, 1) a -> (-2, 1, 1); (3, 2, 2) a -> (-4, 2, 2); (1, 3, 3) b -> (1, -4, 3);
-    # (6, -3, 4) a -> (-1, -3, 4); (4, -2, 5) c -> (4, -2, -2); (9, -1, -1) a -> (2, -1, -1);
-    # (7, 0, 0) a -> (0, 0, 0).
-    assert turns({"a": 5, "b": 1, "c": 1}) == ("a", "a", "b", "a", "c", "a", "a")
-
-
-def test_nobody_is_there() -> None:
-    assert owner(turns({}), "front", 0) is None
-
-
-@given(teams, st.integers(0, 2**53 - 1), st.text("xyz", min_size=1, max_size=5))
-def test_every_round_gives_everyone_their_share(
-    team: dict[str, int], start: int, camera: str
-) -> None:
-    order = turns(team)
-    counts = Counter(str(owner(order, camera, start + k)) for k in range(len(order)))
-    total = sum(team.values())
-    assert set(counts) == set(team)
-    for name, count in counts.items():
-        assert count * total == team[name] * len(order)
-
-
-@given(st.dictionaries(st.text("abcd", min_size=1), st.just(1), min_size=2, max_size=8))
-def test_equal_members_never_do_two_in_a_row(team: dict[str, int]) -> None:
-    order = turns(team)
-    owners = [owner(order, "front", k) for k in range(3 * len(order))]
-    assert all(a != b for a, b in itertools.pairwise(owners))
-
-
-@given(teams)
-def test_nobody_waits_longer_than_their_share_demands(team: dict[str, int]) -> None:
-    # In k turns in a row everyone gets their k * share, to within less than one turn at either end.
-    order = turns(team)
-    for name in team:
-        share = order.count(name) / len(order)
-        for first in range(len(order)):
-            for length in range(1, len(order)):
-                got = [order[(first + k) % len(order)] for k in range(length)].count(name)
-                assert abs(got - share * length) < 2
-
-
-@given(teams, st.randoms())
-def test_the_order_in_which_members_were_heard_of_does_not_matter(
-    team: dict[str, int], chance: object
-) -> None:
-    names = list(team)
-    chance.shuffle(names)  # type: ignore[attr-defined]
-    assert turns({name: team[name] for name in names}) == turns(team)
+@given(replica_names, st.integers(0, 2**53 - 1), st.text("xyz", min_size=1, max_size=5))
+def test_replicas_take_turns(names: list[str], start: int, camera: str) -> None:
+    assigned = [assigned_replica(names, camera, start + k) for k in range(3 * len(names))]
+    assert Counter(assigned) == dict.fromkeys(names, 3)
+    assert all(a != b for a, b in itertools.pairwise(assigned))
 
 
 @pytest.mark.parametrize("cameras", [("front", "rear"), ("left", "right"), ("a", "b")])
-def test_cameras_in_step_share_both_members(cameras: tuple[str, str]) -> None:
-    order = turns({"detector-1": 1, "detector-2": 1})
-    owners = Counter(owner(order, camera, k) for camera in cameras for k in range(100))
-    assert set(owners.values()) == {100}
+def test_cameras_in_step_share_both_replicas(cameras: tuple[str, str]) -> None:
+    names = ("detector-1", "detector-2")
+    assigned = Counter(assigned_replica(names, camera, k) for camera in cameras for k in range(100))
+    assert set(assigned.values()) == {100}
+
+
+def membership(*names: str) -> Membership:
+    """Return the membership at replica a at time 0."""
+    made = Membership("a")
+    for name in names:
+        made.add(name, 0.0)
+    made.update(0.0)
+    return made
+
+
+def test_replicas_with_a_token_are_live_and_sorted() -> None:
+    assert membership("b", "a").replicas == ("a", "b")
+    assert membership("b").replicas == ("b",)  # this process has not announced itself yet
+    assert membership().replicas == ()
+
+
+def test_token_that_vanishes_removes_its_replica_at_once() -> None:
+    two = membership("a", "b")
+    two.remove("b")
+    assert two.update(0.001)
+    assert two.replicas == ("a",)
+    assert not two.update(0.002)
+
+
+def test_replica_without_heartbeats_is_out_until_the_next() -> None:
+    two = membership("a", "b")
+    two.note_heartbeat("b", stalled=False, now_s=1.0)
+    assert not two.update(1.0 + SILENT_S - 0.01)
+    assert two.update(1.0 + SILENT_S)
+    assert two.replicas == ("a",)
+    two.note_heartbeat("b", stalled=False, now_s=5.0)
+    assert two.update(5.0)
+    assert len(two.replicas) == 2
+
+
+def test_new_token_counts_as_a_heartbeat() -> None:
+    two = membership("a")
+    two.add("b", 10.0)
+    two.update(10.0 + SILENT_S - 0.01)
+    assert two.replicas == ("a", "b")
+
+
+def test_stalled_replica_is_out_until_it_goes_on() -> None:
+    two = membership("a", "b")
+    two.note_heartbeat("b", stalled=True, now_s=0.5)
+    assert two.update(0.5)
+    assert two.replicas == ("a",)
+    two.note_heartbeat("b", stalled=False, now_s=1.0)
+    assert two.update(1.0)
+
+
+def test_own_replica_stays_live_without_heartbeats() -> None:
+    one = membership("a")
+    one.update(100.0)
+    assert one.replicas == ("a",)
+
+
+def test_heartbeat_without_a_token_adds_no_replica() -> None:
+    one = membership("a")
+    one.note_heartbeat("b", stalled=False, now_s=0.0)
+    assert not one.update(0.0)
+
+
+def test_time_in_which_this_process_was_stopped_does_not_count_as_silence() -> None:
+    two = membership("a", "b")
+    two.extend_deadlines(60.0)
+    assert not two.update(60.0 + SILENT_S - 0.01)
+    assert two.update(60.0 + SILENT_S)
+
+
+def assignment(own_name: str, *others: str, sharing: Sharing = FRAMES) -> Assignment:
+    made = Assignment(own_name, sharing)
+    for name in (own_name, *others):
+        made.add_replica(name, 0.0)
+    return made
+
+
+def frame(sequence: int, lockstep: bool = False) -> PendingMessage:
+    return PendingMessage(KEY, b"", 0, MessageHeader("front", sequence, lockstep))
+
+
+def numbers(messages: list[PendingMessage]) -> list[int]:
+    return [message.header.sequence for message in messages]
+
+
+def divide(
+    assignments: list[Assignment], sequences: range, lockstep: bool = False
+) -> list[list[int]]:
+    return [[k for k in sequences if one.is_ours(frame(k, lockstep))] for one in assignments]
+
+
+@pytest.mark.parametrize("name", ["RgbdFrame", "Crops", "Detections", "Embeddings"])
+def test_header_is_read_from_real_messages(name: str) -> None:
+    message = BY_NAME[name]
+    assert isinstance(message, RgbdFrame | Crops | Detections | Embeddings)
+    header = read_header(encode(message))
+    assert header is not None
+    assert (header.camera, header.sequence) == (message.camera, message.sequence)
+    assert header.lockstep == (isinstance(message, RgbdFrame) and message.lockstep)
+
+
+@given(st.binary(max_size=200))
+def test_bytes_that_are_no_message_have_no_header(junk: bytes) -> None:
+    found = read_header(junk)
+    assert found is None or isinstance(found.sequence, int)
+
+
+def test_deeply_nested_bytes_have_no_header() -> None:
+    assert read_header(b"\x81\xa5other" + b"\x91" * 100_000) is None
+
+
+def test_every_frame_is_assigned_to_exactly_one_replica() -> None:
+    names = ["a", "b", "c"]
+    assignments = [assignment(me, *(n for n in names if n != me)) for me in names]
+    done = divide(assignments, range(300))
+    assert [len(part) for part in done] == [100, 100, 100]
+    assert sorted(k for part in done for k in part) == list(range(300))
+
+
+def test_single_replica_gets_every_frame() -> None:
+    assert divide([assignment("a")], range(10)) == [list(range(10))]
+
+
+def test_replica_that_joins_takes_over_what_is_pending() -> None:
+    one = Assignment("a", FRAMES)
+    assert not one.is_ours(frame(0, lockstep=True))
+    assert numbers(one.add_replica("a", 0.0)) == [0]
+
+
+def test_unanswered_frames_of_a_dead_replica_are_taken_over() -> None:
+    one = assignment("a", "b")
+    (mine,) = divide([one], range(6), lockstep=True)
+    others = [k for k in range(6) if k not in mine]
+    # b answers the first of its frames, then dies.
+    one.answered(MessageHeader("front", others[0]))
+    assert numbers(one.remove_replica("b", 1.0)) == others[1:]
+    assert numbers(one.remove_replica("b", 1.0)) == []
+
+
+def test_frames_of_a_silent_replica_are_taken_over_after_its_timeout() -> None:
+    one = assignment("a", "b")
+    divide([one], range(4), lockstep=True)
+    one.note_heartbeat("b", stalled=False, now_s=3.0)
+    assert one.reassign(3.0 + SILENT_S - 0.01) == []
+    assert len(one.reassign(3.0 + SILENT_S)) == 2
+    assert one.replicas == ("a",)
+
+
+def test_of_frames_that_may_be_skipped_only_the_newest_is_taken_over() -> None:
+    taken = []
+    for frames in (6, 7):  # of two in turns, the last frame is once ours, once the other's
+        one = assignment("a", "b")
+        (mine,) = divide([one], range(frames))
+        taken.append(numbers(one.remove_replica("b", 1.0)))
+        # A frame older than our own last is useless: the tracker has gone past it.
+        assert taken[-1] == ([] if mine[-1] == frames - 1 else [frames - 1])
+    assert sorted(map(len, taken)) == [0, 1]
+
+
+def test_replica_that_joins_leaves_earlier_frames_to_the_others() -> None:
+    # The new one has never received them.
+    one = assignment("a")
+    (mine,) = divide([one], range(4), lockstep=True)
+    assert mine == [0, 1, 2, 3]
+    assert one.add_replica("b", 1.0) == []
+
+
+def test_pending_crops_are_limited_to_the_depth_of_their_queue() -> None:
+    one = assignment("a", "b", sharing=CROPS)
+    others = [k for k in range(100) if not one.is_ours(frame(k))]
+    assert numbers(one.remove_replica("b", 1.0)) == others[-8:]
+
+
+def test_memberships_that_differ_briefly_lose_no_frame() -> None:
+    # b dies after frame 2; a notices at once, c only after frame 5. Each frame from then on is done
+    # by a or c, some perhaps by both.
+    names = ["a", "b", "c"]
+    assignments = {me: assignment(me, *(n for n in names if n != me)) for me in "ac"}
+    done: set[int] = set()
+
+    def come(sequences: range) -> None:
+        for me, one in assignments.items():
+            mine = [k for k in sequences if one.is_ours(frame(k, lockstep=True))]
+            done.update(mine)
+            for other in assignments:
+                if other != me:
+                    for k in mine:
+                        assignments[other].answered(MessageHeader("front", k))
+
+    come(range(3))
+    done.update(numbers(assignments["a"].remove_replica("b", 1.0)))
+    come(range(3, 6))
+    done.update(numbers(assignments["c"].remove_replica("b", 1.1)))
+    come(range(6, 12))
+    assert done == set(range(12))
+
+
+def test_header_ignores_other_fields() -> None:
+    assert msgspec.msgpack.decode(
+        msgspec.msgpack.encode({"camera": "front", "sequence": 3, "x": [1, {}]}), type=MessageHeader
+    ) == MessageHeader("front", 3)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from common.runtime.checkpoint import Checkpoint, Keeper
-from common.runtime.heartbeat import Work
+from common.runtime.checkpoint import Checkpoint, CheckpointStore
+from common.runtime.heartbeat import Activity
 from common.runtime.node import StatefulNode
 from people4d.errors import DecodeError
 from people4d.messages import Message
@@ -46,8 +46,8 @@ class Process:
     """A process that runs a node as the loop does."""
 
     def __init__(self, folder: Path, instance: str = "tracker-1") -> None:
-        self.node, self.work = Numbering(), Work()
-        self.checkpoint = Checkpoint(self.node, Keeper(folder, instance), self.work)
+        self.node, self.activity = Numbering(), Activity()
+        self.checkpoint = Checkpoint(self.node, CheckpointStore(folder, instance), self.activity)
 
     def handle(self, sequence: int) -> None:
         self.node.handle(detections(sequence), 0)
@@ -91,7 +91,7 @@ def test_processes_of_other_names_have_states_of_their_own(tmp_path: Path) -> No
 def test_where_the_number_is_lost_no_one_has_had_the_next(tmp_path: Path, bad: bytes) -> None:
     before_s = int(time.time())
     Process(tmp_path).checkpoint.save_state()
-    (tmp_path / "tracker-1.next.kept").write_bytes(bad)
+    (tmp_path / "tracker-1.next.checkpoint").write_bytes(bad)
     assert Process(tmp_path).node.next >= before_s
 
 
@@ -100,7 +100,7 @@ def test_where_only_the_state_is_left_no_one_has_had_the_next(tmp_path: Path) ->
     process = Process(tmp_path)
     process.handle(0)
     process.checkpoint.save_state()
-    (tmp_path / "tracker-1.next.kept").unlink()
+    (tmp_path / "tracker-1.next.checkpoint").unlink()
     node = Process(tmp_path).node
     assert node.next >= before_s
     assert node.saved == b"last 1"
@@ -111,31 +111,31 @@ def test_a_damaged_state_costs_what_was_known_but_no_number(tmp_path: Path) -> N
     for number in range(3):
         process.handle(number)
     process.checkpoint.save_state()
-    Keeper(tmp_path, "tracker-1").write_state(b"damaged")
+    CheckpointStore(tmp_path, "tracker-1").write_state(b"damaged")
     node = Process(tmp_path).node
     assert (node.next, node.saved) == (4, b"")
 
 
 @pytest.mark.parametrize("cut", [0, 10, 21])
 def test_a_process_killed_while_it_writes_leaves_the_state_before(tmp_path: Path, cut: int) -> None:
-    keeper = Keeper(tmp_path, "tracker-1")
-    keeper.write_number(7)
+    store = CheckpointStore(tmp_path, "tracker-1")
+    store.write_number(7)
     for state in (b"first, which is long", b"second", b"third"):
-        keeper.write_state(state)
-    assert Keeper(tmp_path, "tracker-1").read().state == b"third"
+        store.write_state(state)
+    assert CheckpointStore(tmp_path, "tracker-1").read().state == b"third"
     # The third one lies where the first did: only its beginning was written.
-    file = tmp_path / "tracker-1.state1.kept"
+    file = tmp_path / "tracker-1.state1.checkpoint"
     whole = file.read_bytes()
     file.write_bytes(whole[:cut] + b"\0" * (len(whole) - cut))
-    again = Keeper(tmp_path, "tracker-1")
+    again = CheckpointStore(tmp_path, "tracker-1")
     assert again.read().state == b"second"
     again.write_state(b"fourth")
-    assert Keeper(tmp_path, "tracker-1").read().state == b"fourth"
+    assert CheckpointStore(tmp_path, "tracker-1").read().state == b"fourth"
 
 
 def test_a_folder_that_cannot_be_written_degrades_and_does_not_stop(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     process = Process(tmp_path / "file")
-    assert process.work.problem.startswith(f"its state cannot be saved in {tmp_path / 'file'}")
+    assert process.activity.problem.startswith(f"its state cannot be saved in {tmp_path / 'file'}")
     process.handle(0)
     process.checkpoint.save_state()

@@ -7,19 +7,19 @@ from collections.abc import Iterator
 
 import pytest
 
-from common.runtime import flow, heartbeat, inbox
-from common.runtime.heartbeat import Heartbeat, Work
+from common.runtime import heartbeat, throughput
+from common.runtime.heartbeat import Activity, Heartbeat
 from common.runtime.inbox import Inbox
 from common.runtime.node import Status
-from common.runtime.process_id import Place
 from common.transport.clock import keep_time
+from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import ZenohBus
 from people4d.messages import Detections, Health
 from people4d.topics import BY_NAME
 from tests.common.nodes import Echo
 from tests.network import WAIT_S, Network, Watcher
 
-PLACE = Place("detector", "detector-1", "robot")
+PROCESS_ID = ProcessId("detector", "detector-1", "robot")
 NO_CLOCK = {"clock_steps": 0, "bad_clock": 0}
 
 
@@ -34,9 +34,9 @@ class Beating:
     """A node whose heart beats, and a watcher on the same session."""
 
     def __init__(self, bus: ZenohBus, node: Echo) -> None:
-        self.bus, self.node, self.inbox, self.work = bus, node, Inbox(), Work()
+        self.bus, self.node, self.inbox, self.activity = bus, node, Inbox(), Activity()
         self.watcher = Watcher(bus, Health)
-        self.heartbeat = Heartbeat(node, bus, PLACE, self.inbox, self.work)
+        self.heartbeat = Heartbeat(node, bus, PROCESS_ID, self.inbox, self.activity)
 
     def wait(self, state: str) -> Health:
         return self.watcher.wait(Health, lambda health: health.state == state)
@@ -77,7 +77,7 @@ def test_a_node_that_hangs_is_told_as_stalled_until_it_goes_on(beating: Beating)
     release = threading.Event()
 
     def hang() -> None:
-        with beating.work.busy():
+        with beating.activity.busy():
             release.wait(WAIT_S)
 
     thread = threading.Thread(target=hang)
@@ -92,13 +92,13 @@ def test_a_thread_that_hangs_is_told_though_another_works(beating: Beating) -> N
     release = threading.Event()
 
     def hang() -> None:
-        with beating.work.busy():
+        with beating.activity.busy():
             release.wait(WAIT_S)
 
     thread = threading.Thread(target=hang)
     thread.start()
     for _ in range(10):
-        with beating.work.busy():
+        with beating.activity.busy():
             beating.watcher.wait(Health)
     beating.wait("stalled")
     release.set()
@@ -108,7 +108,7 @@ def test_a_thread_that_hangs_is_told_though_another_works(beating: Beating) -> N
 def test_bytes_that_do_not_decode_degrade_for_a_while(
     beating: Beating, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(inbox, "FRESH_S", 0.3)
+    monkeypatch.setattr("people4d.queue.FRESH_S", 0.3)
     beating.inbox.put(BY_NAME["detections"], "k", b"\xc1")
     health = beating.wait("degraded")
     assert health.reason.startswith("message: expected MessagePack")
@@ -118,8 +118,8 @@ def test_bytes_that_do_not_decode_degrade_for_a_while(
 
 def test_counters_of_node_inbox_and_loop_are_told_together(beating: Beating) -> None:
     beating.node.handled = [1, 2, 3]
-    beating.work.count("errors")
-    beating.work.count("errors")
+    beating.activity.count("errors")
+    beating.activity.count("errors")
     beating.inbox.put(BY_NAME["truth"], "k", b"")
     told = beating.watcher.wait_for_counters(handled=3, errors=2, bad_truth=1).counters
     # What never happened is told as 0: the reader sees that it is counted.
@@ -128,7 +128,7 @@ def test_counters_of_node_inbox_and_loop_are_told_together(beating: Beating) -> 
 
 def test_the_age_of_what_was_taken_last_is_told_and_grows(beating: Beating) -> None:
     received_ns = time.time_ns() - 500_000_000
-    beating.work.took("frames", received_ns)
+    beating.activity.note_taken("frames", received_ns)
     first = beating.watcher.wait(Health, lambda health: "age_frames_ms" in health.gauges)
     second = beating.watcher.wait(Health)
     assert 500 <= first.gauges["age_frames_ms"] < second.gauges["age_frames_ms"]
@@ -150,17 +150,17 @@ def test_the_clock_is_compared_with_that_of_the_router(
 
 
 def test_counters_of_one_name_add_up(beating: Beating) -> None:
-    beating.work.count("handled")
+    beating.activity.count("handled")
     beating.node.handled = [1, 2]
     assert beating.watcher.wait_for_counters(handled=3).counters["handled"] == 3
 
 
 def test_rates_are_messages_per_second_of_the_last_period(beating: Beating) -> None:
     # 20 messages between two heartbeats: 20 / (their distance).
-    beating.work.count("sent_people")
+    beating.activity.count("sent_people")
     before = beating.watcher.wait_for_counters(sent_people=1)
     for _ in range(20):
-        beating.work.count("sent_people")
+        beating.activity.count("sent_people")
     total = 0.0
     while total < 19.0:
         health = beating.watcher.wait(Health)
@@ -192,31 +192,31 @@ def test_a_status_that_fails_does_not_stop_the_heart(beating: Beating) -> None:
 
 
 def test_the_longest_work_counts() -> None:
-    work, started, release = Work(), threading.Event(), threading.Event()
-    assert work.longest_s() == 0.0
+    activity, started, release = Activity(), threading.Event(), threading.Event()
+    assert activity.longest_busy_s() == 0.0
 
     def hang() -> None:
-        with work.busy():
+        with activity.busy():
             started.set()
             release.wait(WAIT_S)
 
     thread = threading.Thread(target=hang)
     thread.start()
     assert started.wait(WAIT_S)
-    assert work.longest_s() > 0.0
+    assert activity.longest_busy_s() > 0.0
     release.set()
     thread.join()
-    assert work.longest_s() == 0.0
+    assert activity.longest_busy_s() == 0.0
 
 
 def test_what_does_not_come_and_who_tells_it(
     beating: Beating, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(flow, "QUIET_S", 0.2)
+    monkeypatch.setattr(throughput, "QUIET_S", 0.2)
     monkeypatch.setattr(Echo, "required_inputs", (Detections,))
     bus = beating.bus
     watcher = Watcher(bus, Health)
-    other = Heartbeat(Echo(), bus, Place("tracker", "tracker-1", "robot"), Inbox(), Work())
+    other = Heartbeat(Echo(), bus, ProcessId("tracker", "tracker-1", "robot"), Inbox(), Activity())
     told = watcher.wait(Health, lambda h: (h.service, h.state) == ("tracker", "degraded"))
     other.close()
     assert told.reason == "no detections have come yet, for 0 s"

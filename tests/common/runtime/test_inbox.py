@@ -212,7 +212,7 @@ def test_bytes_of_others_are_read_by_their_own_decoder() -> None:
 
 
 def test_who_joins_frames_with_later_messages_may_keep_some() -> None:
-    inbox = Inbox(newest=3)
+    inbox = Inbox(frames_waiting=3)
     for sequence in range(5):
         put(inbox, FRAMES, sequence)
     assert taken(inbox) == [2, 3, 4]

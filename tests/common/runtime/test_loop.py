@@ -16,8 +16,8 @@ from common.runtime import loop as loop_module
 from common.runtime import process
 from common.runtime.loop import Loop, LoopSettings
 from common.runtime.node import LoopCallbacks, Node
-from common.runtime.process_id import Place
 from common.transport.ports import free_port
+from common.transport.trace import ProcessId
 from people4d.messages import Health, Message, Tracks, Truth
 from people4d.messages.base import MAX_TRACE
 from services.router.build import build
@@ -26,7 +26,7 @@ from tests.common.nodes import Echo, Source, detections
 from tests.contract.examples import SPAN
 from tests.network import WAIT_S, Network, Watcher
 
-PLACE = Place("echo", "echo-1", "robot")
+PROCESS_ID = ProcessId("echo", "echo-1", "robot")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ class Running:
         robot = network.robot()
         self.outside = network.open(robot)
         self.watcher = Watcher(self.outside, Tracks, Truth, Health)
-        self.loop = Loop(node, network.open(robot), PLACE, LoopSettings(workers))
+        self.loop = Loop(node, network.open(robot), PROCESS_ID, LoopSettings(workers))
         self.thread = threading.Thread(target=self.loop.run)
         self.thread.start()
         # Its subscriptions are declared before its first heartbeat is sent.
@@ -155,7 +155,7 @@ def test_a_node_that_is_finished_ends_the_loop_after_its_outputs(network: Networ
     source = Source(5)
     robot = network.robot()
     watcher = Watcher(network.open(robot), Truth, Health)
-    Loop(source, network.open(robot), PLACE).run()
+    Loop(source, network.open(robot), PROCESS_ID).run()
     assert source.closed.is_set()
     assert [watcher.wait(Truth).sequence for _ in range(5)] == list(range(5))
     assert watcher.wait(Health, lambda h: h.state == "stopping").counters["sent_truth"] == 5

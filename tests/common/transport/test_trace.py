@@ -6,15 +6,14 @@ import threading
 import msgspec
 import pytest
 
-from common.runtime.process_id import Place
-from common.transport.trace import STAGES, Tracer, collect, record, span
+from common.transport.trace import STAGES, ProcessId, Tracer, collect, record, span
 from people4d.codec import decode, encode
 from people4d.messages import Span, Tracks
 from people4d.messages.base import MAX_TRACE
 from tests import ROOT
 from tests.contract.examples import BY_NAME
 
-A = Place("a", "a", "h")
+A = ProcessId("a", "a", "h")
 BEFORE = Span(stage="b.work", process="b@h", start_ns=1, end_ns=2)
 
 
@@ -25,7 +24,7 @@ def message(*trace: Span) -> Tracks:
 
 
 def test_spans_are_gathered_in_order_under_the_service() -> None:
-    with collect(Place("detector", "detector-1", "robot")) as spans:
+    with collect(ProcessId("detector", "detector-1", "robot")) as spans:
         with span("preprocess"):
             pass
         with span("inference"):
@@ -59,7 +58,7 @@ def test_threads_do_not_see_each_others_spans() -> None:
     seen: dict[str, list[Span]] = {}
 
     def work(name: str) -> None:
-        with collect(Place(name, name, "h")) as spans:
+        with collect(ProcessId(name, name, "h")) as spans:
             both.wait()
             with span(name):
                 both.wait()

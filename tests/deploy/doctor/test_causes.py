@@ -13,7 +13,7 @@ import pytest
 
 from common.runtime.loop import Loop
 from common.runtime.node import Node
-from common.runtime.process_id import Place
+from common.transport.trace import ProcessId
 from deploy.doctor.diagnostic import Diagnostic
 from deploy.doctor.evidence import listen
 from deploy.doctor.running import examine
@@ -108,8 +108,8 @@ class System:
         self.bus = network.open(self.robot)
         self._loops = []
         for instance, node in nodes:
-            place = Place(instance.partition("-")[0], instance, "robot")
-            self._loops.append(Loop(node, network.open(self.robot), place))
+            process_id = ProcessId(instance.partition("-")[0], instance, "robot")
+            self._loops.append(Loop(node, network.open(self.robot), process_id))
         self._threads = [threading.Thread(target=loop.run) for loop in self._loops]
         for thread in self._threads:
             thread.start()

@@ -10,20 +10,20 @@ import pytest
 
 from common.runtime.loop import Loop
 from common.runtime.node import Sharing
-from common.runtime.process_id import Place
+from common.transport.trace import ProcessId
 from people4d.messages import Detections, Health, Message, Tracks
 from tests.common.nodes import Echo, detections
 from tests.network import WAIT_S, Network, Watcher
 
 
 class Shared(Echo):
-    """Answers Detections with Tracks; its replicas do so by turns."""
+    """Answers Detections with Tracks, in turns with its replicas."""
 
     sharing: ClassVar[Sharing] = Sharing(Detections, Tracks)
 
 
-class Team:
-    """Loops of one service, somebody who sends them work, and who answers it."""
+class Group:
+    """Loops of one service, and a session that sends them work and receives the answers."""
 
     def __init__(self, network: Network) -> None:
         self._network, self._robot = network, network.robot()
@@ -32,9 +32,9 @@ class Team:
         self._running: list[tuple[Loop, threading.Thread]] = []
         self._sent = 0
 
-    def add(self, name: str, node: Echo, capacity: int = 1) -> None:
-        place = Place("echo", name, "host", capacity)
-        loop = Loop(node, self._network.open(self._robot, "peer"), place)
+    def add(self, name: str, node: Echo) -> None:
+        process_id = ProcessId("echo", name, "host")
+        loop = Loop(node, self._network.open(self._robot, "peer"), process_id)
         thread = threading.Thread(target=loop.run)
         thread.start()
         self._running.append((loop, thread))
@@ -48,8 +48,8 @@ class Team:
         return numbers
 
     def answers(self, count: int) -> list[tuple[str, int]]:
-        told = (self.watcher.wait(Tracks) for _ in range(count))
-        return [(t.trace[-1].process.partition("@")[0], t.sequence) for t in told]
+        answers = (self.watcher.wait(Tracks) for _ in range(count))
+        return [(t.trace[-1].process.partition("@")[0], t.sequence) for t in answers]
 
     def close(self) -> None:
         for loop, thread in self._running:
@@ -66,52 +66,52 @@ def network() -> Iterator[Network]:
 
 
 @pytest.fixture
-def team(network: Network) -> Iterator[Team]:
-    with contextlib.closing(Team(network)) as made:
+def group(network: Network) -> Iterator[Group]:
+    with contextlib.closing(Group(network)) as made:
         yield made
 
 
-def test_work_is_divided_by_capacity(team: Team) -> None:
-    team.add("a", Shared(), capacity=2)
-    team.add("b", Shared())
-    sent = team.send(30)
-    answers = team.answers(30)
+def test_work_is_divided_alike_between_replicas(group: Group) -> None:
+    group.add("a", Shared())
+    group.add("b", Shared())
+    sent = group.send(30)
+    answers = group.answers(30)
     assert sorted(number for _, number in answers) == list(sent)
-    assert Counter(name for name, _ in answers) == {"a": 20, "b": 10}
+    assert Counter(name for name, _ in answers) == {"a": 15, "b": 15}
 
 
-def test_one_that_is_stuck_gives_its_turns_away(
-    team: Team, monkeypatch: pytest.MonkeyPatch
+def test_replica_that_is_stuck_leaves_its_work_to_the_others(
+    group: Group, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("common.runtime.replica.STUCK_S", 0.2)
+    monkeypatch.setattr("common.runtime.replicas.STUCK_S", 0.2)
     stuck, let_go = threading.Event(), threading.Event()
 
     def hook(_: Message) -> None:
         stuck.set()
         assert let_go.wait(WAIT_S)
 
-    team.add("a", Shared(hook))
-    team.add("b", Shared())
+    group.add("a", Shared(hook))
+    group.add("b", Shared())
     # One of two is a's, which is stuck with it; b does that one, too, and all that follow.
-    sent = team.send(2)
-    answers = team.answers(2)
+    sent = group.send(2)
+    answers = group.answers(2)
     assert stuck.is_set()
     assert sorted(answers) == [("b", number) for number in sent]
-    team.send(10)
-    assert {name for name, _ in team.answers(10)} == {"b"}
+    group.send(10)
+    assert {name for name, _ in group.answers(10)} == {"b"}
     # When it goes on, what it was stuck with is answered twice, and it gets its turns back.
     let_go.set()
-    ((name, number),) = team.answers(1)
+    ((name, number),) = group.answers(1)
     assert name == "a"
     assert number in sent
-    while team.answers(len(team.send(1)))[0][0] != "a":
+    while group.answers(len(group.send(1)))[0][0] != "a":
         pass
 
 
-def test_cameras_are_shared_alike(team: Team) -> None:
-    team.add("a", Shared())
-    team.add("b", Shared())
+def test_frames_of_each_camera_are_divided_alike(group: Group) -> None:
+    group.add("a", Shared())
+    group.add("b", Shared())
     for camera in ("front", "rear"):
-        team.send(10, camera)
-        answers = team.answers(10)
+        group.send(10, camera)
+        answers = group.answers(10)
         assert Counter(name for name, _ in answers) == {"a": 5, "b": 5}

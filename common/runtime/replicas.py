@@ -1,0 +1,157 @@
+"""One process of a service that may have several: its contact with the others."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import msgspec
+
+from common.runtime.assignment import Assignment, PendingMessage, read_header
+from common.runtime.heartbeat import Activity
+from common.runtime.inbox import Inbox
+from common.runtime.node import Sharing
+from common.transport.bus import Bus, Members, Subscription
+from common.transport.trace import ProcessId
+from people4d.messages import Health
+from people4d.topics import BY_MESSAGE, Topic
+
+SETTLE_S = 0.2  # [s] between subscribing and joining: the others must not count on us too early
+CHECK_PERIOD_S = 0.1  # [s] between two checks for silent replicas
+STUCK_S = 1.0  # [s] at one message after which a replica withdraws
+STUCK_FACTOR = 2.0  # and so many times the longest duration of late
+LONGEST_DECAY = 0.95  # per message, of the longest duration
+
+
+class Liveness(msgspec.Struct, frozen=True):
+    """Fields of a heartbeat that other replicas read."""
+
+    instance: str
+    state: str
+
+
+_LIVENESS = msgspec.msgpack.Decoder(Liveness)
+
+
+class Replica:
+    """Joins the replicas of a service, and takes over the work of those that fail.
+
+    Args:
+        bus: Bus to the others.
+        process_id: Identity of this process.
+        sharing: Types of messages that are shared.
+        activity: Shows that this process is stuck.
+    """
+
+    def __init__(
+        self, bus: Bus, process_id: ProcessId, sharing: Sharing, activity: Activity
+    ) -> None:
+        self.assignment = Assignment(process_id.instance, sharing)
+        self._bus, self._sharing, self._activity = bus, sharing, activity
+        self._service, self._name = process_id.service, process_id.instance
+        self._subscriptions: list[Subscription | Members] = []
+        self._left = threading.Event()
+        self._changing = threading.Lock()
+        self._joined = False
+        self._longest_s = 0.0
+
+    def join(self, inbox: Inbox) -> None:
+        """Take part from now on; called when the work is subscribed.
+
+        Args:
+            inbox: Gets the messages that are taken over.
+        """
+        self._inbox = inbox
+        health = replace(BY_MESSAGE[Health], key=f"health/{self._service}/{{instance}}")
+        self._follow(health, self._take_heartbeat)
+        self._follow(BY_MESSAGE[self._sharing.answer], self._take_answer)
+        members = self._bus.members(self._service)
+        self._subscriptions.append(members)
+        _start(lambda: self._watch(members))
+        self._left.wait(SETTLE_S)
+        self._announce()
+        _start(self._check)
+
+    def names(self) -> tuple[str, tuple[str, ...]]:
+        """Return the name of this process, and those of all that share the work now."""
+        return self._name, self.assignment.replicas
+
+    def note_duration(self, duration_s: float) -> None:
+        """Note how long a message took."""
+        self._longest_s = max(duration_s, LONGEST_DECAY * self._longest_s)
+
+    def leave(self) -> None:
+        """Leave the work to the others for good; messages already received are still handled."""
+        self._left.set()
+        self._withdraw()
+        for subscription in self._subscriptions:
+            subscription.close()
+
+    def _announce(self) -> None:
+        with self._changing:
+            if self._joined or self._left.is_set():
+                return
+            self._joined = True
+            # First here, then there: work that is not done is worse than work done twice.
+            self._take_over(self.assignment.add_replica(self._name, time.monotonic()))
+            self._bus.announce(self._service, self._name)
+
+    def _withdraw(self) -> None:
+        with self._changing:
+            if not self._joined:
+                return
+            self._joined = False
+            self._bus.withdraw()
+            self.assignment.remove_replica(self._name, time.monotonic())
+
+    def _watch(self, members: Members) -> None:
+        for member in members:
+            if member.instance != self._name:
+                assignment = self.assignment
+                change = assignment.add_replica if member.present else assignment.remove_replica
+                self._take_over(change(member.instance, time.monotonic()))
+
+    def _check(self) -> None:
+        """Check periodically for replicas that are stuck, this process included."""
+        checked_s = time.monotonic()
+        while not self._left.wait(CHECK_PERIOD_S):
+            now_s = time.monotonic()
+            paused_s, checked_s = max(now_s - checked_s - 2 * CHECK_PERIOD_S, 0.0), now_s
+            stuck_s = max(STUCK_S, STUCK_FACTOR * self._longest_s)
+            if self._activity.longest_busy_s() > stuck_s:
+                self._withdraw()
+            else:
+                self._announce()
+            self._take_over(self.assignment.reassign(now_s, paused_s))
+
+    def _take_heartbeat(self, payload: bytes) -> None:
+        try:
+            liveness = _LIVENESS.decode(payload)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            return
+        stalled = liveness.state == "stalled"
+        ours = self.assignment.note_heartbeat(liveness.instance, stalled, time.monotonic())
+        self._take_over(ours)
+
+    def _take_answer(self, payload: bytes) -> None:
+        header = read_header(payload)
+        if header:
+            self.assignment.answered(header)
+
+    def _take_over(self, messages: list[PendingMessage]) -> None:
+        for message in messages:
+            self._inbox.take_over(message)
+
+    def _follow(self, topic: Topic, take: Callable[[bytes], None]) -> None:
+        subscription = self._bus.subscribe(topic, own=False)
+        self._subscriptions.append(subscription)
+
+        def receive() -> None:
+            for _, payload in subscription:
+                take(payload)
+
+        _start(receive)
+
+
+def _start(target: Callable[[], None]) -> None:
+    threading.Thread(target=target, name="replica", daemon=True).start()
