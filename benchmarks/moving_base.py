@@ -151,12 +151,12 @@ def _lengths(vectors: F64) -> F64:
 def velocities(matching: Matching) -> tuple[F64, F64]:
     """Return the true and the told velocities [m/s] of people in view, Nx2 each."""
     pairs = list[tuple[F64, F64]]()
-    for frame, step in zip(matching.sequence.frames, matching.steps, strict=True):
-        true, told = frame.truth.velocities_mps, frame.tracked.velocities_mps
+    for frame, step in zip(matching.sequence.frames, matching.frame_matches, strict=True):
+        true, told = frame.truth.velocities_mps, frame.hypotheses.velocities_mps
         if true is None or told is None:
             continue
         for row, column in zip(step.rows, step.columns, strict=True):
-            if frame.truth.counted[row]:
+            if frame.truth.required[row]:
                 pairs.append((true[row, :2], told[column, :2]))
     both = np.array(pairs, np.float64).reshape(-1, 2, 2)
     return both[:, 0], both[:, 1]

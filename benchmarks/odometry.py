@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.lib.mot15 import HELD_OUT, TUNING, judge, load_all, quality
 from benchmarks.lib.rides import FAULTS, Ride, draw, film_ride, films, kitti_ride, lab_ride
 from benchmarks.lib.table import markdown, spread, write
-from common.metrics import Scores, box_overlap, combine, id_switches, match, score_matching
+from common.metrics import Scores, box_overlap, combine, match, score_matching
 from lab.sighting_config import SightingConfig
 from services.detector.config import DetectorConfig
 from services.tracker.image_sort.config import ImageSortConfig
@@ -97,7 +97,7 @@ def run(config: ImageSortConfig, ride: Ride) -> Run:
         told.append(tracker.update(frame))
         times_us.append((time.perf_counter_ns() - start_ns) / 1e3)
     matching = match(ride.scored(told), box_overlap)
-    switches = tuple(switch.frame for switch in id_switches(matching))
+    switches = tuple(switch.frame for switch in matching.id_switches)
     return Run(score_matching(matching), switches, float(np.median(times_us)), ride)
 
 

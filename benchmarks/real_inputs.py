@@ -25,8 +25,8 @@ from services.detector.config import DetectorConfig
 from services.reid.config import ReidConfig
 from services.report.config import ReportConfig
 from services.report.node import ReportNode
-from services.report.output import Picture
-from services.report.statistics import Summary
+from services.report.output import AnnotatedFrame
+from services.report.statistics import RunSummary
 from services.tracker.config import TrackerConfig
 
 ROOT = Path(__file__).parents[1]
@@ -70,10 +70,10 @@ class Sheet:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def picture(self, picture: Picture) -> None:
+    def picture(self, picture: AnnotatedFrame) -> None:
         """Take a frame of the video; there is none."""
 
-    def finish(self, sheet: U8, summary: Summary) -> None:  # noqa: ARG002
+    def finish(self, sheet: U8, summary: RunSummary) -> None:  # noqa: ARG002
         """Write the sheet."""
         save(self._path, sheet)
 

@@ -5,6 +5,7 @@ people are not part of the repository; `--shared` names the folder that holds th
 """
 
 import argparse
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +15,22 @@ import numpy as np
 from benchmarks.lib.by_eye import compare
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT, Played, filinha, gather, lockstep, models
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import wrap
+from common.metrics import (
+    EvaluationFrame,
+    GroundDistance,
+    Matcher,
+    ground_truth_of,
+    hypotheses_of,
+)
+from common.metrics.live.scorer import LiveScorer
 from evaluation.pipeline import pipeline, play, track_again
-from people4d.messages import Tracks, Truth
+from people4d.messages import Track, Tracks, Truth, TruthPerson
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
-from services.report.accuracy import TruthCheck, match
 from services.tracker.config import Sort3dConfig, StrongSort3dConfig, TrackerConfig
 
 DEMO = ROOT / "deploy" / "demo" / "crossing.mcap"
@@ -53,20 +63,31 @@ def settings() -> Iterator[Setting]:
 
 def demo_cells(tracks: Sequence[Tracks], truth: Sequence[Truth]) -> list[str]:
     """Return errors against the truth: position, velocity, yaw, ID switches."""
-    check = TruthCheck()
+    scorer = LiveScorer(TransformBuffer(TransformBufferConfig()), Counter())
     for true in truth:
-        check.add(true)
+        scorer.add_truth(true)
+    scores = []
     for tracked in tracks:
-        check.add(tracked)
-    accuracy = check.result()
-    if accuracy is None or accuracy.position_rmse_m is None or accuracy.velocity_rmse_mps is None:
+        scorer.add_tracks(tracked)
+        scores += scorer.due()
+    total = scores[-1].total if scores else None
+    if total is None or total.position_rmse_m is None or total.velocity_rmse_mps is None:
         return ["none"] * 4
     return [
-        f"{accuracy.position_rmse_m:.3f}",
-        f"{accuracy.velocity_rmse_mps:.2f}",
+        f"{total.position_rmse_m:.3f}",
+        f"{total.velocity_rmse_mps:.2f}",
         f"{np.degrees(np.median(yaw_errors_rad(tracks, truth))):.0f}",
-        str(accuracy.id_switches),
+        str(total.id_switches),
     ]
+
+
+def match_people(people: Sequence[TruthPerson], tracks: Sequence[Track]) -> list[tuple[int, int]]:
+    """Return the pairs (person, track) within 1 m with the least sum of distances."""
+    frame = EvaluationFrame(
+        stamp_ns=0, truth=ground_truth_of(people), hypotheses=hypotheses_of(tracks)
+    )
+    matches = Matcher(GroundDistance()).match(frame)
+    return list(zip(matches.rows.tolist(), matches.columns.tolist(), strict=True))
 
 
 def yaw_errors_rad(tracks: Sequence[Tracks], truth: Sequence[Truth]) -> list[float]:
@@ -75,7 +96,7 @@ def yaw_errors_rad(tracks: Sequence[Tracks], truth: Sequence[Truth]) -> list[flo
     errors = []
     for message in tracks:
         people = at[message.stamp_ns].people if message.stamp_ns in at else ()
-        for i, j in match(people, message.tracks):
+        for i, j in match_people(people, message.tracks):
             true_rad, yaw_rad = people[i].yaw_rad, message.tracks[j].yaw_rad
             if true_rad is not None and yaw_rad is not None:
                 errors.append(abs(wrap(yaw_rad - true_rad)))

@@ -67,7 +67,7 @@ class Ride:
             Hypotheses(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px) for t in told
         ]
         frames = [
-            EvaluationFrame(stamp_ns=f.stamp_ns, truth=truth, tracked=tracked)
+            EvaluationFrame(stamp_ns=f.stamp_ns, truth=truth, hypotheses=tracked)
             for f, truth, tracked in zip(self.frames, self.truth, people, strict=True)
         ]
         return EvaluationSequence(self.name, tuple(frames))

@@ -1,7 +1,8 @@
-"""How good tracking is: one record of what was true and what was told, and the figures on it.
+"""Metrics of tracking: one record of ground truth and hypotheses, and the scores on it.
 
-`score(sequence, similarity)` gives everything of method book section 9 for one sequence. Scores
-hold counts and sums, so that `combine` pools sequences properly; ratios are taken at the end.
+`score(sequence, similarity)` gives all metrics of docs/method.md, section 9, for one sequence.
+Scores hold counts and sums, so that `combine` pools sequences properly; ratios are taken at the
+end. `live.scorer` scores messages as they come, with the same counts.
 """
 
 from common.metrics.alignment.alignment import (
@@ -15,14 +16,23 @@ from common.metrics.alignment.alignment import (
 )
 from common.metrics.alignment.trajectories import trajectories_of
 from common.metrics.alignment.truth_buffer import TruthBuffer, interpolate
-from common.metrics.clear import ClearCounts, IdSwitch, id_switches
+from common.metrics.clear import ClearCounts
 from common.metrics.field_of_view import in_view
+from common.metrics.frame_scores import IdSwitch, ScoreTotals
+from common.metrics.from_messages import ground_truth_of, hypotheses_of
 from common.metrics.hota import ALPHAS, HotaCounts
 from common.metrics.identity import IdentityCounts
 from common.metrics.lifetimes import Lifetimes
-from common.metrics.matching import FrameMatches, Matcher, Matching, PersonHistory, match
+from common.metrics.matching import Matcher, Matching, PersonHistory, match
 from common.metrics.pose import PoseErrors
-from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses, Id
+from common.metrics.record import (
+    EvaluationFrame,
+    EvaluationSequence,
+    FrameMatches,
+    GroundTruth,
+    Hypotheses,
+    Id,
+)
 from common.metrics.returns import ReturnToView, find_returns
 from common.metrics.scores import Row, Scores, combine, score, score_matching
 from common.metrics.similarity import GroundDistance, Similarity, box_overlap
@@ -49,6 +59,7 @@ __all__ = [
     "PoseErrors",
     "ReturnToView",
     "Row",
+    "ScoreTotals",
     "Scores",
     "Similarity",
     "SpaceAlignment",
@@ -61,7 +72,8 @@ __all__ = [
     "find_returns",
     "fit_2d",
     "fit_3d",
-    "id_switches",
+    "ground_truth_of",
+    "hypotheses_of",
     "in_view",
     "interpolate",
     "match",

@@ -1,26 +1,24 @@
-"""CLEAR-MOT (Bernardin & Stiefelhagen 2008), with the trajectory counts of Li et al. 2009."""
+"""CLEAR-MOT [Bernardin 2008], with the trajectory counts of [Li 2009]."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from common.metrics.counts import Counts, ratio
+from common.metrics.frame_scores import ScoreTotals
 from common.metrics.matching import Matching, PersonHistory
-from common.metrics.record import Id
+from common.metrics.record import FrameMatches
 
-MOSTLY_TRACKED = 0.8  # of the frames in which a person had to be found; more is mostly tracked
+MOSTLY_TRACKED = 0.8  # of the frames in which a person has to be tracked; more is mostly tracked
 MOSTLY_LOST = 0.2  # less is mostly lost
 
 
 @dataclass(frozen=True)
 class ClearCounts(Counts):
-    """What CLEAR-MOT counts."""
+    """Counts of CLEAR-MOT."""
 
-    matches: int = 0  # true positives
-    misses: int = 0  # false negatives, FN
-    false_alarms: int = 0  # false positives, FP
-    id_switches: int = 0  # matches to another track than the person's last match
-    fragmentations: int = 0  # times that a person was found again after being missed
+    totals: ScoreTotals = field(default_factory=ScoreTotals)  # matches, false alarms, ID switches
+    fragmentations: int = 0  # times that a person was matched again after a miss
     mostly_tracked: int = 0  # people
     partly_tracked: int = 0  # people
     mostly_lost: int = 0  # people
@@ -28,8 +26,28 @@ class ClearCounts(Counts):
 
     @property
     def truths(self) -> int:
-        """People to be found, over all frames."""
-        return self.matches + self.misses
+        """People to be tracked, over all frames."""
+        return self.totals.truths
+
+    @property
+    def matches(self) -> int:
+        """True positives."""
+        return self.totals.matches
+
+    @property
+    def misses(self) -> int:
+        """False negatives, FN."""
+        return self.totals.truths - self.totals.matches
+
+    @property
+    def false_alarms(self) -> int:
+        """False positives, FP."""
+        return self.totals.false_alarms
+
+    @property
+    def id_switches(self) -> int:
+        """Matches to another track than the person's last match."""
+        return self.totals.id_switches
 
     @property
     def mota(self) -> float:
@@ -44,61 +62,35 @@ class ClearCounts(Counts):
 
     @property
     def recall(self) -> float:
-        """Share of the people to be found that were."""
+        """Share of the people to be tracked that are."""
         return ratio(self.matches, self.truths)
 
     @property
     def precision(self) -> float:
-        """Share of the tracks that were people."""
+        """Share of the tracks that are people."""
         return ratio(self.matches, self.matches + self.false_alarms)
 
 
-@dataclass(frozen=True)
-class IdSwitch:
-    """A person matched to another track than the last time."""
-
-    person: Id
-    before: Id  # track of the last match
-    after: Id  # track from now on
-    last_frame: int  # index of the last frame with the track before
-    frame: int  # index of the first frame with the track after
-
-
 def count_clear(matching: Matching) -> ClearCounts:
-    """Count matches and errors (method book section 9)."""
+    """Count matches and errors (docs/method.md, section 9)."""
+    totals = sum((score.totals for score in matching.frame_scores), start=ScoreTotals())
     histories = matching.histories
-    matches = sum(int(history.matched.sum()) for history in histories)
-    kept = sum(int(step.kept.sum()) for step in matching.steps)
     shares = np.array([history.matched.mean() for history in histories])
     tracked = int((shares > MOSTLY_TRACKED).sum())
     lost = int((shares < MOSTLY_LOST).sum())
     return ClearCounts(
-        matches=matches,
-        misses=sum(len(history.tracks) for history in histories) - matches,
-        false_alarms=kept - matches,
-        id_switches=len(id_switches(matching)),
+        totals=totals,
         fragmentations=sum(_fragmentations(history) for history in histories),
         mostly_tracked=tracked,
         partly_tracked=len(histories) - tracked - lost,
         mostly_lost=lost,
-        similarity=sum(
-            float(step.similarity[step.rows[step.found], step.columns[step.found]].sum())
-            for step in matching.steps
-        ),
+        similarity=sum(_similarity(matches) for matches in matching.frame_matches),
     )
 
 
-def id_switches(matching: Matching) -> tuple[IdSwitch, ...]:
-    """Return every ID switch, in order of time."""
-    switches = []
-    for history in matching.histories:
-        tracks, frames = history.tracks[history.matched], history.frames[history.matched]
-        for i in np.flatnonzero(np.diff(tracks)):
-            before, after = matching.tracks[tracks[i]], matching.tracks[tracks[i + 1]]
-            switches.append(
-                IdSwitch(history.person, before, after, int(frames[i]), int(frames[i + 1]))
-            )
-    return tuple(sorted(switches, key=lambda switch: switch.frame))
+def _similarity(matches: FrameMatches) -> float:
+    required = matches.required_pairs
+    return float(matches.similarity[matches.rows[required], matches.columns[required]].sum())
 
 
 def _fragmentations(history: PersonHistory) -> int:

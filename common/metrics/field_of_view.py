@@ -1,17 +1,58 @@
-"""Whom a camera can see at all: within the image and the range of its depth."""
+"""Fields of view: the image and the depth range of cameras."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
+from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transforms import apply, deproject, project
 from common.metrics.record import BOOL
 from people4d.messages import F64, CameraInfo
 
 NEAR_M = 1e-3  # [m] what is nearer along the axis, or behind, has no pixel
-SAME = 0.01  # [m] per metre of depth: so near a pixel must lead back to its point
+MAX_REPROJECTION = 0.01  # [m] per metre of depth: so near a pixel must lead back to its point
+
+
+class CameraViews:
+    """Fields of view of all cameras.
+
+    Args:
+        transforms: Transform buffer, which the caller fills.
+    """
+
+    def __init__(self, transforms: TransformBuffer) -> None:
+        self._transforms = transforms
+        self._infos: dict[str, CameraInfo] = {}
+
+    def add(self, info: CameraInfo) -> None:
+        """Take the calibration of a camera."""
+        self._infos[info.camera] = info
+
+    def outside(self, positions_m: Sequence[F64], frame_id: str, stamp_ns: int) -> BOOL | None:
+        """Check which people are outside of the view of every camera.
+
+        Args:
+            positions_m: N of 3 coordinates.
+            frame_id: Their frame.
+            stamp_ns: Time of the positions; cameras may move.
+
+        Returns:
+            N; None if the pose of no camera is known.
+        """
+        poses = [
+            (info, self._transforms.lookup(info.frame_id, frame_id, stamp_ns))
+            for info in self._infos.values()
+        ]
+        views = [
+            in_view(np.array(positions_m), pose.matrix, info)
+            for info, pose in poses
+            if pose is not None
+        ]
+        return np.asarray(~np.any(views, axis=0)) if views else None
 
 
 def in_view(points_m: F64, camera_from_map: F64, info: CameraInfo) -> BOOL:
-    """Tell which points lie in the image and in the range of depth; what hides them is not known.
+    """Check which points lie in the image and in the range of depth, occluded or not.
 
     Args:
         points_m: Nx3, for example torsos, frame: map.
@@ -29,11 +70,11 @@ def in_view(points_m: F64, camera_from_map: F64, info: CameraInfo) -> BOOL:
         last = (info.width - 1, info.height - 1)
         inside[rows] = np.all((pixels >= 0) & (pixels <= last), axis=1)
         if info.distortion:
-            inside[rows] &= _lead_back(pixels, points[rows], info)
+            inside[rows] &= _reprojects(pixels, points[rows], info)
     return inside
 
 
-def _lead_back(pixels: F64, points: F64, info: CameraInfo) -> BOOL:
-    """Tell where a pixel leads back to its point: far outside, lenses may bend rays inside."""
+def _reprojects(pixels: F64, points: F64, info: CameraInfo) -> BOOL:
+    """Check that a pixel leads back to its point: lenses may bend rays from far outside inwards."""
     apart_m = np.linalg.norm(deproject(pixels, points[:, 2], info) - points, axis=1)
-    return np.asarray(apart_m <= SAME * points[:, 2])
+    return np.asarray(apart_m <= MAX_REPROJECTION * points[:, 2])

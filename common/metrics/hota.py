@@ -97,8 +97,8 @@ def count_hota(matching: Matching) -> HotaCounts:
 def _align(matching: Matching, shape: tuple[int, int]) -> tuple[F64, F64, F64]:
     """Return the Jaccard alignment of each pair of identities, and the frames of each."""
     together, person_frames, track_frames = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape[1])
-    for step in matching.steps:
-        persons, tracks, similarity = step.judged
+    for matches in matching.frame_matches:
+        persons, tracks, similarity = matches.evaluated
         either = similarity.sum(0, keepdims=True) + similarity.sum(1, keepdims=True) - similarity
         together[np.ix_(persons, tracks)] += ratios(similarity, either)
         person_frames[persons] += 1
@@ -110,8 +110,8 @@ def _align(matching: Matching, shape: tuple[int, int]) -> tuple[F64, F64, F64]:
 def _pairs(matching: Matching, alignment: F64) -> tuple[I64, I64, F64]:
     """Return person, track and similarity of the pairs assigned in all frames."""
     found: list[tuple[I64, I64, F64]] = []
-    for step in matching.steps:
-        persons, tracks, similarity = step.judged
+    for matches in matching.frame_matches:
+        persons, tracks, similarity = matches.evaluated
         worth = alignment[np.ix_(persons, tracks)] * similarity
         rows, columns = linear_sum_assignment(worth, maximize=True)
         found.append((persons[rows], tracks[columns], similarity[rows, columns]))

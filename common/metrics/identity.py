@@ -37,8 +37,8 @@ def count_identity(matching: Matching) -> IdentityCounts:
     """Give each person at most one track, for the most frames in which the two could match."""
     together = np.zeros((len(matching.persons), len(matching.tracks)), np.int64)
     truths = tracked = 0
-    for step in matching.steps:
-        persons, tracks, similarity = step.judged
+    for matches in matching.frame_matches:
+        persons, tracks, similarity = matches.evaluated
         rows, columns = np.nonzero(similarity >= matching.threshold - ROUNDING)
         together[persons[rows], tracks[columns]] += 1
         truths, tracked = truths + len(persons), tracked + len(tracks)

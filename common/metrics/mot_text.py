@@ -1,7 +1,7 @@
 """Text files of the MOT-Challenge: one box a line, comma-separated.
 
 frame, id, left, top, width, height, confidence, x, y, z: frames count from 1, boxes are in pixels,
-id is -1 in detections. In ground truth, confidence 0 marks a box that is not to be judged. The 3D
+id is -1 in detections. In ground truth, confidence 0 marks a box that is not evaluated. The 3D
 benchmarks give x, y, z in metres on the ground; -1, -1, -1 or nothing means that none is known.
 """
 
@@ -45,7 +45,7 @@ class MotRows:
         start, end = np.searchsorted(self.frames, [frame, frame + 1])
         return self._select(slice(start, end))
 
-    def judged(self) -> "MotRows":
+    def evaluated(self) -> "MotRows":
         """Return the lines whose flag is not 0."""
         return self._select(self.confidences != 0)
 
@@ -61,7 +61,7 @@ class MotRows:
 
 @dataclass(frozen=True)
 class MotInfo:
-    """What seqinfo.ini tells."""
+    """Content of seqinfo.ini."""
 
     name: str
     rate_hz: float
@@ -168,14 +168,14 @@ def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, Hypotheses]) ->
     Returns:
         The sequence, with boxes.
     """
-    judged = truth.judged()
+    evaluated = truth.evaluated()
     return EvaluationSequence(
         info.name,
         tuple(
             EvaluationFrame(
                 stamp_ns=round((number - 1) * 1e9 / info.rate_hz),
-                truth=_people(judged.of(number)),
-                tracked=tracks.get(number, Hypotheses()),
+                truth=_people(evaluated.of(number)),
+                hypotheses=tracks.get(number, Hypotheses()),
             )
             for number in range(1, info.frames + 1)
         ),

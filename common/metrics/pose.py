@@ -1,12 +1,11 @@
-"""Errors of position, velocity and orientation over the matched people (method book section 9)."""
+"""Errors of position, velocity and yaw of the matched people (docs/method.md, section 9)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from common.metrics.matching import FrameMatches, Matching
-from common.metrics.record import BOOL, EvaluationFrame
+from common.metrics.record import BOOL, EvaluationFrame, FrameMatches
 from people4d.messages import F64
 
 POSITION_LIMITS_M = (0.15, 0.3, 0.5)
@@ -21,10 +20,10 @@ class PoseErrors:
     position_m: F64  # [m] Kx2: x, y
     velocity_mps: F64  # [m/s] Kx2: x, y
     yaw_true_rad: F64  # [rad] K
-    yaw_told_rad: F64  # [rad] K
-    camera_axis: F64  # Kx2, unit: where the camera looks, on the ground
-    predicted: BOOL  # K, told without being seen in this frame
-    occluded: BOOL  # K, the true person was hidden
+    yaw_estimated_rad: F64  # [rad] K
+    camera_axis: F64  # Kx2, unit: optical axis on the ground
+    predicted: BOOL  # K, by a track without a measurement in this frame
+    occluded: BOOL  # K, the person was occluded
 
     def __add__(self, other: "PoseErrors") -> "PoseErrors":
         """Pool the matches of both."""
@@ -37,11 +36,11 @@ class PoseErrors:
     @property
     def yaw_error_rad(self) -> F64:
         """Orientation error (K), 0 to pi: min(|e|, 2 pi - |e|)."""
-        error = np.abs(self.yaw_told_rad - self.yaw_true_rad) % (2 * np.pi)
+        error = np.abs(self.yaw_estimated_rad - self.yaw_true_rad) % (2 * np.pi)
         return np.minimum(error, 2 * np.pi - error)
 
     def along_across(self, errors: F64) -> F64:
-        """Turn errors (Kx2: x, y) to the camera's axis: along it, and across to its left."""
+        """Rotate errors (Kx2: x, y) to the camera's axis: along it, and across to its left."""
         ax, ay = self.camera_axis.T
         return np.column_stack(
             [errors[:, 0] * ax + errors[:, 1] * ay, errors[:, 1] * ax - errors[:, 0] * ay]
@@ -63,7 +62,7 @@ class PoseErrors:
                 row[f"{name}_rmse_{axis}_{unit}"] = rmse(values)
         row["yaw_rmse_deg"] = rmse(yaw_error_deg)
         row["yaw_correlation"] = self.yaw_correlation()
-        row["yaw_told"] = within(np.isnan(self.yaw_told_rad).astype(np.float64), 0.0)
+        row["yaw_reported"] = within(np.isnan(self.yaw_estimated_rad).astype(np.float64), 0.0)
         position_m = np.linalg.norm(self.position_m, axis=1)
         velocity_mps = np.linalg.norm(self.velocity_mps, axis=1)
         row |= {f"position_within_{n}_m": within(position_m, n) for n in POSITION_LIMITS_M}
@@ -83,16 +82,6 @@ def within(errors: F64, limit: float) -> float | None:
     return float(np.mean(known <= limit)) if len(known) else None
 
 
-def pose_errors(matching: Matching) -> PoseErrors:
-    """Collect the errors of all matches whose person was in view and both positions are known."""
-    parts = [
-        _frame_errors(frame, step)
-        for frame, step in zip(matching.sequence.frames, matching.steps, strict=True)
-        if frame.truth.positions_m is not None and frame.tracked.positions_m is not None
-    ]
-    return pool(parts)
-
-
 def pool(parts: Sequence[PoseErrors]) -> PoseErrors:
     """Put the matches of several parts together; none gives an empty record."""
     two, one, no = np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_)
@@ -100,7 +89,7 @@ def pool(parts: Sequence[PoseErrors]) -> PoseErrors:
         position_m=two,
         velocity_mps=two,
         yaw_true_rad=one,
-        yaw_told_rad=one,
+        yaw_estimated_rad=one,
         camera_axis=two,
         predicted=no,
         occluded=no,
@@ -111,21 +100,23 @@ def pool(parts: Sequence[PoseErrors]) -> PoseErrors:
     )
 
 
-def _frame_errors(frame: EvaluationFrame, step: FrameMatches) -> PoseErrors:
-    truth, tracked = frame.truth, frame.tracked
-    seen = truth.in_view[step.rows]
-    i, j = step.rows[seen], step.columns[seen]
-    n, m = len(truth.ids), len(tracked.ids)
-    told = _rows(tracked.positions_m, m, 3)[j] - _rows(truth.positions_m, n, 3)[i]
-    moved = _rows(tracked.velocities_mps, m, 3)[j] - _rows(truth.velocities_mps, n, 3)[i]
+def frame_errors(frame: EvaluationFrame, matches: FrameMatches) -> PoseErrors:
+    """Return the errors of the pairs in view; none if truth or hypotheses have no positions."""
+    truth, tracks = frame.truth, frame.hypotheses
+    if truth.positions_m is None or tracks.positions_m is None:
+        return pool([])
+    in_view = truth.in_view[matches.rows]
+    i, j = matches.rows[in_view], matches.columns[in_view]
+    n, m = len(truth.ids), len(tracks.ids)
+    velocity_mps = _rows(tracks.velocities_mps, m, 3)[j] - _rows(truth.velocities_mps, n, 3)[i]
     return PoseErrors(
-        position_m=told[:, :2],
-        velocity_mps=moved[:, :2],
+        position_m=(tracks.positions_m[j] - truth.positions_m[i])[:, :2],
+        velocity_mps=velocity_mps[:, :2],
         yaw_true_rad=_rows(truth.yaws_rad, n)[i],
-        yaw_told_rad=_rows(tracked.yaws_rad, m)[j],
+        yaw_estimated_rad=_rows(tracks.yaws_rad, m)[j],
         camera_axis=np.tile(_axis(frame.map_from_camera), (len(i), 1)),
-        predicted=tracked.was_predicted[j],
-        occluded=~truth.counted[i],
+        predicted=tracks.was_predicted[j],
+        occluded=~truth.required[i],
     )
 
 

@@ -1,4 +1,4 @@
-"""What was true and what was told, frame by frame: the one input of every metric."""
+"""Ground truth and hypotheses frame by frame: the one input of every metric."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,11 +18,11 @@ Id: TypeAlias = int | str
 
 @dataclass(frozen=True, kw_only=True)
 class PeopleColumns:
-    """The people of one frame, one row each; a column that nobody knows is absent."""
+    """The people of one frame, one row each; a quantity that is unknown for all is absent."""
 
     ids: tuple[Id, ...] = ()  # identities, each at most once
     boxes_xyxy_px: F64 | None = None  # [px] Nx4: left, top, right, bottom
-    positions_m: F64 | None = None  # [m] Nx3, z up, one frame for truth and tracks
+    positions_m: F64 | None = None  # [m] Nx3, z up, one frame for truth and hypotheses
     velocities_mps: F64 | None = None  # [m/s] Nx3, same frame; NaN where unknown
     yaws_rad: F64 | None = None  # [rad] N, 0 = +x, counter-clockwise; NaN where unknown
 
@@ -46,60 +46,90 @@ class PeopleColumns:
 class GroundTruth(PeopleColumns):
     """The people who were there.
 
-    Whoever is out of view or occluded is neither miss nor match, and the track matched to them is
-    no false alarm. Errors on the occluded are kept, but apart.
+    A person out of view or occluded is neither miss nor match, and the track matched to them is no
+    false alarm. Errors on the occluded are collected, but apart.
     """
 
-    out_of_view: BOOL | None = None  # N: outside of the image or the depth range; absent: nobody
-    occluded: BOOL | None = None  # N: in the view, but hidden by something; absent: nobody
+    out_of_view: BOOL | None = None  # N: outside of image or depth range; absent: not known
+    occluded: BOOL | None = None  # N: in the view, but hidden by something; absent: none
 
     def __post_init__(self) -> None:
-        """Check the marks, too."""
+        """Check the masks, too."""
         super().__post_init__()
         check_shape("out_of_view", self.out_of_view, (len(self.ids),))
         check_shape("occluded", self.occluded, (len(self.ids),))
 
     @property
     def in_view(self) -> BOOL:
-        """Who is in the view, hidden or not."""
-        return ~_marks(self.out_of_view, len(self.ids))
+        """Mask (N) of the people in the view, occluded or not."""
+        return ~_mask(self.out_of_view, len(self.ids))
 
     @property
-    def counted(self) -> BOOL:
-        """Who has to be found."""
-        return self.in_view & ~_marks(self.occluded, len(self.ids))
+    def required(self) -> BOOL:
+        """Mask (N) of the people who have to be tracked: in view and not occluded."""
+        return self.in_view & ~_mask(self.occluded, len(self.ids))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hypotheses(PeopleColumns):
-    """The hypotheses: the people that a tracker told of."""
+    """The people that a tracker reports."""
 
-    predicted: BOOL | None = None  # N: told without being seen in this frame; absent: nobody
+    predicted: BOOL | None = None  # N: reported without a measurement in this frame; absent: none
 
     def __post_init__(self) -> None:
-        """Check the marks, too."""
+        """Check the mask, too."""
         super().__post_init__()
         check_shape("predicted", self.predicted, (len(self.ids),))
 
     @property
     def was_predicted(self) -> BOOL:
-        """Who was told without being seen."""
-        return _marks(self.predicted, len(self.ids))
+        """Mask (N) of the tracks without a measurement in this frame."""
+        return _mask(self.predicted, len(self.ids))
 
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationFrame:
-    """Truth and tracks at one stamp."""
+    """Ground truth and hypotheses at one stamp."""
 
     stamp_ns: int  # [ns] acquisition time
     truth: GroundTruth = GroundTruth()
-    tracked: Hypotheses = Hypotheses()
+    hypotheses: Hypotheses = Hypotheses()
     map_from_camera: F64 | None = None  # 4x4, map from optical frame; absent: no camera axis
 
     def __post_init__(self) -> None:
         """Check the camera's pose."""
         check_shape("map_from_camera", self.map_from_camera, (4, 4))
         check_finite("map_from_camera", self.map_from_camera)
+
+
+@dataclass(frozen=True)
+class FrameMatches:
+    """One frame: people and tracks by number, and the pairs matched."""
+
+    persons: I64  # N, index into Matching.persons
+    tracks: I64  # M, index into Matching.tracks
+    required: BOOL  # N, people who have to be tracked
+    similarity: F64  # NxM
+    rows: I64  # K, index into persons of each pair
+    columns: I64  # K, index into tracks of each pair
+
+    @cached_property
+    def evaluated_tracks(self) -> BOOL:
+        """Tracks that count (M): all but those of people who do not have to be tracked."""
+        mask = np.ones(len(self.tracks), np.bool_)
+        mask[self.columns[~self.required_pairs]] = False
+        return mask
+
+    @cached_property
+    def evaluated(self) -> tuple[I64, I64, F64]:
+        """Persons, tracks and similarity of all who count."""
+        similarity = self.similarity[np.ix_(self.required, self.evaluated_tracks)]
+        return self.persons[self.required], self.tracks[self.evaluated_tracks], similarity
+
+    @property
+    def required_pairs(self) -> BOOL:
+        """Pairs (K) whose person has to be tracked."""
+        return self.required[self.rows]
 
 
 @dataclass(frozen=True)
@@ -130,7 +160,7 @@ class EvaluationSequence:
 
     @cached_property
     def periods_s(self) -> F64:
-        """Seconds that each frame stands for: until the next; the last one the median of these.
+        """Time [s] from each frame to the next; of the last one, the median of these.
 
         Their sum is the duration: 1800 frames at 30 Hz are one minute. One frame lasts 0 s.
         """
@@ -139,5 +169,5 @@ class EvaluationSequence:
         return np.append(until_next, last)[: len(self.frames)]
 
 
-def _marks(marks: BOOL | None, n: int) -> BOOL:
-    return np.zeros(n, np.bool_) if marks is None else marks
+def _mask(mask: BOOL | None, n: int) -> BOOL:
+    return np.zeros(n, np.bool_) if mask is None else mask

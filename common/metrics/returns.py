@@ -54,7 +54,7 @@ def _returns_of(
     gaps_s = np.diff(matching.sequence.stamps_s[view])
     leaves = np.flatnonzero(gaps_s >= away_s)
     backs = view[leaves + 1]  # first frame of each visit but the first
-    ends = np.append(backs, len(matching.steps))[1:]
+    ends = np.append(backs, len(matching.frame_matches))[1:]
     for away, back, end in zip(gaps_s[leaves], backs, ends, strict=True):
         known = history.tracks[(history.frames < back) & history.matched]
         visit = history.tracks[(history.frames >= back) & (history.frames < end)]

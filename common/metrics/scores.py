@@ -1,4 +1,4 @@
-"""All figures of one sequence, or of several together."""
+"""All metrics of one sequence, or of several together."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from common.metrics.hota import HotaCounts, count_hota
 from common.metrics.identity import IdentityCounts, count_identity
 from common.metrics.lifetimes import Lifetimes, count_lifetimes
 from common.metrics.matching import Matching, match
-from common.metrics.pose import PoseErrors, pool, pose_errors
+from common.metrics.pose import PoseErrors, pool
 from common.metrics.record import EvaluationSequence
 from common.metrics.similarity import Similarity
 
@@ -21,7 +21,7 @@ Row: TypeAlias = dict[str, float | None]
 
 @dataclass(frozen=True)
 class Scores:
-    """Counts and sums from which every figure follows; adding two pools their sequences."""
+    """Counts and sums from which every metric follows; adding two pools their sequences."""
 
     clear: ClearCounts
     identity: IdentityCounts
@@ -41,22 +41,22 @@ class Scores:
 
     @property
     def pose(self) -> PoseErrors:
-        """Errors on the people who had to be found."""
+        """Errors on the people who have to be tracked."""
         return self.errors.select(~self.errors.occluded)
 
     @property
     def pose_measured(self) -> PoseErrors:
-        """Of these, those by tracks seen in the frame."""
+        """Of these, errors of tracks with a measurement in the frame."""
         return self.errors.select(~self.errors.occluded & ~self.errors.predicted)
 
     @property
     def pose_predicted(self) -> PoseErrors:
-        """Of these, those by tracks that were only predicted."""
+        """Of these, errors of tracks that were predicted."""
         return self.errors.select(~self.errors.occluded & self.errors.predicted)
 
     @property
     def pose_occluded(self) -> PoseErrors:
-        """Errors on the people in view, but hidden."""
+        """Errors on the people in view, but occluded."""
         return self.errors.select(self.errors.occluded)
 
     @property
@@ -65,7 +65,7 @@ class Scores:
         return ratio(self.clear.id_switches, self.lifetimes.duration_s / 60.0)
 
     def row(self) -> Row:
-        """Return all figures by name, units in the name, shares 0 to 1; None where undefined."""
+        """Return all metrics by name, units in the name, shares 0 to 1; None where undefined."""
         return self._clear_row() | self._identity_row() | self._life_row() | self.pose.row()
 
     def _clear_row(self) -> Row:
@@ -114,11 +114,11 @@ def score(sequence: EvaluationSequence, similarity: Similarity, threshold: float
 
     Args:
         sequence: Truth and tracks.
-        similarity: How alike two people are, for example `GroundDistance(1.0)`.
+        similarity: Similarity of people and tracks, for example `GroundDistance(1.0)`.
         threshold: Least similarity of a match.
 
     Returns:
-        All counts of method book section 9.
+        All counts of docs/method.md, section 9.
     """
     return score_matching(match(sequence, similarity, threshold))
 
@@ -130,7 +130,7 @@ def score_matching(matching: Matching) -> Scores:
         count_identity(matching),
         count_hota(matching),
         count_lifetimes(matching),
-        pose_errors(matching),
+        pool([frame.errors for frame in matching.frame_scores]),
     )
 
 

@@ -132,6 +132,10 @@ def up(
     settings += [setting(name, text) for name, text in texts.items() if text]
     if scenarios.is_scenario(truth):
         settings += scenarios.truth_settings(truth, loop)
+    elif loop and source and truth and not truth.startswith(LIVE_TRUTH):
+        from services.camera.loop import loop_period_s  # noqa: PLC0415 (loads compiled code)
+
+        settings.append(f"gt_bridge.loop_s={loop_period_s(_resolve(source))!r}")
     settings += [f"{CAMERA}.loop=true"] if loop else []
     settings += LOCKSTEP_WAITS if playback == "lockstep" else ()
     settings += [ON_BASE] if visual_odometry else []

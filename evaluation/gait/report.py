@@ -24,9 +24,9 @@ from services.camera.sources import kind_of
 from services.gait.config import GaitConfig
 from services.gait.people import Found, Scene
 from services.presets import preset_settings
-from services.report.folder import Video
-from services.report.output import Picture
-from services.report.spread import EvenSample
+from services.report.even_sample import EvenSample
+from services.report.folder import VideoFile
+from services.report.output import AnnotatedFrame
 
 SERVICE = "gait."
 STILLS, COLUMNS = 6, 2
@@ -68,7 +68,7 @@ class Report:
         self._wish = replace(request, gait=msgspec.structs.replace(request.gait, cascade=cascade))
         self._folder, self._figures = folder, figures
         self._draws_all = video
-        self._video: Video | None = None
+        self._video: VideoFile | None = None
         self._stills: EvenSample[Tile] = EvenSample(2 * STILLS)
         self._viewer: Viewer | None = None
         self.log = Log(request.gait.steps)
@@ -116,7 +116,7 @@ class Report:
         self._viewer = self._viewer or Viewer(info, self._wish.gait.cascade.depth.spin)
         self._viewer.see(scene, found)
         # A frame without anybody shows nothing of what this is about.
-        wanted = bool(found) and self._stills.wants_next
+        wanted = bool(found) and self._stills.takes_next
         if self._draws_all or wanted:
             image = self._viewer.draw(scene, found)
             self._record(info.camera, scene.stamp_ns, image)
@@ -127,8 +127,8 @@ class Report:
 
     def _record(self, camera: str, stamp_ns: int, image: U8) -> None:
         if self._draws_all:
-            self._video = self._video or Video(self._folder / "gait.mp4")
-            self._video.write(Picture(camera, stamp_ns, image))
+            self._video = self._video or VideoFile(self._folder / "gait.mp4")
+            self._video.write(AnnotatedFrame(camera, stamp_ns, image))
 
 
 def make_folder(folder: Path) -> None:

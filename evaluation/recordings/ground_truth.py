@@ -8,7 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from common.geometry.transforms import invert
-from common.metrics import GroundTruth, TruthBuffer, in_view
+from common.metrics import GroundTruth, TruthBuffer, ground_truth_of, in_view
 from evaluation.recordings.recordings import EvaluationRecording
 from evaluation.recordings.visibility import SimulatedView, load_views, save_views, simulated_views
 from lab.scenario import Scenario
@@ -46,22 +46,12 @@ class TruthFrame:
             info: Calibration.
             map_from_camera: 4x4; None: the view is not known, everybody is in it.
         """
-        ids = tuple(person.id for person in self.people)
-        positions_m = np.array([p.position_m for p in self.people]).reshape(-1, 3)
-        away = np.array([person not in self.sure for person in ids], np.bool_)
+        away = np.array([person.id not in self.sure for person in self.people], np.bool_)
         if map_from_camera is not None:
+            positions_m = np.array([person.position_m for person in self.people])
             away |= ~in_view(positions_m, invert(map_from_camera), info)
-        unknown = np.full(3, np.nan)
-        velocities = [unknown if p.velocity_mps is None else p.velocity_mps for p in self.people]
-        yaws = [np.nan if p.yaw_rad is None else p.yaw_rad for p in self.people]
-        return GroundTruth(
-            ids=ids,
-            positions_m=positions_m,
-            velocities_mps=np.array(velocities).reshape(-1, 3),
-            yaws_rad=np.array(yaws, np.float64),
-            out_of_view=away,
-            occluded=np.array([self.shares.get(name, 1.0) < VISIBLE_MIN for name in ids], np.bool_),
-        )
+        shares = [self.shares.get(person.id, 1.0) for person in self.people]
+        return ground_truth_of(self.people, away, np.array(shares) < VISIBLE_MIN)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from common.metrics import id_switches
 from evaluation.report.tables import ReportTable, RunGroup
 from evaluation.run.run import RunOutput, RunScores
 from people4d.errors import SourceError
@@ -85,7 +84,7 @@ def switch_rows(method: str, take: str, done: RunOutput) -> list[tuple[object, .
     stamps_s = done.matching.sequence.stamps_s
     return [
         (method, take, s.person, s.before, s.after, stamps_s[s.last_frame], stamps_s[s.frame])
-        for s in id_switches(done.matching)
+        for s in done.matching.id_switches
     ]
 
 

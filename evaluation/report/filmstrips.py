@@ -11,7 +11,7 @@ from common.drawing.people import CameraView, annotate
 from common.geometry.transforms import apply, invert, project
 from common.io.images import decode_jpeg, encode_jpeg
 from common.io.recording import open_recording
-from common.metrics import EvaluationFrame, IdSwitch, id_switches
+from common.metrics import EvaluationFrame, IdSwitch
 from evaluation.run.run import EvaluationRun, RunOutput
 from people4d.errors import DecodeError
 from people4d.messages import F64, U8, CompressedRgbdFrame, Detections, RgbdFrame, Tracks
@@ -68,10 +68,10 @@ class Filmstrip:
 
 def filmstrips_of(trial: EvaluationRun, done: RunOutput) -> tuple[Filmstrip, ...]:
     """Return strips of the first ID switches of a run."""
-    switches = id_switches(done.matching)[:MOST]
+    switches = done.matching.id_switches[:MOST]
     if not switches:
         return ()
-    chosen = {switch: _moments(switch, len(done.matching.steps)) for switch in switches}
+    chosen = {switch: _moments(switch, len(done.matching.frame_matches)) for switch in switches}
     frames = done.matching.sequence.frames
     stamps = {frames[row].stamp_ns for rows in chosen.values() for row in rows}
     pictures = pictures_at(trial, stamps)
@@ -142,8 +142,11 @@ def _sentence(switch: IdSwitch, done: RunOutput) -> str:
 
 def _whereabouts(switch: IdSwitch, done: RunOutput) -> str:
     """Tell what became of the track that the person had before."""
-    step, frame = done.matching.steps[switch.frame], done.matching.sequence.frames[switch.frame]
-    ids = frame.tracked.ids
+    step, frame = (
+        done.matching.frame_matches[switch.frame],
+        done.matching.sequence.frames[switch.frame],
+    )
+    ids = frame.hypotheses.ids
     if switch.before not in ids:
         return f"ID {switch.before} is no longer told."
     column = ids.index(switch.before)
@@ -155,7 +158,7 @@ def _whereabouts(switch: IdSwitch, done: RunOutput) -> str:
 
 def _is_hidden(frame: EvaluationFrame, switch: IdSwitch) -> bool:
     truth = frame.truth
-    return switch.person not in truth.ids or not truth.counted[truth.ids.index(switch.person)]
+    return switch.person not in truth.ids or not truth.required[truth.ids.index(switch.person)]
 
 
 def _distance_m(frame: EvaluationFrame, switch: IdSwitch, done: RunOutput) -> float:

@@ -130,7 +130,7 @@ SHAPES = (
             TableColumn("yaw_rmse_deg", "RMSE (°)", 1),
             TableColumn("yaw_correlation", "correlation", 3),
             *_within("yaw", "deg", (30, 45, 90)),
-            TableColumn("yaw_told", "yaw told (%)", 1, 100),
+            TableColumn("yaw_reported", "yaw told (%)", 1, 100),
         ),
     ),
     ReportTable(

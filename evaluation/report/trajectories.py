@@ -6,7 +6,6 @@ from typing import cast
 
 import numpy as np
 
-from common.metrics import id_switches
 from common.metrics.record import BOOL, I64
 from evaluation.run.run import RunOutput
 from people4d.messages import F64
@@ -67,12 +66,12 @@ def trajectories_of(method: str, done: RunOutput) -> RunTrajectories:
     true, told = np.full((*shape, 5), np.nan), np.full((*shape, 5), np.nan)
     counted, tracks = np.zeros(shape, np.bool_), np.zeros(shape, np.int64)
     paths: dict[int, list[F64]] = {}
-    for row, (frame, step) in enumerate(zip(sequence.frames, matching.steps, strict=True)):
-        here, there = _columns(frame.truth), _columns(frame.tracked)
+    for row, (frame, step) in enumerate(zip(sequence.frames, matching.frame_matches, strict=True)):
+        here, there = _columns(frame.truth), _columns(frame.hypotheses)
         true[row, step.persons] = here
-        counted[row, step.persons] = step.counted
+        counted[row, step.persons] = step.required
         told[row, step.persons[step.rows]] = there[step.columns]
-        ids = np.array(frame.tracked.ids, np.int64)
+        ids = np.array(frame.hypotheses.ids, np.int64)
         tracks[row, step.persons[step.rows]] = ids[step.columns]
         for identity, values in zip(ids.tolist(), there, strict=True):
             paths.setdefault(identity, []).append(np.append(sequence.stamps_s[row], values))
@@ -85,7 +84,7 @@ def trajectories_of(method: str, done: RunOutput) -> RunTrajectories:
         told=told,
         tracks=tracks,
         paths={identity: np.array(path) for identity, path in paths.items()},
-        switches_s=tuple(float(sequence.stamps_s[s.frame]) for s in id_switches(matching)),
+        switches_s=tuple(float(sequence.stamps_s[s.frame]) for s in matching.id_switches),
         camera=_camera(done),
     )
 

@@ -11,9 +11,9 @@ from common.metrics import (
     EvaluationFrame,
     EvaluationSequence,
     GroundDistance,
-    Hypotheses,
     Matching,
     Scores,
+    hypotheses_of,
     match,
     score_matching,
 )
@@ -24,9 +24,7 @@ from evaluation.recordings.ground_truth import SampledTruth, TruthFrame
 from evaluation.recordings.recordings import EvaluationRecording
 from evaluation.run.odometry_drift import OdometryDrift, transform_track
 from people4d.errors import SourceError
-from people4d.messages import F64, CameraInfo, Detections, Message, StaticTransform, Track, Tracks
-
-MATCH_M = 1.0  # largest distance on the ground of a match
+from people4d.messages import F64, CameraInfo, Detections, Message, StaticTransform, Tracks
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ class RunScores:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _SharedInput:
     """What of a trial all frames share."""
 
     info: CameraInfo
@@ -119,14 +117,14 @@ def run(trial: EvaluationRun) -> RunOutput:
     _check_frame(trial, tracks)
     pose = _pose(messages, trial.truth.frame_id, info)
     drift = OdometryDrift(messages, trial.truth.frame_id, info.frame_id)
-    told = _Told(info, tracks, pose, drift)
+    told = _SharedInput(info, tracks, pose, drift)
     frames = [
         _frame(told, moment, found.stamp_ns)
         for found, moment in zip(detections, trial.truth.moments, strict=True)
         if moment is not None
     ]
     sequence = EvaluationSequence(f"{trial.method.name} {trial.take.name}", _in_order(frames))
-    return RunOutput(info, detections, tracks, match(sequence, GroundDistance(MATCH_M)), took_ms)
+    return RunOutput(info, detections, tracks, match(sequence, GroundDistance()), took_ms)
 
 
 def score_run(trial: EvaluationRun, done: RunOutput) -> RunScores:
@@ -146,7 +144,7 @@ def score_run(trial: EvaluationRun, done: RunOutput) -> RunScores:
     )
 
 
-def _frame(done: "_Told", moment: TruthFrame, stamp_ns: int) -> EvaluationFrame:
+def _frame(done: "_SharedInput", moment: TruthFrame, stamp_ns: int) -> EvaluationFrame:
     pose = done.map_from_camera if moment.map_from_camera is None else moment.map_from_camera
     tracks = done.tracks.get(stamp_ns)
     matrix = done.drift.true_from_told(stamp_ns, pose)
@@ -154,19 +152,8 @@ def _frame(done: "_Told", moment: TruthFrame, stamp_ns: int) -> EvaluationFrame:
     return EvaluationFrame(
         stamp_ns=stamp_ns,
         truth=moment.true_people(done.info, pose),
-        tracked=_tracked(people),
+        hypotheses=hypotheses_of(people),
         map_from_camera=pose,
-    )
-
-
-def _tracked(people: tuple[Track, ...]) -> Hypotheses:
-    yaws = [np.nan if track.yaw_rad is None else track.yaw_rad for track in people]
-    return Hypotheses(
-        ids=tuple(track.id for track in people),
-        positions_m=np.array([track.position_m for track in people]).reshape(-1, 3),
-        velocities_mps=np.array([track.velocity_mps for track in people]).reshape(-1, 3),
-        yaws_rad=np.array(yaws, np.float64),
-        predicted=np.array([track.state == "lost" for track in people], np.bool_),
     )
 
 

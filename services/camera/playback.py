@@ -51,8 +51,13 @@ def play(source: Source, selection: Selection) -> Iterator[SourceItem]:
                 return
         if not selection.loop or not count:
             return
-        length_ns = last_ns - first_ns
-        shift_ns += length_ns + (length_ns // (count - 1) if count > 1 else ONE_FRAME_NS)
+        shift_ns += loop_period_ns(first_ns, last_ns, count)
+
+
+def loop_period_ns(first_ns: int, last_ns: int, count: int) -> int:
+    """Return what each round adds to the stamps: first to last frame, and one frame more."""
+    length_ns = last_ns - first_ns
+    return length_ns + (length_ns // (count - 1) if count > 1 else ONE_FRAME_NS)
 
 
 def _one_round(source: Source, selection: Selection) -> Iterator[SourceItem]:

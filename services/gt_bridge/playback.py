@@ -1,4 +1,4 @@
-"""Stored truth, handed out in pace with the pipeline or by its own clock."""
+"""Playback of stored truth, with the frames of the pipeline or by its own clock."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -10,11 +10,12 @@ from people4d.messages import Truth
 from services.gt_bridge.config import GtBridgeConfig
 
 NS = 10**9
-LEAD_NS = NS  # truth from more than this before the first frame is passed over
+LOOP_SLACK_NS = 1_000_000  # a camera rounds the length of each round to a nanosecond
+LEAD_NS = NS  # truth from more than this before the first frame is skipped
 
 
-class StoredTruth:
-    """Hands the truth out up to each frame ("frames"), or as it was recorded ("recorded").
+class TruthPlayback:
+    """Plays the truth up to each frame ("frames"), or by its own clock ("recorded").
 
     A frame from well before the last one means that playback began again, and so does the truth.
     A camera that loops with rising stamps is followed round by round.
@@ -22,9 +23,9 @@ class StoredTruth:
     Args:
         config: Pace, offset and length of a round.
         truth: Messages by rising stamp; iterated anew when playback begins again.
-        counters: Where truth passed over and restarts are counted.
-        take_in: Called with each message before it is due, since the next one is always known;
-            returns what is to be handed out.
+        counters: Counts skipped truth and restarts.
+        prepare: Called with each message before it is due, since the next one is always read;
+            returns the message to be published.
     """
 
     def __init__(
@@ -32,16 +33,16 @@ class StoredTruth:
         config: GtBridgeConfig,
         truth: Iterable[Truth],
         counters: Counter[str],
-        take_in: Callable[[Truth], Truth],
+        prepare: Callable[[Truth], Truth],
     ) -> None:
         self._truth = truth
         self._by_clock = config.pace == "recorded"
         self._offset_ns = round(config.offset_s * NS)
         self._loop_ns = round(config.loop_s * NS)
         self._counters = counters
-        self._take_in = take_in
+        self._prepare = prepare
         self._round = 0
-        self.problem = ""  # why the truth ended before its end
+        self.problem = ""  # reason for which the truth ended early
         self._last_frame_ns: int | None = None
         self._started: tuple[int, int] | None = None  # monotonic time, stamp of the first truth
         self._rewind()
@@ -50,33 +51,33 @@ class StoredTruth:
 
     @property
     def finished(self) -> bool:
-        """Whether all truth is out, by its own clock."""
+        """True if all truth was published, by its own clock."""
         return self._by_clock and self._next is None
 
-    def begins_again(self, stamp_ns: int) -> bool:
-        """Tell whether playback begins again with a frame; then so does the truth."""
-        before_ns, turn = self._last_frame_ns, self._round_of(stamp_ns)
+    def restarts(self, stamp_ns: int) -> bool:
+        """Check whether playback begins again with a frame; then so does the truth."""
+        before_ns, round_ = self._last_frame_ns, self._round_of(stamp_ns)
         again = before_ns is not None and stamp_ns < before_ns - LEAD_NS
-        if self._by_clock or self.empty or (turn == self._round and not again):
+        if self._by_clock or self.empty or (round_ == self._round and not again):
             return False
         self._counters["restarts"] += 1
-        self._round = turn
+        self._round = round_
         if again:
             self._last_frame_ns = None
         self._rewind()
         return True
 
     def up_to(self, stamp_ns: int) -> list[Truth]:
-        """Return the truth up to the stamp of a frame that the pipeline has dealt with."""
+        """Return the truth up to the stamp of a frame."""
         if self._by_clock or self.empty:
             return []
         if self._last_frame_ns is None:
-            self._pass_over(stamp_ns - LEAD_NS)
+            self._skip(stamp_ns - LEAD_NS)
         self._last_frame_ns = stamp_ns
         return self._until(stamp_ns)
 
     def due(self, now_ns: int) -> list[Truth]:
-        """Return the truth that is due by the recording's own pace."""
+        """Return the truth that is due by the recording's own clock."""
         if not self._by_clock or self._next is None:
             return []
         if self._started is None:
@@ -85,7 +86,7 @@ class StoredTruth:
         return self._until(stamp_ns + now_ns - start_ns)
 
     def wake_ns(self) -> int | None:
-        """Return when the next truth is due by the recording's own pace."""
+        """Return the time at which the next truth is due by the recording's own clock."""
         if not self._by_clock or self._next is None:
             return None
         start_ns, stamp_ns = self._started or (0, self._next.stamp_ns)
@@ -94,7 +95,7 @@ class StoredTruth:
     def _round_of(self, stamp_ns: int) -> int:
         if not self._loop_ns:
             return 0
-        return max(0, (stamp_ns - self._first_ns) // self._loop_ns)
+        return max(0, (stamp_ns - self._first_ns + LOOP_SLACK_NS) // self._loop_ns)
 
     def _rewind(self) -> None:
         self._messages: Iterator[Truth] = iter(self._truth)
@@ -115,11 +116,11 @@ class StoredTruth:
             except ValueError as error:
                 self.problem = f"the truth's stamps cannot be moved so far: {error}"
                 return
-            self._next = self._take_in(message)
+            self._next = self._prepare(message)
 
-    def _pass_over(self, stamp_ns: int) -> None:
+    def _skip(self, stamp_ns: int) -> None:
         while self._next is not None and self._next.stamp_ns < stamp_ns:
-            self._counters["passed_over"] += 1
+            self._counters["skipped"] += 1
             self._advance()
 
     def _until(self, stamp_ns: int) -> list[Truth]:

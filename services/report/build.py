@@ -4,10 +4,10 @@ from pathlib import Path
 
 from common.runtime.node import Node
 from services.report.config import ReportConfig
-from services.report.folder import Folder
+from services.report.folder import ReportFolder
 from services.report.node import ReportNode
 
 
 def build(config: ReportConfig) -> Node:
     """Make the folder and the node."""
-    return ReportNode(config, Folder(Path(config.folder)))
+    return ReportNode(config, ReportFolder(Path(config.folder)))

@@ -10,18 +10,18 @@ import numpy as np
 
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8
-from services.report.output import Picture
-from services.report.statistics import Summary
+from services.report.output import AnnotatedFrame
+from services.report.statistics import RunSummary
 from services.report.text import text
 
-COMPLETE = "summary.json"  # written last and whole: where it is, the report is complete
-MEASURED = 10  # frames from whose stamps the rate of a video is measured
+COMPLETE = "summary.json"  # written last, and renamed: if it exists, the report is complete
+RATE_FRAMES = 10  # frames from whose stamps the rate of a video is measured
 HZ_RANGE = 1.0, 120.0
 
 log = logging.getLogger("people4d")
 
 
-class Folder:
+class ReportFolder:
     """Writes the report into a folder, and its summary to standard output.
 
     Args:
@@ -33,7 +33,7 @@ class Folder:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._videos: dict[str, Video] = {}
+        self._videos: dict[str, VideoFile] = {}
         try:
             path.mkdir(parents=True, exist_ok=True)
             (path / "summary.txt").write_text("The run has not ended yet.\n", encoding="utf-8")
@@ -43,13 +43,13 @@ class Folder:
                 f"folder {path} cannot be written: {error.strerror}", "Set folder to another one."
             ) from error
 
-    def picture(self, picture: Picture) -> None:
+    def picture(self, picture: AnnotatedFrame) -> None:
         """Append a frame to the video of its camera."""
         if picture.camera not in self._videos:
-            self._videos[picture.camera] = Video(self._path / f"people_{picture.camera}.mp4")
+            self._videos[picture.camera] = VideoFile(self._path / f"people_{picture.camera}.mp4")
         self._videos[picture.camera].write(picture)
 
-    def finish(self, sheet: U8, summary: Summary) -> None:
+    def finish(self, sheet: U8, summary: RunSummary) -> None:
         """Write everything else.
 
         Raises:
@@ -69,13 +69,13 @@ class Folder:
         except OSError as error:
             raise People4dError(
                 f"the report cannot be written to {self._path}: {error.strerror}",
-                "What lies there is not complete.",
+                "The files there are not complete.",
             ) from error
         sys.stdout.write(words)
         sys.stdout.flush()
 
 
-class Video:
+class VideoFile:
     """An MP4 whose rate comes from the stamps of its first frames.
 
     Args:
@@ -84,15 +84,15 @@ class Video:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._first: list[Picture] = []
+        self._first: list[AnnotatedFrame] = []
         self._writer: cv2.VideoWriter | None = None
         self._size = (0, 0)
 
-    def write(self, picture: Picture) -> None:
+    def write(self, picture: AnnotatedFrame) -> None:
         """Append a frame; one of another size than the first is scaled to it."""
         if self._writer is None:
             self._first.append(picture)
-            if len(self._first) >= MEASURED:
+            if len(self._first) >= RATE_FRAMES:
                 self._open()
             return
         self._append(self._writer, picture.image)

@@ -1,4 +1,4 @@
-"""How long each stage took, from the trace of messages."""
+"""Duration of each stage, from the trace of messages."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ import msgspec
 
 from common.runtime.latency import parts, percentiles, summed, whole
 from people4d.messages import Span
-from services.report.spread import EvenSample
+from services.report.even_sample import EvenSample
 
 SAMPLES = 10_000  # kept of each stage
 MAX_STAGES = 128

@@ -1,4 +1,4 @@
-"""Watches the pipeline, shows each frame as it comes, and the whole at the end."""
+"""Annotates each frame of a running pipeline, and writes a report at the end."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -12,18 +12,20 @@ from people4d.messages import (
     Detections,
     Health,
     Message,
+    MovingTransform,
+    Odometry,
     RgbdFrame,
     StaticTransform,
     Tracks,
     Truth,
 )
 from services.report.config import ReportConfig
-from services.report.join import Join, Moment
-from services.report.output import Output, Picture
+from services.report.even_sample import EvenSample
+from services.report.output import AnnotatedFrame, ReportOutput
 from services.report.sheet import contact_sheet
-from services.report.spread import EvenSample
-from services.report.statistics import Statistics
-from services.report.trails import Trails
+from services.report.statistics import RunStatistics
+from services.report.synchroniser import SynchronisedFrame, Synchroniser
+from services.report.trajectories import TrajectoryStore
 
 
 class ReportNode(Node):
@@ -31,7 +33,7 @@ class ReportNode(Node):
 
     Args:
         config: The configuration.
-        output: Where pictures and the summary go.
+        output: Destination of frames and summary.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (
@@ -41,15 +43,17 @@ class ReportNode(Node):
         Truth,
         CameraInfo,
         StaticTransform,
+        MovingTransform,
+        Odometry,
         Health,
     )
 
-    def __init__(self, config: ReportConfig, output: Output) -> None:
+    def __init__(self, config: ReportConfig, output: ReportOutput) -> None:
         self._config = config
         self._output = output
-        self._join = Join()
-        self._statistics = Statistics()
-        self._trails = Trails()
+        self._join = Synchroniser()
+        self._statistics = RunStatistics()
+        self._trajectories = TrajectoryStore()
         self._infos: dict[str, CameraInfo] = {}
         self._tiles: EvenSample[Tile] = EvenSample(2 * config.sheet_frames)
         self._first_ns: int | None = None
@@ -60,46 +64,48 @@ class ReportNode(Node):
         if isinstance(message, CameraInfo):
             self._infos[message.camera] = message
         if isinstance(message, Tracks | Truth | StaticTransform):
-            self._trails.add(message)
+            self._trajectories.add(message)
         if isinstance(message, RgbdFrame | Detections | Tracks):
-            for moment in self._join.add(message):
-                self._show(moment)
+            for frame in self._join.add(message):
+                self._show(frame)
         return ()
 
     def status(self) -> Status:
-        """Return what the heartbeat shall say."""
+        """Return state, reason and counters for the heartbeat."""
         return Status(counters={"pictures": self._tiles.count})
 
     def close(self) -> None:
         """Finish the report."""
-        for moment in self._join.flush():
-            self._show(moment)
+        for frame in self._join.flush():
+            self._show(frame)
         summary = self._statistics.summary()
         tiles = self._tiles.pick(self._config.sheet_frames)
-        self._output.finish(contact_sheet(tiles, self._trails.walks(), summary), summary)
+        self._output.finish(
+            contact_sheet(tiles, self._trajectories.trajectories(), summary), summary
+        )
 
-    def _show(self, moment: Moment) -> None:
-        """Draw a frame if the video or the contact sheet wants it."""
-        self._statistics.settle(moment)
-        if moment.rgb is None or (moment.detections is None and moment.tracks is None):
+    def _show(self, frame: SynchronisedFrame) -> None:
+        """Draw a frame for the video and the contact sheet."""
+        self._statistics.settle(frame)
+        if frame.rgb is None or (frame.detections is None and frame.tracks is None):
             return
-        if not self._config.video and not self._tiles.wants_next:
+        if not self._config.video and not self._tiles.takes_next:
             self._tiles.skip()
             return
-        image = annotate(moment.rgb, moment.detections, moment.tracks, self._view(moment.camera))
+        image = annotate(frame.rgb, frame.detections, frame.tracks, self._view(frame.camera))
         if self._config.video:
-            self._output.picture(Picture(moment.camera, moment.stamp_ns, image))
-        if self._tiles.wants_next:
-            self._tiles.add(Tile(shrink(image, self._config.tile_width_px), self._caption(moment)))
+            self._output.picture(AnnotatedFrame(frame.camera, frame.stamp_ns, image))
+        if self._tiles.takes_next:
+            self._tiles.add(Tile(shrink(image, self._config.tile_width_px), self._caption(frame)))
         else:
             self._tiles.skip()
 
     def _view(self, camera: str) -> CameraView | None:
         info = self._infos.get(camera)
-        pose = self._trails.map_from_optical(info.frame_id) if info else None
+        pose = self._trajectories.map_from_optical(info.frame_id) if info else None
         return CameraView(info, invert(pose)) if info and pose is not None else None
 
-    def _caption(self, moment: Moment) -> str:
+    def _caption(self, frame: SynchronisedFrame) -> str:
         if self._first_ns is None:
-            self._first_ns = moment.stamp_ns
-        return f"{moment.camera}  {(moment.stamp_ns - self._first_ns) / 1e9:.2f} s"
+            self._first_ns = frame.stamp_ns
+        return f"{frame.camera}  {(frame.stamp_ns - self._first_ns) / 1e9:.2f} s"

@@ -1,14 +1,14 @@
-"""What the report puts out, and where it goes."""
+"""Outputs of the report."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 from people4d.messages import U8
-from services.report.statistics import Summary
+from services.report.statistics import RunSummary
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class AnnotatedFrame:
     """One annotated frame."""
 
     camera: str
@@ -16,13 +16,13 @@ class Picture:
     image: U8  # HxWx3, red first
 
 
-class Output(Protocol):
-    """Where the report goes."""
+class ReportOutput(Protocol):
+    """Destination of the report."""
 
-    def picture(self, picture: Picture) -> None:
+    def picture(self, picture: AnnotatedFrame) -> None:
         """Take the next frame of the video."""
         ...
 
-    def finish(self, sheet: U8, summary: Summary) -> None:
+    def finish(self, sheet: U8, summary: RunSummary) -> None:
         """Take the contact sheet (HxWx3, red first) and the summary; called once."""
         ...

@@ -9,7 +9,7 @@ from common.drawing.strokes import put_text, text_width
 from common.drawing.tiles import GAP, Tile, grid
 from common.drawing.topdown import Trajectories, draw_map
 from people4d.messages import U8
-from services.report.statistics import Summary
+from services.report.statistics import RunSummary
 from services.report.text import facts, headline, latency_table
 
 COLUMNS = 4
@@ -21,12 +21,12 @@ TEXT = 14.0  # [px] height of text
 LEAST_WIDTH = 1440  # [px] so that the figures have room where there are few tiles
 
 
-def contact_sheet(tiles: Sequence[Tile], walks: Trajectories, summary: Summary) -> U8:
+def contact_sheet(tiles: Sequence[Tile], trajectories: Trajectories, summary: RunSummary) -> U8:
     """Compose the page.
 
     Args:
         tiles: Frames in order of time, all of one width.
-        walks: What the map shows.
+        trajectories: Content of the map.
         summary: Figures.
 
     Returns:
@@ -42,12 +42,12 @@ def contact_sheet(tiles: Sequence[Tile], walks: Trajectories, summary: Summary) 
     page[HEAD : HEAD + frames.shape[0], : frames.shape[1]] = frames
     map_width = width * 2 // 5
     below = page[HEAD + frames.shape[0] :]
-    below[GAP:-GAP, GAP : GAP + map_width] = draw_map(walks, map_width, panel - 2 * GAP)
+    below[GAP:-GAP, GAP : GAP + map_width] = draw_map(trajectories, map_width, panel - 2 * GAP)
     _write_figures(below[:, map_width + 4 * GAP :], summary)
     return page
 
 
-def _write_figures(area: U8, summary: Summary) -> None:
+def _write_figures(area: U8, summary: RunSummary) -> None:
     """Write the facts, then the latency in columns, as far as there is room."""
     base = float(GAP + LINE)
     for name, sentence in facts(summary):

@@ -1,4 +1,4 @@
-"""Counts what the pipeline did."""
+"""Statistics of a run."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -6,26 +6,42 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig
+from common.metrics.live.scorer import LiveScorer
 from common.runtime.throughput import losses
-from people4d.messages import Detections, Health, Message, RgbdFrame, Tracks, Truth
-from services.report.accuracy import Accuracy, TruthCheck
-from services.report.join import Moment
+from people4d.messages import (
+    CameraInfo,
+    Detections,
+    Health,
+    Message,
+    MovingTransform,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+    Tally,
+    Tracks,
+    Truth,
+)
+from services.report.even_sample import EvenSample
 from services.report.latency import Latency, Percentiles
+from services.report.synchroniser import SynchronisedFrame
 
 MAX_TRACKS = 100_000
 MAX_INSTANCES = 64
+MAX_ERRORS = 10_000  # position errors of the median
 
 
-class Summary(msgspec.Struct, frozen=True, kw_only=True):
-    """What the pipeline did; absent (null) is what no message told."""
+class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """Statistics of a run; what no message contained is absent (null)."""
 
     cameras: tuple[str, ...]  # names, sorted
-    frames: int  # that the report saw
+    frames: int  # that the report received
     frames_detected: int  # of them answered by the detector
     frames_tracked: int  # of them answered by the tracker
     recorded_hz: float | None  # [Hz] rate of one camera's frames by their stamps
     processed_hz: float | None  # [Hz] rate of tracked frames by the clock
-    model: str | None  # that found the people
+    model: str | None  # of the detector
     people: int  # detected, over all frames
     people_per_frame: float | None
     position_share: float | None  # of the detected people who have a 3D position, 0 to 1
@@ -33,9 +49,10 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     tracks: int  # that were confirmed
     track_length_mean: float | None  # [frames] confirmed
     track_length_median: float | None  # [frames] confirmed
-    latency: dict[str, Percentiles]  # by stage, by way between services, and "whole"
+    latency: dict[str, Percentiles]  # by stage, and "end_to_end"
     drops: dict[str, dict[str, int]]  # by instance and cause, where there were any
-    accuracy: Accuracy | None  # against the truth
+    score: Tally | None  # against the truth, as people4d score reports it
+    position_error_median_m: float | None  # [m] horizontal, of the matches
     missing: tuple[str, ...]  # streams that brought nothing
 
 
@@ -57,20 +74,23 @@ class _Span:
         return (self.count - 1) / seconds if self.count > 1 and seconds > 0 else None
 
 
-class Statistics:
+class RunStatistics:
     """Adds up messages in bounded memory."""
 
     def __init__(self) -> None:
         self._now_ns = 0
         self._frames: dict[str, _Span] = {}
         self._processed = _Span()
-        self._answered: Counter[str] = Counter()
-        self._people: Counter[str] = Counter()
-        self._seen: Counter[str] = Counter()
+        self._answers: Counter[str] = Counter()
+        self._detections: Counter[str] = Counter()
+        self._received: Counter[str] = Counter()
         self._names: dict[str, str] = {}
         self._track_frames: Counter[int] = Counter()
         self._latency = Latency()
-        self._truth = TruthCheck()
+        self._transforms = TransformBuffer(TransformBufferConfig())
+        self._scorer = LiveScorer(self._transforms, Counter())
+        self._score: Tally | None = None
+        self._errors_m: EvenSample[float] = EvenSample(MAX_ERRORS)
         self._health: dict[str, Health] = {}
 
     def add(self, message: Message, now_ns: int) -> None:
@@ -81,52 +101,63 @@ class Statistics:
             now_ns: Monotonic time at which it came.
         """
         self._now_ns = now_ns
-        self._seen[type(message).__name__] += 1
+        self._received[type(message).__name__] += 1
         if isinstance(message, RgbdFrame):
             self._frames.setdefault(message.camera, _Span()).add(message.stamp_ns)
         elif isinstance(message, Detections):
             self._names["model"] = message.model
-            self._people["all"] += len(message.detections)
-            self._people["placed"] += sum(p.position_m is not None for p in message.detections)
+            self._detections["all"] += len(message.detections)
+            self._detections["positions"] += sum(
+                p.position_m is not None for p in message.detections
+            )
         elif isinstance(message, Truth):
-            self._truth.add(message)
+            self._scorer.add_truth(message)
+        elif isinstance(message, Tracks):
+            self._scorer.add_tracks(message)
+        elif isinstance(message, CameraInfo):
+            self._scorer.views.add(message)
+        elif isinstance(message, StaticTransform | MovingTransform | Odometry):
+            self._transforms.add(message)
         elif isinstance(message, Health):
             known = message.instance in self._health
             if known or len(self._health) < MAX_INSTANCES:
                 self._health[message.instance] = message
+        self._update_score()
 
-    def settle(self, moment: Moment) -> None:
+    def settle(self, frame: SynchronisedFrame) -> None:
         """Count which answers a frame got; tracks predicted between frames do not count."""
-        if moment.rgb is not None:
-            self._answered["detected"] += moment.detections is not None
-            self._answered["tracked"] += moment.tracks is not None
-        if moment.tracks is not None and (moment.rgb is not None or moment.detections is not None):
-            self._add_tracks(moment.tracks)
+        if frame.rgb is not None:
+            self._answers["detected"] += frame.detections is not None
+            self._answers["tracked"] += frame.tracks is not None
+        if frame.tracks is not None and (frame.rgb is not None or frame.detections is not None):
+            self._add_tracks(frame.tracks)
 
-    def summary(self) -> Summary:
+    def summary(self) -> RunSummary:
         """Return the figures so far."""
         rates = [r for span in self._frames.values() if (r := span.rate_hz()) is not None]
+        errors_m = self._errors_m.values
         lengths = list(self._track_frames.values())
-        detections = self._seen["Detections"]
-        people = self._people["all"]
-        return Summary(
+        detections = self._received["Detections"]
+        people = self._detections["all"]
+        return RunSummary(
             cameras=tuple(sorted(self._frames)),
-            frames=self._seen["RgbdFrame"],
-            frames_detected=self._answered["detected"],
-            frames_tracked=self._answered["tracked"],
+            frames=self._received["RgbdFrame"],
+            frames_detected=self._answers["detected"],
+            frames_tracked=self._answers["tracked"],
             recorded_hz=float(np.median(rates)) if rates else None,
             processed_hz=self._processed.rate_hz(),
             model=self._names.get("model"),
             people=people,
             people_per_frame=people / detections if detections else None,
-            position_share=self._people["placed"] / people if people else None,
+            position_share=self._detections["positions"] / people if people else None,
             tracker=self._names.get("tracker"),
             tracks=len(lengths),
             track_length_mean=float(np.mean(lengths)) if lengths else None,
             track_length_median=float(np.median(lengths)) if lengths else None,
             latency=self._latency.percentiles(),
             drops=self._drops(),
-            accuracy=self._truth.result(),
+            score=self._score,
+            position_error_median_m=float(np.median(errors_m)) if errors_m else None,
             missing=self._missing(),
         )
 
@@ -134,11 +165,17 @@ class Statistics:
         self._names["tracker"] = message.tracker
         self._processed.add(self._now_ns)
         self._latency.add(message.trace)
-        self._truth.add(message)
         for track in message.tracks:
             known = track.id in self._track_frames
             if track.state == "confirmed" and (known or len(self._track_frames) < MAX_TRACKS):
                 self._track_frames[track.id] += 1
+
+    def _update_score(self) -> None:
+        for score in self._scorer.due():
+            self._score = score.total
+            for person in score.people:
+                if person.position_error_m is not None:
+                    self._errors_m.add(float(np.linalg.norm(person.position_error_m)))
 
     def _drops(self) -> dict[str, dict[str, int]]:
         found = {name: losses(health.counters) for name, health in sorted(self._health.items())}
@@ -146,4 +183,4 @@ class Statistics:
 
     def _missing(self) -> tuple[str, ...]:
         kinds = (RgbdFrame, Detections, Tracks, Truth, Health)
-        return tuple(kind.__name__ for kind in kinds if not self._seen[kind.__name__])
+        return tuple(kind.__name__ for kind in kinds if not self._received[kind.__name__])

@@ -2,32 +2,31 @@
 
 from collections.abc import Sequence
 
-from services.report.accuracy import Accuracy
-from services.report.statistics import Summary
+from services.report.statistics import RunSummary
 
 NONE = "none"
 
 
-def headline(summary: Summary) -> str:
+def headline(summary: RunSummary) -> str:
     """Return the summary in one line."""
     words = f"{summary.frames_tracked} of {summary.frames} frames tracked, {summary.tracks} tracks"
     whole = summary.latency.get("whole")
     return f"{words}, latency {whole.p50_ms:.0f} ms" if whole else words
 
 
-def facts(summary: Summary) -> list[tuple[str, str]]:
-    """Return what was counted: pairs of a name and a sentence."""
+def facts(summary: RunSummary) -> list[tuple[str, str]]:
+    """Return the statistics: pairs of a name and a sentence."""
     return [
         ("frames", _frames(summary)),
         ("people", _people(summary)),
         ("tracks", _tracks(summary)),
-        ("truth", _accuracy(summary.accuracy)),
+        ("truth", _score(summary)),
         *(_drops(summary)),
         *([("missing", ", ".join(summary.missing))] if summary.missing else []),
     ]
 
 
-def latency_table(summary: Summary) -> list[tuple[str, str, str, str]]:
+def latency_table(summary: RunSummary) -> list[tuple[str, str, str, str]]:
     """Return the latency as a table with a head; empty where nothing was measured."""
     if not summary.latency:
         return []
@@ -38,7 +37,7 @@ def latency_table(summary: Summary) -> list[tuple[str, str, str, str]]:
     return [("latency in ms", "p50", "p95", "p99"), *rows]
 
 
-def text(summary: Summary) -> str:
+def text(summary: RunSummary) -> str:
     """Return the whole summary as plain text."""
     lines = [f"{name:<10} {sentence}" for name, sentence in facts(summary)]
     table = latency_table(summary)
@@ -48,14 +47,14 @@ def text(summary: Summary) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _frames(s: Summary) -> str:
+def _frames(s: RunSummary) -> str:
     parts = [f"{s.frames} in, {s.frames_detected} detected, {s.frames_tracked} tracked"]
     parts += [f"recorded at {s.recorded_hz:.1f} Hz"] if s.recorded_hz else []
     parts += [f"processed at {s.processed_hz:.1f} Hz"] if s.processed_hz else []
     return ", ".join(parts)
 
 
-def _people(s: Summary) -> str:
+def _people(s: RunSummary) -> str:
     if s.people_per_frame is None:
         return NONE
     parts = [f"{s.people} detected by {s.model}", f"{s.people_per_frame:.2f} a frame"]
@@ -64,7 +63,7 @@ def _people(s: Summary) -> str:
     return ", ".join(parts)
 
 
-def _tracks(s: Summary) -> str:
+def _tracks(s: RunSummary) -> str:
     if s.track_length_mean is None or s.track_length_median is None:
         return NONE
     return (
@@ -73,18 +72,20 @@ def _tracks(s: Summary) -> str:
     )
 
 
-def _accuracy(a: Accuracy | None) -> str:
-    if a is None:
+def _score(s: RunSummary) -> str:
+    if s.score is None:
         return NONE
-    parts = [f"{a.matched} of {a.truth_people} people matched"]
-    if a.position_median_m is not None:
-        parts.append(f"position median {a.position_median_m:.3f} m RMSE {a.position_rmse_m:.3f} m")
-    if a.velocity_rmse_mps is not None:
-        parts.append(f"velocity RMSE {a.velocity_rmse_mps:.2f} m/s")
-    return ", ".join([*parts, f"{a.id_switches} ID switches", f"{a.extra} extra"])
+    parts = [f"{s.score.matched} of {s.score.truths} people matched"]
+    if s.position_error_median_m is not None:
+        median_m, rmse_m = s.position_error_median_m, s.score.position_rmse_m
+        parts.append(f"position median {median_m:.3f} m RMSE {rmse_m:.3f} m")
+    if s.score.velocity_rmse_mps is not None:
+        parts.append(f"velocity RMSE {s.score.velocity_rmse_mps:.2f} m/s")
+    switches = f"{s.score.id_switches} ID switches"
+    return ", ".join([*parts, switches, f"{s.score.false_alarms} false alarms"])
 
 
-def _drops(s: Summary) -> Sequence[tuple[str, str]]:
+def _drops(s: RunSummary) -> Sequence[tuple[str, str]]:
     if not s.drops:
         return [("drops", NONE)]
     return [

@@ -50,7 +50,7 @@ def test_whoever_is_mostly_hidden_is_occluded() -> None:
     for share, occluded in ((0.34, True), (0.36, False)):
         seen = type(moment)(moment.people, moment.sure, {"ann": 1.0, "bea": share})
         truth = seen.true_people(stored.INFO, LINK_FROM_OPTICAL)
-        assert truth.counted.tolist() == [True, not occluded]
+        assert truth.required.tolist() == [True, not occluded]
         assert truth.in_view.tolist() == [True, True]
 
 

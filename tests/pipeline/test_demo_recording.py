@@ -8,6 +8,13 @@ import pytest
 
 from common.config import load
 from common.geometry.transforms import wrap
+from common.metrics import (
+    EvaluationFrame,
+    GroundDistance,
+    Matcher,
+    ground_truth_of,
+    hypotheses_of,
+)
 from common.runtime.node import Node
 from evaluation.pipeline import pipeline, play
 from people4d.codec import encode
@@ -27,7 +34,6 @@ from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
 from services.gt_bridge.sources.registry import open_truth
-from services.report.accuracy import match
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
 from services.tracker.registry import make_tracker
@@ -61,6 +67,15 @@ def messages() -> list[Message]:
     return run()
 
 
+def match_people(people: Sequence[TruthPerson], tracks: Sequence[Track]) -> list[tuple[int, int]]:
+    """Return the pairs (person, track) within 1 m with the least sum of distances."""
+    frame = EvaluationFrame(
+        stamp_ns=0, truth=ground_truth_of(people), hypotheses=hypotheses_of(tracks)
+    )
+    matches = Matcher(GroundDistance()).match(frame)
+    return list(zip(matches.rows.tolist(), matches.columns.tolist(), strict=True))
+
+
 Pair = tuple[int, TruthPerson, Track]  # frame, and who is taken for whom
 
 
@@ -72,7 +87,7 @@ def pairs(messages: list[Message]) -> list[Pair]:
     for frame, message in enumerate(m for m in messages if isinstance(m, Tracks)):
         # Captured every 10 ms: nobody moves far from there to the frame.
         people = min(truth, key=lambda t: abs(t.stamp_ns - message.stamp_ns)).people
-        matched = match(people, message.tracks)
+        matched = match_people(people, message.tracks)
         found += [(frame, people[i], message.tracks[k]) for i, k in matched]
     return found
 

@@ -11,11 +11,11 @@ import pytest
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8, Message
 from services.report.config import ReportConfig
-from services.report.folder import Folder, frame_rate_hz
-from services.report.join import Join
+from services.report.folder import ReportFolder, frame_rate_hz
 from services.report.node import ReportNode
-from services.report.output import Picture
-from services.report.statistics import Summary
+from services.report.output import AnnotatedFrame
+from services.report.statistics import RunSummary
+from services.report.synchroniser import Synchroniser
 from tests.report.builders import (
     MS,
     detection,
@@ -36,14 +36,14 @@ class Kept:
     """Keeps what the report puts out."""
 
     def __init__(self) -> None:
-        self.pictures: list[Picture] = []
+        self.pictures: list[AnnotatedFrame] = []
         self.sheets: list[U8] = []
-        self.summaries: list[Summary] = []
+        self.summaries: list[RunSummary] = []
 
-    def picture(self, picture: Picture) -> None:
+    def picture(self, picture: AnnotatedFrame) -> None:
         self.pictures.append(picture)
 
-    def finish(self, sheet: U8, summary: Summary) -> None:
+    def finish(self, sheet: U8, summary: RunSummary) -> None:
         self.sheets.append(sheet)
         self.summaries.append(summary)
 
@@ -70,8 +70,8 @@ def test_every_frame_becomes_a_picture_in_order() -> None:
     assert [p.stamp_ns for p in kept.pictures] == [k * STEP for k in range(20)]
     (summary,) = kept.summaries
     assert (summary.frames, summary.frames_detected, summary.frames_tracked) == (20, 20, 20)
-    assert summary.accuracy is not None
-    assert summary.accuracy.matched == 10  # 2.0 to 2.9 m are within 1 m of the truth at 2.0 m
+    assert summary.score is not None
+    assert summary.score.matched == 11  # 2.0 to 3.0 m are within 1 m of the truth at 2.0 m
     assert kept.sheets[0].shape[1] == 4 * 488 + 8
 
 
@@ -87,7 +87,7 @@ def test_the_order_within_a_stamp_changes_nothing(seed: int) -> None:
     assert kept.summaries[0].frames_tracked == 10
 
 
-@pytest.mark.parametrize("missing", range(7))
+@pytest.mark.parametrize("missing", range(9))
 def test_a_missing_stream_is_told_and_breaks_nothing(missing: int) -> None:
     kinds = ReportNode.inputs
     kept = Kept()
@@ -95,7 +95,9 @@ def test_a_missing_stream_is_told_and_breaks_nothing(missing: int) -> None:
     run(ReportNode(ReportConfig(), kept), *messages)
     told = kept.summaries[0].missing
     name = kinds[missing].__name__
-    assert told == ((name,) if name not in ("CameraInfo", "StaticTransform") else ())
+    assert told == (
+        (name,) if name in ("RgbdFrame", "Detections", "Tracks", "Truth", "Health") else ()
+    )
 
 
 def test_nothing_at_all_still_gives_a_sheet() -> None:
@@ -121,14 +123,14 @@ def test_without_video_only_the_sheet_is_drawn() -> None:
 
 
 def test_join_gives_up_the_oldest_when_full() -> None:
-    join = Join(capacity=3)
+    join = Synchroniser(capacity=3)
     released = [m for k in range(10) for m in join.add(frame(k))]
     assert [m.stamp_ns for m in released] == [0, 1, 2, 3, 4, 5, 6]
     assert [m.stamp_ns for m in join.flush()] == [7, 8, 9]
 
 
 def test_join_releases_what_came_before_a_complete_moment() -> None:
-    join = Join()
+    join = Synchroniser()
     for message in (frame(1), frame(2), detections(2), frame(2, "rear")):
         assert join.add(message) == []
     released = join.add(tracks(2))
@@ -137,7 +139,7 @@ def test_join_releases_what_came_before_a_complete_moment() -> None:
 
 
 def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    node = ReportNode(ReportConfig(), Folder(tmp_path / "out"))
+    node = ReportNode(ReportConfig(), ReportFolder(tmp_path / "out"))
     run(node, *stream(25))
     out = tmp_path / "out"
     assert sorted(p.name for p in out.iterdir()) == [
@@ -155,7 +157,7 @@ def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_run_shorter_than_the_rate_takes_is_a_video_too(tmp_path: Path) -> None:
-    run(ReportNode(ReportConfig(), Folder(tmp_path)), *stream(3))
+    run(ReportNode(ReportConfig(), ReportFolder(tmp_path)), *stream(3))
     video = cv2.VideoCapture(str(tmp_path / "people_front.mp4"))
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 3
 
@@ -163,7 +165,7 @@ def test_a_run_shorter_than_the_rate_takes_is_a_video_too(tmp_path: Path) -> Non
 def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="cannot be written"):
-        Folder(tmp_path / "file")
+        ReportFolder(tmp_path / "file")
 
 
 def test_frame_rate() -> None:
@@ -183,7 +185,7 @@ def test_a_full_disk_ends_in_one_sentence_and_leaves_no_summary_that_looks_compl
     tmp_path: Path,
 ) -> None:
     (tmp_path / "summary.json").write_text("{}")  # of the run before
-    node = ReportNode(ReportConfig(video=False), Folder(tmp_path))
+    node = ReportNode(ReportConfig(video=False), ReportFolder(tmp_path))
     (tmp_path / "summary.txt").unlink()
     (tmp_path / "summary.txt").symlink_to("/dev/full")
     with pytest.raises(People4dError, match=r"cannot be written to .*: No space left on device"):

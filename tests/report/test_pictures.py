@@ -10,9 +10,9 @@ from common.drawing.tiles import Tile, shrink
 from common.drawing.topdown import Trajectories, draw_map
 from common.geometry.transforms import invert
 from people4d.messages import U8
-from services.report.join import Moment
 from services.report.sheet import contact_sheet
-from services.report.statistics import Statistics
+from services.report.statistics import RunStatistics
+from services.report.synchroniser import SynchronisedFrame
 from tests.report.builders import (
     MAP_FROM_OPTICAL,
     detection,
@@ -129,7 +129,7 @@ def test_odd_maps(walks: Trajectories) -> None:
 @pytest.mark.parametrize(("count", "rows", "columns"), [(0, 0, 0), (3, 1, 3), (4, 1, 4), (6, 2, 4)])
 def test_the_sheet_holds_all_tiles(count: int, rows: int, columns: int) -> None:
     tile = Tile(np.zeros((300, 400, 3), np.uint8), "front  0.00 s")
-    page = contact_sheet([tile] * count, Trajectories(), Statistics().summary())
+    page = contact_sheet([tile] * count, Trajectories(), RunStatistics().summary())
     # Head 60, panel 600; a tile takes 400 + 8 by 300 + 8 px, and 8 px more once.
     assert page.shape == (60 + 600 + (rows * 308 + 8) * (rows > 0), max(1440, columns * 408 + 8), 3)
     dark = np.count_nonzero(page.max(axis=2) == 0)
@@ -138,14 +138,14 @@ def test_the_sheet_holds_all_tiles(count: int, rows: int, columns: int) -> None:
 
 def test_tiles_of_two_cameras_need_not_be_alike() -> None:
     tiles = [Tile(np.zeros((h, 400, 3), np.uint8), "x") for h in (300, 225)]
-    page = contact_sheet(tiles, Trajectories(), Statistics().summary())
+    page = contact_sheet(tiles, Trajectories(), RunStatistics().summary())
     assert tuple(page[60 + 8 + 225 + 4, 8 + 408 + 10]) == PAPER  # below the lower one
 
 
 def test_the_page_grows_with_the_latency_table() -> None:
-    statistics = Statistics()
+    statistics = RunStatistics()
     trace = tuple(span(f"service.stage{k}", k, k + 1) for k in range(60))
-    statistics.settle(Moment("front", 0, frame(0).rgb, None, tracks(0, trace=trace)))
+    statistics.settle(SynchronisedFrame("front", 0, frame(0).rgb, None, tracks(0, trace=trace)))
     summary = statistics.summary()
     assert len(summary.latency) == 61  # 60 stages, whole
     page = contact_sheet([], Trajectories(), summary)

@@ -3,12 +3,11 @@
 import msgspec
 import pytest
 
-from people4d.messages import Detection
-from services.report.accuracy import TruthCheck, match
-from services.report.join import Moment
+from people4d.messages import Detection, Message
+from services.report.even_sample import EvenSample
 from services.report.latency import Latency
-from services.report.spread import EvenSample
-from services.report.statistics import Statistics, Summary
+from services.report.statistics import RunStatistics, RunSummary
+from services.report.synchroniser import SynchronisedFrame
 from services.report.text import facts, latency_table, text
 from tests.report.builders import (
     MS,
@@ -16,6 +15,8 @@ from tests.report.builders import (
     detections,
     frame,
     health,
+    info,
+    pose,
     span,
     track,
     tracks,
@@ -80,89 +81,48 @@ def test_a_message_without_trace_changes_nothing() -> None:
     assert latency.percentiles() == {}
 
 
-def test_match_takes_the_least_sum_and_keeps_the_gate() -> None:
-    people = truth(0, ("a", 0.0, 0.0), ("b", 0.6, 0.0)).people
-    # Greedy would pair b with the track at 0.5 (0.1 m) and a with the one at 0.9 (0.9 m), 1.0 m
-    # in all; a-0.5 and b-0.9 are 0.5 + 0.3 = 0.8 m.
-    assert match(people, [track(1, 0.5), track(2, 0.9)]) == [(0, 0), (1, 1)]
-    assert match(people, [track(1, 1.7)]) == []  # 1.1 m from b
-    assert match(people, []) == []
+def scored(*messages: Message) -> RunSummary:
+    """Statistics of a run with these messages."""
+    statistics = RunStatistics()
+    for message in messages:
+        statistics.add(message, 0)
+    return statistics.summary()
 
 
-def test_a_pair_beyond_the_gate_displaces_none_within() -> None:
-    # a is 0.9 m from track 1, b 0.8 m; track 2 is far away: one pair, the nearer.
-    people = truth(0, ("a", 0.0, 0.0), ("b", 1.7, 0.0)).people
-    assert match(people, [track(1, 0.9), track(2, 50.0)]) == [(1, 0)]
-
-
-def test_accuracy_by_hand() -> None:
-    check = TruthCheck()
-    for k in range(4):
-        check.add(truth(k * 100 * MS, ("a", 0.0, 0.0), ("b", 5.0, 0.0)))
+def test_score_by_hand() -> None:
+    people = [truth(k * 100 * MS, ("a", 0.0, 0.0), ("b", 5.0, 0.0)) for k in range(4)]
     # Errors of a: 0.3, 0.4 and 0 m; b is matched once, 0.5 m off; the track at 9 m is nobody's.
-    check.add(tracks(0, [track(1, 0.3), track(2, 5.5)]))
-    check.add(tracks(100 * MS, [track(1, 0.0, 0.4), track(3, 9.0)]))
-    check.add(tracks(200 * MS, [track(7, 0.0)]))  # a is now 7: one switch
-    got = check.result()
+    got = scored(
+        *people,
+        tracks(0, [track(1, 0.3), track(2, 5.5)]),
+        tracks(100 * MS, [track(1, 0.0, 0.4), track(3, 9.0)]),
+        tracks(200 * MS, [track(7, 0.0)]),  # a is now 7: one switch
+    )
+    assert got.score is not None
+    total = got.score
+    assert (total.frames, total.truths, total.matched, total.false_alarms) == (3, 6, 4, 1)
+    assert got.position_error_median_m == pytest.approx(0.35)  # of 0, 0.3, 0.4, 0.5
+    # 0 + 0.09 + 0.16 + 0.25 = 0.5
+    assert total.position_rmse_m == pytest.approx((0.5 / 4) ** 0.5)
+    assert total.velocity_rmse_mps == 0.0
+    assert total.id_switches == 1
+
+
+def test_people_out_of_view_are_not_scored() -> None:
+    behind = truth(0, ("a", 2.0, 0.0), ("b", -5.0, 0.0))
+    got = scored(info(), pose(), behind, tracks(0, [track(1, 2.0)])).score
     assert got is not None
-    assert (got.frames, got.truth_people, got.matched, got.extra) == (3, 6, 4, 1)
-    assert got.position_median_m == pytest.approx(0.35)  # of 0, 0.3, 0.4, 0.5
-    assert got.position_rmse_m == pytest.approx((0.5 / 4) ** 0.5)  # 0 + 0.09 + 0.16 + 0.25 = 0.5
-    assert got.velocity_rmse_mps == 0.0
-    assert got.id_switches == 1
+    assert (got.truths, got.matched, got.outside) == (1, 1, 1)
 
 
-@pytest.mark.parametrize(
-    ("ids", "switches"),
-    [
-        ((1, 1, 1, 1), 0),
-        ((1, 2, 2, 2), 1),
-        ((1, 2, 1, 1), 2),  # there and back
-        ((1, 0, 0, 1), 0),  # 0: not seen; the same one comes back
-        ((1, 0, 2, 2), 1),  # another one comes back
-    ],
-)
-def test_id_switches(ids: tuple[int, ...], switches: int) -> None:
-    check = TruthCheck()
-    for k, track_id in enumerate(ids):
-        check.add(truth(k * 100 * MS, ("a", 0.0, 0.0)))
-        check.add(tracks(k * 100 * MS, [track(track_id, 0.1)] if track_id else []))
-    got = check.result()
-    assert got is not None
-    assert got.id_switches == switches
+def test_without_truth_there_is_no_score() -> None:
+    got = scored(tracks(0, [track(1, 0.0)]))
+    assert (got.score, got.position_error_median_m) == (None, None)
 
 
-def test_only_confirmed_tracks_count() -> None:
-    check = TruthCheck()
-    check.add(truth(0, ("a", 0.0, 0.0)))
-    check.add(tracks(0, [track(1, 0.0, state="tentative"), track(2, 0.0, state="lost")]))
-    got = check.result()
-    assert got is not None
-    assert (got.matched, got.extra, got.position_median_m) == (0, 0, None)
-
-
-def test_tracks_wait_for_the_truth_after_them() -> None:
-    check = TruthCheck()
-    check.add(truth(0, ("a", 0.0, 0.0)))
-    check.add(tracks(50 * MS, [track(1, 0.0)]))
-    assert check.result() is None
-    check.add(truth(100 * MS, ("a", 1.0, 0.0)))
-    got = check.result()
-    assert got is not None
-    assert got.position_median_m == pytest.approx(0.5)  # truth half-way is at 0.5 m
-
-
-def test_a_gap_in_the_truth_is_not_interpolated() -> None:
-    check = TruthCheck()
-    check.add(tracks(500 * MS, [track(1, 0.0)]))
-    check.add(truth(0, ("a", 0.0, 0.0)))
-    check.add(truth(S, ("a", 1.0, 0.0)))
-    assert check.result() is None
-
-
-def summary_of_a_run() -> Summary:
+def summary_of_a_run() -> RunSummary:
     """Four frames at 10 Hz, the last unanswered; 1, 2 and 0 people, one without a position."""
-    statistics = Statistics()
+    statistics = RunStatistics()
     placed, unplaced = detection(), detection(position=False)
     people: tuple[list[Detection], ...] = ([placed], [placed, unplaced], [])
     for k in range(4):
@@ -173,10 +133,12 @@ def summary_of_a_run() -> Summary:
         tracked = tracks(stamp_ns, [track(1, 1.0)] + [track(2, 3.0)] * (k == 1), trace=trace)
         statistics.add(found, k * S)
         statistics.add(tracked, k * S // 4)  # 4 Hz by the clock
-        statistics.settle(Moment("front", stamp_ns, frame(stamp_ns).rgb, found, tracked))
-    statistics.settle(Moment("front", 300 * MS, frame(0).rgb))
+        statistics.settle(SynchronisedFrame("front", stamp_ns, frame(stamp_ns).rgb, found, tracked))
+    statistics.settle(SynchronisedFrame("front", 300 * MS, frame(0).rgb))
     statistics.add(tracks(350 * MS, [track(1, 9.0)]), 9 * S)  # predicted between frames
-    statistics.settle(Moment("front", 350 * MS, tracks=tracks(350 * MS, [track(1, 9.0)])))
+    statistics.settle(
+        SynchronisedFrame("front", 350 * MS, tracks=tracks(350 * MS, [track(1, 9.0)]))
+    )
     counters = {"received_frames": 4, "frames": 4, "dropped_frames": 1, "bad_frames": 0}
     statistics.add(health(**counters), 0)
     return statistics.summary()
@@ -193,7 +155,7 @@ def test_summary_by_hand() -> None:
     assert (got.track_length_mean, got.track_length_median) == (2.0, 2.0)  # 3 frames and 1
     assert got.latency["whole"].p50_ms == 7.0
     assert got.drops == {"detector-1": {"dropped_frames": 1}}
-    assert got.accuracy is None
+    assert got.score is None
     assert got.missing == ("Truth",)
 
 
@@ -206,18 +168,18 @@ def test_summary_in_words_and_json() -> None:
     assert ("truth", "none") in facts(summary)
     assert ("missing", "Truth") in facts(summary)
     assert ("whole", "7.0", "7.0", "7.0") in latency_table(summary)
-    assert msgspec.json.decode(msgspec.json.encode(summary), type=Summary) == summary
+    assert msgspec.json.decode(msgspec.json.encode(summary), type=RunSummary) == summary
 
 
 def test_nothing_came() -> None:
-    summary = Statistics().summary()
+    summary = RunStatistics().summary()
     assert summary.missing == ("RgbdFrame", "Detections", "Tracks", "Truth", "Health")
     assert summary.people_per_frame is None
     assert "none" in text(summary)
 
 
 def test_the_last_word_of_each_process_counts() -> None:
-    statistics = Statistics()
+    statistics = RunStatistics()
     for n in (1, 5):
         statistics.add(health(errors=n), 0)
     assert statistics.summary().drops == {"detector-1": {"errors": 5}}
@@ -227,7 +189,7 @@ def test_the_last_word_of_each_process_counts() -> None:
 def test_spread_is_bounded_and_even(count: int) -> None:
     spread: EvenSample[int] = EvenSample(4)
     for k in range(count):
-        if spread.wants_next:
+        if spread.takes_next:
             spread.add(k)
         else:
             spread.skip()

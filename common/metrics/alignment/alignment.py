@@ -157,7 +157,7 @@ def estimate_motion(
         if not _tells_rotation(pairs.true_m, dimensions):
             return None
         fit = fit_2d if dimensions == 2 else fit_3d
-        last, matrix = matrix, fit(pairs.true_m, pairs.told_m)
+        last, matrix = matrix, fit(pairs.true_m, pairs.tracked_m)
         pairs = pair_up(truth, tracked, offset_s, matrix)
         if np.abs(matrix - last).max() < SETTLED:
             break
@@ -175,7 +175,7 @@ def _tells_rotation(points_m: F64, dimensions: Literal[2, 3]) -> bool:
 
 def _clock_step(pairs: TrajectoryPairs) -> ClockOffset | None:
     """Return the change of the offset that explains the residuals best beside a constant shift."""
-    residual, velocity = (pairs.told_m - pairs.true_m)[:, :2], pairs.velocity_mps[:, :2]
+    residual, velocity = (pairs.tracked_m - pairs.true_m)[:, :2], pairs.velocity_mps[:, :2]
     if len(residual) < MIN_SAMPLES:
         return None
     keep = _inliers(residual)

@@ -43,11 +43,11 @@ class TrajectoryPairs:
 
     true_m: F64  # [m] Kx3
     velocity_mps: F64  # [m/s] Kx3, of the truth
-    told_m: F64  # [m] Kx3
+    tracked_m: F64  # [m] Kx3
 
     def rmse_m(self, matrix: F64) -> float:
         """Return the horizontal error after a motion (4x4) of the truth, NaN if there is none."""
-        error = (self.told_m - apply(matrix, self.true_m))[:, :2]
+        error = (self.tracked_m - apply(matrix, self.true_m))[:, :2]
         return float(np.sqrt(np.mean(np.sum(error**2, axis=1)))) if len(error) else math.nan
 
 
@@ -83,20 +83,20 @@ def pair_up(
     Returns:
         The pairs, the truth unmoved; without those that are far apart or not clear.
     """
-    stamps_s, told_m = _samples(tracked)
+    stamps_s, tracked_m = _samples(tracked)
     true_m, times_s = _everyone(truth, stamps_s - offset_s), stamps_s - offset_s
-    near = _nearest(true_m if matrix is None else apply(matrix, true_m), told_m)
+    near = _nearest(true_m if matrix is None else apply(matrix, true_m), tracked_m)
     earlier = _everyone(truth, times_s - HALF_STEP_S)
     later = _everyone(truth, times_s + HALF_STEP_S)
     velocity = _pick((later - earlier) / (2 * HALF_STEP_S), near.who)
     good = near.clear & (near.distance_m < GATE_M) & np.isfinite(velocity).all(axis=1)
-    return TrajectoryPairs(_pick(true_m, near.who)[good], velocity[good], told_m[good])
+    return TrajectoryPairs(_pick(true_m, near.who)[good], velocity[good], tracked_m[good])
 
 
 def cost(truth: Trajectories, tracked: Trajectories, offset_s: float) -> float:
     """Return the mean distance of tracks to the nearest person, counted up to the gate."""
-    stamps_s, told_m = _samples(tracked)
-    distance_m = _nearest(_everyone(truth, stamps_s - offset_s), told_m).distance_m
+    stamps_s, tracked_m = _samples(tracked)
+    distance_m = _nearest(_everyone(truth, stamps_s - offset_s), tracked_m).distance_m
     return float(np.minimum(distance_m, GATE_M).mean()) if len(distance_m) else 0.0
 
 
@@ -107,9 +107,9 @@ class _Near:
     clear: BOOL  # N, everyone else is clearly farther
 
 
-def _nearest(true_m: F64, told_m: F64) -> _Near:
-    apart = np.linalg.norm((true_m - told_m)[..., :2], axis=-1)
-    nobody = np.full((2, len(told_m)), np.inf)
+def _nearest(true_m: F64, tracked_m: F64) -> _Near:
+    apart = np.linalg.norm((true_m - tracked_m)[..., :2], axis=-1)
+    nobody = np.full((2, len(tracked_m)), np.inf)
     apart = np.vstack([np.where(np.isfinite(apart), apart, np.inf), nobody])
     nearest, second = np.sort(apart, axis=0)[:2]
     return _Near(nearest, np.argmin(apart, axis=0), second >= nearest + CLEAR_M)

@@ -31,7 +31,7 @@ class CsvTruth:
     def __init__(self, config: GtBridgeConfig) -> None:
         self._path = Path(config.truth)
         for _ in self._rows():
-            break  # opened once, so that a wrong file is told at the start
+            break  # opened once, so that a wrong file fails at the start
 
     def __iter__(self) -> Iterator[Truth]:
         """Yield one message for each stamp.
@@ -86,7 +86,7 @@ class CsvTruth:
             raise SourceError(f"truth {self._path} cannot be read as CSV: {error}") from error
 
     def _wrong(self, row: Row, what: str) -> SourceError:
-        return SourceError(f"truth {self._path}, line {row['line']}: {what}", "Mend the row.")
+        return SourceError(f"truth {self._path}, line {row['line']}: {what}", "Correct the row.")
 
 
 def _lines(file: TextIO) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Truth that is captured now: people_msgs/People in CDR, as zenoh-bridge-ros2dds passes it on."""
+"""Live truth: people_msgs/People in CDR, as zenoh-bridge-ros2dds passes it on."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -26,7 +26,7 @@ class LiveTruth:
         )
 
     def __iter__(self) -> Iterator[Truth]:
-        """Yield nothing: what is captured comes as messages."""
+        """Yield nothing: live truth comes as messages."""
         return iter(())
 
 

@@ -10,12 +10,12 @@ from people4d.errors import DecodeError, SourceError
 from people4d.messages import Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
 
-MAX_FRAMES = 10**7  # 90 hours at 30 Hz: each is a message, though nobody be in it
+MAX_FRAMES = 10**7  # 90 hours at 30 Hz: each is a message, also without people
 RATES_HZ = (1e-3, 1e6)
 
 
 class MotTruth:
-    """The judged lines with a position; frame 1 is at 0 s.
+    """The lines to be evaluated that have a position; frame 1 is at 0 s.
 
     Boxes are not used: they say where people are in the image, not how far away.
 
@@ -26,7 +26,7 @@ class MotTruth:
     def __init__(self, config: GtBridgeConfig) -> None:
         path = Path(config.truth)
         try:
-            rows = read_rows(path).judged()
+            rows = read_rows(path).evaluated()
             rate_hz = config.rate_hz or _rate_hz(path)
         except DecodeError as error:
             raise SourceError(f"truth {error.problem}", error.hint) from error
@@ -39,7 +39,7 @@ class MotTruth:
         self._known = np.isfinite(rows.positions_m).all(axis=1) & (rows.ids >= 0)
         if not self._known.any():
             raise SourceError(
-                f"truth {path} tells no position of a person, only boxes in the image",
+                f"truth {path} has no position of a person, only boxes in the image",
                 "Columns 8 to 10 must be x, y, z in metres, as in the 3D benchmarks of MOT.",
             )
 

@@ -1,4 +1,4 @@
-"""people_msgs/People, the message in which motion capture tells of people in ROS."""
+"""People of motion capture in ROS: people_msgs/People."""
 
 import math
 from typing import Any

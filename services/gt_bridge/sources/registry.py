@@ -1,16 +1,18 @@
-"""The readers of truth by name, and which one suits a file."""
+"""Readers of ground truth by name, and the one that suits a file."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from common import registry
 from common.io.mcap_index import read_profile
 from people4d.errors import SourceError
 from people4d.messages import Truth
+from people4d.topics import ForeignTopic
 from services.gt_bridge.config import GtBridgeConfig
 
 # Imported on use. Each class takes the configuration and is iterated, each time from the start. One
-# for truth that is captured now has `topics`, too: streams of others that the node shall read.
+# for live truth is a LiveTruthSource, too.
 TRUTH_SOURCES: dict[str, str] = {
     "recording": "services.gt_bridge.sources.recording:RecordingTruth",
     "rosbag": "services.gt_bridge.sources.rosbag:RosbagTruth",
@@ -21,6 +23,17 @@ TRUTH_SOURCES: dict[str, str] = {
 }
 SCHEME = "zenoh:"  # before the key of live truth
 KINDS = {".csv": "csv", ".txt": "mot"}
+
+
+@runtime_checkable
+class LiveTruthSource(Protocol):
+    """Truth that is captured now.
+
+    Attributes:
+        topics: Topics of other programs that bring it.
+    """
+
+    topics: Sequence[ForeignTopic]
 
 
 def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:

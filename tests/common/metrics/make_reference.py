@@ -41,11 +41,11 @@ def mot15_inputs(folder: Path) -> tuple[Ids, Ids, list[np.ndarray]]:
     persons, tracks, overlaps = [], [], []
     for number, frame in enumerate(mot15(folder).frames, start=1):
         rows = truth[truth[:, 0] == number]
-        boxes = np.zeros((0, 4)) if not frame.tracked.ids else frame.tracked.boxes_xyxy_px
+        boxes = np.zeros((0, 4)) if not frame.hypotheses.ids else frame.hypotheses.boxes_xyxy_px
         assert boxes is not None
         ltwh = np.hstack([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]])
         persons.append(rows[:, 1].astype(int))
-        tracks.append(np.array(frame.tracked.ids, int))
+        tracks.append(np.array(frame.hypotheses.ids, int))
         overlaps.append(
             MotChallenge2DBox._calculate_box_ious(rows[:, 2:6], ltwh, box_format="xywh")
         )
@@ -56,12 +56,12 @@ def drawn_inputs(sequence: EvaluationSequence) -> tuple[Ids, Ids, list[np.ndarra
     """Return the same of a drawn sequence, by distance on the ground up to 0.5 m."""
     persons, tracks, alike = [], [], []
     for frame in sequence.frames:
-        a, b = frame.truth.positions_m, frame.tracked.positions_m
+        a, b = frame.truth.positions_m, frame.hypotheses.positions_m
         assert a is not None
         assert b is not None
         distance_m = np.hypot(*(a[:, None, :2] - b[None, :, :2]).transpose(2, 0, 1))
         persons.append(np.array(frame.truth.ids, int))
-        tracks.append(np.array(frame.tracked.ids, int))
+        tracks.append(np.array(frame.hypotheses.ids, int))
         alike.append(np.maximum(0.0, 1.0 - distance_m / 1.0))
     return persons, tracks, alike
 

@@ -53,17 +53,17 @@ def drawn(seed: int) -> EvaluationSequence:
             names[random.randint(5)] = 100 + index
         told = random.random_sample(5) < (0.0 if index % 20 == 13 else 0.85)
         truth_m = start_m + index * step_m
-        told_m = truth_m + random.normal(0, 0.25, (5, 3))
-        frames.append(_drawn_frame(index, truth_m[here], told_m[told], (here, names[told])))
+        tracked_m = truth_m + random.normal(0, 0.25, (5, 3))
+        frames.append(_drawn_frame(index, truth_m[here], tracked_m[told], (here, names[told])))
     return EvaluationSequence(f"drawn {seed}", tuple(frames))
 
 
 def _drawn_frame(
-    index: int, truth_m: F64, told_m: F64, who: tuple[np.ndarray, np.ndarray]
+    index: int, truth_m: F64, tracked_m: F64, who: tuple[np.ndarray, np.ndarray]
 ) -> EvaluationFrame:
     here, names = who
     return EvaluationFrame(
         stamp_ns=index * 40_000_000,
         truth=GroundTruth(ids=tuple(np.flatnonzero(here).tolist()), positions_m=truth_m),
-        tracked=Hypotheses(ids=tuple(names.tolist()), positions_m=told_m),
+        hypotheses=Hypotheses(ids=tuple(names.tolist()), positions_m=tracked_m),
     )

@@ -12,10 +12,10 @@ from common.metrics import (
     Hypotheses,
     IdSwitch,
     box_overlap,
-    id_switches,
     match,
 )
 from common.metrics.clear import count_clear
+from common.metrics.frame_scores import ScoreTotals
 from tests.common.metrics.worlds import sequence, tracked, truth
 
 NEAR = GroundDistance(0.5)
@@ -62,7 +62,7 @@ def test_a_swap_is_two_switches() -> None:
         ({"A": 0, "B": 10}, {2: 0, 1: 10}),
     )
     assert count(recording).id_switches == 2
-    assert id_switches(match(recording, NEAR)) == (
+    assert match(recording, NEAR).id_switches == (
         IdSwitch("A", 1, 2, last_frame=0, frame=1),
         IdSwitch("B", 2, 1, last_frame=0, frame=1),
     )
@@ -70,7 +70,7 @@ def test_a_swap_is_two_switches() -> None:
 
 def test_a_switch_counts_after_frames_without_a_track() -> None:
     recording = sequence(({"A": 0}, {1: 0}), ({"A": 0}, {}), ({"A": 0}, {2: 0}), ({"A": 0}, {2: 0}))
-    assert id_switches(match(recording, NEAR)) == (IdSwitch("A", 1, 2, last_frame=0, frame=2),)
+    assert match(recording, NEAR).id_switches == (IdSwitch("A", 1, 2, last_frame=0, frame=2),)
     assert count(recording).fragmentations == 1
 
 
@@ -91,7 +91,11 @@ def test_no_fragmentation_while_nobody_has_to_be_found() -> None:
             ({"A": 0}, {1: 0}),
         )
     )
-    assert counts == ClearCounts(matches=2, mostly_tracked=1, similarity=2.0)
+    assert counts == ClearCounts(
+        ScoreTotals(frames=4, truths=2, matches=2, outside=1, poses=2),
+        mostly_tracked=1,
+        similarity=2.0,
+    )
 
 
 def test_a_pair_is_kept_though_another_track_is_nearer() -> None:
@@ -136,7 +140,7 @@ def test_boxes_match_from_half_overlap() -> None:
     for shift, matches in ((3, 1), (4, 0)):
         box = np.array([[0.0, shift, 10.0, 10.0 + shift]])
         frame = EvaluationFrame(
-            stamp_ns=0, truth=person, tracked=Hypotheses(ids=(1,), boxes_xyxy_px=box)
+            stamp_ns=0, truth=person, hypotheses=Hypotheses(ids=(1,), boxes_xyxy_px=box)
         )
         assert count_clear(match(EvaluationSequence("x", (frame,)), box_overlap)).matches == matches
 

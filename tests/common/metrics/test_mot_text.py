@@ -86,4 +86,4 @@ def test_positions_where_the_file_tells_them(tmp_path: Path) -> None:
     rows = read_rows(written(tmp_path, text))
     assert rows.positions_m[0].tolist() == [1.5, -2.0, 0.0]
     assert np.isnan(rows.positions_m[1:]).all()
-    assert rows.of(1).judged().positions_m.shape == (4, 3)
+    assert rows.of(1).evaluated().positions_m.shape == (4, 3)

@@ -113,7 +113,7 @@ def kept_for_ever(matching: Matching) -> Matching:
     """Match again by the rule of motmetrics."""
     last = dict.fromkeys(range(len(matching.persons)), -1)
     steps = []
-    for step in matching.steps:
+    for step in matching.frame_matches:
         kept = np.zeros(step.similarity.shape, np.bool_)
         for row, person in enumerate(step.persons.tolist()):
             for column in np.flatnonzero(step.tracks == last[person]):
@@ -123,7 +123,7 @@ def kept_for_ever(matching: Matching) -> Matching:
         steps.append(rematched(step, kept))
         pairs = zip(steps[-1].rows, steps[-1].columns, strict=True)
         last |= {int(step.persons[i]): int(step.tracks[j]) for i, j in pairs}
-    return replace(matching, steps=tuple(steps))
+    return replace(matching, frame_matches=tuple(steps))
 
 
 def rematched(step: FrameMatches, kept: np.ndarray) -> FrameMatches:

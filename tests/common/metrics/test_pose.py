@@ -36,7 +36,7 @@ def pair(
             velocities_mps=np.zeros((1, 3)),
             yaws_rad=np.array(yaws_rad[:1]),
         ),
-        tracked=Hypotheses(
+        hypotheses=Hypotheses(
             ids=(1,),
             positions_m=np.array([[*position_m, 0.7]]),
             velocities_mps=np.array([[*velocity_mps, 0.9]]),
@@ -52,7 +52,7 @@ def scores(*frames: EvaluationFrame) -> Scores:
         EvaluationFrame(
             stamp_ns=i * 10**9,
             truth=frame.truth,
-            tracked=frame.tracked,
+            hypotheses=frame.hypotheses,
             map_from_camera=frame.map_from_camera,
         )
         for i, frame in enumerate(frames)
@@ -144,7 +144,7 @@ def test_what_is_unknown_is_left_out_and_said() -> None:
     assert row["poses"] == 2
     assert row["velocity_rmse_x_mps"] == pytest.approx(0.1)
     assert row["yaw_rmse_deg"] == pytest.approx(0.0)
-    assert row["yaw_told"] == 0.5
+    assert row["yaw_reported"] == 0.5
 
 
 def test_no_match_has_no_errors() -> None:
@@ -163,7 +163,7 @@ def test_measured_predicted_and_occluded_apart() -> None:
                 occluded=np.array([occluded]),
                 out_of_view=np.array([out]),
             ),
-            tracked=Hypotheses(
+            hypotheses=Hypotheses(
                 ids=(1,), positions_m=np.array([[x_m, 0, 0]]), predicted=np.array([predicted])
             ),
         )

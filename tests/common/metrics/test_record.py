@@ -61,7 +61,7 @@ def test_a_similarity_needs_its_column() -> None:
 
 def test_a_similarity_of_ones_own_is_checked() -> None:
     frame = EvaluationFrame(
-        stamp_ns=0, truth=GroundTruth(ids=("A",)), tracked=Hypotheses(ids=(1, 2))
+        stamp_ns=0, truth=GroundTruth(ids=("A",)), hypotheses=Hypotheses(ids=(1, 2))
     )
     recording = EvaluationSequence("walk", (frame,))
     with pytest.raises(ValueError, match="similarity: expected shape 1x2, got 2x1"):

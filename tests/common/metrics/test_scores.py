@@ -32,7 +32,7 @@ def with_frames(recording: EvaluationSequence, *frames: EvaluationFrame) -> Eval
 
 
 def changed(frame: EvaluationFrame, truth: GroundTruth, tracked: Hypotheses) -> EvaluationFrame:
-    return EvaluationFrame(stamp_ns=frame.stamp_ns, truth=truth, tracked=tracked)
+    return EvaluationFrame(stamp_ns=frame.stamp_ns, truth=truth, hypotheses=tracked)
 
 
 def assert_same(a: Scores, b: Scores) -> None:
@@ -88,8 +88,8 @@ def test_names_do_not_matter(seed: int) -> None:
                     positions_m=frame.truth.positions_m,
                 ),
                 Hypotheses(
-                    ids=tuple(999 - int(i) for i in frame.tracked.ids),
-                    positions_m=frame.tracked.positions_m,
+                    ids=tuple(999 - int(i) for i in frame.hypotheses.ids),
+                    positions_m=frame.hypotheses.positions_m,
                 ),
             )
             for frame in recording.frames
@@ -103,7 +103,7 @@ def test_order_within_a_frame_does_not_matter(seed: int) -> None:
     recording, random = drawn(seed), np.random.default_rng(seed)
 
     def shuffled(frame: EvaluationFrame) -> EvaluationFrame:
-        a, b = frame.truth, frame.tracked
+        a, b = frame.truth, frame.hypotheses
         assert a.positions_m is not None
         assert b.positions_m is not None
         i, j = random.permutation(len(a.ids)), random.permutation(len(b.ids))

@@ -37,7 +37,7 @@ def sequence(*frames: tuple[Places | GroundTruth, Places | Hypotheses]) -> Evalu
             EvaluationFrame(
                 stamp_ns=index * 500_000_000,
                 truth=people if isinstance(people, GroundTruth) else truth(people),
-                tracked=told if isinstance(told, Hypotheses) else tracked(told),
+                hypotheses=told if isinstance(told, Hypotheses) else tracked(told),
             )
             for index, (people, told) in enumerate(frames)
         ),

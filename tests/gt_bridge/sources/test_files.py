@@ -11,7 +11,7 @@ import pytest
 from people4d.errors import SourceError
 from people4d.messages import Truth
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.playback import StoredTruth
+from services.gt_bridge.playback import TruthPlayback
 from services.gt_bridge.sources.registry import open_truth
 
 SEQINFO = """[Sequence]
@@ -178,7 +178,7 @@ def test_csv_that_would_cost_too_much_is_refused(tmp_path: Path) -> None:
         read(path)
     path.write_text(head + f"{2**63 - 1},a,1,2,3\n")
     assert len(read(path)) == 1
-    stored = StoredTruth(
+    stored = TruthPlayback(
         GtBridgeConfig(truth=str(path), offset_s=1.0),
         open_truth(GtBridgeConfig(truth=str(path))),
         Counter(),

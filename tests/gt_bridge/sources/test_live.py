@@ -138,7 +138,7 @@ def test_the_chain_from_mocap_over_the_camera_to_the_map() -> None:
     assert raw.frame_id == "vicon"  # the camera has not told yet where it is
     assert live.status().state == "degraded"
     assert "no transform map <- vicon" in live.status().reason
-    assert live.status().counters["unplaced"] == 1
+    assert live.status().counters["unlinked"] == 1
 
     live.handle(POSE, 0)
     (got,) = live.handle(LiveTruth(GtBridgeConfig(truth="zenoh:x")).decode(cdr(6, 5.0)), 0)

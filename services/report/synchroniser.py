@@ -1,4 +1,4 @@
-"""Brings together what belongs to one frame."""
+"""Frames, detections and tracks of one stamp, brought together."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,8 @@ from people4d.messages import U8, Detections, RgbdFrame, Tracks
 
 
 @dataclass(slots=True)
-class Moment:
-    """One frame and what was made of it; None for what did not come."""
+class SynchronisedFrame:
+    """One frame with its detections and tracks; None for what did not arrive."""
 
     camera: str
     stamp_ns: int
@@ -17,48 +17,47 @@ class Moment:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is missing."""
+        """True if nothing is missing."""
         return all(part is not None for part in (self.rgb, self.detections, self.tracks))
 
 
-class Join:
+class Synchroniser:
     """Joins frames, detections and tracks by camera and stamp, in bounded memory.
 
-    The streams of a camera keep their order, so a complete moment shows that older ones of that
-    camera will never be.
+    The streams of a camera are in order, so older frames than a complete one stay incomplete.
 
     Args:
-        capacity: Moments that wait at most; the oldest is given up for a new one.
+        capacity: Frames that wait at most; the oldest is released for a new one.
     """
 
     def __init__(self, capacity: int = 32) -> None:
         self._capacity = capacity
-        self._waiting: dict[tuple[str, int], Moment] = {}
+        self._waiting: dict[tuple[str, int], SynchronisedFrame] = {}
 
-    def add(self, message: RgbdFrame | Detections | Tracks) -> list[Moment]:
-        """Take a message and return the moments that are complete or given up, oldest first."""
+    def add(self, message: RgbdFrame | Detections | Tracks) -> list[SynchronisedFrame]:
+        """Take a message and return the frames that are complete or released, oldest first."""
         key = message.camera, message.stamp_ns
-        moment = self._waiting.setdefault(key, Moment(*key))
+        frame = self._waiting.setdefault(key, SynchronisedFrame(*key))
         if isinstance(message, RgbdFrame):
-            moment.rgb = message.rgb
+            frame.rgb = message.rgb
         elif isinstance(message, Detections):
-            moment.detections = message
+            frame.detections = message
         else:
-            moment.tracks = message
-        if moment.complete:
+            frame.tracks = message
+        if frame.complete:
             return self._release(key)
         if len(self._waiting) > self._capacity:
             oldest = next(iter(self._waiting))
             return [self._waiting.pop(oldest)]
         return []
 
-    def flush(self) -> list[Moment]:
-        """Return all that still waits."""
+    def flush(self) -> list[SynchronisedFrame]:
+        """Return all frames that still wait."""
         rest = list(self._waiting.values())
         self._waiting.clear()
         return rest
 
-    def _release(self, last: tuple[str, int]) -> list[Moment]:
+    def _release(self, last: tuple[str, int]) -> list[SynchronisedFrame]:
         released = []
         for key in list(self._waiting):
             if key[0] == last[0]:

@@ -6,10 +6,10 @@ T = TypeVar("T")
 
 
 class EvenSample(Generic[T]):
-    """Keeps every k-th value; k doubles whenever twice the capacity is full.
+    """Every k-th value; k doubles whenever twice the capacity is full.
 
     Args:
-        capacity: Values that are kept at least, once as many came; at most twice as many.
+        capacity: Least number of values, once as many were added; at most twice as many.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -19,13 +19,13 @@ class EvenSample(Generic[T]):
         self._stride = 1
 
     @property
-    def wants_next(self) -> bool:
-        """Whether the next value will be kept."""
+    def takes_next(self) -> bool:
+        """True if the next value is sampled."""
         return self.count % self._stride == 0
 
     def add(self, value: T) -> None:
         """Offer a value."""
-        if self.wants_next:
+        if self.takes_next:
             self.values.append(value)
             if len(self.values) > 2 * self._capacity:
                 self.values = self.values[::2]
@@ -33,11 +33,11 @@ class EvenSample(Generic[T]):
         self.count += 1
 
     def skip(self) -> None:
-        """Pass over a value that is not wanted, so that it need not be made."""
+        """Count a value that is not sampled, so that it need not be made."""
         self.count += 1
 
     def pick(self, number: int) -> list[T]:
-        """Return at most so many of the kept values, evenly spread, first and last included."""
+        """Return at most so many values, evenly spread, first and last included."""
         last = len(self.values) - 1
         if last < number:
             return list(self.values)

@@ -1,4 +1,4 @@
-"""Where people walked, in bounded memory."""
+"""Trajectories of tracks and truth, in bounded memory."""
 
 from typing import TypeVar
 
@@ -6,15 +6,15 @@ import numpy as np
 
 from common.drawing.topdown import Trajectories
 from people4d.messages import F64, StaticTransform, Tracks, Truth
-from services.report.spread import EvenSample
+from services.report.even_sample import EvenSample
 
 K = TypeVar("K")
 
-POINTS = 400  # of a trail
-MOST_TRAILS = 60  # on the map; the shortest gives way
+MAX_POINTS = 400  # of a trajectory
+MAX_TRAJECTORIES = 60  # on the map; the shortest is dropped
 
 
-class Trails:
+class TrajectoryStore:
     """Gathers positions of tracks, truth and cameras in the frame that tracks are in."""
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class Trails:
         elif isinstance(message, Truth):
             for person in message.people:
                 _extend(self._truth, person.id, person.position_m)
-        elif len(self._cameras) < MOST_TRAILS or message.child in self._cameras:
+        elif len(self._cameras) < MAX_TRAJECTORIES or message.child in self._cameras:
             self._cameras[message.child] = message
 
     def map_from_optical(self, frame_id: str) -> F64 | None:
@@ -42,18 +42,18 @@ class Trails:
         known = transform is not None and transform.parent == self.frame_id
         return transform.matrix if transform is not None and known else None
 
-    def walks(self) -> Trajectories:
-        """Return what the map shows."""
+    def trajectories(self) -> Trajectories:
+        """Return the trajectories for the map."""
         return Trajectories(
-            tracks={key: np.array(trail.values) for key, trail in self._tracks.items()},
-            truth={key: np.array(trail.values) for key, trail in self._truth.items()},
+            tracks={key: np.array(sample.values) for key, sample in self._tracks.items()},
+            truth={key: np.array(sample.values) for key, sample in self._truth.items()},
             cameras=[c.matrix for c in self._cameras.values() if c.parent == self.frame_id],
             frame_id=self.frame_id,
         )
 
 
-def _extend(trails: dict[K, EvenSample[F64]], key: K, position_m: F64) -> None:
-    if key not in trails and len(trails) >= MOST_TRAILS:
-        shortest = min(trails, key=lambda k: trails[k].count)
-        del trails[shortest]
-    trails.setdefault(key, EvenSample(POINTS)).add(position_m[:2])
+def _extend(samples: dict[K, EvenSample[F64]], key: K, position_m: F64) -> None:
+    if key not in samples and len(samples) >= MAX_TRAJECTORIES:
+        shortest = min(samples, key=lambda k: samples[k].count)
+        del samples[shortest]
+    samples.setdefault(key, EvenSample(MAX_POINTS)).add(position_m[:2])

@@ -21,6 +21,7 @@ from common.metrics import (
     Hypotheses,
     score,
 )
+from common.metrics.live.scorer import MAX_WAITING, LiveScorer
 from people4d.messages import (
     Message,
     MovingTransform,
@@ -30,9 +31,8 @@ from people4d.messages import (
     Truth,
     TruthPerson,
 )
+from services.gt_bridge.alignment import EstimatedAlignment
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.scoring.scorer import WAITING, Scorer
-from services.gt_bridge.scoring.views import Views
 from tests.gt_bridge.scene import INFO, MS, POSE, person, track, tracks, truth
 
 
@@ -42,12 +42,12 @@ class Bench:
     def __init__(self, camera: bool = True, **settings: Any) -> None:
         self.counters: Counter[str] = Counter()
         self.frames = TransformBuffer(TransformBufferConfig())
-        self.views = views = Views(self.frames)
+        config = GtBridgeConfig(**settings)
+        alignment = EstimatedAlignment(config, self.frames) if settings else None
+        self.scorer = LiveScorer(self.frames, self.counters, config.gate_m, alignment)
         if camera:
             self.frames.add(POSE)
-            views.add(INFO)
-        config = GtBridgeConfig(**settings)
-        self.scorer = Scorer(config, self.frames, views, self.counters)
+            self.scorer.views.add(INFO)
 
     def feed(self, messages: Iterable[Message]) -> list[Score]:
         scores = []
@@ -119,7 +119,7 @@ def test_the_view_is_that_of_a_robot_where_it_is_by_then() -> None:
     # of the start: at first 2 m off, later behind its back. To the left: in view after the turn.
     bench = Bench(camera=False)
     bench.frames.add(msgspec.structs.replace(POSE, parent="base_link", matrix=POSE.matrix))
-    bench.views.add(INFO)
+    bench.scorer.views.add(INFO)
     for ms in range(0, 2001, 20):
         bench.frames.add(drive(ms, ms / 1000, math.radians(max(ms - 1000, 0) * 0.09)))
     ahead, left = person("ahead", 2.0, 0.0), person("left", 2.0, 3.0)
@@ -214,7 +214,7 @@ def walks(seed: int) -> tuple[list[Truth], list[Tracks]]:
     return truths, told
 
 
-def whole(truths: Sequence[Truth], told: Sequence[Tracks]) -> EvaluationSequence:
+def as_sequence(truths: Sequence[Truth], told: Sequence[Tracks]) -> EvaluationSequence:
     """The same as one sequence for `common.metrics`."""
     at = {message.stamp_ns: message for message in truths}
     frames = []
@@ -233,7 +233,7 @@ def whole(truths: Sequence[Truth], told: Sequence[Tracks]) -> EvaluationSequence
                     yaws_rad=np.array([p.yaw_rad for p in people]),
                     out_of_view=outside,
                 ),
-                tracked=Hypotheses(
+                hypotheses=Hypotheses(
                     ids=tuple(t.id for t in found),
                     positions_m=np.array([t.position_m for t in found]).reshape(-1, 3),
                     velocities_mps=np.array([t.velocity_mps for t in found]).reshape(-1, 3),
@@ -248,7 +248,7 @@ def whole(truths: Sequence[Truth], told: Sequence[Tracks]) -> EvaluationSequence
 def test_live_figures_are_those_of_the_metrics_on_the_whole(seed: int) -> None:
     truths, told = walks(seed)
     total = Bench().feed([*truths, *told[:60], *told[60:]])[-1].total
-    want = score(whole(truths, told), GroundDistance(1.0))
+    want = score(as_sequence(truths, told), GroundDistance(1.0))
     assert total.frames == len(told)
     assert total.outside > 0
     assert total.false_alarms > 0
@@ -314,7 +314,7 @@ def test_what_cannot_be_judged_is_counted() -> None:
 
 def test_tracks_do_not_wait_for_ever() -> None:
     bench = Bench()
-    assert bench.feed([truth(0), *(tracks(10 + ms) for ms in range(WAITING + 3))]) == []
+    assert bench.feed([truth(0), *(tracks(10 + ms) for ms in range(MAX_WAITING + 3))]) == []
     assert bench.counters["without_truth"] == 3
 
 
@@ -334,7 +334,7 @@ def test_absurd_people_are_left_out() -> None:
 
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("services.gt_bridge.scoring.scorer.IDENTITIES", 100)
+    monkeypatch.setattr("common.metrics.live.scorer.MAX_IDENTITIES", 100)
     bench, numbers = Bench(), itertools.count(1)
     for ms in range(11):  # 10 new tracks each: more than 100 after 11
         crowd = [track(next(numbers), 2.0, 0.0) for _ in range(10)]

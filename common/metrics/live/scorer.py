@@ -1,0 +1,235 @@
+"""Score messages from tracks and ground truth as they come in (docs/method.md, section 9)."""
+
+from collections import Counter, deque
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transforms import wrap
+from common.metrics.alignment.alignment import transform_truth
+from common.metrics.alignment.truth_buffer import TruthBuffer
+from common.metrics.field_of_view import CameraViews
+from common.metrics.frame_scores import FrameScore, FrameScorer
+from common.metrics.from_messages import ground_truth_of, hypotheses_of, plausible
+from common.metrics.live.totals import IdConsistency, RunningTotals
+from common.metrics.matching import Matcher
+from common.metrics.pose import PoseErrors
+from common.metrics.record import EvaluationFrame, FrameMatches
+from common.metrics.similarity import GroundDistance
+from people4d.messages import F64, Alignment, PersonScore, Score, Tracks, Truth
+
+MAX_WAITING = 64  # tracks that wait for truth: two seconds of a camera
+RESTART_NS = 10**9  # tracks from so long before the last ones begin a new playback
+MAX_IDENTITIES = 100_000  # after so many the count begins anew, so that memory is bounded
+
+
+class TruthAlignment:
+    """Correction of the truth's clock and frame; this base class corrects nothing."""
+
+    estimate: Alignment | None = None  # to be published
+    offset_ns: int = 0  # added to stamps of the truth
+    matrix: F64 | None = None  # 4x4, applied to the truth in the frame of the tracks
+
+    def restart(self) -> None:
+        """Forget all observations."""
+
+    def observe(self, tracks: Tracks, truth: TruthBuffer) -> None:
+        """Take tracks for which there is truth."""
+
+
+class LiveScorer:
+    """Brings the truth to the stamp and frame of each Tracks message, and scores it.
+
+    Args:
+        transforms: Transform buffer, which the caller fills.
+        counters: Counts tracks that cannot be scored.
+        gate_m: Largest distance on the ground between a person and their track.
+        alignment: Correction of the truth.
+    """
+
+    def __init__(
+        self,
+        transforms: TransformBuffer,
+        counters: Counter[str],
+        gate_m: float = 1.0,
+        alignment: TruthAlignment | None = None,
+    ) -> None:
+        self.views = CameraViews(transforms)
+        self._transforms, self._counters, self._gate_m = transforms, counters, gate_m
+        self._truth = TruthBuffer()
+        self._alignment = alignment or TruthAlignment()
+        self._sequence = 0
+        self.restart()
+
+    def restart(self, since_ns: int | None = None) -> None:
+        """Count anew: playback began again, and people are elsewhere.
+
+        Args:
+            since_ns: Stamp of the first frame; earlier tracks are of the playback before.
+        """
+        self._waiting: deque[Tracks] = deque()
+        self._since_ns = since_ns
+        self._last_ns: int | None = None
+        self._scores = SequenceScorer(self._gate_m)
+        self._alignment.restart()
+
+    def add_truth(self, truth: Truth) -> None:
+        """Take truth with its stamp on the camera's clock, in any linked frame."""
+        self._truth.add(truth)
+
+    def add_tracks(self, tracks: Tracks) -> None:
+        """Take tracks; they wait for the truth around them."""
+        if (
+            self._since_ns is not None
+            and self._since_ns - RESTART_NS < tracks.stamp_ns < self._since_ns
+        ):
+            self._counters["late_tracks"] += 1
+            return
+        if self._last_ns is not None and tracks.stamp_ns < self._last_ns:
+            if tracks.stamp_ns > self._last_ns - RESTART_NS:
+                self._counters["late_tracks"] += 1
+                return
+            self.restart()
+        self._last_ns = tracks.stamp_ns
+        if self._truth.newest_ns is None:
+            return  # no truth at all is no fault
+        self._waiting.append(tracks)
+        if len(self._waiting) > MAX_WAITING:
+            self._waiting.popleft()
+            self._counters["without_truth"] += 1
+
+    def due(self) -> list[Score]:
+        """Return the scores of all tracks whose truth has come."""
+        scores = []
+        while self._waiting and self._is_due(self._waiting[0]):
+            tracks = self._waiting.popleft()
+            truth = self._truth_for(tracks)
+            if truth is not None:
+                self._alignment.observe(tracks, self._truth)
+                scores.append(self._score(tracks, truth))
+        return scores
+
+    def _is_due(self, tracks: Tracks) -> bool:
+        newest_ns = self._truth.newest_ns
+        return newest_ns is not None and tracks.stamp_ns - self._alignment.offset_ns <= newest_ns
+
+    def _truth_for(self, tracks: Tracks) -> Truth | None:
+        """Return the truth at the stamp and in the frame of the tracks."""
+        truth = self._truth.at(tracks.stamp_ns - self._alignment.offset_ns)
+        if truth is None:
+            self._counters["without_truth"] += 1
+            return None
+        matrix = self._alignment.matrix
+        if truth.frame_id != tracks.frame_id:
+            pose = self._transforms.lookup(tracks.frame_id, truth.frame_id, tracks.stamp_ns)
+            if pose is None:
+                self._counters["without_transform"] += 1
+                return None
+            matrix = pose.matrix if matrix is None else matrix @ pose.matrix
+        if matrix is not None:
+            truth = transform_truth(truth, matrix, tracks.frame_id)
+        return msgspec.structs.replace(truth, people=plausible(truth.people))
+
+    def _score(self, tracks: Tracks, truth: Truth) -> Score:
+        if self._scores.identities > MAX_IDENTITIES:
+            self._counters["recounts"] += 1
+            self._scores = SequenceScorer(self._gate_m)
+        positions = [person.position_m for person in truth.people]
+        outside = self.views.outside(positions, tracks.frame_id, tracks.stamp_ns)
+        people, false_alarms = self._scores.add(
+            EvaluationFrame(
+                stamp_ns=tracks.stamp_ns,
+                truth=ground_truth_of(truth.people, outside),
+                hypotheses=hypotheses_of(tracks.tracks),
+            )
+        )
+        self._sequence += 1
+        return Score(
+            stamp_ns=tracks.stamp_ns,
+            sequence=self._sequence - 1,
+            trace=tracks.trace,
+            frame_id=tracks.frame_id,
+            camera=tracks.camera,
+            people=people,
+            false_alarms=false_alarms,
+            recent=self._scores.totals.recent(),
+            total=self._scores.totals.total(),
+            id_consistency=self._scores.consistency.share(),
+            alignment=self._alignment.estimate,
+        )
+
+
+class SequenceScorer:
+    """Scores of one playback, frame by frame.
+
+    Args:
+        gate_m: Largest distance on the ground between a person and their track.
+    """
+
+    def __init__(self, gate_m: float) -> None:
+        self.totals = RunningTotals()
+        self.consistency = IdConsistency()
+        self._matcher = Matcher(GroundDistance(gate_m))
+        self._scorer = FrameScorer()
+
+    @property
+    def identities(self) -> int:
+        """Number of people and tracks so far."""
+        return len(self._matcher.persons) + len(self._matcher.tracks)
+
+    def add(self, frame: EvaluationFrame) -> tuple[tuple[PersonScore, ...], tuple[int, ...]]:
+        """Score the next frame.
+
+        Returns:
+            Everyone in the truth, and the ids of the tracks that are false alarms.
+        """
+        matches = self._matcher.match(frame)
+        score = self._scorer.score(frame, matches)
+        self.totals.add(frame.stamp_ns, score.totals)
+        for row, column in zip(matches.rows, matches.columns, strict=True):
+            if matches.required[row]:
+                track = int(frame.hypotheses.ids[column])
+                self.consistency.add(str(frame.truth.ids[row]), track)
+        alarms = matches.evaluated_tracks.copy()
+        alarms[matches.columns] = False
+        ids = tuple(int(frame.hypotheses.ids[k]) for k in np.flatnonzero(alarms))
+        return self._people(frame, matches, score), ids
+
+    def _people(
+        self, frame: EvaluationFrame, matches: FrameMatches, score: FrameScore
+    ) -> tuple[PersonScore, ...]:
+        pairs = dict(zip(matches.rows.tolist(), matches.columns.tolist(), strict=True))
+        rows = {i: k for k, i in enumerate(i for i in pairs if frame.truth.in_view[i])}
+        switched = {switch.person for switch in score.switches}
+        people = []
+        for i, name in enumerate(frame.truth.ids):
+            j = pairs.get(i)
+            person = PersonScore(
+                id=str(name),
+                view=_view_of(frame, i),
+                track=None if j is None else int(frame.hypotheses.ids[j]),
+                predicted=j is not None and bool(frame.hypotheses.was_predicted[j]),
+                switched=name in switched,
+                consistency=self.consistency.share(str(name)),
+            )
+            people.append(_with_errors(person, score.errors, rows[i]) if i in rows else person)
+        return tuple(people)
+
+
+def _view_of(frame: EvaluationFrame, row: int) -> Literal["inside", "outside", "unknown"]:
+    if frame.truth.out_of_view is None:
+        return "unknown"
+    return "inside" if frame.truth.in_view[row] else "outside"
+
+
+def _with_errors(person: PersonScore, errors: PoseErrors, row: int) -> PersonScore:
+    position_m, velocity_mps = errors.position_m[row], errors.velocity_mps[row]
+    yaw_rad = float(errors.yaw_estimated_rad[row] - errors.yaw_true_rad[row])
+    return msgspec.structs.replace(
+        person,
+        position_error_m=position_m if np.isfinite(position_m).all() else None,
+        velocity_error_mps=velocity_mps if np.isfinite(velocity_mps).all() else None,
+        yaw_error_rad=wrap(yaw_rad) if np.isfinite(yaw_rad) else None,
+    )

@@ -1,1 +1,0 @@
-"""Scores of tracks against ground truth, live."""
