@@ -1,7 +1,7 @@
 """ROS 1 and ROS 2 bags as typed messages, whatever their storage.
 
-The types are those known here. A bag that brings definitions of its own would have code made from
-them; one whose types are others than ours of the same name is refused.
+Only known types are read, since definitions in a bag would be made into code. A bag whose types
+differ from the known ones of the same name is refused.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -21,11 +21,11 @@ from people4d.errors import SourceError
 
 
 def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
-    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), and some more.
+    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), and further ones.
 
     Args:
         version: 1 or 2.
-        definitions: Text of further types by name, those that others need first.
+        definitions: Text of further types by name, in the order of their dependencies.
     """
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
     for name, text in definitions.items():
@@ -47,7 +47,7 @@ class Bag:
         self._reader: Any = reader
         self._store = store
         self._ros1 = isinstance(reader, Reader1)
-        self._packed = _packed_messages(reader)
+        self._compressed = _compressed_messages(reader)
         for connection in reader.connections:
             texts = (connection.topic, connection.msgtype, connection.digest)
             if not all(isinstance(text, str) for text in texts):
@@ -68,19 +68,19 @@ class Bag:
             Messages that cannot be deserialised are skipped and counted in `bad_messages`.
 
         Raises:
-            SourceError: The bag is damaged at this place, or has another type of this name.
+            SourceError: The bag is damaged here, or has another type of this name.
         """
         connections = [c for c in self._reader.connections if c.topic in topics]
         if not connections:
             return
         for connection in connections:
             self._check_type(connection)
-        with _told(self._path, "is damaged"):
+        with _source_errors(self._path, "is damaged"):
             for connection, time_ns, data in self._reader.messages(connections):
                 try:
-                    _check(time_ns)
+                    _check_time(time_ns)
                     message = self._message(data, connection.msgtype)
-                except Exception:  # the bytes are foreign: any error means they are not the type
+                except Exception:  # damaged bytes raise almost anything
                     self.bad_messages += 1
                     continue
                 yield connection.topic, time_ns, message
@@ -96,7 +96,7 @@ class Bag:
         raise SourceError(f"bag {self._path} has no message on {topic} that can be read")
 
     def _message(self, data: bytes, kind: str) -> Any:
-        data = unzstd(data, MAX_BYTES) if self._packed else data
+        data = unzstd(data, MAX_BYTES) if self._compressed else data
         if len(data) > MAX_BYTES:
             raise ValueError(f"expected at most {MAX_BYTES} bytes, got {len(data)}")
         if self._ros1:
@@ -121,28 +121,28 @@ def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
 
     Args:
         path: File or folder, untrusted.
-        definitions: Types that ROS does not bring, see `make_typestore`.
+        definitions: Types beside those of ROS, see `make_typestore`.
 
     Raises:
-        SourceError: The bag is absent, cut short, damaged, or would cost more than a bag does.
+        SourceError: The bag is absent, cut short, damaged, or exceeds the limits.
     """
     with ExitStack() as stack:
-        with _told(path, "cannot be opened"):
+        with _source_errors(path, "cannot be opened"):
             reader = stack.enter_context(guarded(path))
-        with _told(path, "is damaged"):
+        with _source_errors(path, "is damaged"):
             store = make_typestore(1 if isinstance(reader, Reader1) else 2, definitions)
             bag = Bag(path, reader, store)
         yield bag
 
 
-def _check(time_ns: object) -> None:
-    # A database holds text where it says number; MCAP has numbers of 64 bits without a sign.
+def _check_time(time_ns: object) -> None:
+    # A database may hold text in a column of numbers; MCAP has unsigned numbers of 64 bits.
     if type(time_ns) is not int or not 0 <= time_ns < 2**63:
         raise ValueError(f"expected nanoseconds, got {time_ns!r:.40}")
 
 
-def _packed_messages(reader: Reader1 | Reader2) -> bool:
-    """Tell whether messages are packed one by one; if so they come as they are stored."""
+def _compressed_messages(reader: Reader1 | Reader2) -> bool:
+    """Check that messages are compressed one by one, and let the reader pass them on as stored."""
     if isinstance(reader, Reader1) or reader.compression_mode != "message":
         return False
     storage = reader.storage
@@ -151,8 +151,8 @@ def _packed_messages(reader: Reader1 | Reader2) -> bool:
 
 
 @contextmanager
-def _told(path: Path, what: str) -> Iterator[None]:
-    """Turn whatever the reader raises on foreign bytes into one sentence."""
+def _source_errors(path: Path, problem: str) -> Iterator[None]:
+    """Turn any error of the reader into a sentence."""
     try:
         yield
     except (SourceError, GeneratorExit):
@@ -160,6 +160,6 @@ def _told(path: Path, what: str) -> Iterator[None]:
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise SourceError(
-            f"bag {path} {what}: {reason[:200].rstrip('.')}",
+            f"bag {path} {problem}: {reason[:200].rstrip('.')}",
             "Repair it with `rosbag reindex`, `ros2 bag reindex` or `mcap recover`.",
         ) from error

@@ -1,7 +1,7 @@
-"""What is checked in a ROS bag before and while rosbags reads it.
+"""Limits of a ROS bag, checked before and while rosbags reads it.
 
-rosbags believes what a file says: how large a chunk is when it is unpacked, how many chunks there
-are, what a database computes, which types code is to be made for. Each is bounded here.
+rosbags trusts a file: the unpacked size of chunks, the number of chunks, what a database computes,
+the types that code is generated for. Each is bounded here.
 """
 
 import contextlib
@@ -25,17 +25,17 @@ from common.io.yaml import MAX_CHARACTERS, parse_yaml
 
 MAX_CHUNK_BYTES = 256 * 2**20  # of one chunk, unpacked; bags are written in chunks of one megabyte
 MAX_OPEN_BYTES = 512 * 2**20  # of all chunks whose times overlap: they are in memory together
-MAX_RATIO = 200  # of a whole file that is packed; images become a third or a tenth
+MAX_RATIO = 200  # of a compressed file; images shrink to a third or a tenth
 MAX_FILES = 1024  # of a ROS 2 bag
-MAX_STEPS = 10**8  # of the database while it is looked through: seconds
+MAX_STEPS = 10**8  # of the database during the check: seconds
 BLOCK_BYTES = 2**20
 
 
 def harden() -> None:
-    """Bound what rosbags unpacks, and keep it from parsing YAML in topics, which nobody reads.
+    """Bound what rosbags unpacks, and keep it from parsing the unused YAML of topics.
 
-    Its readers look these functions up in tables and modules: there is no other place to set a
-    limit. Done twice it does no harm, and what it reads of a sound bag stays the same.
+    Its readers look these functions up in tables and modules, which is the only way to set limits.
+    Repeating it does no harm, and valid bags read the same.
     """
     rosbag1_reader.decompressors.update(bz2=_bz2, lz4=_lz4)
     storage_mcap.DECOMPRESSORS.update(lz4=_lz4, zstd=unzstd)
@@ -60,13 +60,13 @@ class GuardedReader1(Reader1):
     def open(self) -> None:
         """Open the bag."""
         with self.path.open("rb") as file:
-            if file.read(9) != b"#ROSBAG V":  # else its first line is sought to the end
-                raise ValueError("it does not begin like a bag")
+            if file.read(9) != b"#ROSBAG V":  # else its first line is searched to the end
+                raise ValueError("it has no signature of a bag")
             self._left = file.seek(0, 2)
         super().open()
 
     def read_index_data(self, pos: int, indexes: Any) -> None:
-        """Read a part of the index; chunks that say that they share one would multiply it."""
+        """Read a part of the index; chunks that share one would multiply it."""
         file: Any = self.bio
         start = file.tell()
         super().read_index_data(pos, indexes)
@@ -80,7 +80,7 @@ def guarded(path: Path) -> Iterator[Reader1 | Reader2]:
     """Open a bag with one of the readers of rosbags, which may raise almost anything.
 
     Raises:
-        ValueError: The bag would cost more than a bag does, or leads out of its folder.
+        ValueError: The bag exceeds a limit, or leads out of its folder.
         OSError: It cannot be read.
     """
     harden()
@@ -102,9 +102,9 @@ def _files(path: Path) -> Sequence[Path]:
     """Return the files of a ROS 2 bag, checked to lie in its folder."""
     if not path.is_dir():
         return [path]
-    told = parse_yaml(read_text(path / "metadata.yaml", MAX_CHARACTERS))
+    metadata = parse_yaml(read_text(path / "metadata.yaml", MAX_CHARACTERS))
     try:
-        about = told["rosbag2_bagfile_information"]
+        about = metadata["rosbag2_bagfile_information"]
         names = [PurePath(name).name for name in about["relative_file_paths"]]
         packed = str(about.get("compression_mode") or "").lower() == "file"
     except (TypeError, KeyError, AttributeError) as error:
@@ -119,7 +119,7 @@ def _files(path: Path) -> Sequence[Path]:
 
 
 def _check_packed(file: Path) -> None:
-    """Check that a file that is unpacked to disk does not fill it."""
+    """Check that a file that is unpacked to disk does not fill the disk."""
     left = MAX_CHUNK_BYTES + MAX_RATIO * file.stat().st_size
     with (
         file.open("rb") as data,
@@ -132,13 +132,13 @@ def _check_packed(file: Path) -> None:
 
 
 def _check_chunks(chunks: Sequence[Any]) -> None:
-    """Check that the chunks that are in memory at one time are not too many."""
+    """Check the size of the chunks that are in memory at one time."""
     changes = [(c.message_start_time, c.uncompressed_size) for c in chunks]
     changes += [(c.message_end_time + 1, -c.uncompressed_size) for c in chunks]
-    held = 0
+    open_bytes = 0
     for _, change in sorted(changes):
-        held += change
-        if held > MAX_OPEN_BYTES:
+        open_bytes += change
+        if open_bytes > MAX_OPEN_BYTES:
             raise ValueError("too many of its chunks are of the same time")
 
 

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 on keys of their own: CDR, as zenoh-bridge-ros2dds passes it on."""
+"""Messages of ROS 2 in CDR, on keys as zenoh-bridge-ros2dds forwards them."""
 
 import re
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from people4d.errors import ConfigError, DecodeError
 T = TypeVar("T")
 
 SCHEME = "zenoh:"
-# Chunks without the wild cards of Zenoh, blanks, or what no name of a ROS topic has.
+# Chunks without wild cards of Zenoh, blanks, or characters that names of ROS topics lack.
 KEY = re.compile(r"[A-Za-z0-9_~.%@-]{1,64}(/[A-Za-z0-9_~.%@-]{1,64}){0,31}")
 MAX_BYTES = 2**20
 
@@ -23,15 +23,15 @@ def parse_key(field: str, text: str, example: str) -> str:
     Args:
         field: Name of the setting, for the error.
         text: Its value.
-        example: A topic as it could be meant.
+        example: A possible topic, for the error.
 
     Raises:
-        ConfigError: It names none.
+        ConfigError: It is not a key.
     """
     key = text.removeprefix(SCHEME).strip("/")
     if not KEY.fullmatch(key):
         raise ConfigError(
-            f"{field} {text!r:.80} names no key",
+            f"{field} {text!r:.80} is not a key",
             f"Write zenoh: and the ROS topic, for example {SCHEME}{example}.",
         )
     return key
@@ -39,16 +39,16 @@ def parse_key(field: str, text: str, example: str) -> str:
 
 @dataclass(frozen=True)
 class CdrDecoder(Generic[T]):
-    """One kind of message in CDR, and what is made of it.
+    """Decoder of one type of message in CDR.
 
     Args:
-        what: What it tells, for errors.
+        subject: Its content, for errors.
         store: Types of ROS.
         kind: Name of its type.
-        make: Makes the result; what it raises means that the message cannot be used.
+        make: Makes the result; raises if the message cannot be used.
     """
 
-    what: str
+    subject: str
     store: Typestore
     kind: str
     make: Callable[[Any], T]
@@ -64,7 +64,7 @@ class CdrDecoder(Generic[T]):
         """
         if len(payload) > MAX_BYTES:
             raise DecodeError(
-                f"{self.what}: expected at most {MAX_BYTES} bytes, got {len(payload)}"
+                f"{self.subject}: expected at most {MAX_BYTES} bytes, got {len(payload)}"
             )
         try:
             return self.make(self.store.deserialize_cdr(payload, self.kind))
@@ -72,4 +72,6 @@ class CdrDecoder(Generic[T]):
             raise
         except Exception as error:  # damaged bytes make rosbags raise almost anything
             reason = f"{type(error).__name__} {error}"[:80].strip()
-            raise DecodeError(f"{self.what}: expected {self.kind} in CDR, got {reason}") from error
+            raise DecodeError(
+                f"{self.subject}: expected {self.kind} in CDR, got {reason}"
+            ) from error

@@ -1,4 +1,4 @@
-"""Model files: which there are, where they lie, and whether they are the right ones."""
+"""Model files: manifest, folders and checksums."""
 
 import difflib
 import hashlib
@@ -22,7 +22,7 @@ SHA256 = re.compile(r"[0-9a-f]{64}")
 class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One model of the manifest."""
 
-    name: str  # by which a configuration asks for it
+    name: str  # in configurations
     kind: str  # movenet, yolov8-pose, yolov8-seg (detector) or osnet (re-identification)
     file: str  # name of the file in one of the model folders
     licence: str  # of the weights, as their source states it
@@ -32,11 +32,11 @@ class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     sha256: str = ""  # of the file; empty: every export differs, so any file is taken
 
     def __post_init__(self) -> None:
-        """Check names, checksum and what is shown to people.
+        """Check texts, file name and checksum.
 
         Raises:
-            ValueError: The file would lie outside of its folder, the checksum is none, or a text
-                has characters that steer a terminal.
+            ValueError: The file would lie outside of its folder, the checksum is invalid, or a text
+                has control characters of a terminal.
         """
         for field in ("name", "kind", "licence", "input", "get", "url"):
             text = getattr(self, field)
@@ -58,7 +58,7 @@ def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
         The models by name, in the file's order.
 
     Raises:
-        ConfigError: The file cannot be read, or a model's table is not as it should be.
+        ConfigError: The file cannot be read, or a table is invalid.
     """
     try:
         tables = read_toml(path)
@@ -90,33 +90,33 @@ def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
 
 
 def folders(configured: str = "", environment: Mapping[str, str] = os.environ) -> tuple[Path, ...]:
-    """Return the folders that may hold models, searched in this order.
+    """Return the folders that are searched for models, in their order.
 
     Args:
         configured: Folder named in a configuration; empty for none.
         environment: Environment variables; PEOPLE4D_MODELS may name a folder.
     """
     named = (configured, environment.get("PEOPLE4D_MODELS", ""))
-    places = [Path(folder).expanduser() for folder in named if folder]
-    return (*places, REPOSITORY / "models", HOME_FOLDER.expanduser())
+    own = [Path(folder).expanduser() for folder in named if folder]
+    return (*own, REPOSITORY / "models", HOME_FOLDER.expanduser())
 
 
-def find(model: ModelFile, places: Sequence[Path]) -> Path:
+def find(model: ModelFile, searched: Sequence[Path]) -> Path:
     """Return the path of a model's file.
 
     Args:
         model: Model of the manifest.
-        places: Folders to search, the first that has the file wins.
+        searched: Folders, of which the first with the file counts.
 
     Raises:
         ModelError: No folder has the file.
     """
-    for folder in places:
+    for folder in searched:
         path = folder / model.file
         if path.is_file():
             return path
-    searched = ", ".join(map(str, places))
-    raise ModelError(f"model {model.name}: {model.file} is in none of {searched}", model.get)
+    names = ", ".join(map(str, searched))
+    raise ModelError(f"model {model.name}: {model.file} is in none of {names}", model.get)
 
 
 def checksum(path: Path) -> str:
@@ -133,7 +133,7 @@ def checksum(path: Path) -> str:
 
 
 def verify(path: Path, sha256: str) -> None:
-    """Check that a file is the one that was asked for.
+    """Check the checksum of a file.
 
     Args:
         path: The file.
@@ -148,5 +148,5 @@ def verify(path: Path, sha256: str) -> None:
     if got != sha256:
         raise ModelError(
             f"model file {path}: expected sha256 {sha256}, got {got}",
-            "It is cut or altered: remove it and get it again, see people4d models.",
+            "It is truncated or altered: remove it and get it again, see people4d models.",
         )

@@ -1,21 +1,21 @@
-"""YAML that says no more than it holds."""
+"""Untrusted YAML, without aliases and bounded in size and depth."""
 
 from typing import Any
 
 import yaml
 
 MAX_CHARACTERS = 2**18
-MAX_DEPTH = 32  # of lists and maps in one another
+MAX_DEPTH = 32  # of nested lists and maps
 
-# The one of libyaml where there is one: it does not recurse, and is quick.
+# libyaml's loader, where installed, does not recurse and is quick.
 EVENTS: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML without aliases: a few lines of them say a list as long as one likes.
+    """Parse YAML without aliases, a few lines of which expand to a list of any length.
 
     Raises:
-        ValueError: It is no YAML, is too long or too deep, or has aliases.
+        ValueError: It is not YAML, is too long or too deep, or has aliases.
     """
     if len(text) > MAX_CHARACTERS:
         raise ValueError(f"it is longer than {MAX_CHARACTERS} characters")

@@ -74,7 +74,7 @@ def render(
     recording = shelf.path(count)
     _write_recording(order, pieces, recording)
     if outputs.bag:
-        export(recording, outputs.bag, progress=partial(progress, "writing the bag"))
+        export(recording, outputs.bag, on_progress=partial(progress, "writing the bag"))
     if outputs.truth:
         join_frames(outputs.truth, [_truth_of(piece) for piece in pieces])
     if outputs.recording:

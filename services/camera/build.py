@@ -7,5 +7,5 @@ from services.camera.sources import open_source
 
 
 def build(config: CameraConfig) -> Node:
-    """Make the camera; its source is opened here, so that a wrong one is told at start."""
+    """Make the camera; its source is opened here, so that a wrong one is reported at start."""
     return CameraNode(config, open_source(config.source, config.kind, config.options))

@@ -29,12 +29,12 @@ class Intrinsics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     cx: float  # [px] principal point, horizontal
     cy: float  # [px] principal point, vertical
     distortion: tuple[float, ...] = ()  # k1 k2 p1 p2 k3 k4 k5 k6; 0, 4, 5 or 8 of them
-    width: int = 0  # [px] of its images; 0: as they come
-    height: int = 0  # [px] of its images; 0: as they come
+    width: int = 0  # [px] of its images; 0: any
+    height: int = 0  # [px] of its images; 0: any
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is known of a camera; what is None is not known."""
+    """Calibration of an RGB-D camera; None is unknown."""
 
     colour: Intrinsics | None = None  # the colour camera
     depth: Intrinsics | None = None  # the depth camera; None if depth is aligned to colour
@@ -46,7 +46,7 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class MatNames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where a MATLAB file keeps what; dots go into structures, an empty name means absent."""
+    """Names of variables in a MATLAB file; dots lead into structures, an empty name is absent."""
 
     colour: str = "RGB_cam.K"  # 3x3 matrix of the colour camera
     colour_distortion: str = "RGB_cam.DistCoef"  # its distortion
@@ -96,7 +96,7 @@ def camera_info(
         frame_id: Name of its optical frame.
 
     Raises:
-        SourceError: The calibration is of another image size, or its numbers cannot be used.
+        SourceError: The calibration is of another image size, or its numbers are invalid.
     """
     height, width = size
     if (intrinsics.height or height, intrinsics.width or width) != size:
@@ -144,7 +144,7 @@ def static_transform(parent: str, child: str, matrix: F64) -> StaticTransform:
 def registration(
     calibration: Calibration, colour: CameraInfo, depth_size: tuple[int, int]
 ) -> Registration | None:
-    """Return what registers depth to colour; None if the calibration says it is aligned."""
+    """Return the registration of depth to colour; None if depth is aligned."""
     if calibration.depth is None:
         return None
     colour_from_depth = np.eye(4)
@@ -152,14 +152,14 @@ def registration(
         colour_from_depth[:3, :3] = calibration.rotation
     colour_from_depth[:3, 3] = calibration.translation_m
     depth = camera_info(calibration.depth, depth_size, "depth")
-    static_transform("colour", "depth", colour_from_depth)  # refuses what is not rigid
+    static_transform("colour", "depth", colour_from_depth)  # checks that it is rigid
     return Registration(depth, colour, colour_from_depth, calibration.depth_offset_px)
 
 
 def frame_name(name: str) -> str:
     """Return the name of a frame as messages allow it: no slashes, at most 64 characters."""
-    kept = re.sub(r"[^A-Za-z0-9_.-]", "_", name.strip("/")).lstrip(".-")
-    return kept[:64] or OPTICAL_FRAME
+    allowed = re.sub(r"[^A-Za-z0-9_.-]", "_", name.strip("/")).lstrip(".-")
+    return allowed[:64] or OPTICAL_FRAME
 
 
 def _from_table(table: Mapping[str, Any]) -> Calibration:
@@ -194,7 +194,7 @@ def _from_camera_info(table: Any) -> Calibration:
 
 
 def _from_npz(path: Path) -> Calibration:
-    """Read K and, if the camera stands still, T_world_cam."""
+    """Read K and the poses T_world_cam, of which the first is the mount."""
     arrays = read_arrays(path, ["K"], ["T_world_cam"])
     poses = arrays.get("T_world_cam")
     colour = _intrinsics(arrays["K"])
@@ -202,11 +202,11 @@ def _from_npz(path: Path) -> Calibration:
         return Calibration(colour=colour)
     if poses.shape[1:] != (4, 4) or not len(poses):
         raise ValueError(f"T_world_cam: expected Nx4x4, got {poses.shape}")
-    # A camera that moves sits on the base, which is at the origin when the sequence begins.
-    still = bool(np.allclose(poses, poses[:1], atol=1e-6))
+    # A moving camera is on the base, which is at the origin at the start of the sequence.
+    static = bool(np.allclose(poses, poses[:1], atol=1e-6))
     rows = tuple(tuple(row) for row in poses[0].tolist())
     return Calibration(
-        colour=colour, parent="map" if still else "base_link", parent_from_optical=rows
+        colour=colour, parent="map" if static else "base_link", parent_from_optical=rows
     )
 
 

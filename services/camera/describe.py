@@ -12,14 +12,12 @@ from people4d.messages import CameraInfo
 from people4d.topics import prefix, topic_of_key
 from services.camera.folder.source import TRACK, FolderOptions, FolderSource
 from services.camera.recording import RecordingOptions, RecordingSource
-from services.camera.ros.bag_reader import open_bag
 from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.source import RosbagSource
-from services.camera.ros.topics import ODOMETRY
+from services.camera.ros.types import ODOMETRY, PEOPLE, open_bag
 from services.camera.source import Source
 from services.camera.sources import kind_of
 
-PEOPLE = "people_msgs/msg/People"
 FRAMES = ("CompressedRgbdFrame", "RgbdFrame")
 
 S = TypeVar("S", bound=Source)

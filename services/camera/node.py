@@ -1,4 +1,4 @@
-"""The camera: frames from a source, at the pace that is wanted."""
+"""The camera: frames from a source, live, as recorded or in lockstep."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 FRAMES_AHEAD = 4
 POLL_NS = 2_000_000
 STOP_S = 2.0
-OLDEST_NS = 1_000_000_000  # a live frame that is older has the stamp of another clock
+MAX_AGE_NS = 1_000_000_000  # the stamp of an older live frame is of another clock
 
 ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
 
@@ -41,12 +41,11 @@ ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
 class CameraNode(Node):
     """Publishes calibration and transform once, then frames and odometry.
 
-    A thread reads and decodes ahead. It wakes the loop when there is news; without a
-    loop, `wake_ns` asks for a tick every 2 ms.
+    A thread reads and decodes ahead and wakes the loop; without a loop, `wake_ns` polls every 2 ms.
 
     Args:
-        config: What to play and how.
-        source: Where frames come from; closed with the node.
+        config: Configuration.
+        source: Source of the frames; closed with the node.
 
     Raises:
         ConfigError: The playback does not suit the source.
@@ -74,13 +73,13 @@ class CameraNode(Node):
         )
         self._prefetch = Prefetch(lambda: play(source, selection), FRAMES_AHEAD, source.live)
         self._wake: Callable[[], None] | None = None
-        self._begin_ns: int | None = None  # when frames may go out
+        self._begin_ns: int | None = None  # time from which frames are sent
         self._tick_ns = 0
         self._stamp_ns: int | None = None
         self._sequence = 0
-        self._leaving: RgbdFrame | None = None  # shall be sent compressed, too
-        self._next_leaving_ns = 0
-        self._ignored = False  # frames were given up and no answer came since
+        self._to_compress: RgbdFrame | None = None  # sent compressed in the next tick
+        self._next_compressed_ns = 0
+        self._unanswered = False  # frames timed out without an answer since
         self._counters: Counter[str] = Counter()
 
     def attach(self, loop: LoopCallbacks) -> None:
@@ -88,14 +87,18 @@ class CameraNode(Node):
         self._wake = loop.wake
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Take an answer to a frame; the tick that follows sends the next. Pass motion on."""
+        """Register an answer, after which `tick` sends the next frame; forward motion."""
         if self._motion and type(message) not in self.inputs:
             parents = [self._info.frame_id, *(t.parent for t in self._transforms)]
             return self._motion.convert(message, parents)
         answer = ANSWERS[self._config.answer]
-        if isinstance(message, answer) and getattr(message, "camera", "") == self._info.camera:
+        if (
+            isinstance(message, Tracks | Detections)
+            and isinstance(message, answer)
+            and message.camera == self._info.camera
+        ):
             self._pacing.answered(message.stamp_ns)
-            self._ignored = False
+            self._unanswered = False
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
@@ -106,15 +109,15 @@ class CameraNode(Node):
             self._prefetch.start(self._wake or (lambda: None))
             return [self._info, *self._transforms]
         given_up = self._pacing.give_up(now_ns)
-        self._ignored = self._ignored or given_up > 0
+        self._unanswered = self._unanswered or given_up > 0
         self._counters["unanswered"] += given_up
         outputs: list[Message] = []
-        # One frame at a time: each has its own time of sending.
+        # One frame a tick: each has its own time of sending.
         while self._is_due(now_ns) and not any(isinstance(m, RgbdFrame) for m in outputs):
             outputs += self._message(self._prefetch.take(), now_ns)
-        if not outputs and self._leaving:  # in its own turn, so that it holds up no frame
-            outputs = [compress(self._leaving)]
-            self._leaving = None
+        if not outputs and self._to_compress:  # in a tick of its own, so that it delays no frame
+            outputs = [compress(self._to_compress)]
+            self._to_compress = None
         return outputs
 
     def wake_ns(self) -> int | None:
@@ -123,7 +126,7 @@ class CameraNode(Node):
             return self._tick_ns
         if self._tick_ns < self._begin_ns:
             return self._begin_ns
-        if self._leaving:
+        if self._to_compress:
             return self._tick_ns
         times = [self._pacing.wake_ns()]
         item = self._prefetch.peek()
@@ -134,22 +137,22 @@ class CameraNode(Node):
         return min((time_ns for time_ns in times if time_ns is not None), default=None)
 
     def status(self) -> Status:
-        """Say whether frames come, and what was dropped and why."""
+        """Return whether frames come, and the drops by cause."""
         counters = Counter(self._source.counters) + self._counters
         counters += Counter(self._motion.counters if self._motion else {})
         counters += Counter(source_errors=self._prefetch.errors, skipped=self._prefetch.skipped)
         reason = self._prefetch.reason
-        if self._ignored and not reason:
+        if self._unanswered and not reason:
             reason = f"frames get no answer on {self._config.answer}"
         if self._motion and self._motion.silent and self._sequence and not reason:
-            reason = f"nothing comes on {', '.join(self._motion.silent)}"
+            reason = f"no messages on {', '.join(self._motion.silent)}"
         if self._is_finished():
             if counters["cut_short"]:
-                reason = reason or "the recording is cut short, what lies before was played"
+                reason = reason or "the recording is cut short and was played up to there"
             if not self._sequence:
-                left_out = ", ".join(f"{name} {count}" for name, count in counters.items() if count)
+                dropped = ", ".join(f"{name} {count}" for name, count in counters.items() if count)
                 reason = reason or "the source had no frame that could be played"
-                reason += f" ({left_out})" if left_out else ""
+                reason += f" ({dropped})" if dropped else ""
             return Status(state="finished", reason=reason, counters=counters)
         if reason:
             return Status(state="degraded", reason=reason, counters=counters)
@@ -161,7 +164,7 @@ class CameraNode(Node):
         self._source.close()
 
     def _is_finished(self) -> bool:
-        # Asked in this order: an item put before the end was noted is still seen.
+        # In this order, so that an item put before the end is still found.
         ended = self._prefetch.ended
         return ended and self._prefetch.peek() is None and self._pacing.wake_ns() is None
 
@@ -170,7 +173,7 @@ class CameraNode(Node):
         if item is None or now_ns < (self._begin_ns or 0):
             return False
         if not isinstance(item, SourceFrame):
-            return True  # odometry follows the frame before it: consumers join it by stamp
+            return True  # motion is sent with the frame before it: consumers join it by stamp
         due_ns = self._pacing.due_ns(item.stamp_ns, now_ns)
         return due_ns is not None and due_ns <= now_ns
 
@@ -181,7 +184,7 @@ class CameraNode(Node):
         jumped = self._stamp_ns is not None and is_jump(capture.stamp_ns - self._stamp_ns)
         self._counters["stamp_jumps"] += jumped
         self._stamp_ns = capture.stamp_ns
-        if self._source.live:  # reading ahead from a file is no part of a frame's way
+        if self._source.live:  # reading ahead from a file is no part of the latency
             record("capture", _acquired_ns(reading, capture), reading.end_ns)
         with span("release"):
             frame = self._frame(capture)
@@ -189,9 +192,9 @@ class CameraNode(Node):
             return []
         self._pacing.sent(capture.stamp_ns, now_ns)
         self._sequence += 1
-        if self._config.compressed_hz and now_ns >= self._next_leaving_ns:
-            self._leaving = frame
-            self._next_leaving_ns = now_ns + int(1e9 / self._config.compressed_hz)
+        if self._config.compressed_hz and now_ns >= self._next_compressed_ns:
+            self._to_compress = frame
+            self._next_compressed_ns = now_ns + int(1e9 / self._config.compressed_hz)
         return [frame]
 
     def _frame(self, capture: SourceFrame) -> RgbdFrame | None:
@@ -214,13 +217,13 @@ class CameraNode(Node):
 
 
 def _acquired_ns(reading: PrefetchedItem, capture: SourceFrame) -> int:
-    """Return the wall clock when a live frame was seen, else when its reading began.
+    """Return the acquisition time of a live frame, or when its reading began.
 
-    Waiting for a camera that has nothing new is no latency, but a frame that grows old in its
-    driver is. A stamp that cannot be of this clock tells neither.
+    Waiting for a new image is no latency, but ageing in the driver is. A stamp that cannot be of
+    this clock is ignored.
     """
     age_ns = reading.end_ns - capture.stamp_ns
-    return capture.stamp_ns if 0 <= age_ns < OLDEST_NS else reading.start_ns
+    return capture.stamp_ns if 0 <= age_ns < MAX_AGE_NS else reading.start_ns
 
 
 def _motion(config: CameraConfig) -> "LiveMotion | None":
@@ -233,9 +236,9 @@ def _motion(config: CameraConfig) -> "LiveMotion | None":
 
 def _pacing(config: CameraConfig, live: bool) -> Pacing:
     if config.playback not in ("auto", *(("live",) if live else ("recorded", "lockstep"))):
-        what = "live camera" if live else "recording"
+        kind = "live camera" if live else "recording"
         raise ConfigError(
-            f"playback: expected another for a {what}, got {config.playback}",
+            f"playback: expected another for a {kind}, got {config.playback}",
             "Leave it on auto.",
         )
     if config.playback == "lockstep":
@@ -245,7 +248,7 @@ def _pacing(config: CameraConfig, live: bool) -> Pacing:
 
 def _info(config: CameraConfig, source: Source) -> CameraInfo:
     camera = config.camera or source.info.camera
-    # A source that knows no frame name must not share one with another camera.
+    # Two cameras without frame names must not share one.
     unnamed = source.info.frame_id == OPTICAL_FRAME
     return msgspec.structs.replace(
         source.info,
@@ -259,12 +262,12 @@ def _info(config: CameraConfig, source: Source) -> CameraInfo:
 
 
 def _transforms(config: CameraConfig, source: Source, frame_id: str) -> list[StaticTransform]:
-    """Take the source's transforms, else the configured mount."""
+    """Return the source's transforms, else the configured mount."""
     if source.transforms or source.moves:
-        known = source.info.frame_id
+        own = source.info.frame_id
         return [
             msgspec.structs.replace(
-                transform, child=frame_id if transform.child == known else transform.child
+                transform, child=frame_id if transform.child == own else transform.child
             )
             for transform in source.transforms
         ]

@@ -1,59 +1,59 @@
-"""When the next frame may go out."""
+"""Pacing of frames: live, as recorded, or in lockstep with the answers."""
 
 from typing import Protocol
 
 MAX_GAP_NS = 10_000_000_000  # a longer pause in the stamps is a jump of the clock
-MAX_LATE_NS = 1_000_000_000  # further behind, lost time is not made good
+MAX_LATE_NS = 1_000_000_000  # beyond this delay, lost time is not caught up
 
 
 class Pacing(Protocol):
-    """Decides when frames go out; all times are monotonic, all stamps the frames' own."""
+    """Times at which frames are sent; times are monotonic, stamps those of the frames."""
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:
-        """Return when the next frame may go, None if that depends on an answer."""
+        """Return the time to send the next frame, None if it waits for an answer."""
         ...
 
     def sent(self, stamp_ns: int, now_ns: int) -> None:
-        """Note that the frame went out."""
+        """Register a sent frame."""
         ...
 
     def answered(self, stamp_ns: int) -> None:
-        """Note that a frame was answered."""
+        """Register the answer to a frame."""
         ...
 
     def give_up(self, now_ns: int) -> int:
-        """Forget frames that waited too long for an answer and return how many."""
+        """Drop frames that waited too long for an answer and return their number."""
         ...
 
     def wake_ns(self) -> int | None:
-        """Return when `give_up` is wanted, None while nothing waits."""
+        """Return the next deadline for `give_up`, None if no frame waits."""
         ...
 
 
 class LivePacing:
-    """A live camera paces itself."""
+    """Frames are sent as they come: a live camera paces itself."""
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:  # noqa: ARG002
         """Return now."""
         return now_ns
 
     def sent(self, stamp_ns: int, now_ns: int) -> None:
-        """Note nothing."""
+        """Do nothing."""
 
     def answered(self, stamp_ns: int) -> None:
-        """Need no answers."""
+        """Do nothing."""
 
     def give_up(self, now_ns: int) -> int:  # noqa: ARG002
-        """Wait for nothing."""
+        """Return 0."""
         return 0
 
     def wake_ns(self) -> int | None:
-        """Wait for nothing."""
+        """Return None."""
         return None
 
 
 class RecordedPacing(LivePacing):
-    """The distances in time at which frames were recorded.
+    """Frames are sent at the intervals at which they were recorded.
 
     Args:
         speed: 2 plays twice as fast.
@@ -66,14 +66,14 @@ class RecordedPacing(LivePacing):
         self._gap_ns = 0
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:
-        """Return the due time of the last frame and the gap; over a jump the gap before it."""
+        """Return the due time of the last frame plus the interval; over a jump, the one before."""
         if self._stamp_ns is None:
             return now_ns
         due_ns = self._due_ns + int(self._gap(stamp_ns) / self._speed)
         return now_ns if now_ns - due_ns > MAX_LATE_NS else due_ns
 
     def sent(self, stamp_ns: int, now_ns: int) -> None:
-        """Count on from when the frame was due, so that delays do not add up."""
+        """Continue from the time at which the frame was due, so that delays do not add up."""
         due_ns = self.due_ns(stamp_ns, now_ns)
         if self._stamp_ns is not None:
             self._gap_ns = self._gap(stamp_ns)
@@ -85,11 +85,11 @@ class RecordedPacing(LivePacing):
 
 
 class LockstepPacing:
-    """As fast as the pipeline goes: a frame goes out when few enough are unanswered.
+    """Frames are sent as fast as the pipeline answers.
 
     Args:
         window: Frames that may be unanswered.
-        timeout_ns: Time after which a frame is given up.
+        timeout_ns: Time after which the answer is no longer expected.
     """
 
     def __init__(self, window: int, timeout_ns: int) -> None:
@@ -99,20 +99,20 @@ class LockstepPacing:
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:
         """Return now while there is room in the window."""
-        # Frames with one and the same stamp could not be told apart in their answers.
+        # Answers to frames of the same stamp could not be distinguished.
         room = len(self._waiting) < self._window and stamp_ns not in self._waiting
         return now_ns if room else None
 
     def sent(self, stamp_ns: int, now_ns: int) -> None:
-        """Wait for the answer."""
+        """Expect an answer."""
         self._waiting[stamp_ns] = now_ns + self._timeout_ns
 
     def answered(self, stamp_ns: int) -> None:
-        """Make room; an answer to nothing that waits is ignored."""
+        """Make room; other answers are ignored."""
         self._waiting.pop(stamp_ns, None)
 
     def give_up(self, now_ns: int) -> int:
-        """Forget frames whose time is over."""
+        """Drop frames past their deadline."""
         over = [stamp_ns for stamp_ns, end_ns in self._waiting.items() if end_ns <= now_ns]
         for stamp_ns in over:
             del self._waiting[stamp_ns]
@@ -124,5 +124,5 @@ class LockstepPacing:
 
 
 def is_jump(gap_ns: int) -> bool:
-    """Tell whether stamps that far apart cannot be those of two frames in a row."""
+    """Check for an interval that two consecutive frames cannot have."""
     return not 0 < gap_ns <= MAX_GAP_NS

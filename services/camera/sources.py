@@ -1,4 +1,4 @@
-"""The sources by name, and how one is found from a path."""
+"""Sources by kind, and the kind of a path."""
 
 import importlib
 import re
@@ -41,13 +41,13 @@ def _folder(path: str, options: Mapping[str, Any]) -> Source:
 
 
 def _lab(name: str, options: Mapping[str, Any]) -> Source:
-    # By name, since the lab stands above the services: it uses their cameras and recordings.
+    # By name, since the lab is a layer above the services.
     lab = importlib.import_module("lab.source")
     source: Source = lab.open_source(name.removeprefix(LAB), options)
     return source
 
 
-# Imported on use: a process that plays a folder does not pay for ROS bags.
+# Imported on use, since ROS bags take long to import.
 SOURCES: dict[str, Factory] = {
     "recording": _recording,
     "rosbag": _rosbag,
@@ -64,10 +64,10 @@ def open_source(
     Args:
         source: Path, `lab:NAME` of a scenario, or `module:Class` of a plug-in camera.
         kind: Name in SOURCES, "plugin", or "auto" to find it from the path.
-        options: What the kind of source takes; a plug-in gets them as keyword arguments.
+        options: Of the kind of source; a plug-in gets them as keyword arguments.
 
     Raises:
-        SourceError: There is no such source, or it cannot be read.
+        SourceError: The source does not exist or cannot be read.
         ConfigError: An option is unknown or wrong.
     """
     options = options or {}
@@ -85,7 +85,7 @@ def kind_of(source: str) -> str:
     """Return the kind of source that a path, `lab:NAME` or `module:Class` names.
 
     Raises:
-        SourceError: Nothing is there, or it is nothing that can be opened.
+        SourceError: The path does not exist, or is of no known kind.
     """
     path = Path(source)
     if not source or not path.exists():
@@ -105,7 +105,7 @@ def kind_of(source: str) -> str:
     if path.suffix == ".mcap":
         return "rosbag" if read_profile(path).startswith("ros") else "recording"
     raise SourceError(
-        f"source {source} is no recording that is known",
+        f"source {source} is not a known kind of recording",
         "Known are .bag, .db3, .mcap, folders of a ROS 2 bag and folders of images.",
     )
 
@@ -135,7 +135,7 @@ def _plugin(name: str, options: Mapping[str, Any]) -> Source:
         source: object = factory(**options)
     except SourceError:
         raise
-    except Exception as error:  # whatever a camera's SDK raises
+    except Exception as error:  # a camera's SDK may raise anything
         raise SourceError(f"camera {name} cannot be opened: {error}") from error
     if not isinstance(source, Source):
         raise SourceError(

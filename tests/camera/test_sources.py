@@ -131,7 +131,7 @@ def test_the_path_tells_the_kind(tmp_path: Path) -> None:
         ("a.mcap", b"\x89MCAP0\r\n\x01" + bytes(100), "is not a recording"),
         ("a.bag", b"junk", "cannot be opened"),
         ("a.db3", b"junk", "cannot be opened"),
-        ("a.mp4", b"junk", "no recording that is known"),
+        ("a.mp4", b"junk", "is not a known kind of recording"),
     ],
 )
 def test_junk_is_refused_in_one_sentence(tmp_path: Path, name: str, data: bytes, told: str) -> None:

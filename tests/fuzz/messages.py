@@ -14,11 +14,11 @@ from people4d.codec import MESSAGES, decode, encode
 from people4d.errors import DecodeError
 from people4d.messages import CompressedRgbdFrame, Detections, Message
 from services.camera.config import MotionConfig
-from services.camera.ros.bag_reader import RGBD, RGBD_DEFINITION
 from services.camera.ros.calibration import TransformTree, intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
 from services.camera.ros.motion import JointConfig, odometry_of
+from services.camera.ros.types import RGBD, RGBD_DEFINITION
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.live import LiveTruth
 from services.gt_bridge.sources.people_msgs import PEOPLE, people_typestore, truth_of

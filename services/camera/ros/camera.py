@@ -1,4 +1,4 @@
-"""What a bag says of its camera: calibration, mounting, and whether depth is aligned."""
+"""Camera of a bag: calibration, mount, and registration of depth."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
+from common.config import Config
 from common.io.ros_bag import Bag
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import U8, U16, CameraInfo, StaticTransform
@@ -25,14 +25,15 @@ from services.camera.folder.registration import Registration
 from services.camera.ros.calibration import TransformTree, intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.motion import JointConfig
-from services.camera.ros.topics import TRANSFORMS, Topics
+from services.camera.ros.topics import Topics
+from services.camera.ros.types import OLD_TF, TF
 
-TF_HEADS = 2000  # messages of /tf in which is looked for what moves: some ten seconds
-MAX_BAD_HEADS = 30  # images tried before a topic is given up: one second
+TF_HEADS = 2000  # messages of /tf that are searched for moving transforms: some ten seconds
+MAX_BAD_HEADS = 30  # corrupt images after which a topic is unusable: one second
 
 
-class RosbagOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What can be chosen in a bag; topics that are empty are found by type and name."""
+class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Options of a bag; empty topics are found by type and name."""
 
     colour_topic: str = ""  # Image, CompressedImage or realsense2_camera_msgs/RGBD
     depth_topic: str = ""  # Image or CompressedImage; 16UC1 in mm or 32FC1 in m
@@ -40,8 +41,8 @@ class RosbagOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     depth_info_topic: str = ""  # CameraInfo of depth, for depth that is not aligned
     odometry_topic: str = ""  # nav_msgs/Odometry; found if there is one
     sync_slop_s: float = 0.5  # [s] largest distance in time of colour and depth
-    map_frame: str = "map"  # frame of the bag that becomes `map`
-    tf_as_static: bool = False  # True: take /tf as static too (a camera that stands still)
+    map_frame: str = "map"  # frame of the bag that is renamed to `map`
+    tf_as_static: bool = False  # True: take /tf as static too (a camera that never moves)
     # Wheels of a base without odometry: sensor_msgs/JointState, or a topic of a number
     # (std_msgs) for the left wheel and one for the right
     wheel_topics: tuple[str, ...] = ()
@@ -52,12 +53,12 @@ class RosbagOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 @dataclass(frozen=True)
-class Mounting:
-    """Where a camera sits in the map or on the base, as far as the bag says.
+class CameraMount:
+    """Mount of a camera in the map or on the base.
 
     Args:
-        transforms: Those that stand.
-        moving: Parent and child of those that /tf tells anew each time.
+        transforms: Static ones.
+        moving: Parent and child of the moving ones in /tf.
     """
 
     transforms: list[StaticTransform]
@@ -70,12 +71,12 @@ class RosCamera:
 
     Args:
         info: Calibration of colour.
-        mounting: Where it sits.
+        mount: Its mount.
         registration: Moves depth into the view of colour; None if it is there already.
     """
 
     info: CameraInfo
-    mounting: Mounting
+    mount: CameraMount
     registration: Registration | None
 
 
@@ -107,10 +108,10 @@ def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
     if not options.tf_as_static:
         _add_moving(bag, tree)
     base = _base(bag, topics, options)
-    mounting = _on_what_moves(tree, colour.frame, base, options) or _on_what_stands(
+    mount = _moving_mount(tree, colour.frame, base, options) or _static_mount(
         tree, colour.frame, base, options
     )
-    return RosCamera(info, mounting, register)
+    return RosCamera(info, mount, register)
 
 
 def _heads(bag: Bag, topics: Topics) -> tuple[_Head, _Head]:
@@ -135,7 +136,7 @@ def _head(bag: Bag, topic: str, info_topic: str, decode: Callable[[Any], U8 | U1
             reason = error.problem
             continue
         return _Head(size, _frame(message), bag.first(info_topic) if info_topic else None)
-    raise SourceError(f"{topic} has no image that can be read: {reason}")
+    raise SourceError(f"{topic} has no readable image: {reason}")
 
 
 def _size(decode: Callable[[Any], U8 | U16], message: Any) -> tuple[int, int]:
@@ -152,7 +153,7 @@ def _tree(bag: Bag, tf_as_static: bool) -> TransformTree:
     wanted = [
         topic
         for topic, kind in bag.types.items()
-        if kind in TRANSFORMS and (tf_as_static or topic.endswith("tf_static"))
+        if kind in (TF, OLD_TF) and (tf_as_static or topic.endswith("tf_static"))
     ]
     for _, _, message in bag.messages(wanted):
         tree.add(message)
@@ -218,7 +219,7 @@ def _add_moving(bag: Bag, tree: TransformTree) -> None:
     wanted = [
         topic
         for topic, kind in bag.types.items()
-        if kind in TRANSFORMS and not topic.endswith("tf_static")
+        if kind in (TF, OLD_TF) and not topic.endswith("tf_static")
     ]
     for _, _, message in islice(bag.messages(wanted), TF_HEADS):
         tree.add_moving(message)
@@ -234,42 +235,42 @@ def _base(bag: Bag, topics: Topics, options: RosbagOptions) -> tuple[str, str] |
     return odometry.header.frame_id.strip("/"), odometry.child_frame_id.strip("/")
 
 
-def _on_what_moves(
+def _moving_mount(
     tree: TransformTree, optical: str, base: tuple[str, str] | None, options: RosbagOptions
-) -> Mounting | None:
-    """Return the way from the camera to the map, else to the base, else as far as /tf moves it.
+) -> CameraMount | None:
+    """Return the path from the camera to the map, else to the base, else to the root of /tf.
 
     Returns:
-        None if /tf moves nothing on that way, beside what odometry tells.
+        None if nothing on that path moves beside odometry.
     """
-    way = tree.climb(optical)
-    frames = [parent for parent, _, _ in way]
+    path = tree.climb(optical)
+    frames = [parent for parent, _, _ in path]
     if options.map_frame in frames:
-        way = way[: frames.index(options.map_frame) + 1]
+        path = path[: frames.index(options.map_frame) + 1]
     elif base and base[1] in frames:
-        way = way[: frames.index(base[1]) + 1]
-    moving = [(parent, child) for parent, child, matrix in way if matrix is None]
+        path = path[: frames.index(base[1]) + 1]
+    moving = [(parent, child) for parent, child, matrix in path if matrix is None]
     moving = [edge for edge in moving if edge != base]
     if not moving:
         return None
     names = {options.map_frame: "map"}
-    standing = [
+    static = [
         static_transform(names.get(parent, parent), child, matrix)
-        for parent, child, matrix in way
+        for parent, child, matrix in path
         if matrix is not None
     ]
-    return Mounting(standing, tuple(moving))
+    return CameraMount(static, tuple(moving))
 
 
-def _on_what_stands(
+def _static_mount(
     tree: TransformTree, optical: str, base: tuple[str, str] | None, options: RosbagOptions
-) -> Mounting:
-    """Find where the camera sits: in the map, else on the base that odometry moves."""
+) -> CameraMount:
+    """Return the mount in the map, else on the base of odometry."""
     parents = {options.map_frame: "map"}
     if base:
         parents[base[1]] = base[1]
     for frame, name in parents.items():
         matrix = tree.find(frame, optical)
         if matrix is not None:
-            return Mounting([static_transform(name, optical, matrix)])
-    return Mounting([])
+            return CameraMount([static_transform(name, optical, matrix)])
+    return CameraMount([])

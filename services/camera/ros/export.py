@@ -1,4 +1,4 @@
-"""Our recordings as ROS 2 bags, with the topics of a RealSense driver."""
+"""Recordings of ours as ROS 2 bags, with the topics of a RealSense driver."""
 
 import heapq
 import shutil
@@ -27,12 +27,10 @@ from common.io.recording import open_recording
 from people4d.errors import SourceError
 from people4d.messages import CameraInfo, MovingTransform, Odometry, StaticTransform, Tracks, Truth
 from services.camera.recording import RecordingOptions, RecordingSource
-from services.camera.ros.messages import PEOPLE, RosMessages, export_types
+from services.camera.ros.messages import RosMessages, export_types
+from services.camera.ros.types import CAMERA_INFO, COMPRESSED, IMAGE, ODOMETRY, PEOPLE, TF
 from services.camera.source import MotionMessage, SourceFrame
 
-IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-INFO = "sensor_msgs/msg/CameraInfo"
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
 VERSION: Literal[8] = 8  # of the bag's metadata: what ROS 2 from Humble on reads
 QUALITY = 95  # of JPEG colour, so that coding it a second time adds little
 
@@ -55,7 +53,7 @@ LATCHED = VOLATILE._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 
 @dataclass(frozen=True, slots=True)
 class BagFormat:
-    """How a bag is written.
+    """Format of a bag.
 
     Args:
         storage: Name in STORAGES.
@@ -75,18 +73,18 @@ BagEntry = tuple[str, str, Any]  # topic, type and message
 def export(
     recording: Path,
     out: Path,
-    layout: BagFormat = BagFormat(),
+    bag_format: BagFormat = BagFormat(),
     camera: str = "",
-    progress: Callable[[float], object] = float,
+    on_progress: Callable[[float], object] = float,
 ) -> dict[str, int]:
     """Write one camera of a recording, odometry, people and truth to a new ROS 2 bag.
 
     Args:
         recording: File of ours.
         out: Folder of the bag; must not exist.
-        layout: How the bag is written.
+        bag_format: Format of the bag.
         camera: Which camera; may be empty where there is only one.
-        progress: Called with the share of the recording that is done, 0 to 1.
+        on_progress: Called with the fraction that is done, 0 to 1.
 
     Returns:
         Number of messages by topic.
@@ -105,11 +103,11 @@ def export(
     first = next(items, None)
     if first is None:
         raise SourceError(f"recording {recording} has nothing that ROS has messages for")
-    with BagWriter(out, source.info, layout) as bag:
+    with BagWriter(out, source.info, bag_format) as bag:
         bag.write_transforms(source.transforms, first.stamp_ns)
         for item in chain([first], items):
             bag.write(item)
-            progress(min(1.0, (item.stamp_ns - first.stamp_ns) / duration_ns))
+            on_progress(min(1.0, (item.stamp_ns - first.stamp_ns) / duration_ns))
     return bag.counts
 
 
@@ -121,29 +119,29 @@ class BagWriter:
     Args:
         path: Folder of the bag; must not exist.
         info: Calibration of colour.
-        layout: How it is written.
+        bag_format: Its format.
 
     Raises:
         SourceError: The folder exists or cannot be written.
     """
 
-    def __init__(self, path: Path, info: CameraInfo, layout: BagFormat = BagFormat()) -> None:
+    def __init__(self, path: Path, info: CameraInfo, bag_format: BagFormat = BagFormat()) -> None:
         self.counts: dict[str, int] = {}  # messages by topic
         self._path = path
         self._info = info
-        self._layout = layout
+        self._format = bag_format
         self._store = export_types()
         self._ros = RosMessages(self._store)
         self._connections: dict[str, Connection] = {}
         try:
-            plugin = STORAGES[layout.storage]
+            plugin = STORAGES[bag_format.storage]
             self._writer = Writer(path, version=VERSION, storage_plugin=plugin)
             self._writer.open()
         except (OSError, WriterError) as error:
             raise SourceError(f"bag {path} cannot be written: {error}") from error
 
     def write(self, item: ExportItem) -> None:
-        """Append what a camera, a tracker or motion capture saw, at the time of its stamp.
+        """Append an item at the time of its stamp.
 
         Raises:
             SourceError: The bag cannot be written, for example because the disk is full.
@@ -152,10 +150,10 @@ class BagWriter:
             self._append(entry, item.stamp_ns)
 
     def write_transforms(self, transforms: Sequence[StaticTransform], time_ns: int) -> None:
-        """Append what does not move, for late subscribers too."""
+        """Append static transforms, for late subscribers too."""
         if transforms:
             message = self._ros.transforms(transforms, time_ns)
-            self._append(("/tf_static", TRANSFORMS, message), time_ns)
+            self._append(("/tf_static", TF, message), time_ns)
 
     def __enter__(self) -> Self:
         return self
@@ -167,7 +165,7 @@ class BagWriter:
         trace: TracebackType | None,
     ) -> None:
         if error is None:
-            with self._told():
+            with self._source_errors():
                 self._writer.close()
         else:
             self._writer.abort()
@@ -177,11 +175,11 @@ class BagWriter:
         ros = self._ros
         if isinstance(item, Odometry):
             return [
-                ("/odom", "nav_msgs/msg/Odometry", ros.odometry(item)),
-                ("/tf", TRANSFORMS, ros.base_transform(item)),
+                ("/odom", ODOMETRY, ros.odometry(item)),
+                ("/tf", TF, ros.base_transform(item)),
             ]
         if isinstance(item, MovingTransform):
-            return [("/tf", TRANSFORMS, ros.transforms([item], item.stamp_ns))]
+            return [("/tf", TF, ros.transforms([item], item.stamp_ns))]
         if isinstance(item, Truth):
             return [("/truth", PEOPLE, ros.truth(item))]
         if isinstance(item, Tracks):
@@ -191,11 +189,13 @@ class BagWriter:
     def _frame(self, capture: SourceFrame) -> list[BagEntry]:
         ros, stamp_ns, frame = self._ros, capture.stamp_ns, self._info.frame_id
         colour, depth = (
-            f"/{self._layout.namespace}/{stream}" for stream in ("color", "aligned_depth_to_color")
+            f"/{self._format.namespace}/{stream}" for stream in ("color", "aligned_depth_to_color")
         )
         info = ros.camera_info(self._info, stamp_ns)
-        infos: list[BagEntry] = [(f"{name}/camera_info", INFO, info) for name in (colour, depth)]
-        if self._layout.compressed:
+        infos: list[BagEntry] = [
+            (f"{name}/camera_info", CAMERA_INFO, info) for name in (colour, depth)
+        ]
+        if self._format.compressed:
             jpeg, png = encode_jpeg(capture.rgb, QUALITY), encode_png16(capture.depth_mm)
             return [
                 *infos,
@@ -221,13 +221,13 @@ class BagWriter:
                 typestore=self._store,
                 offered_qos_profiles=[LATCHED if topic == "/tf_static" else VOLATILE],
             )
-        with self._told():
+        with self._source_errors():
             data = self._store.serialize_cdr(message, kind)
             self._writer.write(self._connections[topic], max(time_ns, 0), data)
         self.counts[topic] = self.counts.get(topic, 0) + 1
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _source_errors(self) -> Iterator[None]:
         try:
             yield
         except (OSError, sqlite3.Error) as error:

@@ -12,7 +12,6 @@ from people4d.messages import Message, MovingTransform, Odometry, StaticTransfor
 from people4d.topics import ForeignTopic
 from services.camera.calibration import frame_name, static_transform
 from services.camera.config import MotionConfig
-from services.camera.ros.bag_reader import TRANSFORMS, ros2_types
 from services.camera.ros.motion import (
     FrameParents,
     StampedTransform,
@@ -20,7 +19,7 @@ from services.camera.ros.motion import (
     edges_of,
     odometry_of,
 )
-from services.camera.ros.topics import JOINTS, ODOMETRY
+from services.camera.ros.types import JOINTS, ODOMETRY, TF, ros2_types
 
 COUNTERS = ("moving_transforms", "live_odometry", "bad_transforms", "other_transforms")
 
@@ -71,7 +70,7 @@ class LiveMotion:
         for number, text in enumerate(config.transforms):
             key = parse_key("motion.transforms", text, "tf")
             read_ = _static if key.endswith("tf_static") else _moving
-            decode_ = CdrDecoder("transforms", store, TRANSFORMS, read_).decode
+            decode_ = CdrDecoder("transforms", store, TF, read_).decode
             topic = f"live_transforms{number or ''}"
             topics.append(
                 ForeignTopic(topic, key, TransformMessage, 100, "queue", 256, "ROS", decode_)

@@ -1,4 +1,4 @@
-"""Our messages as ROS 2 messages; ros_images and ros_calibration go the other way."""
+"""Messages of ours as ROS 2 messages; images.py and calibration.py convert the other way."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,7 +9,8 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 from scipy.spatial.transform import Rotation
 
-from common.geometry.transforms import rotation_from_rpy, transform_from
+from common.geometry.transform_buffer import transform_from_odometry
+from common.geometry.transforms import rotation_from_rpy
 from people4d.messages import (
     F64,
     CameraInfo,
@@ -19,10 +20,9 @@ from people4d.messages import (
     Tracks,
     Truth,
 )
-from services.camera.ros.bag_reader import ros2_types
 from services.camera.ros.images import COMPRESSED_DEPTH_HEADER
+from services.camera.ros.types import PEOPLE, ros2_types
 
-PEOPLE = "people_msgs/msg/People"
 PERSON_DEFINITION = """
 string name
 geometry_msgs/Point position
@@ -103,7 +103,7 @@ class RosMessages:
         )
 
     def odometry(self, odometry: Odometry) -> Any:
-        """Return a nav_msgs/Odometry; what is unknown is 0, as ROS has it."""
+        """Return a nav_msgs/Odometry; unknown numbers are 0, as in ROS."""
         covariance = np.zeros((6, 6))
         if odometry.covariance is not None:
             covariance[PLANAR] = odometry.covariance
@@ -147,20 +147,17 @@ class RosMessages:
 
     def base_transform(self, odometry: Odometry) -> Any:
         """Return odometry as a tf2_msgs/TFMessage."""
-        matrix = transform_from(
-            (odometry.x_m, odometry.y_m, 0.0), rotation_from_rpy(0.0, 0.0, odometry.theta_rad)
-        )
         moved = StaticTransform(
             stamp_ns=odometry.stamp_ns,
             sequence=0,
             parent=odometry.frame_id,
             child=odometry.child_frame_id,
-            matrix=matrix,
+            matrix=transform_from_odometry(odometry),
         )
         return self.transforms([moved], odometry.stamp_ns)
 
     def truth(self, truth: Truth) -> Any:
-        """Return motion capture as people_msgs/People; tags tell the yaw of chest and way."""
+        """Return ground truth as people_msgs/People; tags hold the yaw of chest and of walking."""
         people = [
             self._person(
                 person.id,
@@ -173,7 +170,7 @@ class RosMessages:
         return self._people(truth.stamp_ns, truth.frame_id, people)
 
     def tracks(self, tracks: Tracks) -> Any:
-        """Return tracked people as people_msgs/People; tags tell state and yaw."""
+        """Return tracked people as people_msgs/People; tags hold state and yaw."""
         people = [
             self._person(
                 str(track.id),
@@ -235,5 +232,5 @@ class RosMessages:
 
 
 def _tags(**numbers: float | None) -> dict[str, str]:
-    """Write the numbers that are known, exactly."""
+    """Format the known numbers exactly."""
     return {name: repr(float(value)) for name, value in numbers.items() if value is not None}

@@ -11,17 +11,17 @@ from common.io.ros_bag import Bag
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import Odometry
 from services.camera.folder.pairing import Pairing
-from services.camera.ros.bag_reader import open_bag
 from services.camera.ros.camera import RosbagOptions, read_camera
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.motion import WheelReader, edges_of, odometry_of
-from services.camera.ros.topics import JOINTS, TRANSFORMS, Topics, find_topics
+from services.camera.ros.topics import Topics, find_topics
+from services.camera.ros.types import JOINTS, OLD_TF, TF, open_bag
 from services.camera.source import MotionMessage, Source, SourceFrame
 
 NUMBER = re.compile(r"std_msgs/msg/(U?Int(8|16|32|64)|Float(32|64))")
 LOOSE_NS = 50_000_000  # pairs further apart are counted: a walking person moves by 7 cm
 
-Stamped = tuple[int, Any]  # stamp in nanoseconds and an image message
+StampedImage = tuple[int, Any]  # stamp in nanoseconds and an image message
 
 
 class RosbagSource(Source):
@@ -44,21 +44,21 @@ class RosbagSource(Source):
             self.topics = find_topics(bag.types, _wanted(options))
             camera = read_camera(bag, self.topics, options)
             self._joints = _reads_joints(bag, options.wheel_topics)
-            self._tf = {topic for topic, kind in bag.types.items() if kind in TRANSFORMS}
+            self._tf = {topic for topic, kind in bag.types.items() if kind in (TF, OLD_TF)}
         self.info = camera.info
-        self.transforms = camera.mounting.transforms
+        self.transforms = camera.mount.transforms
         self.registration = camera.registration
-        self._moving = frozenset(camera.mounting.moving)
+        self._moving = frozenset(camera.mount.moving)
         self.moves = bool(self._moving)
         if not self.moves:
             self._tf = set()
 
     def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
-        """Yield pairs of colour and depth, and what moves, in the order of the bag."""
-        pairing = Pairing[Stamped](self._slop_ns)
+        """Yield pairs of colour and depth, and motion, in the order of the bag."""
+        pairing = Pairing[StampedImage](self._slop_ns)
         wheels, wheel_topics = WheelReader(self._options.wheels), self._options.wheel_topics
-        told = wheel_topics or (self.topics.odometry,)
-        wanted = {self.topics.colour, self.topics.depth, *told, *self._tf} - {""}
+        motion_topics = wheel_topics or (self.topics.odometry,)
+        wanted = {self.topics.colour, self.topics.depth, *motion_topics, *self._tf} - {""}
         before = Counter(self.counters)
         # Opened here, by the thread that reads: SQLite insists.
         with open_bag(self._path) as bag:
@@ -72,21 +72,21 @@ class RosbagSource(Source):
                     yield from self._odometry(message, self._stamp(message, time_ns))
                 else:
                     stamp_ns = self._stamp(message, time_ns)
-                    yield from self._captures(self._pair(pairing, topic, (stamp_ns, message)))
+                    yield from self._frames(self._pair(pairing, topic, (stamp_ns, message)))
                 self.counters["bad_messages"] = before["bad_messages"] + bag.bad_messages
                 self.counters["unpaired"] = before["unpaired"] + pairing.unpaired
-            yield from self._captures(pairing.flush())
+            yield from self._frames(pairing.flush())
             self.counters["unpaired"] = before["unpaired"] + pairing.unpaired
 
     def _pair(
-        self, pairing: Pairing[Stamped], topic: str, image: Stamped
-    ) -> list[tuple[Stamped, Stamped]]:
+        self, pairing: Pairing[StampedImage], topic: str, image: StampedImage
+    ) -> list[tuple[StampedImage, StampedImage]]:
         stamp_ns, message = image
         if self.topics.colour == self.topics.depth:
             return [((stamp_ns, message.rgb), (stamp_ns, message.depth))]
         return pairing.add("colour" if topic == self.topics.colour else "depth", stamp_ns, image)
 
-    def _captures(self, pairs: Iterable[tuple[Stamped, Stamped]]) -> Iterator[SourceFrame]:
+    def _frames(self, pairs: Iterable[tuple[StampedImage, StampedImage]]) -> Iterator[SourceFrame]:
         for (stamp_ns, colour), (depth_stamp_ns, depth) in pairs:
             try:
                 rgb, depth_mm = colour_image(colour), depth_image(depth)
@@ -113,15 +113,15 @@ class RosbagSource(Source):
     ) -> Iterator[Odometry]:
         try:
             if self._joints:
-                told: Odometry | None = wheels.joints(message, self._stamp(message, time_ns))
+                odometry: Odometry | None = wheels.joints(message, self._stamp(message, time_ns))
             else:  # a number has no stamp
-                told = wheels.side(is_left, message, time_ns)
+                odometry = wheels.side(is_left, message, time_ns)
         except DecodeError:
             self.counters["bad_odometry"] += 1
             return
-        if told:
+        if odometry:
             self.counters["odometry"] += 1
-            yield told
+            yield odometry
 
     def _transforms(self, message: Any, time_ns: int) -> Iterator[MotionMessage]:
         for edge in edges_of(message):
@@ -138,7 +138,7 @@ class RosbagSource(Source):
             yield moved
 
     def _stamp(self, message: Any, time_ns: int) -> int:
-        """Return the stamp of the header; a driver that leaves it empty gets the bag's time."""
+        """Return the stamp of the header, or the time of the bag if a driver leaves it empty."""
         stamp = message.header.stamp
         stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
         if stamp_ns == 0:
@@ -147,7 +147,7 @@ class RosbagSource(Source):
 
 
 def _reads_joints(bag: Bag, topics: tuple[str, ...]) -> bool:
-    """Tell whether wheels are joints; else they are numbers.
+    """Check that wheels are joints; else they are numbers.
 
     Raises:
         SourceError: They are neither.
@@ -155,9 +155,9 @@ def _reads_joints(bag: Bag, topics: tuple[str, ...]) -> bool:
     kinds = [bag.types.get(topic, "absent") for topic in topics]
     numbers = len(kinds) == 2 and all(NUMBER.fullmatch(kind) for kind in kinds)
     if kinds and kinds != [JOINTS] and not numbers:
-        told = ", ".join(f"{topic} ({kind})" for topic, kind in zip(topics, kinds, strict=True))
+        got = ", ".join(f"{topic} ({kind})" for topic, kind in zip(topics, kinds, strict=True))
         raise SourceError(
-            f"wheel_topics: expected a topic of {JOINTS} or two of a number, got {told}",
+            f"wheel_topics: expected a topic of {JOINTS} or two of a number, got {got}",
             "Numbers are of std_msgs, such as Int32; the left wheel comes first.",
         )
     return kinds == [JOINTS]

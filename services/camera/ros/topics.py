@@ -1,17 +1,10 @@
-"""Which topics of a bag are colour, depth, calibration and odometry."""
+"""Choice of the topics of colour, depth, calibration and odometry in a bag."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 
 from people4d.errors import SourceError
-
-IMAGE = "sensor_msgs/msg/Image"
-COMPRESSED = "sensor_msgs/msg/CompressedImage"
-CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
-ODOMETRY = "nav_msgs/msg/Odometry"
-JOINTS = "sensor_msgs/msg/JointState"
-TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")  # the latter of old ROS 1
-RGBD = "realsense2_camera_msgs/msg/RGBD"
+from services.camera.ros.types import CAMERA_INFO, COMPRESSED, IMAGE, ODOMETRY, RGBD
 
 # Transports append their name to the topic; the earlier here, the better for depth and colour.
 TRANSPORTS = ("", "/compressedDepth", "/compressed")
@@ -22,7 +15,7 @@ OTHER_WORDS = ("infra", "/ir/", "confidence", "mask", "label", "debug")
 
 @dataclass(frozen=True)
 class Topics:
-    """The topics that are played; empty where there is none.
+    """Topics to play; empty for none.
 
     Args:
         colour: Colour images, or RGBD messages.
@@ -44,10 +37,10 @@ def find_topics(types: Mapping[str, str], wanted: Topics) -> Topics:
 
     Args:
         types: Message type by topic.
-        wanted: What the configuration names; empty fields are found.
+        wanted: Those of the configuration; empty fields are found.
 
     Raises:
-        SourceError: A topic is missing, or several could be meant.
+        SourceError: A topic is missing, or several are possible.
     """
     for name in astuple(wanted):
         if name and name not in types:
@@ -90,7 +83,7 @@ def _choose(what: str, topics: Sequence[str], types: Mapping[str, str], option: 
 
 
 def _narrow(topics: list[str], words: Sequence[str]) -> list[str]:
-    """Keep the topics named by one of the words, all if none is."""
+    """Return the topics named by one of the words, all if none is."""
     named = [topic for topic in topics if any(word in topic.lower() for word in words)]
     return named or topics
 

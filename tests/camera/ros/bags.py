@@ -12,7 +12,8 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from services.camera.ros.bag_reader import ros1_types, ros2_types
+from common.io.ros_bag import make_typestore
+from services.camera.ros.types import DEFINITIONS
 
 COLOUR, DEPTH = "/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw"
 INFO, ODOMETRY, TF = "/camera/color/camera_info", "/odom", "/tf_static"
@@ -27,7 +28,7 @@ class Ros:
 
     def __init__(self, version: int) -> None:
         self.version = version
-        self.store = ros1_types() if version == 1 else ros2_types()
+        self.store = make_typestore(version, DEFINITIONS)
 
     def make(self, kind: str, **fields: Any) -> Any:
         return self.store.types[kind](**fields)

@@ -216,5 +216,5 @@ def test_a_bag_that_breaks_off_leaves_nothing(recording: Path, tmp_path: Path) -
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        export(recording, tmp_path / "bag", progress=stop)
+        export(recording, tmp_path / "bag", on_progress=stop)
     assert not (tmp_path / "bag").exists()

@@ -129,7 +129,7 @@ def test_what_has_no_time_is_refused() -> None:
 
 def test_settings_that_cannot_be() -> None:
     for text in ("zenoh:", "a//b", "zenoh:a/*", "zenoh:a b"):
-        with pytest.raises(ConfigError, match=r"names no key\. Write zenoh: and the ROS topic"):
+        with pytest.raises(ConfigError, match=r"is not a key\. Write zenoh: and the ROS topic"):
             LiveMotion(MotionConfig(odometry=text))
     with pytest.raises(ValueError, match="odometry, joints: expected one of them, got both"):
         MotionConfig(odometry="zenoh:odom", joints="zenoh:joint_states")
@@ -230,7 +230,7 @@ def test_from_cdr_on_the_keys_of_the_ros_bridge_to_our_topics(
         mount = watcher.wait(StaticTransform)
         assert (mount.parent, mount.matrix.tolist()) == ("tilt", LINK_FROM_OPTICAL.tolist())
         waiting = watcher.wait(Health, lambda health: health.reason)
-        assert waiting.reason == "nothing comes on odom, tf, tf_static"
+        assert waiting.reason == "no messages on odom, tf, tf_static"
         with zenoh.open(read_config(None, "client", network.environment)) as session:
             odom, moved = (session.declare_publisher(key) for key in ("odom", "tf"))
             for k in range(1, 20):

@@ -69,7 +69,7 @@ def test_the_key_is_the_topic_without_its_slash() -> None:
         assert topic.key_expression("robot") == "vicon/people"
     for key in ("", "/", "a//b", "a/*", "**", "a/$*", "a?x=1", "a#b", "a\0b", "a b", "x/" * 99):
         text = f"zenoh:{key}"
-        with pytest.raises(ConfigError, match=r"names no key\. Write zenoh: and the ROS topic"):
+        with pytest.raises(ConfigError, match=r"is not a key\. Write zenoh: and the ROS topic"):
             open_truth(GtBridgeConfig(truth=text))
 
 

@@ -1,4 +1,4 @@
-"""Bags of RGB-D cameras: the types of ROS and that of a RealSense driver."""
+"""Types of ROS messages that cameras use, and bags of them."""
 
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -8,7 +8,15 @@ from rosbags.typesys.store import Typestore
 from common.io import ros_bag
 from common.io.ros_bag import Bag
 
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+ODOMETRY = "nav_msgs/msg/Odometry"
+JOINTS = "sensor_msgs/msg/JointState"
+PEOPLE = "people_msgs/msg/People"
+TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # the latter in old ROS 1
 RGBD = "realsense2_camera_msgs/msg/RGBD"
+TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
 RGBD_DEFINITION = """
 std_msgs/Header header
 sensor_msgs/CameraInfo rgb_camera_info
@@ -16,19 +24,8 @@ sensor_msgs/CameraInfo depth_camera_info
 sensor_msgs/Image rgb
 sensor_msgs/Image depth
 """
-# Not among the types of ROS 1 that rosbags brings; the latter is the older name.
-TRANSFORMS, OLD_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
-TRANSFORMS_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
-DEFINITIONS = {
-    RGBD: RGBD_DEFINITION,
-    TRANSFORMS: TRANSFORMS_DEFINITION,
-    OLD_TRANSFORMS: TRANSFORMS_DEFINITION,
-}
-
-
-def ros1_types() -> Typestore:
-    """Return the types of ROS 1 with those of transforms."""
-    return ros_bag.make_typestore(1, DEFINITIONS)
+# Types that rosbags lacks, some in ROS 1 only.
+DEFINITIONS = {RGBD: RGBD_DEFINITION, TF: TF_DEFINITION, OLD_TF: TF_DEFINITION}
 
 
 def ros2_types() -> Typestore:
@@ -40,6 +37,6 @@ def open_bag(path: Path) -> AbstractContextManager[Bag]:
     """Open a .bag, .db3 or .mcap file or the folder of a ROS 2 bag.
 
     Raises:
-        SourceError: The bag is absent, cut short, damaged, or would cost more than a bag does.
+        SourceError: The bag is absent, cut short, damaged, or exceeds the limits.
     """
     return ros_bag.open_bag(path, DEFINITIONS)
