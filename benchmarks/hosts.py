@@ -20,7 +20,7 @@ from benchmarks.lib.namespaces import Link, hosts, missing
 from benchmarks.lib.site import PATIENCE_S, ROOT, Heard, Log, Site
 from benchmarks.lib.table import markdown, quantiles, write
 from common.io.recording import open_recording
-from common.runtime.latency import parts, summed
+from common.runtime.latency import merge_stages, segments
 from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.client import Client
 from people4d.messages import CompressedRgbdFrame, Message, Span, Track, Tracks
@@ -55,7 +55,7 @@ def listen(topic: str, file: Path) -> None:
             if isinstance(message, CompressedRgbdFrame):
                 row["size"] = len(message.rgb_jpeg) + len(message.depth_png)
             if isinstance(message, Tracks):
-                row["stages_ms"] = {p.name: p.ms for p in summed(parts(message.trace))}
+                row["stages_ms"] = {p.name: p.ms for p in merge_stages(segments(message.trace))}
             out.write(json.dumps(row) + "\n")
 
 

@@ -21,7 +21,7 @@ from benchmarks.lib.live_camera import DEMO, LiveDemo
 from benchmarks.lib.system import running
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.lib.tracing_cost import cost_of_marks, tracing
-from common.runtime.latency import percentiles, summed
+from common.runtime.latency import merge_stages, percentiles
 from common.transport.trace import STAGES, ProcessId
 from deploy.monitor import FramePath, Monitor
 from people4d.messages import Detections, Tracks
@@ -100,7 +100,7 @@ def stage_table(ways: Sequence[FramePath]) -> str:
     found: dict[tuple[str, bool], list[float]] = defaultdict(list)
     for way in sorted(ways, key=lambda way: -len(way.parts)):  # the fullest tells the order
         for pieces, beside in ((way.parts, False), (way.beside, True)):
-            for part in summed(pieces):
+            for part in merge_stages(pieces):
                 found[part.name, beside].append(part.ms)
     whole_ms = sum(way.end_to_end.ms for way in ways)
     rows = [

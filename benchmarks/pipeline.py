@@ -20,7 +20,7 @@ from benchmarks.lib.system import running
 from benchmarks.lib.table import markdown, quantiles, spread, write
 from common.inference import OnnxSession
 from common.io.weights import choose, find, folders, load_manifest
-from common.runtime.latency import parts, summed
+from common.runtime.latency import merge_stages, segments
 from people4d.messages import Span, Tracks
 from services.detector.models import ModelSettings
 from services.detector.models.network import ImageInput
@@ -102,7 +102,7 @@ def stages(trace: Sequence[Span], now_ns: int) -> list[tuple[str, float]]:
         trace: Stages passed, oldest first.
         now_ns: When the subscriber had the message.
     """
-    split = [(part.name, part.ms) for part in summed(parts(trace))]
+    split = [(part.name, part.ms) for part in merge_stages(segments(trace))]
     split.append(("to subscriber", (now_ns - trace[-1].end_ns) / 1e6))
     whole_ms = (now_ns - trace[0].start_ns) / 1e6
     inference_ms = sum(ms for stage, ms in split if stage == "detector.inference")

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from common.runtime.latency import Part, parts
-from common.transport.clock import Offset
+from common.runtime.latency import TraceSegment, segments
+from common.transport.clock import HostOffset
 from deploy.monitor import clocks_of, of_frame
 from people4d.messages import Detections, Embeddings, Health, Message, Span, Tracks
 
@@ -29,7 +29,7 @@ class FrameTraces:
         self._healths: dict[str, Health] = {}
 
     @property
-    def clocks(self) -> dict[str, Offset]:
+    def clocks(self) -> dict[str, HostOffset]:
         """Offsets of the clocks of hosts, as far as heartbeats report them."""
         return clocks_of(self._healths.values())
 
@@ -75,7 +75,7 @@ class _Lanes:
 
 
 def _events(
-    traces: Mapping[Frame, list[tuple[Span, ...]]], clocks: Mapping[str, Offset]
+    traces: Mapping[Frame, list[tuple[Span, ...]]], clocks: Mapping[str, HostOffset]
 ) -> Iterator[Event]:
     """Yield all events: processes first, then frame by frame."""
     paths = {frame: _frame_path(found, clocks) for frame, found in traces.items()}
@@ -88,12 +88,14 @@ def _events(
     yield from body
 
 
-def _frame_path(traces: Iterable[tuple[Span, ...]], clocks: Mapping[str, Offset]) -> list[Part]:
+def _frame_path(
+    traces: Iterable[tuple[Span, ...]], clocks: Mapping[str, HostOffset]
+) -> list[TraceSegment]:
     """Return the pieces of a frame's path by their start; messages share those they have in common.
 
     `other` is left out: it is the gap that one sees.
     """
-    found = {part for trace in traces for part in parts(trace, clocks) if part.stage != "other"}
+    found = {part for trace in traces for part in segments(trace, clocks) if part.stage != "other"}
     return sorted(found, key=lambda part: (part.start_ns, part.end_ns))
 
 
@@ -111,7 +113,7 @@ class _Writer:
         self._lanes: dict[tuple[int, int], _Lanes] = {}
         self._arrows = 0
 
-    def processes(self, clocks: Mapping[str, Offset]) -> Iterator[Event]:
+    def processes(self, clocks: Mapping[str, HostOffset]) -> Iterator[Event]:
         """Yield the names of processes and lanes."""
         for process, pid in self._pids.items():
             offset = clocks.get(process.partition("@")[2])
@@ -126,17 +128,17 @@ class _Writer:
                     name = "work" if first == WORK else "on the path here"
                     yield _meta("thread_name", pid, tid, name=name)
 
-    def frame(self, frame: Frame, path: list[Part]) -> Iterator[Event]:
+    def frame(self, frame: Frame, path: list[TraceSegment]) -> Iterator[Event]:
         """Yield the events of one frame: a slice in each process, its stages in it, arrows."""
         fields = {"camera": frame[0], "sequence": frame[1], "stamp_ns": frame[2]}
-        by_process: dict[str, list[Part]] = defaultdict(list)
+        by_process: dict[str, list[TraceSegment]] = defaultdict(list)
         for part in path:
             self._pid(part.process)  # numbered in the order of the path
             if part.stage == "transport":
                 yield self._transport(part, fields)
             else:
                 by_process[part.process].append(part)
-        drawn: dict[Part, int] = {}
+        drawn: dict[TraceSegment, int] = {}
         for process, work in by_process.items():
             yield from self._work(process, work, fields, drawn)
         for part in path:
@@ -144,10 +146,10 @@ class _Writer:
                 yield from self._arrow(part, drawn)
 
     def _work(
-        self, process: str, work: list[Part], fields: Event, drawn: dict[Part, int]
+        self, process: str, work: list[TraceSegment], fields: Event, drawn: dict[TraceSegment, int]
     ) -> Iterator[Event]:
         """Yield what one process did for a frame; what overlaps goes to lanes of its own."""
-        pid, groups = self._pid(process), list[list[Part]]()
+        pid, groups = self._pid(process), list[list[TraceSegment]]()
         for part in work:
             fits = (g for g in groups if g[-1].end_ns <= part.start_ns)
             group = next(fits, None)
@@ -165,7 +167,7 @@ class _Writer:
                 span = (part.start_ns, part.end_ns)
                 yield self._slice(part.stage, part.service, pid, tid, span, fields)
 
-    def _transport(self, part: Part, fields: Event) -> Event:
+    def _transport(self, part: TraceSegment, fields: Event) -> Event:
         pid = self._pid(part.process)
         clock_ms = None if part.error_ns is None else part.error_ns / 1e6
         fields = fields | {"ms": part.ms, "clock_error_ms": clock_ms}
@@ -174,7 +176,7 @@ class _Writer:
             "transport", part.service, pid, tid, (part.start_ns, part.end_ns), fields
         )
 
-    def _arrow(self, path: Part, drawn: Mapping[Part, int]) -> Iterator[Event]:
+    def _arrow(self, path: TraceSegment, drawn: Mapping[TraceSegment, int]) -> Iterator[Event]:
         """Yield an arrow from what the sender did last to what the receiver did first."""
         sent = next(
             (p for p in drawn if p.end_ns == path.start_ns and p.process != path.process), None

@@ -19,7 +19,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from common.transport.access import PEOPLE, ROUTER, roles
+from common.transport.access import CLIENT_ROLES, ROUTER, roles
 from people4d.credentials import AUTHORITY, PASSWORDS
 from people4d.errors import ConfigError
 
@@ -160,7 +160,7 @@ def _signed(role: str, authority: Pair, addresses: Sequence[str], days: int) -> 
     key = ec.generate_private_key(ec.SECP256R1())
     names = [*LOCAL, *addresses] if role == ROUTER else LOCAL
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
-    if role not in PEOPLE:
+    if role not in CLIENT_ROLES:
         uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
     subject = authority.certificate.subject
     builder = _builder(_name(role), subject, key, days)

@@ -6,9 +6,16 @@ from typing import Self
 
 import msgspec
 
-from common.runtime.latency import Part, Window, parts, percentiles, summed, whole
+from common.runtime.latency import (
+    SlidingWindow,
+    TraceSegment,
+    end_to_end,
+    merge_stages,
+    percentiles,
+    segments,
+)
 from common.runtime.throughput import losses
-from common.transport.clock import Offset
+from common.transport.clock import HostOffset
 from common.transport.trace import ProcessId, Tracer
 from people4d.messages import Detections, Health, Span, Tracks
 from people4d.queue import Arrival
@@ -92,9 +99,9 @@ class FramePath:
     """
 
     tracks: Tracks
-    parts: list[Part]
-    beside: list[Part]
-    end_to_end: Part
+    parts: list[TraceSegment]
+    beside: list[TraceSegment]
+    end_to_end: TraceSegment
 
 
 class Monitor:
@@ -113,7 +120,7 @@ class Monitor:
         self._stages: dict[tuple[str, str, bool], _Stage] = {}
         self._detections: dict[tuple[str, int], tuple[Span, ...]] = {}  # traces by camera, stamp
         self._end_to_end = _Stage(seconds)
-        self.clocks: dict[str, Offset] = {}
+        self.clocks: dict[str, HostOffset] = {}
 
     def add(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
         """Take a message.
@@ -143,7 +150,7 @@ class Monitor:
             return path
         return None
 
-    def add_own_clock(self, offset: Offset | None) -> None:
+    def add_own_clock(self, offset: HostOffset | None) -> None:
         """Take how far the clock of this host is ahead of the router's."""
         if offset:
             self.clocks[self._process_id.host] = offset
@@ -180,14 +187,14 @@ class Monitor:
     def _frame_path(self, tracks: Tracks) -> FramePath:
         passed = set(tracks.trace)
         trace = self._detections.pop((tracks.camera, tracks.stamp_ns), ())
-        beside = [parts([span], self.clocks)[0] for span in trace if span not in passed]
-        total = whole(tracks.trace, self.clocks)
+        beside = [segments([span], self.clocks)[0] for span in trace if span not in passed]
+        total = end_to_end(tracks.trace, self.clocks)
         assert total is not None, "only messages with a trace have a path"
-        return FramePath(tracks, parts(tracks.trace, self.clocks), beside, total)
+        return FramePath(tracks, segments(tracks.trace, self.clocks), beside, total)
 
     def _add_frame_path(self, path: FramePath, now_s: float) -> None:
         for parts_, beside in ((path.parts, False), (path.beside, True)):
-            for part in summed(parts_):
+            for part in merge_stages(parts_):
                 key = (part.process, part.stage, beside)
                 if key in self._stages or len(self._stages) < MAX_STAGES:
                     stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
@@ -216,9 +223,9 @@ class _Stage:
         self.after_ns = 0  # time since the begin of the path, of the newest frame
         self.service = self._name = ""
         self._error_ns: float | None = 0.0
-        self._window = Window(seconds)
+        self._window = SlidingWindow(seconds)
 
-    def add(self, part: Part, now_s: float, after_ns: int) -> None:
+    def add(self, part: TraceSegment, now_s: float, after_ns: int) -> None:
         """Take a piece of a message's path, which began some time after its first stage."""
         self.after_ns = after_ns
         self.service, self._name, self._error_ns = part.service, part.stage, part.error_ns
@@ -239,14 +246,14 @@ def of_frame(trace: Sequence[Span]) -> bool:
     return bool(trace) and not any(span.stage.endswith(".prediction") for span in trace)
 
 
-def clocks_of(healths: Iterable[Health]) -> dict[str, Offset]:
+def clocks_of(healths: Iterable[Health]) -> dict[str, HostOffset]:
     """Return of each host that tells it how far its clock is ahead, from its surest process."""
-    found: dict[str, Offset] = {}
+    found: dict[str, HostOffset] = {}
     for health in healths:
         offset_ms, error_ms = (health.gauges.get(f"clock_{n}_ms") for n in ("offset", "error"))
         if offset_ms is None or error_ms is None:
             continue
-        offset, best = Offset(offset_ms * 1e6, error_ms * 1e6), found.get(health.host)
+        offset, best = HostOffset(offset_ms * 1e6, error_ms * 1e6), found.get(health.host)
         if best is None or offset.error_ns < best.error_ns:
             found[health.host] = offset
     return found

@@ -14,7 +14,7 @@ import zenoh.ext
 from people4d import credentials
 from people4d.errors import ConfigError, People4dError
 from people4d.messages.base import check_name
-from people4d.topics import LOCKSTEP_MAX, Topic, prefix, question
+from people4d.topics import LOCKSTEP_MAX, Topic, prefix, query_key
 
 BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")  # of the machine that Zenoh was built on
 
@@ -194,17 +194,17 @@ class Session:
         parts = (key.split("/") for key in keys)
         return [(robot, service, instance) for *_, robot, _, service, instance in parts]
 
-    def ask(self, name: str, on_answer: Callable[[bytes], None]) -> None:
-        """Send a question; `on_answer` gets the answer in another thread, or is never called."""
+    def query(self, name: str, on_reply: Callable[[bytes], None]) -> None:
+        """Send a query; `on_reply` gets the reply in another thread, or is never called."""
         channel: Any = zenoh.handlers.FifoChannel(1)
-        replies = self._session.get(question(self.robot, name), channel, timeout=ANSWER_S)
+        replies = self._session.get(query_key(self.robot, name), channel, timeout=ANSWER_S)
 
         def receive() -> None:
             for reply in replies:
                 if reply.ok:
-                    on_answer(reply.ok.payload.to_bytes())
+                    on_reply(reply.ok.payload.to_bytes())
 
-        self._start(receive, f"ask {name}")
+        self._start(receive, f"query {name}")
 
     def close(self) -> None:
         """End all subscriptions and leave the network."""

@@ -147,9 +147,9 @@ def prefix(robot: str) -> str:
     return f"people4d/{VERSION}/{robot}"
 
 
-def question(robot: str, name: str) -> str:
-    """Return the full key of a question that processes may put to each other."""
-    return f"{prefix(robot)}/questions/{name}"
+def query_key(robot: str, name: str) -> str:
+    """Return the full key of a query that processes may send to each other."""
+    return f"{prefix(robot)}/queries/{name}"
 
 
 def topic_of_key(key: str, robot: str = "*") -> Topic | None:

@@ -17,7 +17,7 @@ from common.runtime.inbox import Inbox
 from common.runtime.node import Node, Status
 from common.runtime.throughput import Throughput
 from common.transport.bus import Bus
-from common.transport.clock import Clock
+from common.transport.clock import ClockMonitor
 from common.transport.trace import ProcessId
 from people4d.messages import Health
 from people4d.messages.status import State
@@ -100,7 +100,7 @@ class Heartbeat:
         self._node, self._bus, self._process_id = node, bus, process_id
         self._inbox, self._activity = inbox, activity
         self._process = psutil.Process()
-        self._clock = Clock(bus)
+        self._clock = ClockMonitor(bus)
         self._sequence = 0
         self._before: tuple[float, Counter[str]] = (time.monotonic(), Counter())
         inputs = [BY_MESSAGE[kind] for kind in node.required_inputs]
@@ -118,7 +118,7 @@ class Heartbeat:
 
     def _run(self) -> None:
         while not self._closed.is_set():
-            self._clock.ask()
+            self._clock.query()
             self._publish()
             self._closed.wait(PERIOD_S)
 

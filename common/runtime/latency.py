@@ -1,4 +1,4 @@
-"""The way of a message, piece by piece, from its trace."""
+"""Latency of a message, split into segments from its trace."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -7,24 +7,24 @@ from itertools import pairwise
 
 import numpy as np
 
-from common.transport.clock import SAME, Offset
+from common.transport.clock import NO_OFFSET, HostOffset
 from people4d.messages import Span
 
 ARRIVALS = ("queue", "capture")  # after these a message may wait for others, or for its time
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """One piece of the way, on the reference clock where the clocks are known.
+class TraceSegment:
+    """One segment of a message's path, on the reference clock where the clocks are known.
 
     Args:
-        service: Service that did the work, or that received what was on its way.
+        service: Service that did the work, or that received the message.
         process: Its process, "<instance>@<host>".
         stage: One of `common.transport.trace.STAGES`, or a service's own.
         start_ns: When it began.
-        end_ns: When it ended; before `start_ns` if the clocks are farther apart than told.
-        error_ns: Bound of the error that clocks bring into its duration: 0 on one host; None: it
-            is between hosts whose clocks were not compared.
+        end_ns: When it ended; before `start_ns` if the offset of the clocks is wrong.
+        error_ns: Bound of the error that clocks bring into its duration: 0 on one host; None:
+            between hosts whose clocks were not compared.
     """
 
     service: str
@@ -50,10 +50,12 @@ class Part:
         return (self.end_ns - self.start_ns) / 1e6
 
 
-def parts(trace: Sequence[Span], clocks: Mapping[str, Offset] | None = None) -> list[Part]:
-    """Split the way of a message into its stages and what lies between them.
+def segments(
+    trace: Sequence[Span], clocks: Mapping[str, HostOffset] | None = None
+) -> list[TraceSegment]:
+    """Split the path of a message into its stages and the time between them.
 
-    The pieces follow each other without a gap: what no process measured is `transport` between
+    Segments follow each other without a gap: time that no process measured is `transport` between
     two processes, `wait` after an arrival, and `other` between the stages of a process.
 
     Args:
@@ -61,59 +63,61 @@ def parts(trace: Sequence[Span], clocks: Mapping[str, Offset] | None = None) -> 
         clocks: Offsets by host; hosts that are absent keep their own time.
     """
     known = clocks or {}
-    found = [_part(span, known) for span in trace[:1]]
+    found = [_segment(span, known) for span in trace[:1]]
     for before, after in pairwise(trace):
-        found += [*_between(before, after, known), _part(after, known)]
+        found += [*_between(before, after, known), _segment(after, known)]
     return found
 
 
-def summed(pieces: Sequence[Part]) -> list[Part]:
-    """Return the pieces of a way with those of one process and stage put together.
+def merge_stages(path: Sequence[TraceSegment]) -> list[TraceSegment]:
+    """Return the segments of a path with those of one process and stage merged.
 
-    What was put together begins with the first of them and lasts as long as all of them.
+    A merged segment begins with the first of them and lasts as long as all of them.
     """
-    found: dict[tuple[str, str], Part] = {}
-    for part in pieces:
-        key = part.process, part.stage
+    found: dict[tuple[str, str], TraceSegment] = {}
+    for segment in path:
+        key = segment.process, segment.stage
         before = found.get(key)
-        longer_ns = part.end_ns - part.start_ns
-        found[key] = replace(before, end_ns=before.end_ns + longer_ns) if before else part
+        longer_ns = segment.end_ns - segment.start_ns
+        found[key] = replace(before, end_ns=before.end_ns + longer_ns) if before else segment
     return list(found.values())
 
 
-def whole(trace: Sequence[Span], clocks: Mapping[str, Offset] | None = None) -> Part | None:
-    """Return the whole way as one piece, from the first stage to the last; None without any."""
+def end_to_end(
+    trace: Sequence[Span], clocks: Mapping[str, HostOffset] | None = None
+) -> TraceSegment | None:
+    """Return the path as one segment, from the first stage to the last; None without any."""
     if not trace:
         return None
     known = clocks or {}
-    return Part(
+    return TraceSegment(
         service="",
         process=trace[-1].process,
-        stage="whole",
+        stage="end_to_end",
         start_ns=_reference_ns(trace[0].start_ns, trace[0], known),
         end_ns=_reference_ns(trace[-1].end_ns, trace[-1], known),
         error_ns=_error_ns(trace[0], trace[-1], known),
     )
 
 
-class Window:
+class SlidingWindow:
     """Durations of the last seconds.
 
     Args:
-        seconds: How long they count.
-        most: How many are kept at most, the newest.
+        seconds: Length of the window.
+        max_count: Largest number of values, the newest.
     """
 
-    def __init__(self, seconds: float, most: int = 4096) -> None:
+    def __init__(self, seconds: float, max_count: int = 4096) -> None:
         self._seconds = seconds
-        self._samples: deque[tuple[float, float]] = deque(maxlen=most)
+        self._samples: deque[tuple[float, float]] = deque(maxlen=max_count)
 
     def add(self, now_s: float, value: float) -> None:
         """Take a value."""
         self._samples.append((now_s, value))
 
     def values(self, now_s: float) -> list[float]:
-        """Return the values that count now, oldest first."""
+        """Return the values in the window, oldest first."""
         while self._samples and self._samples[0][0] < now_s - self._seconds:
             self._samples.popleft()
         return [value for _, value in self._samples]
@@ -130,9 +134,9 @@ def host_of(span: Span) -> str:
     return span.process.partition("@")[2]
 
 
-def _part(span: Span, clocks: Mapping[str, Offset]) -> Part:
+def _segment(span: Span, clocks: Mapping[str, HostOffset]) -> TraceSegment:
     service, _, stage = span.stage.partition(".")
-    return Part(
+    return TraceSegment(
         service=service,
         process=span.process,
         stage=stage,
@@ -141,14 +145,14 @@ def _part(span: Span, clocks: Mapping[str, Offset]) -> Part:
     )
 
 
-def _between(before: Span, after: Span, clocks: Mapping[str, Offset]) -> list[Part]:
-    """Return what lies between two stages as a piece, none if one begins where the other ends."""
+def _between(before: Span, after: Span, clocks: Mapping[str, HostOffset]) -> list[TraceSegment]:
+    """Return the time between two stages as a segment, none if there is none."""
     same = before.process == after.process
     if same and before.end_ns == after.start_ns:
         return []
     arrived = before.stage.rpartition(".")[2] in ARRIVALS
     return [
-        Part(
+        TraceSegment(
             service=after.stage.partition(".")[0],
             process=after.process,
             stage="transport" if not same else "wait" if arrived else "other",
@@ -159,11 +163,11 @@ def _between(before: Span, after: Span, clocks: Mapping[str, Offset]) -> list[Pa
     ]
 
 
-def _reference_ns(time_ns: int, span: Span, clocks: Mapping[str, Offset]) -> int:
-    return time_ns - round(clocks.get(host_of(span), SAME).offset_ns)
+def _reference_ns(time_ns: int, span: Span, clocks: Mapping[str, HostOffset]) -> int:
+    return time_ns - round(clocks.get(host_of(span), NO_OFFSET).offset_ns)
 
 
-def _error_ns(before: Span, after: Span, clocks: Mapping[str, Offset]) -> float | None:
+def _error_ns(before: Span, after: Span, clocks: Mapping[str, HostOffset]) -> float | None:
     hosts = host_of(before), host_of(after)
     if hosts[0] == hosts[1]:
         return 0.0

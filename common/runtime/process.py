@@ -19,7 +19,7 @@ from common.config import load
 from common.runtime.checkpoint import FOLDER, state_folder
 from common.runtime.loop import Loop, LoopSettings
 from common.runtime.node import Node
-from common.transport.clock import keep_time
+from common.transport.clock import serve_time
 from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.errors import People4dError
@@ -72,7 +72,7 @@ def main(
         try:
             node = build(config)
             if mode == "router":  # all processes reach it
-                keep_time(bus)
+                serve_time(bus)
             loop = Loop(node, bus, process_id, _loop_settings(workers, flags))
             _on_stop_signals(loop.stop)
             log.info("started")

@@ -1,65 +1,65 @@
-"""Who may say and hear what: Zenoh's access rules, derived from the table of streams.
+"""Zenoh's access rules, derived from the table of streams.
 
-Whoever proves a role (by certificate or password) may publish the topics whose producer it is and
-receive those whose readers name it; nothing else passes. Rules are written from the side of the
-process that enforces them: "ingress" comes from the other, "egress" goes to it.
+A process that proves a role (by certificate or password) may publish the topics whose producer it
+is and receive those whose readers name it; nothing else passes. Rules are written from the side of
+the process that enforces them: "ingress" comes from the other, "egress" goes to it.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
-from common.transport.clock import NAME as CLOCK
-from people4d.topics import EVERY_SERVICE, TOPICS, Topic, prefix, question
+from common.transport.clock import CLOCK
+from people4d.topics import EVERY_SERVICE, TOPICS, Topic, prefix, query_key
 
-WATCHDOG = "watchdog"  # only hears how the others are
+WATCHDOG = "watchdog"  # only reads the health of the others
 ROUTER = "router"
-PEOPLE = ("planner", "operator")  # roles of programs that are no service of ours
-HERE = ("lo",)  # interfaces of links that do not leave the host
+CLIENT_ROLES = ("planner", "operator")  # of programs that are no service of ours
+LOCAL_INTERFACES = ("lo",)  # of links that do not leave the host
 
-# What a publisher sends, and what a subscriber sends. Tokens, queries and replies belong to topics
-# that late joiners get the last message of.
-OFFERS = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
-CLOCK_OFFERS, CLOCK_ASKS = ("reply", "declare_queryable"), ("query",)
-ASKS = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber")
+# Messages of Zenoh that a publisher sends, and that a subscriber sends. Tokens, queries and replies
+# belong to topics of which late joiners get the last message.
+PUBLISHER = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
+SUBSCRIBER = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber")
+REPLIER, QUERIER = ("reply", "declare_queryable"), ("query",)
 
 Proof = Literal["cert_common_names", "usernames"]
 Rule = Mapping[str, Any]
-Said = tuple[Sequence[str], list[str]]  # kinds of Zenoh's messages, and their keys
+Traffic = tuple[Sequence[str], list[str]]  # kinds of Zenoh's messages, and their keys
 
 
 def roles() -> tuple[str, ...]:
-    """Return all roles: the services, then those of `PEOPLE`."""
+    """Return all roles: the services, then those of clients."""
     named = {WATCHDOG}.union(*({*topic.producers, *topic.readers.split()} for topic in TOPICS))
-    return (ROUTER, *sorted(named - {ROUTER, EVERY_SERVICE, "*", *PEOPLE}), *PEOPLE)
+    return (ROUTER, *sorted(named - {ROUTER, EVERY_SERVICE, "*", *CLIENT_ROLES}), *CLIENT_ROLES)
 
 
 def may_publish(role: str, topic: Topic) -> bool:
-    """Return whether a role may publish a topic; of health only its own."""
-    return role in topic.producers or (topic.producer == EVERY_SERVICE and role not in PEOPLE)
+    """Check that a role may publish a topic; of health only its own."""
+    return role in topic.producers or (topic.producer == EVERY_SERVICE and role not in CLIENT_ROLES)
 
 
 def may_read(role: str, topic: Topic) -> bool:
-    """Return whether a role may receive a topic."""
+    """Check that a role may receive a topic."""
     return topic.readers == "*" or role in topic.readers.split()
 
 
-def access_control(proof: Proof, here: Sequence[str] = HERE) -> dict[str, Any]:
+def access_control(proof: Proof, local: Sequence[str] = LOCAL_INTERFACES) -> dict[str, Any]:
     """Return Zenoh's `access_control` for a router or a peer that others connect to.
 
     Args:
-        proof: How Zenoh knows the role of the other: its certificate's name or its user name.
-        here: Interfaces on which topics may pass that do not leave the host.
+        proof: Proof of the other's role: its certificate's name or its user name.
+        local: Interfaces on which topics may pass that do not leave the host.
     """
-    rules = [rule for role in roles() for topic in TOPICS for rule in _topic_rules(role, topic)]
-    rules += [rule for role in roles() for rule in _presence_rules(role)]
-    rules += [rule for role in roles() for rule in _clock_rules(role)]
-    subjects, policies = [], []
+    subjects, policies, rules = [], [], list[Rule]()
     for role in roles():
-        for name, limit in ((role, {}), (f"{role} here", {"interfaces": list(here)})):
+        own = [rule for topic in TOPICS for rule in _topic_rules(role, topic)]
+        own += [*_presence_rules(role), *_clock_rules(role)]
+        rules += own
+        for name, limit in ((role, {}), (f"{role} local", {"interfaces": list(local)})):
             subjects.append({"id": name, proof: [role], **limit})
-            mine = [rule["id"] for rule in rules if rule["id"].startswith(f"{name}: ")]
-            policies.append({"subjects": [name], "rules": mine})
+            ids = [rule["id"] for rule in own if rule["id"].startswith(f"{name}: ")]
+            policies.append({"subjects": [name], "rules": ids})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -91,36 +91,36 @@ def downsampling(interfaces: Sequence[str], highest_hz: float) -> list[dict[str,
 
 
 def _topic_rules(role: str, topic: Topic) -> Iterator[Rule]:
-    """Yield the rules of one role on one topic; the router passes on what all others say."""
-    name = role if topic.leaves_host else f"{role} here"
+    """Yield the rules of one role on one topic; the router forwards all of them."""
+    name = role if topic.leaves_host else f"{role} local"
     keys = _keys(topic, "")
     own = _keys(topic, role) if topic.producer == EVERY_SERVICE and role != ROUTER else keys
     if may_publish(role, topic) or role == ROUTER:
-        # Who speaks hears of those who listen, to all that there is of a topic.
-        yield from _rules(f"{name}: publish {topic.name}", (OFFERS, own), (ASKS, keys))
+        # A publisher of some keys receives the subscriptions to all keys of a topic.
+        yield from _rules(f"{name}: publish {topic.name}", (PUBLISHER, own), (SUBSCRIBER, keys))
     if may_read(role, topic) or role == ROUTER:
-        yield from _rules(f"{name}: read {topic.name}", (ASKS, keys), (OFFERS, keys))
+        yield from _rules(f"{name}: read {topic.name}", (SUBSCRIBER, keys), (PUBLISHER, keys))
 
 
 def _presence_rules(role: str) -> Iterator[Rule]:
-    """Yield the rules of the tokens that tell which processes are there."""
+    """Yield the rules of the liveliness tokens of processes."""
     alive = [f"{prefix('*')}/alive/**"]
-    if role not in PEOPLE:
+    if role not in CLIENT_ROLES:
         own = alive if role == ROUTER else [f"{prefix('*')}/alive/{role}/**"]
-        yield from _rules(f"{role}: be alive", (OFFERS, own), (ASKS, alive))
-    yield from _rules(f"{role}: see who is alive", (ASKS, alive), (OFFERS, alive))
+        yield from _rules(f"{role}: be alive", (PUBLISHER, own), (SUBSCRIBER, alive))
+    yield from _rules(f"{role}: read who is alive", (SUBSCRIBER, alive), (PUBLISHER, alive))
 
 
 def _clock_rules(role: str) -> Iterator[Rule]:
-    """Yield the rules of the question for the time: everybody asks, the router answers."""
-    key = [question("*", CLOCK)]
+    """Yield the rules of the query of the time, to which the router replies."""
+    key = [query_key("*", CLOCK)]
     if role == ROUTER:
-        yield from _rules(f"{role}: tell the time", (CLOCK_OFFERS, key), (CLOCK_ASKS, key))
-    yield from _rules(f"{role}: ask the time", (CLOCK_ASKS, key), (CLOCK_OFFERS, key))
+        yield from _rules(f"{role}: serve the time", (REPLIER, key), (QUERIER, key))
+    yield from _rules(f"{role}: query the time", (QUERIER, key), (REPLIER, key))
 
 
-def _rules(name: str, says: Said, hears: Said) -> Iterator[Rule]:
-    for flow, (messages, keys) in (("ingress", says), ("egress", hears)):
+def _rules(name: str, sent: Traffic, received: Traffic) -> Iterator[Rule]:
+    for flow, (messages, keys) in (("ingress", sent), ("egress", received)):
         yield {
             "id": f"{name}, {flow}",
             "permission": "allow",

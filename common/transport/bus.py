@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from common.runtime.node import Node
-from common.transport.clock import Questions
+from common.transport.clock import QuerySender, QueryServer
 from people4d.codec import decode, encode
 from people4d.messages import Message, Span
 from people4d.topics import Topic
@@ -49,7 +49,7 @@ class Members(Protocol):
         ...
 
 
-class Bus(Questions, Protocol):
+class Bus(QuerySender, QueryServer, Protocol):
     """Carries messages to other processes; publish may be called from any thread."""
 
     def publish(self, message: Message, publishing: Callable[[], Span] | None = None) -> None:

@@ -1,8 +1,8 @@
-"""How far the clocks of hosts are apart, and how sure that is.
+"""Offsets between the clocks of hosts, each with a bound of its error.
 
-Every process asks the router's host for the time, as NTP does: four stamps tell the difference of
-two clocks to within half of the time that question and answer were on their way. So all clocks are
-known relative to one.
+Every process queries the time of the router's host, as NTP does: four stamps give the offset of two
+clocks to within half of the time that query and reply were under way. So all clocks are known
+relative to one.
 """
 
 import socket
@@ -16,20 +16,20 @@ from typing import Protocol
 
 import msgspec
 
-NAME = "clock"
+CLOCK = "clock"  # name of the query
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-KEPT = 64  # exchanges
-DRIFT = 1e-4  # two quartz clocks part by less than so much of the time: 50 ppm each
+EXCHANGES_MAX = 64
+DRIFT = 1e-4  # two quartz clocks part by less than this ratio of the time: 50 ppm each
 ROUNDING_NS = 1.0  # of the stamps
-ASK_S = 1.0
+QUERY_PERIOD_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Offset:
-    """How far a clock is ahead of the reference.
+class HostOffset:
+    """Offset of a host's clock.
 
     Args:
-        offset_ns: What its time must be lessened by to be the reference's.
+        offset_ns: Its time minus that of the reference.
         error_ns: Bound of the error of that.
     """
 
@@ -37,54 +37,60 @@ class Offset:
     error_ns: float
 
 
-SAME = Offset(0.0, 0.0)
+NO_OFFSET = HostOffset(0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Exchange:
-    """One question and its answer.
+class TimeExchange:
+    """One query and its reply.
 
     Source: RFC 5905, section 8: offset and round-trip delay.
 
     Args:
-        asked_ns: When the question left, own clock.
-        heard_ns: When it came, the other's clock.
-        told_ns: When the answer left, the other's clock.
-        received_ns: When that came, own clock.
+        query_sent_ns: Own clock.
+        query_received_ns: The other's clock.
+        reply_sent_ns: The other's clock.
+        reply_received_ns: Own clock.
     """
 
-    asked_ns: int
-    heard_ns: int
-    told_ns: int
-    received_ns: int
+    query_sent_ns: int
+    query_received_ns: int
+    reply_sent_ns: int
+    reply_received_ns: int
 
     @property
     def offset_ns(self) -> float:
-        """Own clock minus the other's, if both ways took the same time."""
-        return ((self.asked_ns - self.heard_ns) + (self.received_ns - self.told_ns)) / 2
+        """Own clock minus the other's, if query and reply took the same time."""
+        query_ns = self.query_sent_ns - self.query_received_ns
+        return (query_ns + self.reply_received_ns - self.reply_sent_ns) / 2
 
     @property
     def error_ns(self) -> float:
-        """Bound of the error: all of the way was there, or all of it was back."""
-        return ((self.received_ns - self.asked_ns) - (self.told_ns - self.heard_ns)) / 2
+        """Bound of the error: all of the delay was the query's, or all of it the reply's."""
+        served_ns = self.reply_sent_ns - self.query_received_ns
+        return (self.reply_received_ns - self.query_sent_ns - served_ns) / 2
 
-    def at(self, now_ns: int) -> Offset:
-        """Return what this tells about a later time: meanwhile, and before, clocks drift."""
-        drifting_ns = abs(now_ns - self.received_ns) + abs(self.told_ns - self.heard_ns)
-        return Offset(self.offset_ns, self.error_ns + DRIFT * drifting_ns + ROUNDING_NS)
+    def at(self, now_ns: int) -> HostOffset:
+        """Return the offset at a later time: meanwhile, and before, clocks drift."""
+        served_ns = abs(self.reply_sent_ns - self.query_received_ns)
+        drifting_ns = abs(now_ns - self.reply_received_ns) + served_ns
+        return HostOffset(self.offset_ns, self.error_ns + DRIFT * drifting_ns + ROUNDING_NS)
 
 
-class Comparison:
-    """Two clocks, compared again and again; the quickest answers tell the most."""
+class ClockFilter:
+    """Offset of two clocks from many exchanges, of which the quickest are the most accurate."""
 
     def __init__(self) -> None:
         self.steps = 0  # times that one of the clocks was set
-        self._exchanges: deque[Exchange] = deque(maxlen=KEPT)
+        self._exchanges: deque[TimeExchange] = deque(maxlen=EXCHANGES_MAX)
 
-    def add(self, exchange: Exchange) -> None:
-        """Take an exchange; one that contradicts those before tells that a clock was set."""
-        new, known = exchange.at(exchange.received_ns), self.offset(exchange.received_ns)
-        if new.error_ns < 0:  # the clock was set while the question was on its way
+    def add(self, exchange: TimeExchange) -> None:
+        """Take an exchange; one that contradicts those before shows that a clock was set."""
+        new, known = (
+            exchange.at(exchange.reply_received_ns),
+            self.offset(exchange.reply_received_ns),
+        )
+        if new.error_ns < 0:  # the clock was set while the query was under way
             return
         if known:
             apart_ns = abs(new.offset_ns - known.offset_ns)
@@ -93,8 +99,8 @@ class Comparison:
                 self.steps += 1
         self._exchanges.append(exchange)
 
-    def offset(self, now_ns: int) -> Offset | None:
-        """Return the offset with the least error, None before the first answer.
+    def offset(self, now_ns: int) -> HostOffset | None:
+        """Return the offset with the least error, None before the first reply.
 
         Args:
             now_ns: Own clock.
@@ -103,90 +109,90 @@ class Comparison:
         return min(known, key=lambda offset: offset.error_ns, default=None)
 
 
-class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the reference answers."""
+class TimeReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Reply of the reference."""
 
-    clock: str  # which clock that is, see this_clock
-    heard_ns: int  # [ns] its clock when the question came
-    told_ns: int  # [ns] its clock when the answer left
+    clock: str  # identity of the clock, see clock_id
+    query_received_ns: int  # [ns] its clock
+    reply_sent_ns: int  # [ns] its clock
 
 
-class Asker(Protocol):
-    """Carries questions to other processes."""
+class QuerySender(Protocol):
+    """Sends queries to other processes."""
 
-    def ask(self, name: str, on_answer: Callable[[bytes], None]) -> None:
-        """Send a question; `on_answer` gets the answer in another thread, or is never called."""
+    def query(self, name: str, on_reply: Callable[[bytes], None]) -> None:
+        """Send a query; `on_reply` gets the reply in another thread, or is never called."""
         ...
 
 
-class Questions(Asker, Protocol):
-    """Carries questions to other processes, and answers theirs."""
+class QueryServer(Protocol):
+    """Replies to queries of other processes."""
 
-    def answer(self, name: str, reply: Callable[[], bytes]) -> None:
-        """Answer a question whenever it is put, in a thread of its own."""
+    def serve(self, name: str, reply: Callable[[], bytes]) -> None:
+        """Reply to every query of a name, in a thread of its own."""
         ...
 
 
-def this_clock() -> str:
-    """Return what tells this machine's clock from others: containers of one machine share it."""
+def clock_id() -> str:
+    """Return the identity of this machine's clock, which its containers share."""
     try:
         return BOOT_ID.read_text(encoding="ascii").strip()
     except OSError:  # not Linux
         return socket.gethostname()
 
 
-def keep_time(bus: Questions, clock: str = "", now_ns: Callable[[], int] = time.time_ns) -> None:
-    """Be the reference: answer everyone who asks for the time.
+def serve_time(bus: QueryServer, clock: str = "", now_ns: Callable[[], int] = time.time_ns) -> None:
+    """Be the reference: reply to all queries of the time.
 
     Args:
-        bus: Carries the questions.
-        clock: Which clock is told; empty for this machine's.
+        bus: Bus of the queries.
+        clock: Identity of the clock; empty for this machine's.
         now_ns: The clock.
     """
-    clock = clock or this_clock()
+    clock = clock or clock_id()
 
     def reply() -> bytes:
-        heard_ns = now_ns()
-        return msgspec.msgpack.encode(Answer(clock, heard_ns, now_ns()))
+        query_received_ns = now_ns()
+        return msgspec.msgpack.encode(TimeReply(clock, query_received_ns, now_ns()))
 
-    bus.answer(NAME, reply)
+    bus.serve(CLOCK, reply)
 
 
-class Clock:
-    """This host's clock beside the reference.
+class ClockMonitor:
+    """Offset of this host's clock from the reference.
 
     Args:
-        bus: Carries the questions.
-        clock: Which clock this is, empty for this machine's; with that of the reference there is
-            nothing to compare.
+        bus: Bus of the queries.
+        clock: Identity of this clock, empty for this machine's; with that of the reference there
+            is nothing to compare.
         now_ns: The clock.
     """
 
     def __init__(
-        self, bus: Asker, clock: str = "", now_ns: Callable[[], int] = time.time_ns
+        self, bus: QuerySender, clock: str = "", now_ns: Callable[[], int] = time.time_ns
     ) -> None:
-        self._bus, self._clock, self._now_ns = bus, clock or this_clock(), now_ns
-        self._comparison = Comparison()
-        self._same = False
-        self._asked_s = 0.0
+        self._bus, self._clock, self._now_ns = bus, clock or clock_id(), now_ns
+        self._filter = ClockFilter()
+        self._is_reference = False
+        self._queried_s = 0.0
         self._lock = threading.Lock()
-        self.bad_answers = 0
+        self.bad_replies = 0
 
-    def ask(self) -> None:
-        """Ask the reference, at most once a second; returns at once."""
-        if time.monotonic() - self._asked_s < ASK_S:
+    def query(self) -> None:
+        """Query the reference, at most once a second; returns at once."""
+        if time.monotonic() - self._queried_s < QUERY_PERIOD_S:
             return
-        self._asked_s = time.monotonic()
-        asked_ns = self._now_ns()
-        self._bus.ask(NAME, lambda answer: self._heard(asked_ns, answer, self._now_ns()))
+        self._queried_s = time.monotonic()
+        sent_ns = self._now_ns()
+        self._bus.query(CLOCK, lambda payload: self._receive(sent_ns, payload, self._now_ns()))
 
-    def offset(self) -> Offset | None:
-        """Return how far this clock is ahead of the reference; None if nobody answered."""
+    def offset(self) -> HostOffset | None:
+        """Return the offset from the reference; None before the first reply."""
         with self._lock:
-            return SAME if self._same else self._comparison.offset(self._now_ns())
+            return NO_OFFSET if self._is_reference else self._filter.offset(self._now_ns())
 
     def gauges(self) -> dict[str, float]:
-        """Return offset and error in milliseconds by name, none before the first answer."""
+        """Return offset and error in milliseconds by name, none before the first reply."""
         offset = self.offset()
         if offset is None:
             return {}
@@ -194,15 +200,16 @@ class Clock:
         return {"clock_offset_ms": ms[0], "clock_error_ms": ms[1]}
 
     def counters(self) -> dict[str, int]:
-        """Return how often a clock was set, and answers that could not be read."""
-        return {"clock_steps": self._comparison.steps, "bad_clock": self.bad_answers}
+        """Return the number of times a clock was set, and of replies that could not be read."""
+        return {"clock_steps": self._filter.steps, "bad_clock": self.bad_replies}
 
-    def _heard(self, asked_ns: int, payload: bytes, received_ns: int) -> None:
+    def _receive(self, sent_ns: int, payload: bytes, received_ns: int) -> None:
         try:
-            answer = msgspec.msgpack.decode(payload, type=Answer)
+            reply = msgspec.msgpack.decode(payload, type=TimeReply)
         except msgspec.DecodeError:
-            self.bad_answers += 1
+            self.bad_replies += 1
             return
+        stamps_ns = sent_ns, reply.query_received_ns, reply.reply_sent_ns, received_ns
         with self._lock:
-            self._same = answer.clock == self._clock
-            self._comparison.add(Exchange(asked_ns, answer.heard_ns, answer.told_ns, received_ns))
+            self._is_reference = reply.clock == self._clock
+            self._filter.add(TimeExchange(*stamps_ns))

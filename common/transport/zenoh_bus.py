@@ -11,7 +11,7 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
-from common.transport.access import HERE, access_control, downsampling
+from common.transport.access import LOCAL_INTERFACES, access_control, downsampling
 from common.transport.bus import Member
 from people4d import session
 from people4d.codec import encode
@@ -19,10 +19,10 @@ from people4d.credentials import uses_certificates
 from people4d.errors import ConfigError
 from people4d.messages import Message, RgbdFrame, Span
 from people4d.session import Session, ZenohSubscription, check_chunk
-from people4d.topics import BY_MESSAGE, Topic, prefix, question
+from people4d.topics import BY_MESSAGE, Topic, prefix, query_key
 
 SLOW_HZ = "10"  # of each topic through $PEOPLE4D_SLOW_LINKS
-QUESTIONS = 64  # that may wait for an answer
+QUERIES_MAX = 64  # that may wait for a reply
 
 
 def read_config(
@@ -45,8 +45,8 @@ def read_config(
     config = session.read_config(file, mode, environment, role)
     keys = environment.get("PEOPLE4D_KEYS")
     if keys and not json.loads(config.get_json("access_control"))["enabled"]:
-        here = [name for name in environment.get("PEOPLE4D_HERE", "").split(",") if name]
-        rules = _access_rules(Path(keys), mode, here or list(HERE))
+        local = [name for name in environment.get("PEOPLE4D_HERE", "").split(",") if name]
+        rules = _access_rules(Path(keys), mode, local or list(LOCAL_INTERFACES))
         if rules:
             config.insert_json5("access_control", json.dumps(rules))
     slow = environment.get("PEOPLE4D_SLOW_LINKS")
@@ -58,13 +58,13 @@ def read_config(
     return config
 
 
-def _access_rules(keys: Path, mode: str, here: list[str]) -> dict[str, Any] | None:
+def _access_rules(keys: Path, mode: str, local: list[str]) -> dict[str, Any] | None:
     """Return the rules that a process enforces, None if it cannot."""
     if uses_certificates(keys):
         # Both ends prove their role, so peers let in only those that may use their topics.
-        return access_control("cert_common_names", here) if mode != "client" else None
+        return access_control("cert_common_names", local) if mode != "client" else None
     # Only the end that connects proves its role by a password, so only the router can enforce.
-    return access_control("usernames", here) if mode == "router" else None
+    return access_control("usernames", local) if mode == "router" else None
 
 
 class ZenohMembers:
@@ -136,18 +136,18 @@ class ZenohBus(Session):
         subscriber = self._session.liveliness().declare_subscriber(key, channel, history=True)
         return ZenohMembers(self._keep(subscriber))
 
-    def answer(self, name: str, reply: Callable[[], bytes]) -> None:
-        """Answer a question whenever it comes, in a thread of its own."""
-        key = question(self.robot, name)
-        channel: Any = zenoh.handlers.RingChannel(QUESTIONS)
+    def serve(self, name: str, reply: Callable[[], bytes]) -> None:
+        """Reply to every query of a name, in a thread of its own."""
+        key = query_key(self.robot, name)
+        channel: Any = zenoh.handlers.RingChannel(QUERIES_MAX)
         queries = self._keep(self._session.declare_queryable(key, channel))
 
-        def serve() -> None:
+        def send_replies() -> None:
             for query in queries.samples():
                 with query:
                     query.reply(key, reply())
 
-        self._start(serve, name)
+        self._start(send_replies, name)
 
     def _publisher(self, topic: Topic, key: str, lossless: bool) -> Any:
         name = f"{key}{'!' if lossless else ''}"

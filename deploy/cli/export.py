@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from common.transport.clock import Clock
+from common.transport.clock import ClockMonitor
 from common.transport.trace import ProcessId
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.exporters.measures import Exporter
@@ -61,9 +61,9 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
     """Give exporters what comes, until interrupted."""
     host = socket.gethostname()
     monitor = Monitor(ProcessId("export", f"export-{os.getpid()}", host), WINDOW_S)
-    clock = Clock(client.session)
+    clock = ClockMonitor(client.session)
     for arrival in client.arrivals(Health, Tracks, Detections):
-        clock.ask()
+        clock.query()
         monitor.add_own_clock(clock.offset())
         path = monitor.add(arrival, time.time_ns(), time.monotonic())
         for exporter in exporters:

@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from common.transport.clock import Clock
+from common.transport.clock import ClockMonitor
 from common.transport.trace import ProcessId
 from deploy.cli.live import Json
 from deploy.cli.options import Connect, Robot, open_client
@@ -73,12 +73,12 @@ def watching(client: Client, seconds: float) -> Iterator[Callable[[], SystemSnap
     """
     host = socket.gethostname()
     monitor = Monitor(ProcessId(HERE, f"top-{os.getpid()}", host), seconds)
-    clock, lock, ended = Clock(client.session), threading.Lock(), threading.Event()
+    clock, lock, ended = ClockMonitor(client.session), threading.Lock(), threading.Event()
     arrivals = client.arrivals(Health, Tracks, Detections)
 
     def listen() -> None:
         for arrival in arrivals:
-            clock.ask()
+            clock.query()
             with lock:
                 monitor.add_own_clock(clock.offset())
                 monitor.add(arrival, time.time_ns(), time.monotonic())

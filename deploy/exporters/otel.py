@@ -9,7 +9,7 @@ from opentelemetry.sdk.metrics.export import MetricReader
 from opentelemetry.sdk.resources import Resource
 from opentelemetry.sdk.trace import SpanProcessor, TracerProvider
 
-from common.runtime.latency import Part, summed
+from common.runtime.latency import TraceSegment, merge_stages
 from deploy.exporters.measures import BUCKETS_S, MEASURES, samples
 from deploy.monitor import FramePath
 from people4d.messages import Health
@@ -79,7 +79,7 @@ class OtelExporter:
             # A span cannot end before it begins; the attribute tells that it did.
             piece.end(max(part.end_ns, part.start_ns))
         frame.end(max(end_to_end.end_ns, end_to_end.start_ns))
-        for part in [*summed(path.parts), *summed(path.beside)]:
+        for part in [*merge_stages(path.parts), *merge_stages(path.beside)]:
             labels = {"service": part.service, "instance": part.instance, "stage": part.stage}
             if part.ms >= 0:
                 self._stage.record(part.ms / 1e3, labels)
@@ -125,7 +125,7 @@ class OtelExporter:
         )
 
 
-def _clock(part: Part) -> dict[str, float | bool]:
+def _clock(part: TraceSegment) -> dict[str, float | bool]:
     """Return what clocks of different hosts bring into a piece, nothing on one host."""
     attributes: dict[str, float | bool] = {}
     if part.error_ns is None:

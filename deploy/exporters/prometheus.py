@@ -7,7 +7,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, star
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from common.runtime.latency import summed
+from common.runtime.latency import merge_stages
 from deploy.exporters.measures import BUCKETS_S, MEASURES, Sample, samples
 from deploy.monitor import FramePath
 from people4d.errors import People4dError
@@ -73,7 +73,7 @@ class PrometheusExporter:
 
     def add_frame_path(self, path: FramePath) -> None:
         """Take the path of a frame."""
-        for part in [*summed(path.parts), *summed(path.beside)]:
+        for part in [*merge_stages(path.parts), *merge_stages(path.beside)]:
             labels = (part.service, part.instance, part.stage)
             if part.ms < 0:
                 self._negative.labels(*labels).inc()

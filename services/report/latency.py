@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from common.runtime.latency import parts, percentiles, summed, whole
+from common.runtime.latency import end_to_end, merge_stages, percentiles, segments
 from people4d.messages import Span
 from services.report.even_sample import EvenSample
 
@@ -33,9 +33,9 @@ class Latency:
 
     def add(self, trace: Sequence[Span]) -> None:
         """Take the trace of one message, oldest stage first; pieces of one name are one."""
-        for part in summed(parts(trace)):
+        for part in merge_stages(segments(trace)):
             self._take(part.name, part.ms)
-        if total := whole(trace):
+        if total := end_to_end(trace):
             self._take(WHOLE, total.ms)
 
     def percentiles(self) -> dict[str, Percentiles]:

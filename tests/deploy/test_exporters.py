@@ -16,8 +16,8 @@ from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanE
 from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner
 
-from common.runtime.latency import parts, whole
-from common.transport.clock import Offset
+from common.runtime.latency import end_to_end, segments
+from common.transport.clock import HostOffset
 from deploy.cli import app
 from deploy.cli.export import feed, otlp_exporter, prometheus_exporter
 from deploy.exporters.measures import Exporter
@@ -42,12 +42,14 @@ def give(exporter: Exporter, frames: int) -> None:
         exporter.add_frame_path(path(number, trace_of(number), clocks))
 
 
-def path(number: int, trace: Sequence[Span], clocks: Mapping[str, Offset]) -> FramePath:
+def path(number: int, trace: Sequence[Span], clocks: Mapping[str, HostOffset]) -> FramePath:
     """Return the path of a frame, beside which its people were placed for 5 ms."""
-    total = whole(trace, clocks)
+    total = end_to_end(trace, clocks)
     assert total is not None
-    beside = parts([span("detector.locate", 20 * number + 36, 20 * number + 41, "detector-1@nuc")])
-    return FramePath(tracks(number), parts(trace, clocks), beside, total)
+    beside = segments(
+        [span("detector.locate", 20 * number + 36, 20 * number + 41, "detector-1@nuc")]
+    )
+    return FramePath(tracks(number), segments(trace, clocks), beside, total)
 
 
 def fetched(exporter: PrometheusExporter) -> dict[tuple[str, frozenset[str]], float]:

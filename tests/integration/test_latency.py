@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.lib.live_camera import LiveDemo
 from benchmarks.lib.system import running
-from common.runtime.latency import parts
+from common.runtime.latency import segments
 from common.transport.trace import STAGES, ProcessId, Tracer
 from deploy.chrome_trace import KINDS, FrameTraces
 from deploy.monitor import of_frame
@@ -54,7 +54,7 @@ def test_the_stages_of_frames_add_up_to_the_time_since_their_acquisition(
         if not isinstance(message, Tracks) or not of_frame(message.trace):
             continue
         taken = tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
-        way = parts(taken.trace)
+        way = segments(taken.trace)
         assert all(part.end_ns >= part.start_ns for part in way), "on one host time goes on"
         assert way[0].start_ns == message.stamp_ns, "latency counts from the acquisition"
         named_ms.append(sum(part.ms for part in way if part.stage != "other"))

@@ -1,4 +1,4 @@
-"""Everybody may ask the time, only the router tells it."""
+"""All roles may query the time, only the router may serve it."""
 
 import threading
 import time
@@ -6,26 +6,26 @@ from pathlib import Path
 
 import pytest
 
-from common.transport.clock import NAME, keep_time
+from common.transport.clock import CLOCK, serve_time
 from common.transport.zenoh_bus import ZenohBus
 from tests.security.guarded import WAIT_S, guarded
 
 
-def is_told(bus: ZenohBus, seconds: float) -> bool:
-    """Ask until somebody answers; return whether somebody did."""
-    told = threading.Event()
+def gets_reply(bus: ZenohBus, seconds: float) -> bool:
+    """Query until a reply comes; return False if none does."""
+    replied = threading.Event()
     end_s = time.monotonic() + seconds
-    while not told.is_set() and time.monotonic() < end_s:
-        bus.ask(NAME, lambda _: told.set())
-        told.wait(0.2)
-    return told.is_set()
+    while not replied.is_set() and time.monotonic() < end_s:
+        bus.query(CLOCK, lambda _: replied.set())
+        replied.wait(0.2)
+    return replied.is_set()
 
 
 @pytest.mark.parametrize("passwords", [False, True])
-def test_a_planner_may_ask_but_not_tell_the_time(tmp_path: Path, passwords: bool) -> None:
+def test_planner_may_query_but_not_serve_the_time(tmp_path: Path, passwords: bool) -> None:
     with guarded(tmp_path, passwords) as network:
         planner = network.bus("planner")
-        keep_time(network.bus("operator"), "liar")
-        assert not is_told(planner, 1.5)
-        keep_time(network.bus("router"), "router")
-        assert is_told(planner, WAIT_S)
+        serve_time(network.bus("operator"), "liar")
+        assert not gets_reply(planner, 1.5)
+        serve_time(network.bus("router"), "router")
+        assert gets_reply(planner, WAIT_S)

@@ -11,7 +11,7 @@ from common.runtime import heartbeat, throughput
 from common.runtime.heartbeat import Activity, Heartbeat
 from common.runtime.inbox import Inbox
 from common.runtime.node import Status
-from common.transport.clock import keep_time
+from common.transport.clock import serve_time
 from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import ZenohBus
 from people4d.messages import Detections, Health
@@ -139,7 +139,7 @@ def test_the_clock_is_compared_with_that_of_the_router(
 ) -> None:
     monkeypatch.setattr(heartbeat, "PERIOD_S", 0.05)
     robot = network.robot()
-    keep_time(network.open(robot), "router", lambda: time.time_ns() - 3_000_000_000)
+    serve_time(network.open(robot), "router", lambda: time.time_ns() - 3_000_000_000)
     beating = Beating(network.open(robot), Echo())
     try:
         told = beating.watcher.wait(Health, lambda health: "clock_offset_ms" in health.gauges)

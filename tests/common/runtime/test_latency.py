@@ -1,10 +1,10 @@
-"""The way of a message, by hand."""
+"""Latency of a message by segments, worked out by hand."""
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.runtime.latency import Window, parts, summed, whole
-from common.transport.clock import Offset
+from common.runtime.latency import SlidingWindow, end_to_end, merge_stages, segments
+from common.transport.clock import HostOffset
 from people4d.messages import Span
 
 MS = 1_000_000
@@ -15,8 +15,8 @@ def span(stage: str, start_ms: float, end_ms: float, process: str) -> Span:
     return Span(stage=stage, process=process, start_ns=start_ns, end_ns=end_ns)
 
 
-def way() -> list[Span]:
-    """A frame on its way from host a to host b, whose clock is 100 ms ahead."""
+def frame_trace() -> list[Span]:
+    """Return the trace of a frame from host a to host b, whose clock is 100 ms ahead."""
     return [
         span("camera.release", 0, 1, "camera-1@a"),
         span("camera.publish", 1, 3, "camera-1@a"),
@@ -27,11 +27,13 @@ def way() -> list[Span]:
     ]
 
 
-CLOCKS = {"a": Offset(0.0, 0.0), "b": Offset(100 * MS, 0.5 * MS)}
+CLOCKS = {"a": HostOffset(0.0, 0.0), "b": HostOffset(100 * MS, 0.5 * MS)}
 
 
-def test_what_no_process_measured_is_named_by_where_it_lies() -> None:
-    got = [(part.name, part.ms, part.error_ns) for part in parts(way(), CLOCKS)]
+def test_unmeasured_time_is_named_by_its_position() -> None:
+    got = [
+        (segment.name, segment.ms, segment.error_ns) for segment in segments(frame_trace(), CLOCKS)
+    ]
     assert got == [
         ("camera.release", 1, 0),
         ("camera.publish", 2, 0),
@@ -43,43 +45,43 @@ def test_what_no_process_measured_is_named_by_where_it_lies() -> None:
         ("detector.other", 2, 0),  # between stages of the work
         ("detector.publish", 1, 0),
     ]
-    total = whole(way(), CLOCKS)
+    total = end_to_end(frame_trace(), CLOCKS)
     assert total is not None
     assert (total.ms, total.error_ns) == (124 - 100, 0.5 * MS)
 
 
-def test_clocks_that_were_not_compared_are_told_as_unknown() -> None:
-    transport = parts(way())[2]
+def test_error_is_unknown_between_clocks_that_were_not_compared() -> None:
+    transport = segments(frame_trace())[2]
     assert (transport.ms, transport.error_ns) == (104, None)
-    total = whole(way(), {"a": Offset(0.0, 0.0)})
+    total = end_to_end(frame_trace(), {"a": HostOffset(0.0, 0.0)})
     assert total is not None
     assert (total.ms, total.error_ns) == (124, None)
 
 
-def test_a_negative_time_is_told_as_it_is() -> None:
-    behind = {"a": Offset(0.0, 0.0), "b": Offset(105 * MS, 2 * MS)}  # 107 - 105 < 3
-    assert parts(way(), behind)[2].ms == -1
+def test_negative_time_stays_negative() -> None:
+    behind = {"a": HostOffset(0.0, 0.0), "b": HostOffset(105 * MS, 2 * MS)}  # 107 - 105 < 3
+    assert segments(frame_trace(), behind)[2].ms == -1
 
 
 def test_errors_of_two_compared_hosts_add_up() -> None:
-    clocks = {"a": Offset(7 * MS, 0.25 * MS), "b": Offset(107 * MS, 0.5 * MS)}
-    transport = parts(way(), clocks)[2]
+    clocks = {"a": HostOffset(7 * MS, 0.25 * MS), "b": HostOffset(107 * MS, 0.5 * MS)}
+    transport = segments(frame_trace(), clocks)[2]
     assert (transport.ms, transport.error_ns) == (4, 0.75 * MS)
 
 
-def test_pieces_of_one_process_and_stage_are_put_together() -> None:
+def test_segments_of_one_process_and_stage_are_merged() -> None:
     trace = [
         span("a.x", 0, 1, "a@h"),
         span("a.y", 2, 3, "a@h"),
         span("a.x", 6, 7, "a@h"),
     ]
-    got = {part.stage: part.ms for part in summed(parts(trace))}
+    got = {segment.stage: segment.ms for segment in merge_stages(segments(trace))}
     assert got == {"x": 2, "other": 1 + 3, "y": 1}
 
 
-def test_no_trace_has_no_way() -> None:
-    assert parts([]) == []
-    assert whole([]) is None
+def test_empty_trace_has_no_segments() -> None:
+    assert segments([]) == []
+    assert end_to_end([]) is None
 
 
 times = st.integers(-(10**12), 10**12)
@@ -99,19 +101,19 @@ times = st.integers(-(10**12), 10**12)
     ),
     offset_ns=st.integers(-(10**9), 10**9),
 )
-def test_the_pieces_are_the_whole(spans: list[Span], offset_ns: int) -> None:
-    """Whatever the clocks say, even times that go backwards: nothing is lost, nothing is twice."""
-    for clocks in ({}, {"x": Offset(offset_ns, 1.0), "y": Offset(0.0, 1.0)}):
-        pieces, total = parts(spans, clocks), whole(spans, clocks)
+def test_segments_add_up_to_the_end_to_end_latency(spans: list[Span], offset_ns: int) -> None:
+    """No time is lost or counted twice, even if clocks go backwards."""
+    for clocks in ({}, {"x": HostOffset(offset_ns, 1.0), "y": HostOffset(0.0, 1.0)}):
+        path, total = segments(spans, clocks), end_to_end(spans, clocks)
         assert total is not None
         length_ns = total.end_ns - total.start_ns
-        assert sum(part.end_ns - part.start_ns for part in pieces) == length_ns
-        put_together = summed(pieces)
-        assert sum(part.end_ns - part.start_ns for part in put_together) == length_ns
+        assert sum(segment.end_ns - segment.start_ns for segment in path) == length_ns
+        merged = merge_stages(path)
+        assert sum(segment.end_ns - segment.start_ns for segment in merged) == length_ns
 
 
-def test_a_window_forgets() -> None:
-    window = Window(10.0)
+def test_window_drops_old_values() -> None:
+    window = SlidingWindow(10.0)
     for now_s, value in ((0.0, 1.0), (5.0, 2.0), (10.0, 3.0)):
         window.add(now_s, value)
     assert window.values(10.0) == [1.0, 2.0, 3.0]
@@ -119,8 +121,8 @@ def test_a_window_forgets() -> None:
     assert window.values(30.0) == []
 
 
-def test_a_window_is_bounded() -> None:
-    window = Window(10.0, most=3)
+def test_window_is_bounded() -> None:
+    window = SlidingWindow(10.0, max_count=3)
     for value in range(5):
         window.add(0.0, value)
     assert window.values(0.0) == [2, 3, 4]
