@@ -15,7 +15,7 @@ from people4d.validation import check, explain
 
 T = TypeVar("T", bound=msgspec.Struct)
 
-MAX_NAME = 80  # characters of an unknown name that are told and compared
+MAX_NAME = 80  # characters of an unknown name in errors
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,7 +44,7 @@ def load(
     """Build a configuration record; later sources win: file, environment, overrides.
 
     Args:
-        kind: Record type; its defaults hold where nothing is said.
+        kind: Record type; its defaults hold for absent fields.
         section: Table of the TOML file and name in the environment: PEOPLE4D_<SECTION>_<FIELD>.
         file: TOML file, None for none.
         overrides: "field=value" or "table.field=value" as given on the command line.

@@ -1,4 +1,4 @@
-"""The only place that meets an inference library: arrays in, arrays out."""
+"""Sessions of an inference library: arrays in, arrays out."""
 
 import threading
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ class Session(Protocol):
 
 
 class OnnxSession:
-    """A network in ONNX format on the CPU; one run at a time, others wait their turn.
+    """A network in ONNX format on the CPU; one run at a time.
 
     Args:
         path: The .onnx file.

@@ -1,4 +1,4 @@
-"""Things by name: what comes with the project, or `module:Class` of one's own."""
+"""Algorithms, models and sources by name, or as `module:Class` of a plug-in."""
 
 import importlib
 from collections.abc import Mapping

@@ -32,7 +32,7 @@ def encode(message: Message, publishing: Callable[[], Span] | None = None) -> by
 
     Args:
         message: The message.
-        publishing: Gives one more stage of its trace, asked when all else is encoded.
+        publishing: Returns one more stage of its trace, called when all else is encoded.
     """
     fields = msgspec.to_builtins(message, enc_hook=_array_to_map, builtin_types=(bytes, memoryview))
     trace = fields.pop("trace")
@@ -99,10 +99,10 @@ def _unpack(payload: bytes) -> dict[str, Any]:
 
 def _limit() -> Callable[[Any], Any]:
     """Return a hook that stops a small payload from growing into millions of empty maps."""
-    seen = itertools.count(1)
+    count = itertools.count(1)
 
     def hook(container: Any) -> Any:
-        if next(seen) > MAX_CONTAINERS:
+        if next(count) > MAX_CONTAINERS:
             raise ValueError(f"more than {MAX_CONTAINERS} lists and maps")
         return container
 

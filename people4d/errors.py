@@ -1,12 +1,12 @@
-"""Errors that a user can hint."""
+"""Errors that a user can remedy."""
 
 
 class People4dError(Exception):
-    """A failure told in one sentence, with what mends it.
+    """A failure in one sentence, with a remedy.
 
     Args:
         problem: What is wrong, one sentence without the closing stop.
-        hint: What the user can do about it, one sentence; empty if nothing is known.
+        hint: What the user can do about it, one sentence; empty if unknown.
     """
 
     def __init__(self, problem: str, hint: str = "") -> None:
@@ -20,11 +20,11 @@ class ConfigError(People4dError):
 
 
 class DecodeError(People4dError):
-    """Bytes from the wire or a file are not the message they should be."""
+    """Bytes from the wire or a file are not the expected message."""
 
 
 class SourceError(People4dError):
-    """An RGB-D source cannot deliver what was asked of it."""
+    """An RGB-D source cannot deliver its frames."""
 
 
 class ModelError(People4dError):

@@ -1,4 +1,4 @@
-"""The table of streams, from which sockets, recorder, documentation and access rules derive."""
+"""Table of topics, from which subscriptions, recorder, documentation and access rules derive."""
 
 import re
 from collections.abc import Callable
@@ -26,27 +26,27 @@ from people4d.messages import (
 
 VERSION = "v1"
 EVERY_SERVICE = "every service"
-LOCKSTEP_MAX = 8  # frames that may be on their way at once where none may be skipped
+LOCKSTEP_MAX = 8  # frames in flight at once where none may be skipped
 
 
 @dataclass(frozen=True)
 class Topic:
-    """One stream.
+    """One topic.
 
     Args:
-        name: What the command line and the documentation call it.
+        name: Name on the command line and in the documentation.
         key: Key below people4d/v1/<robot>/; names in braces are fields of the message.
         message: Type of its messages.
         rate_hz: Expected rate of one publisher; 0 if sent once.
         delivery: "newest": the newest message wins, older ones are dropped and counted;
             "queue": kept in order up to depth; "latched": sent once, late joiners get the last.
-        depth: Messages that a subscriber keeps while it is busy; of "newest" only those that must
-            not be skipped (lock-step), else one.
+        depth: Length of a subscriber's queue; of "newest" only for messages that must not be
+            skipped (lock-step), else one.
         producer: Service that publishes it, or several with spaces between; no other may where
             access is restricted.
-        readers: Roles that may read it there, with spaces between, "*" for all: services,
-            "planner", and "operator" (the command line). See common/transport/access.py.
-        leaves_host: Whether it may leave the host it was made on, where access is restricted.
+        readers: Roles that may read it where access is restricted, separated by spaces, "*": all:
+            services, "planner", and "operator" (the command line). See common/transport/access.py.
+        leaves_host: It may leave the host that it was made on, where access is restricted.
     """
 
     name: str
@@ -76,23 +76,23 @@ class Topic:
 
 @dataclass(frozen=True)
 class ForeignTopic(Topic):
-    """A stream that others define: its key stands alone and its bytes are not ours.
+    """A topic of another system: its key has no prefix and its bytes are not our messages.
 
-    A node lists those that it reads in `foreign_inputs`; it gets them decoded, as `message`.
+    A node lists those that it reads in `foreign_inputs` and gets them decoded, as `message`.
 
     Args:
-        decode: Makes a message of untrusted bytes; raises DecodeError for what is not one.
+        decode: Decodes untrusted bytes; raises DecodeError.
     """
 
     decode: Callable[[bytes], Message]
 
     def key_expression(self, robot: str) -> str:  # noqa: ARG002
-        """Return the key, which is below no robot's prefix."""
+        """Return the key, which has no robot's prefix."""
         return self.key
 
 
 class _Fields(dict[str, str]):
-    """The fields of a message as str.format_map wants them."""
+    """Fields of a message by name, for str.format_map."""
 
     def __init__(self, message: Message) -> None:
         super().__init__()

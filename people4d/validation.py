@@ -7,7 +7,7 @@ and finite numbers are checked, too.
 import math
 import re
 import types
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -39,28 +39,26 @@ class Rule(NamedTuple):
 
 
 class Shape:
-    """Annotation of an array: lengths of its axes, None for any length."""
+    """Annotation of an array: lengths of its axes, a letter for any length: Shape("N", 3)."""
 
-    def __init__(self, *lengths: int | None) -> None:
+    def __init__(self, *lengths: int | str | None) -> None:
         self.lengths = lengths
+        self._fixed = [(i, length) for i, length in enumerate(lengths) if isinstance(length, int)]
 
-    def passes(self, array: Any) -> bool:
-        """Check the shape of an array."""
-        lengths = self.lengths
-        return array.shape == lengths or (
-            None in lengths
-            and array.ndim == len(lengths)
-            and all(n in (None, got) for n, got in zip(lengths, array.shape, strict=True))
-        )
+    def __str__(self) -> str:
+        return "x".join(map(str, self.lengths))
 
     def rule(self) -> Rule:
         """Return the condition on an array."""
-        expected = "x".join("any" if n is None else str(n) for n in self.lengths)
-        return Rule(
-            f"shape {expected}",
-            self.passes,
-            lambda array: "x".join(map(str, array.shape)) or "a scalar",
-        )
+        return Rule(f"shape {self}", self._passes, _shape_text)
+
+    def _passes(self, array: Any) -> bool:
+        shape = array.shape
+        return len(shape) == len(self.lengths) and all(shape[i] == n for i, n in self._fixed)
+
+
+def _shape_text(array: Any) -> str:
+    return "x".join(map(str, array.shape)) or "a scalar"
 
 
 def _all_finite(array: Any) -> bool:
@@ -142,25 +140,31 @@ def _rules(hint: Any) -> Iterator[Rule]:
     yield from _element_rules(kind)
 
 
-def _number_rule(bounds: list[msgspec.Meta], finite: bool) -> Rule:
+def _number_rule(bounds: Sequence[msgspec.Meta], finite: bool) -> Rule:
     """Return the rule of a number, which NaN always fails."""
-    limits = {
-        sign: limit
-        for bound in bounds
-        for sign in SIGNS
-        if (limit := getattr(bound, sign)) is not None
-    }
+    limits = _limits(bounds)
     low = max(limits.get("ge", -math.inf), limits.get("gt", -math.inf))
     high = min(limits.get("le", math.inf), limits.get("lt", math.inf))
     excluded = [limits[sign] for sign in ("gt", "lt") if sign in limits]
-    expected = " and ".join(f"{SIGNS[sign]} {limit}" for sign, limit in limits.items())
-    if limits.keys() == {"ge", "le"}:
-        expected = f"{limits['ge']} to {limits['le']}"
-    elif finite:
-        expected = f"a finite number {expected}".strip()
+    expected = range_text(bounds)
     if finite:
+        if "to" not in expected:
+            expected = f"a finite number {expected}".strip()
         return Rule(expected, lambda x: math.isfinite(x) and low <= x <= high and x not in excluded)
     return Rule(expected or "a number", lambda x: low <= x <= high and x not in excluded)
+
+
+def range_text(bounds: Sequence[msgspec.Meta]) -> str:
+    """Write limits of a number: "0 to 1" or "> 0"."""
+    limits = _limits(bounds)
+    if limits.keys() == {"ge", "le"}:
+        return f"{limits['ge']} to {limits['le']}"
+    return " and ".join(f"{SIGNS[sign]} {limit}" for sign, limit in limits.items())
+
+
+def _limits(bounds: Sequence[msgspec.Meta]) -> dict[str, float]:
+    found = {sign: getattr(bound, sign) for bound in bounds for sign in SIGNS}
+    return {sign: limit for sign, limit in found.items() if limit is not None}
 
 
 def _length_rules(bound: msgspec.Meta) -> Iterator[Rule]:

@@ -5,28 +5,32 @@ Run `python -m scripts.message_docs` after a change; `--check` only tells whethe
 
 import argparse
 import ast
+import importlib
+import inspect
 import io
 import re
 import sys
+import textwrap
 import tokenize
+import types
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
 
 from people4d.codec import MAX_BYTES
+from people4d.messages import Message
+from people4d.messages.base import NAME_FORM, Name, Record
 from people4d.topics import TOPICS, VERSION, Topic
+from people4d.validation import Shape, range_text
 
-ROOT = Path(__file__).resolve().parents[1]
-SOURCES = tuple(
-    ROOT / "people4d" / "messages" / f"{name}.py"
-    for name in ("base", "camera", "people", "gait", "score", "status")
-)
+SOURCES = ("base", "camera", "people", "gait", "score", "status")
 TEMPLATE = Path(__file__).with_name("message_docs.template.md")
-TARGET = ROOT / "docs" / "messages.md"
+TARGET = Path(__file__).resolve().parents[1] / "docs" / "messages.md"
 
-WORDS = {"int": "int", "float": "float", "str": "text", "bool": "bool", "bytes": "binary"}
-ARRAYS = {"U8": "uint8", "U16": "uint16", "F32": "float32", "F64": "float64"}
-SHAPE = re.compile(r"(?:\[[^]]*\] )?((?:\d+|[A-Z])(?:x(?:\d+|[A-Z]))*)(?=[\s:,]|$)")
+WORDS = {int: "int", float: "float", str: "text", bool: "bool", bytes: "binary", Name: "name"}
 DELIVERY = {
     "newest": "the newest message wins, older ones are dropped and counted",
     "queue": "kept in order",
@@ -38,15 +42,14 @@ class DocsError(Exception):
     """A message is not documented well enough."""
 
 
-@dataclass(frozen=True)
-class Field:
+class FieldDocs(NamedTuple):
     """One field of a record.
 
     Args:
         name: Its name on the wire.
         kind: Its type in words.
         presence: "required", or what holds where it is absent.
-        comment: Its meaning with unit, shape and frame.
+        comment: Its meaning with unit and frame.
     """
 
     name: str
@@ -55,98 +58,80 @@ class Field:
     comment: str
 
 
-@dataclass(frozen=True)
-class Record:
-    """One message or one part of a message.
-
-    Args:
-        name: Name of its class.
-        summary: First line of its docstring.
-        fields: Its own fields.
-    """
-
-    name: str
-    summary: str
-    fields: tuple[Field, ...]
-
-
-def read_records(source: str, aliases: dict[str, str]) -> Iterator[Record]:
-    """Read the records that a module declares.
-
-    Args:
-        source: Text of the module.
-        aliases: Types named so far, in words; those of this module are added.
+def fields_of(record: type[msgspec.Struct]) -> Iterator[FieldDocs]:
+    """Describe the fields that a record type declares itself.
 
     Raises:
-        DocsError: A field has no comment, or an array has no shape in its comment.
+        DocsError: A field has no comment, or a type that the wire does not have.
     """
-    comments = _comments(source)
-    for node in ast.parse(source).body:
-        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Subscript):
-            name = ast.unparse(node.targets[0])
-            if name not in ARRAYS:
-                aliases[name] = _kind(node.value, "", aliases)
-        elif isinstance(node, ast.ClassDef):
-            summary = (ast.get_docstring(node) or "").partition("\n")[0]
-            fields = tuple(_fields(node, comments, aliases))
-            if fields:
-                yield Record(node.name, summary, fields)
+    comments = dict(_comments(record))
+    hints = get_type_hints(record, include_extras=True)
+    for field in msgspec.structs.fields(record):
+        if field.name in inspect.get_annotations(record):
+            comment = comments.get(field.name)
+            if not comment:
+                name = f"{record.__name__}.{field.name}"
+                raise DocsError(f"{name}: expected a comment with unit and frame, got none")
+            yield FieldDocs(field.name, _kind(hints[field.name]), _presence(field), comment)
 
 
-def _comments(source: str) -> dict[int, str]:
+def _comments(record: type) -> Iterator[tuple[str, str]]:
+    """Yield fields with their comment: on the line, or on the lines above it."""
+    source = textwrap.dedent(inspect.getsource(record))
     tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-    return {t.start[0]: t.string.lstrip("# ") for t in tokens if t.type == tokenize.COMMENT}
-
-
-def _fields(
-    node: ast.ClassDef, comments: dict[int, str], aliases: dict[str, str]
-) -> Iterator[Field]:
+    comments = {t.start[0]: t.string.lstrip("# ") for t in tokens if t.type == tokenize.COMMENT}
+    (node,) = ast.parse(source).body
+    assert isinstance(node, ast.ClassDef)
+    lines = source.splitlines()
     for item in node.body:
-        if not isinstance(item, ast.AnnAssign) or "ClassVar" in ast.unparse(item.annotation):
-            continue
-        name = f"{node.name}.{ast.unparse(item.target)}"
-        # On its line, or above it where the line is too short.
-        comment = comments.get(item.end_lineno or 0) or comments.get(item.lineno - 1)
-        if not comment:
-            raise DocsError(f"{name}: expected a comment with unit and frame, got none")
-        kind = _kind(item.annotation, comment, aliases)
-        if "array" in kind and "?" in kind:
-            raise DocsError(
-                f"{name}: expected a shape such as 17x3 in its comment, got {comment!r}"
-            )
-        yield Field(name.partition(".")[2], kind, _presence(item.value), comment)
+        if isinstance(item, ast.AnnAssign):
+            found = [comments.get(item.end_lineno or 0, "")]
+            line = item.lineno - 1
+            while not found[-1] and lines[line - 1].lstrip().startswith("#"):
+                found.insert(0, comments[line])
+                line -= 1
+            yield ast.unparse(item.target), " ".join(found).strip()
 
 
-def _kind(hint: ast.expr, comment: str, aliases: dict[str, str]) -> str:
-    """Tell a type annotation in words."""
-    text = ast.unparse(hint)
-    if text in ARRAYS:
-        shape = SHAPE.match(comment)
-        return f"array {ARRAYS[text]} {shape[1] if shape else '?'}"
-    if text in WORDS or text in aliases:
-        return WORDS.get(text) or aliases[text]
-    if isinstance(hint, ast.BinOp):
-        return f"{_kind(hint.left, comment, aliases)} or nil"
-    if isinstance(hint, ast.Subscript):
-        inner = hint.slice.elts if isinstance(hint.slice, ast.Tuple) else [hint.slice]
-        if text.startswith("Literal"):
-            return "text: " + ", ".join(ast.unparse(value).strip("'") for value in inner)
-        first = _kind(inner[0], comment, aliases)
-        if text.startswith("tuple"):
-            return f"list of {first}"
-        if text.startswith("dict"):
-            return f"map of {first} to {_kind(inner[1], comment, aliases)}"
-    if isinstance(hint, ast.Name):
-        return f"[{text}](#{text.lower()})"
-    raise DocsError(f"{text}: expected a type that the wire knows, got another")
+def _kind(hint: Any) -> str:
+    """Describe a type in words."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
+        return f"[{hint.__name__}](#{hint.__name__.lower()})"
+    if hint in WORDS:
+        return WORDS[hint]
+    if origin is Annotated:
+        return _annotated(*arguments)
+    if origin is Literal:
+        return "text: " + ", ".join(arguments)
+    if origin in (Union, types.UnionType):
+        names = ["nil" if kind is types.NoneType else _kind(kind) for kind in arguments]
+        return " or ".join(names)
+    if origin is tuple:
+        return f"list of {_kind(arguments[0])}"
+    if origin is dict:
+        return f"map of {_kind(arguments[0])} to {_kind(arguments[1])}"
+    if origin is np.ndarray:
+        return f"array {np.dtype(get_args(arguments[1])[0]).name}"
+    raise DocsError(f"{hint}: expected a type that the wire has, got another")
 
 
-def _presence(default: ast.expr | None) -> str:
-    if default is None:
+def _annotated(kind: Any, *extras: Any) -> str:
+    words = _kind(kind)
+    for extra in extras:
+        if isinstance(extra, Shape):
+            words += f" {extra}"
+        elif isinstance(extra, msgspec.Meta) and kind in (int, float):
+            words += f" {range_text([extra])}"
+    return words
+
+
+def _presence(field: msgspec.structs.FieldInfo) -> str:
+    if field.required:
         return "required"
-    words = {"()": "empty", "None": "nil", "True": "true", "False": "false", "''": "empty"}
-    text = ast.unparse(default)
-    return words.get(text, "empty" if "default_factory" in text else text.strip("'"))
+    if field.default is msgspec.NODEFAULT or field.default in ((), ""):
+        return "empty"
+    return "nil" if field.default is None else str(field.default).lower()
 
 
 def generate() -> str:
@@ -155,20 +140,32 @@ def generate() -> str:
     Raises:
         DocsError: A message is not documented well enough.
     """
-    aliases: dict[str, str] = {}
-    records = [r for path in SOURCES for r in read_records(path.read_text("utf-8"), aliases)]
-    by_name = {record.name: record for record in records}
-    topics = {topic.message.__name__: topic for topic in TOPICS}
-    messages = [_message(by_name[name], topic) for name, topic in topics.items()]
-    parts = [_record(r) for r in records if r.name not in topics and r.name != "Message"]
+    topics = {topic.message: topic for topic in TOPICS}
+    parts = [
+        record
+        for name in SOURCES
+        for record in vars(importlib.import_module(f"people4d.messages.{name}")).values()
+        if isinstance(record, type)
+        and issubclass(record, msgspec.Struct)
+        and record.__module__ == f"people4d.messages.{name}"
+        and record not in (*topics, Message, Record)
+    ]
+    versions = [f'"{message.__name__}": {message.VERSION},' for message in topics]
     return TEMPLATE.read_text("utf-8").format(
         version=VERSION,
         max_mib=MAX_BYTES // 2**20,
+        name_form=NAME_FORM,
+        versions="\n".join(f"    {' '.join(row)}" for row in batched(versions, 4)),
         topics=_topics(),
-        header=_table(by_name["Message"].fields),
-        messages="\n".join(messages),
-        parts="\n".join(parts),
+        header=_table(Message),
+        messages="\n".join(_section(message, topic) for message, topic in topics.items()),
+        parts="\n".join(_section(part) for part in parts),
     )
+
+
+def batched(words: Sequence[str], size: int) -> Iterator[Sequence[str]]:
+    """Yield rows of a number of words."""
+    return (words[start : start + size] for start in range(0, len(words), size))
 
 
 def _topics() -> str:
@@ -184,20 +181,23 @@ def _topics() -> str:
     return "\n".join([head, "|---|---|---|---|---|---|---|", *rows, "", *legend])
 
 
-def _message(record: Record, topic: Topic) -> str:
+def _section(record: type[msgspec.Struct], topic: Topic | None = None) -> str:
     where = (
         f"Topic **{topic.name}**, key `people4d/{VERSION}/<robot>/{topic.key}`, "
-        f"version {topic.message.VERSION}."
+        f"version {topic.message.VERSION}.\n\n"
+        if topic
+        else ""
     )
-    return f"### {record.name}\n\n{record.summary}\n\n{where}\n\n{_table(record.fields)}\n"
+    summary = (record.__doc__ or "").partition("\n")[0]
+    return f"### {record.__name__}\n\n{summary}\n\n{where}{_table(record)}\n"
 
 
-def _record(record: Record) -> str:
-    return f"### {record.name}\n\n{record.summary}\n\n{_table(record.fields)}\n"
-
-
-def _table(fields: Sequence[Field]) -> str:
-    rows = [f"| `{f.name}` | {f.kind} | {f.presence} | {_escape(f.comment)} |" for f in fields]
+def _table(record: type[msgspec.Struct]) -> str:
+    rows = [
+        f"| `{f.name}` | {_escape(f.kind) if f.kind[0] != '[' else f.kind} | {f.presence} | "
+        f"{_escape(f.comment)} |"
+        for f in fields_of(record)
+    ]
     return "\n".join(["| field | type | if absent | meaning |", "|---|---|---|---|", *rows])
 
 
@@ -221,12 +221,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except DocsError as error:
         print(f"Messages are not fully documented: {error}.", file=sys.stderr)
         return 1
-    if flags.check:
-        if flags.target.is_file() and flags.target.read_text("utf-8") == text:
-            return 0
+    if not flags.check:
+        flags.target.write_text(text, encoding="utf-8")
+    elif not flags.target.is_file() or flags.target.read_text("utf-8") != text:
         print(f"{flags.target.name} is stale. Run: python -m scripts.message_docs", file=sys.stderr)
         return 1
-    flags.target.write_text(text, encoding="utf-8")
     return 0
 
 

@@ -19,7 +19,7 @@ NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 NAME_FORM = "1 to 64 of A-Z a-z 0-9 _ . -, not . or - first"
 MAX_TRACE = 64
 MAX_SIDE = 16384  # [px]
-MAX_PIXELS = 4096 * 4096  # more is no RGB-D camera; it bounds what is allocated for a picture
+MAX_PIXELS = 4096 * 4096  # more is no RGB-D camera; it bounds what is allocated for an image
 MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
 
 Positive = Annotated[float, Meta(gt=0)]
@@ -55,7 +55,7 @@ Box = Annotated[F32, Shape(4)]
 Keypoints = Annotated[F32, Shape(17, 3)]
 RgbImage = Annotated[
     U8,
-    Shape(None, None, 3),
+    Shape("H", "W", 3),
     Rule("at least one pixel", lambda image: image.size > 0, lambda _: "none"),
 ]
 
@@ -90,7 +90,8 @@ class Message(Record, frozen=True, kw_only=True):
     stamp_ns: Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
     # counts up by one per frame of a camera, else per message of its publisher
     sequence: Annotated[int, Meta(ge=0, le=MAX_SEQUENCE)]
-    trace: Annotated[tuple[Span, ...], Meta(max_length=MAX_TRACE)] = ()  # stages, oldest first
+    # stages passed so far, oldest first
+    trace: Annotated[tuple[Span, ...], Meta(max_length=MAX_TRACE)] = ()
 
 
 def check_name(field: str, value: str) -> None:
@@ -126,7 +127,7 @@ def check_text(field: str, *values: str) -> None:
 
 
 def check_size(width: int, height: int) -> None:
-    """Check that a picture can be of these many pixels.
+    """Check the number of pixels of an image.
 
     Raises:
         ValueError: A side is less than 1 or too long, or there are too many pixels.

@@ -1,5 +1,7 @@
 """Messages of the camera: frames, calibration, transforms and odometry."""
 
+from typing import Annotated
+
 import numpy as np
 
 from people4d.messages.base import (
@@ -14,6 +16,7 @@ from people4d.messages.base import (
     Vector3,
     check_size,
 )
+from people4d.validation import Shape
 
 DISTORTION_LENGTHS = {"none": (0,), "plumb_bob": (4, 5), "rational_polynomial": (8,)}
 
@@ -54,8 +57,8 @@ class RgbdFrame(Message, frozen=True, kw_only=True):
     """One colour image with the depth image aligned to it."""
 
     camera: Name  # name of the camera
-    rgb: RgbImage  # HxWx3, red first
-    depth_mm: U16  # [mm] HxW, aligned to rgb, 0 = no reading
+    rgb: RgbImage  # red first
+    depth_mm: Annotated[U16, Shape("H", "W")]  # [mm] aligned to rgb, 0 = no reading
     lockstep: bool = False  # True: no consumer may skip this frame; False: the newest frame wins
 
     def __post_init__(self) -> None:
@@ -87,9 +90,9 @@ class CompressedRgbdFrame(Message, frozen=True, kw_only=True):
 class StaticTransform(Message, frozen=True, kw_only=True):
     """A rigid transform that does not change: parent_from_child."""
 
-    parent: Name  # name of the frame that results are in, for example "map"
-    child: Name  # name of the frame that points come from, for example the optical frame
-    matrix: Matrix4  # [m] 4x4 homogeneous; a point p in child is matrix @ p in parent
+    parent: Name  # name of the target frame, for example "map"
+    child: Name  # name of the source frame, for example the optical frame
+    matrix: Matrix4  # [m] homogeneous; a point p in child is matrix @ p in parent
 
     def __post_init__(self) -> None:
         """Check that the matrix is a rigid transform."""
@@ -100,9 +103,9 @@ class StaticTransform(Message, frozen=True, kw_only=True):
 class MovingTransform(Message, frozen=True, kw_only=True):
     """A rigid transform at one time, of a camera that is turned or moved: parent_from_child."""
 
-    parent: Name  # name of the frame that results are in, for example "base_link"
-    child: Name  # name of the frame that points come from, for example "head"
-    matrix: Matrix4  # [m] 4x4 homogeneous; a point p in child is matrix @ p in parent
+    parent: Name  # name of the target frame, for example "base_link"
+    child: Name  # name of the source frame, for example "head"
+    matrix: Matrix4  # [m] homogeneous; a point p in child is matrix @ p in parent
 
     def __post_init__(self) -> None:
         """Check that the matrix is a rigid transform."""
@@ -111,17 +114,16 @@ class MovingTransform(Message, frozen=True, kw_only=True):
 
 
 class Odometry(Message, frozen=True, kw_only=True):
-    """Pose of the moving base, from its wheels or from what its camera sees."""
+    """Pose of the moving base, from its wheels or from visual odometry."""
 
     frame_id: Name  # frame of the pose, for example "odom"
     child_frame_id: Name  # frame of the base, for example "base_link"
     x_m: float  # [m] frame: frame_id, forward at start
     y_m: float  # [m] frame: frame_id, left at start
-    theta_rad: float  # [rad] heading, counter-clockwise, in (-pi, pi]
-    covariance: Matrix3 | None = None  # [m, rad] 3x3 of x, y, theta; absent if unknown
-    twist: Vector3 | None = (
-        None  # [m/s, rad/s] 3: vx, vy, omega in child_frame_id; absent if unknown
-    )
+    theta_rad: float  # [rad] yaw, counter-clockwise, in (-pi, pi]
+    covariance: Matrix3 | None = None  # [m, rad] of x, y, theta; absent if unknown
+    # [m/s, rad/s] vx, vy, omega in child_frame_id; absent if unknown
+    twist: Vector3 | None = None
 
 
 def _check_rigid(transform: StaticTransform | MovingTransform) -> None:

@@ -1,4 +1,4 @@
-"""How people walk: points of their bodies, and what follows from their feet."""
+"""Gait of people: points of their bodies, and measures from their feet."""
 
 from typing import Literal
 
@@ -18,23 +18,24 @@ from people4d.messages.base import (
 class BodyPoint(Record, frozen=True, kw_only=True):
     """One point on the surface of a person's body."""
 
-    name: Name  # head, left_hand, right_hand, left_foot, right_foot, or as the user calls it
-    # measured: seen in this frame; predicted: hidden, where it was going; lost: where it was last
+    name: Name  # head, left_hand, right_hand, left_foot, right_foot, or as configured
+    # measured: in this frame; predicted: hidden, extrapolated; lost: at its last position
     state: Literal["measured", "predicted", "lost"]
-    position_m: Vector3  # [m] 3, frame: Gait.frame_id
-    velocity_mps: Vector3  # [m/s] 3, frame: Gait.frame_id, of the point in that frame
-    covariance: Matrix6  # [m, m/s] 6x6 of position and velocity, frame: Gait.frame_id
-    confidence: Probability  # that it is this point of the body, 0 to 1
+    position_m: Vector3  # [m] frame: Gait.frame_id
+    velocity_mps: Vector3  # [m/s] frame: Gait.frame_id, of the point in that frame
+    covariance: Matrix6  # [m, m/s] of position and velocity, frame: Gait.frame_id
+    confidence: Probability  # that it is this point of the body
 
 
 class GaitMeasures(Record, frozen=True, kw_only=True):
-    """How a person walked in the last seconds; who stands has none of it."""
+    """Gait of a person over the last seconds; empty while standing."""
 
-    steps: Count = 0  # that the figures are of
-    step_length_m: float | None = None  # [m] along the way, from one foot to the other; or absent
-    stride_length_m: float | None = None  # [m] from one place of a foot to its next one; or absent
+    steps: Count = 0  # number that the measures come from
+    step_length_m: float | None = None  # [m] along the path, from one foot to the other; or absent
+    # [m] from one contact of a foot to its next one; or absent
+    stride_length_m: float | None = None
     cadence_per_min: float | None = None  # [1/min] steps a minute; absent until known
-    walking_speed_mps: float | None = None  # [m/s] along the way; absent until known
+    walking_speed_mps: float | None = None  # [m/s] along the path; absent until known
     # (left - right) / mean of step times, a left step ending with the left foot; absent until known
     step_time_asymmetry: float | None = None
 
@@ -44,7 +45,7 @@ class PersonGait(Record, frozen=True, kw_only=True):
 
     id: PositiveInt  # as in Tracks
     measures: GaitMeasures  # of the last seconds, this frame included
-    # [px] 4: left, top, right, bottom; may reach beyond the image; absent: nobody knows where
+    # [px] left, top, right, bottom; may reach beyond the image; absent if unknown
     box_xyxy_px: Box | None = None
     points: tuple[BodyPoint, ...] = ()  # each name once
 
@@ -57,8 +58,8 @@ class PersonGait(Record, frozen=True, kw_only=True):
 
 
 class Gait(Message, frozen=True, kw_only=True):
-    """How the people before a camera walk: a message for every frame that there is time for."""
+    """Gait of the people before a camera; frames are skipped when the service is busy."""
 
-    frame_id: Name  # frame that points are in
-    camera: Name  # camera whose frame they were found in
-    people: tuple[PersonGait, ...] = ()  # nearest first; not more than there is time for
+    frame_id: Name  # frame of points
+    camera: Name  # camera whose frame was measured
+    people: tuple[PersonGait, ...] = ()  # nearest first; limited by the time for a frame

@@ -61,15 +61,15 @@ class Mask(Record, frozen=True, kw_only=True):
 class Detection(Record, frozen=True, kw_only=True):
     """One person in one frame."""
 
-    box_xyxy_px: Box  # [px] 4: left, top, right, bottom; may reach beyond the image
-    score: Probability  # detection confidence, 0 to 1
-    # [px] 17x3: u, v, confidence (0 to 1), COCO order; absent if none
+    box_xyxy_px: Box  # [px] left, top, right, bottom; may reach beyond the image
+    score: Probability  # detection confidence
+    # [px] u, v, confidence (0 to 1), COCO order; absent if none
     keypoints: Keypoints | None = None
     mask: Mask | None = None  # instance mask; absent if the model gives none
-    position_m: Vector3 | None = None  # [m] 3, frame: camera optical; absent if depth gave none
-    # [m^2] 3x3 covariance of position_m, frame: camera optical; absent if not told
+    position_m: Vector3 | None = None  # [m] frame: camera optical; absent if depth gave none
+    # [m^2] covariance of position_m, frame: camera optical; absent if unknown
     position_covariance_m2: Matrix3 | None = None
-    heading: Vector3 | None = None  # 3, unit, frame: camera optical; way the chest faces, or absent
+    heading: Vector3 | None = None  # unit, frame: camera optical; of the chest; absent if unknown
     # [rad] standard deviation about the vertical; absent if unknown
     heading_sigma_rad: Positive | None = None
 
@@ -96,7 +96,7 @@ def _is_positive_definite(matrix: F64) -> bool:
     try:
         with np.errstate(all="ignore"):
             return bool(np.linalg.eigvalsh(matrix)[0] > 0)
-    except np.linalg.LinAlgError:  # numbers too large to tell
+    except np.linalg.LinAlgError:  # numbers too large
         return False
 
 
@@ -106,15 +106,14 @@ class Detections(Message, frozen=True, kw_only=True):
     VERSION: ClassVar[int] = 2
 
     camera: Name  # name of the camera
-    frame_id: Name  # optical frame that positions are in
-    model: str  # name of the model that found them
+    frame_id: Name  # optical frame of positions
+    model: str  # name of the detection model
     width: ImageSide  # [px] of the image
     height: ImageSide  # [px] of the image
     detections: tuple[Detection, ...] = ()  # in no particular order; other messages refer by index
-    detector: str = ""  # process that found them; empty: not told
-    replicas: tuple[
-        str, ...
-    ] = ()  # processes that share the frames by turns now, this one included
+    detector: str = ""  # instance that made them; empty: unknown
+    # instances that share the frames in turn, this one included
+    replicas: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the fields and the number of pixels."""
@@ -123,13 +122,13 @@ class Detections(Message, frozen=True, kw_only=True):
 
 
 class Crop(Record, frozen=True, kw_only=True):
-    """The picture of one detected person."""
+    """The image of one detected person."""
 
     detection: Index  # index into Detections.detections of the same camera and stamp
-    rgb: RgbImage  # HxWx3, red first, the box cut to the image
-    # HxW, non-zero = person; absent if the model gives none
-    mask: Annotated[U8, Shape(None, None)] | None = None
-    keypoints: Keypoints | None = None  # [px] 17x3 in the crop: u, v, confidence; absent if none
+    rgb: RgbImage  # red first, the box cut to the image
+    # non-zero = person; absent if the model gives none
+    mask: Annotated[U8, Shape("H", "W")] | None = None
+    keypoints: Keypoints | None = None  # [px] in the crop: u, v, confidence; absent if none
 
     def __post_init__(self) -> None:
         """Check the fields, and that image and mask have the same size."""
@@ -141,7 +140,7 @@ class Crop(Record, frozen=True, kw_only=True):
 
 
 class Crops(Message, frozen=True, kw_only=True):
-    """Pictures of the people of one frame, for re-identification; sent for empty frames too."""
+    """Image crops of the people in one frame, for re-identification; empty frames included."""
 
     VERSION: ClassVar[int] = 2
 
@@ -157,7 +156,7 @@ class Embeddings(Message, frozen=True, kw_only=True):
     detections: tuple[
         Index, ...
     ]  # N indices into Detections.detections of the same camera and stamp
-    vectors: Annotated[F32, Shape(None, None)]  # NxD, unit length; cosine distance is 1 - a.b
+    vectors: Annotated[F32, Shape("N", "D")]  # unit length; cosine distance is 1 - a.b
 
     def __post_init__(self) -> None:
         """Check the fields, and that each detection has one vector."""
@@ -172,23 +171,24 @@ class Embeddings(Message, frozen=True, kw_only=True):
 class Track(Record, frozen=True, kw_only=True):
     """One person over time, in the frame that Tracks names."""
 
-    id: PositiveInt  # identity, >= 1, never given to another person by a running tracker
-    state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not seen in this frame
-    position_m: Vector3  # [m] 3, frame: Tracks.frame_id
-    velocity_mps: Vector3  # [m/s] 3, frame: Tracks.frame_id
-    covariance: Matrix6  # [m, m/s] 6x6 of position and velocity, frame: Tracks.frame_id
-    yaw_rad: float | None  # [rad] way faced, 0 = +x, counter-clockwise, (-pi, pi]; absent: unknown
+    id: PositiveInt  # identity, unique for the run of the tracker
+    state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not matched in this frame
+    position_m: Vector3  # [m] frame: Tracks.frame_id
+    velocity_mps: Vector3  # [m/s] frame: Tracks.frame_id
+    covariance: Matrix6  # [m, m/s] of position and velocity, frame: Tracks.frame_id
+    # [rad] of the chest, 0 = +x, counter-clockwise, (-pi, pi]; absent if unknown
+    yaw_rad: float | None
     hits: Count  # frames in which the person was matched
     age: Count  # frames since the track began
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
     detection: Index | None  # index into Detections.detections of this stamp; absent if not matched
-    score: Probability  # confidence of the last matched detection, 0 to 1
-    # How the person came by the id when they were seen last. new: told for the first time;
-    # continued: from the frame before; reidentified: they left and are known again; refused: new,
-    # since somebody known looks like them but it is not sure. Absent: the tracker does not tell
+    score: Probability  # confidence of the last matched detection
+    # source of the id at the last match. new: first match; continued: from the frame before;
+    # reidentified: matched again after an absence; refused: new, since the match with a known
+    # person is ambiguous. Absent if the tracker does not estimate it
     identity: Literal["new", "continued", "reidentified", "refused"] | None = None
-    identity_confidence: Probability | None = None  # of that decision, 0 to 1; absent: not told
-    identity_reason: str = ""  # why the id was given, when it was given; empty: not told
+    identity_confidence: Probability | None = None  # of that decision; absent if unknown
+    identity_reason: str = ""  # of that decision; empty if unknown
 
 
 class Tracks(Message, frozen=True, kw_only=True):
@@ -196,7 +196,7 @@ class Tracks(Message, frozen=True, kw_only=True):
 
     VERSION: ClassVar[int] = 2
 
-    frame_id: Name  # frame that people are in, "map" unless configured otherwise
+    frame_id: Name  # frame of tracks, "map" unless configured otherwise
     tracker: str  # name of the tracking method
     camera: Name  # camera whose frame caused this message
     tracks: tuple[Track, ...] = ()  # confirmed and lost tracks, and tentative ones if configured
@@ -205,21 +205,20 @@ class Tracks(Message, frozen=True, kw_only=True):
 class ImageTrack(Record, frozen=True, kw_only=True):
     """One person over time, in the image of one camera."""
 
-    id: PositiveInt  # identity, >= 1; the same person has it in Tracks, where their place is known
-    state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not seen in this frame
-    box_xyxy_px: Annotated[
-        F64, Shape(4)
-    ]  # [px] 4: left, top, right, bottom, filtered; may reach beyond the image
+    id: PositiveInt  # identity; equals that in Tracks, where the position is known
+    state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not matched in this frame
+    # [px] left, top, right, bottom, filtered; may reach beyond the image
+    box_xyxy_px: Annotated[F64, Shape(4)]
     hits: Count  # frames in which the person was matched
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
     detection: Index | None  # index into Detections.detections of this stamp; absent if not matched
-    score: Probability  # confidence of the last matched detection, 0 to 1
+    score: Probability  # confidence of the last matched detection
 
 
 class ImageTracks(Message, frozen=True, kw_only=True):
-    """The people in the image of one camera, whether or not their place is known.
+    """The people in the image of one camera, with or without a known position.
 
-    Only trackers that follow boxes send it: one message for every frame, empty ones too.
+    Only trackers of boxes publish it: one message for every frame, empty ones too.
     """
 
     VERSION: ClassVar[int] = 2
@@ -232,17 +231,17 @@ class ImageTracks(Message, frozen=True, kw_only=True):
 
 
 class TruthPerson(Record, frozen=True, kw_only=True):
-    """One person as motion capture sees them."""
+    """One person as measured by motion capture."""
 
     id: str  # identity in the motion-capture system
-    position_m: Vector3  # [m] 3, torso, frame: Truth.frame_id
-    velocity_mps: Vector3 | None = None  # [m/s] 3, frame: Truth.frame_id; absent if unknown
+    position_m: Vector3  # [m] torso, frame: Truth.frame_id
+    velocity_mps: Vector3 | None = None  # [m/s] frame: Truth.frame_id; absent if unknown
     yaw_rad: float | None = None  # [rad] of the chest, 0 = +x, counter-clockwise; absent if unknown
-    path_yaw_rad: float | None = None  # [rad] of the way walked, likewise; absent if unknown
+    path_yaw_rad: float | None = None  # [rad] of the direction walked; absent if unknown
 
 
 class Truth(Message, frozen=True, kw_only=True):
     """People from motion capture."""
 
-    frame_id: Name  # frame that positions are in
+    frame_id: Name  # frame of positions
     people: tuple[TruthPerson, ...] = ()  # people captured at this stamp

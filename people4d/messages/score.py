@@ -1,4 +1,4 @@
-"""How far the tracks are from the truth, told while they are made (method book section 9)."""
+"""Scores of tracks against the truth, published while they are made (docs/method.md section 9)."""
 
 from typing import Literal
 
@@ -9,28 +9,27 @@ class PersonScore(Record, frozen=True, kw_only=True):
     """One true person in one frame and the track matched to them; errors are track minus truth."""
 
     id: str  # identity in the truth
-    view: Literal["inside", "outside", "unknown"]  # of image and depth range; outside: not judged
-    track: int | None = None  # id of the track that is taken for this person; absent if none is
-    predicted: bool = False  # that track was not seen in this frame
+    view: Literal["inside", "outside", "unknown"]  # of image and depth range; outside: not scored
+    track: int | None = None  # id of the matched track; absent if none
+    predicted: bool = False  # that track was not matched to a detection in this frame
     switched: bool = False  # the last match of this person was another track
-    position_error_m: Vector2 | None = (
-        None  # [m] 2: x, y, frame: Score.frame_id; absent if no track
-    )
-    velocity_error_mps: Vector2 | None = None  # [m/s] 2: x, y, likewise; absent if unknown
+    # [m] x, y, frame: Score.frame_id; absent if no track
+    position_error_m: Vector2 | None = None
+    velocity_error_mps: Vector2 | None = None  # [m/s] x, y, likewise; absent if unknown
     yaw_error_rad: float | None = None  # [rad] in (-pi, pi]; absent if one of both is unknown
-    consistency: float | None = None  # share of their matches so far under their main track
+    consistency: float | None = None  # ratio of their matches so far under their main track
 
 
 class Tally(Record, frozen=True, kw_only=True):
-    """Figures over several frames; whoever is outside of the view is neither match nor miss."""
+    """Measures over several frames; a person outside of the view is neither match nor miss."""
 
     frames: int  # frames compared
     duration_s: float  # [s] from the first of them to the last
     truths: int  # people to be found, over all frames
     matched: int  # of them with a track within the gate
-    predicted: int  # of the matched, by a track not seen in that frame
-    outside: int  # people outside of every camera's view, over all frames; they are not in truths
-    false_alarms: int  # tracks matched to nobody, over all frames
+    predicted: int  # of the matched, by a track without a detection in that frame
+    outside: int  # people outside of every camera's view, over all frames; not in truths
+    false_alarms: int  # unmatched tracks, over all frames
     id_switches: int  # matches to another track than that person's last one
     position_rmse_m: float | None = None  # [m] of the horizontal distance
     velocity_rmse_mps: float | None = None  # [m/s] horizontal; absent if the truth has none
@@ -39,26 +38,25 @@ class Tally(Record, frozen=True, kw_only=True):
 
 
 class Alignment(Record, frozen=True, kw_only=True):
-    """What the tracks say of the truth's clock and frame: estimates, not calibrations."""
+    """Clock offset and transform between truth and tracks: estimates, not calibrations."""
 
     applied: bool  # True: the errors are those after this alignment
     clock_offset_s: float | None = None  # [s] to add to stamps of the truth; absent: not observable
     clock_sigma_s: float | None = None  # [s] its standard deviation if errors were independent
-    matrix: Matrix4 | None = (
-        None  # [m] 4x4, tracks' frame from where the truth says it is; or absent
-    )
+    # [m] homogeneous, tracks_from_truth; absent if unknown
+    matrix: Matrix4 | None = None
     rmse_before_m: float | None = None  # [m] horizontal, with the clock offset but not the matrix
     rmse_after_m: float | None = None  # [m] horizontal, with both
 
 
 class Score(Message, frozen=True, kw_only=True):
-    """Tracks against the truth interpolated to their stamp: this frame, lately, and in all."""
+    """Tracks against the truth interpolated to their stamp: this frame, the last 10 s, in total."""
 
     frame_id: Name  # frame of tracks and truth
-    camera: Name  # camera whose frame was judged
-    people: tuple[PersonScore, ...] = ()  # everyone in the truth
-    false_alarms: tuple[int, ...] = ()  # ids of tracks matched to nobody
+    camera: Name  # camera whose frame was scored
+    people: tuple[PersonScore, ...] = ()  # all people of the truth
+    false_alarms: tuple[int, ...] = ()  # ids of unmatched tracks
     recent: Tally  # the last 10 s
     total: Tally  # since playback began
-    id_consistency: float | None = None  # share of all matches under each person's main track
-    alignment: Alignment | None = None  # absent unless asked for
+    id_consistency: float | None = None  # ratio of all matches under each person's main track
+    alignment: Alignment | None = None  # absent unless configured

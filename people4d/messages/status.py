@@ -16,11 +16,11 @@ class Health(Message, frozen=True, kw_only=True):
     instance: Name  # name of this process, for example "detector-1"
     host: Text  # name of the machine it runs on
     pid: int  # process number on that machine
-    # ready: it does its work; degraded: with limits, or it would if something came from elsewhere;
-    # stalled: it does not go on itself; starting and stopping: not yet, and no more
+    # degraded: works with limits, or waits for another service; stalled: its own work makes no
+    # progress
     state: State
     reason: Text = ""  # why it is not ready, one sentence; empty when ready
-    release: Text = ""  # people4d release that runs there, for example "0.1.0"; empty: not told
+    release: Text = ""  # people4d release that runs there, for example "0.1.0"; empty: unknown
     counters: dict[Text, int] = msgspec.field(default_factory=dict)  # events since start, by name
-    # of the last period, by name; its end tells the unit: _hz, _ms, _percent, _mb
+    # of the last period, by name; the suffix is the unit: _hz, _ms, _percent, _mb
     gauges: dict[Text, float] = msgspec.field(default_factory=dict)

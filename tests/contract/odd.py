@@ -55,7 +55,7 @@ def frames() -> Iterator[RgbdFrame]:
             )
 
 
-def persons() -> Iterator[Detection]:
+def odd_detections() -> Iterator[Detection]:
     """Detections: boxes without area, inside out, far off; keypoints and masks off the image."""
     boxes = ([0, 0, 0, 0], [9, 9, -9, -9], [-FAR, -FAR, FAR, FAR], [1e30, 1e30, 3e30, 3e30])
     for box in boxes:
@@ -71,14 +71,14 @@ def persons() -> Iterator[Detection]:
 
 
 def detections() -> Iterator[Detections]:
-    """Each strange person alone, all together, hundreds, none, and of another camera."""
+    """Each odd detection alone, all together, hundreds, none, and of another camera."""
     base = BY_NAME["Detections"]
     assert isinstance(base, Detections)
-    people = tuple(persons())
-    for person in people:
-        yield msgspec.structs.replace(base, people=(person,))
-    for group in (people, people * 20, (DETECTION,) * 3, ()):
-        yield msgspec.structs.replace(base, people=group)
+    parts = tuple(odd_detections())
+    for part in parts:
+        yield msgspec.structs.replace(base, detections=(part,))
+    for group in (parts, parts * 20, (DETECTION,) * 3, ()):
+        yield msgspec.structs.replace(base, detections=group)
     yield msgspec.structs.replace(base, width=1, height=1)
     yield msgspec.structs.replace(base, camera="unknown", frame_id="nowhere")
 
@@ -90,9 +90,9 @@ def appearances() -> Iterator[Message]:
     crops.append(Crop(detection=9, rgb=RGB, mask=np.zeros((2, 3), np.uint8), keypoints=KEYPOINTS))
     crops.append(Crop(detection=9, rgb=RGB, keypoints=KEYPOINTS * np.float32(1e20)))
     for crop in crops:
-        yield like("Crops", people=(crop,))
-    yield like("Crops", people=tuple(crops))
-    yield like("Crops", people=())
+        yield like("Crops", crops=(crop,))
+    yield like("Crops", crops=tuple(crops))
+    yield like("Crops", crops=())
     for indices, length in (((), 4), ((0,), 4), ((0,), 512), ((0, 0), 4), ((10**9,), 4), ((0,), 0)):
         for value in (0.0, 0.5, 1e30):
             vectors = np.full((len(indices), length), value, np.float32)
@@ -113,7 +113,7 @@ def others() -> Iterator[Message]:
         yield like("StaticTransform", parent=parent, child=child, matrix=far)
         yield like("StaticTransform", parent=parent, child=child, matrix=np.eye(4))
         yield like("MovingTransform", parent=parent, child=child, matrix=far)
-    yield like("Tracks", people=())
+    yield like("Tracks", tracks=())
     wild: dict[str, Track] = {
         "far": msgspec.structs.replace(TRACK, position_m=np.full(3, FAR)),
         "fast": msgspec.structs.replace(TRACK, velocity_mps=np.full(3, FAR), yaw_rad=99.0),
@@ -121,8 +121,8 @@ def others() -> Iterator[Message]:
         "lost": msgspec.structs.replace(TRACK, state="lost", detection=10**9, id=2**62),
     }
     for track in wild.values():
-        yield like("Tracks", people=(track,))
-    yield like("Tracks", people=(*wild.values(), *wild.values()), frame_id="odom")
+        yield like("Tracks", tracks=(track,))
+    yield like("Tracks", tracks=(*wild.values(), *wild.values()), frame_id="odom")
     person = TruthPerson(id="", position_m=np.full(3, FAR), velocity_mps=np.zeros(3), yaw_rad=99.0)
     yield like("Truth", frame_id="map", people=(person, person))
     yield like("Truth", frame_id="nowhere", people=())

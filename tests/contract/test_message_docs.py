@@ -1,11 +1,16 @@
-"""The documentation of the messages is whole and up to date."""
+"""The documentation of the messages is complete and up to date."""
 
 from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
+import msgspec
 import pytest
 
+from people4d.messages import U16, Track
+from people4d.messages.base import Keypoints, Ratio
 from people4d.topics import TOPICS
-from scripts.message_docs import DocsError, generate, main, read_records
+from people4d.validation import Shape
+from scripts.message_docs import DocsError, fields_of, generate, main
 
 
 def test_the_committed_file_is_up_to_date() -> None:
@@ -34,44 +39,48 @@ def test_every_topic_and_message_is_told() -> None:
             assert f"| `{field}` |" in text
 
 
-def test_a_field_without_a_comment_is_refused() -> None:
-    with pytest.raises(DocsError, match=r"A\.b: expected a comment with unit and frame, got none"):
-        list(read_records("class A:\n    a: int  # fine\n\n    b: int\n", {}))
+class Undocumented(msgspec.Struct):
+    a: int  # fine
+
+    b: int
 
 
-def test_an_array_without_a_shape_is_refused() -> None:
-    with pytest.raises(DocsError, match=r"A\.a: expected a shape such as 17x3"):
-        list(read_records("class A:\n    a: F32  # [m] where it is\n", {}))
+class Unknown(msgspec.Struct):
+    a: list[complex]  # numbers
 
 
-def test_a_type_the_wire_does_not_know_is_refused() -> None:
-    with pytest.raises(DocsError, match="complex"):
-        list(read_records("class A:\n    a: list[complex]  # numbers\n", {}))
-
-
-def test_types_in_words() -> None:
-    source = '''
-State = Literal["on", "off"]
-class A:
+class Documented(msgspec.Struct):
     """Summary.
 
     More.
     """
 
-    a: F32 | None = None  # [px] 17x3: u, v
-    b: tuple[B, ...] = ()  # parts
-    c: State = "on"  # what it does
-    d: dict[str, float] = field(default_factory=dict)  # by name
-    # [m] NxD of a line that is too long
-    e: U16
     VERSION: ClassVar[int] = 1
-'''
-    (record,) = read_records(source, {})
-    assert (record.name, record.summary) == ("A", "Summary.")
-    assert [(field.name, field.kind, field.presence) for field in record.fields] == [
-        ("a", "array float32 17x3 or nil", "nil"),
-        ("b", "list of [B](#b)", "empty"),
-        ("c", "text: on, off", "on"),
-        ("d", "map of text to float", "empty"),
-        ("e", "array uint16 NxD", "required"),
+
+    e: Annotated[U16, Shape("N", "D")]  # [m] each
+    a: Keypoints | None = None  # [px] u, v
+    b: tuple[Track, ...] = ()  # parts
+    # on: a first line,
+    # and a second one
+    c: Literal["on", "off"] = "on"
+    d: dict[str, Ratio] = msgspec.field(default_factory=dict)  # by name
+
+
+def test_a_field_without_a_comment_is_refused() -> None:
+    with pytest.raises(DocsError, match=r"Undocumented\.b: expected a comment .*, got none"):
+        list(fields_of(Undocumented))
+
+
+def test_a_type_the_wire_does_not_have_is_refused() -> None:
+    with pytest.raises(DocsError, match="complex"):
+        list(fields_of(Unknown))
+
+
+def test_types_in_words() -> None:
+    assert list(fields_of(Documented)) == [
+        ("e", "array uint16 NxD", "required", "[m] each"),
+        ("a", "array float32 17x3 or nil", "nil", "[px] u, v"),
+        ("b", "list of [Track](#track)", "empty", "parts"),
+        ("c", "text: on, off", "on", "on: a first line, and a second one"),
+        ("d", "map of text to float 0 to 1", "empty", "by name"),
     ]

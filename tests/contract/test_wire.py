@@ -1,9 +1,13 @@
-"""What docs/messages.md promises to readers in any language, read without our codec."""
+"""The format in docs/messages.md, decoded without our codec."""
 
 import re
+import subprocess
+import sys
+import threading
 from collections.abc import Callable
 from typing import Any
 
+import msgpack
 import msgspec
 import numpy as np
 import pytest
@@ -13,15 +17,20 @@ from people4d.messages import Message
 from people4d.topics import TOPICS
 from tests import ROOT
 from tests.contract.examples import BY_NAME, FULL, SPARSE, TRACK
+from tests.network import Network
 
 DOCS = ROOT / "docs" / "messages.md"
 PARAMETERS = [pytest.param(m, id=type(m).__name__) for m in (*FULL, *SPARSE)]
 
 
+def documented_programs() -> list[str]:
+    return re.findall(r"```python\n(.*?)```", DOCS.read_text("utf-8"), re.DOTALL)
+
+
 @pytest.fixture(scope="module")
 def documented_decode() -> Callable[[bytes], dict[str, Any]]:
     """The Python example of the documentation."""
-    block = re.findall(r"```python\n(.*?)```", DOCS.read_text("utf-8"), re.DOTALL)[0]
+    block = documented_programs()[0]
     names: dict[str, Any] = {}
     exec(block, names)
     decode: Callable[[bytes], dict[str, Any]] = names["decode"]
@@ -78,3 +87,35 @@ def test_numbers_on_the_wire_by_hand() -> None:
     assert b"\xa5shape\x92\x02\x03" in payload
     assert b"\xa5dtype\xa6uint16" in payload
     assert payload[1:].startswith(b"\xa7message\xa9RgbdFrame\xa7version\x01")
+
+
+def test_documented_consumer_prints_tracks_of_a_running_system() -> None:
+    # Its subscriber was once deleted at once, so that nothing came.
+    network, stop = Network(), threading.Event()
+    bus = network.open("robot")
+
+    def publish() -> None:
+        while not stop.wait(0.02):
+            bus.publish(BY_NAME["Tracks"])
+
+    publisher = threading.Thread(target=publish)
+    publisher.start()
+    program = "\n".join(documented_programs()).replace("tcp/127.0.0.1:7447", network.endpoint)
+    with subprocess.Popen([sys.executable, "-uc", program], stdout=subprocess.PIPE) as consumer:
+        try:
+            assert consumer.stdout
+            assert consumer.stdout.readline().startswith(b"7 [")
+        finally:
+            consumer.kill()
+            stop.set()
+            publisher.join()
+            network.close()
+
+
+@pytest.mark.parametrize("message", FULL, ids=lambda message: type(message).__name__)
+def test_documented_decode_refuses_another_version(
+    message: Message, documented_decode: Callable[[bytes], dict[str, Any]]
+) -> None:
+    fields = msgpack.unpackb(encode(message)) | {"version": message.VERSION + 1}
+    with pytest.raises(ValueError, match=f"expected version {message.VERSION}"):
+        documented_decode(msgpack.packb(fields))

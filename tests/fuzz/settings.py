@@ -12,12 +12,13 @@ from common.io import weights
 from lab.scenario import load_scenario
 from people4d.errors import People4dError
 from services.presets import FOLDER, preset_settings
+from tests import ROOT
 from tests.fuzz.target import Target
 
 SERVICES = (
     *("camera", "detector", "reid", "tracker", "gait", "visual_odometry", "gt_bridge", "report"),
 )
-CONFIG = Path(FOLDER).parent / "people4d.toml"
+CONFIG = ROOT / "deploy" / "config" / "people4d.toml"
 
 
 def _records() -> dict[str, type[msgspec.Struct]]:

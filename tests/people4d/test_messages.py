@@ -34,7 +34,7 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
         {"depth_mm": np.zeros((3, 2), np.uint16)},
         "rgb, (2, 3), got (3, 2)",
     ),
-    ("RgbdFrame", {"rgb": RGB[..., 0]}, "rgb: expected shape anyxanyx3, got 2x3"),
+    ("RgbdFrame", {"rgb": RGB[..., 0]}, "rgb: expected shape HxWx3, got 2x3"),
     (
         "RgbdFrame",
         {"rgb": np.zeros((0, 4, 3), np.uint8), "depth_mm": np.zeros((0, 4), np.uint16)},
