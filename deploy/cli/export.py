@@ -37,9 +37,10 @@ def export(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Hand latency of every stage and health of every process to Prometheus or OpenTelemetry.
+    r"""Export latency of every stage and health of every process to Prometheus or OpenTelemetry.
 
-    Runs until Ctrl-C. Prometheus needs people4d[prometheus], OpenTelemetry people4d[otel].
+    Runs until Ctrl-C. Prometheus needs the extra people4d\[prometheus], OpenTelemetry
+    people4d\[otel].
     """
     if prometheus is None and not otlp:
         raise typer.BadParameter("name --prometheus PORT, --otlp URL, or both")

@@ -66,8 +66,10 @@ def ps(
         console = Console()
         console.print(_table(rows))
         for row in rows:
-            if row.reason:
-                console.print(f"{row.instance}: {row.reason}", markup=False, highlight=False)
+            losses = ", ".join(f"{name} {count}" for name, count in sorted(row.losses.items()))
+            for text in (row.reason, losses and f"losses since its start: {losses}"):
+                if text:
+                    console.print(f"{row.instance}: {text}", markup=False, highlight=False)
 
 
 def _heartbeats(connect: str, robot: str, optional: bool) -> list[Health]:
@@ -113,7 +115,6 @@ def _table(rows: list[Row]) -> Table:
         table.add_column(title, justify="right", no_wrap=True)
     for title in ("in/s", "out/s"):
         table.add_column(title, no_wrap=True)
-    table.add_column("losses", overflow="fold")
     count = Counter(row.instance for row in rows)
     for row in rows:
         state = _state(row)
@@ -126,7 +127,6 @@ def _table(rows: list[Row]) -> Table:
             f"{row.memory_mb:.0f}",
             _rates(row.rates_hz, "received_"),
             _rates(row.rates_hz, "sent_"),
-            "\n".join(f"{name} {count}" for name, count in sorted(row.losses.items())),
         )
     return table
 

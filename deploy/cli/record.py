@@ -24,10 +24,13 @@ def record(
     seconds: Annotated[
         float | None, typer.Option("--for", help="Seconds to record; else until Ctrl-C.")
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
     """Record messages of a running system to a file; frames are compressed."""
+    if file.exists() and not force:
+        raise ConfigError(f"{file} exists", "Name another file, or overwrite it with --force.")
     kinds = kinds_of(topics)
     deadline_s = time.monotonic() + seconds if seconds else float("inf")
     counts: dict[str, int] = {}

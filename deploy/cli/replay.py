@@ -12,11 +12,13 @@ import typer
 
 from common.io.images import decompress, encode_png16
 from common.io.recording import Recording, open_recording
+from common.transport.zenoh_bus import ZenohBus
 from deploy.cli.options import Connect, Robot, open_bus
 from deploy.cli.record import kinds_of
 from lab.depth.note import CleanDepth, read_note
 from people4d.errors import ConfigError
 from people4d.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
+from people4d.topics import BY_MESSAGE
 
 MEET_S = 1.0
 
@@ -35,6 +37,9 @@ def replay(
     hold_s: Annotated[
         float, typer.Option("--hold", help="Seconds to stay at the end, for late joiners.")
     ] = 1.0,
+    force: Annotated[
+        bool, typer.Option("--force", help="Publish beside services that publish the same topics.")
+    ] = False,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
@@ -50,6 +55,8 @@ def replay(
     sensors = {} if clean_depth else clean_cameras(recording)
     sent = 0
     with closing(open_bus(connect, robot)) as bus, suppress(KeyboardInterrupt):
+        if not force:
+            check_publishers(bus, robot, {type(m) for _, m in recording.messages(*wanted)})
         # Subscribers and this publisher need a moment to learn of each other.
         time.sleep(MEET_S)
         for _ in count() if loop else range(1):
@@ -62,6 +69,30 @@ def replay(
                 sent += 1
         time.sleep(hold_s)
     typer.echo(f"Published {sent} messages.")
+
+
+def check_publishers(bus: ZenohBus, robot: str, kinds: set[type[Message]]) -> None:
+    """Check that no live service publishes what is to be replayed.
+
+    Args:
+        bus: Bus of the robot.
+        robot: Name of the robot.
+        kinds: Types of the recorded messages.
+
+    Raises:
+        ConfigError: A service does: its messages and the recorded ones would mix.
+    """
+    topics = [BY_MESSAGE[kind] for kind in kinds]
+    if CompressedRgbdFrame in kinds:
+        topics.append(BY_MESSAGE[RgbdFrame])
+    alive = {service for name, service, _ in bus.present() if name == robot}
+    for service in sorted(alive):
+        mixed = sorted(topic.name for topic in topics if service in topic.producers)
+        if mixed:
+            raise ConfigError(
+                f"{service} of robot {robot} publishes {', '.join(mixed)}: the streams would mix",
+                "Name other topics with --topics or another --robot; --force replays all the same.",
+            )
 
 
 def clean_cameras(recording: Recording) -> dict[str, CleanDepth]:

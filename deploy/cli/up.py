@@ -160,12 +160,13 @@ def up(
 def demo(
     preset: Preset = "",
     report: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/demo"),
-    robot: Robot = "demo",
+    robot: Annotated[str, typer.Option(help="Name of the robot; empty takes one of its own.")] = "",
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the router; 0 takes a free one.")
     ] = 0,
 ) -> None:
-    """Run the whole pipeline on the shipped recording, frame by frame, and write a report."""
+    """Run the pipeline on the shipped recording, frame by frame, and write a report."""
+    port = port or free_port()
     settings = [
         *preset_settings(preset),
         setting(f"{CAMERA}.source", str(DEMO)),
@@ -173,8 +174,12 @@ def demo(
         *LOCKSTEP_WAITS,
         setting("gt_bridge.truth", str(DEMO)),
     ]
-    request = LaunchRequest(robot=robot, port=port or free_port(), settings=settings, report=report)
+    # Demos of several clones run side by side: each is a robot of its own.
+    name = robot or f"demo-{port}"
+    request = LaunchRequest(robot=name, port=port, settings=settings, report=report)
     _launch(request, START_TIMEOUT_S, detach=False)
+    if not robot:
+        State.of_robot(name).remove()
 
 
 def _resolve(source: str) -> str:
@@ -243,7 +248,10 @@ def _print_summary(folder: Path, state: State) -> None:
         log = state.log_of(f"{REPORT}-1")
         problem = f"the report in {folder} is not complete"
         raise LaunchError(problem, f"The whole log: {log}", tail(log, TAIL_LINES))
-    console.print(summary.read_text(encoding="utf-8").rstrip(), markup=False)
+    facts = summary.read_text(encoding="utf-8").partition("\n\n")[0]
+    console.print(facts, markup=False)  # the table of latency stays in the report
+    names = sorted(file.name for file in folder.iterdir() if file.suffix != ".part")
+    console.print(f"\nReport: {folder}/ ({', '.join(names)})", markup=False)
 
 
 def _progress(name: str, what: str) -> None:

@@ -1,6 +1,7 @@
 """The folder in which a running system keeps its socket, its logs and what it was started with."""
 
 import os
+import shutil
 import signal
 import time
 from collections.abc import Mapping
@@ -114,6 +115,10 @@ class State:
         """Forget the run; logs stay."""
         self.run_file.unlink(missing_ok=True)
         self.socket.unlink(missing_ok=True)
+
+    def remove(self) -> None:
+        """Remove the folder with its logs."""
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def leftovers(self) -> list[psutil.Process]:
         """Return processes of this system that are still alive."""
