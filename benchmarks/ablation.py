@@ -29,9 +29,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     "surface to axis": ("detector.to_axis=false",),
     "position of the torso": ("detector.position=keypoints",),
     "measured covariance": (f"{STRONG}.noise=constant",),
-    "orientation as a whole": ("detector.orientation.whole=false",),
+    "joint orientation": ("detector.orientation.method=separate",),
     "weighted orientation": (
-        "detector.orientation.whole=false",
+        "detector.orientation.method=separate",
         "detector.orientation.weighted=false",
         "tracker.yaw_filter.measured_sigma=false",
     ),

@@ -20,7 +20,7 @@ from lab.views import PersonView
 from lab.world import World
 from people4d.messages import F32, F64, U8
 from services.detector.config import DetectorConfig
-from services.detector.models import ModelSettings, Person, PersonModel, load_model
+from services.detector.models import DetectedPerson, ModelSettings, PersonModel, load_model
 
 MODELS = Path(__file__).resolve().parents[2] / "shared" / "data" / "models"
 SPEED_SCENARIOS = ("short_walk", "crossing", "four_dense")
@@ -56,7 +56,7 @@ class Tally:
     facing: int = 0  # people whose shoulders are seen far apart
 
 
-def judge(shot: Shot, found: Sequence[Person], tally: Tally) -> None:
+def judge(shot: Shot, found: Sequence[DetectedPerson], tally: Tally) -> None:
     """Compare what a model found in a picture with the truth.
 
     Greedy by score. A box that lies on somebody but fits badly, as on what is seen of a person
@@ -65,7 +65,7 @@ def judge(shot: Shot, found: Sequence[Person], tally: Tally) -> None:
     size = (shot.rgb.shape[0], shot.rgb.shape[1])
     people = [p for p in shot.people if p.visible_share > 0]
     boxes = np.array([p.box_xyxy_px for p in people]).reshape(-1, 4)
-    matched: dict[int, Person] = {}
+    matched: dict[int, DetectedPerson] = {}
     for person in sorted(found, key=lambda p: -p.score):
         overlap = iou_xyxy([person.box_xyxy_px], boxes)[0]
         overlap[list(matched)] = -1.0
@@ -93,7 +93,7 @@ def covered(box: F32, by: F64) -> float:
 
 
 def compare_keypoints(
-    truth: PersonView, found: Person, tally: Tally, size: tuple[int, int]
+    truth: PersonView, found: DetectedPerson, tally: Tally, size: tuple[int, int]
 ) -> None:
     """Note the error of each keypoint that is seen and found."""
     if found.keypoints is None:
@@ -146,7 +146,7 @@ class Mirrored:
         self.name = model.name
         self._model = model
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Return the people found in the picture, keypoints improved by its mirror image."""
         width = rgb.shape[1]
         mirrored = self._model.detect(np.ascontiguousarray(rgb[:, ::-1]))
@@ -154,24 +154,24 @@ class Mirrored:
         return [_mean(person, turned) for person in self._model.detect(rgb)]
 
 
-def _turn(person: Person, width: int) -> Person:
+def _turn(person: DetectedPerson, width: int) -> DetectedPerson:
     """Return a person found in a mirror image as seen in the picture."""
     left, top, right, bottom = person.box_xyxy_px
     box = np.array([width - 1 - right, top, width - 1 - left, bottom], np.float32)
     if person.keypoints is None:
-        return Person(person.score, box)
+        return DetectedPerson(person.score, box)
     keypoints = person.keypoints[MIRRORED]
     keypoints[:, 0] = width - 1 - keypoints[:, 0]
-    return Person(person.score, box, keypoints)
+    return DetectedPerson(person.score, box, keypoints)
 
 
-def _mean(person: Person, others: Sequence[Person]) -> Person:
+def _mean(person: DetectedPerson, others: Sequence[DetectedPerson]) -> DetectedPerson:
     """Return a person with the mean of its keypoints and those of the same box among others."""
     same = [o for o in others if iou_xyxy([o.box_xyxy_px], [person.box_xyxy_px])[0, 0] > IOU_MIN]
     if not same or person.keypoints is None or same[0].keypoints is None:
         return person
     keypoints: F32 = (person.keypoints + same[0].keypoints) / np.float32(2)
-    return Person(person.score, person.box_xyxy_px, keypoints)
+    return DetectedPerson(person.score, person.box_xyxy_px, keypoints)
 
 
 def models() -> dict[str, PersonModel]:
@@ -239,7 +239,7 @@ def main() -> None:
     pictures = [shot for name in PICTURES for shot in shots(name, SHOTS)]
     rows = []
     for name, model in models().items():
-        tally = Tally(DetectorConfig().keypoint_rule(model.name).confidence_min)
+        tally = Tally(DetectorConfig().keypoints_for(model.name).confidence_min)
         for shot in pictures:
             judge(shot, model.detect(shot.rgb), tally)
         rows.append(model_row(name, tally))

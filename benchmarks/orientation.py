@@ -27,16 +27,17 @@ TAKES = (
 )
 QUICK = (("four_crossing", 80, range(60, 460, 40)),)
 GROSS_DEG = 45
+SEPARATE = {"method": "separate", "weighted": False}
 METHODS: dict[str, dict[str, Any]] = {
-    "shoulders in 3D": {"ratio": False},
-    "proportions": {"vector": False},
-    "both (paper)": {},
-    "both, weighted": {"weighted": True},
-    "whole body": {"whole": True},
-    "without depth": {"whole": True, "body": {"use_depth": False}},
-    "without hips": {"whole": True, "body": {"use_hips": False}},
-    "without head": {"whole": True, "body": {"use_head": False}},
-    "with confidence": {"whole": True, "body": {"use_confidence": True}},
+    "shoulders in 3D": SEPARATE | {"ratio": False},
+    "proportions": SEPARATE | {"vector": False},
+    "both (paper)": SEPARATE,
+    "both, weighted": SEPARATE | {"weighted": True},
+    "joint likelihood": {"method": "joint"},
+    "without depth": {"method": "joint", "body": {"use_depth": False}},
+    "without hips": {"method": "joint", "body": {"use_hips": False}},
+    "without head": {"method": "joint", "body": {"use_head": False}},
+    "with confidence": {"method": "joint", "body": {"use_confidence": True}},
 }
 HEADER = [
     "method",

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -24,7 +25,7 @@ from lab.views import PersonView
 from lab.world import World
 from people4d.messages import F64, U8, CameraInfo, Detection, Detections, RgbdFrame
 from services.detector.config import DetectorConfig
-from services.detector.models.base import Person, PersonModel
+from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.models.registry import load_model
 from services.detector.node import DetectorNode
 
@@ -36,6 +37,7 @@ TAKES = (
     ("pmrm1", 23, range(30, 430, 14)),
     ("short_sit", 24, range(60, 240, 12)),
 )
+SEPARATE = {"method": "separate", "weighted": False}  # orientation, by which to_axis works
 OVERLAP_MIN = 0.4  # of a detection's box with the true one
 METHODS = {
     "movenet-multipose": ("keypoints", "grown", "torso"),
@@ -77,9 +79,9 @@ class Remembered:
     def __init__(self, model: PersonModel) -> None:
         self.name = model.name
         self._model = model
-        self._found: dict[int, list[Person]] = {}
+        self._found: dict[int, list[DetectedPerson]] = {}
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Find people; pictures are told apart by where they are in memory."""
         key = rgb.ctypes.data
         if key not in self._found:
@@ -166,8 +168,8 @@ def main() -> None:
         model = Remembered(load_model(DetectorConfig(model=path)))
         for position in METHODS[name]:
             for to_axis in (False, True):
-                told = {"position": position, "to_axis": to_axis, "covariance": True}
-                config = DetectorConfig(crops=False, **told)  # type: ignore[arg-type]
+                settings = {"position": position, "to_axis": to_axis, "orientation": SEPARATE}
+                config = msgspec.convert(settings | {"crops": False}, DetectorConfig)
                 found = measure(model, config, taken)
                 rows.append(row(name, position, to_axis, found, people))
     text = (

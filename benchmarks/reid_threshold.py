@@ -14,9 +14,9 @@ from common.inference import OnnxSession
 from lab.views import PersonView
 from people4d.messages import F32, F64, U8, Crop
 from services.detector.crops import crop_person
-from services.detector.models import InstanceMask, Person
+from services.detector.models import DetectedPerson, InstanceMask
 from services.reid import histogram, osnet
-from services.reid.embedder import Embedder
+from services.reid.embedders import Embedder
 from services.reid.histogram import HistogramEmbedder
 from services.reid.osnet import OsnetEmbedder
 
@@ -72,9 +72,9 @@ def cut(shot: Shot, k: int, person: PersonView, noise: F64) -> tuple[Crop, ...]:
     keypoints[:, :2] = person.keypoints_px + noise
     mask: U8 = (shot.view.owners == k + 1).astype(np.uint8)
     people = (
-        Person(1.0, box),
-        Person(1.0, box, keypoints),
-        Person(1.0, box, keypoints, InstanceMask(mask, 0, 0)),
+        DetectedPerson(1.0, box),
+        DetectedPerson(1.0, box, keypoints),
+        DetectedPerson(1.0, box, keypoints, InstanceMask(mask, 0, 0)),
     )
     crops = [crop_person(0, person, shot.rgb, 256) for person in people]
     return tuple(crop for crop in crops if crop is not None)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from people4d.messages import U8
-from services.detector.models.base import InstanceMask, Person, PersonModel
+from services.detector.models.base import DetectedPerson, InstanceMask, PersonModel
 
 CODE = ("services/detector/models/*.py", "common/inference.py", "common/geometry/boxes.py")
 PEOPLE_AXES = (17, 3)
@@ -25,7 +25,7 @@ class CachedDetections:
         took_ms: What that took.
     """
 
-    people: tuple[Person, ...]
+    people: tuple[DetectedPerson, ...]
     took_ms: float
 
 
@@ -56,7 +56,7 @@ class CachingModel:
         self._model, self._known = model, known
         self._recalled_ms = 0.0
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Find people, see `PersonModel.detect`."""
         key = digest(rgb)
         known = self._known.frames.get(key)
@@ -125,7 +125,7 @@ def _read(data: dict[str, np.ndarray]) -> DetectionCache:
         masks.append(InstanceMask(window, x_px, y_px) if size else None)
         start = end
     people = [
-        Person(score, box, None if np.isnan(points).all() else points, mask)
+        DetectedPerson(score, box, None if np.isnan(points).all() else points, mask)
         for score, box, points, mask in zip(
             data["scores"].tolist(), data["boxes"], data["keypoints"], masks, strict=True
         )

@@ -36,9 +36,8 @@ from people4d.messages import (
 from services.camera.config import CameraConfig
 from services.camera.sources import kind_of
 from services.detector.build import build as build_detector
-from services.detector.config import DetectorConfig
+from services.detector.config import DetectorConfig, ModelSettings
 from services.detector.models import load_model
-from services.detector.models.base import ModelSettings
 from services.reid.build import build as build_reid
 from services.reid.config import ReidConfig
 

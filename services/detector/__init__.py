@@ -1,1 +1,1 @@
-"""RGB-D frame to people: box, score, keypoints or mask, 3D position, crop."""
+"""RGB-D frames to people: box, score, keypoints or mask, 3D position, heading, crop."""

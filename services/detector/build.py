@@ -7,10 +7,10 @@ from services.detector.node import DetectorNode
 
 
 def build(config: DetectorConfig, model: PersonModel | None = None) -> Node:
-    """Make the detector; its model is loaded here, so that a missing one is told at start.
+    """Make the detector; its model is loaded here, so that a missing one is reported at start.
 
     Args:
         config: Its configuration.
-        model: What finds people; None: the configured model.
+        model: Detects people; None: the configured model.
     """
     return DetectorNode(model or load_model(config), config)

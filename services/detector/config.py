@@ -1,79 +1,272 @@
-"""Configuration of the detector."""
+"""Configuration of the detector. Defaults are what ships; docs/method.md has sources and units."""
 
-from typing import Literal
+import math
+from typing import Annotated, Literal, TypeVar
 
 import msgspec
+from msgspec import Meta
 
-from services.detector.models.base import ModelSettings
-from services.detector.orientation.orientation import FaceRule, OrientationRule
-from services.detector.position.certainty import CertaintyRule
-from services.detector.position.position import KeypointRule
-from services.detector.position.silhouette import GrowthRule
-from services.detector.position.torso import TorsoRule
-from services.detector.position.trunk import TrunkRule
+from common.config import Config
+from people4d.messages.base import (
+    NonNegative,
+    Positive,
+    PositiveInt,
+    PositiveOrInfinite,
+    PositiveRatio,
+    Ratio,
+)
+from people4d.validation import Rule
 
-# Rules for models that need others than the paper's, by the start of the model's name. MoveNet is
-# less confident: two thirds of its keypoints on real pictures lie below 0.6, and down to 0.3 they
-# still agree with YOLOv8's. In the simulated room this rule takes the standard deviation of the
-# position from 0.071 to 0.048 m in depth and from 0.089 to 0.028 m in height.
-KEYPOINT_RULES = {
-    "movenet": KeypointRule(confidence_min=0.3, window_px=5, torso_gap_max_m=0.6),
+T = TypeVar("T")
+
+SIDE_STEP = 32  # [px] the networks halve the image five times
+
+Confidence = Annotated[float, Meta(ge=0, lt=1)]
+Fraction = Annotated[float, Meta(gt=0, lt=1)]
+OddWindow = Annotated[int, Rule("an odd number, 1 to 31", lambda n: 1 <= n <= 31 and n % 2 == 1)]
+InputSide = Annotated[
+    int, Rule(f"a multiple of {SIDE_STEP} or 0", lambda n: n >= 0 and n % SIDE_STEP == 0)
+]
+
+
+class ModelSettings(Config, frozen=True, kw_only=True):
+    """People model and its thresholds."""
+
+    model: str = "movenet-multipose"  # name in models/models.toml, or path of an .onnx file
+    kind: str = ""  # one of MODELS or "module:Class"; empty: as the manifest or the file says
+    folder: str = ""  # folder that is searched first for named models; empty: none
+    input_height: InputSide = 0  # [px] of the network; 0: as the model is made
+    input_width: InputSide = 0  # [px] of the network; 0: as the model is made
+    score_min: Ratio | None = None  # people below are dropped; absent: the kind's default
+    iou_max: Ratio | None = None  # overlap above which two boxes are one person; absent: default
+    threads: PositiveInt = 1  # threads that one inference may use
+    max_people: PositiveInt = 20  # most people in one image, best first
+
+    def __post_init__(self) -> None:
+        """Check that height and width are given together."""
+        super().__post_init__()
+        if (self.input_height == 0) != (self.input_width == 0):
+            raise ValueError("input_height, input_width: expected both or neither, got one")
+
+
+class KeypointConfig(Config, frozen=True, kw_only=True):
+    """Keypoints that make a position; docs/method.md section 2 [PIC4SeR]."""
+
+    confidence_min: Confidence = 0.6  # keypoints must be more confident than this
+    window_px: OddWindow = 1  # [px] side of the window whose median depth is read
+    torso_gap_max_m: PositiveOrInfinite = math.inf  # [m] farther from the torso: does not count
+
+
+class GrowthConfig(Config, frozen=True, kw_only=True):
+    """Region growing of a mask in depth; docs/method.md sections 2 and 8.2."""
+
+    step_min_m: Positive = 0.01  # [m] neighbours whose depths differ by less are connected
+    step_per_m2: NonNegative = 0.01  # [1/m] the step grows to this times the squared distance
+    reach_m: Positive = 0.4  # [m] pixels farther from the torso's depth are not the person's
+    confidence_min: Confidence = 0.3  # of keypoints that are seeds
+
+
+class LayerConfig(Config, frozen=True, kw_only=True):
+    """Depth layer of a person; docs/method.md section 10."""
+
+    half_m: Positive = 0.25  # [m] readings farther from the middle of the layer do not count
+    size_sigma: Positive = 0.2  # standard deviation of the logarithm of people's size
+    misfit: PositiveRatio = 0.02  # least weight of a layer by the size of the person
+    other_weight: PositiveRatio = 0.5  # weight of samples that are not on the torso
+
+
+class ProportionConfig(Config, frozen=True, kw_only=True):
+    """Positions of joints; the mean of simulated women and men of 1.55 to 1.90 m."""
+
+    half_shoulders_m: Positive = 0.16  # [m] middle of the torso to a shoulder's joint, sideways
+    half_hips_m: Positive = 0.10  # [m] to a hip's joint, sideways
+    half_height_m: Positive = 0.25  # [m] to shoulders or hips, upright; 0.288 H / 2 [Winter 2009]
+    sigma_lean: Positive = 0.2  # of the upright, 1 = 45 deg, and of stature
+    sigma_turn: Positive = 0.3  # of the sideways direction where the yaw is known
+
+
+class TorsoConfig(Config, frozen=True, kw_only=True):
+    """Position of the torso from its joints; docs/method.md section 10."""
+
+    pull: Confidence = 0.3  # fraction from a joint to the torso's middle: off the outline
+    window_share: PositiveRatio = 0.12  # side of a window, of the torso's diagonal in the image
+    window_max_px: Annotated[int, Meta(ge=5, le=101)] = 31  # [px] largest side of a window
+    margin_share: PositiveRatio = 0.25  # outline beyond the keypoints, of the torso's diagonal
+    layer: LayerConfig = LayerConfig()
+    proportions: ProportionConfig = ProportionConfig()
+    # Axis behind face and limbs, where the torso itself is hidden
+    limb_offset_m: NonNegative = 0.06  # [m]
+    limb_sigma_m: Positive = 0.1  # [m] standard deviation of that
+
+
+class EllipseConfig(Config, frozen=True, kw_only=True):
+    """Cross section of the torso; adults differ by about a tenth.
+
+    Source: docs/method.md section 10: half the chest depth, and half the mean of shoulder and hip
+    breadth, of adults (about 0.25, 0.47 and 0.34 m); clothes are not counted.
+    """
+
+    half_depth_m: PositiveRatio = 0.125  # [m] axis to chest
+    half_width_m: PositiveRatio = 0.205  # [m] axis to side, arms included
+
+
+class UncertaintyConfig(Config, frozen=True, kw_only=True):
+    """Standard deviations of positions; depth as of a D435i, the others from simulated people."""
+
+    depth_per_m: Positive = 0.0036  # [1/m] of a reading, over z^2: 0.07 px, 385 px, 50 mm
+    body_m: Positive = 0.035  # [m] along the line of sight: bodies, clothes, arms before the torso
+    joint_m: Positive = 0.04  # [m] across: a joint, of near people
+    joint_px: Positive = 2.0  # [px] across: a joint, of far people
+    # Centroids of masks and means of keypoints, from the torso:
+    centroid_m: Positive = 0.04  # [m] across
+    centroid_down_m: Positive = 0.2  # [m] downward
+    surface_m: Positive = 0.16  # [m] along: the surface, where it is not corrected
+
+
+class FaceConfig(Config, frozen=True, kw_only=True):
+    """Side to which a person is turned, by the face; docs/method.md section 6 [PIC4SeR]."""
+
+    # "visible": by the visible eyes and ears (eq. 4.17). "nose": by the side of the ears' middle
+    # that the nose is on, for models as confident of hidden points as of visible ones (this
+    # project's). "none": the sign is that of psi_1.
+    cue: Literal["visible", "nose", "none"] = "visible"
+    confidence_min: Confidence = 0.5  # of visible eyes, ears and nose; this project's
+    nose_offset_min: Positive = 0.05  # nose to the ears' middle, of the torso's height; likewise
+
+
+class JointPairConfig(Config, frozen=True, kw_only=True):
+    """Appearance of the shoulders or the hips; docs/method.md section 11."""
+
+    width_m: Positive  # [m] between both, as a network marks them
+    ahead_m: Positive  # [m] in profile the nearer one is marked so much ahead of the farther one
+    gain_front: Positive  # depth difference of the surface over that of the joints, from the front
+    gain_back: Positive  # likewise, from behind
+    window_m: Positive  # [m] side of the window whose median is a joint's depth
+    sigma_across_m: Positive = 0.04  # [m] of the distance across the line of sight
+    sigma_along_m: Positive  # [m] of the difference in depth
+
+
+# Shoulder joints are about 0.19 of stature apart, hips are marked on the outside of their joints,
+# which are 0.1 apart. Fitted to renders of the simulated room, with BodyModelConfig.
+SHOULDERS = JointPairConfig(
+    width_m=0.32, ahead_m=0.01, gain_front=0.87, gain_back=0.63, window_m=0.1, sigma_along_m=0.04
+)
+HIPS = JointPairConfig(
+    width_m=0.21, ahead_m=0.04, gain_front=0.83, gain_back=0.67, window_m=0.2, sigma_along_m=0.035
+)
+
+
+class BodyModelConfig(Config, frozen=True, kw_only=True):
+    """Appearance of a body by its yaw; docs/method.md section 11. Each part can be switched off.
+
+    All values are this project's, fitted to renders of the simulated room for tuning.
+    """
+
+    use_shoulders: bool = True
+    use_hips: bool = True
+    use_depth: bool = True  # of shoulders and hips; off: only their distance in the image
+    use_head: bool = True
+    # Networks are more confident of a visible face. That helps less than it errs: not used
+    use_confidence: bool = False
+    shoulders: JointPairConfig = SHOULDERS
+    hips: JointPairConfig = HIPS
+    # [m] of two joints less far apart than that across the line of sight, the nearer one's arm or
+    # thigh hides the other, whose pixel then shows the depth of the nearer one
+    hiding_m: Positive = 0.145
+    sigma_width: Positive = 0.07  # standard deviation of people's widths, relative
+    joint_px: Positive = 2.1  # [px] of a joint in the image
+    depth_per_m: Positive = 0.0025  # [1/m] of a difference in depth, over z^2
+    reach_m: Positive = 0.35  # [m] readings farther from the person's layer do not count
+    nose_m: Positive = 0.08  # [m] nose ahead of the ears, as a network marks them
+    ears_m: Positive = 0.125  # [m] between the ears, likewise
+    sigma_face: Positive = 0.3  # of the nose, over nose_m
+    sigma_head_rad: Positive = 0.3  # [rad] of the head turned on the chest
+    # Mean confidence of the face's points, from the front and from behind: MoveNet's
+    face_front: Fraction = 0.61
+    face_back: Fraction = 0.49
+    sigma_confidence: Positive = 0.06
+    # A network that is less confident of all points of a side errs more: sigma grows below this
+    side_confidence_min: Positive = 0.6
+    side_power: float = 2.0
+    swapped: Fraction = 0.03  # probability that left and right are taken for each other
+    # Outlier probabilities: joints of another person, joints that were guessed
+    outliers_across: Fraction = 0.05
+    outliers_along: Fraction = 0.08
+    outliers_head: Fraction = 0.1
+    outliers_confidence: Fraction = 0.1
+
+
+class OrientationConfig(Config, frozen=True, kw_only=True):
+    """Yaw of the chest from keypoints; each part can be switched off."""
+
+    # "joint": the most likely yaw of all cues together (docs/method.md section 11). "separate":
+    # psi_1 and psi_2, then their mean (section 6 [PIC4SeR]), with the following settings
+    method: Literal["joint", "separate"] = "joint"
+    vector: bool = True  # psi_1, from shoulders or hips in 3D; eq. 4.12
+    ratio: bool = True  # psi_2, from proportions in the image; eq. 4.13 to 4.16
+    ray: bool = True  # psi_2 counts from the line of sight; off: from the axis
+    weighted: bool = True  # psi_1 and psi_2 count by 1 / sigma^2, else equally [PIC4SeR]
+    face: FaceConfig | None = None  # sign of psi_2; absent: suits the model
+    baseline_min_m: Positive = 0.1  # [m] a shorter pair hides one of its points
+    shoulder_ratio_max: Positive = 0.90  # largest shoulder width over torso height
+    hip_ratio_max: Positive = 0.66  # largest hip width over torso height
+    torso_min_px: Positive = 8.0  # [px] a lower torso has no readable proportions; this project's
+    # Standard deviations, from the simulated room; this project's
+    sigma_point_m: Positive = 0.05  # [m] each point of the pair, across the pair
+    sigma_ratio: Positive = 0.18  # ratio over the largest ratio
+    body: BodyModelConfig = BodyModelConfig()  # of "joint"
+
+
+# Values for models that need others than those of [PIC4SeR], by the start of the model's name.
+# MoveNet is less confident: two thirds of its keypoints on real images lie below 0.6, and down to
+# 0.3 they still agree with YOLOv8's. In the simulated room this takes the standard deviation of
+# positions from 0.071 to 0.048 m in depth and from 0.089 to 0.028 m in height.
+MODEL_KEYPOINTS = {
+    "movenet": KeypointConfig(confidence_min=0.3, window_px=5, torso_gap_max_m=0.6),
 }
 
-# MoveNet is as confident of a hidden ear as of one it sees: by visibility it tells the side of 370
-# views in the simulated room no better than a coin does, by the nose in 96 of 100 views.
-FACE_RULES = {"movenet": FaceRule(cue="nose", confidence_min=0.3)}
+# MoveNet is as confident of a hidden ear as of a visible one: by visibility it gives the side of
+# 370 views in the simulated room no better than a coin, by the nose in 96 of 100 views.
+MODEL_FACES = {"movenet": FaceConfig(cue="nose", confidence_min=0.3)}
 
 
 class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
-    """What the detector can be told, beside the settings of its model."""
+    """Configuration of the detector, beside the settings of its model."""
 
-    # How a person's position is read from depth (method book section 2). "auto": at the mask's
-    # centroid if the model gives masks, else as the mean of the keypoints; "mask" and "keypoints":
-    # only so; "grown": at the centroid of a mask grown in depth from the keypoints (section 8.2),
-    # which is sent as the person's mask; "torso": as the middle of shoulders and hips, with windows
-    # of depth on the trunk, in the layer that the person is in (this project's); of models without
-    # keypoints the upper middle of the mask.
-    position: Literal["auto", "mask", "keypoints", "grown", "torso"] = "auto"
-    to_axis: bool = False  # positions are moved from the surface to the body's axis; section 2: no
-    covariance: bool = False  # tell how sure each position is (this project's)
-    keypoint_confidence_min: float | None = None  # 0 to 1 (section 2: 0.6); absent: suits the model
-    keypoint_window_px: int | None = None  # [px] odd window of a keypoint's depth; absent: suits
-    torso_gap_max_m: float | None = None  # [m] keypoint to torso in depth; absent: suits the model
-    orientation: OrientationRule = OrientationRule()  # way the chest faces (section 6)
-    growth: GrowthRule = GrowthRule()  # how a "grown" mask grows (section 8.2)
-    torso: TorsoRule = TorsoRule()  # how the position "torso" is read
-    trunk: TrunkRule = TrunkRule()  # size of the body for to_axis
-    certainty: CertaintyRule = CertaintyRule()  # of covariance
-    crops: bool = True  # send the pictures of people that re-identification needs
-    crop_height_max_px: int = 256  # [px] higher crops are scaled down to this height
+    # Position of a person from depth. "torso": middle of shoulders and hips, by windows of depth in
+    # the person's own layer, of models without keypoints the upper middle of the mask (docs/
+    # method.md section 10); "mask": centroid of the mask; "keypoints": mean of the keypoints
+    # (section 2); "auto": "mask" if the model gives masks, else "keypoints"; "grown": centroid of a
+    # mask grown in depth from the keypoints, which is published as the person's mask (section 8.2).
+    position: Literal["auto", "mask", "keypoints", "grown", "torso"] = "torso"
+    to_axis: bool = True  # positions are moved from the surface to the body's axis
+    covariance: bool = True  # publish the covariance of each position
+    keypoint_confidence_min: Confidence | None = None  # absent: suits the model
+    keypoint_window_px: OddWindow | None = None  # [px] window of a keypoint's depth; absent: suits
+    torso_gap_max_m: PositiveOrInfinite | None = None  # [m] keypoint to torso; absent: suits
+    orientation: OrientationConfig = OrientationConfig()
+    growth: GrowthConfig = GrowthConfig()  # of "grown"
+    torso: TorsoConfig = TorsoConfig()  # of "torso"
+    ellipse: EllipseConfig = EllipseConfig()  # of to_axis
+    uncertainty: UncertaintyConfig = UncertaintyConfig()  # of covariance
+    crops: bool = True  # publish the crops that re-identification needs
+    crop_height_max_px: Annotated[int, Meta(ge=16, le=4096)] = 256  # [px] higher: scaled down
 
-    def __post_init__(self) -> None:
-        """Check ranges.
-
-        Raises:
-            ValueError: A value is out of range.
-        """
-        super().__post_init__()
-        self.keypoint_rule("")
-        if not 16 <= self.crop_height_max_px <= 4096:
-            raise ValueError(
-                f"crop_height_max_px: expected 16 to 4096, got {self.crop_height_max_px}"
-            )
-
-    def keypoint_rule(self, model: str) -> KeypointRule:
-        """Return which keypoints make a position: as told, else as suits the model of that name."""
-        rules = [rule for name, rule in KEYPOINT_RULES.items() if model.startswith(name)]
-        rule = rules[0] if rules else KeypointRule()
-        told = {
+    def keypoints_for(self, model: str) -> KeypointConfig:
+        """Return the configuration of keypoints: as set, else as suits the model of that name."""
+        suited = _suited(MODEL_KEYPOINTS, model) or KeypointConfig()
+        values = {
             "confidence_min": self.keypoint_confidence_min,
             "window_px": self.keypoint_window_px,
             "torso_gap_max_m": self.torso_gap_max_m,
         }
-        return msgspec.structs.replace(rule, **{k: v for k, v in told.items() if v is not None})
+        return msgspec.structs.replace(suited, **{k: v for k, v in values.items() if v is not None})
 
-    def orientation_rule(self, model: str) -> OrientationRule:
-        """Return how the way a person faces is read; the face as told, else as suits the model."""
-        rules = [rule for name, rule in FACE_RULES.items() if model.startswith(name)]
-        face = self.orientation.face or (rules[0] if rules else FaceRule())
+    def orientation_for(self, model: str) -> OrientationConfig:
+        """Return the configuration of yaw; the face as set, else as suits the model."""
+        face = self.orientation.face or _suited(MODEL_FACES, model) or FaceConfig()
         return msgspec.structs.replace(self.orientation, face=face)
+
+
+def _suited(configs: dict[str, T], model: str) -> T | None:
+    return next((config for name, config in configs.items() if model.startswith(name)), None)

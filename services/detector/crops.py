@@ -1,18 +1,18 @@
-"""Pictures of the people of a frame, small enough to send."""
+"""Crops of the people of a frame, small enough to publish."""
 
 import cv2
 import numpy as np
 
 from people4d.messages import F32, U8, Crop
-from services.detector.models.base import InstanceMask, Person
+from services.detector.models.base import DetectedPerson, InstanceMask
 
 
 def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
-    """Return left, top, right and bottom of the whole pixels of a box inside an image.
+    """Return left, top, right and bottom of the pixels of a box inside an image.
 
     Args:
         box_xyxy_px: 4, left, top, right, bottom.
-        shape: Shape of the image: height, width and whatever follows.
+        shape: Shape of the image, height and width first.
     """
     height, width = shape[:2]
     left, top = np.clip(np.floor(box_xyxy_px[:2]), 0, (width, height)).astype(int)
@@ -20,7 +20,7 @@ def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, in
     return int(left), int(top), int(right), int(bottom)
 
 
-def crop_person(index: int, person: Person, rgb: U8, height_max_px: int) -> Crop | None:
+def crop_person(index: int, person: DetectedPerson, rgb: U8, height_max_px: int) -> Crop | None:
     """Cut one person out of an image.
 
     Args:
@@ -36,21 +36,21 @@ def crop_person(index: int, person: Person, rgb: U8, height_max_px: int) -> Crop
     left, top, right, bottom = cut_box(person.box_xyxy_px, rgb.shape)
     if left >= right or top >= bottom:
         return None
-    picture = rgb[top:bottom, left:right]
+    image = rgb[top:bottom, left:right]
     mask = None if person.mask is None else _cut_mask(person.mask, (left, top, right, bottom))
     scale = np.ones(2)
     if bottom - top > height_max_px:
         size = (max(1, round((right - left) * height_max_px / (bottom - top))), height_max_px)
         scale = np.divide(size, (right - left, bottom - top))
-        picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
         if mask is not None:
             mask = np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)
     keypoints = _move(person.keypoints, (left, top), scale.astype(np.float32))
-    return Crop(detection=index, rgb=picture, mask=mask, keypoints=keypoints)
+    return Crop(detection=index, rgb=image, mask=mask, keypoints=keypoints)
 
 
 def _cut_mask(mask: InstanceMask, box: tuple[int, int, int, int]) -> U8:
-    """Return the pixels of a mask inside a box of whole pixels."""
+    """Return the pixels of a mask inside a box of pixels."""
     left, top, right, bottom = box
     height, width = mask.window.shape
     cut = np.zeros((bottom - top, right - left), np.uint8)

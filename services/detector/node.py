@@ -1,4 +1,4 @@
-"""RGB-D frames to people with positions and headings, and their pictures."""
+"""RGB-D frames to people with positions and headings, and their crops."""
 
 import logging
 import threading
@@ -20,24 +20,27 @@ from people4d.messages import (
 )
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person
-from services.detector.models.base import Person, PersonModel
-from services.detector.orientation.orientation import Angle, heading_vector, orientation, whole_body
-from services.detector.position.locate import Locator, Settled
-from services.detector.position.position import Place, Sight
+from services.detector.models.base import DetectedPerson, PersonModel
+from services.detector.orientation.angle import YawEstimate, heading_vector
+from services.detector.orientation.joint import joint_yaw
+from services.detector.orientation.separate import separate_yaws
+from services.detector.position.estimator import PositionEstimator
 from services.detector.position.silhouette import grow_mask
+from services.detector.position.surface import DepthImage, PositionEstimate
+from services.detector.position.torso import LayeredTorso
 
 log = logging.getLogger("people4d")
 
 
 class DetectorNode(Node):
-    """Finds people in each frame and reads from depth where they are and which way they face.
+    """Detects people in each frame and estimates their positions and headings from depth.
 
     Cameras may be several; each frame needs the CameraInfo of its camera before it. `handle` may be
     called from several threads at once if the model may.
 
     Args:
-        model: Finds people in the colour image.
-        config: How positions and headings are read and whether crops are sent.
+        model: Detects people in the colour image.
+        config: Methods of positions and headings, crops.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
@@ -47,13 +50,13 @@ class DetectorNode(Node):
     def __init__(self, model: PersonModel, config: DetectorConfig) -> None:
         self._model = model
         self._config = config
-        self._rule = config.keypoint_rule(model.name)
-        self._locator = Locator(config, model.name)
-        self._orientation = config.orientation_rule(model.name)
+        self._keypoints = config.keypoints_for(model.name)
+        self._positions = PositionEstimator(config, model.name)
+        self._orientation = config.orientation_for(model.name)
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
         self._counters: Counter[str] = Counter()
-        self._faults: dict[str, str] = {}  # what is wrong with the newest frame, by camera
+        self._faults: dict[str, str] = {}  # of the newest frame, by camera
         self._loop = NO_LOOP
 
     def attach(self, loop: LoopCallbacks) -> None:
@@ -72,9 +75,11 @@ class DetectorNode(Node):
         return () if info is None else self._detect(message, info)
 
     def status(self) -> Status:
-        """Return counters, and as the reason what is wrong with the newest frames."""
+        """Return counters, and as the reason the faults of the newest frames."""
         with self._lock:
-            reason = "; ".join(f"camera {camera}: {why}" for camera, why in self._faults.items())
+            reason = "; ".join(
+                f"camera {camera}: {fault}" for camera, fault in self._faults.items()
+            )
             counters = dict(self._counters)
         return Status(state="degraded" if reason else "ready", reason=reason, counters=counters)
 
@@ -94,19 +99,19 @@ class DetectorNode(Node):
         return info
 
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
-        people = self._find(frame)
+        people, image = self._find(frame), DepthImage(frame.depth_mm, info)
         with span("hand_over"):
             self._loop.release()
         if self._config.position == "grown":
             with span("locate"):
-                people = [self._with_mask(person, frame, info) for person in people]
+                people = [self._with_mask(person, image) for person in people]
         outputs: list[Message] = []
         if self._config.crops:
-            # Crops first: what the tracker waits for longest is on its way soonest.
+            # Crops first: the tracker waits longest for their embeddings.
             publish = self._loop.publish or outputs.append
             publish(self._crops(people, frame))
         with span("locate"):
-            detections = self._detections(people, frame, info)
+            detections = self._detections(people, image)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
@@ -127,7 +132,7 @@ class DetectorNode(Node):
         )
         return [*outputs, result]
 
-    def _find(self, frame: RgbdFrame) -> list[Person]:
+    def _find(self, frame: RgbdFrame) -> list[DetectedPerson]:
         """Return the people in the colour image; none, counted, if the model fails."""
         try:
             people = self._model.detect(frame.rgb)
@@ -142,41 +147,44 @@ class DetectorNode(Node):
             self._fault(frame, "no_depth", "its depth image is empty, people have no positions")
         return people
 
-    def _with_mask(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Person:
+    def _with_mask(self, person: DetectedPerson, image: DepthImage) -> DetectedPerson:
         """Return the person with a mask grown in depth."""
         if person.keypoints is None:
             return person
-        return replace(person, mask=grow_mask(person, frame.depth_mm, info, self._config.growth))
+        return replace(person, mask=grow_mask(person, image, self._config.growth))
 
     def _detections(
-        self, people: Sequence[Person], frame: RgbdFrame, info: CameraInfo
+        self, people: Sequence[DetectedPerson], image: DepthImage
     ) -> tuple[Detection, ...]:
-        sight = Sight(frame.depth_mm, info)
-        settled = self._locator.settled(people, sight) if self._orientation.whole else None
-        facings = (
-            [self._facing(person, frame, info) for person in people]
-            if settled is None
-            else [self._whole(*one, sight) for one in zip(people, settled, strict=True)]
-        )
-        yaws = [None if facing is None else facing.rad for facing in facings]
-        sights = [replace(sight, yaw_rad=yaw_rad) for yaw_rad in yaws]
-        places = self._locator.places(people, sights, settled)
-        return tuple(map(_detection, people, facings, places))
+        joint = self._orientation.method == "joint"
+        torsos: Sequence[LayeredTorso | None] = [None] * len(people)
+        if joint or self._config.position == "torso":
+            torsos = self._positions.torsos(people, image)
+        yaws = [
+            self._joint_yaw(person, torso, image) if joint else self._separate_yaw(person, image)
+            for person, torso in zip(people, torsos, strict=True)
+        ]
+        positions = [
+            self._positions.estimate(person, torso, image, None if yaw is None else yaw.rad)
+            for person, torso, yaw in zip(people, torsos, yaws, strict=True)
+        ]
+        return tuple(map(_detection, people, yaws, positions))
 
-    def _facing(self, person: Person, frame: RgbdFrame, info: CameraInfo) -> Angle | None:
+    def _joint_yaw(
+        self, person: DetectedPerson, torso: LayeredTorso | None, image: DepthImage
+    ) -> YawEstimate | None:
+        if person.keypoints is None or torso is None:
+            return None
+        layer_m, confidence_min = torso[1].depth_m, self._keypoints.confidence_min
+        return joint_yaw(person.keypoints, layer_m, image, confidence_min, self._orientation.body)
+
+    def _separate_yaw(self, person: DetectedPerson, image: DepthImage) -> YawEstimate | None:
         if person.keypoints is None:
             return None
-        rule = self._orientation
-        found = orientation(person.keypoints, frame.depth_mm, info, rule, self._rule)
-        return found.fused(rule.weighted)
+        yaws = separate_yaws(person.keypoints, image, self._orientation, self._keypoints)
+        return yaws.fuse(self._orientation.weighted)
 
-    def _whole(self, person: Person, settled: Settled | None, sight: Sight) -> Angle | None:
-        if person.keypoints is None or settled is None:
-            return None
-        confidence_min, (_, layer) = self._rule.confidence_min, settled
-        return whole_body(person.keypoints, layer.depth_m, sight, self._orientation, confidence_min)
-
-    def _crops(self, people: Sequence[Person], frame: RgbdFrame) -> Crops:
+    def _crops(self, people: Sequence[DetectedPerson], frame: RgbdFrame) -> Crops:
         with span("crops"):
             crops = [
                 crop_person(index, person, frame.rgb, self._config.crop_height_max_px)
@@ -196,15 +204,17 @@ class DetectorNode(Node):
             self._faults[frame.camera] = reason
 
 
-def _detection(person: Person, facing: Angle | None, place: Place | None) -> Detection:
+def _detection(
+    person: DetectedPerson, yaw: YawEstimate | None, position: PositionEstimate | None
+) -> Detection:
     mask = person.mask
     return Detection(
         box_xyxy_px=person.box_xyxy_px,
         score=person.score,
         keypoints=person.keypoints,
         mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),
-        position_m=None if place is None else place.position_m,
-        position_covariance_m2=None if place is None else place.covariance_m2,
-        heading=None if facing is None else heading_vector(facing.rad),
-        heading_sigma_rad=None if facing is None else facing.sigma_rad,
+        position_m=None if position is None else position.position_m,
+        position_covariance_m2=None if position is None else position.covariance_m2,
+        heading=None if yaw is None else heading_vector(yaw.rad),
+        heading_sigma_rad=None if yaw is None else yaw.sigma_rad,
     )

@@ -7,5 +7,5 @@ from services.reid.node import ReidNode
 
 
 def build(config: ReidConfig) -> Node:
-    """Make the node; its network is loaded here, so that a missing one is told at start."""
+    """Make the node; its network is loaded here, so that a missing one is reported at start."""
     return ReidNode(load_embedder(config))

@@ -1,13 +1,34 @@
-"""The embedders by name."""
+"""Interface of embedders, and the embedders by name."""
+
+from collections.abc import Sequence
+from typing import Protocol
 
 from common import registry
+from people4d.messages import F32, Crop
 from services.reid.config import ReidConfig
-from services.reid.embedder import Embedder
 
 EMBEDDERS: dict[str, str] = {
     "histogram": "services.reid.histogram:load",
     "osnet": "services.reid.osnet:load",
 }
+
+
+class Embedder(Protocol):
+    """Maps crops of people to vectors that are close for the same person."""
+
+    @property
+    def name(self) -> str:
+        """Name of the embedder; only vectors of one name compare."""
+        ...
+
+    @property
+    def dimension(self) -> int:
+        """Length of a vector."""
+        ...
+
+    def embed(self, crops: Sequence[Crop]) -> F32:
+        """Return the vectors of N crops: NxD, rows of unit length; cosine distance is 1 - a.b."""
+        ...
 
 
 def load_embedder(config: ReidConfig) -> Embedder:

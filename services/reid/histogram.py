@@ -1,7 +1,7 @@
 """Body-part colour histograms: an embedder that needs no weights.
 
-Head, torso and legs each have a hue-saturation histogram (method book section 8.1) with bins of
-grey beside it, because black, grey and white clothes have no hue. The square root of the shares
+Head, torso and legs each have a hue-saturation histogram (docs/method.md section 8.1) with bins
+of grey beside it, because black, grey and white clothes have no hue. The square root of the shares
 makes the dot product of two vectors the Bhattacharyya coefficient, weighted by part.
 """
 
@@ -15,7 +15,7 @@ from common.transport.trace import span
 from people4d.messages import F32, F64, U8, Crop
 from services.reid.config import ReidConfig
 
-# C_cos of the method book's section 5: as benchmarks/reid_threshold.md finds it, drawn in a little
+# C_cos of docs/method.md section 5: as benchmarks/reid_threshold.md finds it, drawn in a little
 # because people outside of the simulation dress more alike.
 COSINE_DISTANCE_MAX = 0.25
 HUES = 12
@@ -28,10 +28,10 @@ CHROMA_GREY, CHROMA_FULL = (
     0.06,
     0.2,
 )  # saturation x value below, above which a pixel is grey, is not
-PRIOR_SHARE = 0.05  # of the part's pixels, spread evenly: an unseen part resembles any other a bit
+PRIOR_FRACTION = 0.05  # of the part's pixels, spread evenly: a hidden part resembles any a bit
 HEIGHT_PX = 64  # crops are scaled down to this height
 CONFIDENCE_MIN = 0.3  # of keypoints that divide the body
-SIDE_SPREAD = 0.35  # of half the box: how far pixels count where nothing shows the body
+SIDE_SPREAD = 0.35  # of half the box: spread of pixel weights without mask or keypoints
 LIMB_WIDTH = 0.15  # of the torso's length; the head is twice as wide
 HEAD = [0, 1, 2, 3, 4]  # COCO
 TORSO = [5, 6, 12, 11]  # COCO, round the outline: left, right shoulder, right, left hip
@@ -50,13 +50,13 @@ class HistogramEmbedder:
     dimension = len(PART_WEIGHTS) * BINS
 
     def embed(self, crops: Sequence[Crop]) -> F32:
-        """Embed pictures; rows are of unit length."""
+        """Embed crops; rows are of unit length."""
         with span("embedding"):
             return _embed(crops)
 
 
 def _embed(crops: Sequence[Crop]) -> F32:
-    """Return the vectors of pictures, all of whose pixels are sorted into bins together."""
+    """Return the vectors of crops, all of whose pixels are sorted into bins together."""
     parts = len(PART_WEIGHTS)
     pixels = [np.empty((0, 3), np.float32)]
     weights, starts = [np.empty(0)], [np.empty(0, np.intp)]
@@ -70,27 +70,27 @@ def _embed(crops: Sequence[Crop]) -> F32:
     shares *= np.concatenate(weights)
     counts = np.bincount(bins.ravel(), shares.ravel(), minlength=len(crops) * parts * BINS)
     counts = counts.reshape(len(crops), parts, BINS)
-    prior = np.maximum(PRIOR_SHARE * counts.sum(axis=2, keepdims=True), 1e-6) / BINS
+    prior = np.maximum(PRIOR_FRACTION * counts.sum(axis=2, keepdims=True), 1e-6) / BINS
     filled = counts + prior
     share = np.array(PART_WEIGHTS)[:, None] * filled / filled.sum(axis=2, keepdims=True)
     return np.asarray(np.sqrt(share).reshape(len(crops), parts * BINS), np.float32)
 
 
 def _pixels(crop: Crop) -> tuple[F32, F64, npt.NDArray[np.intp]]:
-    """Return the pixels that count of one picture made small: Nx3 colour, 0 to 1, weight, part."""
+    """Return the weighted pixels of one crop made small: Nx3 colour, 0 to 1, weight, part."""
     height = min(HEIGHT_PX, crop.rgb.shape[0])
     width = max(1, round(crop.rgb.shape[1] * height / crop.rgb.shape[0]))
     rgb = np.asarray(cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_NEAREST))
     weights = _body_weights(crop, (height, width))
     edges = np.rint(_part_edges(crop) * height)
     part = np.searchsorted(edges[1:-1], np.arange(height), side="right")
-    there = weights > 0
-    rows = np.broadcast_to(part[:, None], there.shape)
-    return rgb[there] / np.float32(255), weights[there], rows[there]
+    used = weights > 0
+    rows = np.broadcast_to(part[:, None], used.shape)
+    return rgb[used] / np.float32(255), weights[used], rows[used]
 
 
 def _body_weights(crop: Crop, shape: tuple[int, int]) -> F64:
-    """Return how much each pixel of the scaled crop (height, width) counts.
+    """Return the weight of each pixel of the scaled crop (height, width).
 
     The mask if there is one, else the skeleton drawn thick, else less towards the sides of the box.
     """
@@ -111,16 +111,16 @@ def _skeleton(keypoints: F32, scale: float, shape: tuple[int, int]) -> U8:
     """Return an image of a shape with torso, limbs, neck and head set to 1."""
     # A wild coordinate must not overflow the integers of the drawing.
     points = np.rint(np.clip(keypoints[:, :2] * scale, -9999, 9999)).astype(np.int32)
-    seen = keypoints[:, 2] > CONFIDENCE_MIN
+    confident = keypoints[:, 2] > CONFIDENCE_MIN
     shoulders, hips = points[TORSO].reshape(2, 2, 2).mean(axis=1)
     thick = max(1, round(float(np.linalg.norm(shoulders - hips)) * LIMB_WIDTH))
     image = np.zeros(shape, np.uint8)
     cv2.fillConvexPoly(image, points[TORSO], 1)
     for a, b in LIMBS:
-        if seen[a] and seen[b]:
+        if confident[a] and confident[b]:
             cv2.line(image, points[a].tolist(), points[b].tolist(), 1, min(thick, 255))
-    if seen[HEAD].any():
-        head = points[HEAD][seen[HEAD]].mean(axis=0)
+    if confident[HEAD].any():
+        head = points[HEAD][confident[HEAD]].mean(axis=0)
         top, neck = np.rint([head, shoulders]).astype(int).tolist()
         cv2.line(image, top, neck, 1, min(2 * thick, 255))
     return image
@@ -166,6 +166,6 @@ def _bins(rgb: F32) -> tuple[npt.NDArray[np.intp], F64]:
 
 
 def _split(position: F64) -> tuple[npt.NDArray[np.intp], F64]:
-    """Return the whole and the fractional part."""
-    whole = np.floor(position)
-    return whole.astype(np.intp), position - whole
+    """Return the integral and the fractional part."""
+    integral = np.floor(position)
+    return integral.astype(np.intp), position - integral

@@ -8,16 +8,16 @@ import numpy as np
 
 from common.runtime.node import Node, Sharing, Status
 from people4d.messages import Crops, Embeddings, Message
-from services.reid.embedder import Embedder
+from services.reid.embedders import Embedder
 
-SIDE_MIN_PX = 8  # a smaller picture tells nothing about a person
+SIDE_MIN_PX = 8  # a smaller crop is not informative
 
 
 class ReidNode(Node):
     """Embeds the people of each frame; a frame without people gives no vectors, but a message.
 
     Args:
-        embedder: Turns pictures into vectors.
+        embedder: Maps crops to vectors.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Crops,)
@@ -57,7 +57,7 @@ class ReidNode(Node):
         )
 
     def status(self) -> Status:
-        """Return counters, and as the reason whether the newest frame's embedding failed."""
+        """Return counters, and as the reason the error of the newest frame's embedding."""
         return Status(
             state="degraded" if self._fault else "ready",
             reason=self._fault,

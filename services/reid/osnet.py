@@ -1,4 +1,4 @@
-"""OSNet: a small network trained to tell people apart by their looks."""
+"""OSNet: a small network trained to tell people apart by their appearance."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from people4d.errors import ModelError
 from people4d.messages import F32, U8, Crop
 from services.reid.config import ReidConfig
 
-COSINE_DISTANCE_MAX = 0.45  # C_cos of the method book's section 5; benchmarks/reid_threshold.md
+COSINE_DISTANCE_MAX = 0.45  # C_cos of docs/method.md section 5; benchmarks/reid_threshold.md
 MEAN = np.array([0.485, 0.456, 0.406], np.float32)  # of ImageNet, red first, values 0 to 1
 DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
 DEFAULT_SIZE = (256, 128)
@@ -61,24 +61,24 @@ class OsnetEmbedder:
         self.dimension = output.shape[1]
 
     def embed(self, crops: Sequence[Crop]) -> F32:
-        """Embed pictures in one run, or one by one if the network is made for one."""
+        """Embed crops in one run, or one by one if the network is made for one."""
         if not crops:
             return np.zeros((0, self.dimension), np.float32)
         with span("preprocess"):
-            pictures = np.stack([_tensor(crop.rgb, self._size) for crop in crops])
-        parts = [pictures] if self._batch is None else list(pictures[:, None])
+            images = np.stack([_tensor(crop.rgb, self._size) for crop in crops])
+        parts = [images] if self._batch is None else list(images[:, None])
         vectors = np.concatenate([self._run(part) for part in parts])
         with span("postprocess"):
             norms = np.linalg.norm(vectors, axis=1, keepdims=True)
             return np.asarray(vectors / np.maximum(norms, 1e-12), np.float32)
 
-    def _run(self, pictures: F32) -> F32:
-        output = next(iter(self._session.run(pictures).values()))
+    def _run(self, images: F32) -> F32:
+        output = next(iter(self._session.run(images).values()))
         return np.asarray(output, np.float32)
 
 
 def _tensor(rgb: U8, size: tuple[int, int]) -> F32:
-    """Return a picture as the network wants it, 3xHxW; the shape of the box is not kept."""
+    """Return an image as the network takes it, 3xHxW; the shape of the box is not kept."""
     height, width = size
     shrinks = rgb.shape[0] > height and rgb.shape[1] > width
     method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR

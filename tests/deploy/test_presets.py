@@ -11,9 +11,7 @@ from common.config import load
 from deploy.cli import app
 from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
 from people4d.errors import ConfigError
-from services.detector.config import DetectorConfig
-from services.detector.orientation.orientation import FaceRule, OrientationRule
-from services.detector.position.position import KeypointRule
+from services.detector.config import DetectorConfig, FaceConfig, KeypointConfig, OrientationConfig
 from services.presets import FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
@@ -81,13 +79,17 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
 def test_the_third_method_measures_by_sections_2_and_6() -> None:
     detector = config_of(DetectorConfig, "detector", "pose-strongsort")
     assert detector.model == "yolov8n-pose"
-    assert detector.keypoint_rule(detector.model) == KeypointRule(confidence_min=0.6)
-    rule = OrientationRule(face=FaceRule(cue="visible"))
-    assert detector.orientation_rule(detector.model) == rule
-    assert (rule.baseline_min_m, rule.shoulder_ratio_max, rule.hip_ratio_max) == (0.1, 0.90, 0.66)
+    assert detector.keypoints_for(detector.model) == KeypointConfig(confidence_min=0.6)
+    config = OrientationConfig(method="separate", weighted=False, face=FaceConfig(cue="visible"))
+    assert detector.orientation_for(detector.model) == config
+    assert (config.baseline_min_m, config.shoulder_ratio_max, config.hip_ratio_max) == (
+        0.1,
+        0.90,
+        0.66,
+    )
     twin = config_of(DetectorConfig, "detector", "pose-strongsort-movenet")
-    assert twin.keypoint_rule(twin.model) == KeypointRule(confidence_min=0.3)
-    assert twin.orientation_rule(twin.model).face == FaceRule(cue="nose", confidence_min=0.3)
+    assert twin.keypoints_for(twin.model) == KeypointConfig(confidence_min=0.3)
+    assert twin.orientation_for(twin.model).face == FaceConfig(cue="nose", confidence_min=0.3)
 
 
 def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:

@@ -2,7 +2,7 @@ import numpy as np
 
 from people4d.messages import F32, U8
 from services.detector.crops import crop_person, cut_box
-from services.detector.models import InstanceMask, Person
+from services.detector.models import DetectedPerson, InstanceMask
 
 
 def image(height: int = 20, width: int = 30) -> U8:
@@ -21,7 +21,7 @@ def test_a_box_covers_every_pixel_it_touches_inside_the_image() -> None:
 
 
 def test_the_crop_is_the_box_cut_to_the_image() -> None:
-    crop = crop_person(3, Person(0.9, box(-4, 15, 5, 40)), image(), 256)
+    crop = crop_person(3, DetectedPerson(0.9, box(-4, 15, 5, 40)), image(), 256)
     assert crop is not None
     assert crop.detection == 3
     np.testing.assert_array_equal(crop.rgb, image()[15:20, 0:5])
@@ -29,7 +29,7 @@ def test_the_crop_is_the_box_cut_to_the_image() -> None:
 
 def test_a_box_outside_of_the_image_gives_no_crop() -> None:
     for edges in ((30, 0, 40, 20), (-9, 0, 0, 20), (0, -9, 9, 0), (5, 20, 9, 30), (9, 9, 9, 9)):
-        assert crop_person(0, Person(0.9, box(*edges)), image(), 256) is None
+        assert crop_person(0, DetectedPerson(0.9, box(*edges)), image(), 256) is None
 
 
 def test_mask_and_keypoints_move_into_the_crop() -> None:
@@ -38,7 +38,7 @@ def test_mask_and_keypoints_move_into_the_crop() -> None:
     keypoints = np.zeros((17, 3), np.float32)
     keypoints[0] = 7, 9, 0.8
     window = np.ones((2, 3), np.uint8)
-    person = Person(0.9, box(5, 6, 15, 16), keypoints, InstanceMask(window, x_px=3, y_px=8))
+    person = DetectedPerson(0.9, box(5, 6, 15, 16), keypoints, InstanceMask(window, x_px=3, y_px=8))
     crop = crop_person(0, person, image(), 256)
     assert crop is not None
     assert crop.keypoints is not None
@@ -51,7 +51,9 @@ def test_mask_and_keypoints_move_into_the_crop() -> None:
 
 
 def test_a_mask_beside_the_box_is_empty() -> None:
-    person = Person(0.9, box(5, 6, 15, 16), mask=InstanceMask(np.ones((4, 4), np.uint8), 20, 0))
+    person = DetectedPerson(
+        0.9, box(5, 6, 15, 16), mask=InstanceMask(np.ones((4, 4), np.uint8), 20, 0)
+    )
     crop = crop_person(0, person, image(), 256)
     assert crop is not None
     assert crop.mask is not None
@@ -62,7 +64,7 @@ def test_a_high_crop_is_scaled_down() -> None:
     # 40 of 80 rows: half. Pixels 2 and 3 become pixel 1: 2.5 -> (2.5 + 0.5) / 2 - 0.5 = 1.
     keypoints = np.full((17, 3), 2.5, np.float32)
     mask = InstanceMask(np.ones((80, 10), np.uint8), 0, 0)
-    person = Person(0.9, box(0, 0, 20, 80), keypoints, mask)
+    person = DetectedPerson(0.9, box(0, 0, 20, 80), keypoints, mask)
     crop = crop_person(0, person, image(80, 20), 40)
     assert crop is not None
     assert crop.mask is not None
@@ -75,6 +77,6 @@ def test_a_high_crop_is_scaled_down() -> None:
 
 
 def test_a_very_narrow_box_keeps_a_pixel() -> None:
-    crop = crop_person(0, Person(0.9, box(3, 0, 4, 80)), image(80, 20), 16)
+    crop = crop_person(0, DetectedPerson(0.9, box(3, 0, 4, 80)), image(80, 20), 16)
     assert crop is not None
     assert crop.rgb.shape == (16, 1, 3)

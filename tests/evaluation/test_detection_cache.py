@@ -14,17 +14,17 @@ from evaluation.recordings.detection_cache import (
     save,
 )
 from people4d.messages import U8
-from services.detector.models import InstanceMask, Person
+from services.detector.models import DetectedPerson, InstanceMask
 
 
 def picture(value: int) -> U8:
     return np.full((4, 6, 3), value, np.uint8)
 
 
-def person(score: float, mask: InstanceMask | None = None, points: bool = True) -> Person:
+def person(score: float, mask: InstanceMask | None = None, points: bool = True) -> DetectedPerson:
     keypoints = np.arange(51, dtype=np.float32).reshape(17, 3) + np.float32(score)
     box = np.array([-1.5, 2.25, 30.0, 40.0], np.float32)
-    return Person(score, box, keypoints if points else None, mask)
+    return DetectedPerson(score, box, keypoints if points else None, mask)
 
 
 class Counting:
@@ -35,7 +35,7 @@ class Counting:
     def __init__(self) -> None:
         self.asked = 0
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         self.asked += 1
         return [person(0.5)] * int(rgb[0, 0, 0])
 

@@ -157,7 +157,7 @@ def test_embedded_model_equals_the_reference(shared: Path, size: tuple[int, int]
     for name in ("lab/two/rgb/00000.jpg", "lab/two/rgb/00090.jpg", "rgbd/tue/example.jpg"):
         bgr = cv2.imread(str(shared / "data" / name))
         assert bgr is not None
-        fitted = Letterbox.fit((bgr.shape[0], bgr.shape[1]), size).place(
+        fitted = Letterbox.fit((bgr.shape[0], bgr.shape[1]), size).fill(
             np.ascontiguousarray(bgr[..., ::-1]), grey=0
         )
         wanted = reference.run(fitted[None].astype(np.float32))

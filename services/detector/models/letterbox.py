@@ -1,4 +1,4 @@
-"""An image fitted into a network's input, and the way back.
+"""Mapping of an image into a network's input, and back.
 
 Positions are continuous: pixel i covers [i, i + 1), the image [0, width]. So a change of size is a
 plain factor, which is also what cv2.resize does with pixel areas. The index of a pixel, as
@@ -29,7 +29,7 @@ class Letterbox:
 
     @classmethod
     def fit(cls, image_size: tuple[int, int], input_size: tuple[int, int]) -> "Letterbox":
-        """Find the largest place in the input that shows the whole image.
+        """Find the largest part of the input that holds the full image.
 
         Args:
             image_size: Height and width of the image in pixels, at least 1.
@@ -51,22 +51,22 @@ class Letterbox:
             scale_y=height / image_height,
         )
 
-    def place(self, rgb: U8, grey: int) -> U8:
+    def fill(self, rgb: U8, grey: int) -> U8:
         """Return the network's input as bytes.
 
         Args:
             rgb: HxWx3 image of the size given to `fit`.
-            grey: Value of the bars, as the network saw them in training.
+            grey: Value of the bars, as in the network's training.
         """
         shape = (self.input_height, self.input_width, 3)
-        placed = np.full(shape, grey, np.uint8)
-        inside = placed[self.top : self.top + self.height, self.left : self.left + self.width]
+        canvas = np.full(shape, grey, np.uint8)
+        inside = canvas[self.top : self.top + self.height, self.left : self.left + self.width]
         if rgb.shape == inside.shape:
             inside[:] = rgb
         else:
-            way = cv2.INTER_AREA if self.scale_x < 1 else cv2.INTER_LINEAR
-            inside[:] = cv2.resize(rgb, (self.width, self.height), interpolation=way)
-        return placed
+            method = cv2.INTER_AREA if self.scale_x < 1 else cv2.INTER_LINEAR
+            inside[:] = cv2.resize(rgb, (self.width, self.height), interpolation=method)
+        return canvas
 
     def to_image(self, positions: npt.ArrayLike) -> F64:
         """Map positions in the network's input to the image.

@@ -1,8 +1,8 @@
 """MoveNet MultiPose: people as centres on a grid, each with a box and 17 keypoints.
 
-The network works as CenterNet does: a heat map of person centres; at each centre the box and a
-first guess of the keypoints; a heat map per keypoint, read near that guess; and offsets below the
-grid's step. Cut at these raw heads, it has no limit of six people.
+The network works as CenterNet [Zhou 2019b]: a heat map of person centres; at each centre the
+box and a first guess of the keypoints; a heat map per keypoint, read near that guess; and offsets
+below the grid's step. Cut at these raw heads, it has no limit of six people.
 """
 
 from collections.abc import Mapping
@@ -15,27 +15,28 @@ from common.geometry.boxes import iou_xyxy
 from common.inference import Array, Session
 from common.transport.trace import span
 from people4d.messages import F32, F64, U8
-from services.detector.models.base import Limits, ModelSettings, Person
+from services.detector.config import ModelSettings
+from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.network import ImageInput, check_output
 
 STRIDE = 4  # [px] of the input per cell of the heads
 PEAK_CELLS = 5  # a centre is the highest of so many cells around it
-CENTRES_PER_PERSON = 3  # peaks that are looked at, for each person that may be given
+CENTRES_PER_PERSON = 3  # peaks that are read, for each person that may be returned
 KEYPOINT_MIN = 0.127  # confidence above which the original counts a keypoint
-SPREAD = 0.3  # variance of the keypoint search is this share of the grid's shorter side, halved
+SPREAD = 0.3  # variance of the keypoint search, a fraction of the grid's shorter side, halved
 DEFAULT_SIZE = (256, 320)
 
 # Measured at 256x320 on 640x480 frames of up to five people who hide each other. Of 103 people whom
 # YOLOv8n-pose gives more than 0.5, this finds 95 % at a least score of 0.05, 93 % at 0.10, 86 % at
-# 0.15, 78 % at 0.25; from 0.10 on nobody twice; at 0.10 two boxes hold nobody. At 320x416 false
-# boxes set in earlier: take 0.15 there (92 %, none false).
+# 0.15, 78 % at 0.25; from 0.10 on no person twice; at 0.10 two boxes hold no person. At 320x416
+# false boxes set in earlier: take 0.15 there (92 %, none false).
 SCORE_MIN = 0.10
 IOU_MAX = 0.6
 SIMILARITY_MAX = (
     0.5  # two people side by side stay below 0.4, two centres on one body are above 0.5
 )
-# Spread of people's labels per COCO keypoint, as a share of the person's size.
+# Spread of people's labels per COCO keypoint, as a fraction of the person's size.
 LABEL_SPREAD = (
     np.array([26, 25, 25, 35, 35, 79, 79, 72, 72, 62, 62, 107, 107, 87, 87, 89, 89]) / 1e3
 )
@@ -51,8 +52,8 @@ HEADS = {
 
 
 @dataclass(frozen=True)
-class Candidates:
-    """People as the heads show them, in pixels of the network's input, best centre first."""
+class MoveNetCandidates:
+    """People read from the heads, in pixels of the network's input, best centre first."""
 
     scores: F64  # N
     boxes: F64  # Nx4 xyxy
@@ -65,7 +66,7 @@ class MoveNet:
     Args:
         session: The network.
         settings: Thresholds and input size.
-        name: Name by which results say where they come from.
+        name: Name of the model, for results.
 
     Raises:
         ModelError: The network is not MoveNet with raw heads.
@@ -78,15 +79,15 @@ class MoveNet:
         self._limits = Limits.of(settings, SCORE_MIN, IOU_MAX)
         check_heads(self._input.try_out(session, name), self._input.size, name)
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Find people in an HxWx3 colour image, best score first."""
         with span("preprocess"):
             letterbox, image = self._input.prepare(rgb, grey=0, highest=255.0)
         heads = self._session.run(image)
         with span("postprocess"):
             candidates = decode(heads, self._limits)
-            kept = select(candidates, self._limits)
-            return [to_person(candidates, index, letterbox) for index in kept]
+            selected = select(candidates, self._limits)
+            return [to_person(candidates, index, letterbox) for index in selected]
 
 
 def check_heads(heads: Mapping[str, Array], size: tuple[int, int], name: str) -> None:
@@ -95,13 +96,13 @@ def check_heads(heads: Mapping[str, Array], size: tuple[int, int], name: str) ->
         check_output(heads, head, (1, channels, size[0] // STRIDE, size[1] // STRIDE), name)
 
 
-def decode(heads: Mapping[str, Array], limits: Limits) -> Candidates:
+def decode(heads: Mapping[str, Array], limits: Limits) -> MoveNetCandidates:
     """Read the people from the heads; some may be there twice.
 
     Args:
         heads: The six raw heads, each 1xCxHxW.
         limits: A person's score is that of the centre times the mean of the confident keypoints, so
-            centres below the least score need not be looked at.
+            centres below the least score need not be read.
     """
     rows, columns, scores = find_centres(heads["center"][0, 0], limits.score_min)
     best = np.argsort(-scores, kind="stable")[: CENTRES_PER_PERSON * limits.max_people]
@@ -113,7 +114,7 @@ def decode(heads: Mapping[str, Array], limits: Limits) -> Candidates:
     confident = keypoints[:, :, 2] > KEYPOINT_MIN
     total = (keypoints[:, :, 2] * confident).sum(axis=1)
     means = total / np.maximum(confident.sum(axis=1), 1)
-    return Candidates(scores * means, boxes * STRIDE, keypoints * (STRIDE, STRIDE, 1))
+    return MoveNetCandidates(scores * means, boxes * STRIDE, keypoints * (STRIDE, STRIDE, 1))
 
 
 def find_centres(logits: Array, score_min: float) -> tuple[Array, Array, F64]:
@@ -163,22 +164,22 @@ def read_keypoints(heads: Mapping[str, Array], row: int, column: int, box: F64) 
     return np.stack([columns + offset[:, 1], rows + offset[:, 0], flat[each, best]], axis=1)
 
 
-def select(candidates: Candidates, limits: Limits) -> list[int]:
+def select(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
     """Return the candidates that are people, each once, best first."""
-    kept: list[int] = []
+    selected: list[int] = []
     overlap = iou_xyxy(candidates.boxes, candidates.boxes)
     for index in np.argsort(-candidates.scores, kind="stable"):
-        if candidates.scores[index] < limits.score_min or len(kept) == limits.max_people:
+        if candidates.scores[index] < limits.score_min or len(selected) == limits.max_people:
             break
-        if kept and overlap[index, kept].max() > limits.iou_max:
+        if selected and overlap[index, selected].max() > limits.iou_max:
             continue
-        if all(similarity(candidates, index, other) <= SIMILARITY_MAX for other in kept):
-            kept.append(int(index))
-    return kept
+        if all(similarity(candidates, index, other) <= SIMILARITY_MAX for other in selected):
+            selected.append(int(index))
+    return selected
 
 
-def similarity(candidates: Candidates, one: int, other: int) -> float:
-    """Return how alike two people's keypoints are: 1 the same, 0 apart (COCO's OKS).
+def similarity(candidates: MoveNetCandidates, one: int, other: int) -> float:
+    """Return the similarity of two people's keypoints: 1 the same, 0 apart (COCO's OKS).
 
     Two centres on one body give boxes that overlap little but the same keypoints.
     """
@@ -193,11 +194,11 @@ def similarity(candidates: Candidates, one: int, other: int) -> float:
     return float(np.exp(-exponent[confident]).mean())
 
 
-def to_person(candidates: Candidates, index: int, letterbox: Letterbox) -> Person:
+def to_person(candidates: MoveNetCandidates, index: int, letterbox: Letterbox) -> DetectedPerson:
     """Return a candidate in pixels of the image."""
     keypoints = candidates.keypoints[index].copy()
     keypoints[:, :2] = letterbox.to_image(keypoints[:, :2])
-    return Person(
+    return DetectedPerson(
         score=float(candidates.scores[index]),
         box_xyxy_px=letterbox.to_image(candidates.boxes[index]).astype(np.float32),
         keypoints=keypoints.astype(np.float32),
@@ -206,5 +207,5 @@ def to_person(candidates: Candidates, index: int, letterbox: Letterbox) -> Perso
 
 def sigmoid(logits: Array) -> F32:
     """Return 1 / (1 + exp(-x))."""
-    share = 1 / (1 + np.exp(-logits.astype(np.float32)))
-    return share.astype(np.float32, copy=False)
+    value = 1 / (1 + np.exp(-logits.astype(np.float32)))
+    return value.astype(np.float32, copy=False)

@@ -8,13 +8,13 @@ import numpy as np
 from common.inference import Array, Session
 from people4d.errors import ModelError
 from people4d.messages import U8
-from services.detector.models.base import SIDE_STEP, ModelSettings
+from services.detector.config import SIDE_STEP, ModelSettings
 from services.detector.models.letterbox import Letterbox
 
 
 @dataclass(frozen=True)
 class ImageInput:
-    """How a network wants its image."""
+    """Size, layout and number type of a network's image."""
 
     height: int  # [px]
     width: int  # [px]
@@ -25,15 +25,15 @@ class ImageInput:
     def of(
         cls, session: Session, settings: ModelSettings, default_size: tuple[int, int]
     ) -> "ImageInput":
-        """Read what a network wants.
+        """Read the input of a network.
 
         Args:
             session: The network.
-            settings: May choose the size of a network that takes any.
-            default_size: Height and width for such a network when nothing is chosen.
+            settings: Size of a network that takes any.
+            default_size: Height and width for such a network without settings.
 
         Raises:
-            ModelError: The network takes no single colour image, or not of the size chosen.
+            ModelError: The network takes no single colour image, or not of that size.
         """
         shape = session.input_shape
         channels_first = len(shape) == 4 and shape[1] == 3
@@ -66,21 +66,21 @@ class ImageInput:
 
         Args:
             rgb: HxWx3 colour image of any size.
-            grey: Value of the bars beside it, as the network saw them in training.
-            highest: What the byte 255 becomes where the network takes floats.
+            grey: Value of the bars beside it, as in the network's training.
+            highest: Value of the byte 255 where the network takes floats.
 
         Returns:
-            Where the image lies, and the array that the network takes.
+            Position of the image, and the array that the network takes.
         """
         letterbox = Letterbox.fit((rgb.shape[0], rgb.shape[1]), self.size)
-        return letterbox, self.tensor(letterbox.place(rgb, grey), highest)
+        return letterbox, self.tensor(letterbox.fill(rgb, grey), highest)
 
     def tensor(self, image: U8, highest: float) -> Array:
         """Return the array that the network takes.
 
         Args:
             image: HxWx3 of this size.
-            highest: What the byte 255 becomes where the network takes floats.
+            highest: Value of the byte 255 where the network takes floats.
         """
         planes = image.transpose(2, 0, 1) if self.channels_first else image
         if self.dtype == np.uint8:
@@ -109,7 +109,7 @@ def check_output(
     """Check one output of a network.
 
     Args:
-        outputs: What a run gave.
+        outputs: Outputs of a run.
         name: Output to check.
         shape: Expected lengths, None for any.
         model: Name of the model, for the error.

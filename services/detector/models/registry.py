@@ -8,7 +8,8 @@ from common import registry
 from common.inference import Array, OnnxSession, Session
 from common.io import weights
 from people4d.errors import ModelError
-from services.detector.models.base import ModelSettings, PersonModel
+from services.detector.config import ModelSettings
+from services.detector.models.base import PersonModel
 from services.detector.models.network import ImageInput
 
 MODELS: dict[str, str] = {
@@ -16,7 +17,7 @@ MODELS: dict[str, str] = {
     "yolov8-pose": "services.detector.models.yolo:YoloPose",
     "yolov8-seg": "services.detector.models.yolo_seg:YoloSeg",
 }
-TRIAL_SIZE = (256, 320)  # [px] at which a network of unknown kind that takes any size is tried
+PROBE_SIZE = (256, 320)  # [px] at which a network of unknown kind that takes any size is run
 
 
 class Factory(Protocol):
@@ -53,7 +54,7 @@ def load_model(settings: ModelSettings) -> PersonModel:
 
 
 def find_factory(kind: str) -> Factory:
-    """Return what builds models of a kind; its module is imported only now.
+    """Return the factory of models of a kind; its module is imported only now.
 
     Args:
         kind: Name in MODELS, or "module:Class" of a class with the constructor of `Factory`.
@@ -66,12 +67,12 @@ def find_factory(kind: str) -> Factory:
 
 
 def recognise(session: Session, settings: ModelSettings, path: str) -> str:
-    """Tell a network's kind by the shapes of its outputs.
+    """Return the kind of a network by the shapes of its outputs.
 
     Raises:
         ModelError: No kind has such outputs.
     """
-    outputs = ImageInput.of(session, settings, TRIAL_SIZE).try_out(session, path)
+    outputs = ImageInput.of(session, settings, PROBE_SIZE).try_out(session, path)
     kind = kind_of(outputs)
     if not kind:
         got = ", ".join(f"{name} {array.shape}" for name, array in outputs.items())

@@ -12,7 +12,8 @@ from common.geometry.boxes import nms
 from common.inference import Array, Session
 from common.transport.trace import span
 from people4d.messages import F32, U8
-from services.detector.models.base import Limits, ModelSettings, Person
+from services.detector.config import ModelSettings
+from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.network import ImageInput, check_output
 
@@ -27,7 +28,7 @@ BOX_ROWS = 4
 
 
 @dataclass(frozen=True)
-class Candidates:
+class YoloCandidates:
     """People in pixels of the network's input, best first, each once."""
 
     scores: F32  # N
@@ -41,7 +42,7 @@ class YoloPose:
     Args:
         session: The network.
         settings: Thresholds and input size.
-        name: Name by which results say where they come from.
+        name: Name of the model, for results.
 
     Raises:
         ModelError: The network has not the outputs of YOLOv8-pose.
@@ -58,7 +59,7 @@ class YoloPose:
         self._output = next(iter(outputs), "")
         check_output(outputs, self._output, (1, POSE_ROWS, None), name)
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Find people in an HxWx3 colour image, best score first."""
         with span("preprocess"):
             letterbox, image = self._input.prepare(rgb, GREY, highest=1.0)
@@ -68,7 +69,7 @@ class YoloPose:
             return [pose_person(found, index, letterbox) for index in range(len(found.scores))]
 
 
-def decode(columns: Array, classes: int, limits: Limits) -> Candidates:
+def decode(columns: Array, classes: int, limits: Limits) -> YoloCandidates:
     """Pick the people from all boxes; the first class is "person".
 
     Args:
@@ -86,15 +87,17 @@ def decode(columns: Array, classes: int, limits: Limits) -> Candidates:
     rows = columns[:, likely].T.astype(np.float32)
     half = rows[:, 2:4] / 2
     boxes = np.hstack([rows[:, :2] - half, rows[:, :2] + half]).astype(np.float32)
-    kept = nms(boxes, rows[:, BOX_ROWS], limits.iou_max)[: limits.max_people]
-    return Candidates(rows[kept, BOX_ROWS], boxes[kept], rows[kept, BOX_ROWS + classes :])
+    selected = nms(boxes, rows[:, BOX_ROWS], limits.iou_max)[: limits.max_people]
+    return YoloCandidates(
+        rows[selected, BOX_ROWS], boxes[selected], rows[selected, BOX_ROWS + classes :]
+    )
 
 
-def pose_person(found: Candidates, index: int, letterbox: Letterbox) -> Person:
+def pose_person(found: YoloCandidates, index: int, letterbox: Letterbox) -> DetectedPerson:
     """Return a person with keypoints in pixels of the image."""
     keypoints = found.extras[index].reshape(17, 3).copy()
     keypoints[:, :2] = letterbox.to_image(keypoints[:, :2])
-    return Person(
+    return DetectedPerson(
         score=float(found.scores[index]),
         box_xyxy_px=letterbox.to_image(found.boxes[index]).astype(np.float32),
         keypoints=keypoints,

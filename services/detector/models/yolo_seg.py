@@ -14,7 +14,8 @@ from common.inference import Array, Session
 from common.transport.trace import span
 from people4d.errors import ModelError
 from people4d.messages import F32, F64, U8
-from services.detector.models.base import InstanceMask, Limits, ModelSettings, Person
+from services.detector.config import ModelSettings
+from services.detector.models.base import DetectedPerson, InstanceMask, Limits
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.network import ImageInput, check_output
 from services.detector.models.yolo import (
@@ -23,7 +24,7 @@ from services.detector.models.yolo import (
     GREY,
     IOU_MAX,
     SCORE_MIN,
-    Candidates,
+    YoloCandidates,
     decode,
 )
 
@@ -40,7 +41,7 @@ class YoloSeg:
     Args:
         session: The network.
         settings: Thresholds and input size.
-        name: Name by which results say where they come from.
+        name: Name of the model, for results.
 
     Raises:
         ModelError: The network has not the outputs of YOLOv8-seg.
@@ -59,7 +60,7 @@ class YoloSeg:
         if self._classes < 1:
             raise ModelError(f"{name}: expected {self._boxes} of 1x(4+classes+32)xN")
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Find people in an HxWx3 colour image, best score first."""
         with span("preprocess"):
             letterbox, image = self._input.prepare(rgb, GREY, highest=1.0)
@@ -83,7 +84,7 @@ def output_names(outputs: Mapping[str, Array], name: str) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class MaskView:
-    """What turns mask coefficients into pixels of the image."""
+    """Mapping of mask coefficients to pixels of the image."""
 
     letterbox: Letterbox
     image_height: int  # [px]
@@ -91,27 +92,27 @@ class MaskView:
     prototypes: F32  # 32xHxW over the network's whole input
 
 
-def mask_person(found: Candidates, index: int, view: MaskView) -> Person:
+def mask_person(found: YoloCandidates, index: int, view: MaskView) -> DetectedPerson:
     """Return a person with a mask in pixels of the image."""
     box = view.letterbox.to_image(found.boxes[index])
-    return Person(
+    return DetectedPerson(
         score=float(found.scores[index]),
         box_xyxy_px=box.astype(np.float32),
         mask=draw_mask(box, found.extras[index], view),
     )
 
 
-def each_once(people: Sequence[Person]) -> list[Person]:
+def each_once(people: Sequence[DetectedPerson]) -> list[DetectedPerson]:
     """Drop people whose mask is that of a better one, or a part of it.
 
     Args:
         people: Best score first.
     """
-    kept: list[Person] = []
+    selected: list[DetectedPerson] = []
     for person in people:
-        if all(shared_part(person.mask, other.mask) <= SHARED_MAX for other in kept):
-            kept.append(person)
-    return kept
+        if all(shared_part(person.mask, other.mask) <= SHARED_MAX for other in selected):
+            selected.append(person)
+    return selected
 
 
 def shared_part(a: InstanceMask | None, b: InstanceMask | None) -> float:
@@ -177,8 +178,8 @@ def grid_mapping(view: MaskView) -> tuple[F64, F64]:
 
     Indices are positions of pixel centres less one half, on either side.
     """
-    place = view.letterbox
+    letterbox = view.letterbox
     height, width = view.prototypes.shape[1:]
-    cell = np.array([width / place.input_width, height / place.input_height])
-    factor = cell * (place.scale_x, place.scale_y)
-    return factor, 0.5 * factor + cell * (place.left, place.top) - 0.5
+    cell = np.array([width / letterbox.input_width, height / letterbox.input_height])
+    factor = cell * (letterbox.scale_x, letterbox.scale_y)
+    return factor, 0.5 * factor + cell * (letterbox.left, letterbox.top) - 0.5

@@ -1,1 +1,1 @@
-"""Orientation of detected people."""
+"""Yaw of detected people from their keypoints (docs/method.md sections 6 and 11)."""

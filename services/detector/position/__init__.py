@@ -1,1 +1,1 @@
-"""3D positions of detected people."""
+"""Positions of people from depth (docs/method.md sections 2, 8.2 and 10)."""

@@ -1,67 +1,41 @@
-"""A person's mask, grown in depth from the keypoints (method book section 8.2)."""
+"""Mask of a person, grown in depth from the keypoints (docs/method.md section 8.2)."""
 
 import cv2
-import msgspec
 import numpy as np
 
-from people4d.messages import F32, F64, U8, U16, CameraInfo
+from people4d.messages import F32, F64, U8, U16
+from services.detector.config import GrowthConfig
 from services.detector.crops import cut_box
-from services.detector.models.base import InstanceMask, Person
-from services.detector.position.position import TORSO, read_depth
+from services.detector.models.base import DetectedPerson, InstanceMask
+from services.detector.position.surface import TORSO, DepthImage, read_depth
 
-PULL = 0.3  # part of the way from a torso keypoint to the torso's centre: off the outline
+PULL = 0.3  # fraction from a torso keypoint to the torso's centre: off the outline
 FLOOD = 4 | cv2.FLOODFILL_MASK_ONLY | 1 << 8  # 4 neighbours, write 1 into the mask
 
 
-class GrowthRule(msgspec.Struct, frozen=True, kw_only=True):
-    """How a mask grows; step_min_m is the paper's, the rest suits the noise of a stereo camera."""
-
-    step_min_m: float = 0.01  # [m] neighbours whose depths differ by less belong together
-    step_per_m2: float = 0.01  # [1/m] the step grows to this times the squared distance; 0: fixed
-    reach_m: float = 0.4  # [m] pixels farther from the torso's depth do not belong to the person
-    confidence_min: float = 0.3  # keypoints must be more confident than this to be seeds, 0 to 1
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for name in ("step_min_m", "reach_m"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}: expected > 0, got {getattr(self, name)}")
-        if not self.step_per_m2 >= 0:
-            raise ValueError(f"step_per_m2: expected >= 0, got {self.step_per_m2}")
-        if not 0 <= self.confidence_min < 1:
-            raise ValueError(f"confidence_min: expected 0 to below 1, got {self.confidence_min}")
-
-
 def grow_mask(
-    person: Person, depth_mm: U16, info: CameraInfo, rule: GrowthRule
+    person: DetectedPerson, image: DepthImage, config: GrowthConfig
 ) -> InstanceMask | None:
     """Return the connected surface that holds the torso's keypoints, inside the box.
 
-    Args:
-        person: With keypoints.
-        depth_mm: Depth image, 0 = no reading.
-        info: Calibration.
-        rule: How the mask grows.
-
-    Returns:
-        The mask in the window of the box; None if no keypoint inside box and image is confident and
-        validly read.
+    None if no keypoint inside box and image is confident and validly read.
 
     Source:
-        Method book section 8.2, with the component that holds the torso instead of the largest.
+        docs/method.md section 8.2 [Liu 2018], with the torso's component instead of the largest.
     """
+    depth_mm, max_depth_m = image.depth_mm, image.info.max_depth_m
     left, top, right, bottom = cut_box(person.box_xyxy_px, depth_mm.shape)
     if person.keypoints is None or left >= right or top >= bottom:
         return None
     window_mm = depth_mm[top:bottom, left:right]
-    seeds = _seeds(person.keypoints, rule.confidence_min) - np.array([left, top])
-    seeds_m = read_depth(seeds, window_mm, info.max_depth_m, window_px=3)
+    seeds = _seeds(person.keypoints, config.confidence_min) - np.array([left, top])
+    seeds_m = read_depth(seeds, DepthImage(window_mm, image.info), window_px=3)
     if np.isnan(seeds_m).all():
         return None
     middle_m = float(np.nanmedian(seeds_m))
     surface_m = fill_holes(window_mm).astype(np.float32) / np.float32(1000)
-    surface_m[(np.abs(surface_m - middle_m) > rule.reach_m) | (surface_m > info.max_depth_m)] = 0
-    step_m = max(rule.step_min_m, rule.step_per_m2 * middle_m**2)
+    surface_m[(np.abs(surface_m - middle_m) > config.reach_m) | (surface_m > max_depth_m)] = 0
+    step_m = max(config.step_min_m, config.step_per_m2 * middle_m**2)
     mask = _flood(surface_m, seeds, step_m)
     return InstanceMask(mask, x_px=left, y_px=top) if mask.any() else None
 
@@ -76,7 +50,7 @@ def fill_holes(depth_mm: U16) -> U16:
         The filled image; pixels without any neighbour that was read stay 0.
 
     Source:
-        Method book section 8.2.
+        docs/method.md section 8.2 [Liu 2018].
     """
     read = (depth_mm > 0).astype(np.uint8)
     rows, columns = np.nonzero((read == 0) & (cv2.dilate(read, np.ones((3, 3), np.uint8)) > 0))
@@ -92,7 +66,7 @@ def fill_holes(depth_mm: U16) -> U16:
 
 
 def _seeds(keypoints: F32, confidence_min: float) -> F64:
-    """Return pixels on the body (Nx2): the confident torso keypoints, without them all others."""
+    """Return pixels on the body (Nx2): the confident torso keypoints, else all confident ones."""
     pixels, confident = keypoints[:, :2].astype(np.float64), keypoints[:, 2] > confidence_min
     if not confident[TORSO].any():
         return pixels[confident]

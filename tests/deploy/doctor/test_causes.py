@@ -22,7 +22,7 @@ from people4d.codec import encode
 from people4d.messages import U8, Message, RgbdFrame, StaticTransform
 from people4d.topics import BY_MESSAGE
 from services.detector.config import DetectorConfig
-from services.detector.models import Person
+from services.detector.models import DetectedPerson
 from services.detector.node import DetectorNode
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
@@ -67,7 +67,7 @@ class Filming(Node):
 class SlowModel(FixedModel):
     """Takes as long as five frames."""
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         threading.Event().wait(5 * PERIOD_NS / 1e9)
         return super().detect(rgb)
 
@@ -75,7 +75,7 @@ class SlowModel(FixedModel):
 class FailingModel(FixedModel):
     """A network that cannot be run."""
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         raise RuntimeError("out of memory")
 
 

@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from common.geometry.boxes import iou_xyxy
 from people4d.messages import F64, U8
-from services.detector.models import ModelSettings, Person, PersonModel, load_model
+from services.detector.models import DetectedPerson, ModelSettings, PersonModel, load_model
 
 LEFT, RIGHT = 5, 6  # shoulders in COCO order
 YOLO = ["yolov8n-pose_640", "yolov8n-seg_640"]
@@ -41,7 +41,7 @@ def bag_image(path: Path) -> U8:
     raise AssertionError(f"{path} has no colour image")
 
 
-def boxes(people: list[Person]) -> npt.NDArray[np.float32]:
+def boxes(people: list[DetectedPerson]) -> npt.NDArray[np.float32]:
     return np.array([person.box_xyxy_px for person in people]).reshape(-1, 4)
 
 
@@ -82,12 +82,12 @@ def test_simulated_people_are_found_where_they_are(shared: Path, name: str) -> N
     assert np.median(overlaps) > 0.9
 
 
-def check_person(person: Person, truth: Any, frame: int) -> None:
+def check_person(person: DetectedPerson, truth: Any, frame: int) -> None:
     """Compare keypoints or mask with the truth of the person whose box fits best."""
     who = int(iou_xyxy(person.box_xyxy_px, truth["bbox"][frame]).argmax())
     if person.keypoints is not None:
-        seen = (person.keypoints[:, 2] > 0.4) & (truth["kpvis"][frame, who] > 0)
-        apart = person.keypoints[seen, :2] - truth["kp2d"][frame, who][seen]
+        visible = (person.keypoints[:, 2] > 0.4) & (truth["kpvis"][frame, who] > 0)
+        apart = person.keypoints[visible, :2] - truth["kp2d"][frame, who][visible]
         assert np.median(np.linalg.norm(apart, axis=1)) < 8
         check_sides(person.keypoints[:, :2], truth["kp2d"][frame, who])
     if person.mask is not None:
@@ -101,7 +101,7 @@ def check_sides(found: npt.NDArray[np.float32], true: F64) -> None:
         assert np.sign(found[LEFT, 0] - found[RIGHT, 0]) == np.sign(width)
 
 
-def mask_overlap(person: Person, true: npt.NDArray[np.bool_]) -> float:
+def mask_overlap(person: DetectedPerson, true: npt.NDArray[np.bool_]) -> float:
     assert person.mask is not None
     found = np.zeros_like(true)
     height, width = person.mask.window.shape

@@ -63,7 +63,7 @@ def test_pixels_land_where_positions_do(
     image = np.zeros((*image_size, 3), np.uint8)
     image[200:260, 100:180] = 255
     box = Letterbox.fit(image_size, input_size)
-    moments = cv2.moments(box.place(image, grey=0)[:, :, 0])
+    moments = cv2.moments(box.fill(image, grey=0)[:, :, 0])
     # Moments count pixel indices; a pixel's centre is one half further.
     x = moments["m10"] / moments["m00"] + 0.5
     y = moments["m01"] / moments["m00"] + 0.5
@@ -73,7 +73,7 @@ def test_pixels_land_where_positions_do(
 
 def test_bars_have_the_given_grey() -> None:
     box = Letterbox.fit((480, 640), (640, 640))
-    placed = box.place(np.full((480, 640, 3), 7, np.uint8), grey=114)
+    placed = box.fill(np.full((480, 640, 3), 7, np.uint8), grey=114)
     # 480 rows in 640: bars of 80 above and below.
     assert (placed[:80] == 114).all()
     assert (placed[80:560] == 7).all()

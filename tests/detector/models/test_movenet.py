@@ -3,8 +3,15 @@ import pytest
 
 from people4d.errors import ModelError
 from people4d.messages import F32, F64
-from services.detector.models.base import ModelSettings, Person
-from services.detector.models.movenet import HEADS, Candidates, MoveNet, find_centres, similarity
+from services.detector.config import ModelSettings
+from services.detector.models.base import DetectedPerson
+from services.detector.models.movenet import (
+    HEADS,
+    MoveNet,
+    MoveNetCandidates,
+    find_centres,
+    similarity,
+)
 from tests.detector.array_session import ArraySession
 
 OFF = -20.0  # logit of nothing there
@@ -48,7 +55,7 @@ def body(x: float, y: float) -> F64:
     return np.stack([x + 3.7 * k, y + 10 * ((7 * k) % 17)], axis=1)
 
 
-def detect(heads: dict[str, F32], settings: ModelSettings | None = None) -> list[Person]:
+def detect(heads: dict[str, F32], settings: ModelSettings | None = None) -> list[DetectedPerson]:
     """People in a 640x480 image: the input of 320x256 shows it halved, below a bar of 8 rows."""
     session = ArraySession(heads, (1, None, None, 3), "uint8")
     model = MoveNet(session, settings or ModelSettings())
@@ -117,7 +124,7 @@ def test_similarity_of_keypoints() -> None:
     keypoints[1, 0, 0] = 5.2
     keypoints[0, 5, 2] = 0.9
     boxes = np.array([[0.0, 0.0, 100.0, 100.0], [0.0, 0.0, 100.0, 200.0]])
-    candidates = Candidates(np.array([0.9, 0.8]), boxes, keypoints)
+    candidates = MoveNetCandidates(np.array([0.9, 0.8]), boxes, keypoints)
     assert similarity(candidates, 0, 1) == pytest.approx(0.6065, abs=1e-4)
     keypoints[:, :, 2] = 0
     assert similarity(candidates, 0, 1) == 0

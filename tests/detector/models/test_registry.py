@@ -7,21 +7,21 @@ from common.inference import Session
 from common.io import weights
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import U8
-from services.detector.models import ModelSettings, Person, load_model
+from services.detector.models import DetectedPerson, ModelSettings, load_model
 from services.detector.models.registry import MODELS, find_factory, kind_of
 
 
-class Nobody:
+class NoPeople:
     """A user's own model."""
 
     def __init__(self, session: Session, settings: ModelSettings, name: str) -> None:
         self.name = name
 
-    def detect(self, rgb: U8) -> list[Person]:
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
         return []
 
 
-def test_default_model_finds_nobody_in_a_grey_image() -> None:
+def test_default_model_finds_no_person_in_a_grey_image() -> None:
     model = load_model(ModelSettings())
     assert model.name == "movenet-multipose"
     assert model.detect(np.full((480, 640, 3), 128, np.uint8)) == []
@@ -33,11 +33,11 @@ def test_registry_is_complete(kind: str) -> None:
 
 
 def test_own_model_by_module_and_class() -> None:
-    kind = f"{__name__}:Nobody"
-    assert isinstance(load_model(ModelSettings(kind=kind)), Nobody)
+    kind = f"{__name__}:NoPeople"
+    assert isinstance(load_model(ModelSettings(kind=kind)), NoPeople)
 
 
-@pytest.mark.parametrize("kind", ["yolo", "osnet", "no.module:Class", f"{__name__}:Somebody"])
+@pytest.mark.parametrize("kind", ["yolo", "osnet", "no.module:Class", f"{__name__}:Absent"])
 def test_unknown_kind(kind: str) -> None:
     with pytest.raises(ConfigError, match=r"people model .* (is unknown|cannot be loaded)"):
         load_model(ModelSettings(kind=kind))
@@ -69,7 +69,7 @@ def test_file_that_is_no_network(tmp_path: Path) -> None:
         load_model(ModelSettings(model=str(path)))
 
 
-def test_kind_is_told_by_the_outputs() -> None:
+def test_kind_is_recognised_by_the_outputs() -> None:
     def zeros(*shape: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
         return np.zeros(shape, np.float32)
 

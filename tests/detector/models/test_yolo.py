@@ -6,7 +6,8 @@ import pytest
 
 from people4d.errors import ModelError
 from people4d.messages import F32, U8
-from services.detector.models.base import ModelSettings, Person
+from services.detector.config import ModelSettings
+from services.detector.models.base import DetectedPerson
 from services.detector.models.yolo import YoloPose
 from services.detector.models.yolo_seg import YoloSeg
 from tests.detector.array_session import ArraySession
@@ -48,7 +49,7 @@ def seg_outputs(*boxes: Box) -> dict[str, F32]:
     return {"output0": columns, "output1": left_half(16, 16)[None]}
 
 
-def segment(height: int, width: int, *boxes: Box) -> list[Person]:
+def segment(height: int, width: int, *boxes: Box) -> list[DetectedPerson]:
     """People in an image of the given size, seen by a network of 64x64."""
     model = YoloSeg(ArraySession(seg_outputs(*boxes), (1, 3, 64, 64)), ModelSettings())
     return model.detect(image(height, width))

@@ -2,27 +2,28 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pytest
 
 from people4d.messages import F32, U8, U16
-from services.detector.models import InstanceMask, Person
-from services.detector.position.silhouette import GrowthRule, fill_holes, grow_mask
+from services.detector.config import GrowthConfig
+from services.detector.models import DetectedPerson, InstanceMask
+from services.detector.position.silhouette import fill_holes, grow_mask
+from services.detector.position.surface import DepthImage
 from tests.detector.cameras import INFO
 
-FIXED = GrowthRule(step_per_m2=0.0)  # the paper's 10 mm at any distance
+FIXED = GrowthConfig(step_per_m2=0.0)  # the paper's 10 mm at any distance
 
 
-def person_at(left: int, right: int, box: tuple[float, ...] = (0, 0, 40, 60)) -> Person:
+def person_at(left: int, right: int, box: tuple[float, ...] = (0, 0, 40, 60)) -> DetectedPerson:
     """Return a person with shoulders in row 20 and hips in row 40 at these columns."""
     keypoints = np.zeros((17, 3), np.float32)
     for index, u, v in ((5, right, 20), (6, left, 20), (11, right, 40), (12, left, 40)):
         keypoints[index] = u, v, 0.9
-    return Person(0.9, np.array(box, np.float32), keypoints)
+    return DetectedPerson(0.9, np.array(box, np.float32), keypoints)
 
 
-def grown(person: Person, depth: U16, rule: GrowthRule = FIXED) -> U8:
+def grown(person: DetectedPerson, depth: U16, rule: GrowthConfig = FIXED) -> U8:
     """Return the grown mask in the whole image."""
-    mask = grow_mask(person, depth, INFO, rule)
+    mask = grow_mask(person, DepthImage(depth, INFO), rule)
     assert mask is not None
     return paste(mask, depth.shape)
 
@@ -75,7 +76,7 @@ def test_the_neighbour_at_the_same_distance_is_left_out() -> None:
 
 
 def test_a_slope_belongs_to_the_body_and_a_step_does_not() -> None:
-    # 9 mm a column is joined at the paper's 10 mm; then a step of 30 mm.
+    # 9 mm a column is joined at the 10 mm of [Liu 2018]; then a step of 30 mm.
     depth = np.zeros((60, 40), np.uint16)
     depth[10:50, 10:20] = 2000 + 9 * np.arange(10)
     depth[10:50, 20:30] = 2081 + 30
@@ -83,7 +84,7 @@ def test_a_slope_belongs_to_the_body_and_a_step_does_not() -> None:
     assert mask[10:50, 10:20].all()
     assert mask[10:50, 20:30].sum() == 0
     # A stereo camera's step at 2 m is 0.01 * 2^2 = 40 mm: it joins both.
-    assert grown(person_at(12, 17), depth, GrowthRule())[10:50, 20:30].all()
+    assert grown(person_at(12, 17), depth, GrowthConfig())[10:50, 20:30].all()
 
 
 def test_nothing_beyond_the_reach_belongs_to_the_body() -> None:
@@ -91,7 +92,7 @@ def test_nothing_beyond_the_reach_belongs_to_the_body() -> None:
     # rows 23, 30 and 37, median 2.27 m. A reach of 0.1 m is 11 rows: 19 to 41.
     depth = np.zeros((60, 40), np.uint16)
     depth[:, 10:20] = (2000 + 9 * np.arange(60))[:, None]
-    mask = grown(person_at(12, 17), depth, GrowthRule(step_per_m2=0.0, reach_m=0.1))
+    mask = grown(person_at(12, 17), depth, GrowthConfig(step_per_m2=0.0, reach_m=0.1))
     assert mask[19:42, 10:20].all()
     assert not mask[:19].any()
     assert not mask[42:].any()
@@ -99,7 +100,7 @@ def test_nothing_beyond_the_reach_belongs_to_the_body() -> None:
 
 def test_the_mask_stays_in_the_box_and_the_image() -> None:
     depth = np.full((60, 40), 2000, np.uint16)
-    mask = grow_mask(person_at(12, 17, (8.5, -20, 21.2, 500)), depth, INFO, FIXED)
+    mask = grow_mask(person_at(12, 17, (8.5, -20, 21.2, 500)), DepthImage(depth, INFO), FIXED)
     assert mask is not None
     assert (mask.x_px, mask.y_px, mask.window.shape) == (8, 0, (60, 14))
     assert mask.window.all()
@@ -116,20 +117,20 @@ def test_parts_that_hold_a_torso_keypoint_are_joined() -> None:
 
 def test_without_seeds_there_is_no_mask() -> None:
     person = person_at(12, 17)
-    assert grow_mask(person, np.zeros((60, 40), np.uint16), INFO, FIXED) is None
+    assert grow_mask(person, DepthImage(np.zeros((60, 40), np.uint16), INFO), FIXED) is None
     assert person.keypoints is not None
-    unsure = person.keypoints * np.array([1, 1, 0.1], np.float32)
-    assert grow_mask(Person(0.9, person.box_xyxy_px, unsure), body(), INFO, FIXED) is None
-    assert grow_mask(Person(0.9, person.box_xyxy_px), body(), INFO, FIXED) is None
-    assert grow_mask(person_at(12, 17, (50, 0, 90, 60)), body(), INFO, FIXED) is None
-    assert grow_mask(person_at(12, 17, (25, 0, 40, 60)), body(), INFO, FIXED) is None
-
-
-def test_rules_out_of_range_are_refused() -> None:
-    with pytest.raises(ValueError, match="reach_m: expected > 0, got 0"):
-        GrowthRule(reach_m=0)
-    with pytest.raises(ValueError, match="step_per_m2: expected >= 0, got -1"):
-        GrowthRule(step_per_m2=-1)
+    uncertain = person.keypoints * np.array([1, 1, 0.1], np.float32)
+    assert (
+        grow_mask(
+            DetectedPerson(0.9, person.box_xyxy_px, uncertain), DepthImage(body(), INFO), FIXED
+        )
+        is None
+    )
+    assert (
+        grow_mask(DetectedPerson(0.9, person.box_xyxy_px), DepthImage(body(), INFO), FIXED) is None
+    )
+    assert grow_mask(person_at(12, 17, (50, 0, 90, 60)), DepthImage(body(), INFO), FIXED) is None
+    assert grow_mask(person_at(12, 17, (25, 0, 40, 60)), DepthImage(body(), INFO), FIXED) is None
 
 
 def test_masks_of_the_simulated_room(shared: Path) -> None:
@@ -140,10 +141,10 @@ def test_masks_of_the_simulated_room(shared: Path) -> None:
     for frame in range(0, 150, 15):
         depth = np.asarray(cv2.imread(str(folder / "depth" / f"{frame:05d}.png"), -1), np.uint16)
         for index in np.flatnonzero(truth["vis"][frame] > 0.9):
-            seen: F32 = truth["kpvis"][frame, index].astype(np.float32)
-            keypoints = np.column_stack([truth["kp2d"][frame, index], seen]).astype(np.float32)
-            person = Person(1.0, truth["bbox"][frame, index], keypoints)
-            mask = grow_mask(person, depth, INFO, GrowthRule())
+            visible: F32 = truth["kpvis"][frame, index].astype(np.float32)
+            keypoints = np.column_stack([truth["kp2d"][frame, index], visible]).astype(np.float32)
+            person = DetectedPerson(1.0, truth["bbox"][frame, index], keypoints)
+            mask = grow_mask(person, DepthImage(depth, INFO), GrowthConfig())
             assert mask is not None
             got, want = paste(mask, depth.shape) > 0, truth["masks"][frame] == index + 1
             overlaps.append((got & want).sum() / (got | want).sum())

@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 
 from people4d.messages import F32, U16
+from services.detector.config import EllipseConfig, TorsoConfig, UncertaintyConfig
 from services.detector.models.base import InstanceMask
-from services.detector.position.certainty import CertaintyRule
-from services.detector.position.position import TORSO, Place, Sight
-from services.detector.position.torso import TorsoReader, TorsoRule
-from services.detector.position.trunk import TrunkRule
+from services.detector.position.surface import TORSO, DepthImage, PositionEstimate
+from services.detector.position.torso import TorsoEstimator
 from tests.detector.cameras import lab_info
 
 INFO = lab_info(np.array([600.0, 600.0, 320.0, 240.0]))
-CYLINDER = TrunkRule(half_depth_m=0.15, half_width_m=0.15)
-SURFACE = TorsoReader(TorsoRule(), None, CertaintyRule())
-AXIS = TorsoReader(TorsoRule(), CYLINDER, CertaintyRule())
+CYLINDER = EllipseConfig(half_depth_m=0.15, half_width_m=0.15)
+SURFACE = TorsoEstimator(TorsoConfig(), None, UncertaintyConfig())
+AXIS = TorsoEstimator(TorsoConfig(), CYLINDER, UncertaintyConfig())
 FACING_RAD = math.pi
 
 
@@ -43,21 +42,31 @@ def stand(depth_mm: U16, u: float = 320.0, z_m: float = 2.0) -> U16:
     return depth_mm
 
 
-def one(reader: TorsoReader, points: F32, sight: Sight) -> Place:
-    found = reader.people([points], 0.3, [sight])[0]
+def estimates(
+    estimator: TorsoEstimator, people: list[F32], depth_mm: U16, yaw_rad: float | None = None
+) -> list[PositionEstimate | None]:
+    image = DepthImage(depth_mm, INFO)
+    torsos = estimator.find(people, 0.3, image)
+    return [None if t is None else estimator.estimate(*t, image, yaw_rad) for t in torsos]
+
+
+def one(
+    estimator: TorsoEstimator, points: F32, depth_mm: U16, yaw_rad: float | None = None
+) -> PositionEstimate:
+    found = estimates(estimator, [points], depth_mm, yaw_rad)[0]
     assert found is not None
     return found
 
 
 def test_the_middle_of_shoulders_and_hips_on_the_surface() -> None:
-    place = one(SURFACE, keypoints(), Sight(stand(room()), INFO))
-    np.testing.assert_allclose(place.position_m, [0.0, 0.0, 2.0], atol=1e-6)
+    estimate = one(SURFACE, keypoints(), stand(room()))
+    np.testing.assert_allclose(estimate.position_m, [0.0, 0.0, 2.0], atol=1e-6)
 
 
 def test_to_the_right_the_same_person_is_as_wide_of_the_axis_as_the_ray() -> None:
     # 150 px to the right at 2 m: 0.5 m.
-    place = one(SURFACE, keypoints(470.0), Sight(stand(room(), 470.0), INFO))
-    np.testing.assert_allclose(place.position_m, [0.5, 0.0, 2.0], atol=1e-6)
+    estimate = one(SURFACE, keypoints(470.0), stand(room(), 470.0))
+    np.testing.assert_allclose(estimate.position_m, [0.5, 0.0, 2.0], atol=1e-6)
 
 
 def test_the_axis_of_a_cylinder_seen_from_the_front() -> None:
@@ -69,75 +78,71 @@ def test_the_axis_of_a_cylinder_seen_from_the_front() -> None:
         if abs(x) < 0.15:
             depth_mm[60:460, column] = round(1000 * (2.0 - math.sqrt(0.15**2 - x**2)))
     points = keypoints()
-    place = one(AXIS, points, Sight(depth_mm, INFO, FACING_RAD))
-    assert place.position_m[2] == pytest.approx(2.0, abs=0.01)
-    surface = one(SURFACE, points, Sight(depth_mm, INFO, FACING_RAD))
-    assert 0.10 < place.position_m[2] - surface.position_m[2] <= 0.15
+    estimate = one(AXIS, points, depth_mm, FACING_RAD)
+    assert estimate.position_m[2] == pytest.approx(2.0, abs=0.01)
+    surface = one(SURFACE, points, depth_mm, FACING_RAD)
+    assert 0.10 < estimate.position_m[2] - surface.position_m[2] <= 0.15
 
 
 def test_a_joint_on_the_wall_is_not_the_persons() -> None:
     # The left hip was found 0.3 m beside the body, where depth shows the wall at 4 m.
     points = keypoints()
     points[11, 0] += 90
-    place = one(SURFACE, points, Sight(stand(room()), INFO))
-    assert place.position_m[2] == pytest.approx(2.0)
+    estimate = one(SURFACE, points, stand(room()))
+    assert estimate.position_m[2] == pytest.approx(2.0)
 
 
-def test_whoever_stands_in_front_does_not_count() -> None:
-    # A post at 1 m covers the left half: the joints of the right half and the face tell 2 m, and
-    # the person looks as large as at 2 m.
+def test_person_in_front_does_not_count() -> None:
+    # A post at 1 m covers the left half: the joints of the right half and the face are at
+    # 2 m, and the person is as large in the image as at 2 m.
     points = keypoints()
     points[0] = 315.0, 100.0, 0.9
     depth_mm = stand(room())
     depth_mm[:, 325:420] = 1000
-    place = one(SURFACE, points, Sight(depth_mm, INFO))
-    np.testing.assert_allclose(place.position_m, [0.0, 0.0, 2.0], atol=1e-6)
+    estimate = one(SURFACE, points, depth_mm)
+    np.testing.assert_allclose(estimate.position_m, [0.0, 0.0, 2.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("hidden", TORSO)
 def test_a_hidden_joint_leaves_the_middle_where_it_is(hidden: int) -> None:
     points = keypoints()
     points[hidden] = 0.0, 0.0, 0.1
-    sight = Sight(stand(room()), INFO, FACING_RAD)
-    place = one(SURFACE, points, sight)
-    np.testing.assert_allclose(place.position_m, [0.0, 0.0, 2.0], atol=0.015)
-    whole = one(SURFACE, keypoints(), sight)
-    assert place.covariance_m2 is not None
-    assert whole.covariance_m2 is not None
-    assert place.covariance_m2[0, 0] > whole.covariance_m2[0, 0]
+    depth_mm = stand(room())
+    estimate = one(SURFACE, points, depth_mm, FACING_RAD)
+    np.testing.assert_allclose(estimate.position_m, [0.0, 0.0, 2.0], atol=0.015)
+    full = one(SURFACE, keypoints(), depth_mm, FACING_RAD)
+    assert estimate.covariance_m2 is not None
+    assert full.covariance_m2 is not None
+    assert estimate.covariance_m2[0, 0] > full.covariance_m2[0, 0]
 
 
-def test_shoulders_alone_tell_the_middle_below_them() -> None:
+def test_shoulders_alone_give_the_middle_below_them() -> None:
     points = keypoints()
     points[11:13] = 0.0, 0.0, 0.1
-    place = one(SURFACE, points, Sight(stand(room()), INFO))
-    np.testing.assert_allclose(place.position_m, [0.0, 0.0, 2.0], atol=0.01)
+    estimate = one(SURFACE, points, stand(room()))
+    np.testing.assert_allclose(estimate.position_m, [0.0, 0.0, 2.0], atol=0.01)
 
 
-def test_depth_is_surer_near_than_far() -> None:
+def test_depth_of_near_people_has_less_variance() -> None:
     # Five windows agree: (0.0036 z^2)^2 / 5 and 0.16 m to the unknown axis and the body's 0.035.
     for z_m in (1.5, 3.0):
-        place = one(SURFACE, keypoints(z_m=z_m), Sight(stand(room(), z_m=z_m), INFO))
-        assert place.covariance_m2 is not None
-        rule = CertaintyRule()
-        expected = (rule.depth_per_m * z_m**2) ** 2 / 5 + rule.body_m**2 + rule.surface_m**2
-        assert place.covariance_m2[2, 2] == pytest.approx(expected)
+        estimate = one(SURFACE, keypoints(z_m=z_m), stand(room(), z_m=z_m))
+        assert estimate.covariance_m2 is not None
+        config = UncertaintyConfig()
+        expected = (config.depth_per_m * z_m**2) ** 2 / 5 + config.body_m**2 + config.surface_m**2
+        assert estimate.covariance_m2[2, 2] == pytest.approx(expected)
 
 
-def test_without_joints_or_depth_there_is_no_place() -> None:
-    sight = Sight(stand(room()), INFO)
+def test_without_joints_or_depth_there_is_no_position() -> None:
     outside = keypoints(2000.0)
-    found = SURFACE.people([keypoints(confidence=0.2), outside], 0.3, [sight, sight])
+    found = estimates(SURFACE, [keypoints(confidence=0.2), outside], stand(room()))
     assert found == [None, None]
-    assert SURFACE.people([keypoints()], 0.3, [Sight(np.zeros((480, 640), np.uint16), INFO)]) == [
-        None
-    ]
-    assert SURFACE.people([], 0.3, []) == []
+    assert estimates(SURFACE, [keypoints()], np.zeros((480, 640), np.uint16)) == [None]
+    assert estimates(SURFACE, [], room()) == []
 
 
-def test_of_two_found_in_the_same_place_only_one_is_there() -> None:
-    sight = Sight(stand(room()), INFO)
-    first, second = SURFACE.people([keypoints(), keypoints()], 0.3, [sight, sight])
+def test_of_two_detections_of_one_person_one_has_a_position() -> None:
+    first, second = estimates(SURFACE, [keypoints(), keypoints()], stand(room()))
     assert first is not None
     assert second is None
 
@@ -145,10 +150,9 @@ def test_of_two_found_in_the_same_place_only_one_is_there() -> None:
 def test_people_before_one_another_are_read_in_their_own_layers() -> None:
     # At 3 m, half behind someone at 1.8 m; the order in which they are found does not matter.
     depth_mm = stand(stand(room(), 370.0, 3.0), 300.0, 1.8)
-    sight = Sight(depth_mm, INFO)
     near, far = keypoints(300.0, 1.8), keypoints(390.0, 3.0)
     for people in ([near, far], [far, near]):
-        found = SURFACE.people(people, 0.3, [sight, sight])
+        found = estimates(SURFACE, people, depth_mm)
         depths = sorted(float(p.position_m[2]) for p in found if p is not None)
         np.testing.assert_allclose(depths, [1.8, 3.0])
 
@@ -157,36 +161,31 @@ def test_the_upper_middle_of_a_mask() -> None:
     # Rows 100 to 400, columns 300 to 340: row means 320; rows at 0.2 to 0.5 of 300 px, 160 to 250,
     # mean 205: y = (205 - 240) * 2 / 600 = -0.1167.
     mask = InstanceMask(np.ones((301, 41), np.uint8), x_px=300, y_px=100)
-    place = SURFACE.mask(mask, Sight(stand(room()), INFO))
-    assert place is not None
-    np.testing.assert_allclose(place.position_m, [0.0, -35 * 2 / 600, 2.0], atol=0.002)
+    estimate = SURFACE.estimate_from_mask(mask, DepthImage(stand(room()), INFO), None)
+    assert estimate is not None
+    np.testing.assert_allclose(estimate.position_m, [0.0, -35 * 2 / 600, 2.0], atol=0.002)
 
 
-def test_masks_without_pixels_or_depth_have_no_place() -> None:
+def test_masks_without_pixels_or_depth_have_no_position() -> None:
+    wall = DepthImage(room(), INFO)
     empty = InstanceMask(np.zeros((10, 10), np.uint8), 0, 0)
-    assert SURFACE.mask(empty, Sight(room(), INFO)) is None
+    assert SURFACE.estimate_from_mask(empty, wall, None) is None
     mask = InstanceMask(np.ones((10, 10), np.uint8), 630, 470)
-    assert SURFACE.mask(mask, Sight(np.zeros((480, 640), np.uint16), INFO)) is None
+    assert SURFACE.estimate_from_mask(mask, DepthImage(0 * room(), INFO), None) is None
     single = InstanceMask(np.ones((1, 1), np.uint8), 639, 479)
-    assert SURFACE.mask(single, Sight(room(), INFO)) is not None
+    assert SURFACE.estimate_from_mask(single, wall, None) is not None
 
 
-def test_wild_keypoints_and_noise_give_finite_places() -> None:
+def test_wild_keypoints_and_noise_give_finite_positions() -> None:
     rng = np.random.default_rng(5)
     for _ in range(50):
         depth_mm = rng.integers(0, 6000, (480, 640)).astype(np.uint16)
         points = np.column_stack([rng.uniform(-50, 700, (17, 2)), rng.uniform(0, 1, 17)])
         yaw_rad = float(rng.uniform(-3, 3))
-        sights = [Sight(depth_mm, INFO, yaw_rad), Sight(depth_mm, INFO)]
-        for place in AXIS.people([points.astype(np.float32)] * 2, 0.3, sights):
-            if place is not None:
-                assert place.covariance_m2 is not None
-                assert np.isfinite(place.position_m).all()
-                assert np.linalg.eigvalsh(place.covariance_m2)[0] > 0
-
-
-def test_rules_out_of_range_are_refused() -> None:
-    with pytest.raises(ValueError, match="pull: expected 0 to below 1, got 1"):
-        TorsoRule(pull=1)
-    with pytest.raises(ValueError, match="window_max_px: expected 5 to 101, got 3"):
-        TorsoRule(window_max_px=3)
+        for yaw in (yaw_rad, None):
+            for estimate in estimates(AXIS, [points.astype(np.float32)] * 2, depth_mm, yaw):
+                if estimate is None:
+                    continue
+                assert estimate.covariance_m2 is not None
+                assert np.isfinite(estimate.position_m).all()
+                assert np.linalg.eigvalsh(estimate.covariance_m2)[0] > 0

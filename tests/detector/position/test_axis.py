@@ -3,26 +3,27 @@ import math
 import numpy as np
 import pytest
 
-from services.detector.position.trunk import TrunkRule, move_to_axis, surface_to_axis, turned
+from services.detector.config import EllipseConfig
+from services.detector.position.axis import move_to_axis, relative_yaw, surface_to_axis
 
-RULE = TrunkRule(half_depth_m=0.12, half_width_m=0.2)
+CONFIG = EllipseConfig(half_depth_m=0.12, half_width_m=0.2)
 
 
-def behind(across_m: float, turned_rad: float | None, rule: TrunkRule = RULE) -> float:
-    return float(surface_to_axis(np.array([across_m]), turned_rad, rule)[0])
+def behind(right_m: float, yaw_rad: float | None, config: EllipseConfig = CONFIG) -> float:
+    return float(surface_to_axis(np.array([right_m]), yaw_rad, config)[0])
 
 
 @pytest.mark.parametrize(
-    ("turned_deg", "expected_m"),
+    ("yaw_deg", "expected_m"),
     [(0, 0.12), (180, 0.12), (90, 0.2), (-90, 0.2)],
 )
 def test_the_middle_is_half_a_depth_before_the_axis_or_half_a_width(
-    turned_deg: float, expected_m: float
+    yaw_deg: float, expected_m: float
 ) -> None:
-    assert behind(0.0, math.radians(turned_deg)) == pytest.approx(expected_m)
+    assert behind(0.0, math.radians(yaw_deg)) == pytest.approx(expected_m)
 
 
-def test_a_trunk_turned_by_45_degrees() -> None:
+def test_ellipse_at_45_degrees() -> None:
     # (r cos45 / 0.12)^2 + (r sin45 / 0.2)^2 = 1: r^2 (0.5 / 0.0144 + 0.5 / 0.04) = 1,
     # r = 1 / sqrt(34.722 + 12.5) = 0.14552.
     assert behind(0.0, math.radians(45)) == pytest.approx(0.14552, abs=1e-5)
@@ -30,12 +31,12 @@ def test_a_trunk_turned_by_45_degrees() -> None:
 
 def test_a_cylinder_is_as_far_from_any_side() -> None:
     # x^2 + y^2 = 0.15^2: 0.09 to the right it is sqrt(0.0225 - 0.0081) = 0.12 deep.
-    cylinder = TrunkRule(half_depth_m=0.15, half_width_m=0.15)
+    cylinder = EllipseConfig(half_depth_m=0.15, half_width_m=0.15)
     for angle_rad in (None, 0.0, 0.7, 2.0, -3.0):
         assert behind(0.09, angle_rad, cylinder) == pytest.approx(0.12)
 
 
-def test_places_beside_the_middle_are_less_deep() -> None:
+def test_points_beside_the_middle_are_less_deep() -> None:
     # Seen from the front, (x / 0.2)^2 + (y / 0.12)^2 = 1: at x = 0.12, y = 0.12 * 0.8.
     assert behind(0.12, math.pi) == pytest.approx(0.096)
     assert behind(-0.12, math.pi) == pytest.approx(0.096)
@@ -53,28 +54,23 @@ def test_a_point_beyond_the_outline_counts_as_one_near_it() -> None:
 
 
 def test_facing_the_other_way_changes_nothing() -> None:
-    for across_m in (-0.1, 0.0, 0.1):
+    for right_m in (-0.1, 0.0, 0.1):
         for angle_rad in (0.3, 1.2, 2.5):
-            same = behind(across_m, angle_rad + math.pi)
-            assert behind(across_m, angle_rad) == pytest.approx(same)
+            same = behind(right_m, angle_rad + math.pi)
+            assert behind(right_m, angle_rad) == pytest.approx(same)
 
 
-def test_of_an_unknown_turn_the_trunk_is_round_with_the_same_section() -> None:
+def test_torso_of_unknown_yaw_is_round_with_the_same_area() -> None:
     assert behind(0.0, None) == pytest.approx(math.sqrt(0.12 * 0.2))
 
 
 def test_a_position_moves_along_its_line_of_sight() -> None:
     # Level distance hypot(3, 4) = 5: by half a depth of 0.12 that is 2.4 % farther. Facing away
     # along that ray: yaw = atan2(-3, 4).
-    moved = move_to_axis(np.array([3.0, 1.0, 4.0]), math.atan2(-3, 4), RULE)
+    moved = move_to_axis(np.array([3.0, 1.0, 4.0]), math.atan2(-3, 4), CONFIG)
     np.testing.assert_allclose(moved, [3.072, 1.024, 4.096])
 
 
-def test_turned_counts_from_the_line_of_sight() -> None:
-    assert turned(np.array([-1.0, 0.0, 1.0]), math.pi / 2) == pytest.approx(math.pi / 4)
-    assert turned(np.array([-1.0, 0.0, 1.0]), None) is None
-
-
-def test_sizes_out_of_range_are_refused() -> None:
-    with pytest.raises(ValueError, match="half_depth_m: expected above 0 to 1, got 0"):
-        TrunkRule(half_depth_m=0)
+def test_relative_yaw_counts_from_the_line_of_sight() -> None:
+    assert relative_yaw(np.array([-1.0, 0.0, 1.0]), math.pi / 2) == pytest.approx(math.pi / 4)
+    assert relative_yaw(np.array([-1.0, 0.0, 1.0]), None) is None

@@ -3,51 +3,47 @@ import math
 import numpy as np
 import pytest
 
-from services.detector.position.certainty import (
-    CertaintyRule,
-    along_m2,
-    axis_sigma,
-    covariance,
-    joint_m,
-)
-from services.detector.position.trunk import TrunkRule
+from services.detector.config import EllipseConfig, UncertaintyConfig
+from services.detector.position.axis import axis_sigma, covariance, joint_sigma, variance_along
 from tests.detector.cameras import INFO
 
-RULE = CertaintyRule(depth_per_m=0.004, body_m=0.03, joint_m=0.03, joint_px=2.0)
+CONFIG = UncertaintyConfig(depth_per_m=0.004, body_m=0.03, joint_m=0.03, joint_px=2.0)
 
 
 def test_one_reading_errs_with_the_square_of_the_distance() -> None:
     # 1 m: 0.004; 2 m: 0.016; 4 m: 0.064 m, each with 0.03 m of the body.
     for z_m, sensor_m in ((1.0, 0.004), (2.0, 0.016), (4.0, 0.064)):
         expected_m2 = sensor_m**2 + 0.03**2
-        assert along_m2(z_m, np.array([z_m]), 0.0, RULE) == pytest.approx(expected_m2)
+        assert variance_along(z_m, np.array([z_m]), 0.0, CONFIG) == pytest.approx(expected_m2)
 
 
-def test_several_readings_are_surer_and_their_spread_counts() -> None:
+def test_several_readings_have_less_variance_but_for_their_spread() -> None:
     # Four at 2 m: 0.016^2 / 4. 1.9, 2.1, 1.9, 2.1: variance 4 * 0.01 / 3, of the mean a quarter.
-    alike = along_m2(2.0, np.full(4, 2.0), 0.0, RULE)
-    spread = along_m2(2.0, np.array([1.9, 2.1, 1.9, 2.1]), 0.0, RULE)
+    alike = variance_along(2.0, np.full(4, 2.0), 0.0, CONFIG)
+    spread = variance_along(2.0, np.array([1.9, 2.1, 1.9, 2.1]), 0.0, CONFIG)
     assert alike == pytest.approx(0.016**2 / 4 + 0.03**2)
     assert spread - alike == pytest.approx(0.01 / 3)
 
 
-def test_what_all_readings_share_does_not_shrink() -> None:
+def test_a_common_error_does_not_shrink() -> None:
     readings_m = np.full(4, 2.0)
-    more = along_m2(2.0, readings_m, 0.05, RULE) - along_m2(2.0, readings_m, 0.0, RULE)
+    more = variance_along(2.0, readings_m, 0.05, CONFIG) - variance_along(
+        2.0, readings_m, 0.0, CONFIG
+    )
     assert more == pytest.approx(0.05**2)
 
 
-def test_a_joint_of_a_far_person_is_a_matter_of_pixels() -> None:
+def test_sigma_of_a_far_joint_is_that_of_pixels() -> None:
     # 2 px at fx = 50: 0.04 m per metre; at 1 m with 0.03 m: 0.05 m.
-    assert joint_m(1.0, INFO, RULE) == pytest.approx(0.05)
-    assert joint_m(100.0, INFO, RULE) == pytest.approx(4.0, rel=1e-3)
+    assert joint_sigma(1.0, INFO, CONFIG) == pytest.approx(0.05)
+    assert joint_sigma(100.0, INFO, CONFIG) == pytest.approx(4.0, rel=1e-3)
 
 
-def test_the_axis_is_unsure_where_the_way_faced_or_the_body_is_unknown() -> None:
-    trunk = TrunkRule(half_depth_m=0.12, half_width_m=0.2)
-    assert axis_sigma(trunk, 1.0, RULE) == 0.0
-    assert axis_sigma(trunk, None, RULE) == pytest.approx(0.08 / math.sqrt(8))
-    assert axis_sigma(None, 1.0, RULE) == RULE.surface_m
+def test_axis_is_uncertain_where_yaw_or_body_is_unknown() -> None:
+    ellipse = EllipseConfig(half_depth_m=0.12, half_width_m=0.2)
+    assert axis_sigma(ellipse, 1.0, CONFIG) == 0.0
+    assert axis_sigma(ellipse, None, CONFIG) == pytest.approx(0.08 / math.sqrt(8))
+    assert axis_sigma(None, 1.0, CONFIG) == CONFIG.surface_m
 
 
 def test_covariance_of_a_person_straight_ahead() -> None:
@@ -70,8 +66,3 @@ def test_a_covariance_is_symmetric_to_the_last_bit_and_positive() -> None:
         found = covariance(position_m, *rng.uniform(1e-4, 0.1, 3))
         assert (found == found.T).all()
         assert np.linalg.eigvalsh(found)[0] > 0
-
-
-def test_numbers_out_of_range_are_refused() -> None:
-    with pytest.raises(ValueError, match="body_m: expected a number > 0, got 0"):
-        CertaintyRule(body_m=0)

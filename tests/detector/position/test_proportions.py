@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.detector.orientation.proportions import ProportionRule, size_depth, torso_middle
+from services.detector.config import ProportionConfig
+from services.detector.position.proportions import size_depth, torso_middle
 from tests.detector.cameras import INFO
 
-RULE = ProportionRule(half_shoulders_m=0.16, half_hips_m=0.10, half_height_m=0.25)
+CONFIG = ProportionConfig(half_shoulders_m=0.16, half_hips_m=0.10, half_height_m=0.25)
 ALL = np.ones(4, np.bool_)
 # Facing the camera, 1 m to the right and 0.5 m down: the left side is on the right.
 FACING: F64 = np.array([[1.16, 0.25], [0.84, 0.25], [1.10, 0.75], [0.90, 0.75]])
@@ -16,20 +17,20 @@ FACING: F64 = np.array([[1.16, 0.25], [0.84, 0.25], [1.10, 0.75], [0.90, 0.75]])
 def middle(known: list[int], yaw_rad: float | None, sigma_m: float = 0.001) -> F64:
     chosen = np.isin(np.arange(4), known)
     points = np.where(chosen[:, None], FACING, np.nan)
-    return torso_middle(points, chosen, yaw_rad, sigma_m, RULE)[0]
+    return torso_middle(points, chosen, yaw_rad, sigma_m, CONFIG)[0]
 
 
 def test_the_middle_of_four_joints_is_their_mean() -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
         joints = rng.uniform(-1, 1, (4, 2))
-        found, variance_m2 = torso_middle(joints, ALL, None, 0.04, RULE)
+        found, variance_m2 = torso_middle(joints, ALL, None, 0.04, CONFIG)
         np.testing.assert_allclose(found, joints.mean(axis=0), atol=1e-12)
         assert variance_m2 == pytest.approx(0.04**2 / 4)
 
 
 @pytest.mark.parametrize("hidden", range(4))
-def test_one_hidden_joint_is_told_by_the_others(hidden: int) -> None:
+def test_one_hidden_joint_is_estimated_from_the_others(hidden: int) -> None:
     known = [k for k in range(4) if k != hidden]
     np.testing.assert_allclose(middle(known, None), [1.0, 0.5], atol=0.002)
 
@@ -39,7 +40,7 @@ def test_shoulders_alone_are_above_the_middle_of_an_upright_body() -> None:
     np.testing.assert_allclose(middle([0, 1], None), [1.0, 0.5], atol=0.002)
 
 
-def test_one_side_tells_the_middle_if_the_way_faced_is_known() -> None:
+def test_one_side_gives_the_middle_if_the_yaw_is_known() -> None:
     # Facing the camera (yaw 180 deg) the left shoulder and hip lie 0.13 m to the right on average;
     # of unknown turn they are taken as they are: (1.16 + 1.10) / 2 = 1.13.
     known = middle([0, 2], math.pi, sigma_m=0.03)
@@ -47,9 +48,9 @@ def test_one_side_tells_the_middle_if_the_way_faced_is_known() -> None:
     assert middle([0, 2], None)[0] > 1.05
 
 
-def test_fewer_joints_are_less_sure() -> None:
+def test_fewer_joints_have_more_variance() -> None:
     variances = [
-        torso_middle(FACING, np.isin(np.arange(4), known), None, 0.04, RULE)[1]
+        torso_middle(FACING, np.isin(np.arange(4), known), None, 0.04, CONFIG)[1]
         for known in ([0, 1, 2, 3], [0, 1, 2], [0, 2], [0])
     ]
     assert variances == sorted(variances)
@@ -61,12 +62,7 @@ def test_the_distance_at_which_a_torso_is_of_common_size() -> None:
     # fx = fy = 50: 0.5 m high in 10 px is 2.5 m away; shoulders of 0.32 m in 8 px: 2 m; the nearer
     # counts, since a body seen foreshortened looks smaller than it is.
     joints: F64 = np.array([[24.0, 10.0], [16.0, 10.0], [21.0, 20.0], [19.0, 20.0]])
-    assert size_depth(joints, ALL, INFO, RULE) == pytest.approx(2.0)
+    assert size_depth(joints, ALL, INFO, CONFIG) == pytest.approx(2.0)
     one_side = np.array([True, False, True, False])
-    assert size_depth(joints, one_side, INFO, RULE) == pytest.approx(25 / math.hypot(3, 10))
-    assert size_depth(joints, np.array([True, False, False, False]), INFO, RULE) is None
-
-
-def test_numbers_out_of_range_are_refused() -> None:
-    with pytest.raises(ValueError, match="sigma_lean: expected a number > 0, got 0"):
-        ProportionRule(sigma_lean=0)
+    assert size_depth(joints, one_side, INFO, CONFIG) == pytest.approx(25 / math.hypot(3, 10))
+    assert size_depth(joints, np.array([True, False, False, False]), INFO, CONFIG) is None

@@ -6,9 +6,10 @@ import pytest
 
 from common.geometry.transforms import apply, invert
 from people4d.messages import F32, F64, U8, CameraInfo
+from services.detector.config import KeypointConfig
 from services.detector.models import InstanceMask
-from services.detector.position.position import (
-    KeypointRule,
+from services.detector.position.surface import (
+    DepthImage,
     keypoint_mean,
     mask_centroid,
     read_depth,
@@ -30,8 +31,12 @@ INFO = CameraInfo(
 )
 
 
+TWO_M = DepthImage(np.full((5, 5), 2000, np.uint16), INFO)
+NO_DEPTH = DepthImage(np.zeros((5, 5), np.uint16), INFO)
+
+
 def keypoints(*points: tuple[int, float, float, float]) -> F32:
-    """Return 17 keypoints, of which those named (index, u, v, confidence) are seen."""
+    """Return 17 keypoints, of which those named (index, u, v, confidence) are set."""
     array = np.zeros((17, 3), np.float32)
     for index, u, v, confidence in points:
         array[index] = u, v, confidence
@@ -48,7 +53,7 @@ def test_centroid_of_a_mask() -> None:
     depth = np.zeros((5, 5), np.uint16)
     depth[3, 2] = 2000
     mask = InstanceMask(np.ones((3, 3), np.uint8), x_px=1, y_px=2)
-    check(mask_centroid(mask, depth, INFO), 0.0, 1.0, 2.0)
+    check(mask_centroid(mask, DepthImage(depth, INFO)), 0.0, 1.0, 2.0)
 
 
 def test_centroid_is_not_rounded_before_deprojection() -> None:
@@ -58,14 +63,14 @@ def test_centroid_is_not_rounded_before_deprojection() -> None:
     window[2, 1:4] = window[1, 3] = 1
     depth = np.zeros((5, 5), np.uint16)
     depth[2, 2] = 4000
-    position = mask_centroid(InstanceMask(window, 0, 0), depth, INFO)
+    position = mask_centroid(InstanceMask(window, 0, 0), DepthImage(depth, INFO))
     check(position, 0.5, -0.5, 4.0)
 
 
 def test_centroid_outside_of_the_mask_is_skipped() -> None:
     ring = np.ones((5, 5), np.uint8)
     ring[2, 2] = 0
-    assert mask_centroid(InstanceMask(ring, 0, 0), np.full((5, 5), 2000, np.uint16), INFO) is None
+    assert mask_centroid(InstanceMask(ring, 0, 0), TWO_M) is None
 
 
 @pytest.mark.parametrize(
@@ -75,13 +80,13 @@ def test_centroid_without_valid_reading_is_skipped(reading_mm: int, valid: bool)
     depth = np.full((5, 5), 2000, np.uint16)
     depth[2, 2] = reading_mm
     mask = InstanceMask(np.ones((5, 5), np.uint8), 0, 0)
-    assert (mask_centroid(mask, depth, INFO) is not None) == valid
+    assert (mask_centroid(mask, DepthImage(depth, INFO)) is not None) == valid
 
 
 def test_an_empty_mask_has_no_centroid() -> None:
     empty: U8 = np.zeros((5, 5), np.uint8)
     depth = np.full((5, 5), 2000, np.uint16)
-    assert mask_centroid(InstanceMask(empty, 0, 0), depth, INFO) is None
+    assert mask_centroid(InstanceMask(empty, 0, 0), DepthImage(depth, INFO)) is None
 
 
 def test_mean_of_two_keypoints() -> None:
@@ -89,13 +94,13 @@ def test_mean_of_two_keypoints() -> None:
     depth = np.zeros((5, 5), np.uint16)
     depth[2, 0], depth[2, 4] = 2000, 4000
     points = keypoints((5, 0, 2, 0.9), (6, 4, 2, 0.7))
-    check(keypoint_mean(points, depth, INFO, KeypointRule()), 1.0, 0.0, 3.0)
+    check(keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig()), 1.0, 0.0, 3.0)
 
 
 def test_only_keypoints_above_the_confidence_count() -> None:
     depth = np.full((5, 5), 2000, np.uint16)
     points = keypoints((0, 2, 2, 0.61), (5, 0, 0, 0.6), (6, 4, 4, 0.1))
-    position = keypoint_mean(points, depth, INFO, KeypointRule())
+    position = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig())
     check(position, 0.0, 0.0, 2.0)
 
 
@@ -111,24 +116,26 @@ def test_keypoints_without_reading_or_outside_of_the_image_do_not_count() -> Non
         (5, 2, 1e9, 0.9),
         (6, -1e9, 2, 0.9),
     )
-    position = keypoint_mean(points, depth, INFO, KeypointRule())
+    position = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig())
     check(position, 0.0, 0.0, 2.0)
 
 
 def test_without_any_valid_keypoint_there_is_no_position() -> None:
     points = keypoints((0, 2, 2, 0.9), (5, 1, 1, 0.9))
-    assert keypoint_mean(points, np.zeros((5, 5), np.uint16), INFO, KeypointRule()) is None
-    unsure = keypoints((0, 2, 2, 0.5))
-    assert keypoint_mean(unsure, np.full((5, 5), 2000, np.uint16), INFO, KeypointRule()) is None
+    assert keypoint_mean(points, NO_DEPTH, KeypointConfig()) is None
+    uncertain = keypoints((0, 2, 2, 0.5))
+    assert keypoint_mean(uncertain, TWO_M, KeypointConfig()) is None
 
 
-def test_a_window_reads_the_median_of_what_is_valid() -> None:
+def test_a_window_reads_the_median_of_valid_readings() -> None:
     # Around (0, 0) in the image: 0 (none), 1000, 3000, 6000 (too far); median 2 m.
     depth = np.zeros((5, 5), np.uint16)
     depth[0, 1], depth[1, 0], depth[1, 1] = 1000, 3000, 6000
     pixels = np.array([[0.0, 0.0], [4.0, 4.0]])
-    np.testing.assert_allclose(read_depth(pixels, depth, 5.0, window_px=3), [2.0, np.nan])
-    np.testing.assert_allclose(read_depth(pixels, depth, 5.0), [np.nan, np.nan])
+    np.testing.assert_allclose(
+        read_depth(pixels, DepthImage(depth, INFO), window_px=3), [2.0, np.nan]
+    )
+    np.testing.assert_allclose(read_depth(pixels, DepthImage(depth, INFO)), [np.nan, np.nan])
 
 
 def test_a_keypoint_on_the_wall_is_left_out_by_the_torso_gap() -> None:
@@ -136,8 +143,8 @@ def test_a_keypoint_on_the_wall_is_left_out_by_the_torso_gap() -> None:
     depth = np.full((5, 5), 2000, np.uint16)
     depth[2, 4] = 4000
     points = keypoints((5, 2, 2, 0.9), (11, 2, 2, 0.9), (9, 4, 2, 0.9))
-    plain = keypoint_mean(points, depth, INFO, KeypointRule())
-    robust = keypoint_mean(points, depth, INFO, KeypointRule(torso_gap_max_m=0.6))
+    plain = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig())
+    robust = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig(torso_gap_max_m=0.6))
     check(plain, 4 / 3, 0.0, 8 / 3)
     check(robust, 0.0, 0.0, 2.0)
 
@@ -146,20 +153,11 @@ def test_order_of_keypoints_does_not_matter_to_the_mean() -> None:
     rng = np.random.default_rng(1)
     depth = rng.integers(1000, 3000, (5, 5)).astype(np.uint16)
     points = np.column_stack([rng.uniform(0, 4, (17, 2)), np.ones(17)]).astype(np.float32)
-    one = keypoint_mean(points, depth, INFO, KeypointRule())
-    other = keypoint_mean(points[rng.permutation(17)], depth, INFO, KeypointRule())
+    one = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig())
+    other = keypoint_mean(points[rng.permutation(17)], DepthImage(depth, INFO), KeypointConfig())
     assert one is not None
     assert other is not None
     np.testing.assert_allclose(one, other)
-
-
-def test_rules_out_of_range_are_refused() -> None:
-    with pytest.raises(ValueError, match="window_px: expected an odd number"):
-        KeypointRule(window_px=4)
-    with pytest.raises(ValueError, match="confidence_min: expected 0 to below 1, got 1"):
-        KeypointRule(confidence_min=1)
-    with pytest.raises(ValueError, match="torso_gap_max_m: expected > 0, got 0"):
-        KeypointRule(torso_gap_max_m=0)
 
 
 def test_positions_in_the_simulated_room_lie_on_the_surface(shared: Path) -> None:
@@ -172,9 +170,9 @@ def test_positions_in_the_simulated_room_lie_on_the_surface(shared: Path) -> Non
     for frame in range(0, 150, 15):
         depth = np.asarray(cv2.imread(str(folder / "depth" / f"{frame:05d}.png"), -1), np.uint16)
         for person in np.flatnonzero(truth["vis"][frame] > 0.9):
-            seen = truth["kpvis"][frame, person].astype(np.float32)
-            points = np.column_stack([truth["kp2d"][frame, person], seen]).astype(np.float32)
-            position = keypoint_mean(points, depth, info, KeypointRule())
+            visible = truth["kpvis"][frame, person].astype(np.float32)
+            points = np.column_stack([truth["kp2d"][frame, person], visible]).astype(np.float32)
+            position = keypoint_mean(points, DepthImage(depth, info), KeypointConfig())
             assert position is not None
             torso = apply(invert(truth["T_world_cam"][frame]), truth["pos"][frame, person])
             errors.append(position - torso)

@@ -1,0 +1,103 @@
+"""Positions of people by the configured method."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from people4d.messages import F64
+from services.detector.config import DetectorConfig
+from services.detector.models.base import DetectedPerson
+from services.detector.position.axis import axis_sigma, covariance, move_to_axis, variance_along
+from services.detector.position.surface import (
+    DepthImage,
+    PositionEstimate,
+    keypoint_depth,
+    keypoint_mean,
+    mask_centroid,
+)
+from services.detector.position.torso import LayeredTorso, TorsoEstimator
+
+
+class PositionEstimator:
+    """Estimates positions of people from depth.
+
+    Args:
+        config: The method and its constants.
+        model: Name of the people model.
+    """
+
+    def __init__(self, config: DetectorConfig, model: str) -> None:
+        self._config = config
+        self._keypoints = config.keypoints_for(model)
+        self._ellipse = config.ellipse if config.to_axis else None
+        self._torso = TorsoEstimator(config.torso, self._ellipse, config.uncertainty)
+
+    def torsos(
+        self, people: Sequence[DetectedPerson], image: DepthImage
+    ) -> list[LayeredTorso | None]:
+        """Return the torsos of the people of a frame, each with the layer of depth that it is in.
+
+        None for people without keypoints, or without depth that is theirs.
+        """
+        points = [p.keypoints for p in people if p.keypoints is not None]
+        found = iter(self._torso.find(points, self._keypoints.confidence_min, image))
+        return [None if person.keypoints is None else next(found) for person in people]
+
+    def estimate(
+        self,
+        person: DetectedPerson,
+        torso: LayeredTorso | None,
+        image: DepthImage,
+        yaw_rad: float | None,
+    ) -> PositionEstimate | None:
+        """Return the position of one person; None without valid depth.
+
+        Args:
+            person: In the image.
+            torso: From `torsos`; needed for the method "torso" only.
+            image: Depth and calibration.
+            yaw_rad: Yaw in the camera's body frame; None if unknown.
+        """
+        if self._config.position != "torso":
+            return self._from_surface(person, image, yaw_rad)
+        if person.keypoints is not None:
+            estimate = None if torso is None else self._torso.estimate(*torso, image, yaw_rad)
+        elif person.mask is not None:
+            estimate = self._torso.estimate_from_mask(person.mask, image, yaw_rad)
+        else:
+            estimate = None
+        if estimate is None or self._config.covariance:
+            return estimate
+        return replace(estimate, covariance_m2=None)
+
+    def _from_surface(
+        self, person: DetectedPerson, image: DepthImage, yaw_rad: float | None
+    ) -> PositionEstimate | None:
+        """Return the position by the methods of [PIC4SeR], which take each person alone."""
+        method, mask, keypoints = self._config.position, person.mask, person.keypoints
+        point_m, readings_m = None, np.zeros(1)
+        if method != "keypoints" and mask is not None:
+            point_m = mask_centroid(mask, image)
+        elif method in ("auto", "keypoints") and keypoints is not None:
+            point_m = keypoint_mean(keypoints, image, self._keypoints)
+            if self._config.covariance:
+                depth_m = keypoint_depth(keypoints, image, self._keypoints)
+                readings_m = depth_m[np.isfinite(depth_m)]
+        if point_m is None:
+            return None
+        if self._ellipse:
+            point_m = move_to_axis(point_m, yaw_rad, self._ellipse)
+        if not self._config.covariance:
+            return PositionEstimate(point_m)
+        return PositionEstimate(point_m, self._covariance(point_m, readings_m, image, yaw_rad))
+
+    def _covariance(
+        self, point_m: F64, readings_m: F64, image: DepthImage, yaw_rad: float | None
+    ) -> F64:
+        config, z_m = self._config.uncertainty, float(point_m[2])
+        pixel_m2 = (config.joint_px * z_m / image.info.fx) ** 2
+        sigma_m = axis_sigma(self._ellipse, yaw_rad, config)
+        along_m2 = variance_along(z_m, readings_m, sigma_m, config)
+        right_m2, down_m2 = config.centroid_m**2 + pixel_m2, config.centroid_down_m**2 + pixel_m2
+        return covariance(point_m, right_m2, down_m2, along_m2)

@@ -1,0 +1,217 @@
+"""Joint likelihood of the yaw: by hand, mirrored, hidden."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from common.geometry.transforms import wrap
+from people4d.messages import F32, F64, U16, CameraInfo
+from services.detector.config import HIPS, SHOULDERS, BodyModelConfig
+from services.detector.orientation.joint import (
+    ANGLES,
+    across,
+    along,
+    best_angle,
+    joint_yaw,
+    log_likelihood,
+    sigma_factor,
+)
+from services.detector.orientation.observation import BodyObservation, JointOffset, observe_body
+from services.detector.position.surface import DepthImage
+
+CONFIG = BodyModelConfig()
+FX = 600.0
+INFO = CameraInfo(
+    stamp_ns=0,
+    sequence=0,
+    camera="front",
+    frame_id="front_optical_frame",
+    width=641,
+    height=481,
+    fx=FX,
+    fy=FX,
+    cx=320.0,
+    cy=240.0,
+)
+UNKNOWN = JointOffset(math.nan, math.nan)
+NOTHING = BodyObservation(3.0, {"shoulders": UNKNOWN, "hips": UNKNOWN}, math.nan, math.nan)
+MIRRORED = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
+
+
+def at(values: F64, angle_deg: int) -> float:
+    """Return what is expected at an angle, one of `ANGLES`."""
+    return float(values[(angle_deg + 180) // 3 % len(ANGLES)])
+
+
+def observation(angle_deg: int, **changed: Any) -> BodyObservation:
+    """Return the expected observation of a body at an angle."""
+    pairs = {
+        name: JointOffset(at(across(pair), angle_deg), at(along(pair, CONFIG.hiding_m), angle_deg))
+        for name, pair in (("shoulders", SHOULDERS), ("hips", HIPS))
+    }
+    turned = math.radians(angle_deg)
+    nose_m, ears_m = CONFIG.nose_m * math.sin(turned), CONFIG.ears_m * math.cos(turned)
+    fields: dict[str, Any] = {
+        "z_m": 3.0,
+        "pairs": pairs,
+        "nose_m": nose_m,
+        "ears_m": ears_m,
+    } | changed
+    return BodyObservation(**fields)
+
+
+def found_deg(body: BodyObservation, rule: BodyModelConfig = CONFIG) -> float:
+    best = best_angle(log_likelihood(body, FX, rule))
+    assert best is not None
+    return math.degrees(best.rad)
+
+
+def test_expected_distance_across() -> None:
+    # From behind it is 0.32 m to the right, from the front as much to the left. In profile, facing
+    # left, it is the nearer one, marked 0.01 m ahead of the other: to the left.
+    expected = {0: 0.32, -180: -0.32, 90: -0.01, -90: -0.01}
+    assert {a: round(at(across(SHOULDERS), a), 9) for a in expected} == expected
+
+
+def test_expected_distance_along() -> None:
+    # 45 deg before facing the camera: the joint is 0.32 sin 135 = 0.22627 m farther and as much to
+    # the left. cos is -0.70711, so (1 + cos) / 2 = 0.14645 is the fraction of the gain from behind:
+    # 0.87 - 0.24 * 0.14645 = 0.83485. Hidden is exp(-(0.22627 / 0.145)^2) = 0.08759.
+    # 0.83485 * 0.22627 * 0.91241 = 0.17236.
+    assert at(along(SHOULDERS, 0.145), 135) == pytest.approx(0.17236, abs=1e-4)
+    # In profile the nearer arm is all that is seen; from the front both are at the same depth.
+    for angle_deg in (-180, -90, 0, 90):
+        assert at(along(HIPS, 0.145), angle_deg) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle_deg", range(-180, 180, 15))
+def test_expected_observation_gives_its_angle(angle_deg: int) -> None:
+    error_deg = math.degrees(wrap(math.radians(found_deg(observation(angle_deg)) - angle_deg)))
+    assert abs(error_deg) < 4.0
+
+
+def test_the_face_gives_the_side_of_a_profile() -> None:
+    profile = {"shoulders": JointOffset(-0.01, 0.0), "hips": JointOffset(-0.04, 0.0)}
+    left = found_deg(replace_fields(NOTHING, pairs=profile, nose_m=0.08, ears_m=0.0))
+    right = found_deg(replace_fields(NOTHING, pairs=profile, nose_m=-0.08, ears_m=0.0))
+    assert left == pytest.approx(90, abs=4)
+    assert right == pytest.approx(-90, abs=4)
+
+
+def test_a_head_turned_aside_turns_the_body_a_little_only() -> None:
+    looking = observation(-180, nose_m=0.08 * math.sin(math.radians(130)), ears_m=-0.08)
+    assert 165 < abs(found_deg(looking)) <= 180
+
+
+def test_low_face_confidence_suggests_a_view_from_behind() -> None:
+    # Shoulders the wrong way round body like those of somebody who faces the camera. A network is
+    # more confident of visible faces.
+    confident, other = observation(-180, face=0.62), observation(-180, face=0.45)
+    rule = replace(CONFIG, use_confidence=True)
+    spread = [best_angle(log_likelihood(one, FX, rule)) for one in (confident, other)]
+    assert spread[0] is not None
+    assert spread[1] is not None
+    assert spread[1].sigma_rad > 2 * spread[0].sigma_rad
+
+
+def test_without_measurements_there_is_no_angle() -> None:
+    assert best_angle(log_likelihood(NOTHING, FX, CONFIG)) is None
+    off = replace(CONFIG, use_shoulders=False, use_hips=False, use_head=False)
+    assert best_angle(log_likelihood(observation(30), FX, off)) is None
+
+
+def test_parts_are_switched_off() -> None:
+    # Facing half to the left; depth is of somebody who faces half to the right.
+    body = observation(135, nose_m=math.nan, ears_m=math.nan)
+    wrong = {name: JointOffset(p.across_m, -p.along_m) for name, p in body.pairs.items()}
+    body = replace_fields(body, pairs=wrong)
+    assert found_deg(body) == pytest.approx(-135, abs=4)
+    flat = log_likelihood(body, FX, replace(CONFIG, use_depth=False))
+    assert at(flat, 135) == pytest.approx(at(flat, -135))
+
+
+def test_sigma_grows_where_the_network_is_not_confident_of_a_side() -> None:
+    # (0.6 / 0.3)^2 = 4.
+    assert sigma_factor(replace_fields(NOTHING, side=0.3), CONFIG) == pytest.approx(4.0)
+    assert (
+        sigma_factor(replace_fields(NOTHING, side=0.7), CONFIG)
+        == sigma_factor(NOTHING, CONFIG)
+        == 1.0
+    )
+
+
+# From images
+
+
+def scene(right_m: float = -0.3, hidden: bool = False) -> tuple[F32, U16]:
+    """Return keypoints and depth of somebody at 3 m whose right joints are so far to the right.
+
+    The right half of the body is 0.1 m farther than the left one, or somebody stands before it.
+    """
+    keypoints = np.zeros((17, 3), np.float32)
+    half_px = right_m / 2 * FX / 3
+    for left, right, share, v in ((5, 6, 1.0, 180), (11, 12, 0.6, 280)):
+        keypoints[left] = 320 - share * half_px, v, 0.8
+        keypoints[right] = 320 + share * half_px, v, 0.8
+    depth = np.full((481, 641), 3000, np.uint16)
+    side = np.s_[:, :320] if right_m < 0 else np.s_[:, 321:]
+    depth[side] = 1500 if hidden else 3100
+    return keypoints, depth
+
+
+def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> BodyObservation:
+    """Return the observation by a camera whose axis is turned so far from the body."""
+    info = replace(INFO, cx=INFO.cx + FX * math.tan(ray_rad))
+    return observe_body(keypoints, 3.0, DepthImage(depth, info), 0.3, CONFIG)
+
+
+def test_pairs_are_measured_from_the_line_of_sight() -> None:
+    keypoints, depth = scene()
+    body = observed(keypoints, depth)
+    assert body.pairs["shoulders"].across_m == pytest.approx(-0.3, abs=1e-6)
+    assert body.pairs["shoulders"].along_m == pytest.approx(0.1, abs=1e-6)
+    assert math.isnan(body.nose_m)
+    # Seen along a line 0.2 rad to the left: across 0.3 cos 0.2, and the left joint, which is to the
+    # right, is 0.3 sin 0.2 farther along that line, so the right one is nearer by that much:
+    # 0.1 / cos 0.2 + 0.3 sin 0.2 as the line goes through the middle of both.
+    body = observed(keypoints, depth, 0.2)
+    assert body.pairs["shoulders"].across_m == pytest.approx(-0.3 * math.cos(0.2), abs=1e-6)
+    expected_m = 0.1 / math.cos(0.2) + 0.3 * math.sin(0.2)
+    assert body.pairs["shoulders"].along_m == pytest.approx(expected_m, abs=1e-6)
+
+
+def test_hidden_joints_do_not_count() -> None:
+    keypoints, depth = scene(hidden=True)
+    body = observed(keypoints, depth)
+    assert all(math.isnan(pair.across_m) for pair in body.pairs.values())
+    keypoints, depth = scene()
+    keypoints[6, 0] = -50  # outside of the image
+    body = observed(keypoints, depth)
+    assert math.isnan(body.pairs["shoulders"].across_m)
+    # The line of sight is to the three joints inside of the image.
+    assert body.pairs["hips"].across_m == pytest.approx(-0.18, abs=2e-3)
+
+
+def test_a_mirrored_image_mirrors_the_angle() -> None:
+    keypoints, depth = scene()
+    mirrored = keypoints[MIRRORED].copy()
+    mirrored[:, 0] = 640 - mirrored[:, 0]
+    one = joint_yaw(keypoints, 3.0, DepthImage(depth, INFO), 0.3, CONFIG)
+    other = joint_yaw(mirrored, 3.0, DepthImage(depth[:, ::-1].copy(), INFO), 0.3, CONFIG)
+    assert one is not None
+    assert other is not None
+    assert one.rad == pytest.approx(-other.rad, abs=1e-6)
+    assert one.rad > math.radians(120)
+    assert one.sigma_rad == pytest.approx(other.sigma_rad)
+
+
+def test_an_empty_depth_image_gives_no_yaw_by_shoulders_and_hips() -> None:
+    keypoints, depth = scene()
+    assert joint_yaw(keypoints, 3.0, DepthImage(np.zeros_like(depth), INFO), 0.3, CONFIG) is None
+
+
+def replace_fields(body: BodyObservation, **changed: Any) -> BodyObservation:
+    return BodyObservation(**{f: getattr(body, f) for f in BodyObservation.__slots__} | changed)
