@@ -50,7 +50,7 @@ def gait(
             help="Any other setting: gait.cascade.depth.feature=spin, camera.max_frames=100.",
         ),
     ] = [],  # noqa: B006 (typer copies it)
-    video: Annotated[bool, typer.Option(help="Draw gait.mp4, which takes longest.")] = True,
+    video: Annotated[bool, typer.Option(help="Draw gait.webm, which takes longest.")] = True,
     figures: Annotated[
         bool, typer.Option(help="Draw figures; that takes matplotlib, the extra 'evaluate'.")
     ] = True,

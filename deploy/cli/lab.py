@@ -136,7 +136,7 @@ def render(
 def preview(
     scenario: ScenarioName,
     out: Annotated[
-        Path | None, typer.Option(help="A .png or .mp4 file; else a .png named as the scenario.")
+        Path | None, typer.Option(help="A .png or .webm file; else a .png named as the scenario.")
     ] = None,
     seed: Seed = None,
     every_s: Annotated[
@@ -154,14 +154,14 @@ def preview(
 
     plan = load_scenario(scenario)
     path = out or Path(f"{_stem(plan, seed)}.png")
-    writers = {".png": write_sheet, ".mp4": write_video}
+    writers = {".png": write_sheet, ".webm": write_video}
     if path.suffix not in writers:
-        raise ConfigError(f"--out: expected a .png or .mp4 file, got {path}")
+        raise ConfigError(f"--out: expected a .png or .webm file, got {path}")
     if path.exists():
         raise ConfigError(f"{path} exists already", "Remove it, or give another --out.")
     settings = FilmSettings(colour="drawn" if speed == "colour" else "flat", threads=cores())
     shown = Preview(Film(World(plan, seed), settings))
-    frames = shown.frames(every_s) if path.suffix == ".mp4" else shown.few_frames(every_s)
+    frames = shown.frames(every_s) if path.suffix == ".webm" else shown.few_frames(every_s)
     with interruptible("The preview is not complete."), progress() as report:
         writers[path.suffix](shown, frames, path, partial(report, "drawing"))
     typer.echo(f"Wrote {path}")

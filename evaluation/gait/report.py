@@ -127,7 +127,7 @@ class Report:
 
     def _record(self, camera: str, stamp_ns: int, image: U8) -> None:
         if self._draws_all:
-            self._video = self._video or VideoFile(self._folder / "gait.mp4")
+            self._video = self._video or VideoFile(self._folder / "gait.webm")
             self._video.write(AnnotatedFrame(camera, stamp_ns, image))
 
 

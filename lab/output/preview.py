@@ -11,6 +11,7 @@ from common.drawing.people import CameraView, annotate
 from common.drawing.strokes import put_label
 from common.drawing.tiles import Tile, grid, shrink
 from common.drawing.topdown import Trajectories, draw_map
+from common.drawing.video import open_video
 from lab.film import Film, flat
 from lab.frame_truth import person_views
 from lab.views import PersonView
@@ -117,13 +118,10 @@ def write_sheet(
 def write_video(
     preview: Preview, frames: Sequence[int], path: Path, progress: Callable[[float], object]
 ) -> None:
-    """Write an MP4 of frames that follow each other at an even distance; see `write_sheet`."""
+    """Write a video of frames that follow each other at an even distance; see `write_sheet`."""
     rate_hz = 1 / (preview.time_s(frames[1]) - preview.time_s(frames[0])) if len(frames) > 1 else 1
     width, height = preview.size
-    code = cv2.VideoWriter.fourcc(*"mp4v")
-    writer = cv2.VideoWriter(str(path), code, rate_hz, (width, height))
-    if not writer.isOpened():
-        raise SourceError(f"video {path} cannot be written", "Check the folder.")
+    writer = open_video(path, rate_hz, (width, height))
     for done, index in enumerate(frames, 1):
         writer.write(cv2.cvtColor(preview.picture(index), cv2.COLOR_RGB2BGR))
         progress(done / len(frames))

@@ -8,6 +8,7 @@ import cv2
 import msgspec
 import numpy as np
 
+from common.drawing.video import open_video
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8
 from services.report.output import AnnotatedFrame
@@ -46,7 +47,7 @@ class ReportFolder:
     def picture(self, picture: AnnotatedFrame) -> None:
         """Append a frame to the video of its camera."""
         if picture.camera not in self._videos:
-            self._videos[picture.camera] = VideoFile(self._path / f"people_{picture.camera}.mp4")
+            self._videos[picture.camera] = VideoFile(self._path / f"people_{picture.camera}.webm")
         self._videos[picture.camera].write(picture)
 
     def finish(self, sheet: U8, summary: RunSummary) -> None:
@@ -76,7 +77,7 @@ class ReportFolder:
 
 
 class VideoFile:
-    """An MP4 whose rate comes from the stamps of its first frames.
+    """A video whose rate comes from the stamps of its first frames.
 
     Args:
         path: The file.
@@ -87,9 +88,12 @@ class VideoFile:
         self._first: list[AnnotatedFrame] = []
         self._writer: cv2.VideoWriter | None = None
         self._size = (0, 0)
+        self._failed = False
 
     def write(self, picture: AnnotatedFrame) -> None:
         """Append a frame; one of another size than the first is scaled to it."""
+        if self._failed:
+            return
         if self._writer is None:
             self._first.append(picture)
             if len(self._first) >= RATE_FRAMES:
@@ -108,13 +112,15 @@ class VideoFile:
         height, width = self._first[0].image.shape[:2]
         self._size = width, height
         rate_hz = frame_rate_hz([picture.stamp_ns for picture in self._first])
-        code = cv2.VideoWriter.fourcc(*"mp4v")
-        self._writer = cv2.VideoWriter(str(self._path), code, rate_hz, self._size)
-        if not self._writer.isOpened():
-            log.warning("video %s cannot be written; the other files are", self._path)
-        for picture in self._first:
+        first, self._first = self._first, []
+        try:
+            self._writer = open_video(self._path, rate_hz, self._size)
+        except People4dError as error:
+            log.warning("%s; the other files are", error.problem)
+            self._failed = True
+            return
+        for picture in first:
             self._append(self._writer, picture.image)
-        self._first.clear()
 
     def _append(self, writer: cv2.VideoWriter, image: U8) -> None:
         bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)

@@ -83,7 +83,7 @@ def test_errors_can_be_chosen(tmp_path: Path) -> None:
     [
         (["render", "nothing"], "there is no scenario nothing. There are "),
         (["preview", "nothing"], "there is no scenario nothing. There are "),
-        (["preview", "two_easy", "--out", "p.gif"], "--out: expected a .png or .mp4 file"),
+        (["preview", "two_easy", "--out", "p.gif"], "--out: expected a .png or .webm file"),
         (["render", "two_easy", "--speed", "geometry", "--format", "ros2"], "no images for a ROS"),
         (["render", "two_easy", "--set", "sensor.noize_px=1"], "Did you mean noise_px?"),
         (["render", "two_easy", "--set", "sensor.noise_px=-1"], "noise_px: expected >= 0"),

@@ -49,7 +49,7 @@ def test_everybody_is_found_and_followed(tmp_path: Path) -> None:
         {row["person"] for row in rows}
     )
     assert rows_of(out / "steps.csv") == []
-    film = cv2.VideoCapture(os.fspath(out / "gait.mp4"))
+    film = cv2.VideoCapture(os.fspath(out / "gait.webm"))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 4
     assert cv2.imread(os.fspath(out / "frames.png")) is not None
 
@@ -65,7 +65,7 @@ def test_a_box_is_followed_by_colours(tmp_path: Path) -> None:
     # They stand 4.4 m before the camera, half a metre to its left.
     (head, *_) = (row for row in rows if row["point"] == "head")
     assert float(head["x_m"]) == pytest.approx(4.37, abs=0.3)
-    assert not (out / "gait.mp4").exists()
+    assert not (out / "gait.webm").exists()
     for name in ("paths_1.png", "steps_1.png", "frames.png"):
         assert cv2.imread(os.fspath(out / name)) is not None, name
 

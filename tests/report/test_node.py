@@ -144,11 +144,11 @@ def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert sorted(p.name for p in out.iterdir()) == [
         "contact_sheet.png",
-        "people_front.mp4",
+        "people_front.webm",
         "summary.json",
         "summary.txt",
     ]
-    video = cv2.VideoCapture(str(out / "people_front.mp4"))
+    video = cv2.VideoCapture(str(out / "people_front.webm"))
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 25
     assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
     assert json.loads((out / "summary.json").read_text())["frames_tracked"] == 25
@@ -158,7 +158,7 @@ def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_run_shorter_than_the_rate_takes_is_a_video_too(tmp_path: Path) -> None:
     run(ReportNode(ReportConfig(), ReportFolder(tmp_path)), *stream(3))
-    video = cv2.VideoCapture(str(tmp_path / "people_front.mp4"))
+    video = cv2.VideoCapture(str(tmp_path / "people_front.webm"))
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 3
 
 
