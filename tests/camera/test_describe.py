@@ -1,13 +1,16 @@
-"""What a recording holds."""
+"""Descriptions of recordings, bags and folders."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from common.io.recording import RecordingWriter
 from people4d.errors import SourceError
+from services.camera.calibration import Intrinsics, camera_info
 from services.camera.describe import describe
 from tests.camera.folder.test_folder import numbered
+from tests.camera.memory import SIZE
 from tests.camera.ros.bags import COLOUR, DEPTH, INFO, Ros, frames
 from tests.camera.test_sources import recorded
 
@@ -73,3 +76,11 @@ def test_recording_that_is_cut_short(tmp_path: Path) -> None:
     data = file.read_bytes()
     file.write_bytes(data[: data.rindex(b"CompressedRgbdFrame") + 100])
     assert describe(file).cut_short
+
+
+def test_recording_without_frames_is_described_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path) as writer:
+        writer.write(camera_info(Intrinsics(fx=10, fy=10, cx=4, cy=3), SIZE), 0)
+    found = describe(path)
+    assert (found.frames, found.problem) == (0, "it has no frames")

@@ -394,7 +394,7 @@ def test_configuration_is_checked(settings: dict[str, object]) -> None:
         with_(**settings)
 
 
-def test_frames_that_all_have_another_size_are_told_at_the_end() -> None:
+def test_frames_of_wrong_size_are_reported_at_the_end() -> None:
     # The source's calibration says another size than its one capture has.
     source = MemorySource([capture(0)])
     source.info = msgspec.structs.replace(source.info, width=source.info.width + 1)

@@ -1,4 +1,4 @@
-"""Which part is played, and when."""
+"""Selection and pacing of playback."""
 
 import pytest
 

@@ -12,7 +12,7 @@ from people4d.errors import ConfigError, SourceError
 from people4d.messages import CompressedRgbdFrame, Odometry, RgbdFrame
 from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
-from services.camera.recording import RecordingSource
+from services.camera.recording import DEPTH_SENSORS, RecordingSource
 from services.camera.ros.source import RosbagSource
 from services.camera.source import Source, SourceFrame
 from services.camera.sources import SOURCES, kind_of, open_source
@@ -108,7 +108,7 @@ def test_damaged_frame_in_a_recording_is_counted(tmp_path: Path) -> None:
     assert source.counters["bad_images"] == 1
 
 
-def test_the_path_tells_the_kind(tmp_path: Path) -> None:
+def test_kind_follows_from_the_path(tmp_path: Path) -> None:
     ros2 = Ros(2)
     folder = ros2.write(tmp_path / "ros2_mcap", frames(ros2))
     ros1 = Ros(1)
@@ -124,7 +124,7 @@ def test_the_path_tells_the_kind(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "data", "told"),
+    ("name", "data", "message"),
     [
         ("a.mcap", b"", "not an MCAP file"),
         ("a.mcap", b"\x89MCAP0\r\n\x01", "not an MCAP file"),
@@ -134,9 +134,11 @@ def test_the_path_tells_the_kind(tmp_path: Path) -> None:
         ("a.mp4", b"junk", "is not a known kind of recording"),
     ],
 )
-def test_junk_is_refused_in_one_sentence(tmp_path: Path, name: str, data: bytes, told: str) -> None:
+def test_junk_is_refused_in_one_sentence(
+    tmp_path: Path, name: str, data: bytes, message: str
+) -> None:
     (tmp_path / name).write_bytes(data)
-    with pytest.raises(SourceError, match=told):
+    with pytest.raises(SourceError, match=message):
         open_source(str(tmp_path / name))
 
 
@@ -173,3 +175,17 @@ def test_realsense_example_is_a_complete_source() -> None:
     assigned = {ast.unparse(n.targets[0]) for n in ast.walk(kind) if isinstance(n, ast.Assign)}
     assert {"live", "self.info"} <= assigned
     assert not any(module.startswith("pyrealsense2") for module in sys.modules)
+
+
+def test_absent_lab_is_reported_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path) as writer:
+        writer.write_metadata("lab", {"depth": "clean"})
+        for _, message in open_recording(recorded(tmp_path / "b.mcap")).messages():
+            writer.write(message, 1)
+    monkeypatch.setitem(DEPTH_SENSORS, "lab", "absent.lab:depth_sensor_of")
+    with pytest.raises(SourceError, match=r"No module named 'absent'.*options.depth_sensor=off"):
+        open_source(str(path))
+    open_source(str(path), options={"depth_sensor": "off"})

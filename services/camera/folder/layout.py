@@ -1,4 +1,4 @@
-"""Which files of a folder belong together, and when they were taken."""
+"""Pairs of colour and depth files in a folder, and their times."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -31,7 +31,7 @@ class ImagePair:
 
 @dataclass(frozen=True)
 class FolderLayout:
-    """The frames of a folder, and the files that found no partner."""
+    """Image pairs of a folder, and the number of files without a partner."""
 
     pairs: Sequence[ImagePair]
     unpaired: int
@@ -42,7 +42,7 @@ def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> Fo
 
     Args:
         folder: The folder.
-        patterns: Of colour and of depth, relative to the folder; empty: try the usual ones.
+        patterns: Of colour and of depth, relative to the folder; empty: the usual ones.
         stamps: Times of the frames in seconds, in the order of their numbers; or frames a second.
 
     Raises:
@@ -68,7 +68,7 @@ def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> Fo
 
 
 def listed(folder: Path, slop_s: float) -> FolderLayout:
-    """ImagePair the files that rgb.txt and depth.txt list with their times, as TUM's data sets do.
+    """ImagePair the files that rgb.txt and depth.txt list with their times, as data sets of TUM do.
 
     Args:
         folder: The folder.
@@ -102,7 +102,7 @@ def wheel_odometry(times_s: F64, poses: F64) -> list[Odometry]:
 
     Args:
         times_s: N times.
-        poses: Nx3: x, y in metres, heading in radians.
+        poses: Nx3: x, y in metres, yaw in radians.
 
     Raises:
         SourceError: The shapes differ, or a number is not finite.
@@ -177,8 +177,8 @@ def _read_list(folder: Path, file: str) -> list[tuple[int, Path]]:
         try:
             seconds, name = words[:2]
             # Split, so that nanoseconds survive: a float holds only 16 digits.
-            whole, _, part = seconds.partition(".")
-            stamp_ns = int(whole) * 10**9 + int(f"{part[:9]:0<9}")
+            integer, _, fraction = seconds.partition(".")
+            stamp_ns = int(integer) * 10**9 + int(f"{fraction[:9]:0<9}")
             if abs(stamp_ns) > MAX_TIME_S * 10**9:
                 raise ValueError("the time is too large")
         except ValueError as error:

@@ -1,7 +1,7 @@
-"""Numbers from MATLAB files (version 5 to 7) that are not trusted.
+"""Numbers from untrusted MATLAB files (version 5 to 7).
 
-SciPy's reader allocates what a file says before it reads what there is, and some damaged files end
-the process. Here a matrix has the bytes that it needs or is refused.
+SciPy's reader allocates the declared size before it reads, and some damaged files end the process.
+Here a matrix has the bytes that it needs or is refused.
 
 Source: MAT-File Format, The MathWorks, level 5.
 """
@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from common.io.files import read_bytes
 
-MAX_BYTES = 64 * 2**20  # of the file, and of what is packed in it
-MAX_DEPTH = 8  # of structures in structures
+MAX_BYTES = 64 * 2**20  # of the file, and of its unpacked contents
+MAX_DEPTH = 8  # of nested structures
 HEADER_BYTES = 128
 MATRIX, PACKED = 14, 15  # types of data elements
 STRUCT = 2  # class of a matrix
@@ -34,18 +34,18 @@ _TAG = struct.Struct("<II")
 
 
 def read_mat(path: Path, names: Sequence[str] | None = None) -> Mapping[str, Value]:
-    """Read arrays of numbers, and structures of them; text, cells and objects are passed over.
+    """Read arrays of numbers, and structures of them; text, cells and objects are skipped.
 
     Args:
         path: The file.
-        names: Those wanted; None for all.
+        names: Of the arrays to read; None for all.
 
     Returns:
         Arrays by name; a structure is a dictionary of its fields.
 
     Raises:
         OSError: The file cannot be read, or is too large.
-        ValueError: It is no such file, or is damaged.
+        ValueError: It is not such a file, or is damaged.
     """
     data = read_bytes(path, MAX_BYTES)
     if len(data) < HEADER_BYTES or data[124:128] != b"\x00\x01IM":
@@ -81,7 +81,7 @@ def _elements(data: bytes) -> Iterator[tuple[int, bytes]]:
     position = 0
     while position < len(data):
         if position + 8 > len(data):
-            raise ValueError("it is cut")
+            raise ValueError("it is truncated")
         kind, size = _TAG.unpack_from(data, position)
         if kind >> 16:  # a small element: size and up to four bytes within the tag
             kind, size, start, step = kind & 0xFFFF, kind >> 16, position + 4, 8
@@ -89,7 +89,7 @@ def _elements(data: bytes) -> Iterator[tuple[int, bytes]]:
             # Packed elements are not padded to eight bytes.
             start, step = position + 8, 8 + (size if kind == PACKED else -(-size // 8) * 8)
         if start + size > len(data) or (start == position + 4 and size > 4):
-            raise ValueError("it is cut")
+            raise ValueError("it is truncated")
         yield kind, data[start : start + size]
         position += step
 
@@ -106,13 +106,13 @@ def _matrix(kind: int, body: bytes, depth: int) -> tuple[str, Value | None]:
     flags, dimensions, name, *rest = parts
     if not depth or len(flags[1]) != 8 or len(dimensions[1]) % 4 or len(dimensions[1]) > 128:
         raise ValueError("a matrix is damaged")
-    told, marks = flags[1][0], flags[1][1]
+    matrix_class, bits = flags[1][0], flags[1][1]
     shape = struct.unpack(f"<{len(dimensions[1]) // 4}i", dimensions[1])
     text = name[1].decode("latin-1")
-    if told == STRUCT and math.prod(shape) == 1 and min(shape) == 1:
+    if matrix_class == STRUCT and math.prod(shape) == 1 and min(shape) == 1:
         return text, _structure(rest, depth)
-    if told in CLASSES and not marks & COMPLEX and len(rest) == 1:
-        return text, _numbers(shape, CLASSES[told], *rest[0])
+    if matrix_class in CLASSES and not bits & COMPLEX and len(rest) == 1:
+        return text, _numbers(shape, CLASSES[matrix_class], *rest[0])
     return text, None
 
 
@@ -121,7 +121,7 @@ def _numbers(shape: tuple[int, ...], wanted: str, kind: int, data: bytes) -> npt
         raise ValueError(f"a matrix has numbers of type {kind}")
     stored = np.dtype(STORED[kind]).newbyteorder("<")
     if min(shape, default=-1) < 0 or math.prod(shape) * stored.itemsize != len(data):
-        raise ValueError(f"a matrix of {shape[:4]} is told in {len(data)} bytes")
+        raise ValueError(f"a matrix of {shape[:4]} cannot be in {len(data)} bytes")
     return np.frombuffer(data, stored).reshape(shape, order="F").astype(wanted)
 
 

@@ -7,14 +7,14 @@ T = TypeVar("T")
 
 Stream = Literal["colour", "depth"]
 
-MAX_WAITING = 60  # images of one stream that wait for the other: two seconds at 30 Hz
+MAX_WAITING = 60  # images of one stream without the other: two seconds at 30 Hz
 
 
 class Pairing(Generic[T]):
     """Pairs each colour image with the depth image nearest in time, none used twice.
 
-    A pair is given out when no later image can be nearer: on an exact match at once, else when
-    the earlier stream has moved on. So a lost image costs one pair and shifts no other.
+    A pair is returned when no later image can be nearer: on an exact match at once, else with the
+    next image of the earlier stream. So a lost image costs one pair and shifts no other.
 
     Args:
         slop_ns: Largest distance in time of a pair.
@@ -27,15 +27,15 @@ class Pairing(Generic[T]):
             "depth": deque(),
         }
         self._arrivals = 0
-        self.unpaired = 0  # images that found no partner
+        self.unpaired = 0  # images without a partner
 
     def add(self, stream: Stream, stamp_ns: int, image: T) -> list[tuple[T, T]]:
-        """Take one image and return the pairs that are now certain.
+        """Add one image and return the pairs that are now final.
 
         Args:
             stream: "colour" or "depth".
             stamp_ns: Acquisition time.
-            image: The image, in whatever form.
+            image: The image, in any form.
 
         Returns:
             Pairs of colour and depth, oldest first.
@@ -45,17 +45,17 @@ class Pairing(Generic[T]):
         waiting.append((stamp_ns, self._arrivals, image))
         if len(waiting) > MAX_WAITING:
             self._drop(stream)
-        return self._certain(ended=False)
+        return self._final_pairs(ended=False)
 
     def flush(self) -> list[tuple[T, T]]:
-        """Return the pairs left at the end and forget the rest."""
-        pairs = self._certain(ended=True)
+        """Return the last pairs and drop the rest."""
+        pairs = self._final_pairs(ended=True)
         for stream, waiting in self._waiting.items():
             while waiting:
                 self._drop(stream)
         return pairs
 
-    def _certain(self, ended: bool) -> list[tuple[T, T]]:
+    def _final_pairs(self, ended: bool) -> list[tuple[T, T]]:
         pairs: list[tuple[T, T]] = []
         colours, depths = self._waiting["colour"], self._waiting["depth"]
         while colours and depths:

@@ -10,11 +10,13 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from common.config import Config
 from common.io.files import read_bytes
 from common.io.image_header import MAX_FILE_BYTES, image_size
 from common.io.npz import read_arrays
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, U8, U16, Odometry
+from people4d.messages.base import NonNegative, Positive
 from services.camera.calibration import (
     Calibration,
     Intrinsics,
@@ -35,20 +37,20 @@ from services.camera.folder.layout import (
 from services.camera.folder.mat_file import read_mat
 from services.camera.source import Source, SourceFrame
 
-# Looked for in the folder, first come first served, where no calibration is configured.
+# Calibration files, the first in the folder counts, unless one is configured.
 CALIBRATIONS = ("camera.toml", "camera.json", "camera_info.yaml", "gt.npz", "CalibrationData.mat")
 TRACK = "gt.npz"
 
 
-class FolderOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What can be chosen in a folder of images."""
+class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Options of a folder of images."""
 
     colour: str = ""  # pattern of the colour images, "rgb/*.jpg"; empty: the usual ones
     depth: str = ""  # pattern of the depth images or .mat files
-    fps: float = 30.0  # [Hz] of numbered pairs that come without times
-    track: str = ""  # NPZ with times `t` [s] and `odom`; empty: gt.npz in the folder if it is there
-    sync_slop_s: float = 0.02  # [s] largest distance in time of pairs from lists; TUM's own value
-    depth_scale: float = 0.0  # depth units in a metre; 0: 5000 with TUM's lists, else 1000
+    fps: Positive = 30.0  # [Hz] of numbered pairs without times
+    track: str = ""  # NPZ with times `t` [s] and `odom`; empty: gt.npz in the folder
+    sync_slop_s: NonNegative = 0.02  # [s] largest distance in time of pairs from lists; of TUM
+    depth_scale: NonNegative = 0.0  # depth units in a metre; 0: 5000 with TUM's lists, else 1000
     mat_array: str = "depth_array"  # name of the depth image in .mat files
     calibration: str = ""  # calibration file; empty: one of the usual names in the folder
     mat: MatNames = MatNames()  # names in a calibration .mat
@@ -57,18 +59,6 @@ class FolderOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     rotation: tuple[tuple[float, float, float], ...] | None = None  # 3x3, colour_from_depth
     translation_m: tuple[float, float, float] | None = None  # [m] colour_from_depth
     depth_offset_px: tuple[float, float] | None = None  # [px] u, v, see Registration
-
-    def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            ValueError: A number is out of range.
-        """
-        if self.fps <= 0 or self.depth_scale < 0 or self.sync_slop_s < 0:
-            raise ValueError(
-                "fps, depth_scale, sync_slop_s: expected > 0, >= 0, >= 0, got "
-                f"{self.fps}, {self.depth_scale}, {self.sync_slop_s}"
-            )
 
 
 class FolderSource(Source):
@@ -123,11 +113,11 @@ class FolderSource(Source):
 
     @property
     def has_odometry(self) -> bool:
-        """Whether the folder brings wheel odometry."""
+        """The folder has wheel odometry."""
         return bool(self._odometry)
 
     def _first(self) -> tuple[U8, U16]:
-        """Return the first pair that can be read; it tells the size."""
+        """Return the first readable pair, which determines the size."""
         for pair in self.pairs:
             try:
                 return self._read(pair)
@@ -136,11 +126,11 @@ class FolderSource(Source):
         raise reason
 
     def _read(self, pair: ImagePair) -> tuple[U8, U16]:
-        rgb = _read_picture(pair.colour, cv2.IMREAD_COLOR_RGB)
+        rgb = _read_image(pair.colour, cv2.IMREAD_COLOR_RGB)
         if pair.depth.suffix == ".mat":
             depth = _read_mat(pair.depth, self._options.mat_array)
         else:
-            depth = _read_picture(pair.depth, cv2.IMREAD_UNCHANGED)
+            depth = _read_image(pair.depth, cv2.IMREAD_UNCHANGED)
         if depth.ndim != 2 or depth.dtype != np.uint16:
             raise SourceError(
                 f"{pair.depth}: expected 16 bits grey, got {depth.dtype} of shape {depth.shape}"
@@ -162,7 +152,7 @@ def _layout(path: Path, options: FolderOptions, tum: bool, times_s: F64 | None) 
 
 
 def _track(path: Path, options: FolderOptions) -> tuple[F64 | None, list[Odometry]]:
-    """Read times and odometry from an NPZ; nothing where there is none."""
+    """Read times and odometry from an NPZ, if there is one."""
     file = Path(options.track) if options.track else path / TRACK
     if not options.track and not file.is_file():
         return None, []
@@ -176,7 +166,7 @@ def _track(path: Path, options: FolderOptions) -> tuple[F64 | None, list[Odometr
 
 
 def _calibration(path: Path, options: FolderOptions) -> Calibration:
-    """Read the calibration file, then let the options overrule it."""
+    """Read the calibration file and apply the options to it."""
     files = [Path(options.calibration)] if options.calibration else []
     files += [path / name for name in CALIBRATIONS if (path / name).is_file()]
     calibration = read_calibration(files[0], options.mat) if files else Calibration()
@@ -198,17 +188,17 @@ def _calibration(path: Path, options: FolderOptions) -> Calibration:
     return calibration
 
 
-def _read_picture(path: Path, flags: int) -> npt.NDArray[Any]:
+def _read_image(path: Path, flags: int) -> npt.NDArray[Any]:
     try:
-        if not path.is_file():  # to open a pipe would wait for ever
+        if not path.is_file():  # opening a pipe would block
             raise SourceError(f"{path} is not a file")
         data = read_bytes(path, MAX_FILE_BYTES)
         image_size(data)
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except (OSError, DecodeError, cv2.error) as error:
-        raise SourceError(f"{path} is not an image that can be read: {error}") from error
+        raise SourceError(f"{path} is not a readable image: {error}") from error
     if image is None:
-        raise SourceError(f"{path} is not an image that can be read")
+        raise SourceError(f"{path} is not a readable image")
     return image
 
 

@@ -150,7 +150,7 @@ def test_damaged_images_are_counted_and_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("{", "is not valid"),
         ('{"fx": 10}', "missing required field"),
@@ -160,10 +160,10 @@ def test_damaged_images_are_counted_and_left_out(tmp_path: Path) -> None:
         (json.dumps({"depth": LENS}), "has no calibration"),
     ],
 )
-def test_calibration_that_can_not_be_used(tmp_path: Path, text: str, told: str) -> None:
+def test_calibration_that_can_not_be_used(tmp_path: Path, text: str, message: str) -> None:
     numbered(tmp_path)
     (tmp_path / "camera.json").write_text(text)
-    with pytest.raises(SourceError, match=told):
+    with pytest.raises(SourceError, match=message):
         FolderSource(tmp_path, FolderOptions())
 
 
@@ -234,7 +234,7 @@ def test_a_list_does_not_lead_out_of_its_folder(tmp_path: Path) -> None:
             )
 
 
-def test_a_linked_picture_does_not_lead_out_of_its_folder(tmp_path: Path) -> None:
+def test_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
     folder = numbered(tmp_path / "folder", (1, 2))
     put(tmp_path / "secret.png", 1, depth=False)
     (folder / "rgb/frame_2.png").unlink()
@@ -258,7 +258,7 @@ def test_a_time_that_no_stamp_can_hold_is_refused(tmp_path: Path) -> None:
         FolderSource(folder, FolderOptions())
 
 
-def test_a_pipe_or_a_huge_picture_among_the_images_is_counted(tmp_path: Path) -> None:
+def test_pipe_or_huge_image_is_counted_as_bad(tmp_path: Path) -> None:
     folder = numbered(tmp_path, (1, 2, 3, 4))
     source = FolderSource(folder, FolderOptions())
     (folder / "rgb/frame_2.png").unlink()

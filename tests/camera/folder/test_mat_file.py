@@ -18,9 +18,9 @@ def element(kind: int, body: bytes) -> bytes:
     return struct.pack("<II", kind, len(body)) + body + bytes(-len(body) % 8)
 
 
-def matrix(told: int, shape: tuple[int, ...], *rest: bytes) -> bytes:
+def matrix(matrix_class: int, shape: tuple[int, ...], *rest: bytes) -> bytes:
     parts = [
-        element(6, struct.pack("<II", told, 0)),
+        element(6, struct.pack("<II", matrix_class, 0)),
         element(5, struct.pack(f"<{len(shape)}i", *shape)),
         element(1, b"a"),
         *rest,
@@ -64,24 +64,24 @@ NUMBER = matrix(6, (1, 1), element(9, bytes(8)))
 
 
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "message"),
     [
-        (matrix(6, (100_000, 20_000), element(9, bytes(8))), "is told in 8 bytes"),
-        (matrix(6, (-1, 4), element(9, b"")), "is told in"),
+        (matrix(6, (100_000, 20_000), element(9, bytes(8))), "cannot be in 8 bytes"),
+        (matrix(6, (-1, 4), element(9, b"")), "cannot be in"),
         (matrix(6, (1, 1), element(99, bytes(8))), "numbers of type 99"),
         (matrix(2, (1, 1), element(5, b"\1\0\0\0"), element(1, b"")), "other names than values"),
         (matrix(2, (1, 1), element(5, b"\2\0\0\0"), element(1, b"a\0b\0"), NUMBER), "other names"),
         (element(9, bytes(8)), "where a matrix should be"),
-        (matrix(6, (1, 1))[:-4], "cut"),
-        (struct.pack("<II", 14, 2**32 - 1), "cut"),
+        (matrix(6, (1, 1))[:-4], "truncated"),
+        (struct.pack("<II", 14, 2**32 - 1), "truncated"),
         (packed(bytes(80 * 2**20)), "unpacks to more"),
         (struct.pack("<II", 15, 9) + b"not packed", "cut|damaged"),
     ],
 )
-def test_what_says_more_than_it_holds_is_refused(body: bytes, told: str, tmp_path: Path) -> None:
+def test_matrix_larger_than_its_data_is_refused(body: bytes, message: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(HEADER + body)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         read_mat(path)
 
 

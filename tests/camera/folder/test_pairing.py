@@ -38,7 +38,7 @@ def test_lost_colour_image() -> None:
     assert found == [(0, 5), (66, 71), (99, 104)]
 
 
-def test_depth_twice_as_fast_takes_the_nearer_one() -> None:
+def test_colour_pairs_with_the_nearer_of_two_depth_images() -> None:
     assert paired([0, 40, 80], [2, 22, 42, 62, 82]).unpaired == 2
     assert found == [(0, 2), (40, 42), (80, 82)]
 

@@ -76,8 +76,10 @@ def test_lens_distortion_is_that_of_opencv() -> None:
     matrix = np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]])
     for coefficients in (k[:4], k[:5], k):
         register = Registration(info(), info(640, 480, 600.0, coefficients), IDENTITY)
-        seen, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.array(coefficients))
-        expected = {(y, x) for x, y in np.rint(seen[:, 0]).astype(int).tolist()}
+        pixels, _ = cv2.projectPoints(
+            rays, np.zeros(3), np.zeros(3), matrix, np.array(coefficients)
+        )
+        expected = {(y, x) for x, y in np.rint(pixels[:, 0]).astype(int).tolist()}
         inside = {(y, x) for y, x in expected if 0 <= y < 480 and 0 <= x < 640}
         assert {(y, x) for y, x in np.argwhere(register(depth)).tolist()} == inside
 

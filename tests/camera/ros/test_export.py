@@ -203,7 +203,7 @@ def test_truth_comes_back_with_its_yaw(recording: Path, tmp_path: Path) -> None:
         assert np.array_equal(got.people[0].velocity_mps, want.people[0].velocity_mps)  # type: ignore[arg-type]
 
 
-def test_a_bag_that_exists_is_kept(recording: Path, tmp_path: Path) -> None:
+def test_existing_bag_is_not_overwritten(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "bag").mkdir()
     with pytest.raises(SourceError, match="exists already"):
         export(recording, tmp_path / "bag")

@@ -1,4 +1,4 @@
-"""Odometry, wheels and transforms that ROS 2 tells now: bytes, good and bad, and the whole way."""
+"""Live odometry, wheels and transforms of ROS 2: valid and damaged bytes, end to end."""
 
 import math
 import random
@@ -103,18 +103,18 @@ def test_bad_bytes_raise_nothing_but_decode_error(
         damaged[rng.randrange(len(good))] = rng.randrange(256)
         bad.append(bytes(damaged))
     bad.append(good + bytes(2**20))
-    told = []
+    problems = []
     for payload in bad:
         try:
             message = topic.decode(payload)  # some damage is another number
         except DecodeError as error:
-            told.append(str(error))
+            problems.append(str(error))
         else:
             assert type(message) is topic.message
             motion.convert(message, ["b", "c"])
-    assert len(told) > 300
-    assert max(map(len, told)) < 300
-    assert "at most 1048576 bytes" in told[-1]
+    assert len(problems) > 300
+    assert max(map(len, problems)) < 300
+    assert "at most 1048576 bytes" in problems[-1]
 
 
 def test_what_has_no_time_is_refused() -> None:
@@ -156,9 +156,9 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
         ("odom", "base_link", (1, -2, 0), NO_TURN),
         ("map", "odom", (5, 0, 0), NO_TURN),
     ]
-    told = taken("tf", transforms(S, *items))
-    assert all(isinstance(message, MovingTransform) for message in told)
-    names = [(m.parent, m.child, m.sequence) for m in told if isinstance(m, MovingTransform)]
+    messages = taken("tf", transforms(S, *items))
+    assert all(isinstance(message, MovingTransform) for message in messages)
+    names = [(m.parent, m.child, m.sequence) for m in messages if isinstance(m, MovingTransform)]
     assert names == [("pan", "tilt", 0), ("base_link", "pan", 1), ("map", "odom", 2)]
     (fixed,) = taken("tf_static", transforms(0, ("tilt", "camera", (0, 0, 0), NO_TURN)))
     assert isinstance(fixed, StaticTransform)
@@ -166,20 +166,20 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
     assert motion.counters["other_transforms"] == 2
     # Together they tell where the camera is.
     known = TransformBuffer(TransformBufferConfig())
-    for message in (base, *told, fixed):
+    for message in (base, *messages, fixed):
         assert isinstance(message, Odometry | MovingTransform | StaticTransform)
         known.add(message)
-    place = known.lookup("map", "camera", S)
-    assert place is not None
+    pose = known.lookup("map", "camera", S)
+    assert pose is not None
     # 5 + 1 ahead; 2 to the right, since pan and tilt only turn; 1 + 0.1 up.
-    assert place.matrix[:3, 3] == pytest.approx([6, -2, 1.1])
+    assert pose.matrix[:3, 3] == pytest.approx([6, -2, 1.1])
 
 
 def test_clock_offset_and_numbers() -> None:
     motion = LiveMotion(MotionConfig(odometry="zenoh:odom", offset_s=-0.1))
     (topic,) = motion.topics
-    told = [motion.convert(topic.decode(odometry(S + k)), [])[0] for k in range(3)]
-    assert [(m.stamp_ns - S, m.sequence) for m in told] == [(k - S // 10, k) for k in range(3)]
+    messages = [motion.convert(topic.decode(odometry(S + k)), [])[0] for k in range(3)]
+    assert [(m.stamp_ns - S, m.sequence) for m in messages] == [(k - S // 10, k) for k in range(3)]
 
 
 def test_wheels_that_are_joints_make_odometry() -> None:

@@ -1,4 +1,4 @@
-"""What moves in a bag: pan-tilt cameras by /tf, wheels that nobody made odometry of."""
+"""Motion in a bag: pan-tilt cameras in /tf, and odometry from wheels."""
 
 import dataclasses
 import math
@@ -41,13 +41,13 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
 
 def tf(ros: Ros, stamp_ns: int, *items: tuple[str, str, Sequence[float], Sequence[float]]) -> Any:
     """One message of several transforms."""
-    told = [
+    stamped = [
         dataclasses.replace(
             ros.transform(*item).transforms[0], header=ros.header(stamp_ns, item[0])
         )
         for item in items
     ]
-    return ros.make(TF_TYPE, transforms=told)
+    return ros.make(TF_TYPE, transforms=stamped)
 
 
 def pan_tilt(ros: Ros, with_odometry: bool = True) -> list[Entry]:
@@ -73,12 +73,12 @@ def pan_tilt(ros: Ros, with_odometry: bool = True) -> list[Entry]:
         )
         entries.append(("/tf", TF_TYPE, stamp_ns + 1000, moved))
         if with_odometry:
-            told = ros.odometry(0.5 * k, 0.0, 0.0, stamp_ns)
-            entries.append((ODOMETRY, "nav_msgs/msg/Odometry", stamp_ns, told))
+            message = ros.odometry(0.5 * k, 0.0, 0.0, stamp_ns)
+            entries.append((ODOMETRY, "nav_msgs/msg/Odometry", stamp_ns, message))
     return sorted(entries, key=lambda entry: entry[2])
 
 
-def placed(source: RosbagSource, target: str, stamp_ns: int) -> F64:
+def pose_in(source: RosbagSource, target: str, stamp_ns: int) -> F64:
     """Return where the camera is by all that the source tells."""
     known = TransformBuffer(TransformBufferConfig())
     for message in source.transforms:
@@ -114,16 +114,16 @@ def test_a_pan_tilt_camera_is_where_the_chain_says(
         ("base_link", "neck"),
     ]
     for steps in (0, 1, 2.5):  # between samples, too
-        got = placed(source, "odom", S + round(steps * S / 10))
+        got = pose_in(source, "odom", S + round(steps * S / 10))
         np.testing.assert_allclose(got, expected(steps), atol=1e-6)
-    told = [(m.parent, m.child) for m in source if isinstance(m, MovingTransform)]
+    moving = [(m.parent, m.child) for m in source if isinstance(m, MovingTransform)]
     head, base = {("neck", "pan"), ("pan", "tilt")}, {("odom", "base_link")}
-    assert set(told) == (
+    assert set(moving) == (
         head if with_odometry else head | base
     )  # odometry tells it once, not twice
 
 
-def test_a_bag_whose_map_is_told_by_tf_is_played_in_the_map(tmp_path: Path) -> None:
+def test_camera_with_a_tf_path_to_map_is_mounted_in_map(tmp_path: Path) -> None:
     # The world lies 5 m behind odom's origin, as localisation says.
     ros = Ros(2)
     entries = pan_tilt(ros)
@@ -131,7 +131,7 @@ def test_a_bag_whose_map_is_told_by_tf_is_played_in_the_map(tmp_path: Path) -> N
         there = tf(ros, S + k * S // 10, ("world", "odom", (5, 0, 0), NO_TURN))
         entries.append(("/tf", TF_TYPE, 2 * S, there))
     source = RosbagSource(ros.write(tmp_path / "bag", entries), RosbagOptions(map_frame="world"))
-    got = placed(source, "map", S + S // 10)
+    got = pose_in(source, "map", S + S // 10)
     np.testing.assert_allclose(got, transform_from((5, 0, 0), np.eye(3)) @ expected(1), atol=1e-6)
 
 
@@ -221,10 +221,10 @@ def test_wheels_that_are_joints(tmp_path: Path, version: int, name: str) -> None
     # Wheels of 0.05 m turn by 2 rad: 0.1 m ahead. Then the right one by 2 rad: 0.1 m over
     # the track of 0.2 m is 0.5 rad to the left.
     ros = Ros(version)
-    told = [(0.0, 0.0), (2.0, 2.0), (2.0, 4.0)]
+    positions = [(0.0, 0.0), (2.0, 2.0), (2.0, 4.0)]
     entries = [
         ("/joint_states", JOINT_TYPE, S + k, joints(ros, S + k * S // 10, *sides))
-        for k, sides in enumerate(told)
+        for k, sides in enumerate(positions)
     ]
     path = ros.write(tmp_path / name, [*frames(ros), *entries])
     wheels = JointConfig(radius_m=0.05, track_m=0.2)

@@ -142,7 +142,7 @@ def test_depth_of_another_camera_is_registered_by_the_bags_own_transforms(tmp_pa
     assert aligned.depth_mm.min() == 1000
 
 
-def test_depth_that_can_not_be_placed_is_refused(tmp_path: Path) -> None:
+def test_depth_that_cannot_be_registered_is_refused(tmp_path: Path) -> None:
     ros = Ros(2)
     entries: list[Entry] = [
         (INFO, "sensor_msgs/msg/CameraInfo", 1, ros.camera_info()),
@@ -220,14 +220,14 @@ def test_cut_and_damaged_bags_end_in_one_sentence(tmp_path: Path, version: int, 
     ros = Ros(version)
     path = ros.write(tmp_path / name, frames(ros))
     file = path if path.is_file() else max(path.iterdir(), key=lambda f: f.stat().st_size)
-    whole = file.read_bytes()
+    data = file.read_bytes()
     generator = np.random.default_rng(0)
     for share in (0.0, 0.1, 0.5, 0.9, 0.999):
-        file.write_bytes(whole[: int(len(whole) * share)])
+        file.write_bytes(data[: int(len(data) * share)])
         play_or_refuse(path)
     for _ in range(30):
-        damaged = bytearray(whole)
-        for position in generator.integers(0, len(whole), 20):
+        damaged = bytearray(data)
+        for position in generator.integers(0, len(data), 20):
             damaged[position] = generator.integers(256)
         file.write_bytes(bytes(damaged))
         play_or_refuse(path)
@@ -235,14 +235,14 @@ def test_cut_and_damaged_bags_end_in_one_sentence(tmp_path: Path, version: int, 
 
 def play_or_refuse(path: Path) -> None:
     """A damaged bag gives frames of the right kind or a SourceError, and nothing else."""
-    told = ""
+    problem = ""
     try:
         for capture in captures(RosbagSource(path, RosbagOptions())):
             assert capture.rgb.dtype == np.uint8
             assert capture.depth_mm.ndim == 2
     except SourceError as error:
-        told = str(error)
-    assert "\n" not in told
+        problem = str(error)
+    assert "\n" not in problem
 
 
 def test_registered_bags_of_a_service_robot(shared: Path) -> None:
@@ -258,5 +258,5 @@ def test_registered_bags_of_a_service_robot(shared: Path) -> None:
         assert valid.min() > 400
         assert valid.max() < 10_000
         assert source.info.fx == pytest.approx(537.03, abs=0.01)
-        # Colour and depth are 0.11 to 0.34 s apart in these bags: paired, and told.
+        # Colour and depth are 0.11 to 0.34 s apart in these bags: paired, and counted.
         assert source.counters["loose_pairs"] == 1

@@ -53,7 +53,7 @@ def test_two_cameras_are_ambiguous() -> None:
     assert find_topics(types, wanted) == wanted
 
 
-def test_wanted_topic_that_is_not_there_is_told_with_what_is() -> None:
+def test_missing_topic_is_refused_with_the_list_of_topics() -> None:
     with pytest.raises(SourceError, match=r"no topic /x. It has /odom \(nav_msgs/Odometry\)"):
         find_topics({"/odom": ODOMETRY}, Topics("/x", "", "", "", ""))
 

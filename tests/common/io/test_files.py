@@ -17,12 +17,12 @@ def test_a_file_is_read_up_to_its_limit(tmp_path: Path) -> None:
 
 
 def test_a_device_without_an_end_is_refused_at_the_limit() -> None:
-    # Its size is told as 0.
+    # Its reported size is 0.
     with pytest.raises(OSError, match="larger than 1000 bytes"):
         read_bytes(Path("/dev/zero"), 1000)
 
 
-def test_a_pipe_is_read_whole(tmp_path: Path) -> None:
+def test_pipe_is_read_to_its_end(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     os.write(writing, b"x = 1")
     os.close(writing)

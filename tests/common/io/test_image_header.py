@@ -1,4 +1,4 @@
-"""The size of a picture, told before a decoder believes the file."""
+"""Sizes in image headers, checked before a decoder trusts the file."""
 
 import re
 import struct
@@ -37,14 +37,14 @@ def test_sizes_are_those_of_the_decoder(ending: str) -> None:
     assert image.shape[:2] == (6, 11)
 
 
-def test_progressive_and_commented_pictures_are_sound() -> None:
+def test_progressive_and_commented_images_are_accepted() -> None:
     assert image_size(encoded(".jpg", cv2.IMWRITE_JPEG_PROGRESSIVE, 1)) == (11, 6)
     assert image_size(b"P5 # a comment\n# and another\n 11 6\n255\n" + bytes(66)) == (11, 6)
     assert image_size(with_chunks(chunk(b"tEXt", b"Title\0x"))) == (11, 6)
 
 
 @pytest.mark.parametrize(
-    ("data", "told"),
+    ("data", "message"),
     [
         (b"", "expected JPEG, PNG"),
         (b"GIF89a" + bytes(100), "expected JPEG, PNG"),
@@ -67,13 +67,13 @@ def test_progressive_and_commented_pictures_are_sound() -> None:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_files_that_would_cost_too_much_are_refused(data: bytes, told: str) -> None:
-    with pytest.raises(DecodeError, match=told):
+def test_files_that_would_cost_too_much_are_refused(data: bytes, message: str) -> None:
+    with pytest.raises(DecodeError, match=message):
         image_size(data)
 
 
 @pytest.mark.parametrize("ending", [".jpg", ".png"])
-def test_the_plainest_pictures_are_large_enough(ending: str) -> None:
+def test_uniform_images_pass_the_size_limit(ending: str) -> None:
     plain = np.zeros((1024, 2048, 3), np.uint8)
     best = (cv2.IMWRITE_PNG_COMPRESSION, 9) if ending == ".png" else (cv2.IMWRITE_JPEG_QUALITY, 1)
     settings = [*best, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1]

@@ -72,13 +72,13 @@ def test_sizes_must_agree() -> None:
         decompress(pair(encode_jpeg(colours()), encode_png16(depths(32, 48))))
 
 
-@pytest.mark.parametrize("kept", [4, 100, 0.5, 0.95])
-def test_cut_files(kept: float) -> None:
+@pytest.mark.parametrize("length", [4, 100, 0.5, 0.95])
+def test_cut_files(length: float) -> None:
     jpeg, png = encode_jpeg(colours()), encode_png16(depths())
     with pytest.raises(DecodeError, match="rgb_jpeg"):
-        decode_jpeg(jpeg[: int(kept if kept > 1 else kept * len(jpeg))])
+        decode_jpeg(jpeg[: int(length if length > 1 else length * len(jpeg))])
     with pytest.raises(DecodeError, match="depth_png"):
-        decode_png16(png[: int(kept if kept > 1 else kept * len(png))])
+        decode_png16(png[: int(length if length > 1 else length * len(png))])
 
 
 def test_damaged_pixels_of_a_png() -> None:

@@ -54,7 +54,7 @@ def pickled() -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("data", "told"),
+    ("data", "message"),
     [
         (pickled(), "expected numbers, got dtype"),
         (pickle.dumps(Evil()), "is damaged"),
@@ -69,8 +69,8 @@ def pickled() -> bytes:
         (b"", "is damaged"),
     ],
 )
-def test_what_is_no_array_of_numbers_is_refused(data: bytes, told: str, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_is_no_array_of_numbers_is_refused(data: bytes, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=message):
         read_arrays(npz(tmp_path / "a.npz", data), ["a"])
 
 
@@ -90,12 +90,12 @@ def test_an_array_that_unpacks_to_a_gigabyte_is_not_unpacked(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("packing", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 def test_packings_without_a_limit_are_refused(packing: int, tmp_path: Path) -> None:
-    # bz2 turns four kilobytes into gigabytes at one go, whatever size is told.
+    # bz2 turns four kilobytes into gigabytes at once, whatever size is declared.
     with pytest.raises(ValueError, match="packed in a way"):
         read_arrays(npz(tmp_path / "a.npz", bytes(10**6), packing), ["a"])
 
 
-def test_a_size_that_is_told_smaller_than_it_is_is_kept_to(tmp_path: Path) -> None:
+def test_array_larger_than_its_declared_size_is_refused(tmp_path: Path) -> None:
     path = npz(tmp_path / "a.npz", header((10**6,)) + bytes(8 * 10**6))
     size = struct.pack("<I", len(header((10**6,))) + 8 * 10**6)
     path.write_bytes(path.read_bytes().replace(size, struct.pack("<I", 200)))

@@ -76,9 +76,9 @@ def test_notes_come_back(tmp_path: Path) -> None:
         writer.write_metadata("lab", {"seed": "1"})
         writer.write(odometry(1), S)
         writer.write_metadata("lab", {"seed": "2", "größe": ""})
-        writer.write_metadata("place", {})
+        writer.write_metadata("room", {})
     recording = open_recording(tmp_path / "x.mcap")
-    assert recording.metadata == {"lab": {"seed": "2", "größe": ""}, "place": {}}
+    assert recording.metadata == {"lab": {"seed": "2", "größe": ""}, "room": {}}
     assert (len(list(recording.messages())), recording.summary.truncated) == (1, False)
 
 
@@ -152,11 +152,11 @@ def test_a_file_with_chunks_is_read(tmp_path: Path) -> None:
 
 def test_every_cut_is_readable_up_to_the_cut(tmp_path: Path) -> None:
     path = write(tmp_path / "x.mcap", *((k * S, odometry(k)) for k in range(5)))
-    whole = path.read_bytes()
+    data = path.read_bytes()
     size = len(encode(odometry(3)))  # of the fourth message, whose bytes lie between 3 and 4
     counts = []
-    for length in range(len(whole)):
-        path.write_bytes(whole[:length])
+    for length in range(len(data)):
+        path.write_bytes(data[:length])
         try:
             counts.append(len(seconds(path)))
         except SourceError:
@@ -183,9 +183,9 @@ def test_a_recorder_that_was_killed_leaves_a_readable_file(tmp_path: Path) -> No
 @pytest.mark.parametrize("tail", [b"\0" * 1000, b"\x05" + b"\xff" * 500])
 def test_junk_at_the_end_ends_the_recording(tail: bytes, tmp_path: Path) -> None:
     path = write(tmp_path / "x.mcap", (0, odometry(0)), (S, odometry(1)))
-    whole = path.read_bytes()
-    end = whole.rindex(encode(odometry(1))) + len(encode(odometry(1)))
-    path.write_bytes(whole[:end] + tail)
+    data = path.read_bytes()
+    end = data.rindex(encode(odometry(1))) + len(encode(odometry(1)))
+    path.write_bytes(data[:end] + tail)
     assert seconds(path) == [0, 1]
     assert open_recording(path).summary.truncated
 
@@ -199,8 +199,8 @@ def test_messages_that_do_not_decode_are_counted(tmp_path: Path) -> None:
 
 def test_a_huge_message_is_skipped_unread(tmp_path: Path) -> None:
     path = write(tmp_path / "x.mcap", (0, odometry(0)))
-    whole = path.read_bytes()
-    at = whole.index(encode(odometry(0))) - 22 - 9  # start of the message record
+    data = path.read_bytes()
+    at = data.index(encode(odometry(0))) - 22 - 9  # start of the message record
     size = MAX_BYTES + 1
     with path.open("r+b") as file:
         file.seek(at)
@@ -232,7 +232,7 @@ def write_packed(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "message"),
     [
         (write_junk, "has no MCAP signature. Check the path."),
         (write_empty, "has no MCAP signature"),
@@ -241,19 +241,21 @@ def write_packed(path: Path) -> None:
         (write_packed, "chunks are compressed. Rewrite it with"),
     ],
 )
-def test_other_files_are_refused(make: Callable[[Path], None], told: str, tmp_path: Path) -> None:
+def test_other_files_are_refused(
+    make: Callable[[Path], None], message: str, tmp_path: Path
+) -> None:
     make(tmp_path / "x.mcap")
-    with pytest.raises(SourceError, match=told):
+    with pytest.raises(SourceError, match=message):
         open_recording(tmp_path / "x.mcap")
 
 
 def test_random_damage_never_breaks_the_reader(tmp_path: Path) -> None:
     path = write(tmp_path / "x.mcap", *((k * S, odometry(k)) for k in range(5)))
-    whole = path.read_bytes()
+    data = path.read_bytes()
     random = np.random.default_rng(1)
     for _ in range(300):
-        damaged = bytearray(whole)
-        damaged[random.integers(len(whole))] = random.integers(256)
+        damaged = bytearray(data)
+        damaged[random.integers(len(data))] = random.integers(256)
         path.write_bytes(bytes(damaged))
         try:
             assert len(list(open_recording(path).messages())) <= 5
@@ -287,11 +289,11 @@ def test_the_demo_recording() -> None:
     assert recording.bad_messages == 0
 
 
-def test_a_full_disk_is_told_in_one_sentence() -> None:
+def test_full_disk_is_reported_in_one_sentence() -> None:
     writer = RecordingWriter(Path("/dev/full"))
     with pytest.raises(SourceError, match="recording /dev/full cannot be written: No space left"):
         write_all(writer, 10_000)  # more than any buffer holds
-    writer.close()  # what cannot be written is told once
+    writer.close()  # the error is raised once
 
 
 def write_all(writer: RecordingWriter, count: int) -> None:

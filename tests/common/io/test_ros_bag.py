@@ -116,8 +116,8 @@ def test_a_chunk_of_ros_1_is_not_unpacked_beyond_a_limit(compression: str, tmp_p
         writer.compressor = lambda _: PACKERS[compression](ZEROS)
         link = writer.add_connection("/text", TEXT, typestore=make_typestore(1, {}))
         writer.write(link, 1, text(1))
-    told, peak = peak_of(tmp_path / "a.bag")
-    assert "unpacks to more than 1048576 bytes" in told
+    message, peak = peak_of(tmp_path / "a.bag")
+    assert "unpacks to more than 1048576 bytes" in message
     assert peak < 32 * LIMIT
 
 
@@ -139,8 +139,8 @@ def test_a_chunk_of_mcap_is_not_unpacked_beyond_a_limit(
     if not indexed:
         data = path.read_bytes()
         path.write_bytes(data[:-28] + bytes(8) + data[-20:])  # the summary starts nowhere
-    told, peak = peak_of(path)
-    assert "unpacks to more than" in told
+    message, peak = peak_of(path)
+    assert "unpacks to more than" in message
     assert peak < 32 * LIMIT
 
 
@@ -190,16 +190,16 @@ HOSTILE_SQL = {
 }
 
 
-@pytest.mark.parametrize("told", HOSTILE_SQL)
-def test_a_database_that_computes_is_refused(told: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("message", HOSTILE_SQL)
+def test_a_database_that_computes_is_refused(message: str, tmp_path: Path) -> None:
     path = write2(tmp_path / "a", "SQLITE3") / "a.db3"
     with sqlite3.connect(path) as database:
-        database.executescript(HOSTILE_SQL[told])
-    assert told in refusal(path)
+        database.executescript(HOSTILE_SQL[message])
+    assert message in refusal(path)
 
 
 @pytest.mark.parametrize(
-    ("files", "told"),
+    ("files", "message"),
     [
         (["a.db3", "a.db3"], "names a file twice"),
         (["link.db3"], "leads out of the folder"),
@@ -210,18 +210,20 @@ def test_a_database_that_computes_is_refused(told: str, tmp_path: Path) -> None:
         (None, "lacks"),
     ],
 )
-def test_the_files_of_a_bag_are_those_of_its_folder(files: Any, told: str, tmp_path: Path) -> None:
+def test_the_files_of_a_bag_are_those_of_its_folder(
+    files: Any, message: str, tmp_path: Path
+) -> None:
     path = write2(tmp_path / "a", "SQLITE3")
     (tmp_path / "other.db3").write_bytes((path / "a.db3").read_bytes())
     (path / "link.db3").symlink_to("../other.db3")
     about = yaml.safe_load((path / "metadata.yaml").read_text())
     about["rosbag2_bagfile_information"]["relative_file_paths"] = files
     (path / "metadata.yaml").write_text(yaml.safe_dump(about))
-    assert told in refusal(path)
+    assert message in refusal(path)
 
 
 @pytest.mark.parametrize(
-    ("data", "told"),
+    ("data", "message"),
     [
         ("a: &a [1]\nb: *a", "it has aliases"),
         ("[" * 100_000, "nested too deeply"),
@@ -230,8 +232,8 @@ def test_the_files_of_a_bag_are_those_of_its_folder(files: Any, told: str, tmp_p
         ("!!python/object/apply:os.system ['true']", "could not determine a constructor"),
     ],
 )
-def test_yaml_says_no_more_than_it_holds(data: str, told: str, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_yaml_says_no_more_than_it_holds(data: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=message):
         parse_yaml(data)
     path = write2(tmp_path / "a")
     (path / "metadata.yaml").write_text(data)

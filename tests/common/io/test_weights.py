@@ -79,10 +79,10 @@ def test_unknown_name_suggests_a_near_one() -> None:
 
 def test_folders_in_order(tmp_path: Path) -> None:
     environment = {"PEOPLE4D_MODELS": str(tmp_path)}
-    places = weights.folders("/data/models", environment)
-    assert places[:3] == (Path("/data/models"), tmp_path, weights.REPOSITORY / "models")
-    assert places[3].is_absolute()
-    assert weights.folders("", {"PEOPLE4D_MODELS": ""}) == places[2:]
+    searched = weights.folders("/data/models", environment)
+    assert searched[:3] == (Path("/data/models"), tmp_path, weights.REPOSITORY / "models")
+    assert searched[3].is_absolute()
+    assert weights.folders("", {"PEOPLE4D_MODELS": ""}) == searched[2:]
 
 
 def test_first_folder_that_has_the_file_wins(tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_first_folder_that_has_the_file_wins(tmp_path: Path) -> None:
     assert weights.find(model(), [one, two]) == one / "m.onnx"
 
 
-def test_absent_file_tells_how_to_get_it(tmp_path: Path) -> None:
+def test_absent_file_is_reported_with_how_to_get_it(tmp_path: Path) -> None:
     with pytest.raises(ModelError) as caught:
         weights.find(model(), [tmp_path])
     assert caught.value.problem == f"model m: m.onnx is in none of {tmp_path}"
