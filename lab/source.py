@@ -2,23 +2,23 @@
 
 import heapq
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import msgspec
 
+from common.config import Config
 from lab.depth.depth_config import DepthSensorConfig
 from lab.depth.note import with_errors
 from lab.film import Film, FilmSettings, odometry, transforms
 from lab.scenario import load_scenario, split_seed
 from lab.world import World
 from services.camera.source import Source, SourceItem
-from services.camera.sources import read_options
 
 MAX_NS = 2**63 - 1  # later than any stamp
 
 
-class LabOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class LabOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What can be chosen in a scenario."""
 
     mode: Literal["colour", "depth"] = (
@@ -40,6 +40,8 @@ class LabSource(Source):
     Raises:
         ConfigError: There is no such scenario, or an option is out of range.
     """
+
+    options_type = LabOptions
 
     def __init__(self, name: str, options: LabOptions) -> None:
         scenario, seed = split_seed(name)
@@ -75,16 +77,3 @@ def _settings(options: LabOptions) -> FilmSettings:
         samples=options.samples,
         threads=options.threads or len(os.sched_getaffinity(0)),
     )
-
-
-def open_source(name: str, options: Mapping[str, Any]) -> LabSource:
-    """Open a scenario as a camera.
-
-    Args:
-        name: Scenario that ships or path of a scenario's file, with @SEED for a seed of one's own.
-        options: Fields of LabOptions.
-
-    Raises:
-        ConfigError: There is no such scenario, or an option is unknown or out of range.
-    """
-    return LabSource(name, read_options(LabOptions, options))

@@ -184,7 +184,7 @@ def _from_camera_info(table: Any) -> Calibration:
     """Read the file that ROS's camera calibration writes."""
     info = msgspec.convert(table, _CameraInfo)
     return Calibration(
-        colour=_intrinsics(
+        colour=to_intrinsics(
             np.reshape(info.camera_matrix.data, (3, 3)),
             info.distortion_coefficients.data,
             info.image_width,
@@ -197,7 +197,7 @@ def _from_npz(path: Path) -> Calibration:
     """Read K and the poses T_world_cam, of which the first is the mount."""
     arrays = read_arrays(path, ["K"], ["T_world_cam"])
     poses = arrays.get("T_world_cam")
-    colour = _intrinsics(arrays["K"])
+    colour = to_intrinsics(arrays["K"])
     if poses is None:
         return Calibration(colour=colour)
     if poses.shape[1:] != (4, 4) or not len(poses):
@@ -212,19 +212,19 @@ def _from_npz(path: Path) -> Calibration:
 
 def _from_mat(path: Path, names: MatNames) -> Calibration:
     arrays = read_mat(path)
-    colour = _intrinsics(_inside(arrays, names.colour), _inside(arrays, names.colour_distortion))
+    colour = to_intrinsics(_array(arrays, names.colour), _array(arrays, names.colour_distortion))
     if not names.depth:
         return Calibration(colour=colour)
-    x, y, z = _inside(arrays, names.translation).ravel().tolist()
+    x, y, z = _array(arrays, names.translation).ravel().tolist()
     return Calibration(
         colour=colour,
-        depth=_intrinsics(_inside(arrays, names.depth), _inside(arrays, names.depth_distortion)),
-        rotation=tuple(tuple(row) for row in _inside(arrays, names.rotation).tolist()),
+        depth=to_intrinsics(_array(arrays, names.depth), _array(arrays, names.depth_distortion)),
+        rotation=tuple(tuple(row) for row in _array(arrays, names.rotation).tolist()),
         translation_m=(x, y, z),
     )
 
 
-def _inside(arrays: Mapping[str, Any], name: str) -> F64:
+def _array(arrays: Mapping[str, Any], name: str) -> F64:
     """Return the array of a dotted name."""
     if not name:
         return np.zeros(0)
@@ -234,8 +234,8 @@ def _inside(arrays: Mapping[str, Any], name: str) -> F64:
     return np.asarray(value, np.float64)
 
 
-def _intrinsics(matrix: F64, distortion: Any = (), width: int = 0, height: int = 0) -> Intrinsics:
-    """Make a lens from a 3x3 matrix or from fx, fy, cx, cy."""
+def to_intrinsics(matrix: F64, distortion: Any = (), width: int = 0, height: int = 0) -> Intrinsics:
+    """Return the intrinsics of a 3x3 camera matrix or of fx, fy, cx, cy."""
     matrix = np.asarray(matrix, np.float64)
     if matrix.shape == (3, 3):
         matrix = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]

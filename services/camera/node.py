@@ -22,7 +22,7 @@ from people4d.messages import (
 from people4d.topics import ForeignTopic
 from services.camera.calibration import OPTICAL_FRAME, static_transform
 from services.camera.config import CameraConfig
-from services.camera.pacing import LivePacing, LockstepPacing, Pacing, RecordedPacing, is_jump
+from services.camera.pacing import LockstepPacing, Pacing, RecordedPacing, is_jump
 from services.camera.playback import Selection, play
 from services.camera.prefetch import Prefetch, PrefetchedItem
 from services.camera.source import Source, SourceFrame
@@ -65,11 +65,7 @@ class CameraNode(Node):
         self._motion = _motion(config)
         self.foreign_inputs: Sequence[ForeignTopic] = self._motion.topics if self._motion else ()
         selection = Selection(
-            start_s=config.start_s,
-            duration_s=config.duration_s,
-            max_frames=config.max_frames,
-            stride=config.stride,
-            loop=config.loop,
+            config.start_s, config.duration_s, config.max_frames, config.stride, config.loop
         )
         self._prefetch = Prefetch(lambda: play(source, selection), FRAMES_AHEAD, source.live)
         self._wake: Callable[[], None] | None = None
@@ -178,52 +174,52 @@ class CameraNode(Node):
         return due_ns is not None and due_ns <= now_ns
 
     def _message(self, reading: PrefetchedItem, now_ns: int) -> list[Message]:
-        capture = reading.item
-        if not isinstance(capture, SourceFrame):
-            return [capture]
-        jumped = self._stamp_ns is not None and is_jump(capture.stamp_ns - self._stamp_ns)
+        item = reading.item
+        if not isinstance(item, SourceFrame):
+            return [item]
+        jumped = self._stamp_ns is not None and is_jump(item.stamp_ns - self._stamp_ns)
         self._counters["stamp_jumps"] += jumped
-        self._stamp_ns = capture.stamp_ns
+        self._stamp_ns = item.stamp_ns
         if self._source.live:  # reading ahead from a file is no part of the latency
-            record("capture", _acquired_ns(reading, capture), reading.end_ns)
+            record("capture", _acquired_ns(reading, item), reading.end_ns)
         with span("release"):
-            frame = self._frame(capture)
+            frame = self._frame(item)
         if frame is None:
             return []
-        self._pacing.sent(capture.stamp_ns, now_ns)
+        self._pacing.sent(item.stamp_ns, now_ns)
         self._sequence += 1
         if self._config.compressed_hz and now_ns >= self._next_compressed_ns:
             self._to_compress = frame
             self._next_compressed_ns = now_ns + int(1e9 / self._config.compressed_hz)
         return [frame]
 
-    def _frame(self, capture: SourceFrame) -> RgbdFrame | None:
+    def _frame(self, item: SourceFrame) -> RgbdFrame | None:
         """Make the message; None, and counted, if the images do not fit."""
         size = (self._info.height, self._info.width)
-        if capture.rgb.shape != (*size, 3) or capture.depth_mm.shape != size:
+        if item.rgb.shape != (*size, 3) or item.depth_mm.shape != size:
             self._counters["wrong_size"] += 1
             return None
-        if capture.rgb.dtype != np.uint8 or capture.depth_mm.dtype != np.uint16:
+        if item.rgb.dtype != np.uint8 or item.depth_mm.dtype != np.uint16:
             self._counters["wrong_type"] += 1
             return None
         return RgbdFrame(
-            stamp_ns=capture.stamp_ns,
+            stamp_ns=item.stamp_ns,
             sequence=self._sequence,
             camera=self._info.camera,
-            rgb=capture.rgb,
-            depth_mm=capture.depth_mm,
+            rgb=item.rgb,
+            depth_mm=item.depth_mm,
             lockstep=self._lockstep,
         )
 
 
-def _acquired_ns(reading: PrefetchedItem, capture: SourceFrame) -> int:
+def _acquired_ns(reading: PrefetchedItem, item: SourceFrame) -> int:
     """Return the acquisition time of a live frame, or when its reading began.
 
     Waiting for a new image is no latency, but ageing in the driver is. A stamp that cannot be of
     this clock is ignored.
     """
-    age_ns = reading.end_ns - capture.stamp_ns
-    return capture.stamp_ns if 0 <= age_ns < MAX_AGE_NS else reading.start_ns
+    age_ns = reading.end_ns - item.stamp_ns
+    return item.stamp_ns if 0 <= age_ns < MAX_AGE_NS else reading.start_ns
 
 
 def _motion(config: CameraConfig) -> "LiveMotion | None":
@@ -243,7 +239,7 @@ def _pacing(config: CameraConfig, live: bool) -> Pacing:
         )
     if config.playback == "lockstep":
         return LockstepPacing(config.window, int(config.answer_timeout_s * 1e9))
-    return LivePacing() if live else RecordedPacing(config.speed)
+    return Pacing() if live else RecordedPacing(config.speed)
 
 
 def _info(config: CameraConfig, source: Source) -> CameraInfo:

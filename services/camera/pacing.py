@@ -1,58 +1,35 @@
 """Pacing of frames: live, as recorded, or in lockstep with the answers."""
 
-from typing import Protocol
-
 MAX_GAP_NS = 10_000_000_000  # a longer pause in the stamps is a jump of the clock
 MAX_LATE_NS = 1_000_000_000  # beyond this delay, lost time is not caught up
 
 
-class Pacing(Protocol):
-    """Times at which frames are sent; times are monotonic, stamps those of the frames."""
+class Pacing:
+    """Times at which frames are sent; those of a live camera as they come.
 
-    def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:
-        """Return the time to send the next frame, None if it waits for an answer."""
-        ...
-
-    def sent(self, stamp_ns: int, now_ns: int) -> None:
-        """Register a sent frame."""
-        ...
-
-    def answered(self, stamp_ns: int) -> None:
-        """Register the answer to a frame."""
-        ...
-
-    def give_up(self, now_ns: int) -> int:
-        """Drop frames that waited too long for an answer and return their number."""
-        ...
-
-    def wake_ns(self) -> int | None:
-        """Return the next deadline for `give_up`, None if no frame waits."""
-        ...
-
-
-class LivePacing:
-    """Frames are sent as they come: a live camera paces itself."""
+    Times are monotonic, stamps those of the frames.
+    """
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:  # noqa: ARG002
-        """Return now."""
+        """Return the time to send the next frame, None if it waits for an answer."""
         return now_ns
 
     def sent(self, stamp_ns: int, now_ns: int) -> None:
-        """Do nothing."""
+        """Register a sent frame."""
 
     def answered(self, stamp_ns: int) -> None:
-        """Do nothing."""
+        """Register the answer to a frame."""
 
     def give_up(self, now_ns: int) -> int:  # noqa: ARG002
-        """Return 0."""
+        """Drop frames that waited too long for an answer and return their number."""
         return 0
 
     def wake_ns(self) -> int | None:
-        """Return None."""
+        """Return the next deadline for `give_up`, None if no frame waits."""
         return None
 
 
-class RecordedPacing(LivePacing):
+class RecordedPacing(Pacing):
     """Frames are sent at the intervals at which they were recorded.
 
     Args:
@@ -84,7 +61,7 @@ class RecordedPacing(LivePacing):
         return self._gap_ns if is_jump(gap_ns) else gap_ns
 
 
-class LockstepPacing:
+class LockstepPacing(Pacing):
     """Frames are sent as fast as the pipeline answers.
 
     Args:

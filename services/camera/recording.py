@@ -71,6 +71,8 @@ class RecordingSource(Source):
         ConfigError: The depth sensor has no such settings.
     """
 
+    options_type = RecordingOptions
+
     def __init__(self, path: Path, options: RecordingOptions) -> None:
         self.counters: Counter[str] = Counter()
         self._recording = open_recording(path)

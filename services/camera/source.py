@@ -4,8 +4,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
+from common.config import Config
 from people4d.messages import U8, U16, CameraInfo, MovingTransform, Odometry, StaticTransform
 from services.camera.folder.registration import Registration
 
@@ -38,6 +39,7 @@ class Source(ABC):
     recording can be iterated more than once, from the start each time.
     """
 
+    options_type: ClassVar[type[Config]] = Config  # options that the constructor takes
     info: CameraInfo  # calibration; the configuration may override `camera` and `max_depth_m`
     transforms: Sequence[StaticTransform] = ()  # pose of the camera, if known
     registration: Registration | None = None  # moves depth into the view of colour

@@ -1,58 +1,26 @@
 """Sources by kind, and the kind of a path."""
 
-import importlib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 
 from common import registry
+from common.config import Config
 from common.io.mcap_index import read_profile
 from people4d.errors import ConfigError, SourceError
 from services.camera.source import Source
 
-T = TypeVar("T", bound=msgspec.Struct)
-
-Factory = Callable[[str, Mapping[str, Any]], Source]
-
 LAB = "lab:"  # before the name of a scenario
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-
-
-def _recording(path: str, options: Mapping[str, Any]) -> Source:
-    from services.camera.recording import RecordingOptions, RecordingSource  # noqa: PLC0415
-
-    return RecordingSource(Path(path), read_options(RecordingOptions, options))
-
-
-def _rosbag(path: str, options: Mapping[str, Any]) -> Source:
-    from services.camera.ros.camera import RosbagOptions  # noqa: PLC0415
-    from services.camera.ros.source import RosbagSource  # noqa: PLC0415
-
-    return RosbagSource(Path(path), read_options(RosbagOptions, options))
-
-
-def _folder(path: str, options: Mapping[str, Any]) -> Source:
-    from services.camera.folder.source import FolderOptions, FolderSource  # noqa: PLC0415
-
-    return FolderSource(Path(path), read_options(FolderOptions, options))
-
-
-def _lab(name: str, options: Mapping[str, Any]) -> Source:
-    # By name, since the lab is a layer above the services.
-    lab = importlib.import_module("lab.source")
-    source: Source = lab.open_source(name.removeprefix(LAB), options)
-    return source
-
-
-# Imported on use, since ROS bags take long to import.
-SOURCES: dict[str, Factory] = {
-    "recording": _recording,
-    "rosbag": _rosbag,
-    "folder": _folder,
-    "lab": _lab,
+# Imported on use, since ROS bags take long to import and the lab is a layer above the services.
+SOURCES = {
+    "recording": "services.camera.recording:RecordingSource",
+    "rosbag": "services.camera.ros.source:RosbagSource",
+    "folder": "services.camera.folder.source:FolderSource",
+    "lab": "lab.source:LabSource",
 }
 
 
@@ -78,7 +46,10 @@ def open_source(
     if kind not in SOURCES:
         names = ", ".join(["auto", *SOURCES, "plugin"])
         raise ConfigError(f"kind: expected one of {names}, got {kind!r}")
-    return SOURCES[kind](source, options)
+    factory = registry.find("source", SOURCES, kind)
+    argument = source.removeprefix(LAB) if kind == "lab" else Path(source)
+    opened: Source = factory(argument, _read_options(factory.options_type, options))
+    return opened
 
 
 def kind_of(source: str) -> str:
@@ -110,12 +81,7 @@ def kind_of(source: str) -> str:
     )
 
 
-def read_options(kind: type[T], options: Mapping[str, Any]) -> T:
-    """Build the options of a source.
-
-    Raises:
-        ConfigError: An option is unknown or wrong.
-    """
+def _read_options(kind: type[Config], options: Mapping[str, Any]) -> Config:
     try:
         return msgspec.convert(dict(options), kind, strict=False)
     except msgspec.ValidationError as error:

@@ -72,6 +72,8 @@ class FolderSource(Source):
         SourceError: There are no pairs, no calibration, or one that does not fit.
     """
 
+    options_type = FolderOptions
+
     def __init__(self, path: Path, options: FolderOptions) -> None:
         self.counters: Counter[str] = Counter()
         self._options = options

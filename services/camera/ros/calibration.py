@@ -7,7 +7,7 @@ import numpy as np
 from common.geometry.transforms import invert
 from people4d.errors import SourceError
 from people4d.messages import F64
-from services.camera.calibration import Intrinsics
+from services.camera.calibration import Intrinsics, to_intrinsics
 from services.camera.ros.motion import FrameParents, edges_of
 
 DISTORTIONS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "none": (0,), "": (0, 4, 5)}
@@ -40,15 +40,7 @@ def intrinsics_of(message: Any, rectified: bool = False) -> Intrinsics:
             f"CameraInfo: expected distortion plumb_bob or rational_polynomial, got "
             f"{len(coefficients)} numbers for {message.distortion_model!r:.40}"
         )
-    return Intrinsics(
-        fx=float(fx),
-        fy=float(fy),
-        cx=float(cx),
-        cy=float(cy),
-        distortion=coefficients,
-        width=int(message.width),
-        height=int(message.height),
-    )
+    return to_intrinsics(np.array([fx, fy, cx, cy]), coefficients, message.width, message.height)
 
 
 class TransformTree:

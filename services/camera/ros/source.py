@@ -35,6 +35,8 @@ class RosbagSource(Source):
         SourceError: The bag cannot be read, or lacks colour, depth or calibration.
     """
 
+    options_type = RosbagOptions
+
     def __init__(self, path: Path, options: RosbagOptions) -> None:
         self.counters: Counter[str] = Counter()
         self._path = path
