@@ -22,7 +22,7 @@ from benchmarks.lib.table import markdown, spread, write
 from common.metrics import Scores, box_overlap, combine, match, score_matching
 from lab.sighting_config import SightingConfig
 from services.detector.config import DetectorConfig
-from services.tracker.image_sort.config import ImageSortConfig
+from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
 
 ROOT = Path(__file__).resolve().parents[1]

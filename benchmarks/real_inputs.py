@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from benchmarks.lib.by_eye import TORSO_MM, compare, match
+from benchmarks.lib.published import published_tracker
 from benchmarks.lib.table import markdown, write
 from common.drawing.people import annotate
 from common.drawing.tiles import shrink
@@ -27,7 +28,6 @@ from services.report.config import ReportConfig
 from services.report.node import ReportNode
 from services.report.output import AnnotatedFrame
 from services.report.statistics import RunSummary
-from services.tracker.config import TrackerConfig
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "out" / "real_inputs"
@@ -147,7 +147,7 @@ def crossing_rows(shared: Path) -> Iterator[list[str]]:
         path = OUT / f"filinha_{name}_{reid.embedder}.png"
         played = play_with_sheet(filinha(shared), models(shared)[name], reid, path)
         for tracker in TRACKERS if reid == ReidConfig() else TRACKERS[:1]:
-            again = track_again(played.messages, TrackerConfig(tracker=tracker))
+            again = track_again(played.messages, published_tracker(tracker))
             yield [name, reid.embedder, tracker, *_figures(played, again)]
 
 

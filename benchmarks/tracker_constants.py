@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 from benchmarks.lib.by_eye import compare
+from benchmarks.lib.published import published_tracker
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT, Played, filinha, gather, lockstep, models
 from common.geometry.transform_buffer import TransformBuffer
@@ -31,7 +33,7 @@ from people4d.messages import Track, Tracks, Truth, TruthPerson
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
-from services.tracker.config import Sort3dConfig, StrongSort3dConfig, TrackerConfig
+from services.tracker.config import Sort3dConfig, TrackerConfig
 
 DEMO = ROOT / "deploy" / "demo" / "crossing.mcap"
 NOISES = ((0.5, 0.5), (2.0, 0.5), (2.0, 0.3), (2.0, 0.2), (3.0, 0.3), (3.0, 0.2), (3.0, 0.1))
@@ -53,12 +55,15 @@ class Setting:
 def settings() -> Iterator[Setting]:
     """Yield what is compared, the paper's constants first."""
     for sigma_a, sigma_m in NOISES:
-        noise = StrongSort3dConfig(sigma_acceleration_mps2=sigma_a, sigma_measurement_m=sigma_m)
         words = f"strongsort3d, {sigma_a:g} m/s², {sigma_m:g} m"
-        yield Setting(words, TrackerConfig(strongsort3d=noise))
-    yield Setting("sort3d", TrackerConfig(tracker="sort3d"))
+        config = published_tracker(
+            "strongsort3d", sigma_acceleration_mps2=sigma_a, sigma_measurement_m=sigma_m
+        )
+        yield Setting(words, config)
+    sort3d = published_tracker("sort3d")
+    yield Setting("sort3d", sort3d)
     ungated = Sort3dConfig(iou_gate=False)
-    yield Setting("sort3d, no IoU gate", TrackerConfig(tracker="sort3d", sort3d=ungated))
+    yield Setting("sort3d, no IoU gate", replace(sort3d, sort3d=ungated))
 
 
 def demo_cells(tracks: Sequence[Tracks], truth: Sequence[Truth]) -> list[str]:

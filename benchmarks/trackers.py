@@ -21,14 +21,14 @@ import numpy.typing as npt
 
 from benchmarks.lib.mot15 import HELD_OUT, TUNING, MotSequence, cells, judge, load_all, quality
 from benchmarks.lib.mot_peers import PEERS
+from benchmarks.lib.published import published_tracker
 from benchmarks.lib.table import markdown, spread, write
 from evaluation.methods import read_method
 from people4d.messages import F64
-from services.tracker.config import TrackerConfig
-from services.tracker.image_sort.config import ImageSortConfig
+from services.tracker.build import make_tracker
+from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks, ImageSort
 from services.tracker.interface import Measurement, Observation
-from services.tracker.registry import make_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
 PEOPLE = (2, 4, 10, 50, 200)
@@ -126,8 +126,8 @@ def times_us(update: Callable[[T], object], frames: Sequence[T]) -> list[float]:
 def cost_rows(chosen: ImageSortConfig, rounds: int, quick: bool) -> list[list[str]]:
     """Return the time of an update of each tracker by the number of people."""
     solid = {
-        "sort3d": TrackerConfig(tracker="sort3d"),
-        "strongsort3d": TrackerConfig(tracker="strongsort3d"),
+        "sort3d": published_tracker("sort3d"),
+        "strongsort3d": published_tracker("strongsort3d"),
         "strongsort3d of the preset best": read_method("best").tracker,
     }
     flat = {"SORT in the image": FAITHFUL, "SORT in the image, chosen": chosen}

@@ -39,7 +39,7 @@ from lab.world import EPOCH_NS, World
 from people4d.messages import F64, Odometry
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
-from services.tracker.image_sort.config import ImageSortConfig
+from services.tracker.config import ImageSortConfig
 from services.visual_odometry.config import VisualOdometryConfig
 
 ROOT = Path(__file__).resolve().parents[1]

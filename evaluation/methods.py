@@ -15,9 +15,8 @@ from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 from services.presets import preset_settings
 from services.reid.config import ReidConfig
+from services.tracker.build import make_tracker
 from services.tracker.config import TrackerConfig
-from services.tracker.interface import Need
-from services.tracker.registry import make_tracker
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -92,7 +91,7 @@ def read_method(
         return load(kind, service, config_file, told[service])
 
     tracker = record(TrackerConfig, "tracker")
-    looks = Need.EMBEDDINGS in make_tracker(tracker).needs
+    looks = make_tracker(tracker).uses_embeddings
     return Method(
         name=Path(preset).stem if preset.endswith(".toml") else preset,
         camera=msgspec.structs.replace(record(CameraConfig, "camera"), source=""),

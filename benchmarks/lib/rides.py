@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +10,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from common.geometry.transform_history import TransformBufferConfig
+from common.geometry.transform_buffer import transform_from_odometry
+from common.geometry.transform_history import COUNTERS, TransformBufferConfig, TransformHistory
+from common.geometry.transforms import LINK_FROM_OPTICAL
 from common.metrics import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from common.metrics.record import BOOL
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
@@ -23,7 +26,7 @@ from lab.world import World
 from people4d.messages import F64, Detections, Odometry
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
-from services.tracker.image_sort.ego_motion import EgoMotion
+from services.tracker.image_sort.camera_turn import camera_direction, turn_between
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 
 SEEN_MIN = 0.35  # visible share from which a person has to be found
@@ -50,15 +53,22 @@ class Ride:
 
     def turned(self) -> tuple[BoxFrame, ...]:
         """Return the frames with the turns that a tracker would have known of when they came."""
-        motion, waiting, frames = EgoMotion(TransformBufferConfig(), WAIT_S), list(self.samples), []
+        base = TransformHistory(TransformBufferConfig(), Counter(dict.fromkeys(COUNTERS, 0)))
+        before, waiting, frames = None, list(self.samples), []
         for frame in self.frames:
             latest_ns = frame.stamp_ns + int(WAIT_S * 1e9)
             while waiting and waiting[0].arrival_ns <= latest_ns:
                 came_ns = waiting[0].arrival_ns
-                if came_ns > frame.stamp_ns and motion.ready(frame.stamp_ns, 0):
+                if came_ns > frame.stamp_ns and (base.newest_ns or 0) >= frame.stamp_ns:
                     break
-                motion.add(waiting.pop(0).odometry)
-            frames.append(replace(frame, turn=motion.turn_to(frame.stamp_ns)))
+                odometry = waiting.pop(0).odometry
+                base.add(odometry.stamp_ns, transform_from_odometry(odometry))
+            pose = base.at(frame.stamp_ns)
+            now = None
+            if pose:
+                now = camera_direction(pose.matrix @ LINK_FROM_OPTICAL, pose.sigma_rad)
+            frames.append(replace(frame, turn=turn_between(before, now)))
+            before = now
         return tuple(frames)
 
     def scored(self, told: Sequence[BoxTracks]) -> EvaluationSequence:

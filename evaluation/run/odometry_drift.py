@@ -6,7 +6,7 @@ from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
 from common.geometry.transforms import invert
 from people4d.messages import F64, Message, MovingTransform, Odometry, StaticTransform, Track
-from services.tracker import placing
+from services.tracker import camera_poses
 
 
 class OdometryDrift:
@@ -44,4 +44,6 @@ class OdometryDrift:
 
 def transform_track(track: Track, matrix: F64 | None) -> Track:
     """Return a track moved and turned by a 4x4 transform of the ground; None: as it is."""
-    return track if matrix is None else placing.carried(track, TransformEstimate(matrix))
+    if matrix is None:
+        return track
+    return camera_poses.transform_track(track, TransformEstimate(matrix))

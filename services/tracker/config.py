@@ -1,134 +1,183 @@
-"""Configuration of the tracker service; every constant of the methods is here."""
+"""Configuration of the tracker service. The defaults are what ships.
 
-from typing import Any, Literal
+The presets hold the published constants. Sections are those of docs/method.md; where no source is
+named, the value is this project's.
+"""
+
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec import Meta
 
+from common.config import Config
 from common.geometry.transform_history import TransformBufferConfig
-from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
-from services.tracker.image_sort.config import ImageSortConfig
-from services.tracker.motion.standing_config import StandingConfig
+from people4d.messages.base import (
+    NonNegative,
+    Positive,
+    PositiveInt,
+    PositiveOrInfinite,
+    PositiveRatio,
+    Ratio,
+)
 
+CosineDistance = Annotated[float, Meta(gt=0, le=2)]
+Seconds = Annotated[float, Meta(ge=0, le=60)]
+Metres = Annotated[float, Meta(ge=0, le=10)]
 CHI2_3DOF_95 = 7.8147
 
 # Measured: benchmarks/reid_threshold.md.
 COSINE_DISTANCE_MAX = {"histogram": 0.25, "osnet": 0.45}
 
 
-def _expect(holds: bool, field: str, expected: str, got: object) -> None:
-    if not holds:
-        raise ValueError(f"{field}: expected {expected}, got {got}")
+class OcclusionConfig(Config, frozen=True, kw_only=True):
+    """Tracks of people who are occluded, or whom the camera turns away from, live on."""
+
+    enabled: bool = True  # section 5: False
+    half_width_m: Positive = 0.25  # [m] half of a person's width
+    covered_min: Ratio = 0.4  # part of a person's width that nearer people cover if it is occluded
+    # [m] a detected person occludes one who is nearer to the camera by less than this: of two who
+    # touch, often only one is detected
+    nearer_slack_m: Metres = 0.2
+    # A camera has turned away from a person if it shows less than this part of what it showed of
+    # their width at the last match
+    in_view_min: Ratio = 0.5
+    # The velocity of an unmatched track decays with this time constant, and its uncertainty goes
+    # back to that of a person who walks in any direction
+    velocity_decay_s: Positive = 0.7  # [s]
+    walking_sigma_mps: Positive = 0.6  # [m/s] standard deviation of the velocity, per axis
 
 
-def _expect_positive(record: msgspec.Struct, *fields: str) -> None:
-    for field in fields:
-        value = getattr(record, field)
-        _expect(0 < value < float("inf"), field, "a finite number > 0", value)
+class ContactConfig(Config, frozen=True, kw_only=True):
+    """People who cross or touch keep their own tracks."""
+
+    enabled: bool = True  # section 5: False
+    # Part of a box that another box covers, above which its crop counts as occluded and does not
+    # change the embedding; nor does a box cut off at the left or right of the image
+    covered_max: Ratio = 0.3
+    occluded_factor: Positive = 1.2  # cosine distances of occluded crops are divided by this
+    # Part of a track's width that a detection covers if it could be of that track
+    overlap_min: Positive = 0.5
+    overlapping_factor: Positive = 2.0  # likewise, of detections that could be of several tracks
+    # A box covered by more than this may have the depth of the person in front: its position has
+    # this standard deviation on top along the ray
+    depth_covered_max: Ratio = 0.35
+    depth_sigma_m: Metres = 1.0  # [m]; 0: none
+    # A match is no farther from the prediction than this, plus so much per second without a match;
+    # the gate of section 5 accepts 1.6 m from one frame to the next
+    jump_m: Positive = 0.4  # [m] on the ground
+    speed_max_mps: Positive = 2.5  # [m/s]
+    # Tracks whose embeddings differ by less than this times C_cos are told apart by position only
+    ambiguous_factor: Ratio = 0.5
+    # Round 2 refuses embeddings that differ by more than this times C_cos: a new person does not
+    # get the track of one who was there a moment ago
+    round2_factor: Positive = 1.5
 
 
-def _expect_ratio(record: msgspec.Struct, *fields: str) -> None:
-    for field in fields:
-        value = getattr(record, field)
-        _expect(0 <= value <= 1, field, "0 to 1", value)
+class IdentityConfig(Config, frozen=True, kw_only=True):
+    """People who return are re-identified."""
+
+    enabled: bool = True  # section 5: False
+    # Gallery
+    views: PositiveInt = 8  # embeddings per person, as different from each other as possible
+    view_gap: Annotated[float, Meta(ge=0, le=2)] = 0.03  # cosine distance of two views, at least
+    score_min: Ratio = 0.4  # least score of a detection whose embedding is used
+    identities_max: PositiveInt = 100  # people; the longest unseen is deleted first
+    retention_s: Positive = 600.0  # [s] since the last match
+    # [s] A track unmatched for longer, and never occluded, is no longer associated by section 5 but
+    # re-identified, with a margin to all others
+    absent_s: Seconds = 1.0
+    absent_cut_off_s: Seconds = 0.3  # [s] likewise, of a track last seen at the edge of the image
+    # Time of the decision
+    embeddings_min: PositiveInt = 2  # of unoccluded crops that a new track waits for, ...
+    wait_s: Seconds = 0.5  # [s] ... for so long at most, while an absent person could be back
+    # Rule of the decision
+    match_max: CosineDistance | None = None  # of the same person; absent: C_cos
+    margin: Annotated[float, Meta(ge=0, le=2)] = 0.05  # to the second best, at least
+    temperature: Positive = 0.04  # cosine distance that makes a match e times less probable
+    speed_max_mps: Positive = 2.5  # [m/s] out of view
+    jump_m: Annotated[float, Meta(ge=0, le=60)] = 0.8  # [m] error of positions on top of that
 
 
-class Sort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """SORT-3D (method book section 4). Where no source is named the value is this project's."""
+class ImmConfig(Config, frozen=True, kw_only=True):
+    """Interacting models of standing and walking people (benchmarks/moving_base.md)."""
+
+    enabled: bool = True  # section 5: False
+    standing_sigma_mps: Positive = 0.03  # [m/s] standard deviation of a standing person's velocity
+    drift_m2ps: Positive = 0.0005  # [m^2/s] growth of the variance of a standing person's position
+    walking_sigma_mps: Positive = 0.6  # [m/s] of people who begin to walk, per axis
+    standing_s: Positive = 0.5  # [s] mean time until a standing person begins to walk
+    walking_s: Positive = 10.0  # [s] and until a walking person stops
+    # The modes are weighed with R divided by this: `noise_factor` makes R larger because errors
+    # last for frames, but the mode shows in single errors
+    noise_divisor: Positive = 4.0
+
+
+class Sort3dConfig(Config, frozen=True, kw_only=True):
+    """SORT-3D [PIC4SeR], section 4."""
 
     # association
-    iou_weight: float = 0.3  # a in c = a (1 - IoU) + (1 - a) d_n; section 4
+    iou_weight: Ratio = 0.3  # a in c = a (1 - IoU) + (1 - a) d_n; section 4
     iou_gate: bool = True  # refuse pairs with IoU < iou_min; section 4
-    iou_min: float = 0.3  # section 4 (default)
+    iou_min: Ratio = 0.3  # section 4 (default)
     distance_gate: bool = True  # refuse pairs with d >= tau; section 4
-    distance_gate_sigmas: float = 1.6  # tau = mu + 1.6 sigma of the previous frame; section 4
+    distance_gate_sigmas: Positive = 1.6  # tau = mu + 1.6 sigma of the previous frame; section 4
     # [m] tau is not taken below this. With one person sigma is 0 and tau the last distance itself,
     # so that the plain rule refuses about every second match. 0 gives the plain rule.
-    distance_gate_floor_m: float = 0.5
+    distance_gate_floor_m: NonNegative = 0.5
     # life cycle
-    min_hits: int = 3  # matches in a row, the first included, that confirm; section 4 (default)
-    t_lost: int = 30  # [frames] unmatched frames that delete; plain SORT has 1 (section 7)
+    min_hits: PositiveInt = 3  # matches in a row that confirm, with the first; section 4 (default)
+    t_lost: PositiveInt = 30  # [frames] unmatched frames that delete; plain SORT has 1 (section 7)
     # noise of the person
-    sigma_acceleration_mps2: float = 2.0  # [m/s^2] a walking person turning
-    sigma_measurement_m: float = 0.15  # [m]
-    # "measured": R is the covariance of the detection where the detector tells one, and neither
-    # depth nor score change it; "constant": sigma_measurement_m; the paper's, section 3
-    noise: Literal["constant", "measured"] = "constant"
-    # R is so many times that covariance: errors of consecutive frames are much alike, and count as
-    # if they were independent otherwise; this project's
-    noise_factor: float = 2.0
-    sigma_start_velocity_mps: float = 2.0  # [m/s] of a new track: "large", section 4
+    sigma_acceleration_mps2: Positive = 2.0  # [m/s^2] a walking person turning
+    sigma_measurement_m: Positive = 0.15  # [m]
+    noise: Literal["constant", "measured"] = "constant"  # see StrongSort3dConfig
+    noise_factor: Positive = 2.0  # see StrongSort3dConfig
+    sigma_start_velocity_mps: Positive = 2.0  # [m/s] of a new track: "large", section 4
     # noise of the box
-    sigma_centre_px: float = 5.0  # [px] measured centre
-    sigma_acceleration_pxps2: float = 500.0  # [px/s^2] of the centre
-    sigma_start_centre_pxps: float = 300.0  # [px/s] of a new track
-    sigma_area_ratio: float = 0.1  # measured area, as a part of the area
-    sigma_acceleration_area_ratio: float = 2.0  # [1/s^2] of the area, as a part of the area
-    sigma_start_area_ratio_hz: float = 1.0  # [1/s] of the area of a new track, as a part of it
-    sigma_aspect: float = 0.1  # measured width over height
-    sigma_aspect_drift: float = 0.2  # [1/sqrt(s)] of width over height
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        _expect_ratio(self, "iou_weight", "iou_min")
-        for field in self.__struct_fields__:
-            if field.startswith("sigma"):
-                _expect_positive(self, field)
-        _expect_positive(self, "distance_gate_sigmas", "min_hits", "t_lost", "noise_factor")
-        _expect(
-            self.distance_gate_floor_m >= 0,
-            "distance_gate_floor_m",
-            "a number >= 0",
-            self.distance_gate_floor_m,
-        )
+    sigma_centre_px: Positive = 5.0  # [px] measured centre
+    sigma_acceleration_pxps2: Positive = 500.0  # [px/s^2] of the centre
+    sigma_start_centre_pxps: Positive = 300.0  # [px/s] of a new track
+    sigma_area_ratio: Positive = 0.1  # measured area, as a part of the area
+    sigma_acceleration_area_ratio: Positive = 2.0  # [1/s^2] of the area, as a part of the area
+    sigma_start_area_ratio_hz: Positive = 1.0  # [1/s] of the area of a new track, as a part of it
+    sigma_aspect: Positive = 0.1  # measured width over height
+    sigma_aspect_drift: Positive = 0.2  # [1/sqrt(s)] of width over height
 
 
-class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """StrongSORT-3D (section 5). Where no source is named the value is this project's."""
+class StrongSort3dConfig(Config, frozen=True, kw_only=True):
+    """StrongSORT-3D [PIC4SeR], section 5, and the policies around it."""
 
     # round 1
-    motion_weight: float = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5
-    mahalanobis_max: float = CHI2_3DOF_95  # largest d_M^2: chi^2, 3 dof, 95 %; section 5
+    motion_weight: Ratio = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5
+    mahalanobis_max: Positive = CHI2_3DOF_95  # largest d_M^2: chi^2, 3 dof, 95 %; section 5
     # C_cos, largest cosine distance, by the name of the embedder (section 5: per embedder). What is
     # not named here is taken from COSINE_DISTANCE_MAX, else it is cosine_distance_max_other.
-    cosine_distance_max: dict[str, float] = msgspec.field(default_factory=dict)
-    cosine_distance_max_other: float = 0.3
-    ema_alpha: float = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
+    cosine_distance_max: dict[str, CosineDistance] = msgspec.field(default_factory=dict)
+    cosine_distance_max_other: CosineDistance = 0.3
+    ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
-    distance_max_m: float = 0.7  # [m] largest 3D distance; section 5 (default)
+    distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
     # life cycle
-    n_init: int = 3  # consecutive matches, the first included, that confirm; section 5 (default)
-    a_max: int = 30  # [frames] unmatched frames that delete; section 5 (default)
-    # noise
-    sigma_acceleration_mps2: float = 0.5  # [m/s^2] section 3
-    sigma_measurement_m: float = 0.5  # [m] section 3
-    sigma_start_velocity_mps: float = 2.0  # [m/s] of a new track
-    max_depth_m: float = 5.0  # [m] in R <- (1 + x / max_depth) R; section 3, eq. 4.11
-    nsa_floor: float = 0.05  # smallest factor 1 - score; 1.0 switches NSA off; section 3, eq. 3.4
-    # "measured": R is the covariance of the detection where the detector tells one, and neither
-    # depth nor score change it; "constant": sigma_measurement_m; the paper's, section 3
-    noise: Literal["constant", "measured"] = "constant"
-    # R is so many times that covariance: errors of consecutive frames are much alike, and count as
-    # if they were independent otherwise; this project's
-    noise_factor: float = 2.0
-    # beyond the paper, each with its own switch
-    occlusion: OcclusionConfig = OcclusionConfig()  # whoever is hidden keeps their track
-    contact: ContactConfig = ContactConfig()  # whoever touches somebody keeps their own track
-    identity: IdentityConfig = IdentityConfig()  # whoever comes back gets their identity back
-    standing: StandingConfig = StandingConfig()  # whoever stands has no velocity
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        _expect_ratio(self, "motion_weight", "ema_alpha")
-        _expect_positive(
-            self,
-            *("mahalanobis_max", "distance_max_m", "n_init", "a_max", "max_depth_m"),
-            *("sigma_acceleration_mps2", "sigma_measurement_m", "sigma_start_velocity_mps"),
-            "noise_factor",
-        )
-        _expect(0 < self.nsa_floor <= 1, "nsa_floor", "above 0, at most 1", self.nsa_floor)
-        limits = {**self.cosine_distance_max, "other embedders": self.cosine_distance_max_other}
-        for name, limit in limits.items():
-            _expect(0 < limit <= 2, f"cosine_distance_max of {name}", "above 0, at most 2", limit)
+    n_init: PositiveInt = 3  # consecutive matches that confirm, with the first; section 5 (default)
+    a_max: PositiveInt = 30  # [frames] unmatched frames that delete; section 5 (default)
+    # noise. People turn and stop faster than sigma_acceleration 0.5 and sigma_measurement 0.5 of
+    # section 3 allow: positions and velocities err half as much (benchmarks/tracker_constants.md)
+    sigma_acceleration_mps2: Positive = 3.0  # [m/s^2] section 3: 0.5
+    sigma_measurement_m: Positive = 0.15  # [m] of detections without a covariance; section 3: 0.5
+    sigma_start_velocity_mps: Positive = 2.0  # [m/s] of a new track
+    max_depth_m: Positive = 5.0  # [m] in R <- (1 + x / max_depth) R; section 3
+    nsa_floor: PositiveRatio = 0.05  # least factor 1 - score; 1.0 switches NSA off; section 3
+    # "measured": R is the covariance of the detection where the detector estimates one, and neither
+    # depth nor score change it; "constant": sigma_measurement_m; section 3
+    noise: Literal["constant", "measured"] = "measured"
+    # R is so many times that covariance: errors of consecutive frames are similar, and longer for
+    # two people close together, but count as if they were independent
+    noise_factor: Positive = 8.0
+    # beyond section 5, each with its own switch
+    occlusion: OcclusionConfig = OcclusionConfig()
+    contact: ContactConfig = ContactConfig()
+    identity: IdentityConfig = IdentityConfig()
+    imm: ImmConfig = ImmConfig()
 
     def cosine_limit(self, embedder: str) -> float:
         """Return C_cos of an embedder."""
@@ -136,81 +185,99 @@ class StrongSort3dConfig(msgspec.Struct, frozen=True, kw_only=True):
         return self.cosine_distance_max.get(embedder, shipped)
 
 
-class YawFilterConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """The filter of the yaw from keypoints (section 6); its values are this project's."""
+class YawFilterConfig(Config, frozen=True, kw_only=True):
+    """The filter of the yaw from keypoints (section 6)."""
 
-    sigma_acceleration_radps2: float = 6.0  # [rad/s^2] a walking person turning
-    sigma_measurement_rad: float = 0.35  # [rad] of every measurement
-    # True: each measurement counts by its own standard deviation, where the detector told one.
-    measured_sigma: bool = False
-    sigma_start_rate_radps: float = 1.0  # [rad/s] of a person seen for the first time
-    # [rad] of the way a person walks as a second measurement; inf: it is none, section 6
-    sigma_walk_rad: float = float("inf")
-    walk_speed_min_mps: float = 0.5  # [m/s] slower people do not walk
-    # A measurement farther off counts only as if it were so many standard deviations off: one that
-    # is turned round, or of a neighbour, bends the yaw a little instead of taking it over. inf: all
-    # measurements count alike, section 6
-    outlier_sigmas: float = float("inf")
-    # [s] time constant with which an unmeasured turn dies out; inf: constant velocity, section 6
-    rate_decay_s: float = float("inf")
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        _expect_positive(self, "sigma_acceleration_radps2", "sigma_measurement_rad")
-        _expect_positive(self, "sigma_start_rate_radps")
-        for field in ("sigma_walk_rad", "walk_speed_min_mps", "outlier_sigmas", "rate_decay_s"):
-            _expect(getattr(self, field) > 0, field, "a number > 0", getattr(self, field))
+    sigma_acceleration_radps2: Positive = 8.0  # [rad/s^2] a walking person turning
+    sigma_measurement_rad: Positive = 0.35  # [rad] of measurements without their own
+    # True: each measurement has its own standard deviation, where the detector estimates one
+    measured_sigma: bool = True  # section 6: False
+    sigma_start_rate_radps: Positive = 1.0  # [rad/s] of a new track
+    # [rad] of the direction of walking as a second measurement; inf: it is none, section 6
+    sigma_walk_rad: PositiveOrInfinite = 0.7
+    walk_speed_min_mps: PositiveOrInfinite = 0.5  # [m/s] slower people do not walk
+    # A measurement farther off counts as if it were so many standard deviations off, so that a
+    # reversed one, or one of a neighbour, changes the yaw little. inf: all count alike, section 6
+    outlier_sigmas: PositiveOrInfinite = 2.0
+    # [s] time constant of the decay of an unmeasured turn; inf: constant velocity, section 6
+    rate_decay_s: PositiveOrInfinite = 0.8
 
 
-class TrackerConfig(msgspec.Struct, frozen=True, kw_only=True):
+class ImageSortConfig(Config, frozen=True, kw_only=True):
+    """SORT [Bewley 2016] with the two settings of [Park 2021] (section 7).
+
+    The constants of the Kalman filter are SORT's and stand in `box_kalman`.
+    """
+
+    # association
+    iou_min: PositiveRatio = 0.3  # pairs with a smaller intersection over union are refused; SORT
+    # Two rounds by score, as in ByteTrack [Zhang 2022]: detections of at least this score choose
+    # first; the others may only continue a track matched in the frame before. 0: one round, SORT
+    score_high: Ratio = 0.0
+    # life cycle
+    score_new: Ratio = 0.0  # detections of a smaller score begin no track; 0: SORT
+    min_hits: Annotated[int, Meta(ge=0)] = 3  # matches in a row after the first that confirm; SORT
+    # "streak": after each miss a track has to be confirmed anew before it is published again, but
+    # in the first min_hits frames all are published, SORT; "once": a track is confirmed once
+    confirm: Literal["streak", "once"] = "streak"
+    survival: Literal["fixed", "dynamic"] = "fixed"  # of an unmatched track; section 7
+    t_lost: NonNegative = 1.0  # [frames] T_lost, unmatched frames that a track survives; section 7
+    r: PositiveOrInfinite = 5.0  # R, frames tracked that earn one frame more, if dynamic; section 7
+    max_age: PositiveOrInfinite = 30.0  # [frames] survived at most, if dynamic; section 7
+    lost_max_s: PositiveOrInfinite = 5.0  # [s] without a match after which any track ends
+    # ego motion
+    # Correction of the camera's rotation; section 7. "odometry": by odometry and transforms
+    ego_motion: Literal["none", "odometry"] = "none"
+    # [deg] horizontal field of view; absent: of the calibration
+    fov_deg: Annotated[float, Meta(gt=0, lt=180)] | None = None
+    # "linear": all columns move alike, section 7; "pinhole": by the position in the image, as in a
+    # camera without distortion
+    projection: Literal["linear", "pinhole"] = "linear"
+    # time
+    # [Hz] frames a second; the step is then measured from the stamps. 0: each frame is one step,
+    # SORT
+    rate_hz: NonNegative = 0.0
+
+
+class TrackerConfig(Config, frozen=True, kw_only=True):
     """Configuration of the tracker service."""
 
     # sort3d, strongsort3d, image_sort, or module:Class of your own
     tracker: str = "strongsort3d"
-    # Frame that tracks are in: one that stands, or the robot's own ("base_link") where there is no
-    # map; velocities are over the ground then, too
+    # Frame of the tracks: a fixed one, or the robot's own ("base_link") where there is no map;
+    # velocities are over the ground then, too
     frame_id: str = "map"
     # True: a frame without a transform from its camera is dropped. False: the camera is taken to
-    # stand at the origin and look along +x, which the status tells.
+    # stand at the origin and look along +x, and the status reports it
     require_transform: bool = False
     # output
-    publish_lost: bool = True  # publish people not seen in this frame, predicted; section 4: False
-    publish_tentative: bool = False  # publish people not yet confirmed
-    # Which way a person faces. "keypoints": as the detector measured it, filtered (section 6);
-    # "velocity": the way they walk (section 4, eq. 4.9); "none": not told.
-    yaw: Literal["keypoints", "velocity", "none"] = "velocity"
-    yaw_speed_min_mps: float = 0.2  # [m/s] slower people have no yaw from velocity; section 4: 0
+    publish_lost: bool = True  # publish unmatched tracks, predicted; section 4: False
+    publish_tentative: bool = False  # publish tracks not yet confirmed
+    # "keypoints": as the detector measured it, filtered (section 6); "velocity": the direction of
+    # walking (section 4); "none"
+    yaw: Literal["keypoints", "velocity", "none"] = "keypoints"
+    yaw_speed_min_mps: NonNegative = 0.2  # [m/s] slower: no yaw from velocity; section 4: 0
     yaw_filter: YawFilterConfig = YawFilterConfig()  # of "keypoints"
     # time
-    max_lost_s: float = 5.0  # [s] without a match after which any track is deleted
-    # Where no frame came for longer than max_lost_s, or the tracker did not run, nobody was missed:
-    # whoever is found where they would be after absence_moved_s keeps their identity
-    absence_max_s: float = 30.0  # [s] longest such time; max_lost_s or less: never
-    absence_moved_s: float = 1.0  # [s]
-    clock_jump_s: float = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale
-    embedding_wait_s: float = 0.05  # [s] longest wait for the embeddings of a frame
-    embedding_patience: int = 3  # frames waited for in vain after which waiting stops
-    # [s] with several cameras or detectors, longest wait for frames that belong before the one that
-    # is there; absent: as long as from one frame of the camera to the next
-    reorder_wait_s: float | None = None
-    odometry_wait_s: float = 0.05  # [s] longest wait for the odometry of a frame, if the base moves
-    predict_after_s: float = 0.2  # [s] without detections after which predictions are published
-    predict_hz: float = 10.0  # [Hz] rate of those predictions
+    max_lost_s: Positive = 5.0  # [s] without a match after which any track is deleted
+    # After a time without frames, or without this process, that is longer than max_lost_s, people
+    # keep their identities within the gates of an absence of absence_moved_s
+    absence_max_s: Positive = 30.0  # [s] longest such time; max_lost_s or less: never
+    absence_moved_s: Positive = 1.0  # [s]
+    clock_jump_s: Positive = 1.0  # [s] a stamp this far back restarts; nearer, it is stale
+    embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
+    embedding_timeouts_max: PositiveInt = 3  # consecutive timeouts after which waiting stops
+    # [s] with several cameras or detectors, longest wait for frames of an earlier stamp; absent: as
+    # long as from one frame of the camera to the next
+    reorder_wait_s: NonNegative | None = None
+    odometry_wait_s: NonNegative = 0.05  # [s] longest wait for the odometry of a frame
+    predict_after_s: Positive = 0.2  # [s] without detections after which predictions are published
+    predict_hz: Positive = 10.0  # [Hz] rate of those predictions
     # input
     base: TransformBufferConfig = TransformBufferConfig()  # plausible motion of the base
-    max_range_m: float = 100.0  # [m] positions farther from the camera are not believed
+    max_range_m: Positive = 100.0  # [m] positions farther from the camera are dropped
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()
     strongsort3d: StrongSort3dConfig = StrongSort3dConfig()
-    # Places of people are filtered with the constants of strongsort3d
-    image_sort: ImageSortConfig = ImageSortConfig()
+    image_sort: ImageSortConfig = ImageSortConfig()  # positions: with the noise of strongsort3d
     options: dict[str, Any] = msgspec.field(default_factory=dict)  # for a tracker of your own
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        _expect_positive(self, "max_lost_s", "clock_jump_s", "predict_after_s", "predict_hz")
-        _expect_positive(self, "embedding_patience", "max_range_m", "absence_max_s")
-        _expect_positive(self, "absence_moved_s")
-        for field in ("embedding_wait_s", "odometry_wait_s", "reorder_wait_s", "yaw_speed_min_mps"):
-            value = getattr(self, field) or 0.0
-            _expect(0 <= value < float("inf"), field, "a finite number >= 0", value)

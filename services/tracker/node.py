@@ -1,4 +1,4 @@
-"""Detections and embeddings in, tracks out."""
+"""Node of the tracker: detections and embeddings in, tracks out."""
 
 from collections import Counter, deque
 from collections.abc import Sequence
@@ -6,10 +6,13 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import ClassVar
 
+import msgspec
+
 from common.runtime.node import StatefulNode, Status
 from common.transport.trace import span
 from people4d.errors import DecodeError
 from people4d.messages import (
+    F64,
     CameraInfo,
     Detections,
     Embeddings,
@@ -23,14 +26,14 @@ from people4d.messages import (
     Track,
     Tracks,
 )
+from services.tracker.camera_poses import CameraPoses
 from services.tracker.config import TrackerConfig
-from services.tracker.interface import InImage, Lasting, Need, Tracker
-from services.tracker.join import Frame, Join, Patience
+from services.tracker.frame_join import FrameJoin, JoinTimeouts, PendingFrame
+from services.tracker.interface import Stateful, Tracker
 from services.tracker.observe import edges, observe
-from services.tracker.placing import Places
-from services.tracker.state import Memory, pack, unpack
+from services.tracker.stateful import pack, unpack
 
-PLACING = StaticTransform | MovingTransform | Odometry
+TRANSFORMS = StaticTransform | MovingTransform | Odometry
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 COUNTERS = (
     *("no_transform", "predicted_base", "clock_resets", "transform_changes", "predictions"),
@@ -39,18 +42,27 @@ COUNTERS = (
 
 
 @dataclass(frozen=True, slots=True)
-class _Last:
-    """The last frame tracked, from which predictions go on."""
+class _TrackedFrame:
+    """The last frame tracked, from which predictions continue."""
 
     detections: Detections
     arrived_ns: int  # [ns] monotonic
+
+
+class NodeCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
+    """The state of the service."""
+
+    frame_id: str  # frame of the tracks
+    stamp_ns: int  # [ns] of the last frame tracked
+    camera_poses: dict[str, F64]  # 4x4 by optical frame, of fixed cameras
+    tracker: bytes  # its own checkpoint
 
 
 class TrackerNode(StatefulNode):
     """Joins the streams by camera and stamp, and tracks in one fixed frame.
 
     Every Detections is answered by one Tracks of the same stamp, but for counted drops: `stale`
-    (older than what was tracked), `duplicates` (done by two detectors) and `no_transform`. When
+    (older than the last frame tracked), `duplicates` (of two detectors) and `no_transform`. When
     detections stop, predictions are published until the tracks end; the tracker itself does not
     change by them.
 
@@ -68,37 +80,36 @@ class TrackerNode(StatefulNode):
     def __init__(self, config: TrackerConfig, tracker: Tracker) -> None:
         self._config = config
         self._tracker = tracker
-        self._joins = Need.EMBEDDINGS in tracker.needs
         reorder_s = config.reorder_wait_s
-        self._join = Join(
-            Patience(
-                embedding_ns=int(config.embedding_wait_s * 1e9) if self._joins else 0,
-                embedding_frames=config.embedding_patience,
+        self._join = FrameJoin(
+            JoinTimeouts(
+                embedding_ns=int(config.embedding_wait_s * 1e9) if tracker.uses_embeddings else 0,
+                embedding_count=config.embedding_timeouts_max,
                 reorder_ns=None if reorder_s is None else int(reorder_s * 1e9),
             )
         )
-        self._places = Places(config.frame_id, config.base, config.require_transform)
+        self._poses = CameraPoses(config.frame_id, config.base, config.require_transform)
         self._edges: dict[str, tuple[float, float]] = {}  # by camera, see Observation
-        self._held: Frame | None = None  # its odometry has yet to come
-        self._last: _Last | None = None
+        self._held: PendingFrame | None = None  # waits for the odometry of its time
+        self._last: _TrackedFrame | None = None
         self._last_of_camera: dict[str, int] = {}
         self._intervals_ns: deque[int] = deque(maxlen=9)
         self._restored_ns: int | None = None  # stamp of the last frame of another process
         self._predict_ns: int | None = None
-        self._showing = False
+        self._has_published = False
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Take one message and return the tracks that follow from it."""
+        """Process one message and return the tracks that follow from it."""
         flushed: list[Message] = []
         if isinstance(message, Detections):
-            flushed = self._take_detections(message, now_ns)
-        elif isinstance(message, Embeddings) and self._joins:
+            flushed = self._add_detections(message, now_ns)
+        elif isinstance(message, Embeddings) and self._tracker.uses_embeddings:
             self._join.add_embeddings(message, late=self._is_late(message))
         elif isinstance(message, CameraInfo):
             self._edges[message.camera] = edges(message)
-        elif isinstance(message, PLACING) and self._places.add(message):
-            # The people tracked so far stand where the camera was thought to be.
+        elif isinstance(message, TRANSFORMS) and self._poses.add(message):
+            # The tracks are relative to the former pose of the camera.
             self._counters["transform_changes"] += 1
             self._tracker.reset()
         return [*flushed, *self._track_due(now_ns)]
@@ -108,63 +119,63 @@ class TrackerNode(StatefulNode):
         return self._track_due(now_ns) or self._predict_due(now_ns)
 
     def flush(self, now_ns: int) -> Sequence[Message]:
-        """Return tracks of frames that still wait for more: nothing comes any more."""
+        """Return tracks of all frames that wait."""
         return self._track_due(now_ns, flush=True)
 
     def wake_ns(self) -> int | None:
-        """Return when a frame has waited long enough or a prediction is due."""
+        """Return the time at which a frame has waited long enough or a prediction is due."""
         if self._held:
             return self._held_until_ns(self._held)
         return self._join.wake_ns() if self._join.waiting else self._predict_ns
 
     def status(self) -> Status:
-        """Tell what is missing and what was counted."""
+        """Report missing inputs and counters."""
         reasons = []
-        if self._places.unplaced:
-            frames = ", ".join(sorted(self._places.unplaced))
+        if self._poses.without_transform:
+            frames = ", ".join(sorted(self._poses.without_transform))
             dropped = self._config.require_transform
-            what = "frames are dropped" if dropped else "the camera is taken as the origin"
-            reasons.append(f"no transform {self._config.frame_id} <- {frames}: {what}")
-        if self._join.silent:
-            reasons.append("no embeddings come: people are matched by motion alone")
+            effect = "frames are dropped" if dropped else "the camera is taken as the origin"
+            reasons.append(f"no transform {self._config.frame_id} <- {frames}: {effect}")
+        if self._join.ignores_embeddings:
+            reasons.append("no embeddings arrive: tracks are matched by motion alone")
         return Status(
             state="degraded" if reasons else "ready",
             reason="; ".join(reasons),
-            counters={**self._counters, **self._join.counters, **self._places.counters},
+            counters={**self._counters, **self._join.counters, **self._poses.counters},
         )
 
     def next_number(self) -> int:
-        """Return the next identity to be given; 0 if the tracker does not tell."""
-        return self._tracker.identities.next if isinstance(self._tracker, Lasting) else 0
+        """Return the next identity to be given; 0 if the tracker is not stateful."""
+        return self._tracker.ids.next if isinstance(self._tracker, Stateful) else 0
 
     def save(self) -> bytes:
-        """Return people, identities and where the cameras stand; empty if nothing is known yet."""
+        """Return tracks, identities and poses of cameras; empty before the first frame."""
         stamp_ns = self._last.detections.stamp_ns if self._last else self._restored_ns
-        if stamp_ns is None or not isinstance(self._tracker, Lasting):
+        if stamp_ns is None or not isinstance(self._tracker, Stateful):
             return b""
-        memory = Memory(
+        checkpoint = NodeCheckpoint(
             frame_id=self._config.frame_id,
             stamp_ns=stamp_ns,
-            transforms=self._places.fixed,
-            people=self._tracker.save(),
+            camera_poses=self._poses.fixed,
+            tracker=self._tracker.save(),
         )
-        return pack(memory)
+        return pack(checkpoint)
 
     def restore(self, saved: bytes, next_number: int) -> None:
-        """Go on with what another process saved; its identities are not given again."""
-        if not isinstance(self._tracker, Lasting):
+        """Continue from a checkpoint; its identities are not given again."""
+        if not isinstance(self._tracker, Stateful):
             return
-        self._tracker.identities.raise_to(next_number)
+        self._tracker.ids.raise_to(next_number)
         if not saved:
             return
-        memory = unpack(saved, Memory)
-        if memory.frame_id != self._config.frame_id:
-            raise DecodeError(f"what the tracker kept is in {memory.frame_id}")
-        self._tracker.restore(memory.people)
-        self._places.remember(memory.transforms)
-        self._restored_ns = memory.stamp_ns
+        checkpoint = unpack(saved, NodeCheckpoint)
+        if checkpoint.frame_id != self._config.frame_id:
+            raise DecodeError(f"checkpoint: tracks are in {checkpoint.frame_id}")
+        self._tracker.restore(checkpoint.tracker)
+        self._poses.restore(checkpoint.camera_poses)
+        self._restored_ns = checkpoint.stamp_ns
 
-    def _take_detections(self, detections: Detections, now_ns: int) -> list[Message]:
+    def _add_detections(self, detections: Detections, now_ns: int) -> list[Message]:
         stamp_ns, flushed = detections.stamp_ns, list[Message]()
         newest_ns = self._join.newest_ns(detections.camera)
         newest_ns = self._restored_ns if newest_ns is None else newest_ns
@@ -175,7 +186,7 @@ class TrackerNode(StatefulNode):
         return flushed
 
     def _restart(self, stamp_ns: int) -> None:
-        """Begin anew after a clock went back: a recording looped, or a camera was restarted."""
+        """Restart after a clock reset: a recording looped, or a camera was restarted."""
         self._counters["clock_resets"] += 1
         self._tracker.reset()
         self._join.restart(stamp_ns)
@@ -194,7 +205,7 @@ class TrackerNode(StatefulNode):
         last_ns = self._last_of_camera.get(embeddings.camera)
         if last_ns is None:
             return False
-        # Far behind is not late but the first of a time that begins anew.
+        # Far behind is not late but the first after a clock reset.
         return 0 <= last_ns - embeddings.stamp_ns <= self._config.clock_jump_s * 1e9
 
     def _track_due(self, now_ns: int, flush: bool = False) -> list[Message]:
@@ -202,76 +213,75 @@ class TrackerNode(StatefulNode):
         while frame := self._next(now_ns, flush):
             tracks = self._track(frame)
             if tracks:
-                # A camera in lock-step goes on at the tracks: they come last.
-                outputs += [*self._in_image(frame.detections, tracks), tracks]
-                self._remember(frame)
+                # A camera in lock-step continues at the tracks: they come last.
+                outputs += [*self._image_tracks(frame.detections, tracks), tracks]
+                self._record(frame)
         return outputs
 
-    def _next(self, now_ns: int, flush: bool) -> Frame | None:
-        """Take the next frame once the odometry of its time is there, or waited for in vain."""
+    def _next(self, now_ns: int, flush: bool) -> PendingFrame | None:
+        """Return the next frame once the odometry of its time has arrived or timed out."""
         frame = self._held = self._held or self._join.pop(now_ns, flush)
         if frame is None:
             return None
-        wanted = frame.detections.frame_id, frame.detections.stamp_ns
+        camera_time = frame.detections.frame_id, frame.detections.stamp_ns
         is_early = not flush and now_ns < self._held_until_ns(frame)
-        if is_early and self._places.waits(*wanted):
+        if is_early and self._poses.awaits_sample(*camera_time):
             return None
         self._held = None
         return frame
 
-    def _held_until_ns(self, frame: Frame) -> int:
+    def _held_until_ns(self, frame: PendingFrame) -> int:
         return frame.arrived_ns + int(self._config.odometry_wait_s * 1e9)
 
-    def _track(self, frame: Frame) -> Tracks | None:
+    def _track(self, frame: PendingFrame) -> Tracks | None:
         detections, embeddings = frame.detections, frame.embeddings
-        place = self._places.find(detections.frame_id, detections.stamp_ns)
-        if place is None:
+        pose = self._poses.lookup(detections.frame_id, detections.stamp_ns)
+        if pose is None:
             self._counters["no_transform"] += 1
             return None
-        self._counters["predicted_base"] += place.is_uncertain
+        self._counters["predicted_base"] += pose.is_uncertain
         with span("association"):
             observation = observe(
-                detections, embeddings, place, self._config.max_range_m, self._counters
+                detections, embeddings, pose, self._config.max_range_m, self._counters
             )
             observation = replace(observation, edges=self._edges.get(detections.camera))
             self._bridge_absence(observation.stamp_ns)
-            people = self._tracker.update(observation)
-        return self._publish(detections, people, (embeddings or detections).trace)
+            tracks = self._tracker.update(observation)
+        return self._publish(detections, tracks, (embeddings or detections).trace)
 
     def _bridge_absence(self, stamp_ns: int) -> None:
-        """Let most of a time pass unnoticed in which no frame came, or no process of this name ran.
+        """Skip most of a time in which no frame came, or this service did not run.
 
-        After a short one people are where they were going, after a long one only who stayed is
-        found: nobody looked, so nobody was missed.
+        After a short one people are found where they were going, after a long one where they were.
         """
         last_ns = self._last.detections.stamp_ns if self._last else self._restored_ns
-        if last_ns is None or not isinstance(self._tracker, Lasting):
+        if last_ns is None or not isinstance(self._tracker, Stateful):
             return
         config, absent_s = self._config, (stamp_ns - last_ns) / 1e9
         if config.max_lost_s < absent_s <= config.absence_max_s:
             self._tracker.postpone(int((absent_s - config.absence_moved_s) * 1e9))
 
-    def _remember(self, frame: Frame) -> None:
+    def _record(self, frame: PendingFrame) -> None:
         if self._last:
             self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
-        self._last, self._restored_ns = _Last(frame.detections, frame.arrived_ns), None
+        self._last, self._restored_ns = _TrackedFrame(frame.detections, frame.arrived_ns), None
         self._last_of_camera[frame.detections.camera] = frame.detections.stamp_ns
-        # A playback slower than real time is no outage: wait longer where frames come slowly.
-        usual_ns = median(self._intervals_ns) if self._intervals_ns else 0
-        quiet_ns = max(self._config.predict_after_s * 1e9, SLOW_FACTOR * usual_ns)
+        # A playback slower than real time is no outage: wait longer where frames are slow.
+        period_ns = median(self._intervals_ns) if self._intervals_ns else 0
+        quiet_ns = max(self._config.predict_after_s * 1e9, SLOW_FACTOR * period_ns)
         self._predict_ns = frame.arrived_ns + int(quiet_ns)
 
     def _predict_due(self, now_ns: int) -> list[Message]:
-        """Return predicted tracks if detections stopped; after the last track one empty message."""
+        """Return predicted tracks if detections stopped; after the last track an empty message."""
         last = self._last
         if last is None or self._predict_ns is None or now_ns < self._predict_ns:
             return []
-        was_showing = self._showing
+        had_tracks = self._has_published
         stamp_ns = last.detections.stamp_ns + now_ns - last.arrived_ns
         with span("prediction"):
-            people = self._tracker.predict(stamp_ns)
-        tracks = self._publish(last.detections, people, (), stamp_ns)
-        if not was_showing and not tracks.tracks:
+            predicted = self._tracker.predict(stamp_ns)
+        tracks = self._publish(last.detections, predicted, (), stamp_ns)
+        if not had_tracks and not tracks.tracks:
             self._predict_ns = None
             return []
         self._predict_ns = now_ns + int(1e9 / self._config.predict_hz)
@@ -281,14 +291,14 @@ class TrackerNode(StatefulNode):
     def _publish(
         self,
         detections: Detections,
-        people: Sequence[Track],
+        tracks: Sequence[Track],
         trace: tuple[Span, ...],
         stamp_ns: int | None = None,
     ) -> Tracks:
         stamp_ns = detections.stamp_ns if stamp_ns is None else stamp_ns
-        people = self._places.told(people, stamp_ns)
-        chosen = tuple(track for track in people if self._is_shown(track))
-        self._showing = bool(chosen)
+        tracks = self._poses.to_output_frame(tracks, stamp_ns)
+        published = tuple(track for track in tracks if self._is_published(track))
+        self._has_published = bool(published)
         return Tracks(
             stamp_ns=stamp_ns,
             sequence=detections.sequence,
@@ -296,14 +306,15 @@ class TrackerNode(StatefulNode):
             frame_id=self._config.frame_id,
             tracker=self._config.tracker,
             camera=detections.camera,
-            tracks=chosen,
+            tracks=published,
         )
 
-    def _in_image(self, detections: Detections, tracks: Tracks) -> list[Message]:
-        """Return the people in the image, if the tracker follows them there."""
-        if not isinstance(self._tracker, InImage):
+    def _image_tracks(self, detections: Detections, tracks: Tracks) -> list[Message]:
+        """Return the tracks in the image, if the tracker has them."""
+        image_tracks = self._tracker.image_tracks()
+        if image_tracks is None:
             return []
-        told = ImageTracks(
+        message = ImageTracks(
             stamp_ns=tracks.stamp_ns,
             sequence=tracks.sequence,
             trace=tracks.trace,
@@ -311,11 +322,11 @@ class TrackerNode(StatefulNode):
             tracker=tracks.tracker,
             width=detections.width,
             height=detections.height,
-            tracks=tuple(track for track in self._tracker.in_image() if self._is_shown(track)),
+            tracks=tuple(track for track in image_tracks if self._is_published(track)),
         )
-        return [told]
+        return [message]
 
-    def _is_shown(self, track: Track | ImageTrack) -> bool:
+    def _is_published(self, track: Track | ImageTrack) -> bool:
         config = self._config
-        told = {"tentative": config.publish_tentative, "lost": config.publish_lost}
-        return told.get(track.state, True)
+        published = {"tentative": config.publish_tentative, "lost": config.publish_lost}
+        return published.get(track.state, True)

@@ -1,4 +1,4 @@
-"""From messages to what trackers take."""
+"""Conversion of messages to the input of trackers."""
 
 import math
 from collections import Counter
@@ -8,39 +8,39 @@ import numpy as np
 from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import apply
 from people4d.messages import F64, CameraInfo, Detections, Embeddings
-from services.tracker.interface import Measurement, Observation, Unplaced
-from services.tracker.placing import doubt
+from services.tracker.camera_poses import pose_covariance
+from services.tracker.interface import Measurement, Observation, UnlocatedDetection
 
-GUESS_MIN_M = 0.01  # [m] a base that is known better than this adds no doubt
-LEVEL_MIN = 0.2  # a heading whose level part is shorter than this (steeper than 78 deg) has no yaw
+POSE_SIGMA_MIN_M = 0.01  # [m] a better known pose adds no covariance
+LEVEL_MIN = 0.2  # a heading with a shorter level part (steeper than 78 deg) has no yaw
 
 
 def observe(
     detections: Detections,
     embeddings: Embeddings | None,
-    place: TransformEstimate,
+    pose: TransformEstimate,
     max_range_m: float,
     counters: Counter[str],
 ) -> Observation:
-    """Gather what a tracker can use of one frame; what it cannot use is counted.
+    """Return the usable detections of one frame; the others are counted.
 
     Args:
-        detections: The people of the frame.
-        embeddings: Their appearance, None if unknown.
-        place: Where the camera is, from its optical frame to the one that tracks are in.
-        max_range_m: Largest coordinate of a position, in metres, that is believed.
-        counters: Where detections and embeddings that cannot be used are counted.
+        detections: Of the frame.
+        embeddings: Of the same frame, None if there are none.
+        pose: Of the camera, from its optical frame to the tracking frame.
+        max_range_m: Largest coordinate of a position, in metres.
+        counters: Counts of dropped detections and embeddings.
     """
     vectors = _unit_vectors(embeddings, len(detections.detections), counters) if embeddings else {}
-    map_from_camera = place.matrix
-    measurements, unplaced = list[Measurement](), list[Unplaced]()
+    map_from_camera = pose.matrix
+    measurements, unlocated = list[Measurement](), list[UnlocatedDetection]()
     for index, person in enumerate(detections.detections):
         left, top, right, bottom = map(float, person.box_xyxy_px)
         if right - left < 1.0 or bottom - top < 1.0:
             counters["empty_boxes"] += 1
         elif person.position_m is None or np.abs(person.position_m).max() > max_range_m:
             counters["without_position" if person.position_m is None else "out_of_range"] += 1
-            unplaced.append(Unplaced(index, person.box_xyxy_px, person.score))
+            unlocated.append(UnlocatedDetection(index, person.box_xyxy_px, person.score))
         else:
             measurements.append(
                 Measurement(
@@ -53,8 +53,10 @@ def observe(
                     embedding=vectors.get(index),
                     yaw_rad=yaw_of(person.heading, map_from_camera),
                     yaw_sigma_rad=person.heading_sigma_rad,
-                    doubt_m2=doubt(map_from_camera[:3, :3] @ person.position_m, place)
-                    if place.sigma_m > GUESS_MIN_M
+                    added_covariance_m2=pose_covariance(
+                        map_from_camera[:3, :3] @ person.position_m, pose
+                    )
+                    if pose.sigma_m > POSE_SIGMA_MIN_M
                     else None,
                 )
             )
@@ -65,8 +67,8 @@ def observe(
         embedder=embeddings.model if embeddings else "",
         map_from_camera=map_from_camera,
         size_px=(detections.width, detections.height),
-        unplaced=tuple(unplaced),
-        turn_sigma_rad=place.sigma_rad,
+        unlocated=tuple(unlocated),
+        turn_sigma_rad=pose.sigma_rad,
     )
 
 
@@ -79,12 +81,12 @@ def rotated(covariance_m2: F64 | None, map_from_camera: F64) -> F64 | None:
     """Return a covariance (3x3) of the camera's frame in the map; None if it is unknown."""
     if covariance_m2 is None:
         return None
-    turned: F64 = map_from_camera[:3, :3] @ covariance_m2 @ map_from_camera[:3, :3].T
-    return (turned + turned.T) / 2
+    result: F64 = map_from_camera[:3, :3] @ covariance_m2 @ map_from_camera[:3, :3].T
+    return (result + result.T) / 2
 
 
 def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:
-    """Return the yaw in the map of a heading in the camera's frame: its level part's direction.
+    """Return the yaw in the map of a heading in the frame of the camera.
 
     Args:
         heading: 3, unit vector in the optical frame; None if unknown.
@@ -96,13 +98,13 @@ def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:
     return math.atan2(y, x) if math.hypot(x, y) >= LEVEL_MIN else None
 
 
-def _unit_vectors(embeddings: Embeddings, people: int, counters: Counter[str]) -> dict[int, F64]:
+def _unit_vectors(embeddings: Embeddings, count: int, counters: Counter[str]) -> dict[int, F64]:
     """Return the embeddings by index of their detection, at unit length."""
     vectors: dict[int, F64] = {}
     for index, vector in zip(embeddings.detections, embeddings.vectors, strict=True):
         long_vector = vector.astype(np.float64)
         length = float(np.linalg.norm(long_vector))
-        if 0 <= index < people and index not in vectors and length > 1e-6:
+        if 0 <= index < count and index not in vectors and length > 1e-6:
             vectors[index] = long_vector / length
         else:
             counters["bad_embeddings"] += 1

@@ -14,8 +14,15 @@ from people4d.errors import ConfigError
 from services.detector.config import DetectorConfig, FaceConfig, KeypointConfig, OrientationConfig
 from services.presets import FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
-from services.tracker.config import StrongSort3dConfig, TrackerConfig
-from services.tracker.image_sort.config import ImageSortConfig
+from services.tracker.config import (
+    ContactConfig,
+    IdentityConfig,
+    ImageSortConfig,
+    ImmConfig,
+    OcclusionConfig,
+    StrongSort3dConfig,
+    TrackerConfig,
+)
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -60,7 +67,8 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
     tracker = config_of(TrackerConfig, "tracker", method + suffix)
     assert tracker.tracker == "strongsort3d"
     assert not tracker.publish_lost
-    assert tracker.strongsort3d == StrongSort3dConfig(
+    strong = tracker.strongsort3d
+    assert strong == StrongSort3dConfig(
         motion_weight=0.02,
         mahalanobis_max=7.8147,
         ema_alpha=0.9,
@@ -69,6 +77,13 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
         sigma_acceleration_mps2=0.5,
         sigma_measurement_m=0.5,
         max_depth_m=5.0,
+        nsa_floor=0.05,
+        noise="constant",
+        noise_factor=2.0,
+        occlusion=OcclusionConfig(enabled=False),
+        contact=ContactConfig(enabled=False),
+        identity=IdentityConfig(enabled=False),
+        imm=ImmConfig(enabled=False),
     )
     assert tracker.yaw == ("keypoints" if method.startswith("pose") else "velocity")
     reid = config_of(ReidConfig, "reid", method + suffix)

@@ -31,9 +31,9 @@ from services.camera.source import SourceFrame
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.recording import RecordingTruth
 from services.gt_bridge.sources.rosbag import RosbagTruth
+from services.tracker.build import make_tracker
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
-from services.tracker.registry import make_tracker
 from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 
 

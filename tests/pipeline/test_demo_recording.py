@@ -34,9 +34,9 @@ from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
 from services.gt_bridge.sources.registry import open_truth
+from services.tracker.build import make_tracker
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
-from services.tracker.registry import make_tracker
 from tests import ROOT
 
 DEMO = ROOT / "deploy" / "demo" / "crossing.mcap"

@@ -1,10 +1,15 @@
-"""People that tests put before a tracker."""
+"""Measurements and configurations for tests of trackers."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
+from common.config import load
 from people4d.messages import F64
+from services.presets import preset_settings
+from services.tracker.config import StrongSort3dConfig, TrackerConfig
 from services.tracker.interface import Measurement, Observation
 
 FRAME_NS = 100_000_000
@@ -41,3 +46,16 @@ def frame(number: int, *people: Measurement, camera: str = "camera") -> Observat
     return Observation(
         stamp_ns=number * FRAME_NS, measurements=people, camera=camera, embedder="histogram"
     )
+
+
+def published(**constants: Any) -> StrongSort3dConfig:
+    """StrongSORT-3D with the published constants and without the policies around it."""
+    settings = [text.partition(".") for text in preset_settings("seg-strongsort")]
+    overrides = [field for service, _, field in settings if service == "tracker"]
+    tracker = load(TrackerConfig, "tracker", overrides=overrides, environment={})
+    return replace(tracker.strongsort3d, **constants)
+
+
+def published_config(**fields: Any) -> TrackerConfig:
+    """A tracker with the published constants."""
+    return replace(TrackerConfig(yaw="velocity", strongsort3d=published()), **fields)

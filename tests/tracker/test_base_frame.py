@@ -24,15 +24,15 @@ from people4d.messages import (
     Track,
     Tracks,
 )
-from services.tracker.config import TrackerConfig
+from services.tracker.build import make_tracker
+from services.tracker.camera_poses import transform_track
 from services.tracker.node import TrackerNode
-from services.tracker.placing import carried
-from services.tracker.registry import make_tracker
+from tests.tracker.scene import published_config
 
 CAMERA = "front_optical_frame"
 STEP_NS = 100_000_000
 MOUNT = transform_from([0.2, 0.0, 1.0], LINK_FROM_OPTICAL[:3, :3])
-STANDS, WALKS = np.array([4.0, 0.5, 1.0]), np.array([3.5, -1.0, 1.0])
+STANDING, WALKING = np.array([4.0, 0.5, 1.0]), np.array([3.5, -1.0, 1.0])
 
 
 def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
@@ -57,7 +57,7 @@ def seen(number: int) -> Detections:
     """One person who stands and one who walks along y at 0.5 m/s, both measured without error."""
     optical_from_odom = invert(transform_from_odometry(driven(number)) @ MOUNT)
     people = []
-    for place_m in (STANDS, WALKS + np.array([0.0, 0.05 * number, 0.0])):
+    for place_m in (STANDING, WALKING + np.array([0.0, 0.05 * number, 0.0])):
         x, y, z = apply(optical_from_odom, place_m)
         u = 320 + 500 * x / z
         box = np.array([u - 60, 100.0, u + 60, 400.0], np.float32)
@@ -75,7 +75,7 @@ def seen(number: int) -> Detections:
 
 
 def run(frame_id: str, *transforms: Message) -> list[Tracks]:
-    config = TrackerConfig(frame_id=frame_id, embedding_wait_s=0.0)
+    config = published_config(frame_id=frame_id, embedding_wait_s=0.0)
     node = TrackerNode(config, make_tracker(config))
     outputs: list[Message] = []
     for message in (*transforms, fixed("base_link", CAMERA, MOUNT)):
@@ -94,7 +94,7 @@ def test_tracks_in_the_base_are_those_in_the_map_seen_from_there() -> None:
     for number, (there, here) in enumerate(zip(in_map, in_base, strict=True)):
         base_from_map = invert(map_from_odom @ transform_from_odometry(driven(number)))
         for a, b in zip(there.tracks, here.tracks, strict=True):
-            expected = carried(a, TransformEstimate(base_from_map))
+            expected = transform_track(a, TransformEstimate(base_from_map))
             assert b.id == a.id
             np.testing.assert_allclose(b.position_m, expected.position_m, atol=1e-9)
             np.testing.assert_allclose(b.velocity_mps, expected.velocity_mps, atol=1e-9)
@@ -130,7 +130,7 @@ def test_a_track_seen_from_a_base_that_has_turned() -> None:
         score=0.9,
     )
     base = transform_from([1.0, 0.0, 0.0], rotation_from_rpy(0.0, 0.0, math.pi / 2))
-    told = carried(track, TransformEstimate(invert(base), 0.1, 0.05))
+    told = transform_track(track, TransformEstimate(invert(base), 0.1, 0.05))
     np.testing.assert_allclose(told.position_m, [0.0, -2.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(told.velocity_mps, [0.0, -1.0, 0.0], atol=1e-12)
     expected = [0.01 + 0.01 + 0.01, 0.04 + 0.01, 0.01, 0.1, 0.2, 0.1]

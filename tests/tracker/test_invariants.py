@@ -9,17 +9,16 @@ from hypothesis import strategies as st
 
 from common.geometry.transforms import rotation_from_rpy
 from people4d.messages import F64, Track
-from services.tracker.config import TrackerConfig
+from services.tracker.build import make_tracker
 from services.tracker.interface import Measurement, Observation, Tracker
-from services.tracker.registry import make_tracker
-from tests.tracker.scene import FRAME_NS, frame, person
+from tests.tracker.scene import FRAME_NS, frame, person, published_config
 
 NAMES = ["sort3d", "strongsort3d"]
 both = pytest.mark.parametrize("name", NAMES)
 
 
 def make(name: str) -> Tracker:
-    return make_tracker(TrackerConfig(tracker=name))
+    return make_tracker(published_config(tracker=name))
 
 
 def scene(seed: int, frames: int = 25, people: int = 4) -> list[Observation]:

@@ -19,9 +19,9 @@ from people4d.messages import (
     StaticTransform,
     Tracks,
 )
-from services.tracker.config import TrackerConfig
+from services.tracker.build import make_tracker
 from services.tracker.node import TrackerNode
-from services.tracker.registry import make_tracker
+from tests.tracker.scene import published_config
 
 MS = 1_000_000
 START_NS = 5_000 * MS  # stamp of frame 0
@@ -36,7 +36,7 @@ TRANSFORM = StaticTransform(
 
 
 def node(**fields: Any) -> TrackerNode:
-    config = TrackerConfig(**fields)
+    config = published_config(**fields)
     return TrackerNode(config, make_tracker(config))
 
 
@@ -170,7 +170,7 @@ def test_a_dead_reid_delays_only_the_first_frames() -> None:
     status = target.status()
     assert (status.state, status.reason) == (
         "degraded",
-        "no embeddings come: people are matched by motion alone",
+        "no embeddings arrive: tracks are matched by motion alone",
     )
     assert status.counters["embedding_timeouts"] == 3
     assert status.counters["without_embeddings"] == 4

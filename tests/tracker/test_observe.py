@@ -7,8 +7,8 @@ import numpy as np
 from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.messages import Detection, Detections
+from services.tracker.camera_poses import pose_covariance
 from services.tracker.observe import observe, rotated
-from services.tracker.placing import doubt
 
 BOX = np.array([0.0, 0.0, 10.0, 20.0], np.float32)
 
@@ -55,7 +55,9 @@ def test_turning_keeps_the_size_of_a_covariance() -> None:
 def test_a_guessed_base_puts_positions_in_doubt() -> None:
     # The camera looks along x, the person is 4 m before it: a turn by 0.05 rad moves them 0.2 m
     # along y, on top of 0.1 m of the base each way.
-    matrix = doubt(np.array([4.0, 0.0, 0.0]), TransformEstimate(LINK_FROM_OPTICAL, 0.1, 0.05))
+    matrix = pose_covariance(
+        np.array([4.0, 0.0, 0.0]), TransformEstimate(LINK_FROM_OPTICAL, 0.1, 0.05)
+    )
     np.testing.assert_allclose(matrix, np.diag([0.01, 0.01 + 0.04, 0.0]), atol=1e-12)
 
 
@@ -64,4 +66,4 @@ def test_only_a_bad_guess_is_doubted() -> None:
     for sigma_m, is_doubted in ((0.0, False), (0.005, False), (0.05, True)):
         place = TransformEstimate(LINK_FROM_OPTICAL, sigma_m, 0.0)
         (found,) = observe(detections(person), None, place, 100.0, Counter()).measurements
-        assert (found.doubt_m2 is not None) == is_doubted
+        assert (found.added_covariance_m2 is not None) == is_doubted

@@ -7,10 +7,9 @@ import pytest
 
 from common.geometry.transforms import apply, invert
 from people4d.messages import F64
-from services.tracker.config import TrackerConfig
+from services.tracker.build import make_tracker
 from services.tracker.interface import Measurement, Observation
-from services.tracker.registry import make_tracker
-from tests.tracker.scene import unit
+from tests.tracker.scene import published_config, unit
 
 VISIBLE_MIN = 0.3
 
@@ -28,7 +27,7 @@ def test_two_identities_and_less_error_than_measured(
 ) -> None:
     truth = np.load(shared / "data" / "lab" / "two" / "gt.npz")
     rng = np.random.default_rng(seed)
-    tracker = make_tracker(TrackerConfig(tracker=name))
+    tracker = make_tracker(published_config(tracker=name))
     identities: set[tuple[int, int | None]] = set()
     measured, tracked = list[F64](), list[F64]()
     for k, t_s in enumerate(truth["t"]):

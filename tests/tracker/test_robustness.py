@@ -6,20 +6,26 @@ import numpy as np
 import pytest
 
 from people4d.messages import Detection, Detections, Embeddings, ImageTracks, Message, Tracks
-from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
-from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.build import TRACKERS, make_tracker
+from services.tracker.config import (
+    ContactConfig,
+    IdentityConfig,
+    OcclusionConfig,
+    TrackerConfig,
+    YawFilterConfig,
+)
 from services.tracker.node import TrackerNode
-from services.tracker.registry import TRACKERS, make_tracker
+from tests.tracker.scene import published, published_config
 
 MS = 1_000_000
-BEST = StrongSort3dConfig(
+BEST = published(
     noise="measured",
     occlusion=OcclusionConfig(enabled=True),
     contact=ContactConfig(enabled=True),
     identity=IdentityConfig(enabled=True),
 )
-CONFIGS = {name: TrackerConfig(tracker=name, publish_tentative=True) for name in TRACKERS} | {
-    "all switches on": TrackerConfig(
+CONFIGS = {name: published_config(tracker=name, publish_tentative=True) for name in TRACKERS} | {
+    "all switches on": published_config(
         strongsort3d=BEST,
         yaw="keypoints",
         yaw_filter=YawFilterConfig(measured_sigma=True, sigma_walk_rad=1.0, outlier_sigmas=2.0),

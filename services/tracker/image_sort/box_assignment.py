@@ -1,4 +1,4 @@
-"""Which box belongs to which track: intersection over union and the Hungarian method, compiled."""
+"""Assignment of boxes to tracks: intersection over union, Hungarian method; compiled."""
 
 import numpy as np
 import numpy.typing as npt
@@ -43,7 +43,7 @@ def assign(gain: F64) -> I64:
                 choices[i] += 1
                 last[i] = j
                 rivals[j] += 1
-    # A pair without rivals needs no search, and mostly there is nothing else.
+    # A pair without rivals needs no search, and most pairs have none.
     open_rows, open_columns = np.empty(n, np.int64), np.empty(m, np.int64)
     rows = columns = 0
     for i in range(n):
@@ -74,7 +74,7 @@ def assign(gain: F64) -> I64:
 def shortest_paths(cost: F64) -> I64:
     """Return the column of each row at the least sum of costs.
 
-    Rows are added one by one along the shortest augmenting path (Jonker and Volgenant, 1987).
+    Rows are added one by one along the shortest augmenting path [Jonker 1987].
 
     Args:
         cost: NxM, finite, N <= M.

@@ -5,7 +5,7 @@ In SORT all covariances are diagonal at the start, and neither motion nor measur
 and r. So the filter of seven states is exactly three filters of [position, velocity] and one of
 [position], and each is a handful of multiplications.
 
-Source: method book sections 4 and 7; the constants are SORT's (Bewley et al., 2016).
+Source: docs/method.md, section 7; the constants are those of [Bewley 2016].
 """
 
 from typing import Any
@@ -27,10 +27,10 @@ TRACK = np.dtype(
         ("score", np.float64),  # of the last matched detection
         ("detection", np.int64),  # index of the detection matched in this frame, -1 if none
         ("hits", np.int64),  # frames matched, the first included
-        ("streak", np.int64),  # frames matched since the last miss, the first sight excluded
+        ("streak", np.int64),  # frames matched since the last miss, the first match excluded
         ("missed", np.int64),  # frames since the last match
         ("confirmed", np.bool_),
-        ("seen_ns", np.int64),  # [ns] stamp of the last match
+        ("matched_ns", np.int64),  # [ns] stamp of the last match
     ]
 )
 
@@ -42,19 +42,19 @@ MEASURED = (1.0, 1.0, 10.0, 10.0)
 
 @compiled
 def begin(track: Any, box: F64) -> None:
-    """Start with what was measured (4, xyxy, pixels), at rest but not sure of it."""
+    """Start with a measured box (4, xyxy, pixels), velocities of 0 and their variances."""
     measure(box, track.x)
     for k in range(4):
         track.pp[k] = START[k]
     for k in range(3):
         track.v[k] = track.pv[k] = 0.0
         track.vv[k] = START_VELOCITY[k]
-    show(track)
+    write_box(track)
 
 
 @compiled
 def predict(track: Any, steps: float) -> None:
-    """Move the state ahead by a number of frames.
+    """Predict the state a number of frames ahead.
 
     An area that would vanish stops shrinking, as in SORT.
     """
@@ -67,12 +67,12 @@ def predict(track: Any, steps: float) -> None:
         track.vv[k] += steps * PROCESS_VELOCITY[k]
     for k in range(4):
         track.pp[k] += steps * PROCESS[k]
-    show(track)
+    write_box(track)
 
 
 @compiled
 def correct(track: Any, box: F64) -> None:
-    """Correct the state with a measured box (4, xyxy, pixels)."""
+    """Update the state with a measured box (4, xyxy, pixels)."""
     z = np.empty(4)
     measure(box, z)
     for k in range(4):
@@ -85,7 +85,7 @@ def correct(track: Any, box: F64) -> None:
             track.v[k] += K_v * y
             track.vv[k] -= K_v * track.pv[k]
             track.pv[k] *= 1 - K
-    show(track)
+    write_box(track)
 
 
 @compiled
@@ -97,7 +97,7 @@ def measure(box: F64, z: F64) -> None:
 
 
 @compiled
-def show(track: Any) -> None:
+def write_box(track: Any) -> None:
     """Write the box of the state."""
     u, v, s, r = track.x[0], track.x[1], track.x[2], track.x[3]
     width = np.sqrt(max(s * r, 0.0))

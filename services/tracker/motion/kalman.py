@@ -1,7 +1,7 @@
 """The linear Kalman filter, for one track or for a stack of them.
 
 Shapes are written for N tracks with n state variables and m measured ones. Leading axes broadcast,
-so the same functions serve one track. Source: method book section 3.
+so the same functions serve one track. Source: docs/method.md, section 3 [Kalman 1960].
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def predict(x: F64, P: F64, F: F64, Q: F64) -> tuple[F64, F64]:
 
 
 def innovation(x: F64, P: F64, z: F64, H: F64, R: F64) -> tuple[F64, F64]:
-    """Return how far measurements lie from predictions (Nxm) and its covariance S (Nxmxm)."""
+    """Return measurements less predictions (Nxm) and its covariance S (Nxmxm)."""
     return z - x @ H.T, H @ P @ H.T + R
 
 
@@ -49,7 +49,7 @@ def gating_distances(x: F64, P: F64, z: F64, H: F64, R: F64) -> F64:
 
 
 def update(x: F64, P: F64, z: F64, H: F64, R: F64) -> tuple[F64, F64]:
-    """Correct predicted states with one measurement each.
+    """Update predicted states with one measurement each.
 
     The covariance follows Joseph's form, which keeps it symmetric and positive definite.
 
@@ -61,11 +61,11 @@ def update(x: F64, P: F64, z: F64, H: F64, R: F64) -> tuple[F64, F64]:
         R: Nxmxm measurement noise.
 
     Returns:
-        Corrected states and covariances.
+        Updated states and covariances.
     """
     y, S = innovation(x, P, z, H, R)
     K = np.linalg.solve(S, H @ P).swapaxes(-1, -2)
     A = np.eye(P.shape[-1]) - K @ H
-    corrected = A @ P @ A.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
+    updated = A @ P @ A.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
     x = x + (K @ y[..., None])[..., 0]
-    return x, (corrected + corrected.swapaxes(-1, -2)) / 2
+    return x, (updated + updated.swapaxes(-1, -2)) / 2

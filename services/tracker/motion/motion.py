@@ -1,4 +1,4 @@
-"""How people move and how well they are measured: constant velocity (method book section 3)."""
+"""Motion and measurement models: constant velocity (docs/method.md, section 3 [PIC4SeR])."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -16,8 +16,8 @@ class Motion(Protocol):
     """A linear motion model and its measurement model."""
 
     H: F64  # mxn measurement matrix
-    position: list[int]  # where x, y, z stand in the state
-    velocity: list[int]  # where their velocities stand in the state
+    position: list[int]  # indices of x, y, z in the state
+    velocity: list[int]  # indices of their velocities
 
     def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
         """Move N states (Nxn, Nxnxn) ahead by dt_s seconds."""
@@ -32,7 +32,7 @@ class Motion(Protocol):
         ...
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
-        """Return state (n) and covariance (nxn) of a person seen for the first time."""
+        """Return state (n) and covariance (nxn) of a new track."""
         ...
 
 
@@ -41,8 +41,8 @@ def transition(size: int, position: list[int], velocity: list[int], dt_s: float)
 
     Args:
         size: Length of the state.
-        position: Places of the positions in the state.
-        velocity: Places of their velocities, in the same order.
+        position: Indices of the positions in the state.
+        velocity: Indices of their velocities, in the same order.
         dt_s: Time step in seconds.
     """
     F = np.eye(size)
@@ -70,27 +70,27 @@ def depth_factor(forward_m: npt.ArrayLike, max_depth_m: float) -> F64:
 
 
 def confidence_factor(score: npt.ArrayLike, floor: float) -> F64:
-    """Return 1 - c (NSA), not below a floor: a score of 1 would say that R is 0."""
+    """Return 1 - c (NSA), not below a floor: a score of 1 would make R 0."""
     return np.maximum(1.0 - np.asarray(score, np.float64), floor)
 
 
 def measured_noise(R_m2: F64, measurements: Sequence[Measurement], factor: float) -> F64:
-    """Return the noise of positions, Nx3x3: as the detector told it, else as given.
+    """Return the noise of positions, Nx3x3: as the detector estimated it, else as given.
 
     Args:
         R_m2: Nx3x3, for measurements without a covariance.
         measurements: N.
         factor: By which covariances are multiplied.
     """
-    told = [
+    covariances = [
         R if m.covariance_m2 is None else factor * m.covariance_m2
         for R, m in zip(R_m2, measurements, strict=True)
     ]
-    return np.array(told).reshape(-1, 3, 3)
+    return np.array(covariances).reshape(-1, 3, 3)
 
 
 class PointMotion:
-    """State x, y, z and their velocities; measured x, y, z (method book section 5)."""
+    """State x, y, z and their velocities; measured x, y, z (docs/method.md, section 5)."""
 
     position = [0, 1, 2]  # noqa: RUF012
     velocity = [3, 4, 5]  # noqa: RUF012
@@ -116,34 +116,34 @@ class PointMotion:
     def noise(self, measurements: Sequence[Measurement]) -> F64:
         """Return R, grown with depth and shrunk by the score (NSA)."""
         factor = confidence_factor([m.score for m in measurements], self._config.nsa_floor)
-        return self._told(factor[:, None, None] * self._depth_noise(measurements), measurements)
+        return self._measured(factor[:, None, None] * self._depth_noise(measurements), measurements)
 
     def gate_noise(self, measurements: Sequence[Measurement]) -> F64:
         """Return R, grown with depth only: StrongSORT gates without the score."""
-        return self._told(self._depth_noise(measurements), measurements)
+        return self._measured(self._depth_noise(measurements), measurements)
 
     def _depth_noise(self, measurements: Sequence[Measurement]) -> F64:
         factor = depth_factor([m.forward_m for m in measurements], self._config.max_depth_m)
         variance = self._config.sigma_measurement_m**2 * factor
         return variance[:, None, None] * np.eye(3)
 
-    def _told(self, R: F64, measurements: Sequence[Measurement]) -> F64:
+    def _measured(self, R: F64, measurements: Sequence[Measurement]) -> F64:
         if self._config.noise == "measured":
             R = measured_noise(R, measurements, self._config.noise_factor)
         for R_k, measurement in zip(R, measurements, strict=True):
-            if measurement.doubt_m2 is not None:
-                R_k += measurement.doubt_m2
+            if measurement.added_covariance_m2 is not None:
+                R_k += measurement.added_covariance_m2
         return R
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
-        """Begin where the person was measured, at rest but not sure of it."""
+        """Begin at the measured position, with a velocity of 0 and its variance."""
         P = np.eye(6) * self._config.sigma_start_velocity_mps**2
         P[:3, :3] = self.noise([measurement])[0]
         return np.concatenate([measurement.position_m, np.zeros(3)]), P
 
 
 class BoxMotion:
-    """State u, v, s, r, x, y, z, du, dv, ds, dx, dy, dz (method book section 4).
+    """State u, v, s, r, x, y, z, du, dv, ds, dx, dy, dz (docs/method.md, section 4).
 
     u, v is the centre of the box, s its area and r its width over its height. Noise of the area is
     relative to the area, since a near person's box changes by more pixels than a far one's.
@@ -186,7 +186,7 @@ class BoxMotion:
         return R
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
-        """Begin with what was measured, at rest but not sure of it."""
+        """Begin with the measurement, with velocities of 0 and their variances."""
         z, R = self.measure([measurement])[0], self.noise([measurement])[0]
         config = self._config
         sigmas = [config.sigma_start_centre_pxps] * 2

@@ -1,4 +1,4 @@
-"""Which way people face: filtered from keypoints, or taken from how they walk."""
+"""Yaw of people: filtered from keypoints, or the direction of their velocity."""
 
 import math
 from collections.abc import Sequence
@@ -17,25 +17,25 @@ from services.tracker.motion.motion import acceleration_noise
 
 @dataclass(frozen=True, slots=True)
 class YawState:
-    """What is known of one person's yaw."""
+    """State of the yaw filter of one track."""
 
     x: F64  # 2: psi in radians, wrapped, and dpsi in radians a second
     P: F64  # 2x2 covariance
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class YawMeasurement:
     """One measured angle."""
 
     rad: float | None  # [rad] None if there is none
     variance: float  # [rad^2]
 
 
-States = Sequence[YawState | None]  # one for each person, None: nothing is known
+States = Sequence[YawState | None]  # one for each track, None: unknown
 
 
-class Yaw(Protocol):
-    """Says which way people face."""
+class YawEstimator(Protocol):
+    """Yaw of tracks over time."""
 
     def predict(self, states: States, dt_s: float) -> list[YawState | None]:
         """Move states ahead by dt_s seconds."""
@@ -44,29 +44,29 @@ class Yaw(Protocol):
     def update(
         self, states: States, measurements: Sequence[Measurement], velocities_mps: F64
     ) -> list[YawState | None]:
-        """Correct each state with one measurement, which may tell nothing of the yaw.
+        """Update each state with one measurement, which may have no yaw.
 
         Args:
             states: N states.
             measurements: N measurements.
-            velocities_mps: Nx3, how the people move.
+            velocities_mps: Nx3, of the tracks.
         """
         ...
 
     def read(self, state: YawState | None, velocity_mps: F64) -> float | None:
-        """Return the yaw (radians) of a person with a state and a velocity; None if unknown."""
+        """Return the yaw (radians) of a track; None if unknown."""
         ...
 
 
-def make_yaw(config: TrackerConfig) -> Yaw:
-    """Return the configured way to tell the yaw."""
+def make_yaw(config: TrackerConfig) -> YawEstimator:
+    """Build the configured estimator."""
     if config.yaw == "keypoints":
         return KeypointYaw(config.yaw_filter)
     return VelocityYaw(config.yaw_speed_min_mps if config.yaw == "velocity" else math.inf)
 
 
 class VelocityYaw:
-    """The direction of the velocity: yaw = atan2(v_y, v_x) (method book section 4, eq. 4.9).
+    """The direction of the velocity: yaw = atan2(v_y, v_x) [PIC4SeR].
 
     Args:
         speed_min_mps: A slower person has no yaw.
@@ -76,7 +76,7 @@ class VelocityYaw:
         self._speed_min_mps = speed_min_mps
 
     def predict(self, states: States, dt_s: float) -> list[YawState | None]:  # noqa: ARG002
-        """Keep the states: the velocity is all that counts."""
+        """Keep the states: the yaw depends on the velocity only."""
         return list(states)
 
     def update(
@@ -85,31 +85,32 @@ class VelocityYaw:
         measurements: Sequence[Measurement],  # noqa: ARG002
         velocities_mps: F64,  # noqa: ARG002
     ) -> list[YawState | None]:
-        """Keep the states: the velocity is all that counts."""
+        """Keep the states: the yaw depends on the velocity only."""
         return list(states)
 
     def read(self, state: YawState | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
-        """Return the direction of the velocity; None if the person stands."""
+        """Return the direction of the velocity; None if it is too slow."""
         v_x, v_y = float(velocity_mps[0]), float(velocity_mps[1])
         speed_mps = math.hypot(v_x, v_y)
-        stands = speed_mps == 0 or speed_mps < self._speed_min_mps
-        return None if stands else wrap(math.atan2(v_y, v_x))
+        slow = speed_mps == 0 or speed_mps < self._speed_min_mps
+        return None if slow else wrap(math.atan2(v_y, v_x))
 
 
 class KeypointYaw:
-    """A Kalman filter on psi and dpsi, constant velocity, wrapped innovation (section 6).
+    """A Kalman filter on psi and dpsi, constant velocity, wrapped innovation.
 
     The first measurement begins the state; without one the state is predicted. Where so configured,
-    the way a person walks is a second, weaker measurement.
+    the direction of the velocity is a second, weaker measurement. Source: docs/method.md, section 6
+    [PIC4SeR].
     """
 
     def __init__(self, config: YawFilterConfig) -> None:
         self._config = config
-        self._walk = VelocityYaw(config.walk_speed_min_mps)
+        self._direction = VelocityYaw(config.walk_speed_min_mps)
         self._H = np.eye(1, 2)
 
     def predict(self, states: States, dt_s: float) -> list[YawState | None]:
-        """Turn everyone on at their own rate; the uncertainty grows."""
+        """Turn each track on at its own rate; the uncertainty grows."""
         known = [state for state in states if state is not None]
         if not known:
             return list(states)
@@ -120,29 +121,31 @@ class KeypointYaw:
     def update(
         self, states: States, measurements: Sequence[Measurement], velocities_mps: F64
     ) -> list[YawState | None]:
-        """Correct who was measured, begin who was measured for the first time."""
-        seen = [Reading(m.yaw_rad, self._variance(m)) for m in measurements]
-        after = self._correct(states, seen)
+        """Update known states, begin those measured for the first time."""
+        measured = [YawMeasurement(m.yaw_rad, self._variance(m)) for m in measurements]
+        after = self._correct(states, measured)
         variance = self._config.sigma_walk_rad**2
         if variance == math.inf:
             return after
-        walks = [Reading(self._walk.read(None, v), variance) for v in velocities_mps]
-        return self._correct(after, walks)
+        walking = [YawMeasurement(self._direction.read(None, v), variance) for v in velocities_mps]
+        return self._correct(after, walking)
 
-    def _correct(self, states: States, readings: Sequence[Reading]) -> list[YawState | None]:
-        after, known = list(states), list[tuple[int, YawState, Reading]]()
-        for index, (state, reading) in enumerate(zip(states, readings, strict=True)):
-            if reading.rad is None or not math.isfinite(reading.rad):
+    def _correct(
+        self, states: States, measurements: Sequence[YawMeasurement]
+    ) -> list[YawState | None]:
+        after, known = list(states), list[tuple[int, YawState, YawMeasurement]]()
+        for index, (state, measurement) in enumerate(zip(states, measurements, strict=True)):
+            if measurement.rad is None or not math.isfinite(measurement.rad):
                 continue
             if state is None:
-                after[index] = self._start(reading.rad, reading.variance)
+                after[index] = self._start(measurement.rad, measurement.variance)
             else:
-                known.append((index, state, reading))
+                known.append((index, state, measurement))
         if known:
             x, P = _stack([state for _, state, _ in known])
             psi = x[:, :1]
-            y = _wrap(np.array([[reading.rad] for *_, reading in known]) - psi)
-            R = np.array([reading.variance for *_, reading in known])
+            y = _wrap(np.array([[measurement.rad] for *_, measurement in known]) - psi)
+            R = np.array([measurement.variance for *_, measurement in known])
             R = self._damped(y[:, 0], P[:, 0, 0], R)
             corrected = _unstack(*kalman.update(x, P, psi + y, self._H, R[:, None, None]))
             for (index, _, _), state in zip(known, corrected, strict=True):
@@ -156,8 +159,8 @@ class KeypointYaw:
     def _transition(self, dt_s: float) -> F64:
         """Return F; a rate that decays with time constant tau turns by tau (1 - exp(-dt/tau))."""
         tau_s = self._config.rate_decay_s
-        kept = math.exp(-dt_s / tau_s)
-        return np.array([[1.0, dt_s if kept == 1 else tau_s * (1 - kept)], [0.0, kept]])
+        decay = math.exp(-dt_s / tau_s)
+        return np.array([[1.0, dt_s if decay == 1 else tau_s * (1 - decay)], [0.0, decay]])
 
     def _noise(self, dt_s: float) -> F64:
         pp, pv, vv = acceleration_noise(dt_s, self._config.sigma_acceleration_radps2)
@@ -174,12 +177,12 @@ class KeypointYaw:
         return np.maximum(R, np.square(y / self._config.outlier_sigmas) - variance)
 
     def _start(self, psi_rad: float, variance: float) -> YawState:
-        """Begin as measured, turning nowhere but not sure of it."""
+        """Begin as measured, with a rate of 0 and its variance."""
         rate = self._config.sigma_start_rate_radps**2
         return YawState(_wrap(np.array([psi_rad, 0.0])), np.diag([variance, rate]))
 
     def _variance(self, measurement: Measurement) -> float:
-        """Return R: one constant, or the measurement's own variance."""
+        """Return R: one constant, or the variance of the measurement."""
         own_rad = measurement.yaw_sigma_rad if self._config.measured_sigma else None
         return (own_rad or self._config.sigma_measurement_rad) ** 2
 
@@ -190,7 +193,7 @@ def _wrap(angles_rad: F64) -> F64:
 
 
 def _stack(states: Sequence[YawState]) -> tuple[F64, F64]:
-    """Return the states (Nx2) and covariances (Nx2x2) of N people."""
+    """Return the states (Nx2) and covariances (Nx2x2) of N tracks."""
     return np.array([s.x for s in states]), np.array([s.P for s in states])
 
 

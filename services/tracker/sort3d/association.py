@@ -1,10 +1,11 @@
-"""Which detection belongs to which track: distances, gates and the assignment.
+"""Association of tracks and detections: distances, gates and the assignment.
 
 In a cost matrix rows are tracks and columns detections; +inf marks a pair that may not be matched.
 """
 
 from collections.abc import Sequence
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -15,14 +16,26 @@ T = TypeVar("T")
 D = TypeVar("D")
 
 
+@dataclass(frozen=True, slots=True)
+class Assignment(Generic[T, D]):
+    """The result of one round of association."""
+
+    cost: F64  # NxM, +inf for inadmissible pairs
+    tracks: Sequence[T]  # N
+    detections: Sequence[D]  # M
+    matches: list[tuple[T, D]]
+    unmatched_tracks: list[T]
+    unmatched_detections: list[D]
+
+
 def assign(cost: F64, miss: float = np.inf) -> list[tuple[int, int]]:
     """Match admissible pairs at the least sum of costs (Hungarian method).
 
     Args:
         cost: NxM, +inf for inadmissible pairs.
-        miss: What it costs to leave a track without a detection. Infinity: as many pairs as
-            possible are matched, however dear. Else a good pair is not broken up to give those it
-            leaves over a bad match each, if these two cost more than the pair and a miss.
+        miss: Cost of an unmatched track. Infinity: as many pairs as possible are matched at any
+            cost. Else a good pair is not broken up into two bad matches, if these two cost more
+            than the pair and a miss.
 
     Returns:
         Matched pairs (row, column), ordered by row.
@@ -32,9 +45,9 @@ def assign(cost: F64, miss: float = np.inf) -> list[tuple[int, int]]:
         return []
     least = cost[admissible].min()
     spread = cost[admissible].max() - least
-    # Dearer than all pairs together, so that giving up an admissible pair never pays.
+    # Above the sum of all pairs, so that giving up an admissible pair never pays.
     forbidden = min((spread + 1.0) * (min(cost.shape) + 1), miss - least)
-    # A pair dearer than a miss, and without a rival, is still a match.
+    # A pair that costs more than a miss, and has no rival, is still a match.
     costs = np.where(admissible, cost - least, 0.0)
     costs = np.minimum(costs, forbidden - 1e-6 + 1e-9 * costs)
     rows, columns = linear_sum_assignment(np.where(admissible, costs, forbidden))
@@ -43,19 +56,22 @@ def assign(cost: F64, miss: float = np.inf) -> list[tuple[int, int]]:
 
 def associate(
     cost: F64, tracks: Sequence[T], detections: Sequence[D], miss: float = np.inf
-) -> tuple[list[tuple[T, D]], list[T], list[D]]:
-    """Return matched pairs, the tracks left over and the detections left over."""
+) -> Assignment[T, D]:
+    """Match tracks (N) and detections (M) at the least sum of costs (NxM), see `assign`."""
     pairs = assign(cost, miss)
     rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
-    return (
-        [(tracks[i], detections[j]) for i, j in pairs],
-        [track for i, track in enumerate(tracks) if i not in rows],
-        [detection for j, detection in enumerate(detections) if j not in columns],
+    return Assignment(
+        cost,
+        tracks,
+        detections,
+        matches=[(tracks[i], detections[j]) for i, j in pairs],
+        unmatched_tracks=[track for i, track in enumerate(tracks) if i not in rows],
+        unmatched_detections=[d for j, d in enumerate(detections) if j not in columns],
     )
 
 
-def certainties(cost: F64, temperature: float) -> F64:
-    """Return the share (NxM, 0 to 1) of each pair among all that use its track or its detection.
+def match_probabilities(cost: F64, temperature: float) -> F64:
+    """Return the probability (NxM) of each pair among all that use its track or its detection.
 
     A pair of cost c has the weight exp(-c / temperature), an inadmissible one none.
 
@@ -69,8 +85,8 @@ def certainties(cost: F64, temperature: float) -> F64:
         column = np.logaddexp.reduce(logs, axis=0, keepdims=True)
         # The weights of the row and of the column over the pair's own, itself counted in both.
         odds = np.exp(row - logs) + np.exp(column - logs) - 1.0
-    shares: F64 = np.where(np.isfinite(cost), 1.0 / odds, 0.0)
-    return shares
+    probabilities: F64 = np.where(np.isfinite(cost), 1.0 / odds, 0.0)
+    return probabilities
 
 
 def distances(a_m: F64, b_m: F64) -> F64:
@@ -80,7 +96,7 @@ def distances(a_m: F64, b_m: F64) -> F64:
 
 
 def min_max(values: F64) -> F64:
-    """Scale values to 0 to 1; all 0 if they are equal or none (method book section 4)."""
+    """Scale values to 0 to 1; all 0 if they are equal or none (section 4)."""
     if not values.size:
         return values
     least = values.min()
@@ -89,7 +105,7 @@ def min_max(values: F64) -> F64:
 
 
 def adaptive_gate(previous_m: F64, sigmas: float = 1.6) -> float:
-    """Return tau = mu + 1.6 sigma of the distances of the previous frame (method book section 4).
+    """Return tau = mu + 1.6 sigma of the distances of the previous frame (section 4).
 
     Args:
         previous_m: All track-to-detection distances of the previous frame, metres.

@@ -1,4 +1,4 @@
-"""What a base that drives adds to the doubt about where people are: its odometry drifts."""
+"""Position uncertainty from the drift of the odometry of a moving base."""
 
 import numpy as np
 
@@ -6,31 +6,39 @@ from common.geometry.transform_history import TransformBufferConfig, displacemen
 from common.geometry.transforms import invert
 from people4d.messages import F64
 from services.tracker.interface import Observation
+from services.tracker.motion.track_set import TrackSet
+from services.tracker.strongsort3d.policies import TrackPolicy
 
 
-class BaseDrift:
-    """How far people may seem to have moved because the base erred about its own motion.
+class BaseDrift(TrackPolicy):
+    """Covariance of tracked positions due to errors of the motion of the base.
 
-    The errors of way and of turn grow as a random walk with the way and with the angle; a turn by
-    angle e about the vertical moves whoever is r away by e r, at right angles to the way there.
+    The errors of distance and of angle grow as random walks with the distance and with the angle; a
+    turn by angle e about the vertical moves a person r away by e r, at right angles to the ray.
 
     Args:
-        config: How odometry errs.
+        config: Errors of the odometry.
     """
 
     def __init__(self, config: TransformBufferConfig) -> None:
         self._config = config
         self._poses: dict[str, F64] = {}
 
-    def since_last(self, observation: Observation, places_m: F64) -> F64 | None:
-        """Return the covariances that have come up since the camera's last frame.
+    def after_prediction(self, tracks: TrackSet, observation: Observation) -> None:
+        """Add the drift since the camera's last frame to the tracks last matched by it."""
+        covariances_m2 = self.since_last(observation, tracks.positions_m(tracks.records))
+        if covariances_m2 is not None:
+            tracks.add_covariance(covariances_m2, observation.camera)
+
+    def since_last(self, observation: Observation, positions_m: F64) -> F64 | None:
+        """Return the covariances due to the motion since the camera's last frame.
 
         Args:
             observation: The frame.
-            places_m: Nx3, where people are, frame: the one that tracks are in.
+            positions_m: Nx3, of the tracks, frame: tracking.
 
         Returns:
-            Nx3x3, frame: the one that tracks are in; None if the camera has not moved.
+            Nx3x3, frame: tracking; None if the camera has not moved.
         """
         pose = observation.map_from_camera
         if pose is None:
@@ -39,14 +47,17 @@ class BaseDrift:
         self._poses[observation.camera] = pose
         if before is None or np.array_equal(before, pose):
             return None
-        way_m, turn_rad = displacement(invert(before) @ pose)
-        away_m = places_m - pose[:3, 3]
-        aside_m = np.stack([-away_m[:, 1], away_m[:, 0], np.zeros(len(away_m))], axis=-1)
-        turned = (
-            self._config.drift_rotation_rad**2 * turn_rad * aside_m[:, :, None] * aside_m[:, None]
+        distance_m, rotation_rad = displacement(invert(before) @ pose)
+        ray_m = positions_m - pose[:3, 3]
+        aside_m = np.stack([-ray_m[:, 1], ray_m[:, 0], np.zeros(len(ray_m))], axis=-1)
+        turn = (
+            self._config.drift_rotation_rad**2
+            * rotation_rad
+            * aside_m[:, :, None]
+            * aside_m[:, None]
         )
-        return turned + self._config.drift_distance_m**2 * way_m * np.diag([1.0, 1.0, 0.0])
+        return turn + self._config.drift_distance_m**2 * distance_m * np.diag([1.0, 1.0, 0.0])
 
     def clear(self) -> None:
-        """Forget where cameras were."""
+        """Drop the poses of the cameras."""
         self._poses.clear()

@@ -1,209 +1,159 @@
-"""People who touch or cross: whose pictures show one person, and what nobody can have done."""
+"""Contact policy: association of people who touch or cross."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from people4d.messages import F64
-from services.tracker.config import StrongSort3dConfig
-from services.tracker.identity.config import ContactConfig
+from services.tracker.config import ContactConfig, StrongSort3dConfig
 from services.tracker.interface import Measurement, Observation
-from services.tracker.motion.population import Target
+from services.tracker.motion.track_record import BOOL, TrackRecord
 from services.tracker.sort3d import association
-from services.tracker.strongsort3d.occlusion import NEAR_M, columns, emergence_m, shares
-
-EDGE_SHARE = 0.01  # of the image's width: so near to its edge a box may be cut off
-BOOL = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """What matching has to know of a frame beside the people followed."""
-
-    observation: Observation
-    c_cos: float  # largest cosine distance of the embedder
-    unclear: frozenset[int] = frozenset()  # detections, see `unclear` and `crowded`
-    crowded: frozenset[int] = frozenset()  # of these, those that could be of several tracks
-
-    def clear(self, detections: Sequence[Measurement]) -> BOOL:
-        """Tell whose pictures (M) show one person."""
-        return np.array([m.index not in self.unclear for m in detections], np.bool_)
-
-    def single(self, detections: Sequence[Measurement]) -> BOOL:
-        """Tell which detections (M) stand where at most one track is."""
-        return np.array([m.index not in self.crowded for m in detections], np.bool_)
+from services.tracker.strongsort3d.occlusion import emergence_m
+from services.tracker.strongsort3d.policies import (
+    CandidatePairs,
+    ContactPolicy,
+    FrameContext,
+    Match,
+)
+from services.tracker.strongsort3d.visibility import covered_ratios
 
 
-def scene(observation: Observation, tracks_m: F64, config: StrongSort3dConfig) -> Scene:
-    """Return the scene of a frame.
+class Contact(ContactPolicy):
+    """Weigh position against appearance by how many people a crop shows, and limit speeds.
 
     Args:
-        observation: The frame.
-        tracks_m: Nx3, where people are predicted.
-        config: What is asked for.
+        config: Of the tracker.
     """
-    c_cos = config.cosine_limit(observation.embedder)
-    if not (config.contact.enabled or config.identity.enabled):
-        return Scene(observation, c_cos)
-    measurements = observation.measurements
-    boxes = np.array([m.box_xyxy_px for m in measurements], np.float64).reshape(-1, 4)
-    many = np.zeros(len(measurements), np.bool_)
-    if observation.map_from_camera is not None:
-        found_m = np.array([m.position_m for m in measurements]).reshape(-1, 3)
-        half_m = config.occlusion.half_width_m
-        found, _ = columns(found_m, observation.map_from_camera, half_m)
-        tracks, depth_m = columns(tracks_m, observation.map_from_camera, half_m)
-        many = crowded(found, tracks[depth_m > NEAR_M], config.contact.shared_min)
-    bad = many | unclear(boxes, observation.size_px, config.contact.covered_max)
 
-    def indices(chosen: BOOL) -> frozenset[int]:
-        return frozenset(measurements[k].index for k in np.flatnonzero(chosen))
+    def __init__(self, config: StrongSort3dConfig) -> None:
+        self._config, self._occlusion = config.contact, config.occlusion
 
-    return Scene(observation, c_cos, indices(bad), indices(many))
+    def prepare(self, observation: Observation, detections: list[Measurement]) -> list[Measurement]:
+        """Add covariance along the ray to detections that others cover, see `depth_uncertain`."""
+        return depth_uncertain(detections, observation, self._config)
 
+    def miss_cost(self, frame: FrameContext) -> float:
+        """Return C_cos: leave a track unmatched rather than break up a good pair."""
+        return frame.cosine_distance_max
 
-def crowded(found: F64, tracks: F64, shared_min: float) -> BOOL:
-    """Tell which detections (M) could be of several tracks that stand in one column of the image.
+    def appearance(self, d_cos: F64, pairs: CandidatePairs) -> F64:
+        """Let position decide among similar tracks and for crops that show several people."""
+        config, own = self._config, [t.embedding for t in pairs.records]
+        limit = config.ambiguous_factor * pairs.frame.cosine_distance_max
+        d_cos = pool_ambiguous(d_cos, association.cosine_distances(own, own), limit)
+        d_cos[:, ~pairs.unoccluded()] /= config.occluded_factor
+        d_cos[:, ~pairs.separate()] /= config.overlapping_factor
+        return d_cos
 
-    Of two people, one before the other, often only one is found, or one that is made of both.
+    def unreachable(self, pairs: CandidatePairs) -> BOOL:
+        """Return the pairs (NxM) that no walking person explains."""
+        stamp_ns, records = pairs.frame.observation.stamp_ns, pairs.records
+        missed_s = np.array([stamp_ns - t.matched_ns for t in records]) / 1e9
+        far = beyond_walking(pairs.tracks_m, missed_s, pairs.detections, self._config)
+        return far | self._unreachable_hidden(pairs)
 
-    Args:
-        found: Mx2, strips of the detections, see `columns`.
-        tracks: Nx2, strips where people are predicted.
-        shared_min: Share of either strip that the other covers if they could be of one person.
-    """
-    share = np.maximum(shares(found, tracks), shares(tracks, found).T)
-    return np.asarray((share >= shared_min).sum(axis=1) > 1)
+    def mismatch(self, d_cos: F64, pairs: CandidatePairs) -> BOOL:
+        """Return the pairs (NxM) whose appearance differs too much, see `appearance_mismatch`."""
+        limit = self._config.round2_factor * pairs.frame.cosine_distance_max
+        return appearance_mismatch(pairs.records, d_cos, pairs.unoccluded(), limit)
 
+    def updates_embedding(self, match: Match, frame: FrameContext) -> bool:
+        """Check that the crop shows one person, or that the track has no embedding yet."""
+        record, measurement = match
+        return record.embedding is None or measurement.index not in frame.occluded
 
-def unclear(boxes: F64, size_px: tuple[int, int] | None, covered_max: float) -> BOOL:
-    """Tell which boxes (N) show too much of others or are cut off at the left or right.
+    def alpha(self, alpha: float, record: TrackRecord) -> float:
+        """Return alpha, or less so that the first embeddings of a track weigh the same."""
+        return min(alpha, 1.0 - 1.0 / record.hits)
 
-    Args:
-        boxes: Nx4, xyxy, pixels.
-        size_px: Width and height of the image; None: not known.
-        covered_max: Share of a box that another one may cover.
-    """
-    result: BOOL = (covered_shares(boxes) > covered_max) | cut_off(boxes, size_px)
-    return result
+    def _unreachable_hidden(self, pairs: CandidatePairs) -> BOOL:
+        """Return the detections (NxM) that an occluded person could not reach without being seen.
 
-
-def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
-    """Tell which boxes (Nx4, xyxy, pixels) reach the left or right of an image of a size."""
-    if size_px is None:
-        return np.zeros(len(boxes), np.bool_)
-    edge = EDGE_SHARE * size_px[0]
-    return np.asarray((boxes[:, 0] < edge) | (boxes[:, 2] > size_px[0] - edge))
-
-
-def covered_shares(boxes: F64) -> F64:
-    """Return the largest share (N) of each box (Nx4, xyxy, pixels) that another one covers."""
-    low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
-    high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
-    common = np.prod(np.maximum(high - low, 0.0), axis=-1)
-    np.fill_diagonal(common, 0.0)
-    shares: F64 = common.max(axis=1, initial=0.0) / np.prod(boxes[:, 2:] - boxes[:, :2], axis=-1)
-    return shares
+        An occluded person comes out beside those in front, or is at the predicted position; from
+        there they walk as far as they can since they were occluded last.
+        """
+        observation, records, config = pairs.frame.observation, pairs.records, self._config
+        pose = observation.map_from_camera
+        here = [t.occluded > 0 and t.camera == observation.camera for t in records]
+        if pose is None or not any(here):
+            return np.zeros((len(records), len(pairs.detections)), np.bool_)
+        occluded_s = np.array([(observation.stamp_ns - t.occluded_ns) / 1e9 for t in records])
+        found_m = np.array([m.position_m for m in pairs.detections])
+        out_m = emergence_m(found_m, pose, self._occlusion)
+        gap_m = np.minimum(out_m, association.distances(pairs.tracks_m[:, :2], found_m[:, :2]))
+        far = gap_m > config.jump_m + config.speed_max_mps * occluded_s[:, None]
+        return np.asarray(far & np.array(here)[:, None])
 
 
-def doubted(
-    detections: Sequence[Measurement], observation: Observation, config: ContactConfig
+def depth_uncertain(
+    detections: list[Measurement], observation: Observation, config: ContactConfig
 ) -> list[Measurement]:
-    """Add doubt along the line of sight to detections that others cover.
+    """Add covariance along the ray to detections that others cover.
 
-    The depth of somebody half hidden is often read on whoever stands before them.
+    The depth of a half hidden person is often that of the person in front.
     """
     pose = observation.map_from_camera
-    if pose is None or config.doubt_sigma_m == 0 or len(detections) < 2:
-        return list(detections)
-    shares = covered_shares(np.array([m.box_xyxy_px for m in detections], np.float64))
+    if pose is None or config.depth_sigma_m == 0 or len(detections) < 2:
+        return detections
+    ratios = covered_ratios(np.array([m.box_xyxy_px for m in detections], np.float64))
     after = []
-    for measurement, share in zip(detections, shares, strict=True):
+    for measurement, ratio in zip(detections, ratios, strict=True):
         ray = measurement.position_m - pose[:3, 3]
         ray /= max(float(np.linalg.norm(ray)), 1e-6)
-        doubt_m2 = config.doubt_sigma_m**2 * np.outer(ray, ray)
-        doubt = share > config.doubt_covered
-        after.append(replace(measurement, doubt_m2=doubt_m2) if doubt else measurement)
+        added_m2 = config.depth_sigma_m**2 * np.outer(ray, ray)
+        covered = ratio > config.depth_covered_max
+        after.append(replace(measurement, added_covariance_m2=added_m2) if covered else measurement)
     return after
 
 
-def out_of_reach(
-    positions_m: F64, unseen_s: F64, detections: Sequence[Measurement], config: ContactConfig
+def beyond_walking(
+    positions_m: F64, missed_s: F64, detections: Sequence[Measurement], config: ContactConfig
 ) -> BOOL:
-    """Tell which detections (NxM) are where somebody cannot have walked to.
+    """Return the pairs (NxM) that are farther apart than a person walks.
 
     Args:
         positions_m: Nx3, predicted; only the ground counts.
-        unseen_s: N, seconds since each was seen.
-        detections: M; the Mahalanobis distance alone judges those whose depth is in doubt.
-        config: What is in reach.
+        missed_s: N, seconds since the last match.
+        detections: M; those of uncertain depth are left to the Mahalanobis distance.
+        config: Speed and error of positions.
     """
     measured_m = np.array([m.position_m for m in detections])
     gap_m = association.distances(positions_m[:, :2], measured_m[:, :2])
-    reach_m = config.jump_m + config.speed_max_mps * unseen_s
-    sure = np.array([m.doubt_m2 is None for m in detections])
-    return np.asarray((gap_m > reach_m[:, None]) & sure)
+    reach_m = config.jump_m + config.speed_max_mps * missed_s
+    certain = np.array([m.added_covariance_m2 is None for m in detections])
+    return np.asarray((gap_m > reach_m[:, None]) & certain)
 
 
-def in_the_open(
-    targets: Sequence[Target],
-    tracks_m: F64,
-    detections: Sequence[Measurement],
-    now: Scene,
-    config: StrongSort3dConfig,
-) -> BOOL:
-    """Tell to which detections (NxM) a hidden person cannot have gone without being seen.
+def pool_ambiguous(d_cos: F64, own: F64, limit: float) -> F64:
+    """Return the cosine distances, equal for tracks of similar appearance.
 
-    Whoever is hidden comes out beside those who hide them, or is where they are predicted; from
-    there they walk as far as they can since they were hidden last.
-
-    Args:
-        targets: N.
-        tracks_m: Nx3, where they are predicted.
-        detections: M.
-        now: The frame.
-        config: What is in reach, and how wide people are.
-    """
-    pose, reach = now.observation.map_from_camera, config.contact
-    hidden_s = np.array([(now.observation.stamp_ns - t.hidden_ns) / 1e9 for t in targets])
-    here = [t.hidden > 0 and t.camera == now.observation.camera for t in targets]
-    if pose is None or not any(here):
-        return np.zeros((len(targets), len(detections)), np.bool_)
-    found_m = np.array([m.position_m for m in detections])
-    out_m = emergence_m(found_m, pose, config.occlusion)
-    gap_m = np.minimum(out_m, association.distances(tracks_m[:, :2], found_m[:, :2]))
-    far = gap_m > reach.jump_m + reach.speed_max_mps * hidden_s[:, None]
-    return np.asarray(far & np.array(here)[:, None])
-
-
-def indistinct(d_cos: F64, looks: F64, alike_max: float) -> F64:
-    """Return the cosine distances with those of tracks that look alike made equal.
-
-    Appearance cannot tell such tracks apart, so that their positions have to.
+    Appearance cannot separate such tracks, so that their positions have to.
 
     Args:
         d_cos: NxM, of tracks and detections, NaN where unknown.
-        looks: NxN, of the tracks among each other, NaN where unknown.
-        alike_max: Largest distance of two tracks that look alike.
+        own: NxN, of the tracks among each other, NaN where unknown.
+        limit: Largest distance of two similar tracks.
     """
-    alike = np.nan_to_num(looks, nan=np.inf) <= alike_max
-    np.fill_diagonal(alike, True)
-    shared = np.nan_to_num(d_cos, nan=np.inf)
-    for row in np.flatnonzero(alike.sum(axis=1) > 1):
-        shared[row] = np.nanmin(d_cos[alike[row]], axis=0, initial=np.inf)
-    return np.where(np.isnan(d_cos), d_cos, shared)
+    similar = np.nan_to_num(own, nan=np.inf) <= limit
+    np.fill_diagonal(similar, True)
+    pooled = np.nan_to_num(d_cos, nan=np.inf)
+    for row in np.flatnonzero(similar.sum(axis=1) > 1):
+        pooled[row] = np.nanmin(d_cos[similar[row]], axis=0, initial=np.inf)
+    return np.where(np.isnan(d_cos), d_cos, pooled)
 
 
-def strangers(targets: Sequence[Target], d_cos: F64, clear: BOOL, limit: float) -> BOOL:
-    """Tell which clear pictures (NxM) show somebody else than a confirmed track.
+def appearance_mismatch(
+    records: Sequence[TrackRecord], d_cos: F64, unoccluded: BOOL, limit: float
+) -> BOOL:
+    """Return the pairs (NxM) of a confirmed track and an unoccluded crop of another appearance.
 
     Args:
-        targets: N tracks.
+        records: N tracks.
         d_cos: NxM cosine distances, NaN where unknown.
-        clear: M, whose pictures show one person.
+        unoccluded: M, crops that show one person.
         limit: Largest distance of the same person.
     """
-    confirmed = np.array([t.confirmed for t in targets], np.bool_)
-    return np.asarray((np.nan_to_num(d_cos) > limit) & confirmed[:, None] & clear)
+    confirmed = np.array([t.confirmed for t in records], np.bool_)
+    return np.asarray((np.nan_to_num(d_cos) > limit) & confirmed[:, None] & unoccluded)

@@ -24,9 +24,9 @@ from people4d.topics import BY_MESSAGE
 from services.detector.config import DetectorConfig
 from services.detector.models import DetectedPerson
 from services.detector.node import DetectorNode
+from services.tracker.build import make_tracker
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
-from services.tracker.registry import make_tracker
 from tests.detector.cameras import INFO
 from tests.detector.test_node import FixedModel, frame, person
 from tests.network import WAIT_S, Network

@@ -7,9 +7,9 @@ import pytest
 
 from common.geometry.transforms import project, rotation_from_rpy
 from people4d.messages import F64, CameraInfo
+from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.box_kalman import TRACK, begin
 from services.tracker.image_sort.camera_turn import Lens, Turn, turn_track
-from services.tracker.image_sort.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxFrame, ImageSort
 
 FRAME_NS = 50_000_000

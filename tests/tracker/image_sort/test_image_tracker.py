@@ -20,8 +20,8 @@ from people4d.messages import (
     StaticTransform,
     Tracks,
 )
-from services.tracker.image_sort.config import ImageSortConfig
-from services.tracker.image_sort.image_tracker import way_of
+from services.tracker.config import ImageSortConfig
+from services.tracker.image_sort.camera_turn import camera_direction
 from services.tracker.node import TrackerNode
 from tests.tracker.test_node import FRAME_MS, MS, START_NS, TRANSFORM, node, person, seen
 
@@ -193,12 +193,12 @@ def test_ways_of_cameras() -> None:
     # Rolling, pitching (nose up is negative about y) and yawing, as the optical axis shows them.
     def way(roll: float, pitch: float, yaw: float) -> Any:
         link = transform_from((1, 2, 3), rotation_from_rpy(roll, pitch, yaw))
-        return way_of(link @ LINK_FROM_OPTICAL, 0.1)
+        return camera_direction(link @ LINK_FROM_OPTICAL, 0.1)
 
     assert way(0, 0, 0.5) == pytest.approx((0.5, 0.0, 0.01))
     assert way(0.3, -0.2, -1.0) == pytest.approx((-1.0, 0.2, 0.01))
     assert way(0, math.pi / 2, 0) is None
-    assert way_of(None) is None
+    assert camera_direction(None) is None
 
 
 def test_cameras_share_identities_but_not_images() -> None:
@@ -243,16 +243,16 @@ def test_what_is_damaged_changes_nothing_but_numbers() -> None:
     before = image_node()
     answers(before, TRANSFORM, *(seen(k, [person(), flat(0)]) for k in range(5)))
     good = msgspec.msgpack.decode(before.save())
-    people = msgspec.msgpack.decode(good["people"])
-    stamp_ns, frames, tracks = people["images"]["front"][0]
+    state = msgspec.msgpack.decode(good["tracker"])
+    stamp_ns, frames, tracks = state["images"]["front"][0]
     for change in (
-        {"method": "sort3d"},
+        {"positions": {**state["positions"], "method": "sort3d"}},
         {"images": {"front": [[stamp_ns, frames, tracks[:-1]], None]}},
         {"images": {"front": [[stamp_ns, frames, b"\xff" * len(tracks)], None]}},
-        {"people": b""},
+        {"positions": b""},
     ):
         bad = msgspec.msgpack.encode(
-            {**good, "people": msgspec.msgpack.encode({**people, **change})}
+            {**good, "tracker": msgspec.msgpack.encode({**state, **change})}
         )
         after = image_node()
         with pytest.raises(DecodeError):

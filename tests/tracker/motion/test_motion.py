@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.tracker.config import Sort3dConfig, StrongSort3dConfig
+from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.motion import BoxMotion, PointMotion, confidence_factor, depth_factor
+from tests.tracker.scene import published
 
 
 def measurement(score: float = 0.8, forward_m: float = 2.5) -> Measurement:
@@ -23,7 +24,7 @@ def measurement(score: float = 0.8, forward_m: float = 2.5) -> Measurement:
 def test_white_acceleration_for_a_tenth_of_a_second() -> None:
     # sigma_a = 0.5, dt = 0.1: 0.25 * 1e-4 / 4 = 6.25e-6; 0.25 * 1e-3 / 2 = 1.25e-4;
     # 0.25 * 1e-2 = 2.5e-3. From P = 0 the prediction leaves Q alone.
-    motion = PointMotion(StrongSort3dConfig())
+    motion = PointMotion(published())
     x, P = motion.predict(np.array([[1.0, 2.0, 3.0, 1.0, 0.0, -1.0]]), np.zeros((1, 6, 6)), 0.1)
     np.testing.assert_allclose(x, [[1.1, 2.0, 2.9, 1.0, 0.0, -1.0]])
     block = [[6.25e-6, 1.25e-4], [1.25e-4, 2.5e-3]]
@@ -31,7 +32,7 @@ def test_white_acceleration_for_a_tenth_of_a_second() -> None:
 
 
 def test_no_time_no_noise() -> None:
-    motion = PointMotion(StrongSort3dConfig())
+    motion = PointMotion(published())
     x, P = motion.predict(np.ones((1, 6)), np.eye(6)[None], 0.0)
     np.testing.assert_array_equal(x, np.ones((1, 6)))
     np.testing.assert_array_equal(P, np.eye(6)[None])
@@ -39,7 +40,7 @@ def test_no_time_no_noise() -> None:
 
 def test_depth_and_score_scale_the_noise() -> None:
     # R = 0.5^2 = 0.25; depth 2.5 of 5 m: x 1.5 = 0.375; score 0.8: x 0.2 = 0.075.
-    motion = PointMotion(StrongSort3dConfig())
+    motion = PointMotion(published())
     np.testing.assert_allclose(motion.gate_noise([measurement()])[0], 0.375 * np.eye(3))
     np.testing.assert_allclose(motion.noise([measurement()])[0], 0.075 * np.eye(3))
 
@@ -55,7 +56,7 @@ def test_depth_behind_the_camera_counts_as_none() -> None:
 
 
 def test_point_start_is_at_rest_but_unsure_of_it() -> None:
-    x, P = PointMotion(StrongSort3dConfig()).start(measurement())
+    x, P = PointMotion(published()).start(measurement())
     np.testing.assert_allclose(x, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(P, np.diag([0.075] * 3 + [4.0] * 3))  # 2 m/s squared
 
@@ -97,12 +98,12 @@ def test_noise_is_what_the_detector_told_if_asked() -> None:
     # Told diag(1, 4, 9) cm^2, times 2; neither depth nor score change it.
     told = np.diag([1e-4, 4e-4, 9e-4])
     sure, plain = replace(measurement(), covariance_m2=told), measurement()
-    motion = PointMotion(StrongSort3dConfig(noise="measured", noise_factor=2.0))
+    motion = PointMotion(published(noise="measured", noise_factor=2.0))
     for R in (motion.noise([sure]), motion.gate_noise([sure]), motion.start(sure)[1][None, :3, :3]):
         np.testing.assert_allclose(R[0], 2 * told)
     # Without a covariance, and in constant mode with one, it is the paper's.
     np.testing.assert_allclose(motion.noise([sure, plain])[1], 0.075 * np.eye(3))
-    paper = PointMotion(StrongSort3dConfig())
+    paper = PointMotion(published())
     np.testing.assert_allclose(paper.noise([sure])[0], 0.075 * np.eye(3))
     assert motion.noise([]).shape == (0, 3, 3)
 

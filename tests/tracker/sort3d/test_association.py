@@ -3,18 +3,19 @@
 import numpy as np
 import pytest
 
-from services.tracker.config import StrongSort3dConfig
 from services.tracker.sort3d import sort3d
 from services.tracker.sort3d.association import (
     adaptive_gate,
     assign,
     associate,
-    certainties,
     cosine_distances,
     distances,
+    match_probabilities,
     min_max,
 )
 from services.tracker.strongsort3d import strongsort3d
+from services.tracker.strongsort3d.appearance import moving_average
+from tests.tracker.scene import published
 
 INF = np.inf
 
@@ -41,11 +42,11 @@ def test_nan_is_no_admissible_cost() -> None:
     assert assign(np.array([[np.nan, 1.0], [2.0, np.nan]])) == [(0, 1), (1, 0)]
 
 
-def test_what_is_left_over() -> None:
-    pairs, tracks, detections = associate(np.array([[INF, 1.0], [INF, INF]]), "ab", "xy")
-    assert pairs == [("a", "y")]
-    assert tracks == ["b"]
-    assert detections == ["x"]
+def test_unmatched_tracks_and_detections_are_returned() -> None:
+    result = associate(np.array([[INF, 1.0], [INF, INF]]), "ab", "xy")
+    assert result.matches == [("a", "y")]
+    assert result.unmatched_tracks == ["b"]
+    assert result.unmatched_detections == ["x"]
 
 
 def test_adaptive_gate() -> None:
@@ -73,9 +74,7 @@ def test_sort3d_cost() -> None:
 
 def test_strongsort3d_cost() -> None:
     # lambda = 0.02: 0.02 * 2 + 0.98 * 0.1 = 0.138.
-    cost = strongsort3d.combined_cost(
-        np.array([[2.0]]), np.array([[0.1]]), 0.3, StrongSort3dConfig()
-    )
+    cost = strongsort3d.combined_cost(np.array([[2.0]]), np.array([[0.1]]), 0.3, published())
     np.testing.assert_allclose(cost, [[0.138]])
 
 
@@ -83,7 +82,7 @@ def test_both_gates_of_strongsort3d() -> None:
     # chi^2 of 3 degrees of freedom at 95 % is 7.8147; C_cos = 0.3.
     d_m2 = np.array([[7.8147, 7.8148, 1.0, 1.0]])
     d_cos = np.array([[0.1, 0.1, 0.3, 0.3001]])
-    cost = strongsort3d.combined_cost(d_m2, d_cos, 0.3, StrongSort3dConfig())
+    cost = strongsort3d.combined_cost(d_m2, d_cos, 0.3, published())
     np.testing.assert_array_equal(np.isfinite(cost), [[True, False, True, False]])
 
 
@@ -91,7 +90,7 @@ def test_motion_stands_in_for_unknown_appearance() -> None:
     # d_M^2 at half its gate stands for d_cos at half its gate: 0.3 / 2 = 0.15;
     # c = 0.02 * 3.90735 + 0.98 * 0.15 = 0.225147. Beyond the gate it stays refused.
     d_m2 = np.array([[7.8147 / 2, 7.9]])
-    cost = strongsort3d.combined_cost(d_m2, np.full((1, 2), np.nan), 0.3, StrongSort3dConfig())
+    cost = strongsort3d.combined_cost(d_m2, np.full((1, 2), np.nan), 0.3, published())
     np.testing.assert_allclose(cost, [[0.225147, INF]])
 
 
@@ -112,26 +111,26 @@ def test_distances() -> None:
 
 def test_moving_average_of_the_embedding() -> None:
     # 0.9 (1, 0) + 0.1 (0, 1) = (0.9, 0.1), length sqrt(0.82) = 0.905539.
-    e = strongsort3d.moving_average(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.9)
+    e = moving_average(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.9)
     np.testing.assert_allclose(e, [0.993884, 0.110432], atol=1e-6)
-    first = strongsort3d.moving_average(None, np.array([0.0, 1.0]), 0.9)
+    first = moving_average(None, np.array([0.0, 1.0]), 0.9)
     np.testing.assert_array_equal(first, [0.0, 1.0])
-    opposite = strongsort3d.moving_average(np.array([1.0, 0.0]), np.array([-1.0, 0.0]), 0.5)
+    opposite = moving_average(np.array([1.0, 0.0]), np.array([-1.0, 0.0]), 0.5)
     np.testing.assert_array_equal(opposite, [-1.0, 0.0])
 
 
-def test_certainties_are_shares_of_all_that_compete() -> None:
+def test_match_probabilities_are_shares_of_all_that_compete() -> None:
     # Temperature 1, costs 0, ln 3 and infinity: weights 1, 1/3, 0 and 1/3, 1, 1/3. The first pair
     # has 1 / (1 + 1/3 + 1/3), the second (1/3) / (1/3 + 1 + 1); the last competes with 1/3 and 1 in
     # its row and with none in its column: (1/3) / (1/3 + 1/3 + 1).
     c = np.log(3)
-    shares = certainties(np.array([[0, c, np.inf], [c, 0, c]]), 1.0)
+    shares = match_probabilities(np.array([[0, c, np.inf], [c, 0, c]]), 1.0)
     np.testing.assert_allclose(shares[0], [3 / 5, 1 / 7, 0])
     np.testing.assert_allclose(shares[1], [1 / 8, 1 / 2, 1 / 5])
 
 
 def test_certainty_of_very_different_costs_is_sure() -> None:
-    shares = certainties(np.array([[0.0, 1e4], [1e4, np.inf]]), 0.04)
+    shares = match_probabilities(np.array([[0.0, 1e4], [1e4, np.inf]]), 0.04)
     np.testing.assert_allclose(shares, [[1, 0], [0, 0]], atol=1e-12)
 
 

@@ -4,13 +4,13 @@ import msgspec
 import pytest
 
 from people4d.messages import Track
-from services.tracker.config import Sort3dConfig, TrackerConfig
+from services.tracker.config import Sort3dConfig
 from services.tracker.sort3d.sort3d import Sort3d
-from tests.tracker.scene import frame, person
+from tests.tracker.scene import frame, person, published_config
 
 
 def tracker(**fields: float) -> Sort3d:
-    return Sort3d(TrackerConfig(sort3d=msgspec.convert(fields, Sort3dConfig)))
+    return Sort3d(published_config(sort3d=msgspec.convert(fields, Sort3dConfig)))
 
 
 def states(tracks: list[Track]) -> list[tuple[int, str]]:

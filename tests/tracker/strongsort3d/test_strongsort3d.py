@@ -1,21 +1,20 @@
-"""The life of StrongSORT-3D's tracks, frame by frame (method book section 5)."""
+"""The life of StrongSORT-3D's tracks, frame by frame (docs/method.md, section 5)."""
 
 import math
 
-import msgspec
 import numpy as np
 import pytest
 
 from people4d.messages import Track
-from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.strongsort3d.build import build_strongsort3d
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
-from tests.tracker.scene import frame, person
+from tests.tracker.scene import frame, person, published, published_config
 
 RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)  # cosine distance 1 - 0.01 / 1.01 = 0.99
 
 
 def tracker(**fields: float) -> StrongSort3d:
-    return StrongSort3d(TrackerConfig(strongsort3d=msgspec.convert(fields, StrongSort3dConfig)))
+    return build_strongsort3d(published_config(strongsort3d=published(**fields)))
 
 
 def states(tracks: list[Track]) -> list[tuple[int, str]]:

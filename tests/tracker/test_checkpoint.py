@@ -7,28 +7,34 @@ import pytest
 
 from people4d.errors import DecodeError
 from people4d.messages import Track
-from services.tracker.config import StrongSort3dConfig, TrackerConfig, YawFilterConfig
-from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
-from services.tracker.interface import Lasting, Tracker
-from services.tracker.registry import make_tracker
-from tests.tracker.scene import frame, person
+from services.tracker.build import make_tracker
+from services.tracker.config import (
+    ContactConfig,
+    IdentityConfig,
+    OcclusionConfig,
+    YawFilterConfig,
+)
+from services.tracker.interface import Stateful, Tracker
+from tests.tracker.scene import frame, person, published, published_config
 
 RED, BLUE = (1.0, 0.0, 0.1), (0.0, 1.0, 0.1)
-IDENTITY = StrongSort3dConfig(
+IDENTITY = published(
     identity=IdentityConfig(enabled=True),
     contact=ContactConfig(enabled=True),
     occlusion=OcclusionConfig(enabled=True),
 )
 CONFIGS = {
-    "sort3d": TrackerConfig(tracker="sort3d"),
-    "strongsort3d": TrackerConfig(),
-    "identity": TrackerConfig(strongsort3d=IDENTITY, yaw="keypoints", yaw_filter=YawFilterConfig()),
+    "sort3d": published_config(tracker="sort3d"),
+    "strongsort3d": published_config(),
+    "identity": published_config(
+        strongsort3d=IDENTITY, yaw="keypoints", yaw_filter=YawFilterConfig()
+    ),
 }
 
 
 def tracker(name: str) -> Any:
     made = make_tracker(CONFIGS[name])
-    assert isinstance(made, Lasting)
+    assert isinstance(made, Stateful)
     return made
 
 
@@ -108,10 +114,10 @@ def test_what_is_damaged_or_of_another_method_is_refused_and_changes_nothing() -
     saved = good.save()
     for bad in (b"", saved[:-1], b"\x80", tracker("sort3d").save(), bytes(range(256))):
         target = tracker("strongsort3d")
-        with pytest.raises(DecodeError, match="what the tracker kept"):
+        with pytest.raises(DecodeError, match="checkpoint"):
             target.restore(bad)
         assert walk(target, range(3))[-1][0].id == 1
-        assert target.identities.next == 3
+        assert target.ids.next == 3
 
 
 def test_states_of_another_length_are_refused() -> None:

@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.config import ImmConfig
+from services.tracker.motion.imm import STANDING, WALKING, Imm, log_likelihood, mix
 from services.tracker.motion.motion import PointMotion
-from services.tracker.motion.standing import STANDS, WALKS, Pace, StandOrWalk, log_likelihood, mix
-from services.tracker.motion.standing_config import StandingConfig
-from services.tracker.strongsort3d.strongsort3d import StrongSort3d
-from tests.tracker.scene import frame, person
+from services.tracker.motion.track_record import ImmState
+from services.tracker.strongsort3d.build import build_strongsort3d
+from tests.tracker.scene import frame, person, published, published_config
 
 SEEN = np.array([False])
-CONFIG = StrongSort3dConfig(
+CONFIG = published(
     sigma_acceleration_mps2=3.0,
     sigma_measurement_m=0.15,
     nsa_floor=1.0,
     max_depth_m=1e9,
-    standing=StandingConfig(enabled=True),
+    imm=ImmConfig(enabled=True),
 )
 
 
-def paces(**settings: float) -> StandOrWalk:
-    return StandOrWalk(PointMotion(CONFIG), StandingConfig(enabled=True, **settings))
+def imm(**settings: float) -> Imm:
+    return Imm(PointMotion(CONFIG), ImmConfig(enabled=True, **settings))
 
 
 def state(x_m: float, vx_mps: float) -> F64:
@@ -34,7 +34,7 @@ def state(x_m: float, vx_mps: float) -> F64:
 def test_models_start_from_whoever_may_have_changed_over() -> None:
     # Shares 0.5 and 0.5; of those who stand 0.2 begin to walk, of those who walk 0.4 stop. After:
     # 0.5 * 0.8 + 0.5 * 0.4 = 0.6 stand, of which 0.4 / 0.6 = 2/3 stood before; 0.4 walk, of which
-    # 0.1 / 0.4 = 1/4 stood. Places 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
+    # 0.1 / 0.4 = 1/4 stood. CameraPoses 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
     # 1/4 * 0 + 3/4 * 3 = 2.25. Variances 1 and 1, and between the places
     # 2/3 * 1 + 1/3 * 4 = 2 and 1/4 * 5.0625 + 3/4 * 0.5625 = 1.6875.
     x = np.array([[state(0.0, 0.0), state(3.0, 0.0)]])
@@ -57,29 +57,29 @@ def test_what_is_told_is_the_mean_of_both() -> None:
     # 0.75 stand at 0, 0.25 walk at 1 m with 2 m/s: at 0.25 m with 0.5 m/s. Variance of the place:
     # 0.1 within, and 0.75 * 0.0625 + 0.25 * 0.5625 = 0.1875 between; of the velocity
     # 0.75 * 0.01 + 0.25 * 0.1 within and 0.75 * 0.25 + 0.25 * 2.25 = 0.75 between.
-    pace = Pace(
+    both = ImmState(
         np.array([state(0.0, 0.0), state(1.0, 2.0)]),
         np.array([0.1 * np.eye(6)] * 2),
         np.array([0.75, 0.25]),
     )
-    x, P = paces(sway_mps=0.1).told(pace)
+    x, P = imm(standing_sigma_mps=0.1).mean(both)
     np.testing.assert_allclose(x[[0, 3]], [0.25, 0.5])
     assert P[0, 0] == pytest.approx(0.2875)
     assert P[3, 3] == pytest.approx(0.0325 + 0.75)
 
 
 def test_no_time_changes_nothing() -> None:
-    models = paces()
+    models = imm()
     start = models.start(state(1.0, 0.5), 0.1 * np.eye(6))
-    (after,) = models.predict([start], SEEN, 0.0)
-    np.testing.assert_allclose(after.share, start.share)
-    np.testing.assert_allclose(after.x[WALKS], start.x[WALKS])
-    assert after.x[STANDS, 3] == 0.0
+    (after,) = models.predict_modes([start], SEEN, 0.0)
+    np.testing.assert_allclose(after.mode_probability, start.mode_probability)
+    np.testing.assert_allclose(after.x[WALKING], start.x[WALKING])
+    assert after.x[STANDING, 3] == 0.0
 
 
 def run(xs: list[float]) -> list[float]:
     """Speeds told of a person measured at distances, ten a second."""
-    tracker = StrongSort3d(TrackerConfig(strongsort3d=CONFIG))
+    tracker = build_strongsort3d(published_config(strongsort3d=CONFIG))
     speeds = []
     for number, x in enumerate(xs):
         (track,) = tracker.update(frame(number, person(x, 0.0)))
@@ -103,12 +103,12 @@ def test_a_person_who_begins_to_walk_is_believed_within_half_a_second() -> None:
 
 
 def test_covariances_stay_positive_definite() -> None:
-    models = paces()
-    pace = models.start(state(4.0, 0.0), 0.1 * np.eye(6))
+    models = imm()
+    modes = models.start(state(4.0, 0.0), 0.1 * np.eye(6))
     rng = np.random.default_rng(1)
     for _ in range(300):
-        (pace,) = models.predict([pace], SEEN, float(rng.uniform(0.0, 0.3)))
-        (pace,) = models.update([pace], rng.normal(4, 0.1, (1, 3)), 0.02 * np.eye(3)[None])
-        _, P = models.told(pace)
+        (modes,) = models.predict_modes([modes], SEEN, float(rng.uniform(0.0, 0.3)))
+        (modes,) = models.update_modes([modes], rng.normal(4, 0.1, (1, 3)), 0.02 * np.eye(3)[None])
+        _, P = models.mean(modes)
         assert np.linalg.eigvalsh(P).min() > 0
-        assert pace.fits(6)
+        assert modes.fits(6)

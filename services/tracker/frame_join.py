@@ -1,10 +1,10 @@
-"""Detections wait for the embeddings of their frame, and for their turn."""
+"""Join detections with the embeddings of their frame, in the order of their stamps."""
 
 from collections import Counter
 from dataclasses import dataclass
 
 from people4d.messages import Detections, Embeddings
-from services.tracker.stream import Stream
+from services.tracker.detection_stream import DetectionStream
 
 ACTIVE_NS = 1_000_000_000
 EARLY_MAX = 256
@@ -15,8 +15,8 @@ COUNTERS = (
 
 
 @dataclass(slots=True)
-class Frame:
-    """Detections that wait."""
+class PendingFrame:
+    """Detections of one frame, and their embeddings once they are there."""
 
     detections: Detections
     arrived_ns: int  # [ns] monotonic
@@ -24,61 +24,61 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
-class Patience:
-    """How long frames wait.
+class JoinTimeouts:
+    """Limits of the time that frames wait.
 
     Args:
         embedding_ns: Longest wait for embeddings; 0 if the tracker uses none.
-        embedding_frames: Frames waited for in vain after which waiting stops, until embeddings
-            come again: a dead re-identification must not delay every frame.
+        embedding_count: Consecutive timeouts after which waiting stops, until embeddings come
+            again: a dead re-identification must not delay every frame.
         reorder_ns: Longest wait for frames of other cameras, and for earlier ones of this camera
-            that another detector does; None: as long as from one frame to the next.
+            of another detector; None: as long as from one frame to the next.
     """
 
     embedding_ns: int
-    embedding_frames: int
+    embedding_count: int
     reorder_ns: int | None
 
 
-class Join:
-    """Gives frames out by stamp, with their embeddings where these came in time."""
+class FrameJoin:
+    """Release frames by stamp, with their embeddings where these came in time."""
 
-    def __init__(self, patience: Patience) -> None:
+    def __init__(self, timeouts: JoinTimeouts) -> None:
         self.counters = Counter(dict.fromkeys(COUNTERS, 0))
-        self._patience = patience
-        self._frames: list[Frame] = []
+        self._timeouts = timeouts
+        self._frames: list[PendingFrame] = []
         self._early: dict[tuple[str, int], Embeddings] = {}
-        self._heard: dict[str, tuple[int, int]] = {}  # camera: newest stamp, monotonic arrival
-        self._streams: dict[str, Stream] = {}
-        self._in_vain = 0
+        self._newest: dict[str, tuple[int, int]] = {}  # camera: newest stamp, monotonic arrival
+        self._streams: dict[str, DetectionStream] = {}
+        self._timeouts_in_row = 0
 
     @property
-    def silent(self) -> bool:
-        """Whether embeddings are no longer waited for."""
-        return self._in_vain >= self._patience.embedding_frames
+    def ignores_embeddings(self) -> bool:
+        """Frames no longer wait for embeddings."""
+        return self._timeouts_in_row >= self._timeouts.embedding_count
 
     @property
     def waiting(self) -> bool:
-        """Whether a frame waits."""
+        """A frame waits."""
         return bool(self._frames)
 
     def newest_ns(self, camera: str) -> int | None:
-        """Return the newest stamp heard of a camera."""
-        heard = self._heard.get(camera)
-        return heard[0] if heard else None
+        """Return the newest stamp of a camera."""
+        newest = self._newest.get(camera)
+        return newest[0] if newest else None
 
     def add_detections(self, detections: Detections, now_ns: int, late: bool = False) -> None:
-        """Let a frame wait; one that is here twice or too late is counted, not used.
+        """Add a frame; a duplicate or one that is too late is counted and dropped.
 
         Args:
             detections: The frame's detections.
             now_ns: Monotonic time.
-            late: Whether the tracker has gone past their stamp already.
+            late: The tracker has processed a later stamp already.
         """
         key = (detections.camera, detections.stamp_ns)
         stream = self._stream(detections)
-        stream.came(detections)
-        if stream.was_given(detections) or any(_key(frame) == key for frame in self._frames):
+        stream.add(detections)
+        if stream.was_released(detections) or any(_key(frame) == key for frame in self._frames):
             self.counters["duplicates"] += 1
             return
         if late:
@@ -86,18 +86,18 @@ class Join:
             return
         newest = self.newest_ns(detections.camera)
         newest = detections.stamp_ns if newest is None else max(newest, detections.stamp_ns)
-        self._heard[detections.camera] = newest, now_ns
-        self._frames.append(Frame(detections, now_ns, self._early.pop(key, None)))
+        self._newest[detections.camera] = newest, now_ns
+        self._frames.append(PendingFrame(detections, now_ns, self._early.pop(key, None)))
         self._frames.sort(key=lambda frame: (frame.detections.stamp_ns, frame.detections.camera))
 
     def add_embeddings(self, embeddings: Embeddings, late: bool) -> None:
-        """Give embeddings to their frame, or keep them for a frame that has yet to come.
+        """Add embeddings to their frame, or store them until it comes.
 
         Args:
             embeddings: The embeddings.
-            late: Whether the tracker has gone past their stamp already.
+            late: The tracker has processed a later stamp already.
         """
-        self._in_vain = 0
+        self._timeouts_in_row = 0
         key = (embeddings.camera, embeddings.stamp_ns)
         for frame in self._frames:
             if _key(frame) == key:
@@ -110,12 +110,12 @@ class Join:
         while len(self._early) > EARLY_MAX:
             del self._early[next(iter(self._early))]
 
-    def pop(self, now_ns: int, flush: bool = False) -> Frame | None:
-        """Take the next frame if it need not wait any longer.
+    def pop(self, now_ns: int, flush: bool = False) -> PendingFrame | None:
+        """Return the next frame if it need not wait any longer.
 
         Args:
             now_ns: Monotonic time.
-            flush: Take it in any case.
+            flush: Return it in any case.
         """
         if not self._frames:
             return None
@@ -123,12 +123,12 @@ class Join:
         if not flush and now_ns < self._due_ns(frame):
             return None
         del self._frames[0]
-        self.counters["missing"] += self._stream(frame.detections).gives(frame.detections)
+        self.counters["missing"] += self._stream(frame.detections).release(frame.detections)
         if self._lacks_embeddings(frame):
             self.counters["without_embeddings"] += 1
-            if not self.silent:
+            if not self.ignores_embeddings:
                 self.counters["embedding_timeouts"] += 1
-                self._in_vain += 1
+                self._timeouts_in_row += 1
         return frame
 
     def wake_ns(self) -> int | None:
@@ -136,35 +136,35 @@ class Join:
         return self._due_ns(self._frames[0]) if self._frames else None
 
     def restart(self, stamp_ns: int) -> None:
-        """Begin a new time at a stamp: forget what was heard after it."""
-        self._heard.clear()
+        """Restart at a stamp after a clock reset."""
+        self._newest.clear()
         self._streams.clear()
         self._early = {key: e for key, e in self._early.items() if e.stamp_ns <= stamp_ns}
 
-    def _lacks_embeddings(self, frame: Frame) -> bool:
-        wanted = self._patience.embedding_ns > 0 and len(frame.detections.detections) > 0
+    def _lacks_embeddings(self, frame: PendingFrame) -> bool:
+        wanted = self._timeouts.embedding_ns > 0 and len(frame.detections.detections) > 0
         return wanted and frame.embeddings is None
 
-    def _due_ns(self, frame: Frame) -> int:
-        lacks = self._lacks_embeddings(frame) and not self.silent
-        wait_ns = self._patience.embedding_ns if lacks else 0
+    def _due_ns(self, frame: PendingFrame) -> int:
+        lacks = self._lacks_embeddings(frame) and not self.ignores_embeddings
+        wait_ns = self._timeouts.embedding_ns if lacks else 0
         stream = self._stream(frame.detections)
         if self._is_ahead(frame) or stream.may_lack(frame.detections):
-            reorder_ns = self._patience.reorder_ns
+            reorder_ns = self._timeouts.reorder_ns
             wait_ns = max(wait_ns, stream.period_ns if reorder_ns is None else reorder_ns)
         return frame.arrived_ns + wait_ns
 
-    def _is_ahead(self, frame: Frame) -> bool:
-        """Return whether another camera may still send something earlier."""
+    def _is_ahead(self, frame: PendingFrame) -> bool:
+        """Check that another camera may still send an earlier frame."""
         return any(
             newest < frame.detections.stamp_ns and frame.arrived_ns - arrived < ACTIVE_NS
-            for camera, (newest, arrived) in self._heard.items()
+            for camera, (newest, arrived) in self._newest.items()
             if camera != frame.detections.camera
         )
 
-    def _stream(self, detections: Detections) -> Stream:
-        return self._streams.setdefault(detections.camera, Stream())
+    def _stream(self, detections: Detections) -> DetectionStream:
+        return self._streams.setdefault(detections.camera, DetectionStream())
 
 
-def _key(frame: Frame) -> tuple[str, int]:
+def _key(frame: PendingFrame) -> tuple[str, int]:
     return frame.detections.camera, frame.detections.stamp_ns

@@ -5,16 +5,20 @@ import dataclasses
 import numpy as np
 
 from people4d.messages import Track
-from services.tracker.config import StrongSort3dConfig, TrackerConfig
-from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.config import (
+    ContactConfig,
+    IdentityConfig,
+    OcclusionConfig,
+)
 from services.tracker.interface import Measurement
+from services.tracker.strongsort3d.build import build_strongsort3d
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
-from tests.tracker.scene import frame, person
+from tests.tracker.scene import frame, person, published, published_config
 from tests.tracker.strongsort3d.test_occlusion import BLUE, RED, placed
 from tests.tracker.test_invariants import assert_same, run, scene
 
 RED_TOO = (1.0, 0.12, 0.0)  # 0.0002 from RED
-ALL = StrongSort3dConfig(
+ALL = published(
     occlusion=OcclusionConfig(enabled=True),
     contact=ContactConfig(enabled=True),
     identity=IdentityConfig(enabled=True),
@@ -22,8 +26,8 @@ ALL = StrongSort3dConfig(
 
 
 def tracker(identity: IdentityConfig | None = None) -> StrongSort3d:
-    strong = StrongSort3dConfig(identity=identity or IdentityConfig(enabled=True), a_max=5)
-    return StrongSort3d(TrackerConfig(strongsort3d=strong))
+    strong = published(identity=identity or IdentityConfig(enabled=True), a_max=5)
+    return build_strongsort3d(published_config(strongsort3d=strong))
 
 
 def stay(
@@ -44,12 +48,12 @@ def test_leave_and_return() -> None:
     assert stay(sort, 44, 3, person(4, 1, embedding=RED)) == [(1, "confirmed", "reidentified")]
     (track,) = sort.update(frame(47, person(4, 1, embedding=RED)))
     assert (track.identity, track.hits) == ("continued", 4)
-    assert track.identity_reason == "looks 0.00 from 1"
+    assert track.identity_reason == "cosine distance 0.00 to 1"
     assert track.identity_confidence == 1.0
 
 
 def test_without_the_switch_nothing_is_told() -> None:
-    sort = tracker(IdentityConfig())
+    sort = tracker(IdentityConfig(enabled=False))
     assert stay(sort, 0, 4, person(3, 0, embedding=RED)) == [(1, "confirmed", None)]
     stay(sort, 4, 40)
     assert stay(sort, 44, 4, person(4, 1, embedding=RED)) == [(2, "confirmed", None)]
@@ -111,7 +115,7 @@ def test_it_is_waited_for_clear_pictures_but_not_for_long() -> None:
 
 
 def test_the_order_of_detections_decides_nothing() -> None:
-    config = TrackerConfig(strongsort3d=ALL)
+    config = published_config(strongsort3d=ALL)
     rng = np.random.default_rng(5)
     straight = scene(17, frames=60)
     shuffled = [
@@ -120,14 +124,16 @@ def test_the_order_of_detections_decides_nothing() -> None:
         )
         for o in straight
     ]
-    told = run(StrongSort3d(config), straight)
-    assert_same(told, run(StrongSort3d(config), shuffled))
-    assert_same(told, run(StrongSort3d(config), straight))
+    told = run(build_strongsort3d(config), straight)
+    assert_same(told, run(build_strongsort3d(config), shuffled))
+    assert_same(told, run(build_strongsort3d(config), straight))
 
 
 def test_an_identity_is_of_one_person_at_a_time() -> None:
     for seed in range(8):
-        for tracks in run(StrongSort3d(TrackerConfig(strongsort3d=ALL)), scene(seed, frames=60)):
+        for tracks in run(
+            build_strongsort3d(published_config(strongsort3d=ALL)), scene(seed, frames=60)
+        ):
             ids = [track.id for track in tracks]
             assert len(set(ids)) == len(ids)
             assert all(np.isfinite(track.covariance).all() for track in tracks)
@@ -143,10 +149,10 @@ def test_after_a_reset_nobody_is_known() -> None:
 def test_whoever_left_at_the_edge_of_the_image_is_not_who_comes_in_there() -> None:
     # At 3 m and 1.5 m to the left: u = 320 - 300 = 20 px, less 50 px of half a width: cut off.
     # Half a second later somebody comes in there who looks alike but for 0.1: it is asked who.
-    def told(leaving_s: float) -> list[tuple[int, str, str | None]]:
-        identity = IdentityConfig(enabled=True, leaving_s=leaving_s)
-        strong = StrongSort3dConfig(identity=identity)
-        sort = StrongSort3d(TrackerConfig(strongsort3d=strong))
+    def told(absent_cut_off_s: float) -> list[tuple[int, str, str | None]]:
+        identity = IdentityConfig(enabled=True, absent_cut_off_s=absent_cut_off_s)
+        strong = published(identity=identity)
+        sort = build_strongsort3d(published_config(strongsort3d=strong))
         for number in range(10):
             sort.update(placed(number, person(3, 1.5, embedding=RED)))
         for number in range(10, 15):
@@ -154,16 +160,16 @@ def test_whoever_left_at_the_edge_of_the_image_is_not_who_comes_in_there() -> No
         tracks = sort.update(placed(15, person(3, 1.5, embedding=(1.0, 0.6, 0.0))))
         return [(t.id, t.state, t.identity) for t in tracks if t.detection is not None]
 
-    assert told(leaving_s=1.0) == [(1, "confirmed", "continued")]
-    assert told(leaving_s=0.3) == [(2, "tentative", None)]
+    assert told(absent_cut_off_s=1.0) == [(1, "confirmed", "continued")]
+    assert told(absent_cut_off_s=0.3) == [(2, "tentative", None)]
 
 
 def test_who_was_away_for_longer_comes_back_only_by_recognition() -> None:
     # 1.5 s unseen but still predicted, since a_max is 30 frames.
-    def told(handover_s: float) -> list[tuple[int, str, str | None]]:
-        identity = IdentityConfig(enabled=True, handover_s=handover_s)
-        strong = StrongSort3dConfig(identity=identity, a_max=30)
-        sort = StrongSort3d(TrackerConfig(strongsort3d=strong))
+    def told(absent_s: float) -> list[tuple[int, str, str | None]]:
+        identity = IdentityConfig(enabled=True, absent_s=absent_s)
+        strong = published(identity=identity, a_max=30)
+        sort = build_strongsort3d(published_config(strongsort3d=strong))
         stay(sort, 0, 5, person(3, 1, embedding=RED))
         stay(sort, 5, 15)
         return stay(sort, 20, 3, person(3, 1, embedding=RED))

@@ -6,7 +6,7 @@ import pytest
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import F64, Odometry, StaticTransform
-from services.tracker.placing import Places
+from services.tracker.camera_poses import CameraPoses
 
 CAMERA = "front_optical_frame"
 MS = 1_000_000
@@ -29,15 +29,15 @@ def odometry(stamp_ns: int, x_m: float) -> Odometry:
     )
 
 
-def places(*messages: StaticTransform | Odometry, frame_id: str = "map") -> Places:
-    made = Places(frame_id, TransformBufferConfig(), required=False)
+def places(*messages: StaticTransform | Odometry, frame_id: str = "map") -> CameraPoses:
+    made = CameraPoses(frame_id, TransformBufferConfig(), required=False)
     for message in messages:
         assert not made.add(message)
     return made
 
 
-def matrix_of(made: Places, stamp_ns: int = 0) -> F64:
-    placement = made.find(CAMERA, stamp_ns)
+def matrix_of(made: CameraPoses, stamp_ns: int = 0) -> F64:
+    placement = made.lookup(CAMERA, stamp_ns)
     assert placement is not None
     return placement.matrix
 
@@ -45,10 +45,10 @@ def matrix_of(made: Places, stamp_ns: int = 0) -> F64:
 def test_a_camera_without_a_transform_is_the_origin_unless_one_is_required() -> None:
     made = places()
     np.testing.assert_array_equal(matrix_of(made), LINK_FROM_OPTICAL)
-    assert made.unplaced == {CAMERA}
-    strict = Places("map", TransformBufferConfig(), required=True)
-    assert strict.find(CAMERA, 0) is None
-    assert strict.unplaced == {CAMERA}
+    assert made.without_transform == {CAMERA}
+    strict = CameraPoses("map", TransformBufferConfig(), required=True)
+    assert strict.lookup(CAMERA, 0) is None
+    assert strict.without_transform == {CAMERA}
 
 
 def test_a_transform_that_comes_late_moves_the_camera() -> None:
@@ -56,7 +56,7 @@ def test_a_transform_that_comes_late_moves_the_camera() -> None:
     matrix_of(made)
     assert made.add(fixed("map", CAMERA, 2.0))
     assert matrix_of(made)[0, 3] == 2.0
-    assert made.unplaced == set()
+    assert made.without_transform == set()
     assert not made.add(fixed("map", CAMERA, 2.0))
     assert made.add(fixed("map", CAMERA, 3.0))
 
@@ -71,8 +71,8 @@ def test_a_base_that_drives_carries_its_camera() -> None:
     mount = fixed("base_link", CAMERA, 0.2)
     made = places(mount, odometry(0, 1.0), odometry(500 * MS, 2.0), frame_id="odom")
     assert matrix_of(made, 250 * MS)[0, 3] == pytest.approx(1.7)
-    assert not made.waits(CAMERA, 500 * MS)
-    assert made.waits(CAMERA, 501 * MS)
+    assert not made.awaits_sample(CAMERA, 500 * MS)
+    assert made.awaits_sample(CAMERA, 501 * MS)
     assert not made.add(odometry(1000 * MS, 3.0))
     assert made.fixed == {}
 
@@ -80,7 +80,7 @@ def test_a_base_that_drives_carries_its_camera() -> None:
 def test_a_base_of_which_nobody_tells_where_it_is_in_map_is_told() -> None:
     made = places(fixed("base_link", CAMERA, 0.2), odometry(100, 1.0))
     np.testing.assert_array_equal(matrix_of(made, 100), LINK_FROM_OPTICAL)
-    assert made.unplaced == {CAMERA}
+    assert made.without_transform == {CAMERA}
     assert made.counters["motion_duplicates"] == 0
 
 
@@ -88,8 +88,8 @@ def test_what_another_process_knew_holds_until_transforms_come() -> None:
     before = places(fixed("map", CAMERA, 2.0))
     matrix_of(before)
     made = places()
-    made.remember(before.fixed)
+    made.restore(before.fixed)
     assert matrix_of(made)[0, 3] == 2.0
-    assert made.unplaced == set()
+    assert made.without_transform == set()
     assert not made.add(fixed("map", CAMERA, 2.0))
     assert made.add(fixed("map", CAMERA, 2.5))

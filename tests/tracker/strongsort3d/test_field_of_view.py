@@ -14,17 +14,20 @@ from common.geometry.transforms import (
     transform_from,
 )
 from people4d.messages import F64, Track
-from services.tracker.config import StrongSort3dConfig, TrackerConfig
-from services.tracker.identity.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.config import (
+    ContactConfig,
+    IdentityConfig,
+    OcclusionConfig,
+)
 from services.tracker.interface import Measurement, Observation
-from services.tracker.strongsort3d.strongsort3d import StrongSort3d
-from services.tracker.strongsort3d.watching import shown
-from tests.tracker.scene import FOCAL_PX, frame, unit
+from services.tracker.strongsort3d.build import build_strongsort3d
+from services.tracker.strongsort3d.field_of_view import visible_ratios
+from tests.tracker.scene import FOCAL_PX, frame, published, published_config, unit
 
 EDGES = (-320 / FOCAL_PX, 320 / FOCAL_PX)  # 28 degrees to each side
 RED, BLUE = unit((1.0, 0.0, 0.1)), unit((0.0, 1.0, 0.1))
 PEOPLE = (np.array([4.0, 0.5, 1.0]), np.array([4.5, -0.5, 1.0]))
-ALL = StrongSort3dConfig(
+ALL = published(
     identity=IdentityConfig(enabled=True),
     contact=ContactConfig(enabled=True),
     occlusion=OcclusionConfig(enabled=True),
@@ -70,10 +73,10 @@ def test_how_much_of_a_person_the_image_has_room_for() -> None:
     y_m = EDGES[1] * 4
     places = np.array([[4, 0, 1], [4, -y_m, 1], [4, -y_m - 0.125, 1], [4, -3, 1], [-4, 0, 1.0]])
     camera = dataclasses.replace(frame(0), map_from_camera=turned(0), edges=EDGES)
-    parts = shown(places, camera, 0.25)
+    parts = visible_ratios(places, camera, 0.25)
     assert parts is not None
     np.testing.assert_allclose(parts, [1, 0.5, 0.25, 0, 0], atol=1e-9)
-    assert shown(places, dataclasses.replace(camera, edges=None), 0.25) is None
+    assert visible_ratios(places, dataclasses.replace(camera, edges=None), 0.25) is None
 
 
 @pytest.mark.parametrize("looks", [True, False])
@@ -81,7 +84,7 @@ def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(loo
     # 60 degrees to the left and back within 2.4 s, over and over: everyone is cut off at an edge
     # and out of view for more than a second each time, far longer than somebody who leaves is
     # waited for, and more often than a lost track may be missed.
-    tracker = StrongSort3d(TrackerConfig(strongsort3d=ALL))
+    tracker = build_strongsort3d(published_config(strongsort3d=ALL))
     tracks: list[Track] = []
     for number in range(100):
         tracks = tracker.update(seen(number, 30 - 30 * math.cos(math.tau * number / 24), looks))
@@ -89,7 +92,7 @@ def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(loo
 
 
 def test_whoever_leaves_a_camera_that_stands_is_missed() -> None:
-    tracker = StrongSort3d(TrackerConfig(strongsort3d=ALL))
+    tracker = build_strongsort3d(published_config(strongsort3d=ALL))
     for number in range(10):
         tracker.update(seen(number, 0.0, looks=False))
     for number in range(10, 16):

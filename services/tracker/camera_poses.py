@@ -1,0 +1,143 @@
+"""Poses of cameras at the time of each frame, in the frame of the tracks.
+
+If tracks are wanted in a frame that moves, of a robot's base, people are tracked in the fixed frame
+that it moves in and transformed on output: that is to move all states by the base's full motion
+from frame to frame (docs/method.md, section 7), without a rounding at each step.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from msgspec.structs import replace
+
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
+from common.geometry.transforms import LINK_FROM_OPTICAL, apply, wrap
+from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, Track
+
+
+class CameraPoses:
+    """Poses of fixed cameras, and of cameras on a base that moves.
+
+    Args:
+        frame_id: Frame of the published tracks.
+        config: Limits of plausible motion of the base.
+        required: Without a transform a camera has no pose; else it is taken to stand at the origin
+            and to look along +x.
+    """
+
+    def __init__(self, frame_id: str, config: TransformBufferConfig, required: bool) -> None:
+        self._frame_id, self._required = frame_id, required
+        self._tracking_frame = frame_id
+        self._buffer = TransformBuffer(config)
+        self._fixed: dict[str, F64] = {}  # fixed cameras, as used last
+        self.without_transform: set[str] = set()  # cameras
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Anomalies of the motion of the base."""
+        return dict(self._buffer.counters)
+
+    @property
+    def fixed(self) -> dict[str, F64]:
+        """Poses (4x4) of the fixed cameras, for a checkpoint."""
+        return dict(self._fixed)
+
+    def restore(self, fixed: dict[str, F64]) -> None:
+        """Use the poses of a checkpoint until transforms come."""
+        self._fixed |= fixed
+
+    def add(self, message: StaticTransform | MovingTransform | Odometry) -> bool:
+        """Add a transform.
+
+        Returns:
+            True if the pose of a camera that was used already has changed, or moves.
+        """
+        self._buffer.add(message)
+        changed = self._update_tracking_frame()
+        if not isinstance(message, StaticTransform):
+            return changed
+        for camera, before in tuple(self._fixed.items()):
+            now = self._buffer.lookup_static(self._tracking_frame, camera)
+            if now is not None and not np.array_equal(now, before):
+                self._fixed[camera] = now
+                changed = True
+        return changed
+
+    def lookup(self, camera: str, stamp_ns: int) -> TransformEstimate | None:
+        """Return the pose of a camera at a time.
+
+        Args:
+            camera: Name of its optical frame.
+            stamp_ns: Time of a frame.
+
+        Returns:
+            None if it is unknown and required.
+        """
+        pose = self._buffer.lookup(self._tracking_frame, camera, stamp_ns)
+        if pose is None and camera in self._fixed and camera not in self.without_transform:
+            return TransformEstimate(self._fixed[camera])
+        if pose is None:
+            self.without_transform.add(camera)
+            if self._required:
+                return None
+            pose = TransformEstimate(LINK_FROM_OPTICAL)
+        else:
+            self.without_transform.discard(camera)
+        is_static = self._buffer.lookup_static(self._tracking_frame, camera) is not None
+        if is_static or camera in self.without_transform:
+            self._fixed[camera] = pose.matrix
+        return pose
+
+    def to_output_frame(self, tracks: Sequence[Track], stamp_ns: int) -> Sequence[Track]:
+        """Return tracks in the frame of the output; none if its pose is unknown."""
+        if self._tracking_frame == self._frame_id:
+            return tracks
+        transform = self._buffer.lookup(self._frame_id, self._tracking_frame, stamp_ns)
+        return [] if transform is None else [transform_track(t, transform) for t in tracks]
+
+    def awaits_sample(self, camera: str, stamp_ns: int) -> bool:
+        """Check that the pose of a camera at a time may yet become better known."""
+        return self._buffer.awaits_sample(self._tracking_frame, camera, stamp_ns)
+
+    def _update_tracking_frame(self) -> bool:
+        """Track in the fixed frame below the output's; return True if known cameras lose poses."""
+        frame = self._buffer.fixed_frame(self._frame_id)
+        if frame == self._tracking_frame:
+            return False
+        self._tracking_frame, known = frame, bool(self._fixed)
+        self._fixed.clear()
+        return known
+
+
+def transform_track(track: Track, transform: TransformEstimate) -> Track:
+    """Return a track in another frame, both with z up; its velocity stays that over the ground.
+
+    Args:
+        track: In the source frame.
+        transform: target_from_source; its uncertainty adds to the covariance.
+    """
+    matrix, rotation = transform.matrix, np.kron(np.eye(2), transform.matrix[:3, :3])
+    turn_rad = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+    position_m = apply(matrix, track.position_m)
+    covariance = rotation @ track.covariance @ rotation.T
+    covariance[:3, :3] += pose_covariance(position_m, transform)
+    return replace(
+        track,
+        position_m=position_m,
+        velocity_mps=matrix[:3, :3] @ track.velocity_mps,
+        covariance=(covariance + covariance.T) / 2,
+        yaw_rad=None if track.yaw_rad is None else wrap(track.yaw_rad + turn_rad),
+    )
+
+
+def pose_covariance(ray_m: F64, pose: TransformEstimate) -> F64:
+    """Return the covariance (3x3) of a position due to the uncertainty of a pose.
+
+    Args:
+        ray_m: 3, from the origin of the pose, with the axes of the position's frame.
+        pose: Of the camera or the base.
+    """
+    # A rotation about the vertical moves a point at right angles to the ray.
+    aside_m = pose.sigma_rad * np.array([-ray_m[1], ray_m[0], 0.0])
+    return pose.sigma_m**2 * np.diag([1.0, 1.0, 0.0]) + np.outer(aside_m, aside_m)

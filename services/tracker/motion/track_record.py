@@ -1,0 +1,71 @@
+"""The state of one track."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from people4d.messages import F64
+from services.tracker.motion.yaw import YawState
+
+BOOL = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class IdentityDecision:
+    """How a track got its identity, see `Track`; None where re-identification is off."""
+
+    identity: Literal["new", "continued", "reidentified", "refused"] | None = None
+    confidence: float | None = None  # 0 to 1
+    reason: str = ""
+    id: int | None = None  # of the person re-identified; None: the track keeps its own
+
+
+@dataclass(frozen=True, slots=True)
+class ImmState:
+    """The state of one track under both motion models, standing and walking."""
+
+    x: F64  # 2xn states
+    P: F64  # 2xnxn, their covariances
+    mode_probability: F64  # 2
+
+    def fits(self, n: int) -> bool:
+        """Check that these are states of n numbers."""
+        shapes = self.x.shape, self.P.shape, self.mode_probability.shape
+        return shapes == ((2, n), (2, n, n), (2,)) and bool(np.all(self.mode_probability > 0))
+
+
+@dataclass(slots=True)
+class TrackRecord:
+    """One track."""
+
+    id: int
+    x: F64  # state, see the motion model
+    P: F64  # its covariance
+    score: float  # of the last matched detection
+    camera: str  # of the last match
+    matched_ns: int  # [ns] stamp of the last match
+    detection: int | None  # index of the detection matched in this frame
+    confirmed: bool
+    embedding: F64 | None = None
+    identity: IdentityDecision = IdentityDecision()
+    yaw: YawState | None = None
+    imm: ImmState | None = None  # of which x and P are the mean
+    hits: int = 1  # frames matched, the first included
+    streak: int = 1  # frames matched since the last miss
+    age: int = 1  # frames since the first one, itself included
+    missed: int = 0  # frames since the last match, this one included until it is matched
+    occluded: int = 0  # of these, frames in which another person hid this one
+    occluded_ns: int = 0  # [ns] stamp of the last of them
+    out_of_view: int = 0  # of the missed frames, those in which the camera was turned away
+    out_of_view_ns: int = 0  # [ns] total time of these
+    matched_position_m: F64 | None = None  # [m] 3, at the last match
+    visible_ratio: float = 1.0  # part of a person's width inside of the image there
+    cut_off: bool = False  # the last box reached the left or right of the image
+
+
+def stack(records: Sequence[TrackRecord]) -> tuple[F64, F64]:
+    """Return the states (Nxn) and covariances (Nxnxn) of N tracks."""
+    return np.array([t.x for t in records]), np.array([t.P for t in records])

@@ -1,0 +1,224 @@
+"""The set of tracks: identities, prediction, update, and the life cycle of each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from people4d.messages import F64, Track
+from services.tracker.interface import IdCounter, Measurement, Observation
+from services.tracker.motion.motion import Motion
+from services.tracker.motion.state_filter import KalmanFilter, StateFilter
+from services.tracker.motion.track_record import TrackRecord
+from services.tracker.motion.yaw import YawEstimator
+
+
+@dataclass(frozen=True, slots=True)
+class LifecyclePolicy:
+    """When a track is confirmed and deleted.
+
+    Args:
+        confirm_hits: Matches in a row, the first included, that confirm a track.
+        tentative_frames: Unmatched frames after which a tentative track is deleted.
+        lost_frames: Unmatched frames after which a confirmed track is deleted.
+        lost_s: Seconds without a match after which any track is deleted.
+    """
+
+    confirm_hits: int
+    tentative_frames: int
+    lost_frames: int
+    lost_s: float
+
+    def ended(self, record: TrackRecord) -> bool:
+        """Check for too many unmatched frames; occluded and out of view ones do not count."""
+        limit = self.lost_frames if record.confirmed else self.tentative_frames
+        return record.missed - record.occluded - record.out_of_view >= limit
+
+    def expired(self, record: TrackRecord, stamp_ns: int) -> bool:
+        """Check for too long a time without a match."""
+        return stamp_ns - record.matched_ns > self.lost_s * 1e9
+
+
+class TrackSet:
+    """All tracks of one tracker.
+
+    A frame counts as missed only for tracks last matched by its own camera: another camera may
+    cover another area. Tracks of a camera that stopped sending end by time.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        lifecycle: LifecyclePolicy,
+        yaw: YawEstimator,
+        state_filter: StateFilter | None = None,
+    ) -> None:
+        self.records: list[TrackRecord] = []
+        self.ids = IdCounter()
+        self.stamp_ns: int | None = None
+        self.elapsed_ns = 0  # from the frame before to this one
+        self._motion = motion
+        self._filter = state_filter or KalmanFilter(motion)
+        self._lifecycle = lifecycle
+        self._yaw = yaw
+
+    @property
+    def confirmed(self) -> list[TrackRecord]:
+        """The confirmed tracks."""
+        return [t for t in self.records if t.confirmed]
+
+    def positions_m(self, records: Sequence[TrackRecord]) -> F64:
+        """Return the positions (Nx3) of tracks."""
+        return np.array([t.x[self._motion.position] for t in records]).reshape(-1, 3)
+
+    def clear(self) -> None:
+        """Delete all tracks and the time; identities go on counting."""
+        self.records, self.stamp_ns = [], None
+
+    def predict(self, observation: Observation) -> None:
+        """Delete expired tracks and predict the others to the frame's time."""
+        dt_s = self._seconds_to(observation.stamp_ns)
+        self.elapsed_ns = 0 if self.stamp_ns is None else observation.stamp_ns - self.stamp_ns
+        self.stamp_ns = observation.stamp_ns
+        self.records = self._alive(observation.stamp_ns)
+        if not self.records:
+            return
+        states = self._filter.predict(self.records, dt_s)
+        yaws = self._yaw.predict([t.yaw for t in self.records], dt_s)
+        for record, state, yaw in zip(self.records, states, yaws, strict=True):
+            (record.x, record.P, record.imm), record.yaw = state, yaw
+            record.age += 1
+            record.detection = None
+            record.missed += record.camera == observation.camera
+
+    def add_covariance(self, covariances_m2: F64, camera: str) -> None:
+        """Add covariances (Nx3x3) to the positions of tracks last matched by a camera."""
+        position = np.ix_(self._motion.position, self._motion.position)
+        for record, covariance_m2 in zip(self.records, covariances_m2, strict=True):
+            if record.camera == camera:
+                record.P[position] += covariance_m2
+                if record.imm:
+                    record.imm.P[:, :3, :3] += covariance_m2
+
+    def update(
+        self, matches: Sequence[tuple[TrackRecord, Measurement]], observation: Observation
+    ) -> None:
+        """Update tracks with the measurements matched to them."""
+        if not matches:
+            return
+        records, measurements = [t for t, _ in matches], [m for _, m in matches]
+        z, R = self._motion.measure(measurements), self._motion.noise(measurements)
+        states = self._filter.update(records, z, R)
+        velocities = np.array([state.x[self._motion.velocity] for state in states])
+        yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)
+        for (record, measurement), state, yaw in zip(matches, states, yaws, strict=True):
+            (record.x, record.P, record.imm), record.yaw = state, yaw
+            record.score, record.detection = measurement.score, measurement.index
+            record.camera, record.matched_ns = observation.camera, observation.stamp_ns
+            record.hits += 1
+            record.streak += 1
+            record.missed = record.occluded = record.out_of_view = record.out_of_view_ns = 0
+            record.confirmed |= record.streak >= self._lifecycle.confirm_hits
+
+    def manage(self, unmatched: Sequence[Measurement], observation: Observation) -> list[Track]:
+        """Delete ended tracks, begin one for each unmatched measurement and return all tracks."""
+        self.records = [t for t in self.records if not self._lifecycle.ended(t)]
+        for record in self.records:
+            if record.missed:
+                record.streak = 0
+        for measurement in unmatched:
+            self.begin(measurement, observation, self.ids.new())
+        return self.tracks(observation.stamp_ns)
+
+    def begin(self, measurement: Measurement, observation: Observation, identity: int) -> None:
+        """Begin a track."""
+        x, P = self._motion.start(measurement)
+        (yaw,) = self._yaw.update([None], [measurement], np.zeros((1, 3)))
+        record = TrackRecord(
+            id=identity,
+            x=x,
+            P=P,
+            score=measurement.score,
+            camera=observation.camera,
+            matched_ns=observation.stamp_ns,
+            detection=measurement.index,
+            confirmed=self._lifecycle.confirm_hits <= 1,
+            embedding=measurement.embedding,
+            yaw=yaw,
+            imm=self._filter.start(x, P),
+        )
+        self.records.append(record)
+
+    def tracks(self, stamp_ns: int) -> list[Track]:
+        """Return all tracks."""
+        return [self._track(t, stamp_ns) for t in self.records]
+
+    def predicted(self, stamp_ns: int) -> list[Track]:
+        """Return the tracks predicted to a later time; the state does not change."""
+        records = self._alive(stamp_ns)
+        if not records:
+            return []
+        dt_s = self._seconds_to(stamp_ns)
+        states = self._filter.predict(records, dt_s)
+        yaws = self._yaw.predict([t.yaw for t in records], dt_s)
+        return [
+            self._track(replace(t, x=x, P=P, yaw=yaw, detection=None), stamp_ns)
+            for t, (x, P, _), yaw in zip(records, states, yaws, strict=True)
+        ]
+
+    def restore(self, records: list[TrackRecord], stamp_ns: int | None) -> None:
+        """Continue with tracks of a checkpoint.
+
+        Raises:
+            ValueError: Their states are not of this motion model, or an identity is there twice.
+        """
+        n = self._motion.H.shape[1]
+        if any(t.x.shape != (n,) or t.P.shape != (n, n) for t in records):
+            raise ValueError(f"expected states of {n} numbers, got others")
+        if any(t.imm and not t.imm.fits(n) for t in records):
+            raise ValueError(f"expected two states of {n} numbers each, got others")
+        if len({t.id for t in records}) < len(records) or any(t.id < 1 for t in records):
+            raise ValueError("expected identities >= 1, each once")
+        self.records, self.stamp_ns = records, stamp_ns
+        self.ids.raise_to(max((t.id + 1 for t in records), default=1))
+
+    def postpone(self, duration_ns: int) -> None:
+        """Skip a time without frames: all stamps become so much later."""
+        if self.stamp_ns is not None:
+            self.stamp_ns += duration_ns
+        for record in self.records:
+            record.matched_ns += duration_ns
+
+    def _alive(self, stamp_ns: int) -> list[TrackRecord]:
+        return [t for t in self.records if not self._lifecycle.expired(t, stamp_ns)]
+
+    def _seconds_to(self, stamp_ns: int) -> float:
+        if self.stamp_ns is None:
+            return 0.0
+        if stamp_ns < self.stamp_ns:
+            raise ValueError(f"stamp_ns: expected >= {self.stamp_ns}, got {stamp_ns}")
+        return (stamp_ns - self.stamp_ns) / 1e9
+
+    def _track(self, record: TrackRecord, stamp_ns: int) -> Track:
+        x, motion = record.x, self._motion
+        indices = motion.position + motion.velocity
+        state: Literal["tentative", "confirmed", "lost"] = "tentative"
+        if record.confirmed:
+            state = "lost" if record.detection is None else "confirmed"
+        return Track(
+            id=record.id,
+            state=state,
+            position_m=x[motion.position],
+            velocity_mps=x[motion.velocity],
+            covariance=record.P[np.ix_(indices, indices)],
+            yaw_rad=self._yaw.read(record.yaw, x[motion.velocity]),
+            hits=record.hits,
+            age=record.age,
+            time_since_update_s=(stamp_ns - record.matched_ns) / 1e9,
+            detection=record.detection,
+            score=record.score,
+            identity=record.identity.identity,
+            identity_confidence=record.identity.confidence,
+            identity_reason=record.identity.reason,
+        )

@@ -1,0 +1,49 @@
+"""Composition of StrongSORT-3D and its policies from the configuration."""
+
+from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.identity.reidentification import Reidentification
+from services.tracker.motion.imm import Imm
+from services.tracker.motion.motion import PointMotion
+from services.tracker.motion.state_filter import KalmanFilter, StateFilter, VelocityDecay, no_decay
+from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
+from services.tracker.motion.yaw import make_yaw
+from services.tracker.strongsort3d.base_drift import BaseDrift
+from services.tracker.strongsort3d.contact import Contact
+from services.tracker.strongsort3d.field_of_view import FieldOfView
+from services.tracker.strongsort3d.occlusion import Occlusion
+from services.tracker.strongsort3d.policies import (
+    ContactPolicy,
+    IdentityPolicy,
+    Policies,
+    TrackPolicy,
+)
+from services.tracker.strongsort3d.strongsort3d import StrongSort3d
+
+
+def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
+    """Build the tracker with the policies that the configuration enables."""
+    strong = config.strongsort3d
+    motion = PointMotion(strong)
+    lifecycle = LifecyclePolicy(
+        # An identity is decided before the track is published, at the second match at the earliest.
+        confirm_hits=max(strong.n_init, 2 if strong.identity.enabled else 1),
+        tentative_frames=1,
+        lost_frames=strong.a_max,
+        lost_s=config.max_lost_s,
+    )
+    tracks = TrackSet(motion, lifecycle, make_yaw(config), _state_filter(strong, motion))
+    occlusion: tuple[TrackPolicy, ...] = ()
+    if strong.occlusion.enabled:
+        occlusion = (FieldOfView(strong.occlusion), Occlusion(strong.occlusion))
+    policies = Policies(
+        contact=Contact(strong) if strong.contact.enabled else ContactPolicy(),
+        identity=Reidentification(strong.identity) if strong.identity.enabled else IdentityPolicy(),
+        tracks=(BaseDrift(config.base), *occlusion),
+    )
+    return StrongSort3d(strong, motion, tracks, policies)
+
+
+def _state_filter(config: StrongSort3dConfig, motion: PointMotion) -> StateFilter:
+    enabled = config.occlusion.enabled
+    decay = VelocityDecay(config.occlusion, motion.velocity) if enabled else no_decay
+    return Imm(motion, config.imm, decay) if config.imm.enabled else KalmanFilter(motion, decay)

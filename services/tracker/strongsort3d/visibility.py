@@ -1,0 +1,71 @@
+"""Geometry of people in the image: strips, boxes and their overlaps.
+
+A strip is the interval of the image, at focal length 1, that an upright person's width takes.
+"""
+
+import numpy as np
+
+from common.geometry.transforms import apply, invert
+from people4d.messages import F64
+from services.tracker.motion.track_record import BOOL
+
+NEAR_M = 0.3  # [m] people nearer to the camera's plane than this are not in its view
+EDGE_RATIO = 0.01  # of the image's width: a box so near to its edge may be cut off
+
+
+def strips(positions_m: F64, map_from_camera: F64, half_width_m: float) -> tuple[F64, F64]:
+    """Return the strips (Nx2: left, right) of people.
+
+    Args:
+        positions_m: Nx3, in the map.
+        map_from_camera: 4x4, from the optical frame.
+        half_width_m: Half of a person's width.
+
+    Returns:
+        The strips, and the depth (N) of each person in metres.
+    """
+    points = apply(invert(map_from_camera), positions_m)
+    depth = points[:, 2]
+    scale = 1.0 / np.where(depth > NEAR_M, depth, 1.0)
+    centre, half = points[:, 0] * scale, half_width_m * scale
+    return np.stack([centre - half, centre + half], axis=-1), depth
+
+
+def overlap_ratios(strips: F64, others: F64) -> F64:
+    """Return the part (NxM, below 0 if apart) of each strip (Nx2) that each other one covers."""
+    low = np.maximum(strips[:, None, 0], others[None, :, 0])
+    high = np.minimum(strips[:, None, 1], others[None, :, 1])
+    ratio: F64 = (high - low) / (strips[:, 1] - strips[:, 0])[:, None]
+    return ratio
+
+
+def overlapping(found: F64, tracks: F64, ratio_min: float) -> BOOL:
+    """Return the detections (M) that could belong to several tracks.
+
+    Of two people in one line of sight, often only one is detected, or one made of both.
+
+    Args:
+        found: Mx2, strips of the detections.
+        tracks: Nx2, strips of the predicted tracks.
+        ratio_min: Part of either strip that the other covers if they could be of one person.
+    """
+    ratio = np.maximum(overlap_ratios(found, tracks), overlap_ratios(tracks, found).T)
+    return np.asarray((ratio >= ratio_min).sum(axis=1) > 1)
+
+
+def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
+    """Return the boxes (Nx4, xyxy, pixels) that reach the left or right of an image of a size."""
+    if size_px is None:
+        return np.zeros(len(boxes), np.bool_)
+    edge = EDGE_RATIO * size_px[0]
+    return np.asarray((boxes[:, 0] < edge) | (boxes[:, 2] > size_px[0] - edge))
+
+
+def covered_ratios(boxes: F64) -> F64:
+    """Return the largest part (N) of each box (Nx4, xyxy, pixels) that another one covers."""
+    low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
+    common = np.prod(np.maximum(high - low, 0.0), axis=-1)
+    np.fill_diagonal(common, 0.0)
+    ratios: F64 = common.max(axis=1, initial=0.0) / np.prod(boxes[:, 2:] - boxes[:, :2], axis=-1)
+    return ratios
