@@ -43,7 +43,7 @@ $(VENV)/bin/pip:
 $(VENV)/.run: $(VENV)/bin/pip requirements.lock pyproject.toml
 	@echo "Setting up $(VENV) (once, about a minute) ..."
 	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/pip install --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(BIN)/pip install --disable-pip-version-check --no-deps --no-build-isolation -e '.[robot]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.run requirements-dev.lock
@@ -53,9 +53,9 @@ $(VENV)/.dev: $(VENV)/.run requirements-dev.lock
 
 lock: $(VENV)/.run
 	$(BIN)/pip install uv
-	$(BIN)/uv pip compile pyproject.toml --extra build --generate-hashes --universal --upgrade --python-version 3.11 \
+	$(BIN)/uv pip compile pyproject.toml --extra robot --extra build --generate-hashes --universal --upgrade --python-version 3.11 \
 		--no-header --no-annotate -o requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --extra build --extra dev -c requirements.lock \
+	$(BIN)/uv pip compile pyproject.toml --extra robot --extra build --extra dev -c requirements.lock \
 		--generate-hashes --universal --upgrade --python-version 3.11 --no-header --no-annotate -o requirements-dev.lock
 
 clean:

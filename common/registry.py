@@ -1,6 +1,8 @@
 """Algorithms, models and sources by name, or as `module:Class` of a plug-in."""
 
 import importlib
+import os
+import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,13 +10,16 @@ from people4d.errors import ConfigError
 
 
 def find(what: str, registry: Mapping[str, str], name: str, *others: str) -> Any:
-    """Return the class or function that a name stands for; its module is imported only now.
+    """Return the class or function of a name; its module is imported only now.
+
+    A plug-in is searched last in the folders of $PEOPLE4D_PLUGINS, which the command `people4d`
+    makes of PYTHONPATH and the working directory.
 
     Args:
-        what: What it is, for the error.
+        what: Kind of thing, for the error.
         registry: Name to "module:attribute".
-        name: A name of the registry, or "module:attribute" of something outside.
-        others: Further names that the error shall offer.
+        name: A name of the registry, or "module:attribute" of a plug-in.
+        others: Further names for the error.
 
     Raises:
         ConfigError: The name is unknown, or its module or attribute cannot be found.
@@ -23,8 +28,11 @@ def find(what: str, registry: Mapping[str, str], name: str, *others: str) -> Any
     if not separator:
         raise ConfigError(
             f"{what} {name!r} is unknown",
-            f"Choose {', '.join([*others, *registry])}, or module:Class of your own.",
+            f"Choose {', '.join([*others, *registry])}, or module:Class of a plug-in.",
         )
+    if name not in registry:
+        folders = os.environ.get("PEOPLE4D_PLUGINS", "").split(os.pathsep)
+        sys.path += [folder for folder in folders if folder and folder not in sys.path]
     try:
         return getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError) as error:

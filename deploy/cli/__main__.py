@@ -1,6 +1,6 @@
 """Run the command line as python -m deploy.cli."""
 
-from deploy.cli import main
+from people4d_command import main
 
 if __name__ == "__main__":
     main()

@@ -1,4 +1,4 @@
-"""What a planner does with people: keep clear of where they will be in a second.
+"""A planner that keeps clear of where people will be in a second.
 
 Run it on any machine: `python docs/examples/planner.py tcp/192.168.1.7:7447`
 """
@@ -8,14 +8,14 @@ from itertools import islice
 
 import numpy as np
 
-from people4d.client import subscribe
+from people4d import subscribe
 
 AHEAD_S = 1.0
 CLEARANCE_M = 1.2
 
 
 def main() -> None:
-    """Say for every frame how close people will come to the robot, at the map's origin."""
+    """Print for every frame how close people will come to the robot, at the map's origin."""
     endpoint = sys.argv[1] if len(sys.argv) > 1 else ""
     frames = int(sys.argv[2]) if len(sys.argv) > 2 else None
     for message in islice(subscribe(endpoint), frames):

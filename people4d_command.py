@@ -1,0 +1,45 @@
+"""The command `people4d`, started with installed modules before those of the user.
+
+A module of its own, outside of all packages: a file common.py, services.py or people4d.py in a
+folder of PYTHONPATH would otherwise be imported in place of a package of the same name.
+"""
+
+import importlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+PLUGINS = "PEOPLE4D_PLUGINS"  # folders of plug-ins, searched last by common.registry
+ROBOT = ("cv2", "numba", "onnxruntime", "scipy", "supervisor", "typer")
+
+
+def main() -> None:
+    """Run the command line, or say what to install."""
+    search_plugins_last()
+    missing = [name for name in ROBOT if importlib.util.find_spec(name) is None]
+    if missing:
+        sys.exit(
+            "people4d: the pipeline and its command line are not installed "
+            f"(no {', '.join(missing)}); run: pip install 'people4d[robot]'"
+        )
+    importlib.import_module("deploy.cli").main()
+
+
+def search_plugins_last() -> None:
+    """Take the working directory and PYTHONPATH from the search path of this process and children.
+
+    Their folders become PEOPLE4D_PLUGINS; only the folder of this module stays where it is.
+    """
+    own = Path(__file__).resolve().parent
+    folders = [] if sys.flags.safe_path else [os.getcwd()]
+    folders += [name for name in os.environ.pop("PYTHONPATH", "").split(os.pathsep) if name]
+    user = {Path(name).resolve() for name in folders} - {own}
+    if len(user) < len(set(folders)):  # not installed: found through one of these
+        os.environ["PYTHONPATH"] = str(own)
+    sys.path[:] = [name for name in sys.path if Path(name).resolve() not in user]
+    plugins = os.environ.get(PLUGINS, "").split(os.pathsep) + [
+        str(Path(n).resolve()) for n in folders
+    ]
+    os.environ[PLUGINS] = os.pathsep.join(dict.fromkeys(filter(None, plugins)))
+    os.environ["PYTHONSAFEPATH"] = "1"

@@ -1,0 +1,148 @@
+"""The wheel in clean environments: a planner with the contract alone, a robot with the pipeline.
+
+The user's folder holds modules named like packages of the project; these once replaced them.
+"""
+
+import contextlib
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from common.transport.ports import free_port
+from people4d.client import Client
+from people4d.messages import Tracks
+from services.tracker.build import TRACKERS
+from tests import DEMO, ROOT
+from tests.contract.examples import BY_NAME
+from tests.network import Network
+
+PACKAGES = ("people4d", "common", "services", "lab", "evaluation", "deploy", "models")
+FILES = ("pyproject.toml", "README.md", "LICENSE", "NOTICE", "people4d_command.py")
+CONTRACT = ("zenoh", "msgpack", "msgspec", "numpy")
+SHADOWS = ("common", "services", "deploy", "lab")
+TIMEOUT_S = 100.0
+
+
+def run(
+    *command: str | Path, cwd: Path = ROOT, env: Mapping[str, str] = os.environ
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command, check=False, capture_output=True, text=True, timeout=TIMEOUT_S, cwd=cwd, env=env
+    )
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    source, built = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+    for name in PACKAGES:
+        ignore = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, source / name, ignore=ignore)
+    for name in FILES:
+        shutil.copy(ROOT / name, source / name)
+    flags = ("--no-deps", "--no-build-isolation", "--no-index", "-q", "-w", built)
+    done = run(sys.executable, "-m", "pip", "wheel", *flags, source)
+    assert done.returncode == 0, done.stderr
+    (file,) = built.glob("people4d-*.whl")
+    return file
+
+
+def environment(folder: Path, wheel: Path) -> tuple[Path, Path]:
+    """Create an environment with the wheel alone; return its programs and its packages."""
+    venv.create(folder, with_pip=False, symlinks=True)
+    flags = ("install", "--no-deps", "--no-index", "-q", wheel)
+    done = run(sys.executable, "-m", "pip", "--python", folder / "bin" / "python", *flags)
+    assert done.returncode == 0, done.stderr
+    (packages,) = folder.glob("lib/python*/site-packages")
+    return folder / "bin", packages
+
+
+@pytest.fixture(scope="module")
+def planner(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
+    """Programs of an environment with the four dependencies of the contract."""
+    programs, packages = environment(tmp_path_factory.mktemp("planner"), wheel)
+    for name in CONTRACT:
+        found = Path(importlib.import_module(name).__path__[0])
+        for folder in found.parent.glob(f"{name}*"):  # numpy.libs, too
+            (packages / folder.name).symlink_to(folder)
+    return programs
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
+    """Programs of an environment with all dependencies."""
+    programs, packages = environment(tmp_path_factory.mktemp("robot"), wheel)
+    found = importlib.import_module("numpy").__path__[0]
+    (packages / "dependencies.pth").write_text(f"{Path(found).parent}\n")
+    return programs
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A user's folder."""
+    for name in SHADOWS:
+        (tmp_path / f"{name}.py").write_text(f"raise ImportError('{name}.py of the user')\n")
+    return tmp_path
+
+
+def clean(**variables: str) -> Mapping[str, str]:
+    unwanted = ("PYTHONPATH", "PYTHONSAFEPATH", "PEOPLE4D_PLUGINS")
+    kept = {name: value for name, value in os.environ.items() if name not in unwanted}
+    return {**kept, **variables}
+
+
+def test_planner_runs_beside_modules_named_like_ours(planner: Path, folder: Path) -> None:
+    network = Network()
+    shutil.copy(ROOT / "docs" / "examples" / "planner.py", folder)
+    command: list[Path | str] = [planner / "python", folder / "planner.py", network.endpoint, "1"]
+    try:
+        bus = network.open("robot")
+        with subprocess.Popen(command, cwd=folder, env=clean(), stdout=subprocess.PIPE) as process:
+            while process.poll() is None:
+                bus.publish(BY_NAME["Tracks"])
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(0.05)
+            assert process.stdout
+            assert process.stdout.read().startswith(b"#7 will be")
+    finally:
+        network.close()
+
+
+def test_command_without_the_pipeline_names_the_extra(planner: Path, folder: Path) -> None:
+    done = run(planner / "people4d", "--help", cwd=folder, env=clean())
+    assert done.returncode == 1
+    assert "pip install 'people4d[robot]'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_types_are_declared(planner: Path) -> None:
+    program = "import people4d, pathlib; print(pathlib.Path(people4d.__file__).parent)"
+    done = run(planner / "python", "-c", program, env=clean())
+    assert (Path(done.stdout.strip()) / "py.typed").is_file()
+
+
+def test_pipeline_with_a_plug_in_runs_beside_modules_named_like_ours(
+    robot: Path, folder: Path
+) -> None:
+    (folder / "people4d.py").write_text("raise ImportError('people4d.py of the user')\n")
+    module, _, name = TRACKERS["sort3d"].partition(":")
+    (folder / "mine.py").write_text(f"from {module} import {name} as Mine\n")
+    port = free_port()
+    variables = clean(
+        PYTHONPATH=str(folder), PEOPLE4D_STATE=str(folder / "state"), OMP_NUM_THREADS="1"
+    )
+    options = ("--detach", "--loop", "--port", str(port), "--tracker", "mine:Mine")
+    try:
+        done = run(robot / "people4d", "up", *options, "--source", DEMO, cwd=folder, env=variables)
+        assert done.returncode == 0, done.stderr
+        with Client(f"tcp/127.0.0.1:{port}") as client:
+            assert next(client.messages(Tracks, timeout_s=30.0))
+    finally:
+        done = run(robot / "people4d", "down", cwd=folder, env=variables)
+    assert done.returncode == 0, done.stderr
