@@ -215,7 +215,7 @@ def main() -> None:
         "Latency: where the time of a frame goes, and what measuring it costs",
         "Camera, detector (MoveNet), re-ID and tracker as processes, 640x480, three people, one "
         "network thread, a subscriber through the router. Stages are explained in "
-        "[docs/latency.md](../docs/latency.md).",
+        "[docs/operation/latency.md](../docs/operation/latency.md).",
         f"## Stages at {RATE_SHARE:.0%} load, {seen.rate_hz:.1f} frames per second",
         stage_table(seen.ways),
         "## What is not inference",

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/lab.md: `python -m scripts.lab_pictures`."""
+"""Draw the pictures of docs/cameras/lab.md: `python -m scripts.lab_pictures`."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Generate docs/messages.md from the message types and the topic table.
+"""Generate docs/development/messages.md from the message types and the topic table.
 
 Run `python -m scripts.message_docs` after a change; `--check` only tells whether it is up to date.
 """
@@ -28,7 +28,7 @@ from people4d.validation import Shape, range_text
 
 SOURCES = ("base", "camera", "people", "gait", "score", "status")
 TEMPLATE = Path(__file__).with_name("message_docs.template.md")
-TARGET = Path(__file__).resolve().parents[1] / "docs" / "messages.md"
+TARGET = Path(__file__).resolve().parents[1] / "docs" / "development" / "messages.md"
 
 WORDS = {int: "int", float: "float", str: "text", bool: "bool", bytes: "binary", Name: "name"}
 DELIVERY = {
@@ -135,7 +135,7 @@ def _presence(field: msgspec.structs.FieldInfo) -> str:
 
 
 def generate() -> str:
-    """Return the text of docs/messages.md.
+    """Return the text of docs/development/messages.md.
 
     Raises:
         DocsError: A message is not documented well enough.
@@ -212,7 +212,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         Exit code: 1 if a message lacks documentation or, with --check, the file is stale.
     """
-    parser = argparse.ArgumentParser(description="Generate docs/messages.md.")
+    parser = argparse.ArgumentParser(description="Generate docs/development/messages.md.")
     parser.add_argument("--check", action="store_true", help="write nothing; fail if it is stale")
     parser.add_argument("--target", type=Path, default=TARGET, help="file to write or check")
     flags = parser.parse_args(arguments)

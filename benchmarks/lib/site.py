@@ -59,7 +59,7 @@ class Site:
         subprocess.run(made, check=True, capture_output=True)
 
     def environment(self, host: str, keys: str = "") -> dict[str, str]:
-        """Return the variables of a host, as docs/hosts.md has a user set them."""
+        """Return the variables of a host, as docs/launch/hosts.md has a user set them."""
         remote = {} if host == "nuc" else {"PEOPLE4D_CONNECT": ROUTER}
         return {
             **os.environ,

@@ -34,7 +34,7 @@ def read_config(
         file: The file, or a folder of one for each mode; None for $PEOPLE4D_ZENOH, else the
             shipped ones.
         default: Mode: "peer", which $PEOPLE4D_MODE overrides, "router" or "client".
-        environment: Variables as in docs/hosts.md; None for the process's own environment.
+        environment: Variables as in docs/launch/hosts.md; None for the process's own environment.
         role: Service that it is for; empty: $PEOPLE4D_ROLE.
 
     Raises:

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from people4d.errors import ConfigError, People4dError
 
-# The hosts of docs/hosts.md; with --host others.
+# The hosts of docs/launch/hosts.md; with --host others.
 HOSTS = (
     "nuc=router,camera,detector,reid,gait,visual_odometry,report,watchdog,operator",
     "tracker=tracker,gt_bridge,watchdog,operator",

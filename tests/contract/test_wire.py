@@ -1,4 +1,4 @@
-"""The format in docs/messages.md, decoded without our codec."""
+"""The format in docs/development/messages.md, decoded without our codec."""
 
 import re
 import subprocess
@@ -19,7 +19,7 @@ from tests import ROOT
 from tests.contract.examples import BY_NAME, FULL, SPARSE, TRACK
 from tests.network import Network
 
-DOCS = ROOT / "docs" / "messages.md"
+DOCS = ROOT / "docs" / "development" / "messages.md"
 PARAMETERS = [pytest.param(m, id=type(m).__name__) for m in (*FULL, *SPARSE)]
 
 

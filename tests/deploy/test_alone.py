@@ -1,4 +1,4 @@
-"""Each service works alone against recorded messages: the commands of docs/running.md."""
+"""Each service works alone against recorded messages: the commands of docs/launch/one_service.md."""
 
 import os
 import signal

@@ -18,7 +18,7 @@ from services.gt_bridge.sources.registry import open_truth
 from tests import ROOT
 from tests.gt_bridge.scene import MS, person, track, tracks, truth
 
-DOCS = ROOT / "docs" / "truth.md"
+DOCS = ROOT / "docs" / "cameras" / "truth.md"
 
 
 def record(folder: Path, *messages: Message) -> Path:

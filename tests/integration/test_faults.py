@@ -1,4 +1,4 @@
-"""What docs/faults.md says happens when parts of a running system fail."""
+"""What docs/operation/faults.md says happens when parts of a running system fail."""
 
 import random
 import signal
@@ -31,7 +31,7 @@ from tests.integration.system import (
     works_again,
 )
 
-# docs/faults.md has the measured times; on a busy machine they may be this much longer.
+# docs/operation/faults.md has the measured times; on a busy machine they may be this much longer.
 BACK_S = 10.0
 
 INPUTS = {

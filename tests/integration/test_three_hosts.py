@@ -1,4 +1,4 @@
-"""What docs/hosts.md tells a user to type, typed on three hosts made of network namespaces."""
+"""What docs/launch/hosts.md tells a user to type, typed on three hosts made of network namespaces."""
 
 import os
 import re
@@ -46,7 +46,7 @@ def world(tmp_path: Path) -> Iterator[Hosts]:
 
 @pytest.mark.timeout(300)
 def test_the_commands_of_the_docs_bring_people_to_the_planner(world: Hosts, tmp_path: Path) -> None:
-    blocks = BLOCK.findall((ROOT / "docs" / "hosts.md").read_text(encoding="utf-8"))
+    blocks = BLOCK.findall((ROOT / "docs" / "launch" / "hosts.md").read_text(encoding="utf-8"))
     assert [host for host, _ in blocks] == ["nuc", "nuc", "tracker", "planner"]
     for host, text in blocks:
         try:

@@ -209,7 +209,7 @@ def test_registered_depth_edges_meet_colour_edges(shared: Path) -> None:
 
 
 def test_calibration_file_in_the_documentation(tmp_path: Path) -> None:
-    text = (ROOT / "docs/cameras.md").read_text("utf-8")
+    text = (ROOT / "docs/cameras/cameras.md").read_text("utf-8")
     block = text[text.index("    translation_m =") : text.index("A file with `fx`")]
     file = tmp_path / "camera.toml"
     file.write_text("\n".join(line[4:] for line in block.splitlines()))

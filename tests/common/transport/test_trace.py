@@ -134,5 +134,5 @@ def test_every_stage_of_a_service_is_in_the_table() -> None:
 
 
 def test_every_stage_is_in_the_documentation() -> None:
-    page = (ROOT / "docs" / "latency.md").read_text("utf-8")
+    page = (ROOT / "docs" / "operation" / "latency.md").read_text("utf-8")
     assert [name for name in STAGES if f"| `{name}` |" not in page] == []
