@@ -281,9 +281,9 @@ def main() -> int:
     write(
         __file__,
         "Three hosts: what each hop takes, and what bad links do",
-        "Three network namespaces as three hosts, set up as docs/launch/hosts.md says: camera, detector, "
-        "appearance and router on the NUC, the tracker and the planner on hosts of their own, "
-        "mutual TLS and access rules between them. All share the cores of one machine.",
+        "Three network namespaces as three hosts, set up as docs/launch/hosts.md says: camera, "
+        "detector, appearance and router on the NUC, the tracker and the planner on hosts of their "
+        "own, mutual TLS and access rules between them. All share the cores of one machine.",
         "## Every stage, on a good link",
         table,
         "## People on links of other quality",

@@ -159,7 +159,8 @@ def main() -> None:
         "Pipeline: camera, detector, re-ID and tracker as processes, 640x480",
         "The shipped recording (three people) played from memory, one network thread. `whole` is "
         "from the frame being sent by the camera to the people in a subscriber's hands; "
-        "docs/operation/latency.md explains the stages. The sum of medians is not the median of the sum.",
+        "docs/operation/latency.md explains the stages. The sum of medians is not the median of "
+        "the sum.",
         *sections,
     )
 

@@ -79,7 +79,8 @@ def _parts(evaluation: Evaluation, scenes: Sequence[str]) -> list[str]:
         f"Scenes: {', '.join(scenes)}; 60 s at 30 frames a second each, colour and measured depth; "
         "no frame is skipped, but methods with YOLOv8n are given every second one. Mean and spread "
         "(standard deviation) over recordings, for all and by number of people. Rows of the paper "
-        "come from its own recordings of real people. What the columns mean: docs/methods/evaluation.md.",
+        "come from its own recordings of real people. What the columns mean: "
+        "docs/methods/evaluation.md.",
         "Not held out for `best`: its noise_factor was raised from 2 to 8 after a first run on "
         "these films, in which it had 1.14 ID switches a minute (2.50 with 4 people; with YOLOv8n "
         "0.29 and 1.00), position RMSE 0.034 across and 0.054 along, velocity 0.114 and 0.137, yaw "

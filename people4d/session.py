@@ -35,8 +35,8 @@ def read_config(
             shipped ones.
         default: Mode, which names the file in a folder: "peer", "router" or "client".
         environment: PEOPLE4D_CONNECT and PEOPLE4D_LISTEN (endpoints, comma-separated) win over the
-            file, so that one file serves every host; the others are in docs/launch/hosts.md; None for
-            the process's own environment.
+            file, so that one file serves every host; the others are in docs/launch/hosts.md;
+            None for the process's own environment.
         role: Role to prove; empty: $PEOPLE4D_ROLE, which a client needs where its folder of keys
             holds several.
 

@@ -1,4 +1,4 @@
-"""Each service works alone against recorded messages: the commands of docs/launch/one_service.md."""
+"""Each service alone against recorded messages: the commands of docs/launch/one_service.md."""
 
 import os
 import signal

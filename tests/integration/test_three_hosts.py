@@ -1,4 +1,4 @@
-"""What docs/launch/hosts.md tells a user to type, typed on three hosts made of network namespaces."""
+"""Commands of docs/launch/hosts.md on three hosts made of network namespaces."""
 
 import os
 import re
