@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from benchmarks.lib.lab_shots import Shot, has_to_be_found, inside, is_alone, shots
+from benchmarks.lib.lab_frames import LabFrame, has_to_be_found, inside, is_alone, lab_frames
 from benchmarks.lib.table import markdown, spread, write
 from common.geometry.boxes import iou_xyxy
-from lab.film import Film, FilmSettings
+from lab.camera.frames import FrameRenderer, RenderSettings
+from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
 from lab.scenario import load_scenario
-from lab.sighting_config import SightingConfig
-from lab.sightings import Sightings
-from lab.views import PersonView
+from lab.truth.frames import PersonView
 from lab.world import World
 from people4d.messages import F32, F64, U8
 from services.detector.config import DetectorConfig
@@ -56,14 +55,14 @@ class Tally:
     facing: int = 0  # people whose shoulders are seen far apart
 
 
-def judge(shot: Shot, found: Sequence[DetectedPerson], tally: Tally) -> None:
+def judge(frame: LabFrame, found: Sequence[DetectedPerson], tally: Tally) -> None:
     """Compare what a model found in a picture with the truth.
 
     Greedy by score. A box that lies on somebody but fits badly, as on what is seen of a person
     behind another, is unmatched but no false alarm.
     """
-    size = (shot.rgb.shape[0], shot.rgb.shape[1])
-    people = [p for p in shot.people if p.visible_share > 0]
+    size = (frame.rgb.shape[0], frame.rgb.shape[1])
+    people = [p for p in frame.people if p.visible_share > 0]
     boxes = np.array([p.box_xyxy_px for p in people]).reshape(-1, 4)
     matched: dict[int, DetectedPerson] = {}
     for person in sorted(found, key=lambda p: -p.score):
@@ -205,7 +204,7 @@ def speed_rows() -> list[list[str]]:
 
 def speeds(world: World) -> list[Callable[[int], object]]:
     """Return what takes a frame at each speed, one and two threads where it can use them."""
-    sightings = Sightings(SightingConfig(), world.info, world.seed)
+    sightings = SyntheticDetections(SyntheticDetectionsConfig(), world.info, world.seed)
 
     def seen(index: int) -> object:
         t_s = world.frame_s(index)
@@ -215,13 +214,13 @@ def speeds(world: World) -> list[Callable[[int], object]]:
     settings = [
         replace(setting, threads=threads)
         for setting in (
-            FilmSettings(colour="flat"),
-            FilmSettings(samples=1),
-            FilmSettings(samples=2),
+            RenderSettings(colour="flat"),
+            RenderSettings(samples=1),
+            RenderSettings(samples=2),
         )
         for threads in (1, 2)
     ]
-    return [seen, *(Film(world, setting).capture for setting in settings)]
+    return [seen, *(FrameRenderer(world, setting).capture for setting in settings)]
 
 
 def timed(take: Callable[[int], object], indices: Sequence[int]) -> float:
@@ -236,12 +235,12 @@ def main() -> None:
     """Measure and write the tables."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     speed = speed_rows()
-    pictures = [shot for name in PICTURES for shot in shots(name, SHOTS)]
+    pictures = [frame for name in PICTURES for frame in lab_frames(name, SHOTS)]
     rows = []
     for name, model in models().items():
         tally = Tally(DetectorConfig().keypoints_for(model.name).confidence_min)
-        for shot in pictures:
-            judge(shot, model.detect(shot.rgb), tally)
+        for frame in pictures:
+            judge(frame, model.detect(frame.rgb), tally)
         rows.append(model_row(name, tally))
     write(
         __file__,

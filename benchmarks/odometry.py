@@ -20,7 +20,7 @@ from benchmarks.lib.mot15 import HELD_OUT, TUNING, judge, load_all, quality
 from benchmarks.lib.rides import FAULTS, Ride, draw, film_ride, films, kitti_ride, lab_ride
 from benchmarks.lib.table import markdown, spread, write
 from common.metrics import Scores, box_overlap, combine, match, score_matching
-from lab.sighting_config import SightingConfig
+from lab.camera.synthetic_detections import SyntheticDetectionsConfig
 from services.detector.config import DetectorConfig
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
@@ -35,7 +35,7 @@ OWN = ImageSortConfig(
     confirm="once", min_hits=1, score_high=0.6, score_new=0.6, projection="pinhole"
 )
 # The lab's detector finds nearly everybody; the paper's, small and blurred, only about half.
-WEAK = SightingConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
+WEAK = SyntheticDetectionsConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
 LASTING = msgspec.structs.replace(WEAK, miss_s=1.0)
 STATED = 0.5  # [points of MOTA and IDF1] that broken odometry may be worse than no correction
 TURNS_DEG = (0.1, 0.25, 0.5)  # [deg] turns of a frame that part KITTI's
@@ -330,7 +330,9 @@ def main() -> None:
     settings = variants(SORT, dynamic)
     own = variants(OWN, dynamic)
     weak = {s: [lab_ride(name, s, WEAK) for name in scenarios] for s in seeds}
-    good = {s: [lab_ride(name, s, SightingConfig()) for name in scenarios] for s in seeds}
+    good = {
+        s: [lab_ride(name, s, SyntheticDetectionsConfig()) for name in scenarios] for s in seeds
+    }
     street = [kitti_ride(arguments.shared / "data/egomotion/kitti_0019", s) for s in seeds]
     parts = [
         f"Sequences {', '.join(scenarios)} of the virtual lab, seeds {', '.join(map(str, seeds))}; "

@@ -13,15 +13,14 @@ import msgspec
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from benchmarks.lib.lab_shots import has_to_be_found
+from benchmarks.lib.lab_frames import has_to_be_found
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT, models
 from common.geometry.boxes import iou_xyxy
 from common.geometry.transforms import apply
-from lab.film import Film, FilmSettings
-from lab.frame_truth import person_views
+from lab.camera.frames import FrameRenderer, RenderSettings
 from lab.scenario import load_scenario
-from lab.views import PersonView
+from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.messages import F64, U8, CameraInfo, Detection, Detections, RgbdFrame
 from services.detector.config import DetectorConfig
@@ -93,7 +92,7 @@ def shots(takes: Sequence[tuple[str, int, range]] = TAKES) -> Iterator[Shot]:
     """Draw the frames of scenarios under seeds."""
     for name, seed, indices in takes:
         world = World(load_scenario(name), seed)
-        film = Film(world, FilmSettings())
+        film = FrameRenderer(world, RenderSettings())
         for index in indices:
             view, t_s = film.view(index), world.frame_s(index)
             frame = RgbdFrame(

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.lib.lab_shots import Shot, inside, shots
+from benchmarks.lib.lab_frames import LabFrame, inside, lab_frames
 from benchmarks.lib.table import markdown, write
 from common.inference import OnnxSession
-from lab.views import PersonView
+from lab.truth.frames import PersonView
 from people4d.messages import F32, F64, U8, Crop
 from services.detector.crops import crop_person
 from services.detector.models import DetectedPerson, InstanceMask
@@ -55,7 +55,7 @@ def pictures_of(scenario: str, count: int) -> list[Picture]:
     """Return the people that are seen well enough in frames of a scenario."""
     rng = np.random.default_rng(0)
     pictures = []
-    for shot in shots(scenario, count):
+    for shot in lab_frames(scenario, count):
         for k, person in enumerate(shot.people):
             seen = person.visible_share >= VISIBLE_MIN
             if seen and inside(person, (shot.rgb.shape[0], shot.rgb.shape[1])).sum() >= 12:
@@ -65,7 +65,7 @@ def pictures_of(scenario: str, count: int) -> list[Picture]:
     return pictures
 
 
-def cut(shot: Shot, k: int, person: PersonView, noise: F64) -> tuple[Crop, ...]:
+def cut(shot: LabFrame, k: int, person: PersonView, noise: F64) -> tuple[Crop, ...]:
     """Return the crops for each of INPUTS."""
     box: F32 = person.box_xyxy_px.astype(np.float32)
     keypoints = np.ones((17, 3), np.float32)

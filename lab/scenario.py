@@ -10,13 +10,13 @@ from typing import Any, Literal
 
 import msgspec
 
+from common.config import setting
 from lab.bodies.cast import cast_names
 from people4d.errors import ConfigError
 from people4d.messages.base import check_name
 
 FOLDER = Path(__file__).parent / "scenarios"
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
-
 # [m] lower and upper corner of the floor that is free in each room, for the middle of a person.
 WALKABLE_M = {
     "lab": ((-0.3, -1.45), (4.7, 1.45)),
@@ -25,6 +25,8 @@ WALKABLE_M = {
 SPEEDS_MPS = (0.4, 1.4)  # in which the walk is true to life
 APART_M = 0.5  # between two people at the start
 MAX_PEOPLE = 100  # the image that says who owns each pixel has room for 255
+PREFIX = "lab:"
+TRUTH = "lab.source:LabTruth"
 
 
 def _check(field: str, value: float, least: float, most: float) -> None:
@@ -258,3 +260,40 @@ def split_seed(name: str) -> tuple[str, int | None]:
     if not seed.isdecimal():
         raise ConfigError(f"scenario {name}: expected a whole number after @, got {seed!r}")
     return scenario, int(seed)
+
+
+def is_scenario(source: str) -> bool:
+    """Tell whether a source is a scenario."""
+    return source.startswith(PREFIX)
+
+
+def resolve(source: str) -> str:
+    """Return the source with an absolute path, since services run in another folder.
+
+    Raises:
+        ConfigError: There is no such scenario; told before anything is started.
+    """
+    name, _ = split_seed(source.removeprefix(PREFIX))
+    load_scenario(name)
+    if NAME.fullmatch(name):
+        return source
+    return PREFIX + str(Path(source.removeprefix(PREFIX)).absolute())
+
+
+def truth_settings(truth: str, loop: bool) -> list[str]:
+    """Return the settings with which the ground-truth bridge tells what is true in a scenario.
+
+    Args:
+        truth: The scenario.
+        loop: It is played again and again.
+    """
+    settings = [setting("gt_bridge.source", TRUTH)]
+    if loop:
+        name, _ = split_seed(truth.removeprefix(PREFIX))
+        settings.append(f"gt_bridge.loop_s={round_s(load_scenario(name))}")
+    return settings
+
+
+def round_s(scenario: Scenario) -> float:
+    """Return what a camera that plays a scenario again and again adds to its stamps [s]."""
+    return round(scenario.duration_s * scenario.camera.fps) / scenario.camera.fps

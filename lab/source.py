@@ -3,16 +3,18 @@
 import heapq
 import os
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import msgspec
 
 from common.config import Config
-from lab.depth.depth_config import DepthSensorConfig
-from lab.depth.note import with_errors
-from lab.film import Film, FilmSettings, odometry, transforms
+from lab.camera.frames import FrameRenderer, RenderSettings, odometry, transforms
+from lab.depth.config import DepthSensorConfig
+from lab.depth.metadata import with_errors
 from lab.scenario import load_scenario, split_seed
+from lab.truth.motion_capture import capture_truth
 from lab.world import World
+from people4d.messages import Truth
 from services.camera.source import Source, SourceItem
 
 MAX_NS = 2**63 - 1  # later than any stamp
@@ -46,7 +48,7 @@ class LabSource(Source):
     def __init__(self, name: str, options: LabOptions) -> None:
         scenario, seed = split_seed(name)
         self._world = World(load_scenario(scenario), seed)
-        self._film = Film(self._world, _settings(options))
+        self._film = FrameRenderer(self._world, _settings(options))
         self.info = self._world.info
         self.transforms = transforms(self._world)
 
@@ -69,11 +71,40 @@ class LabSource(Source):
         return heapq.merge(told, frames, key=lambda item: item.stamp_ns)
 
 
-def _settings(options: LabOptions) -> FilmSettings:
+def _settings(options: LabOptions) -> RenderSettings:
     sensor = with_errors(DepthSensorConfig(), options.sensor)
-    return FilmSettings(
+    return RenderSettings(
         colour="drawn" if options.mode == "colour" else "flat",
         sensor=sensor if options.depth_sensor == "auto" else None,
         samples=options.samples,
         threads=options.threads or len(os.sched_getaffinity(0)),
     )
+
+
+class LabConfig(Protocol):
+    """What `LabTruth` reads of the configuration of the ground-truth bridge."""
+
+    @property
+    def truth(self) -> str:
+        """Name of a scenario, or path of its file."""
+
+
+class LabTruth:
+    """Truth of a scenario, as a source of the ground-truth bridge.
+
+    Its name there is "lab.source:LabTruth".
+
+    Args:
+        config: Its `truth` names the scenario as the camera's `source` does.
+
+    Raises:
+        ConfigError: There is no such scenario, or it cannot be read.
+    """
+
+    def __init__(self, config: LabConfig) -> None:
+        name, seed = split_seed(config.truth.removeprefix("lab:"))
+        self._world = World(load_scenario(name), seed)
+
+    def __iter__(self) -> Iterator[Truth]:
+        """Yield the messages by rising stamp."""
+        return capture_truth(self._world)

@@ -5,12 +5,12 @@ from functools import cached_property
 import numpy as np
 
 from common.geometry.transforms import invert
-from lab.bodies.body import Body, load_body
+from lab.bodies.body import SkinnedBody, load_body
+from lab.bodies.skeleton import BodyPose
+from lab.camera.base_path import BasePath, base_path
 from lab.drawing.mesh import Mesh
 from lab.drawing.rooms import Room, room_mesh
-from lab.drive import BasePath, base_path
-from lab.motion.motion import Motion, simulate
-from lab.posture import Posture
+from lab.motion.motion import PersonMotion, simulate
 from lab.scenario import WALKABLE_M, CameraPlan, Scenario
 from people4d.messages import F64, CameraInfo
 
@@ -35,12 +35,12 @@ class World:
         self.info = camera_info(scenario.camera)
 
     @cached_property
-    def bodies(self) -> tuple[Body, ...]:
+    def bodies(self) -> tuple[SkinnedBody, ...]:
         """The people's bodies, in the order of the scenario."""
         return tuple(load_body(person.body, self.seed) for person in self.scenario.people)
 
     @cached_property
-    def motions(self) -> tuple[Motion, ...]:
+    def motions(self) -> tuple[PersonMotion, ...]:
         """What the people do, in the order of the scenario; they keep clear of the camera."""
         scenario = self.scenario
         return simulate(
@@ -76,19 +76,19 @@ class World:
         """Return the stamp of a frame."""
         return stamp_ns(self.frame_s(index))
 
-    def postures(self, t_s: float) -> tuple[Posture, ...]:
+    def poses(self, t_s: float) -> tuple[BodyPose, ...]:
         """Return how all people are held at a time."""
         return tuple(motion.at(t_s) for motion in self.motions)
 
     def keypoints_m(self, t_s: float) -> list[F64]:
         """Return the keypoints of all people at a time: 17x3 each, COCO order, frame: map."""
-        held = zip(self.bodies, self.postures(t_s), strict=True)
-        return [body.keypoints_m(posture) for body, posture in held]
+        held = zip(self.bodies, self.poses(t_s), strict=True)
+        return [body.keypoints_m(pose) for body, pose in held]
 
     def meshes(self, t_s: float) -> tuple[Mesh, ...]:
         """Return the bodies at a time; the owner of person k is k + 1."""
-        held = zip(self.bodies, self.postures(t_s), strict=True)
-        meshes = tuple(body.mesh(posture, k + 1) for k, (body, posture) in enumerate(held))
+        held = zip(self.bodies, self.poses(t_s), strict=True)
+        meshes = tuple(body.mesh(pose, k + 1) for k, (body, pose) in enumerate(held))
         for mesh in meshes:
             # Soles keep to the floor within a millimetre; nothing of them is drawn below it.
             np.maximum(mesh.vertices_m[:, 2], 0.0, out=mesh.vertices_m[:, 2])

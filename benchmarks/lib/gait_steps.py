@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.lib.gait_points import Followed, in_map
 from benchmarks.lib.gait_takes import POINTS, Take
 from benchmarks.lib.table import markdown
-from lab.marks import Footfall
+from lab.truth.markers import Footfall
 from people4d.messages import F64
 from services.gait.steps.config import StepConfig
 from services.gait.steps.steps import FEET, Step, StepMeter, Stride, even_strides

@@ -20,16 +20,14 @@ from common.io.images import decompress
 from common.io.recording import open_recording
 from evaluation.cache import default_folder, key_of
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
-from lab.drawing.materials import Material
-from lab.drawing.mesh import Mesh
-from lab.drawing.renderer import draw_depth
-from lab.frame_truth import person_views, project_visible
-from lab.marks import Footfall, Vertices, footfalls, mark, seen
-from lab.output.pieces import digest_of
+from lab.drawing.mesh import Material, Mesh
+from lab.drawing.renderer import DepthView, draw_depth
+from lab.output.chunks import digest_of
 from lab.output.render import Outputs, render
-from lab.output.studio import Order
+from lab.output.sequence import RenderJob
 from lab.scenario import FOLDER, load_scenario
-from lab.views import DepthView
+from lab.truth.frames import person_views, project_visible
+from lab.truth.markers import Footfall, Vertices, footfalls, mark, seen
 from lab.world import World
 from people4d.messages import (
     F64,
@@ -98,7 +96,7 @@ class Take:
     def __init__(self, scenario: str, seed: int, folder: Path | None = None) -> None:
         self.scenario, self.seed = scenario, seed
         self._folder = folder or default_folder()
-        self._order = Order(
+        self._order = RenderJob(
             scenario=load_scenario(scenario), seed=seed, depth="measured", samples=1
         )
         key = key_of(msgspec.to_builtins(self._order), digest_of(FOLDER.parent))

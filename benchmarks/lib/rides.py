@@ -17,11 +17,10 @@ from common.metrics import EvaluationFrame, EvaluationSequence, GroundTruth, Hyp
 from common.metrics.record import BOOL
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
 from evaluation.recordings.recordings import plan_recordings, render_recording
-from lab.film import odometry as lab_odometry
-from lab.outline import outlines
+from lab.camera.frames import odometry as lab_odometry
+from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
 from lab.scenario import load_scenario
-from lab.sighting_config import SightingConfig
-from lab.sightings import Sightings
+from lab.truth.silhouette import silhouettes
 from lab.world import World
 from people4d.messages import F64, Detections, Odometry
 from services.camera.config import CameraConfig
@@ -102,16 +101,16 @@ class Ride:
         return told
 
 
-def lab_ride(scenario: str, seed: int, errors: SightingConfig) -> Ride:
+def lab_ride(scenario: str, seed: int, errors: SyntheticDetectionsConfig) -> Ride:
     """Return a scenario of the virtual lab as a detector sees it, without pictures."""
     world = World(load_scenario(scenario), seed)
-    sightings = Sightings(errors, world.info, seed)
+    sightings = SyntheticDetections(errors, world.info, seed)
     frames, truth = [], []
     for index in range(world.frame_count):
         t_s, stamp_ns = world.frame_s(index), world.stamp_ns(index)
         people, optical_from_map = world.keypoints_m(t_s), world.optical_from_map(t_s)
         frames.append(_boxes(sightings.at(people, optical_from_map, stamp_ns)))
-        found = outlines(people, optical_from_map, world.info)
+        found = silhouettes(people, optical_from_map, world.info)
         boxes = np.array([found[k].box_xyxy_px for k in found]).reshape(-1, 4)
         shares = np.array([found[k].visible_share for k in found])
         truth.append(_truth(list(found), boxes, shares, frames[-1].size_px))
@@ -135,7 +134,7 @@ def films(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
 
 
 def draw(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
-    """Film some scenarios, unless they were filmed before."""
+    """Render some scenarios, unless they were rendered before."""
     takes = plan_recordings([f"lab:{scenario}" for scenario in scenarios], [seed], "colour", cache)
     for take in takes:
         render_recording(take, 2, lambda what, share: print(f"{what}: {100 * share:.0f} %"))

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from deploy.cli.progress import interruptible, progress
-from lab import scenario_source as scenarios
+from lab import scenario as scenarios
 from people4d.errors import ConfigError
 from services.presets import PRESETS
 

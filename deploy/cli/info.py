@@ -9,14 +9,16 @@ from rich.console import Console
 from rich.table import Table
 
 from common.io.recording import open_recording
-from lab.depth.note import LabNote, read_note
+from lab.depth.metadata import SimulationMetadata, read_metadata
 from services.camera.describe import Description, describe
 
 
 class Info(Description, frozen=True, kw_only=True):
     """Contents of a recording, and the simulation that made it."""
 
-    lab: LabNote | None = None  # scenario, seed, depth sensor; None if it is not simulated
+    lab: SimulationMetadata | None = (
+        None  # scenario, seed, depth sensor; None if it is not simulated
+    )
 
 
 def info(
@@ -43,7 +45,7 @@ def read_info(path: Path) -> Info:
     description = describe(path)
     lab = None
     if description.kind == "recording" and description.calibration:
-        lab = read_note(open_recording(path))
+        lab = read_metadata(open_recording(path))
     return Info(**msgspec.structs.asdict(description), lab=lab)
 
 
@@ -69,7 +71,7 @@ def _facts(description: Info) -> Table:
     return table
 
 
-def _simulated(note: LabNote) -> str:
+def _simulated(note: SimulationMetadata) -> str:
     depth = "with the sensor's errors"
     if note.depth == "clean":
         depth = "stored clean, the sensor's errors are added on playing"

@@ -27,7 +27,7 @@ Seed = Annotated[
 
 def list_() -> None:
     """List the scenarios and the people that can be in them."""
-    from lab.bodies.body import cast_names  # noqa: PLC0415
+    from lab.bodies.cast import cast_names  # noqa: PLC0415
 
     console = Console(highlight=False, soft_wrap=True)
     table = Table(box=None, header_style="bold", pad_edge=False)
@@ -63,7 +63,7 @@ def render(
         typer.Option(help="Folder, or name of the recording; else here, named as the scenario."),
     ] = None,
     seed: Seed = None,
-    speed: Annotated[
+    fidelity: Annotated[
         Literal["geometry", "depth", "colour"],
         typer.Option(
             help="geometry: detections in place of frames. depth: people in flat colours."
@@ -99,24 +99,24 @@ def render(
         ),
     ] = [],  # noqa: B006 (typer copies it)
 ) -> None:
-    """Film a scenario into a recording; interrupted and called again, it goes on."""
+    """Render a scenario into a recording; interrupted and called again, it goes on."""
     from lab.output import render as job  # noqa: PLC0415
-    from lab.output.studio import Errors, Order  # noqa: PLC0415
+    from lab.output.sequence import ErrorModels, RenderJob  # noqa: PLC0415
 
-    if speed == "geometry" and format_ != "recording":
+    if fidelity == "geometry" and format_ != "recording":
         raise ConfigError(
-            "--speed geometry: there are no images for a ROS bag", "Leave --format on recording."
+            "--fidelity geometry: there are no images for a ROS bag", "Leave --format on recording."
         )
     plan = load_scenario(scenario)
-    order = Order(
+    order = RenderJob(
         scenario=plan,
         seed=plan.seed if seed is None else seed,
-        speed=speed,
+        fidelity=fidelity,
         depth=depth,
         quality=quality,
         samples=samples,
         truth_per_frame=truth_per_frame,
-        errors=load(Errors, "lab", overrides=set_, environment={}),
+        errors=load(ErrorModels, "lab", overrides=set_, environment={}),
     )
     stem = _stem(plan, seed)
     file = out if out and out.suffix == ".mcap" else (out or Path()) / f"{stem}.mcap"
@@ -143,12 +143,12 @@ def preview(
         float | None,
         typer.Option("--every", min=0.0, help="Seconds from picture to picture."),
     ] = None,
-    speed: Annotated[
+    fidelity: Annotated[
         Literal["depth", "colour"], typer.Option(help="depth: people in flat colours, quick.")
     ] = "colour",
 ) -> None:
     """Draw a scenario with skeletons, boxes, depth, masks and a map, as one page or a video."""
-    from lab.film import Film, FilmSettings  # noqa: PLC0415
+    from lab.camera.frames import FrameRenderer, RenderSettings  # noqa: PLC0415
     from lab.output.preview import Preview, write_sheet, write_video  # noqa: PLC0415
     from lab.world import World  # noqa: PLC0415
 
@@ -159,8 +159,8 @@ def preview(
         raise ConfigError(f"--out: expected a .png or .webm file, got {path}")
     if path.exists():
         raise ConfigError(f"{path} exists already", "Remove it, or give another --out.")
-    settings = FilmSettings(colour="drawn" if speed == "colour" else "flat", threads=cores())
-    shown = Preview(Film(World(plan, seed), settings))
+    settings = RenderSettings(colour="drawn" if fidelity == "colour" else "flat", threads=cores())
+    shown = Preview(FrameRenderer(World(plan, seed), settings))
     frames = shown.frames(every_s) if path.suffix == ".webm" else shown.few_frames(every_s)
     with interruptible("The preview is not complete."), progress() as report:
         writers[path.suffix](shown, frames, path, partial(report, "drawing"))

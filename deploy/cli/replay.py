@@ -15,7 +15,7 @@ from common.io.recording import Recording, open_recording
 from common.transport.zenoh_bus import ZenohBus
 from deploy.cli.options import Connect, Robot, open_bus
 from deploy.cli.record import kinds_of
-from lab.depth.note import CleanDepth, read_note
+from lab.depth.metadata import CleanDepthSensor, read_metadata
 from people4d.errors import ConfigError
 from people4d.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
 from people4d.topics import BY_MESSAGE
@@ -95,20 +95,20 @@ def check_publishers(bus: ZenohBus, robot: str, kinds: set[type[Message]]) -> No
             )
 
 
-def clean_cameras(recording: Recording) -> dict[str, CleanDepth]:
+def clean_cameras(recording: Recording) -> dict[str, CleanDepthSensor]:
     """Return what reads the clean depth of each camera; none if depth is not clean.
 
     Raises:
         SourceError: The recording's note of its simulation is damaged.
     """
-    note = read_note(recording)
+    note = read_metadata(recording)
     if note is None or note.depth != "clean":
         return {}
     infos = [info for _, info in recording.messages(CameraInfo) if isinstance(info, CameraInfo)]
-    return {info.camera: CleanDepth(note, info) for info in infos}
+    return {info.camera: CleanDepthSensor(note, info) for info in infos}
 
 
-def frame_of(message: CompressedRgbdFrame, clean: CleanDepth | None, pixels: bool) -> Message:
+def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixels: bool) -> Message:
     """Return a recorded frame as it is to be published.
 
     Args:

@@ -29,7 +29,7 @@ from deploy.launcher.plan import (
 )
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
-from lab import scenario_source as scenarios
+from lab import scenario as scenarios
 from people4d.errors import ConfigError
 from services.gt_bridge.sources.registry import SCHEME as LIVE_TRUTH
 from services.presets import PRESETS, preset_settings

@@ -15,7 +15,7 @@ from evaluation.gait.log import Log
 from evaluation.gait.viewer import Viewer
 from evaluation.methods import read_method
 from evaluation.report.csv_files import write_bytes
-from lab import scenario_source as scenarios
+from lab import scenario as scenarios
 from lab.scenario import load_scenario, split_seed
 from people4d.errors import SourceError
 from people4d.messages import U8, CameraInfo

@@ -9,12 +9,11 @@ import msgspec
 import lab
 from common.io.recording import open_recording
 from evaluation.cache import key_of
-from lab.depth.note import LabNote, read_note
-from lab.output.pieces import digest_of
+from lab.depth.metadata import SimulationMetadata, read_metadata
+from lab.output.chunks import digest_of
 from lab.output.render import Outputs, render
-from lab.output.studio import Order, Speed
-from lab.scenario import Scenario, load_scenario, scenario_names, split_seed
-from lab.scenario_source import PREFIX, is_scenario
+from lab.output.sequence import Fidelity, RenderJob
+from lab.scenario import PREFIX, Scenario, is_scenario, load_scenario, scenario_names, split_seed
 from people4d.errors import ConfigError, SourceError
 from services.camera.sources import kind_of
 
@@ -41,7 +40,7 @@ class EvaluationRecording:
     path: Path
     seed: int | None = None
     filmed: Scenario | None = field(default=None, repr=False)
-    order: Order | None = field(default=None, repr=False)
+    order: RenderJob | None = field(default=None, repr=False)
 
     @property
     def truth_file(self) -> Path:
@@ -50,7 +49,7 @@ class EvaluationRecording:
 
 
 def plan_recordings(
-    names: Sequence[str], seeds: Sequence[int], speed: Speed, cache: Path
+    names: Sequence[str], seeds: Sequence[int], speed: Fidelity, cache: Path
 ) -> list[EvaluationRecording]:
     """Return the takes of recordings and scenarios, in the order given.
 
@@ -74,7 +73,7 @@ def plan_recordings(
 
 
 def render_recording(take: EvaluationRecording, jobs: int, report: OnProgress) -> None:
-    """Film a scenario, unless it was filmed before.
+    """Render a scenario, unless it was rendered before.
 
     Args:
         take: What is wanted.
@@ -93,7 +92,7 @@ def render_recording(take: EvaluationRecording, jobs: int, report: OnProgress) -
 
 
 def _scenes(
-    name: str, seeds: Sequence[int], speed: Speed, cache: Path
+    name: str, seeds: Sequence[int], speed: Fidelity, cache: Path
 ) -> list[EvaluationRecording]:
     scenario, own = split_seed(name.removeprefix(PREFIX))
     plan = load_scenario(scenario)
@@ -101,8 +100,8 @@ def _scenes(
     return [_scene(plan, seed, speed, cache) for seed in wanted]
 
 
-def _scene(plan: Scenario, seed: int, speed: Speed, cache: Path) -> EvaluationRecording:
-    order = Order(scenario=plan, seed=seed, speed=speed, truth_per_frame=speed != "geometry")
+def _scene(plan: Scenario, seed: int, speed: Fidelity, cache: Path) -> EvaluationRecording:
+    order = RenderJob(scenario=plan, seed=seed, fidelity=speed, truth_per_frame=speed != "geometry")
     name = f"{plan.name}@{seed}"
     key = key_of(msgspec.to_builtins(order), digest_of(LAB_CODE))
     path = cache / "scenes" / f"{name}-{speed}-{key[:16]}.mcap"
@@ -113,12 +112,12 @@ def _recorded(name: str) -> EvaluationRecording:
     path, kind = Path(name), kind_of(name)
     if kind in ("plugin", "lab"):
         raise SourceError(f"{name} is no recording", "Give a file, a folder or lab:SCENARIO.")
-    note = read_note(open_recording(path)) if kind == "recording" else None
+    note = read_metadata(open_recording(path)) if kind == "recording" else None
     stem = path.name if path.is_dir() else path.stem
     if note is None:
         return EvaluationRecording(stem, stem, path)
     return EvaluationRecording(stem, note.scenario, path, note.seed, _scenario_of(note))
 
 
-def _scenario_of(note: LabNote) -> Scenario | None:
+def _scenario_of(note: SimulationMetadata) -> Scenario | None:
     return load_scenario(note.scenario) if note.scenario in scenario_names() else None

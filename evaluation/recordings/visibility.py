@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.outline import outlines
 from lab.scenario import Scenario
-from lab.truth import capture, person_id
+from lab.truth.motion_capture import capture, person_id
+from lab.truth.silhouette import silhouettes
 from lab.world import EPOCH_NS, World
 from people4d.errors import SourceError
 from people4d.messages import F64
@@ -91,7 +91,7 @@ def load_views(path: Path, stamps_ns: Sequence[int]) -> list[SimulatedView] | No
 
 def _view(world: World, t_s: float) -> SimulatedView:
     people = world.keypoints_m(t_s)
-    found = outlines(people, world.optical_from_map(t_s), world.info)
+    found = silhouettes(people, world.optical_from_map(t_s), world.info)
     shares = {
         person_id(k): found[k].visible_share if k in found else 0.0 for k in range(len(people))
     }

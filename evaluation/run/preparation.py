@@ -194,7 +194,7 @@ def _key(record: msgspec.Struct) -> bytes:
 
 
 def _shows_no_picture(take: EvaluationRecording) -> bool:
-    return take.order.speed == "geometry" if take.order else holds_detections(take.path)
+    return take.order.fidelity == "geometry" if take.order else holds_detections(take.path)
 
 
 def _filming(report: OnProgress, name: str, what: str, share: float) -> None:

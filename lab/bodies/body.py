@@ -1,27 +1,41 @@
 """A person of the cast: dressed, and posed as motion asks."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
-from lab.bodies.bones import bend_toes, joint_positions, map_from_rest
-from lab.bodies.cast import cast_names, load_cast
-from lab.bodies.dressing import dress
+from lab.bodies.cast import CastMember, cast_names, linear, load_cast
+from lab.bodies.face import make_eyes, make_glasses, paint_face
 from lab.bodies.figure import Figure, load_figure
+from lab.bodies.garments import (
+    HemLevels,
+    collar_field,
+    make_legwear,
+    make_shirt,
+    make_shoes,
+    make_socks,
+    measure,
+    on_arm,
+)
+from lab.bodies.hair import make_hair
+from lab.bodies.rig import bend_toes, bend_weights, joint_positions, make_skeleton, map_from_rest
+from lab.bodies.skeleton import INDEX, BodyPose, map_from_segments
 from lab.bodies.skinning import normals, skin, strongest
-from lab.bodies.soles import bend_weights, make_skeleton
-from lab.bodies.surface import Surface, stack
-from lab.drawing.mesh import Mesh
-from lab.posture import INDEX, Posture, map_from_segments
+from lab.bodies.surface import BodySurface, stack
+from lab.drawing.mesh import Material, Mesh
 from people4d.errors import ConfigError
 from people4d.messages import F32, F64
 
-__all__ = ["Body", "cast_names", "load_body"]
+__all__ = ["SkinnedBody", "cast_names", "load_body"]
+KEY_SHADE = 101  # of the random numbers
+SHADE = 0.08  # largest relative change of a garment's brightness from seed to seed
+UNDER_M = 0.035  # [m] that skin goes on under a hem
 
 
 @cache
-def load_body(name: str, seed: int = 0) -> "Body":
+def load_body(name: str, seed: int = 0) -> "SkinnedBody":
     """Return a dressed person of the cast.
 
     Args:
@@ -35,19 +49,19 @@ def load_body(name: str, seed: int = 0) -> "Body":
     if person is None:
         raise ConfigError(f"there is no person {name}", f"There are {', '.join(cast_names())}.")
     figure = load_figure(person.figure)
-    return Body(name, figure, dress(figure, person, seed))
+    return SkinnedBody(name, figure, dress(figure, person, seed))
 
 
-class Body:
+class SkinnedBody:
     """A person who can be posed.
 
     Args:
         name: In the cast.
         figure: The baked body.
-        surfaces: Skin, hair and clothes in the neutral posture.
+        surfaces: Skin, hair and clothes in the neutral pose.
     """
 
-    def __init__(self, name: str, figure: Figure, surfaces: list[Surface]) -> None:
+    def __init__(self, name: str, figure: Figure, surfaces: list[BodySurface]) -> None:
         self.name = name
         vertices, weights, colour, self._faces, self._material, self._pattern = stack(surfaces)
         self._vertices = np.ascontiguousarray(vertices)
@@ -65,20 +79,20 @@ class Body:
         size = 1.75 / self.skeleton.stature_m
         self._texture: F32 = (size * (self._vertices - floor)).astype(np.float32)
 
-    def bones(self, posture: Posture) -> F64:
+    def bones(self, pose: BodyPose) -> F64:
         """Return the transform map_from_rest of each bone, Bx3x4."""
-        transforms = map_from_rest(posture, self._joints)
+        transforms = map_from_rest(pose, self._joints)
         bend_toes(transforms, self._joints, self._tips)
         return transforms
 
-    def mesh(self, posture: Posture, owner: int) -> Mesh:
+    def mesh(self, pose: BodyPose, owner: int) -> Mesh:
         """Return skin and clothes in the map.
 
         Args:
-            posture: How and where the person is.
+            pose: How and where the person is.
             owner: Number under which its triangles are known.
         """
-        vertices = skin(self._vertices, self._bones, self._shares, self.bones(posture))
+        vertices = skin(self._vertices, self._bones, self._shares, self.bones(pose))
         return Mesh(
             vertices_m=vertices,
             normals=normals(vertices, self._faces),
@@ -90,12 +104,59 @@ class Body:
             owner=np.full(len(self._faces), owner, np.int32),
         )
 
-    def keypoints_m(self, posture: Posture) -> F64:
+    def keypoints_m(self, pose: BodyPose) -> F64:
         """Return the 17 COCO keypoints in the map, 17x3."""
-        keypoints: F64 = np.einsum("bij,kbj->ki", self.bones(posture), self._forms)
+        keypoints: F64 = np.einsum("bij,kbj->ki", self.bones(pose), self._forms)
         return keypoints
 
-    def chest_yaw(self, posture: Posture) -> float:
+    def chest_yaw(self, pose: BodyPose) -> float:
         """Return which way the chest faces, in rad, frame: map."""
-        forward = map_from_segments(posture)[INDEX["chest"]][:, 0]
+        forward = map_from_segments(pose)[INDEX["chest"]][:, 0]
         return math.atan2(forward[1], forward[0])
+
+
+def dress(figure: Figure, person: CastMember, seed: int) -> list[BodySurface]:
+    """Return all surfaces of a dressed person in the neutral pose.
+
+    Args:
+        figure: The body.
+        person: What it looks like.
+        seed: Of the small differences: the shade of clothes and hair.
+    """
+    levels = measure(figure, person)
+    clothes = [
+        *make_hair(figure, person.hair),
+        make_shirt(figure, person.shirt, levels),
+        make_legwear(figure, person.legs, levels),
+        make_socks(figure, person.shoes, levels),
+        *make_shoes(figure, person.shoes, levels),
+    ]
+    shades = np.random.default_rng([seed, KEY_SHADE]).uniform(-SHADE, SHADE, 16)
+    return [
+        make_skin(figure, person, levels),
+        make_eyes(figure, person),
+        *([make_glasses(figure)] if person.glasses else []),
+        *(shaded(piece, shade) for piece, shade in zip(clothes, shades, strict=False)),
+    ]
+
+
+def shaded(piece: BodySurface, shade: float) -> BodySurface:
+    """Return a piece somewhat brighter or darker."""
+    return replace(piece, colour=np.clip(piece.colour * (1 + shade), 0, 1))
+
+
+def make_skin(figure: Figure, person: CastMember, levels: HemLevels) -> BodySurface:
+    """Return the skin that clothes leave bare, and a little more."""
+    z = figure.vertices_m[:, 2]
+    above_collar = UNDER_M - collar_field(figure, levels.collar)
+    trunk = np.maximum(above_collar, levels.legs + UNDER_M - z)
+    bare = np.where(on_arm(figure), levels.sleeve + UNDER_M - z, trunk) > 0
+    faces = figure.faces["body"]
+    skin = BodySurface(
+        vertices_m=figure.vertices_m,
+        weights=figure.weights,
+        colour=np.tile(linear(person.skin), (len(z), 1)),
+        faces=faces[bare[faces].all(axis=1)],
+        material=Material.SKIN,
+    )
+    return paint_face(skin, figure, person).compact()

@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Literal
 
 import msgspec
+import numpy as np
+
+from people4d.messages import F64
 
 CAST = Path(__file__).parents[1] / "assets" / "cast.toml"
 COLOUR = re.compile(r"#[0-9a-f]{6}")
@@ -46,7 +49,7 @@ class Shoes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     socks: str = "#4a4a4e"
 
 
-class Person(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CastMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One of the cast."""
 
     about: str  # a few words
@@ -78,12 +81,19 @@ class Person(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 @cache
-def load_cast() -> dict[str, Person]:
+def load_cast() -> dict[str, CastMember]:
     """Return all people by name."""
     data = tomllib.loads(CAST.read_text(encoding="utf-8"))
-    return msgspec.convert(data, dict[str, Person])
+    return msgspec.convert(data, dict[str, CastMember])
 
 
 def cast_names() -> list[str]:
     """Return the names that a scenario can give as `body`."""
     return list(load_cast())
+
+
+def linear(colour: str) -> F64:
+    """Return red, green, blue, 0 to 1, of #rrggbb (IEC 61966-2-1)."""
+    encoded = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    decoded: F64 = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return decoded

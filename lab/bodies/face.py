@@ -4,13 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.bodies.cast import Person
-from lab.bodies.colours import linear
-from lab.bodies.figure import Figure
-from lab.bodies.head import Head, find_head
-from lab.bodies.surface import Surface
-from lab.bodies.tubes import tubes
-from lab.drawing.materials import Material
+from lab.bodies.cast import CastMember, linear
+from lab.bodies.figure import Figure, HeadLandmarks, find_head
+from lab.bodies.surface import BodySurface, tubes
+from lab.drawing.mesh import Material
 from people4d.messages import F64
 
 LIPS = np.array([0.90, 0.64, 0.62])  # times the skin's colour
@@ -19,7 +16,7 @@ CHEEKS = np.array([1.04, 0.90, 0.88])
 IRIS_M, PUPIL_M = 0.0068, 0.0030
 
 
-def paint_face(skin: Surface, figure: Figure, person: Person) -> Surface:
+def paint_face(skin: BodySurface, figure: Figure, person: CastMember) -> BodySurface:
     """Return skin with brows, lips, warm cheeks and shaded sockets.
 
     Args:
@@ -57,10 +54,10 @@ def tint(colour: F64, share: F64, other: F64) -> F64:
     return mixed
 
 
-def make_eyes(figure: Figure, person: Person) -> Surface:
+def make_eyes(figure: Figure, person: CastMember) -> BodySurface:
     """Return both eyeballs with iris and pupil."""
     vertices = figure.vertices_m
-    eyes = Surface(
+    eyes = BodySurface(
         vertices_m=vertices,
         weights=figure.weights,
         colour=np.full((len(vertices), 3), 0.55),
@@ -78,7 +75,7 @@ def make_eyes(figure: Figure, person: Person) -> Surface:
     return replace(eyes, colour=colour)
 
 
-def make_glasses(figure: Figure) -> Surface:
+def make_glasses(figure: Figure) -> BodySurface:
     """Return the frame of a pair of glasses: two rims, a bridge, two temples."""
     head = find_head(figure)
     lines = [*rims(head), *bars(head)]
@@ -87,7 +84,7 @@ def make_glasses(figure: Figure) -> Surface:
     return tubes(lines, 0.0015, weights, Material.SHOE)
 
 
-def rims(head: Head) -> list[F64]:
+def rims(head: HeadLandmarks) -> list[F64]:
     """Return the lines of both rims, closed."""
     angle = np.linspace(0, 2 * np.pi, 17)
     centre = head.eye + np.array([0.026, 0.0, -0.004])
@@ -97,7 +94,7 @@ def rims(head: Head) -> list[F64]:
     return [rim, rim * (1.0, -1.0, 1.0)]
 
 
-def bars(head: Head) -> list[F64]:
+def bars(head: HeadLandmarks) -> list[F64]:
     """Return the lines of bridge and temples."""
     x, y, z = head.eye
     side = head.ear[1] + 0.004

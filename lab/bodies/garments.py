@@ -4,24 +4,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import map_coordinates
 
-from lab.bodies.cast import Legwear, Person, Shirt, Shoes
-from lab.bodies.colours import linear
-from lab.bodies.drape import hung
+from lab.bodies.cast import CastMember, Legwear, Shirt, Shoes, linear
 from lab.bodies.figure import Figure
 from lab.bodies.skinning import normals
-from lab.bodies.surface import Surface, border, cut, smoothed, walls
-from lab.drawing.materials import Material, Pattern
+from lab.bodies.surface import BodySurface, border, cut, smoothed, walls
+from lab.drawing.mesh import Material, Pattern
 from people4d.messages import F64
 
 BREAK_M = 0.05  # by which trousers hang over the ankle
 SOCK_M = 0.03  # height of socks above the shoe
 SOLE_M = 0.018  # thickness of a sole below the bare foot
 WELT_M = 0.006  # height of its upper edge above the bare foot's sole
+SECTORS = 36
+ROW_M = 0.015
+FALL = 0.22  # by how much cloth comes back to the body per length that it hangs
 
 
 @dataclass(frozen=True)
-class Levels:
+class HemLevels:
     """Heights at which clothes end, pelvis frame, in metres.
 
     Args:
@@ -45,7 +47,7 @@ class Levels:
     tucked: bool
 
 
-def measure(figure: Figure, person: Person) -> Levels:
+def measure(figure: Figure, person: CastMember) -> HemLevels:
     """Return where this person's clothes end."""
     joints = figure.joints_m
     (hip, knee, ankle, shoulder, elbow, wrist) = (
@@ -55,7 +57,7 @@ def measure(figure: Figure, person: Person) -> Levels:
     leg_ends = {"trousers": ankle + 0.025, "shorts": knee + 0.05, "skirt": knee + 0.02}
     # A shirt hangs over trousers and is tucked into a skirt.
     waist = float(joints["waist"][2]) - 0.01 if skirt else hip + 0.02
-    return Levels(
+    return HemLevels(
         collar=float(joints["neck"][2]) + 0.012,
         sleeve=wrist + 0.005
         if person.shirt.sleeves == "long"
@@ -89,9 +91,9 @@ def collar_field(figure: Figure, collar: float) -> F64:
     return below
 
 
-def cloth(figure: Figure, part: str, colour: str, material: Material) -> Surface:
+def cloth(figure: Figure, part: str, colour: str, material: Material) -> BodySurface:
     """Return a whole helper mesh as plain cloth."""
-    return Surface(
+    return BodySurface(
         vertices_m=figure.vertices_m,
         weights=figure.weights,
         colour=np.tile(linear(colour), (len(figure.vertices_m), 1)),
@@ -100,7 +102,7 @@ def cloth(figure: Figure, part: str, colour: str, material: Material) -> Surface
     )
 
 
-def loosened(piece: Surface, distance_m: F64, rounds: int) -> Surface:
+def loosened(piece: BodySurface, distance_m: F64, rounds: int) -> BodySurface:
     """Return cloth that hangs smoothly, hardly closer than asked.
 
     Args:
@@ -113,7 +115,7 @@ def loosened(piece: Surface, distance_m: F64, rounds: int) -> Surface:
     return kept_off(loose, piece, 0.7 * distance_m)
 
 
-def kept_off(loose: Surface, piece: Surface, distance_m: F64) -> Surface:
+def kept_off(loose: BodySurface, piece: BodySurface, distance_m: F64) -> BodySurface:
     """Return loose cloth moved to be nowhere closer to the close-fitting piece than V distances."""
     outward = normals(piece.vertices_m, piece.faces)
     gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
@@ -124,7 +126,7 @@ def kept_off(loose: Surface, piece: Surface, distance_m: F64) -> Surface:
     return replace(loose, vertices_m=places)
 
 
-def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
+def make_shirt(figure: Figure, shirt: Shirt, levels: HemLevels) -> BodySurface:
     """Return the shirt."""
     z = figure.vertices_m[:, 2]
     trunk = np.minimum(z - levels.hem, collar_field(figure, levels.collar))
@@ -145,7 +147,7 @@ def make_shirt(figure: Figure, shirt: Shirt, levels: Levels) -> Surface:
     return replace(loose, pattern=Pattern[shirt.pattern.upper()])
 
 
-def make_legwear(figure: Figure, legs: Legwear, levels: Levels) -> Surface:
+def make_legwear(figure: Figure, legs: Legwear, levels: HemLevels) -> BodySurface:
     """Return trousers, shorts or a skirt."""
     z = figure.vertices_m[:, 2]
     part = "skirt" if legs.kind == "skirt" else "tights"
@@ -158,7 +160,7 @@ def make_legwear(figure: Figure, legs: Legwear, levels: Levels) -> Surface:
     return lengthened(loose, levels.legs, BREAK_M) if legs.kind == "trousers" else loose
 
 
-def lengthened(piece: Surface, end_m: float, by_m: float) -> Surface:
+def lengthened(piece: BodySurface, end_m: float, by_m: float) -> BodySurface:
     """Return a piece with its lower hem drawn straight down, over the shoe.
 
     Args:
@@ -169,7 +171,7 @@ def lengthened(piece: Surface, end_m: float, by_m: float) -> Surface:
     edges = border(piece.faces)
     low = piece.vertices_m[edges, 2] < end_m + 0.03
     count = len(piece.vertices_m)
-    return Surface(
+    return BodySurface(
         vertices_m=np.concatenate([piece.vertices_m, piece.vertices_m - (0.0, 0.0, by_m)]),
         weights=np.tile(piece.weights, (2, 1)),
         colour=np.tile(piece.colour, (2, 1)),
@@ -178,7 +180,7 @@ def lengthened(piece: Surface, end_m: float, by_m: float) -> Surface:
     ).compact()
 
 
-def make_socks(figure: Figure, shoes: Shoes, levels: Levels) -> Surface:
+def make_socks(figure: Figure, shoes: Shoes, levels: HemLevels) -> BodySurface:
     """Return short socks."""
     z = figure.vertices_m[:, 2]
     whole = cloth(figure, "tights", shoes.socks, Material.TROUSERS)
@@ -186,7 +188,7 @@ def make_socks(figure: Figure, shoes: Shoes, levels: Levels) -> Surface:
     return cut(whole, field).inflated(0.0015)
 
 
-def make_shoes(figure: Figure, shoes: Shoes, levels: Levels) -> list[Surface]:
+def make_shoes(figure: Figure, shoes: Shoes, levels: HemLevels) -> list[BodySurface]:
     """Return the uppers of both shoes, and their flat soles."""
     z = figure.vertices_m[:, 2]
     foot = cut(cloth(figure, "tights", shoes.colour, Material.SHOE), levels.shoe - z)
@@ -198,7 +200,7 @@ def make_shoes(figure: Figure, shoes: Shoes, levels: Levels) -> list[Surface]:
     return [upper, slab(sole, levels.floor - SOLE_M, linear(shoes.sole))]
 
 
-def slab(piece: Surface, bottom_m: float, colour: F64) -> Surface:
+def slab(piece: BodySurface, bottom_m: float, colour: F64) -> BodySurface:
     """Return a piece pressed flat, with upright walls to where its border was.
 
     Args:
@@ -209,10 +211,50 @@ def slab(piece: Surface, bottom_m: float, colour: F64) -> Surface:
     count = len(piece.vertices_m)
     flat = piece.vertices_m.copy()
     flat[:, 2] = bottom_m
-    return Surface(
+    return BodySurface(
         vertices_m=np.concatenate([piece.vertices_m, flat]),
         weights=np.tile(piece.weights, (2, 1)),
         colour=np.tile(colour, (2 * count, 1)),
         faces=np.concatenate([piece.faces + np.int32(count), walls(border(piece.faces), count)]),
         material=Material.SHOE,
     ).compact()
+
+
+def hung(piece: BodySurface, axis_x_m: float, free: F64) -> BodySurface:
+    """Return cloth around the trunk with its hollows bridged.
+
+    Args:
+        piece: The cloth.
+        axis_x_m: Place of the trunk's upright axis.
+        free: V, 0 where the cloth stays as it is, 1 where it hangs freely.
+    """
+    x, y, z = piece.vertices_m.T
+    around = np.arctan2(y, x - axis_x_m) / (2 * np.pi) * SECTORS % SECTORS
+    radius = np.hypot(x - axis_x_m, y)
+    top = z[free > 0].max()
+    row = (top - z) / ROW_M
+    outline = hanging_outline(around[free > 0], row[free > 0], radius[free > 0])
+    wanted = map_coordinates(outline, [row, around], order=1, mode="grid-wrap")
+    grown = 1 + free * np.maximum(wanted - radius, 0.0) / np.maximum(radius, 1e-3)
+    places = np.stack([axis_x_m + (x - axis_x_m) * grown, y * grown, z], axis=1)
+    return replace(piece, vertices_m=places)
+
+
+def hanging_outline(around: F64, row: F64, radius: F64) -> F64:
+    """Return the radius of hanging cloth over rows, from the top, and sectors.
+
+    Args:
+        around: V places in sectors, 0 to SECTORS.
+        row: V places in rows.
+        radius: V distances of the close-fitting cloth from the axis in metres.
+    """
+    rows = int(row.max()) + 2
+    outline = np.zeros((rows, SECTORS))
+    places = (np.clip(np.rint(row), 0, rows - 1).astype(int), np.rint(around).astype(int) % SECTORS)
+    np.maximum.at(outline, places, radius)
+    # Cloth is taut between its neighbours on both sides.
+    beside = (np.roll(outline, 1, axis=1) + np.roll(outline, -1, axis=1)) / 2
+    outline = np.maximum(outline, beside)
+    for below in range(1, rows):
+        outline[below] = np.maximum(outline[below], outline[below - 1] - FALL * ROW_M)
+    return outline

@@ -3,13 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
-from lab.bodies.cast import Hair
-from lab.bodies.colours import linear
-from lab.bodies.figure import Figure
-from lab.bodies.head import Head, find_head, on_head
-from lab.bodies.surface import Surface, cut, smoothed
-from lab.bodies.tubes import grid_faces
-from lab.drawing.materials import Material
+from lab.bodies.cast import Hair, linear
+from lab.bodies.figure import Figure, HeadLandmarks, find_head, on_head
+from lab.bodies.surface import BodySurface, cut, grid_faces, smoothed
+from lab.drawing.mesh import Material
 from people4d.messages import F64
 
 # Height (above the eyes) over place (before the ears), in units of the head.
@@ -41,7 +38,7 @@ AXIS = -0.10  # place of a curtain's axis before the ears
 CURTAIN_FROM_DEG = 64.0  # from the front; the face is free
 
 
-def make_hair(figure: Figure, hair: Hair) -> list[Surface]:
+def make_hair(figure: Figure, hair: Hair) -> list[BodySurface]:
     """Return all hair of a head."""
     pieces = []
     if hair.style != "bald":
@@ -55,9 +52,9 @@ def make_hair(figure: Figure, hair: Hair) -> list[Surface]:
     return pieces
 
 
-def strands(figure: Figure, hair: Hair) -> Surface:
+def strands(figure: Figure, hair: Hair) -> BodySurface:
     """Return the skin of the body as if all of it were hair."""
-    return Surface(
+    return BodySurface(
         vertices_m=figure.vertices_m,
         weights=figure.weights,
         colour=np.tile(linear(hair.colour), (len(figure.vertices_m), 1)),
@@ -66,7 +63,7 @@ def strands(figure: Figure, hair: Hair) -> Surface:
     )
 
 
-def scalp_hair(figure: Figure, hair: Hair) -> Surface:
+def scalp_hair(figure: Figure, hair: Hair) -> BodySurface:
     """Return hair that follows the scalp, thin at its line; ears stay free."""
     head = find_head(figure)
     field = hair_field(head, figure.vertices_m)
@@ -83,7 +80,7 @@ def scalp_hair(figure: Figure, hair: Hair) -> Surface:
     return smoothed(shell.inflated(0.0025 + hair.thickness_m * depth * long), 3)
 
 
-def hair_field(head: Head, vertices_m: F64) -> F64:
+def hair_field(head: HeadLandmarks, vertices_m: F64) -> F64:
     """Return how far vertices lie above the hairline, in units of the head."""
     before, beside, above = head.coordinates(vertices_m)
     line = np.interp(before, *HAIRLINE.T)
@@ -93,7 +90,7 @@ def hair_field(head: Head, vertices_m: F64) -> F64:
     return field
 
 
-def curtain(figure: Figure, hair: Hair) -> Surface:
+def curtain(figure: Figure, hair: Hair) -> BodySurface:
     """Return hair that hangs from the head around sides and back."""
     head = find_head(figure)
     angle_deg = np.linspace(CURTAIN_FROM_DEG, 360 - CURTAIN_FROM_DEG, 49)
@@ -110,7 +107,7 @@ def curtain(figure: Figure, hair: Hair) -> Surface:
     places = head.place_m(radius * np.cos(angle) + AXIS, radius * np.sin(angle), above)
     behind = np.broadcast_to(from_front > BACK_DEG, above.shape).ravel()
     vertices = clear_of_back(figure, places.reshape(-1, 3), behind)
-    return Surface(
+    return BodySurface(
         vertices_m=vertices,
         weights=hanging(figure, vertices),
         colour=np.tile(linear(hair.colour), (len(vertices), 1)),
@@ -119,7 +116,7 @@ def curtain(figure: Figure, hair: Hair) -> Surface:
     )
 
 
-def curtain_radius(figure: Figure, head: Head, above: F64, angle: F64) -> F64:
+def curtain_radius(figure: Figure, head: HeadLandmarks, above: F64, angle: F64) -> F64:
     """Return the distance of a curtain from the head's axis, in units: an ellipse past the ears."""
     back = figure.vertices_m[on_head(figure)][:, 0].min()
     beside = head.ear[1] / head.unit_m + 0.16
@@ -160,7 +157,7 @@ def hanging(figure: Figure, vertices: F64) -> F64:
     return weights
 
 
-def bun(figure: Figure, hair: Hair) -> Surface:
+def bun(figure: Figure, hair: Hair) -> BodySurface:
     """Return a knot of hair behind the crown."""
     head = find_head(figure)
     polar = np.linspace(0.02, np.pi - 0.02, 11)[:, None]
@@ -174,7 +171,7 @@ def bun(figure: Figure, hair: Hair) -> Surface:
     vertices = head.place_m(ball[:, 0] - 0.98, ball[:, 1], ball[:, 2] + 0.42)
     weights = np.zeros((len(vertices), len(figure.bones)))
     weights[:, figure.bones.index("head")] = 1.0
-    return Surface(
+    return BodySurface(
         vertices_m=vertices,
         weights=weights,
         colour=np.tile(linear(hair.colour), (len(vertices), 1)),
@@ -183,7 +180,7 @@ def bun(figure: Figure, hair: Hair) -> Surface:
     )
 
 
-def beard(figure: Figure, hair: Hair) -> Surface:
+def beard(figure: Figure, hair: Hair) -> BodySurface:
     """Return a full beard; the lips stay free."""
     head = find_head(figure)
     before, _, above = head.coordinates(figure.vertices_m)

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from lab.compiled import compiled
+from common.compiled import compiled
 from lab.drawing.mesh import I32
 from people4d.messages import F64
 

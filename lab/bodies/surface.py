@@ -1,4 +1,4 @@
-"""Pieces of skin and cloth in the neutral posture, and cutting them along smooth lines."""
+"""Pieces of skin and cloth in the neutral pose, and cutting them along smooth lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,17 +7,18 @@ import numpy as np
 import numpy.typing as npt
 
 from lab.bodies.skinning import normals
-from lab.drawing.materials import Material, Pattern
-from lab.drawing.mesh import I32
+from lab.drawing.mesh import I32, Material, Pattern
 from people4d.messages import F64
+
+SIDES = 5
 
 
 @dataclass(frozen=True)
-class Surface:
+class BodySurface:
     """Coloured triangles of one material that bones will move.
 
     Args:
-        vertices_m: Vx3, pelvis frame, neutral posture.
+        vertices_m: Vx3, pelvis frame, neutral pose.
         weights: VxB shares of the bones.
         colour: Vx3 linear reflectance.
         faces: Fx3 indices of vertices.
@@ -32,12 +33,12 @@ class Surface:
     material: Material
     pattern: Pattern = Pattern.PLAIN
 
-    def compact(self) -> "Surface":
+    def compact(self) -> "BodySurface":
         """Return it without the vertices that no triangle uses."""
         used, faces = np.unique(self.faces, return_inverse=True)
         return self.take(used.astype(np.intp), faces.reshape(-1, 3).astype(np.int32))
 
-    def take(self, vertices: npt.NDArray[np.intp], faces: I32) -> "Surface":
+    def take(self, vertices: npt.NDArray[np.intp], faces: I32) -> "BodySurface":
         """Return the vertices of these indices under new triangles."""
         return replace(
             self,
@@ -47,17 +48,17 @@ class Surface:
             faces=faces,
         )
 
-    def moved(self, offsets_m: F64) -> "Surface":
+    def moved(self, offsets_m: F64) -> "BodySurface":
         """Return it with vertices moved by Vx3 offsets."""
         return replace(self, vertices_m=self.vertices_m + offsets_m)
 
-    def inflated(self, distance_m: npt.ArrayLike) -> "Surface":
+    def inflated(self, distance_m: npt.ArrayLike) -> "BodySurface":
         """Return it with vertices moved outwards by one distance or V distances."""
         distances = np.broadcast_to(np.asarray(distance_m, np.float64), len(self.vertices_m))
         return self.moved(normals(self.vertices_m, self.faces) * distances[:, None])
 
 
-def cut(surface: Surface, field: F64) -> Surface:
+def cut(surface: BodySurface, field: F64) -> BodySurface:
     """Return the part where the field is positive, cut smoothly through the triangles.
 
     Args:
@@ -93,7 +94,7 @@ def cut(surface: Surface, field: F64) -> Surface:
     )
 
 
-def with_points(surface: Surface, edges: npt.NDArray[np.intp], field: F64) -> Surface:
+def with_points(surface: BodySurface, edges: npt.NDArray[np.intp], field: F64) -> BodySurface:
     """Return the surface with a vertex more on each Ex2 edge, where the field is zero."""
     a, b = edges.T
     share = (field[a] / (field[a] - field[b]))[:, None]
@@ -109,7 +110,7 @@ def with_points(surface: Surface, edges: npt.NDArray[np.intp], field: F64) -> Su
     )
 
 
-def stack(surfaces: Sequence[Surface]) -> tuple[F64, F64, F64, I32, I32, I32]:
+def stack(surfaces: Sequence[BodySurface]) -> tuple[F64, F64, F64, I32, I32, I32]:
     """Return vertices, weights, colours, faces, materials and patterns of all together."""
     starts = np.cumsum([0, *(len(s.vertices_m) for s in surfaces[:-1])])
     return (
@@ -141,7 +142,7 @@ def walls(edges: I32, count: int) -> I32:
     return faces.astype(np.int32)
 
 
-def smoothed(surface: Surface, rounds: int) -> Surface:
+def smoothed(surface: BodySurface, rounds: int) -> BodySurface:
     """Return it with each inner vertex drawn towards its neighbours; rims stay."""
     edges = np.sort(np.concatenate([surface.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
     edges = np.unique(edges, axis=0)
@@ -160,3 +161,52 @@ def smoothed(surface: Surface, rounds: int) -> Surface:
         )
         vertices[free] = 0.5 * (vertices + sums / np.maximum(degree, 1))[free]
     return replace(surface, vertices_m=vertices)
+
+
+def grid_faces(rows: int, columns: int, closed: bool) -> I32:
+    """Return the triangles of a grid of vertices.
+
+    Args:
+        rows: Of vertices.
+        columns: Of vertices, counted first.
+        closed: Whether the last column joins the first.
+    """
+    down = np.arange(rows - 1)[:, None] * columns
+    along = np.arange(columns if closed else columns - 1)[None]
+    a, b = down + along, down + (along + 1) % columns
+    c, d = a + columns, b + columns
+    triangles = np.stack([np.stack([a, b, c], -1), np.stack([b, d, c], -1)], 2)
+    return triangles.reshape(-1, 3).astype(np.int32)
+
+
+def tubes(lines: Sequence[F64], radius_m: float, weights: F64, material: Material) -> BodySurface:
+    """Return dark tubes around lines of points.
+
+    Args:
+        lines: Each Nx3.
+        radius_m: Of the tubes.
+        weights: B shares of the bones, the same for all.
+        material: Of the tubes.
+    """
+    vertices, faces, start = [], [], 0
+    angle = np.arange(SIDES) / SIDES * 2 * np.pi
+    for line in lines:
+        along = np.gradient(line, axis=0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        # Any direction that is not along the line will do.
+        other = np.where(np.abs(along[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+        u = np.cross(along, other)
+        u /= np.linalg.norm(u, axis=1, keepdims=True)
+        w = np.cross(along, u)
+        ring = np.cos(angle)[:, None] * u[:, None] + np.sin(angle)[:, None] * w[:, None]
+        vertices.append((line[:, None] + radius_m * ring).reshape(-1, 3))
+        faces.append(grid_faces(len(line), SIDES, closed=True) + np.int32(start))
+        start += len(line) * SIDES
+    places = np.concatenate(vertices)
+    return BodySurface(
+        vertices_m=places,
+        weights=np.tile(weights, (len(places), 1)),
+        colour=np.full(places.shape, 0.02),
+        faces=np.concatenate(faces),
+        material=material,
+    )

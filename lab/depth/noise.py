@@ -13,12 +13,12 @@ from statistics import NormalDist
 
 import numpy as np
 
-from lab.compiled import compiled
+from common.compiled import compiled
 from people4d.messages import F32
 
 FROZEN = 0  # the part that never changes
 RUNNING = 1  # the part that changes from knot to knot
-KNOTS_KEPT = 3  # in memory, of one noise: neighbouring frames share them
+CACHED_KNOTS = 3  # in memory, of one noise: neighbouring frames share them
 
 
 def blend(position: float) -> tuple[int, float, float]:
@@ -59,12 +59,12 @@ class Persistence:
         return self.frozen_share + (1 - self.frozen_share) * running
 
 
-class Drift:
+class NoiseProcess:
     """An array of independent normal numbers, variance 1, that change with time.
 
     Args:
         shape: Of the array.
-        seed: Numbers that set this noise apart from all others.
+        seed: ReadingParameters that set this noise apart from all others.
         persistence: How long values last.
     """
 
@@ -93,7 +93,7 @@ class Drift:
         if values is None:
             values = self._draw(RUNNING, knot % 2**64)
             kept = sorted(self._knots.items(), key=lambda item: abs(item[0] - knot))
-            self._knots = {**dict(kept[: KNOTS_KEPT - 1]), knot: values}
+            self._knots = {**dict(kept[: CACHED_KNOTS - 1]), knot: values}
         return values
 
     def _draw(self, part: int, knot: int) -> F32:
@@ -101,13 +101,13 @@ class Drift:
         return generator.standard_normal(self._shape, np.float32)
 
 
-class Field:
+class NoiseField:
     """Noise over the image, variance 1.
 
     Args:
         shape: Height and width of the image.
         cell_px: Distance between the knots in the image; 1: every pixel for itself.
-        seed: Numbers that set this noise apart from all others.
+        seed: ReadingParameters that set this noise apart from all others.
         persistence: How long values last.
     """
 
@@ -121,7 +121,7 @@ class Field:
         grid = shape if cell_px == 1 else (shape[0] // cell_px + 2, shape[1] // cell_px + 2)
         self._shape = shape
         self._cell_px = cell_px
-        self._drift = Drift(grid, seed, persistence)
+        self._drift = NoiseProcess(grid, seed, persistence)
         steps = [blend(step / cell_px)[1:] for step in range(cell_px)]
         self._weights: F32 = np.array(steps, np.float32)
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from lab.compiled import compiled
+from common.compiled import compiled
 from lab.drawing.rooms import Room
 from people4d.messages import F32, F64
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from lab.compiled import compiled
-from lab.drawing.bands import in_bands
+from common.compiled import compiled
+from lab.drawing.raster import in_bands
 from people4d.messages import F32, U8
 
 KEY_GRAIN, KEY_PLACE = 311, 312  # of the random numbers

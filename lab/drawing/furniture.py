@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.drawing.materials import Material
-from lab.drawing.mesh import Mesh
+from lab.drawing.mesh import Material, Mesh
 from lab.drawing.solids import Finish, box, cylinder, panel, pictured, shaded, srgb
 
 Vector = tuple[float, float, float]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +10,38 @@ import numpy.typing as npt
 from people4d.messages import F32, F64
 
 I32 = npt.NDArray[np.int32]
+
+
+class Material(IntEnum):
+    """Kinds of surface."""
+
+    SKIN = 0
+    HAIR = 1
+    SHIRT = 2
+    TROUSERS = 3
+    SHOE = 4
+    EYE = 5
+    PLANKS = 10
+    PAINT = 11
+    WOOD = 12
+    POSTER = 13
+    LAMP = 14
+    BOOKS = 15
+    FABRIC = 16
+    CARPET = 17
+    CONCRETE = 18
+    METAL = 19
+
+
+class Pattern(IntEnum):
+    """Patterns of a shirt."""
+
+    PLAIN = 0
+    STRIPES = 1
+    PLAID = 2
+    PRINT = 3
+    PLACKET = 4  # a row of buttons and fine vertical lines
+    BLOCKS = 5  # chest and belly of different brightness
 
 
 @dataclass(frozen=True)

@@ -12,16 +12,21 @@ so triangles that reach behind the camera need no clipping, only a bounding box 
 """
 
 import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
-from lab.compiled import compiled
-from lab.drawing.bands import in_bands
+from common.compiled import compiled
 from lab.drawing.mesh import I32
 from people4d.messages import F32, F64
 
 NEAR_M = 0.05  # nothing nearer is seen
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -176,3 +181,27 @@ def _bounds(corners: F64, face: I32) -> tuple[float, float, float, float]:
             v = (p[1] + share * (q[1] - p[1])) / NEAR_M
             u_min, u_max, v_min, v_max = min(u_min, u), max(u_max, u), min(v_min, v), max(v_max, v)
     return u_min, u_max, v_min, v_max
+
+
+def at_once(jobs: Sequence[Callable[[], T]], threads: int) -> list[T]:
+    """Return the results of jobs that do not depend on each other, in their order."""
+    if threads <= 1:
+        return [job() for job in jobs]
+    with ThreadPoolExecutor(threads) as pool:
+        started = [pool.submit(job) for job in jobs]
+        return [job.result() for job in started]
+
+
+def in_bands(work: Callable[[int, int], object], rows: int, threads: int) -> None:
+    """Call `work(first, last)` for bands of rows that together are all rows.
+
+    Each pixel depends on its own row only, so the result does not depend on the number of bands.
+
+    Args:
+        work: Writes the rows from first up to, but not with, last.
+        rows: Of the image.
+        threads: Number of bands.
+    """
+    bands = max(threads, 1)
+    edges = [rows * band // bands for band in range(bands + 1)]
+    at_once([partial(work, first, last) for first, last in pairwise(edges)], threads)

@@ -8,17 +8,30 @@ import numpy as np
 
 from common.geometry.transforms import camera_matrix, invert
 from lab.drawing.ambient import COARSE, bounce_light, corner_light, direct_light
-from lab.drawing.bands import at_once, in_bands
 from lab.drawing.colour import develop, grain
 from lab.drawing.mesh import Mesh, join
-from lab.drawing.raster import Raster, homogeneous, rasterise
+from lab.drawing.raster import Raster, at_once, homogeneous, in_bands, rasterise
 from lab.drawing.rooms import Room
-from lab.drawing.shading import Lighting, Samples, Scene, shade_rows
+from lab.drawing.shading import SampleArrays, SceneArrays, SceneLighting, shade_rows
 from lab.drawing.shadows import pixels_from_map, room_shadow_maps, shadow_map
-from lab.views import DepthView
 from people4d.messages import F32, F64, U8, CameraInfo
 
 WHITE = 0.9  # reflectance of a sheet that an exposure of 1 makes white
+
+
+@dataclass(frozen=True)
+class DepthView:
+    """Geometry seen by the camera, without any error.
+
+    Args:
+        depth_m: HxW along the optical axis, inf where nothing is.
+        owners: HxW, 0 = room or nothing, k + 1 = person k.
+        right_depth_m: HxW as the right imager of the stereo pair sees it.
+    """
+
+    depth_m: F32
+    owners: U8
+    right_depth_m: F32
 
 
 @dataclass(frozen=True)
@@ -78,7 +91,7 @@ def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
 
 
 @dataclass(frozen=True)
-class Moment:
+class Instant:
     """The scene at one instant.
 
     Args:
@@ -128,9 +141,9 @@ class Renderer:
             optical_from_map: 4x4.
             frame: Number or time stamp, >= 0; the noise is a function of it and the seed.
         """
-        return self.exposed([Moment(people, optical_from_map)], frame)
+        return self.exposed([Instant(people, optical_from_map)], frame)
 
-    def exposed(self, moments: Sequence[Moment], frame: int) -> U8:
+    def exposed(self, moments: Sequence[Instant], frame: int) -> U8:
         """Return the picture of a shutter that is open over some moments: motion is blurred."""
         radiance = self.radiance(moments[0])
         for moment in moments[1:]:
@@ -139,7 +152,7 @@ class Renderer:
         key = (self.seed, frame)
         return develop(radiance, self._exposure, self._grain, key, self.threads)
 
-    def radiance(self, moment: Moment) -> F32:
+    def radiance(self, moment: Instant) -> F32:
         """Return the light that reaches each pixel, HxWx3, linear."""
         mesh = join([*moment.people, self.room.mesh])
         corners = homogeneous(mesh.vertices_m, self._samples_from_map(moment.optical_from_map))
@@ -147,7 +160,7 @@ class Renderer:
         seen = rasterise(corners, mesh.faces, size, self.threads)
         image = np.empty((self.info.height, self.info.width, 3), np.float32)
         eye = invert(moment.optical_from_map)[:3, 3]
-        scene = Scene(
+        scene = SceneArrays(
             corners,
             mesh.vertices_m,
             mesh.normals,
@@ -158,7 +171,7 @@ class Renderer:
             mesh.pattern,
             np.ascontiguousarray(eye),
         )
-        samples = Samples(
+        samples = SampleArrays(
             seen.inverse_depth,
             seen.triangle,
             self.samples,
@@ -181,7 +194,7 @@ class Renderer:
         projection: F64 = camera @ optical_from_map[:3]
         return projection
 
-    def _lighting(self, people: Sequence[Mesh], seen: Raster) -> Lighting:
+    def _lighting(self, people: Sequence[Mesh], seen: Raster) -> SceneLighting:
         """Return the light of a moment: the room's, less what people hide."""
         maps = self._maps
         if people:
@@ -199,7 +212,7 @@ class Renderer:
         )
         middle = (self.room.low_m + self.room.high_m) / 2
         half = (self.room.high_m - self.room.low_m) / 2
-        return Lighting(
+        return SceneLighting(
             self._lights, self._projections, maps, self._bounce, np.stack([middle, half]), corners
         )
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from lab.drawing import furniture
 from lab.drawing.furniture import Vector
-from lab.drawing.materials import Material
-from lab.drawing.mesh import Mesh, join
+from lab.drawing.mesh import Material, Mesh, join
 from lab.drawing.solids import Finish, box, panel, srgb
 from people4d.messages import F64
 

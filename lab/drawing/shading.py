@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lab.compiled import compiled
+from common.compiled import compiled
 from lab.drawing.ambient import smoothed
-from lab.drawing.materials import Material
-from lab.drawing.mesh import I32
+from lab.drawing.mesh import I32, Material
 from lab.drawing.raster import barycentrics
 from lab.drawing.shadows import BIAS_M, FOCAL_PX, lit_share
 from lab.drawing.textures import body_texel, fold_slope, hashed, room_texel
@@ -24,7 +23,7 @@ SOFT_PX = 12.0  # radius of a shadow's rim in the map for a light of 1 m
 BRIGHTEST = 6.0  # radiance of one sample, so that a lamp's edge is smooth
 
 
-class Scene(NamedTuple):
+class SceneArrays(NamedTuple):
     """The triangles as the camera sees them; the arrays of `Mesh`."""
 
     corners: F64  # Vx3, see `raster.homogeneous`, in samples
@@ -38,7 +37,7 @@ class Scene(NamedTuple):
     eye: F64  # [m] 3, place of the camera, frame: map
 
 
-class Lighting(NamedTuple):
+class SceneLighting(NamedTuple):
     """What lights the scene."""
 
     lights: F64  # Lx10: place 3, direction 3, intensity 3, radius
@@ -49,7 +48,7 @@ class Lighting(NamedTuple):
     corners: F32  # coarse image, see `ambient.corner_light`
 
 
-class Samples(NamedTuple):
+class SampleArrays(NamedTuple):
     """What the rasteriser saw, more than once per pixel."""
 
     inverse: F32  # [1/m] see `raster.Raster`
@@ -61,7 +60,12 @@ class Samples(NamedTuple):
 
 @compiled
 def shade_rows(
-    scene: Scene, light: Lighting, samples: Samples, first: int, last: int, image: F32
+    scene: SceneArrays,
+    light: SceneLighting,
+    samples: SampleArrays,
+    first: int,
+    last: int,
+    image: F32,
 ) -> None:
     """Write the radiance of rows of the image, HxWx3.
 
@@ -85,7 +89,7 @@ def shade_rows(
 
 
 @compiled
-def _one_surface(scene: Scene, samples: Samples, v: int, u: int) -> bool:
+def _one_surface(scene: SceneArrays, samples: SampleArrays, v: int, u: int) -> bool:
     """Return whether the samples of a pixel see neighbouring places on one smooth surface."""
     first = samples.triangle[v, u]
     for i in range(samples.side):
@@ -109,7 +113,7 @@ def _one_surface(scene: Scene, samples: Samples, v: int, u: int) -> bool:
 
 @compiled
 def _shade(
-    scene: Scene, light: Lighting, samples: Samples, v: int, u: int
+    scene: SceneArrays, light: SceneLighting, samples: SampleArrays, v: int, u: int
 ) -> tuple[float, float, float]:
     """Return the radiance that one sample sees."""
     face = samples.triangle[v, u]
@@ -173,7 +177,7 @@ def _mixed(
 
 @compiled
 def _from_walls(
-    light: Lighting, place: tuple[float, float, float], normal: tuple[float, float, float]
+    light: SceneLighting, place: tuple[float, float, float], normal: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Return the irradiance that comes from the walls, see `ambient.bounce_light`."""
     x = (place[0] - light.room[0, 0]) / light.room[1, 0]
@@ -196,7 +200,7 @@ def _from_walls(
 
 @compiled
 def _from_lights(
-    light: Lighting,
+    light: SceneLighting,
     place: tuple[float, float, float],
     normal: tuple[float, float, float],
     eye: tuple[float, float, float],

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.compiled import compiled
-from lab.drawing.materials import Material
-from lab.drawing.mesh import Mesh
+from common.compiled import compiled
+from lab.drawing.mesh import Material, Mesh
 from lab.drawing.raster import homogeneous, rasterise
 from lab.drawing.rooms import Light, Room
 from people4d.messages import F32, F64

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lab.drawing.materials import Material
-from lab.drawing.mesh import Mesh
+from lab.drawing.mesh import Material, Mesh
 from people4d.messages import F64
 
 SIDES = 20  # of a cylinder

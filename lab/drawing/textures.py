@@ -1,13 +1,13 @@
 """Solid textures: what a material looks like at a place inside it.
 
-A body's texture is evaluated where its skin and cloth were in the rest posture, so patterns move
+A body's texture is evaluated where its skin and cloth were in the rest pose, so patterns move
 with the body. Noise is value noise on a lattice of hashed whole numbers.
 """
 
 import math
 
-from lab.compiled import compiled
-from lab.drawing.materials import Material, Pattern
+from common.compiled import compiled
+from lab.drawing.mesh import Material, Pattern
 
 # Compiled functions compare plain numbers.
 SKIN, HAIR, SHIRT = int(Material.SKIN), int(Material.HAIR), int(Material.SHIRT)
@@ -75,7 +75,7 @@ def body_texel(
     Args:
         material: See `Material`.
         pattern: See `Pattern`.
-        x: Forward [m] in the rest posture.
+        x: Forward [m] in the rest pose.
         y: Left [m].
         z: Up [m], 0 at the sole.
         colour: Of the surface, linear.

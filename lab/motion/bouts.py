@@ -21,7 +21,7 @@ TURNING_TO_STEP_S = 0.6  # in which a turn tells which foot steps first
 
 
 @dataclass(frozen=True)
-class Track:
+class WalkPath:
     """The way of one person; arrays are T long in steps of STEP_S, frame: map."""
 
     times_s: F64
@@ -33,7 +33,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Bout:
+class WalkingBout:
     """Steps between two rests, alternately left and right.
 
     Step k begins, with the lift of a foot, when the progress is k, and ends when it is k + swing.
@@ -67,7 +67,9 @@ class Bout:
         return first_lands + (self.progress - self.swing) / 2
 
 
-def find_bouts(track: Track, stature_m: float, quickness: float, liked_foot: int) -> list[Bout]:
+def find_walking_bouts(
+    track: WalkPath, stature_m: float, quickness: float, liked_foot: int
+) -> list[WalkingBout]:
     """Return the bouts of a way, cut into whole steps.
 
     Args:
@@ -84,11 +86,11 @@ def find_bouts(track: Track, stature_m: float, quickness: float, liked_foot: int
         count = max(2, round(float(progress[-1]) + 1.0 - swing))
         progress *= (count - 1 + swing) / progress[-1]
         foot = _first_foot(track, part, liked_foot)
-        bouts.append(Bout(part.start, track.times_s[part], progress, count, swing, foot))
+        bouts.append(WalkingBout(part.start, track.times_s[part], progress, count, swing, foot))
     return bouts
 
 
-def _step_rate(track: Track, stature_m: float, quickness: float) -> F64:
+def _step_rate(track: WalkPath, stature_m: float, quickness: float) -> F64:
     """Return steps per second from speed and turn rate."""
     speed = np.maximum(track.speed_mps, 1e-3)
     walking = speed / step_length_m(speed, stature_m) * quickness
@@ -97,7 +99,7 @@ def _step_rate(track: Track, stature_m: float, quickness: float) -> F64:
     return np.asarray((walking**4 + turning**4) ** 0.25)
 
 
-def _stretches(track: Track) -> list[slice]:
+def _stretches(track: WalkPath) -> list[slice]:
     """Return the parts of a track in which the feet must step."""
     moving = (track.speed_mps > MOVING_MPS) | (np.abs(track.turn_radps) > TURNING_RADPS)
     for pause in _runs(~moving):
@@ -120,14 +122,14 @@ def _runs(marks: npt.NDArray[np.bool_]) -> list[slice]:
     return [slice(int(indices[0]), int(indices[-1]) + 1) for indices in inside]
 
 
-def _swing(track: Track, part: slice) -> float:
+def _swing(track: WalkPath, part: slice) -> float:
     """Return the mean duration of a swing in steps: two steps are a cycle."""
     speed = float(np.mean(track.speed_mps[part]))
     turning = float(np.mean(np.abs(track.turn_radps[part])))
     return 2.0 * float(swing_share(speed + 0.4 * turning))
 
 
-def _first_foot(track: Track, part: slice, liked: int) -> int:
+def _first_foot(track: WalkPath, part: slice, liked: int) -> int:
     """Return the foot that steps first: the inner one of a turn."""
     turned = track.yaw_rad[part][: round(TURNING_TO_STEP_S / STEP_S)]
     angle = float(turned[-1] - turned[0])

@@ -35,7 +35,7 @@ NEAR_COST, PERSONAL_COST, BOUND_COST, CHANGE_COST = 2.5, 6.0, 4.0, 0.15
 
 
 @dataclass(frozen=True)
-class Paths:
+class CrowdPaths:
     """The ways of all people; arrays are NxT in steps of STEP_S.
 
     Args:
@@ -78,7 +78,7 @@ class Obstacles:
     extra_m: F64
 
 
-def simulate_paths(walkers: Sequence[Walker], times_s: F64, around: Surroundings) -> Paths:
+def simulate_paths(walkers: Sequence[Walker], times_s: F64, around: Surroundings) -> CrowdPaths:
     """Let the walkers follow their agendas.
 
     Args:
@@ -106,7 +106,7 @@ def simulate_paths(walkers: Sequence[Walker], times_s: F64, around: Surroundings
             pose = walker.x_m, walker.y_m, walker.yaw_rad
             record[:, i, step] = (*pose, walker.seated, walker.looking)
     x, y, yaw, seated, looking = record
-    return Paths(times_s, x, y, yaw, seated, looking)
+    return CrowdPaths(times_s, x, y, yaw, seated, looking)
 
 
 def _moving(place: Place, time_s: float) -> tuple[F64, F64]:

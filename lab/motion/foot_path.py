@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lab.motion.footfalls import Feet
-from lab.motion.gait import LIFT_OFF, Gait
-from lab.motion.rolling import Shoe
-from lab.motion.rotations import about_y, about_z
-from lab.posture import Skeleton
+from lab.bodies.rotations import about_y, about_z, turn
+from lab.bodies.skeleton import Skeleton
+from lab.motion.footfalls import FootStances
+from lab.motion.gait import LIFT_OFF, GaitCurves
 from people4d.messages import F64
 
 FLAT = 0.25  # phase at which the whole sole is on the floor
@@ -19,6 +18,68 @@ PITCH_SHARES = (0.3, 1.1)  # of the table's foot pitch in the smallest and the l
 CLEARANCE_M = 0.03  # of the lowest point of the sole, most in the first half of the swing
 LANDING = 3.0  # times the clearance: how steeply the heel comes down
 PUSH_SHARE = 0.4  # of the swing's mean velocity, that push-off adds to the rolling foot's
+# The toes stay flat up to this pitch of the foot; then it rolls over their tip. A stiff shoe.
+TOE_BEND_RAD, TOE_STIFFENING_RAD = 0.25, 0.1
+ROUNDNESS_M = 0.03
+
+
+@dataclass(frozen=True)
+class Shoe:
+    """Points of a foot in the neutral pose, 3 each, metres.
+
+    Args:
+        heel: From the ankle.
+        ball: From the ankle.
+        toes: Their tip from the ball, along the floor.
+    """
+
+    heel: F64
+    ball: F64
+    toes: F64
+
+    @classmethod
+    def of(cls, skeleton: Skeleton, side: int) -> "Shoe":
+        """Return the shoe of a person; side 0 is left, 1 right."""
+        ankle, ball = skeleton.ankle[side], skeleton.ball[side]
+        toes = (skeleton.toe[side] - ball) * (1.0, 0.0, 0.0)
+        return cls(skeleton.heel[side] - ankle, ball - ankle, np.asarray(toes))
+
+    def standing_ankle(self, place: F64, pitch_rad: F64) -> F64:
+        """Return the ankle of a foot that rolls where it stands.
+
+        Args:
+            place: Tx3, x and y of the ankle and yaw of the flat foot, frame: map.
+            pitch_rad: T, toes up.
+
+        Returns:
+            Tx3 metres, frame: map.
+        """
+        pivot = np.where((pitch_rad > 0.0)[:, None], self.heel, self.ball)
+        rise = self.toes - turn(about_y(_toe_roll(pitch_rad)), self.toes)  # of the ball
+        moved = pivot - turn(about_y(-pitch_rad), pivot) + rise
+        ankle = turn(about_z(place[:, 2]), moved)
+        ankle[:, :2] += place[:, :2]
+        ankle[:, 2] -= pivot[:, 2]
+        return ankle
+
+    def ankle_height(self, pitch_rad: F64, swinging: F64) -> F64:
+        """Return the height of the ankle at which the sole touches the floor, T.
+
+        Args:
+            pitch_rad: T, toes up.
+            swinging: T, 0 standing to 1 in mid-swing. In the swing heel and ball change roles
+                while the foot turns: rounded, not with a kink.
+        """
+        heel, ball = (turn(about_y(-pitch_rad), point)[:, 2] for point in (self.heel, self.ball))
+        half = np.hypot((heel - ball) / 2.0, 1e-6 + ROUNDNESS_M * swinging)
+        rise = np.sin(_toe_roll(pitch_rad)) * self.toes[0]
+        return np.asarray(rise - (heel + ball) / 2.0 + half)
+
+
+def _toe_roll(pitch_rad: F64) -> F64:
+    """Return how far the toes are lifted off the floor when they bend no further, radians."""
+    over = (-pitch_rad - TOE_BEND_RAD) / TOE_STIFFENING_RAD
+    return np.asarray(TOE_STIFFENING_RAD * np.logaddexp(0.0, over))
 
 
 @dataclass(frozen=True)
@@ -35,7 +96,7 @@ class FootPath:
 
 
 @dataclass(frozen=True)
-class Rhythm:
+class FootPhases:
     """Where in its stances and swings a foot is; arrays are T long.
 
     Args:
@@ -51,7 +112,9 @@ class Rhythm:
     push: F64
 
 
-def foot_path(feet: Feet, skeleton: Skeleton, side: int, gait: Gait, times_s: F64) -> FootPath:
+def foot_path(
+    feet: FootStances, skeleton: Skeleton, side: int, gait: GaitCurves, times_s: F64
+) -> FootPath:
     """Return how a foot moves: heel first, flat, rolling about the ball, swinging on.
 
     Args:
@@ -78,14 +141,14 @@ def foot_path(feet: Feet, skeleton: Skeleton, side: int, gait: Gait, times_s: F6
     return FootPath(ankle, about_z(yaw) @ about_y(-pitch))
 
 
-def _rhythm(feet: Feet, times_s: F64) -> Rhythm:
+def _rhythm(feet: FootStances, times_s: F64) -> FootPhases:
     """Return where in its stances and swings a foot is."""
     stance = np.clip(np.searchsorted(feet.down_s, times_s, side="right") - 1, 0, None)
     swing_s = np.maximum(feet.down_s[1:] - feet.up_s[:-1], 1e-3)
     # Seconds of a stance become phases at the pace of the swings beside it. The first stance
     # follows no swing and the last precedes none; both are longer than any phase.
     before_s, after_s = np.append(1.0, swing_s)[stance], np.append(swing_s, 1.0)[stance]
-    return Rhythm(
+    return FootPhases(
         stance,
         swing=np.clip((times_s - feet.up_s[stance]) / after_s, 0.0, 1.0),
         contact=np.clip((times_s - feet.down_s[stance]) / before_s * IN_AIR, 0.0, FLAT),
@@ -93,7 +156,7 @@ def _rhythm(feet: Feet, times_s: F64) -> Rhythm:
     )
 
 
-def _pitch(rhythm: Rhythm, share: F64, gait: Gait) -> F64:
+def _pitch(rhythm: FootPhases, share: F64, gait: GaitCurves) -> F64:
     """Return the pitch of the foot, toes up, T radians: more in longer strides."""
     before, after = np.append(0.0, share)[rhythm.stance], np.append(share, 0.0)[rhythm.stance]
     standing = before * gait.curve("foot.pitch_deg", rhythm.contact)
@@ -109,7 +172,7 @@ def _clearance_m(part: F64) -> F64:
 
 
 @dataclass(frozen=True)
-class Ends:
+class SwingEnds:
     """How the swings begin and end, one row for each; x and y, frame: map.
 
     Args:
@@ -135,7 +198,7 @@ class Ends:
         )
 
 
-def _swing_ends(feet: Feet, shoe: Shoe, gait: Gait, share: F64) -> Ends:
+def _swing_ends(feet: FootStances, shoe: Shoe, gait: GaitCurves, share: F64) -> SwingEnds:
     """Return ends of swings that leave and meet the rolling foot with its velocities."""
 
     def ankles(place: F64, phase: float) -> F64:
@@ -147,4 +210,4 @@ def _swing_ends(feet: Feet, shoe: Shoe, gait: Gait, share: F64) -> Ends:
     leave, meet = ankles(before, LIFT_OFF), ankles(after, 0.0)
     leave_rate = (leave - ankles(before, LIFT_OFF - step)) * (IN_AIR / step)
     meet_rate = (ankles(after, step) - meet) * (IN_AIR / step)
-    return Ends(leave, leave_rate + PUSH_SHARE * (meet - leave), meet, meet_rate)
+    return SwingEnds(leave, leave_rate + PUSH_SHARE * (meet - leave), meet, meet_rate)

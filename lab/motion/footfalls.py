@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lab.motion.bouts import Bout, Track, find_bouts
+from lab.motion.bouts import WalkingBout, WalkPath, find_walking_bouts
 from people4d.messages import F64
 
 SIDES = (1.0, -1.0)  # left, right; index 0 and 1 in all arrays of feet
@@ -21,7 +21,7 @@ TOE_OUT_RAD = math.radians(7.0)
 
 
 @dataclass(frozen=True)
-class Feet:
+class FootStances:
     """The stances of one foot, K of them; stance k lasts from down_s[k] to up_s[k].
 
     Args:
@@ -36,7 +36,7 @@ class Feet:
 
 
 @dataclass(frozen=True)
-class Steps:
+class StepPlan:
     """All steps of one person.
 
     Args:
@@ -45,13 +45,13 @@ class Steps:
         stepping: T, 1 while stepping, else 0.
     """
 
-    feet: tuple[Feet, Feet]
+    feet: tuple[FootStances, FootStances]
     phase: F64
     stepping: F64
 
 
 @dataclass(frozen=True)
-class Build:
+class BodyProportions:
     """What of a person the steps depend on.
 
     Args:
@@ -69,17 +69,19 @@ class Build:
     first_foot: int = 0
 
 
-def plan_steps(track: Track, build: Build) -> Steps:
+def plan_steps(track: WalkPath, build: BodyProportions) -> StepPlan:
     """Plan all steps of a person on their way."""
-    bouts = find_bouts(track, build.stature_m, build.quickness, build.first_foot)
+    bouts = find_walking_bouts(track, build.stature_m, build.quickness, build.first_foot)
     stepping = np.zeros(len(track.times_s))
     for bout in bouts:
         stepping[bout.begin : bout.begin + len(bout.times_s)] = 1.0
     left, right = (_feet(track, build, bouts, side) for side in (0, 1))
-    return Steps((left, right), _phase(track, bouts), stepping)
+    return StepPlan((left, right), _phase(track, bouts), stepping)
 
 
-def _feet(track: Track, build: Build, bouts: list[Bout], side: int) -> Feet:
+def _feet(
+    track: WalkPath, build: BodyProportions, bouts: list[WalkingBout], side: int
+) -> FootStances:
     """Return the stances of a foot: one before all bouts, and one after each of its steps."""
     down, up, above = [-math.inf], [], [float(track.times_s[0])]
     for bout in bouts:
@@ -90,10 +92,10 @@ def _feet(track: Track, build: Build, bouts: list[Bout], side: int) -> Feet:
             middle = step + bout.swing + MIDSTANCE * (2.0 - bout.swing)
             above.append(float(bout.times_s[-1]) if last else bout.when_s(middle))
     places = _places(track, build, np.array(above), side)
-    return Feet(np.array(down), np.array([*up, math.inf]), places)
+    return FootStances(np.array(down), np.array([*up, math.inf]), places)
 
 
-def _places(track: Track, build: Build, above_s: F64, side: int) -> F64:
+def _places(track: WalkPath, build: BodyProportions, above_s: F64, side: int) -> F64:
     """Return where a foot stands, from the times at which the body is above it."""
     x, y, yaw, speed = (
         np.interp(above_s, track.times_s, values)
@@ -107,7 +109,7 @@ def _places(track: Track, build: Build, above_s: F64, side: int) -> F64:
     return np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left, turned], axis=-1)
 
 
-def _phase(track: Track, bouts: list[Bout]) -> F64:
+def _phase(track: WalkPath, bouts: list[WalkingBout]) -> F64:
     """Return the cycles of the left leg at all times, creeping from one bout to the next."""
     if not bouts:
         return np.zeros_like(track.times_s)

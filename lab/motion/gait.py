@@ -46,7 +46,7 @@ def swing_share(speed_mps: npt.ArrayLike) -> F64:
     return np.asarray(np.clip(0.295 + 0.077 * np.asarray(speed_mps, np.float64), 0.3, 0.41))
 
 
-class Gait:
+class GaitCurves:
     """Periodic curves over the gait cycle, smooth to the second derivative."""
 
     def __init__(self, table: dict[str, dict[str, list[float]]]):
@@ -72,7 +72,7 @@ class Gait:
 
 
 @cache
-def load_gait() -> Gait:
+def load_gait_curves() -> GaitCurves:
     """Read the table that ships."""
     text = files("lab").joinpath("assets/gait.toml").read_text(encoding="utf-8")
-    return Gait(tomllib.loads(text))
+    return GaitCurves(tomllib.loads(text))

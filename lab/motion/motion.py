@@ -10,18 +10,18 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
 from common.geometry.transforms import transform_from
-from lab.motion.bouts import Track
-from lab.motion.carriage import Person, posture_arrays
+from lab.bodies.skeleton import SEGMENTS, BodyPose, Skeleton
+from lab.motion.bouts import WalkPath
 from lab.motion.crowd import (
     BOUND_MARGIN_M,
-    Paths,
+    CrowdPaths,
     Place,
     Surroundings,
     simulate_paths,
 )
-from lab.motion.footfalls import Feet, Steps
+from lab.motion.footfalls import FootStances, StepPlan
+from lab.motion.kinematics import Individual, pose_arrays
 from lab.motion.walker import STEP_S, Walker
-from lab.posture import SEGMENTS, Posture, Skeleton
 from lab.scenario import PersonPlan
 from people4d.messages import F64
 
@@ -29,10 +29,10 @@ BEFORE_S, AFTER_S = 1.5, 3.5  # simulated before the start; after the end, to pl
 SMOOTH_S = 0.08  # nobody's body follows its plan without inertia
 
 
-class Motion:
+class PersonMotion:
     """One person's motion."""
 
-    def __init__(self, track: Track, pelvis_m: F64, rotations: F64, steps: Steps):
+    def __init__(self, track: WalkPath, pelvis_m: F64, rotations: F64, steps: StepPlan):
         self._begin_s = float(track.times_s[0])
         self._path = np.stack([track.x_m, track.y_m, track.yaw_rad], axis=-1)
         # Two columns make a rotation; the third is their cross product.
@@ -42,12 +42,12 @@ class Motion:
         self._feet = steps.feet
 
     @property
-    def feet(self) -> tuple[Feet, Feet]:
+    def feet(self) -> tuple[FootStances, FootStances]:
         """When and where the left and the right foot stand."""
         return self._feet
 
-    def at(self, t_s: float) -> Posture:
-        """Return the posture at a time; position and rotations have smooth derivatives."""
+    def at(self, t_s: float) -> BodyPose:
+        """Return the pose at a time; position and rotations have smooth derivatives."""
         values = self._interpolate(self._samples, np.array([t_s]))[0]
         axes = values[3:].reshape(len(SEGMENTS), 3, 2)
         x, y = axes[..., 0], axes[..., 1]
@@ -57,7 +57,7 @@ class Motion:
         rotations = np.stack([x, np.cross(z, x), z], axis=-1)
         pelvis = transform_from(values[:3], rotations[0])
         rotations[0] = np.eye(3)
-        return Posture(pelvis, rotations)
+        return BodyPose(pelvis, rotations)
 
     def path(self, t_s: npt.ArrayLike) -> F64:
         """Return the way without the body's oscillation.
@@ -111,7 +111,7 @@ def simulate(
     seed: int,
     obstacle: Place | None = None,
     area_m: F64 | None = None,
-) -> tuple[Motion, ...]:
+) -> tuple[PersonMotion, ...]:
     """Return the motions of people who go their ways and avoid each other.
 
     Args:
@@ -133,7 +133,7 @@ def simulate(
     stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
     paths = simulate_paths(walkers, times_s, Surroundings(bounds_m, stools_m, obstacle))
     drawn = [
-        Person.draw(skeleton, seed, index, plan.gestures)
+        Individual.draw(skeleton, seed, index, plan.gestures)
         for index, (skeleton, plan) in enumerate(zip(skeletons, people, strict=True))
     ]
     return tuple(_motion(paths, index, person) for index, person in enumerate(drawn))
@@ -148,15 +148,15 @@ def _bounds(people: Sequence[PersonPlan]) -> F64:
     return np.stack([places.min(axis=0) - BOUND_MARGIN_M, places.max(axis=0) + BOUND_MARGIN_M])
 
 
-def _motion(paths: Paths, index: int, person: Person) -> Motion:
+def _motion(paths: CrowdPaths, index: int, person: Individual) -> PersonMotion:
     """Return the motion of one person on their way."""
     x, y, yaw = (
         gaussian_filter1d(values[index], SMOOTH_S / STEP_S, mode="nearest")
         for values in (paths.x_m, paths.y_m, paths.yaw_rad)
     )
     speed = np.hypot(np.gradient(x, STEP_S), np.gradient(y, STEP_S))
-    track = Track(paths.times_s, x, y, yaw, speed, np.gradient(yaw, STEP_S))
-    pelvis_m, rotations, steps = posture_arrays(
+    track = WalkPath(paths.times_s, x, y, yaw, speed, np.gradient(yaw, STEP_S))
+    pelvis_m, rotations, steps = pose_arrays(
         person, track, paths.seated[index], paths.looking[index]
     )
-    return Motion(track, pelvis_m, rotations, steps)
+    return PersonMotion(track, pelvis_m, rotations, steps)

@@ -34,7 +34,7 @@ class Walker:
         speed_mps: Forward.
         goal_m: Place to go to now, None while staying.
         face_rad: Yaw to turn to while staying, None to stay as is.
-        cruise_mps: Speed of free walking to the goal.
+        cruise_mps: Fidelity of free walking to the goal.
         stopping: The goal is a place to stop at.
         seated: Progress of sitting down, 0 standing to 1 seated.
         looking: Looks around.
@@ -56,7 +56,7 @@ class Walker:
         self._agenda = self._follow_plan()
 
     def decide(self, time_s: float) -> None:
-        """Bring goal, facing and posture up to date for a time."""
+        """Bring goal, facing and pose up to date for a time."""
         self._time_s = time_s
         next(self._agenda)
 

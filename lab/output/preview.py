@@ -12,9 +12,8 @@ from common.drawing.strokes import put_label
 from common.drawing.tiles import Tile, grid, shrink
 from common.drawing.topdown import Trajectories, draw_map
 from common.drawing.video import open_video
-from lab.film import Film, flat
-from lab.frame_truth import person_views
-from lab.views import PersonView
+from lab.camera.frames import FrameRenderer, flat
+from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.errors import SourceError
 from people4d.messages import F64, U8, U16, Detection, Detections, Track, Tracks
@@ -33,7 +32,7 @@ class Preview:
         film: What is shown.
     """
 
-    def __init__(self, film: Film) -> None:
+    def __init__(self, film: FrameRenderer) -> None:
         self._film = film
         self._world = film.world
         self._trails = _trails(film.world)

@@ -9,17 +9,16 @@ from pathlib import Path
 import msgspec
 
 from common.io.recording import RecordingWriter, open_recording
-from lab.depth.note import NAME
-from lab.frame_truth import save_frames
-from lab.output.pieces import Shelf, digest_of, do_all
-from lab.output.studio import Order, Speed, studio_of
-from lab.output.truth_file import join_frames
+from lab.depth.metadata import NAME
+from lab.output.chunks import ChunkStore, digest_of, run_chunks
+from lab.output.sequence import Fidelity, RenderJob, sequence_renderer
+from lab.truth.files import join_frames, save_frames
 from people4d.errors import SourceError
 from people4d.messages import Message
 from services.camera.ros.export import export
 
 # Frames in a piece: a few seconds of work, which is what an interruption costs.
-PIECE_FRAMES: dict[Speed, int] = {"geometry": 300, "depth": 60, "colour": 10}
+PIECE_FRAMES: dict[Fidelity, int] = {"geometry": 300, "depth": 60, "colour": 10}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +47,7 @@ class Outputs:
 
 
 def render(
-    order: Order, outputs: Outputs, jobs: int, progress: Callable[[str, float], object]
+    order: RenderJob, outputs: Outputs, jobs: int, progress: Callable[[str, float], object]
 ) -> None:
     """Render a scenario; what an interrupted rendering has done is not done again.
 
@@ -64,11 +63,11 @@ def render(
     for path in outputs.paths:
         if path.exists():
             raise SourceError(f"{path} exists already", "Remove it, or give another --out.")
-    shelf, size = Shelf(outputs.shelf, _key(order)), PIECE_FRAMES[order.speed]
-    count = -(-studio_of(order).world.frame_count // size)
+    shelf, size = ChunkStore(outputs.shelf, _key(order)), PIECE_FRAMES[order.fidelity]
+    count = -(-sequence_renderer(order).world.frame_count // size)
     missing = shelf.missing(count)
     progress("drawing", 1 - len(missing) / count)
-    for done, _ in enumerate(do_all(partial(make_piece, order, shelf, size), missing, jobs), 1):
+    for done, _ in enumerate(run_chunks(partial(make_piece, order, shelf, size), missing, jobs), 1):
         progress("drawing", 1 - (len(missing) - done) / count)
     pieces = [shelf.path(piece) for piece in range(count)]
     recording = shelf.path(count)
@@ -82,9 +81,9 @@ def render(
     shelf.remove()
 
 
-def make_piece(order: Order, shelf: Shelf, size: int, piece: int) -> None:
+def make_piece(order: RenderJob, shelf: ChunkStore, size: int, piece: int) -> None:
     """Make the messages of a piece of so many frames and put them on the shelf."""
-    studio, path = studio_of(order), shelf.path(piece)
+    studio, path = sequence_renderer(order), shelf.path(piece)
     last = min((piece + 1) * size, studio.world.frame_count)
     unfinished = path.with_suffix(".new")
     truth = []
@@ -99,10 +98,10 @@ def make_piece(order: Order, shelf: Shelf, size: int, piece: int) -> None:
     unfinished.replace(path)  # last: from now on the piece counts as done
 
 
-def _write_recording(order: Order, pieces: list[Path], path: Path) -> None:
+def _write_recording(order: RenderJob, pieces: list[Path], path: Path) -> None:
     with RecordingWriter(path) as writer:
         writer.write_metadata(NAME, order.note.values())
-        for message in studio_of(order).timeline(_messages(pieces)):
+        for message in sequence_renderer(order).timeline(_messages(pieces)):
             writer.write(message, message.stamp_ns)
 
 
@@ -116,7 +115,7 @@ def _truth_of(piece: Path) -> Path:
     return piece.with_suffix(".npz")
 
 
-def _key(order: Order) -> str:
+def _key(order: RenderJob) -> str:
     """Return what tells this rendering from any other, the lab's own code included."""
     text = msgspec.json.encode(order) + digest_of(Path(__file__).parents[1]).encode()
     return hashlib.sha256(text).hexdigest()

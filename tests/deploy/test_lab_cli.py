@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 
 from common.io.recording import open_recording
 from deploy.cli import app
-from lab.depth.note import read_note
-from lab.scenario import scenario_names
-from lab.scenario_source import is_scenario, resolve, truth_settings
+from lab.depth.metadata import read_metadata
+from lab.scenario import is_scenario, resolve, scenario_names, truth_settings
 from people4d.errors import ConfigError
 from people4d.messages import Detections
 from tests.lab.scenarios import FRAMES, write_scenario
@@ -42,7 +41,16 @@ def test_every_command_has_help(command: str) -> None:
 def test_render_preview_and_export(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path)
     status, output, errors = run(
-        "render", scenario, "--speed", "depth", "--out", tmp_path, "--jobs", 1, "--format", "both"
+        "render",
+        scenario,
+        "--fidelity",
+        "depth",
+        "--out",
+        tmp_path,
+        "--jobs",
+        1,
+        "--format",
+        "both",
     )
     assert (status, "Wrote" in output) == (0, True), errors
     assert open_recording(tmp_path / "walk.mcap").summary.topics["raw/front/compressed"] == FRAMES
@@ -51,7 +59,7 @@ def test_render_preview_and_export(tmp_path: Path) -> None:
     assert status == 0
     assert f"{FRAMES:>8} /camera/color/image_raw/compressed" in output
     status, _, _ = run(
-        "preview", scenario, "--speed", "depth", "--out", tmp_path / "p.png", "--every", 0.6
+        "preview", scenario, "--fidelity", "depth", "--out", tmp_path / "p.png", "--every", 0.6
     )
     assert status == 0
     assert (tmp_path / "p.png").is_file()
@@ -59,7 +67,7 @@ def test_render_preview_and_export(tmp_path: Path) -> None:
 
 def test_a_seed_of_ones_own_is_in_the_name(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path)
-    status, _, _ = run("render", scenario, "--speed", "geometry", "--out", tmp_path, "--seed", 7)
+    status, _, _ = run("render", scenario, "--fidelity", "geometry", "--out", tmp_path, "--seed", 7)
     assert status == 0
     assert (tmp_path / "walk-7.mcap").is_file()
 
@@ -68,12 +76,12 @@ def test_errors_can_be_chosen(tmp_path: Path) -> None:
     """A detector that finds nobody and a sensor with twice the noise, which the file notes."""
     settings = ["--set", "detector.recall=0", "--set", "sensor.noise_px=0.14"]
     settings += ["--set", "detector.false_alarms=0"]
-    arguments = ["--speed", "geometry", "--out", tmp_path, *settings]
+    arguments = ["--fidelity", "geometry", "--out", tmp_path, *settings]
     assert run("render", write_scenario(tmp_path), *arguments)[0] == 0
     recording = open_recording(tmp_path / "walk.mcap")
     found = [m for _, m in recording.messages(Detections) if isinstance(m, Detections)]
     assert [len(m.detections) for m in found] == [0] * FRAMES
-    note = read_note(recording)
+    note = read_metadata(recording)
     assert note is not None
     assert note.sensor.noise_px == 0.14
 
@@ -84,7 +92,10 @@ def test_errors_can_be_chosen(tmp_path: Path) -> None:
         (["render", "nothing"], "there is no scenario nothing. There are "),
         (["preview", "nothing"], "there is no scenario nothing. There are "),
         (["preview", "two_easy", "--out", "p.gif"], "--out: expected a .png or .webm file"),
-        (["render", "two_easy", "--speed", "geometry", "--format", "ros2"], "no images for a ROS"),
+        (
+            ["render", "two_easy", "--fidelity", "geometry", "--format", "ros2"],
+            "no images for a ROS",
+        ),
         (["render", "two_easy", "--set", "sensor.noize_px=1"], "Did you mean noise_px?"),
         (["render", "two_easy", "--set", "sensor.noise_px=-1"], "noise_px: expected >= 0"),
         (["export", "/none.mcap", "/tmp/none"], "recording /none.mcap cannot be read"),
@@ -138,7 +149,7 @@ def test_up_takes_scenarios_and_knows_their_truth(
     assert resolve("lab:walk.toml@3") == f"lab:{path}@3"
     with pytest.raises(ConfigError, match="there is no scenario nothing"):
         resolve("lab:nothing")
-    source = 'gt_bridge.source="lab.truth:LabTruth"'
+    source = 'gt_bridge.source="lab.source:LabTruth"'
     assert truth_settings(f"lab:{path}@3", loop=False) == [source]
     # 1.2 s at 10 Hz are 12 frames: the next round begins 1.2 s later.
     assert truth_settings(f"lab:{path}@3", loop=True) == [source, "gt_bridge.loop_s=1.2"]

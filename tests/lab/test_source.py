@@ -11,9 +11,9 @@ import pytest
 
 from common.runtime.node import Node
 from evaluation.pipeline import play
-from lab.film import Film
+from lab.camera.frames import FrameRenderer
+from lab.drawing.renderer import DepthView
 from lab.source import LabSource
-from lab.views import DepthView
 from people4d.errors import ConfigError
 from people4d.messages import (
     CameraInfo,
@@ -129,13 +129,13 @@ def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.Monke
     source = opened(write_scenario(tmp_path, DRIVE))
     everything = list(source)
     drawn: list[int] = []
-    draw = Film.view
+    draw = FrameRenderer.view
 
-    def counting(film: Film, index: int) -> DepthView:
+    def counting(film: FrameRenderer, index: int) -> DepthView:
         drawn.append(index)
         return draw(film, index)
 
-    monkeypatch.setattr(Film, "view", counting)
+    monkeypatch.setattr(FrameRenderer, "view", counting)
     late = list(play_source(source, Selection(start_s=0.75, duration_s=0.3)))
     assert drawn == [8, 9, 10]  # at 0.8, 0.9 and 1.0 s
     wanted = [item for item in everything if 75 <= (item.stamp_ns - EPOCH_NS) / 10**7 <= 105]

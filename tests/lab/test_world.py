@@ -15,7 +15,7 @@ DIGEST = """
 import hashlib
 from lab.drawing.renderer import draw_depth
 from lab.scenario import load_scenario
-from lab.truth import capture
+from lab.truth.motion_capture import capture
 from lab.world import World
 of = World(load_scenario("short_robot"))
 view = draw_depth([of.room.mesh, *of.meshes(1.3)], of.optical_from_map(1.3), of.info, 0.05)
@@ -49,14 +49,14 @@ def test_geometry_needs_neither_room_nor_bodies() -> None:
     of = World(load_scenario("short_walk"))
     of.optical_from_map(1.0)
     assert not {"room", "bodies", "motions"} & set(vars(of))
-    of.postures(1.0)
+    of.poses(1.0)
     assert "room" not in vars(of)
 
 
 def test_a_time_does_not_depend_on_those_asked_for_before() -> None:
     one, other = (World(load_scenario("short_robot")) for _ in range(2))
     for t_s in (3.1, 0.2, 2.0):
-        other.postures(t_s)
+        other.poses(t_s)
     for mesh, again in zip(one.meshes(2.0), other.meshes(2.0), strict=True):
         np.testing.assert_array_equal(mesh.vertices_m, again.vertices_m)
 
@@ -75,7 +75,7 @@ def test_two_processes_see_the_same_bytes() -> None:
 def test_another_seed_is_another_motion_and_room_on_the_same_ways() -> None:
     one, other = world("short_walk"), World(load_scenario("short_walk"), seed=99)
     assert other.seed == 99
-    before, after = (of.postures(2.0)[0].map_from_pelvis for of in (one, other))
+    before, after = (of.poses(2.0)[0].map_from_pelvis for of in (one, other))
     assert 1e-6 < np.abs(before - after).max() < 0.2
     assert not np.array_equal(one.room.walls, other.room.walls)
 
@@ -87,7 +87,7 @@ def test_a_stool_stands_where_somebody_sits() -> None:
     assert z[near].max() == pytest.approx(SEAT_M, abs=0.02)
     # Seated, the hips are a little above the seat; standing, twice as high.
     height = of.bodies[0].skeleton.stature_m
-    hips_m = [of.postures(t)[0].map_from_pelvis[2, 3] for t in (0.0, 5.5)]
+    hips_m = [of.poses(t)[0].map_from_pelvis[2, 3] for t in (0.0, 5.5)]
     assert hips_m[0] > 0.45 * height
     assert SEAT_M < hips_m[1] < SEAT_M + 0.2
 

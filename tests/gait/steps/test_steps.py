@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lab.marks import footfalls
 from lab.scenario import Waypoint, load_scenario
+from lab.truth.markers import footfalls
 from lab.world import World
 from people4d.messages import F64, GaitMeasures
 from services.gait.steps.config import StepConfig

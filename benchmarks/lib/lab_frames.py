@@ -1,0 +1,57 @@
+"""Pictures of the virtual lab with their truth, for benchmarks."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lab.camera.frames import FrameRenderer, RenderSettings
+from lab.drawing.renderer import DepthView
+from lab.scenario import load_scenario
+from lab.truth.frames import PersonView, person_views
+from lab.world import World
+from people4d.messages import U8
+
+ALONE_MIN = 0.9  # visible share from which nothing hides a person
+SEEN_MIN = 0.35  # visible share below which nobody has to be found
+FACE_AND_TRUNK = [0, 5, 6, 11, 12]  # COCO: nose, shoulders, hips
+
+
+@dataclass(frozen=True)
+class LabFrame:
+    """One frame and all that is true in it."""
+
+    scenario: str
+    time_s: float
+    rgb: U8
+    view: DepthView
+    people: Sequence[PersonView]
+    bodies: Sequence[str]  # name in the cast of each of people
+
+
+def lab_frames(name: str, count: int, seed: int | None = None) -> Iterator[LabFrame]:
+    """Draw frames of a scenario, spread evenly over its time."""
+    world = World(load_scenario(name), seed)
+    film = FrameRenderer(world, RenderSettings())
+    bodies = [person.body for person in world.scenario.people]
+    for index in np.linspace(0, world.frame_count - 1, count).astype(int).tolist():
+        view = film.view(index)
+        people = person_views(world, world.frame_s(index), view)
+        yield LabFrame(name, world.frame_s(index), film.rgb(index, view), view, people, bodies)
+
+
+def has_to_be_found(person: PersonView, size: tuple[int, int]) -> bool:
+    """Tell whether enough of a person is seen, face and trunk inside the image."""
+    return person.visible_share >= SEEN_MIN and bool(np.all(inside(person, size)[FACE_AND_TRUNK]))
+
+
+def is_alone(person: PersonView, size: tuple[int, int]) -> bool:
+    """Tell whether a person that has to be found is hidden by nothing."""
+    return has_to_be_found(person, size) and person.visible_share >= ALONE_MIN
+
+
+def inside(person: PersonView, size: tuple[int, int]) -> U8:
+    """Return which of 17 keypoints lie inside an image of a height and a width."""
+    height, width = size
+    u, v = np.nan_to_num(person.keypoints_px, nan=-1.0).T
+    return np.asarray((u >= 0) & (v >= 0) & (u < width) & (v < height), np.uint8)

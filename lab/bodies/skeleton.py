@@ -1,0 +1,85 @@
+"""How a body is held: the rotations of its segments, and the skeleton they turn about."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from people4d.messages import F64
+
+# Segment -> the segment it hangs on; parents come before children.
+PARENTS: dict[str, str] = {
+    "pelvis": "",
+    "chest": "pelvis",
+    "head": "chest",
+    "upper_arm_l": "chest",
+    "forearm_l": "upper_arm_l",
+    "upper_arm_r": "chest",
+    "forearm_r": "upper_arm_r",
+    "thigh_l": "pelvis",
+    "shank_l": "thigh_l",
+    "foot_l": "shank_l",
+    "thigh_r": "pelvis",
+    "shank_r": "thigh_r",
+    "foot_r": "shank_r",
+}
+SEGMENTS = tuple(PARENTS)
+INDEX = {name: index for index, name in enumerate(SEGMENTS)}
+
+
+@dataclass(frozen=True)
+class BodyPose:
+    """A body in the room at one time.
+
+    In the neutral pose (all rotations identity) a person stands upright, arms hanging, legs
+    straight, toes forward, and the axes of all segments are parallel: x forward, y left, z up.
+
+    Args:
+        map_from_pelvis: 4x4, origin midway between the hip joints.
+        rotations: 13x3x3 in the order of SEGMENTS, each parent_from_segment; the pelvis' own is
+            identity, since its rotation is in map_from_pelvis.
+    """
+
+    map_from_pelvis: F64
+    rotations: F64
+
+
+def map_from_segments(pose: BodyPose) -> F64:
+    """Return the rotation of each segment in the map, 13x3x3 in the order of SEGMENTS."""
+    rotations = np.empty((len(SEGMENTS), 3, 3))
+    for index, (name, parent) in enumerate(PARENTS.items()):
+        before = rotations[INDEX[parent]] if parent else pose.map_from_pelvis[:3, :3]
+        rotations[INDEX[name]] = before @ pose.rotations[index]
+    return rotations
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Where the joints of one person are in the neutral pose.
+
+    All points are in metres in the pelvis frame; 2x3 arrays hold the left side first.
+
+    Args:
+        hip: 2x3; their mean is the origin.
+        knee: 2x3, exactly below the hip but for the leg's own small forward angle.
+        ankle: 2x3.
+        heel: 2x3, hindmost point of the shoe's sole that touches the floor.
+        ball: 2x3, point of the sole below the ball of the foot, about which it rolls.
+        toe: 2x3, foremost point of the sole.
+        waist: 3, where the chest turns on the pelvis.
+        shoulder: 2x3.
+        elbow: 2x3.
+        wrist: 2x3.
+        stature_m: Height from sole to crown.
+    """
+
+    hip: F64
+    knee: F64
+    ankle: F64
+    heel: F64
+    ball: F64
+    toe: F64
+    waist: F64
+    shoulder: F64
+    elbow: F64
+    wrist: F64
+    stature_m: float

@@ -1,0 +1,1 @@
+"""The simulated camera on its robot: frames, motion, wheel odometry, detections."""

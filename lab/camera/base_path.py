@@ -1,0 +1,167 @@
+"""The robot's way: a base that drives on the floor and carries the camera.
+
+Forward speed and turn rate are those of the plan, joined by ramps so that the wheels never jump. A
+ramp is half a cosine, centred on the boundary of two stretches: what it takes from the one it gives
+to the other, so the distance and angle of the plan as a whole are kept. The base begins at the
+speed of its first stretch and stands after its last.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from common.geometry.transforms import (
+    LINK_FROM_OPTICAL,
+    rotation_from_rpy,
+    transform_from,
+    wrap,
+)
+from lab.scenario import CameraPlan, Drive
+from people4d.messages import F64
+
+ACCELERATION_MPS2 = 0.5  # largest, of an indoor robot that does not topple what it carries
+TURN_ACCELERATION_RADPS2 = 1.5
+GRID_S = 0.005  # of the integration
+MARGIN_S = 2.0  # before the start and after the end that poses are known
+
+
+@dataclass(frozen=True)
+class SpeedProfile:
+    """A speed over time: a first value and ramps to others; distances are its exact integral.
+
+    Args:
+        first: Before all ramps.
+        steps: N, what each ramp adds.
+        middles_s: N, when each is half done.
+        lengths_s: N, how long each takes, > 0.
+    """
+
+    first: float
+    steps: F64
+    middles_s: F64
+    lengths_s: F64
+
+    def speed(self, t_s: F64) -> F64:
+        """Return the speed at times."""
+        speed = np.full(len(t_s), self.first, np.float64)
+        for step, middle_s, length_s in self._ramps():
+            speed += step * (1 - np.cos(np.pi * _done(t_s, middle_s, length_s))) / 2
+        return speed
+
+    def distance(self, t_s: F64) -> F64:
+        """Return the distance from time 0, signed."""
+        return self._integral(t_s) - self._integral(np.zeros(1))
+
+    def _integral(self, t_s: F64) -> F64:
+        """Return an integral of the speed: after a ramp, as if it had jumped at its middle."""
+        integral = self.first * t_s
+        for step, middle_s, length_s in self._ramps():
+            done = _done(t_s, middle_s, length_s)
+            within = (done - np.sin(np.pi * done) / np.pi) / 2 * length_s
+            integral += step * (within + np.maximum(t_s - middle_s - length_s / 2, 0))
+        return integral
+
+    def _ramps(self) -> Iterator[tuple[float, float, float]]:
+        return zip(self.steps, self.middles_s, self.lengths_s, strict=True)
+
+
+def _done(t_s: F64, middle_s: float, length_s: float) -> F64:
+    """Return how far a ramp is done at each time, 0 to 1."""
+    done: F64 = np.clip((t_s - middle_s) / length_s + 0.5, 0, 1)
+    return done
+
+
+class BasePath:
+    """Where the base and its camera are at any time from MARGIN_S before to as long after.
+
+    Args:
+        plan: The camera and its drive.
+        duration_s: Length of the scenario.
+    """
+
+    def __init__(self, plan: CameraPlan, duration_s: float) -> None:
+        drives = _stops(plan.drive, duration_s)
+        self._forward = _profile(drives, [d.speed_mps for d in drives], ACCELERATION_MPS2)
+        turns = [math.radians(d.turn_dps) for d in drives]
+        self._turn = _profile(drives, turns, TURN_ACCELERATION_RADPS2)
+        self._yaw_rad = math.radians(plan.yaw_deg)
+        self._place = _integrate(self._forward, self._turn, self._yaw_rad, duration_s)
+        self._start_m = np.array(plan.at[:2]) - self._place(0.0)
+        pitch = rotation_from_rpy(0.0, math.radians(plan.pitch_deg), 0.0)
+        mount = transform_from((0.0, 0.0, plan.at[2]), pitch)
+        self.base_from_optical: F64 = mount @ LINK_FROM_OPTICAL  # 4x4, the camera on the base
+
+    def place(self, t_s: float) -> F64:
+        """Return x and y in metres, frame: map; quicker than the whole pose."""
+        place: F64 = self._start_m + self._place(t_s)
+        return place
+
+    def pose(self, t_s: float) -> tuple[float, float, float]:
+        """Return x and y in metres and the heading in (-pi, pi], frame: map."""
+        x, y = self.place(t_s)
+        turned_rad = float(self.travel(np.array([t_s]))[0, 1])
+        return float(x), float(y), wrap(self._yaw_rad + turned_rad)
+
+    def twist(self, t_s: float) -> tuple[float, float]:
+        """Return the forward speed in m/s and the turn rate in rad/s, counter-clockwise."""
+        time_s = np.array([t_s])
+        return float(self._forward.speed(time_s)[0]), float(self._turn.speed(time_s)[0])
+
+    def travel(self, t_s: F64) -> F64:
+        """Return the way since time 0 at each of N times: Nx2, forward in m and turned in rad."""
+        return np.stack([self._forward.distance(t_s), self._turn.distance(t_s)], axis=1)
+
+    def map_from_base(self, t_s: float) -> F64:
+        """Return the pose of the base on the floor, 4x4."""
+        x, y, theta = self.pose(t_s)
+        return transform_from((x, y, 0.0), rotation_from_rpy(0.0, 0.0, theta))
+
+    def map_from_optical(self, t_s: float) -> F64:
+        """Return the pose of the camera's optical frame, 4x4."""
+        pose: F64 = self.map_from_base(t_s) @ self.base_from_optical
+        return pose
+
+
+def base_path(plan: CameraPlan, duration_s: float) -> BasePath:
+    """Return the way of a camera; one without a drive stands still."""
+    return BasePath(plan, duration_s)
+
+
+def _stops(drives: tuple[Drive, ...], duration_s: float) -> tuple[Drive, ...]:
+    """Let the base stand after its last stretch, if the scenario goes on."""
+    end_s = sum(drive.for_s for drive in drives)
+    return drives if drives and end_s >= duration_s else (*drives, Drive(for_s=math.inf))
+
+
+def _profile(drives: tuple[Drive, ...], speeds: list[float], limit: float) -> SpeedProfile:
+    """Join speeds by ramps as steep as the limit; never longer than both stretches allow."""
+    steps = np.diff(speeds)
+    stretches_s = np.array([drive.for_s for drive in drives])
+    steepest_s = np.pi / 2 * np.abs(steps) / limit  # the middle of half a cosine is pi/2 steep
+    room_s = np.minimum(stretches_s[:-1], stretches_s[1:])
+    return SpeedProfile(
+        first=speeds[0],
+        steps=steps,
+        middles_s=np.cumsum(stretches_s)[:-1],
+        lengths_s=np.maximum(np.minimum(steepest_s, room_s), 1e-6),
+    )
+
+
+def _integrate(
+    forward: SpeedProfile, turn: SpeedProfile, yaw_rad: float, duration_s: float
+) -> CubicHermiteSpline:
+    """Return the place from a fixed one: the grid's steps are arcs, between them it is cubic."""
+    count = math.ceil((duration_s + 2 * MARGIN_S) / GRID_S)
+    t_s = np.linspace(-MARGIN_S, count * GRID_S - MARGIN_S, count + 1)
+    heading = yaw_rad + turn.distance(t_s)
+    middle = (heading[1:] + heading[:-1]) / 2
+    half_turn = np.diff(heading) / 2
+    # The chord of an arc is shorter than the arc by sin(half the turn) / half the turn.
+    chord = np.diff(forward.distance(t_s)) * np.sinc(half_turn / np.pi)
+    steps = chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1)
+    places = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    return CubicHermiteSpline(t_s, places, forward.speed(t_s)[:, None] * direction)

@@ -1,0 +1,277 @@
+"""The whole body over time: the gait table gives pelvis, trunk and arms, the feet give the legs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from lab.bodies.rotations import about_x, about_y, about_z, turn
+from lab.bodies.skeleton import INDEX, PARENTS, SEGMENTS, Skeleton
+from lab.motion import stance
+from lab.motion.bouts import WalkPath
+from lab.motion.foot_path import FootPath, foot_path
+from lab.motion.footfalls import BodyProportions, StepPlan, plan_steps
+from lab.motion.gait import REFERENCE_MPS, GaitCurves, load_gait_curves, step_length_m
+from lab.motion.limbs import (
+    ArmAngles,
+    arm_rotations,
+    bend_leg,
+    lacking_height_m,
+    smooth_cover,
+    with_gestures,
+)
+from lab.motion.walker import STEP_S
+from lab.scenario import Gesture
+from people4d.messages import F64
+
+PERSON_KEY = 7100
+BLEND_S = 0.2  # between walking and standing
+STAND_LOW_M = 0.005  # standing people do not lock their knees
+WALK_LOW_M = 0.022  # mean height of the pelvis in walking at 1.3 m/s, below standing
+ANTICIPATION_S = 0.5  # the head turns to where the way leads then
+MOST_GAZE_RAD = 0.7
+GAZE_OF_CHEST = 0.25  # part of a look to the side that the chest turns along
+HANGING_ELBOW_DEG, HANGING_SHOULDER_DEG = 14.0, 0.0
+
+
+@dataclass(frozen=True)
+class Individual:
+    """A skeleton and the small ways in which its owner differs from others.
+
+    Args:
+        skeleton: Of the person.
+        seed: Of the scenario.
+        index: Of the person in it.
+        quickness: Cadence over that of the average person.
+        arm_swing: Amplitude over that of the average person.
+        first_foot: That likes to step first, 0 left or 1 right.
+        gestures: That the person makes.
+    """
+
+    skeleton: Skeleton
+    seed: int
+    index: int
+    quickness: float
+    arm_swing: float
+    first_foot: int
+    gestures: tuple[Gesture, ...] = ()
+
+    @classmethod
+    def draw(
+        cls, skeleton: Skeleton, seed: int, index: int, gestures: tuple[Gesture, ...] = ()
+    ) -> "Individual":
+        """Return a person of a scenario."""
+        rng = np.random.default_rng([seed, PERSON_KEY, index])
+        return cls(
+            skeleton,
+            seed,
+            index,
+            quickness=float(rng.uniform(0.95, 1.05)),
+            arm_swing=float(rng.uniform(0.75, 1.2)),
+            first_foot=int(rng.integers(2)),
+            gestures=gestures,
+        )
+
+    def build(self) -> BodyProportions:
+        """Return what the steps depend on."""
+        ankle = self.skeleton.ankle
+        half_m = float(abs(ankle[0, 1] - ankle[1, 1])) / 2.0
+        return BodyProportions(
+            self.skeleton.stature_m,
+            float(ankle[:, 0].mean()),
+            half_m,
+            self.quickness,
+            self.first_foot,
+        )
+
+
+@dataclass(frozen=True)
+class GaitScaling:
+    """How much of the gait table applies; arrays are T long.
+
+    Args:
+        times_s: As of the way.
+        phase: Cycles of the left leg.
+        stepping: 0 standing to 1 stepping.
+        stride: Step length over the table's.
+        speed: Fidelity over the table's.
+    """
+
+    times_s: F64
+    phase: F64
+    stepping: F64
+    stride: F64
+    speed: F64
+
+
+@dataclass(frozen=True)
+class TorsoMotion:
+    """Pelvis, chest and head; positions Tx3 and rotations Tx3x3, frame: map."""
+
+    pelvis_m: F64
+    pelvis: F64
+    chest: F64
+    head: F64
+
+
+def pose_arrays(
+    person: Individual, track: WalkPath, seated: F64, looking: F64
+) -> tuple[F64, F64, StepPlan]:
+    """Return a person's pose at all times of a way.
+
+    Args:
+        person: Who.
+        track: The way.
+        seated: T, progress of sitting down, 0 to 1.
+        looking: T, 1 while looking around.
+
+    Returns:
+        Pelvis Tx3 in metres, frame: map; rotations Tx13x3x3 parent_from_segment, the first
+        map_from_pelvis; the steps.
+    """
+    gait = load_gait_curves()
+    steps = plan_steps(track, person.build())
+    pace = _pace(track, steps, person)
+    sitting = stance.sit(seated, person.skeleton.stature_m)
+    feet = [
+        foot_path(steps.feet[side], person.skeleton, side, gait, track.times_s) for side in (0, 1)
+    ]
+    trunk = _trunk(person, track, pace, sitting, looking)
+    trunk.pelvis_m[:, 2] -= smooth_cover(_lacking(person.skeleton, trunk, feet))
+    rotations = np.empty((len(track.times_s), len(SEGMENTS), 3, 3))
+    for name, rotation in (("pelvis", trunk.pelvis), ("chest", trunk.chest), ("head", trunk.head)):
+        rotations[:, INDEX[name]] = rotation
+    for side, end in enumerate("lr"):
+        arm = _arm(person, pace, sitting, trunk, side)
+        rotations[:, INDEX[f"upper_arm_{end}"]], rotations[:, INDEX[f"forearm_{end}"]] = arm
+        leg = _leg(person.skeleton, track, trunk, feet[side], side)
+        rotations[:, INDEX[f"thigh_{end}"]], rotations[:, INDEX[f"shank_{end}"]] = leg
+        rotations[:, INDEX[f"foot_{end}"]] = feet[side].map_from_foot
+    return trunk.pelvis_m, _from_parents(rotations), steps
+
+
+def _pace(track: WalkPath, steps: StepPlan, person: Individual) -> GaitScaling:
+    """Return how much of the table applies."""
+    soft = BLEND_S / STEP_S
+    speed = gaussian_filter1d(track.speed_mps, soft, mode="nearest")
+    stature_m = person.skeleton.stature_m
+    stepping = gaussian_filter1d(steps.stepping, soft, mode="nearest")
+    stride = step_length_m(speed, stature_m) / step_length_m(REFERENCE_MPS, stature_m)
+    phase = gaussian_filter1d(steps.phase, soft / 2, mode="nearest")
+    return GaitScaling(
+        track.times_s, phase, stepping, stride * stepping, speed / REFERENCE_MPS * stepping
+    )
+
+
+def _trunk(
+    person: Individual, track: WalkPath, pace: GaitScaling, sitting: stance.Sitting, looking: F64
+) -> TorsoMotion:
+    """Return pelvis, chest and head before the pelvis is lowered to let the feet be reached."""
+    lean = _curve("chest.pitch", pace) * np.minimum(pace.stride, 1.0) + sitting.chest_rad
+    lean += stance.breath(track.times_s) * (1.0 - pace.stepping)
+    gaze = _gaze(person, track, looking)
+    pelvis = (
+        about_z(track.yaw_rad + _curve("pelvis.turn", pace) * pace.stride)
+        @ about_y(_curve("pelvis.tilt", pace) * pace.stride + sitting.pelvis_rad)
+        @ about_x(_curve("pelvis.list", pace) * pace.stride)
+    )
+    chest = (
+        about_z(track.yaw_rad + _curve("chest.turn", pace) * pace.stride + GAZE_OF_CHEST * gaze)
+        @ about_y(lean)
+        @ about_x(_curve("chest.list", pace) * pace.stride)
+    )
+    head = about_z(track.yaw_rad + gaze) @ about_y(0.3 * lean + 0.03)
+    return TorsoMotion(_pelvis_place(person, track, pace, sitting), pelvis, chest, head)
+
+
+def _curve(name: str, pace: GaitScaling) -> F64:
+    """Return a curve of angles, radians."""
+    return np.asarray(np.radians(load_gait_curves().curve(f"{name}_deg", pace.phase)))
+
+
+def _pelvis_place(
+    person: Individual, track: WalkPath, pace: GaitScaling, sitting: stance.Sitting
+) -> F64:
+    """Return the middle of the hips, Tx3, frame: map."""
+    gait, skeleton = load_gait_curves(), person.skeleton
+    still = (1.0 - pace.stepping) * (1.0 - sitting.low)
+    sway = stance.sway(track.times_s, person.seed, person.index) * still[:, None]
+    bounce = pace.stride**2  # as the height of an arc grows with its chord
+    ahead = gait.curve("pelvis.ahead_m", pace.phase) * bounce + sway[:, 0] - sitting.back_m
+    left = gait.curve("pelvis.left_m", pace.phase) * pace.stepping + sway[:, 1]
+    sole_m = float(np.min([skeleton.heel[:, 2], skeleton.ball[:, 2]]))
+    upright = gait.curve("pelvis.up_m", pace.phase) * bounce
+    upright += -sole_m - STAND_LOW_M - WALK_LOW_M * bounce
+    seat_m = stance.seated_height_m(skeleton.stature_m)
+    cos, sin = np.cos(track.yaw_rad), np.sin(track.yaw_rad)
+    return np.stack(
+        [
+            track.x_m + cos * ahead - sin * left,
+            track.y_m + sin * ahead + cos * left,
+            upright + (seat_m - upright) * sitting.low,
+        ],
+        axis=-1,
+    )
+
+
+def _gaze(person: Individual, track: WalkPath, looking: F64) -> F64:
+    """Return where the head turns to, from the way: T, radians to the left."""
+    later = np.interp(track.times_s + ANTICIPATION_S, track.times_s, track.yaw_rad)
+    ahead = MOST_GAZE_RAD * np.tanh((later - track.yaw_rad) / MOST_GAZE_RAD)
+    around = stance.look_around(track.times_s, person.seed, person.index)
+    around *= gaussian_filter1d(looking, 0.3 / STEP_S, mode="nearest")
+    return np.asarray(gaussian_filter1d(ahead, 0.1 / STEP_S, mode="nearest") + around)
+
+
+def _lacking(skeleton: Skeleton, trunk: TorsoMotion, feet: list[FootPath]) -> F64:
+    """Return how far the pelvis must come down so that both legs reach their feet, T."""
+    lacks = [
+        lacking_height_m(
+            trunk.pelvis_m + turn(trunk.pelvis, skeleton.hip[side]),
+            feet[side].ankle_m,
+            skeleton,
+            side,
+        )
+        for side in (0, 1)
+    ]
+    return np.maximum(lacks[0], lacks[1])
+
+
+def _arm(
+    person: Individual, pace: GaitScaling, sitting: stance.Sitting, trunk: TorsoMotion, side: int
+) -> tuple[F64, F64]:
+    """Return the rotations of upper arm and forearm, map_from_segment."""
+    gait: GaitCurves = load_gait_curves()
+    phase = pace.phase + 0.5 * side
+    swing = pace.speed * person.arm_swing
+    # The arm swings about where it hangs, and bends more the faster its owner walks.
+    shoulder = HANGING_SHOULDER_DEG + gait.curve("arm.shoulder_deg", phase) * swing
+    elbow = gait.curve("arm.elbow_deg", phase) - HANGING_ELBOW_DEG
+    elbow = HANGING_ELBOW_DEG + elbow * np.minimum(swing, 1.2)
+    shoulder = shoulder + (stance.RESTING_SHOULDER_DEG - shoulder) * sitting.rest
+    elbow = elbow + (stance.RESTING_ELBOW_DEG - elbow) * sitting.rest
+    angles = with_gestures(ArmAngles(shoulder, elbow), person.gestures, side, pace.times_s)
+    # Leaning forward leaves the arms hanging.
+    lean = np.arctan2(-trunk.chest[:, 2, 0], trunk.chest[:, 2, 2])
+    return arm_rotations(angles, trunk.chest, lean, side)
+
+
+def _leg(skeleton: Skeleton, track: WalkPath, trunk: TorsoMotion, foot: FootPath, side: int) -> F64:
+    """Return the rotations of thigh and shank, map_from_segment."""
+    toes = foot.map_from_foot[:, :, 0] * (1.0, 1.0, 0.0)
+    toes /= np.linalg.norm(toes, axis=-1, keepdims=True)
+    ahead = np.stack(
+        [np.cos(track.yaw_rad), np.sin(track.yaw_rad), np.zeros_like(track.yaw_rad)], axis=-1
+    )
+    hip_m = trunk.pelvis_m + turn(trunk.pelvis, skeleton.hip[side])
+    return bend_leg(hip_m, foot, toes + ahead, skeleton, side)
+
+
+def _from_parents(rotations: F64) -> F64:
+    """Return parent_from_segment of map_from_segment, Tx13x3x3; the pelvis stays."""
+    relative = rotations.copy()
+    for name, parent in PARENTS.items():
+        if parent:
+            before = np.swapaxes(rotations[:, INDEX[parent]], -1, -2)
+            relative[:, INDEX[name]] = before @ rotations[:, INDEX[name]]
+    return relative

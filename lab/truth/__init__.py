@@ -1,0 +1,1 @@
+"""Ground truth: motion capture, people in each frame, markers on the body."""

@@ -1,0 +1,118 @@
+"""What a motion-capture system tells about the people of a scenario."""
+
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.geometry.transforms import wrap
+from lab.scenario import CapturePlan
+from lab.world import World, stamp_ns
+from people4d.messages import F64, Truth, TruthPerson
+
+NOISE_KEY, GAP_KEY = 9101, 9102  # of the random numbers
+TORSO = [5, 6, 11, 12]  # shoulders and hips among COCO's keypoints
+STEP_S = 0.01  # to both sides of the time at which a velocity is wanted
+
+
+@dataclass(frozen=True)
+class Capture:
+    """One person at one time, without error; frame: map.
+
+    Args:
+        position_m: 3, torso = mean of both shoulders and both hips.
+        yaw_rad: Of the chest.
+        path_yaw_rad: Of the way.
+    """
+
+    position_m: F64
+    yaw_rad: float
+    path_yaw_rad: float
+
+
+def capture(world: World, person: int, t_s: float) -> Capture:
+    """Return what is true about a person, counted from 0, at a time."""
+    body, motion = world.bodies[person], world.motions[person]
+    pose = motion.at(t_s)
+    return Capture(
+        position_m=body.keypoints_m(pose)[TORSO].mean(axis=0),
+        yaw_rad=body.chest_yaw(pose),
+        path_yaw_rad=wrap(motion.path_yaw(t_s)),
+    )
+
+
+def velocity_mps(world: World, person: int, t_s: float) -> F64:
+    """Return the derivative of a person's torso position."""
+    before, after = (capture(world, person, t_s + step).position_m for step in (-STEP_S, STEP_S))
+    return np.asarray((after - before) / (2 * STEP_S))
+
+
+def person_id(person: int) -> str:
+    """Return the identity of a person, counted from 0: the number that owns their pixels."""
+    return str(person + 1)
+
+
+def capture_truth(world: World) -> Iterator[Truth]:
+    """Yield what motion capture tells, from the first frame to the end of the scenario.
+
+    Velocities are derivatives of the true positions: a capture system smooths what it measures.
+    """
+    plan, people = world.scenario.capture, len(world.scenario.people)
+    errors = [np.random.default_rng([world.seed, NOISE_KEY, k]) for k in range(people)]
+    seen = [captured(plan, world.scenario.duration_s, world.seed, k) for k in range(people)]
+    recent = [deque[Capture](maxlen=3) for _ in range(people)]
+    for sequence in range(-2, sample_count(plan, world.scenario.duration_s)):
+        for k, samples in enumerate(recent):
+            samples.append(capture(world, k, (sequence + 1) / plan.rate_hz))
+        if sequence < 0:
+            continue
+        t_s = sequence / plan.rate_hz
+        yield Truth(
+            stamp_ns=stamp_ns(t_s + plan.clock_offset_s),
+            sequence=sequence,
+            frame_id="map",
+            people=tuple(
+                _measure(person_id(k), recent[k], plan, errors[k])
+                for k in range(people)
+                if seen[k][sequence]
+            ),
+        )
+
+
+def sample_count(plan: CapturePlan, duration_s: float) -> int:
+    """Return the number of samples of motion capture."""
+    return int(duration_s * plan.rate_hz + 1e-9) + 1
+
+
+def captured(plan: CapturePlan, duration_s: float, seed: int, person: int) -> list[bool]:
+    """Return for each sample whether a person is captured.
+
+    Gaps and the times between them have exponential lengths, whose means give the share of gaps.
+    """
+    seen = np.ones(sample_count(plan, duration_s), np.bool_)
+    if plan.dropout <= 0:
+        return seen.tolist()
+    rng = np.random.default_rng([seed, GAP_KEY, person])
+    means_s = plan.dropout_s * np.array([1 / plan.dropout - 1, 1.0])
+    rounds = int(2 * duration_s / means_s.sum()) + 20
+    lengths_s = rng.exponential(np.tile(means_s, rounds))
+    edges = np.ceil(np.cumsum(lengths_s) * plan.rate_hz).astype(int).reshape(-1, 2)
+    for begin, end in edges.tolist():
+        seen[begin:end] = False
+    return seen.tolist()
+
+
+def _measure(
+    identity: str, samples: Sequence[Capture], plan: CapturePlan, rng: np.random.Generator
+) -> TruthPerson:
+    """Return a person as captured at the middle one of three samples."""
+    before, now, after = samples
+    return TruthPerson(
+        id=identity,
+        position_m=now.position_m + plan.noise_m * rng.standard_normal(3),
+        velocity_mps=(after.position_m - before.position_m) * (plan.rate_hz / 2),
+        yaw_rad=wrap(now.yaw_rad + math.radians(plan.yaw_noise_deg) * rng.standard_normal()),
+        path_yaw_rad=now.path_yaw_rad,
+    )

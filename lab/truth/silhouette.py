@@ -1,0 +1,155 @@
+"""What of a person is seen, from keypoints alone: a body of capsules, no pictures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.geometry.transforms import apply, project
+from people4d.messages import F64, CameraInfo
+
+BOOL = npt.NDArray[np.bool_]
+
+NEAREST_M = 0.1  # to the camera's plane that a keypoint may come
+APART_M = 0.1  # a point is hidden by what is nearer by more than this
+BEHIND_M = -0.04  # parts of the face may lie this far behind the middle of the head
+EARS, TORSO = [3, 4], [5, 6, 11, 12]  # COCO
+
+# Two keypoints (COCO order) and the radius [m] of the capsule about them.
+CAPSULES = (
+    (3, 4, 0.12),  # head
+    (5, 6, 0.09),
+    (11, 12, 0.12),
+    (5, 11, 0.11),
+    (6, 12, 0.11),
+    (5, 12, 0.11),
+    (6, 11, 0.11),
+    (5, 7, 0.055),  # arms
+    (7, 9, 0.045),
+    (6, 8, 0.055),
+    (8, 10, 0.045),
+    (11, 13, 0.085),  # legs
+    (13, 15, 0.06),
+    (12, 14, 0.085),
+    (14, 16, 0.06),
+)
+BEGIN, END = np.array([c[:2] for c in CAPSULES]).T
+RADIUS_M: F64 = np.array([c[2] for c in CAPSULES])
+
+# [m] how far the body reaches beyond keypoints, sideways and upright: crown, hands and feet have
+# none of their own.
+FACE, SHOULDER, ELBOW, HAND = (0.05, 0.05), (0.06, 0.06), (0.05, 0.05), (0.06, 0.10)
+HIP, KNEE, FOOT = (0.08, 0.10), (0.06, 0.06), (0.07, 0.13)
+EAR = (0.05, 0.14)
+BY_KEYPOINT = (*[FACE] * 3, EAR, EAR, *[SHOULDER] * 2, *[ELBOW] * 2, *[HAND] * 2)
+REACH_M: F64 = np.array([*BY_KEYPOINT, *[HIP] * 2, *[KNEE] * 2, *[FOOT] * 2])
+
+
+@dataclass(frozen=True)
+class Silhouette:
+    """One person in the image.
+
+    Args:
+        keypoints_m: 17x3, frame: optical.
+        keypoints_px: 17x2.
+        visible: 17, True: in the image and hidden by nobody, nor by the person's own body.
+        box_xyxy_px: 4, of the whole body, not cut to the image.
+        visible_share: Part of the body that is seen, 0 to 1.
+    """
+
+    keypoints_m: F64
+    keypoints_px: F64
+    visible: BOOL
+    box_xyxy_px: F64
+    visible_share: float
+
+
+def silhouettes(
+    people: list[F64], optical_from_map: F64, info: CameraInfo
+) -> dict[int, Silhouette]:
+    """Return the people who are in front of the camera, by their place in the list.
+
+    Args:
+        people: 17x3 keypoints of each, frame: map.
+        optical_from_map: 4x4.
+        info: Calibration.
+    """
+    placed = {k: apply(optical_from_map, person) for k, person in enumerate(people)}
+    ahead = {k: points for k, points in placed.items() if points[:, 2].min() > NEAREST_M}
+    return {
+        k: _outline(points, [other for j, other in ahead.items() if j != k], info)
+        for k, points in ahead.items()
+    }
+
+
+def _outline(keypoints_m: F64, others_m: list[F64], info: CameraInfo) -> Silhouette:
+    middles_m = (keypoints_m[BEGIN] + keypoints_m[END]) / 2
+    points_m = np.concatenate([keypoints_m, middles_m])
+    pixels = project(points_m, info)
+    seen = np.all((pixels >= 0) & (pixels <= (info.width - 1, info.height - 1)), axis=1)
+    for other_m in others_m:
+        seen &= ~hidden(points_m, pixels, other_m, info)
+    keypoints_px = pixels[:17]
+    reach_px = REACH_M * (info.fx, info.fy) / keypoints_m[:, 2:]
+    box = np.concatenate(
+        [(keypoints_px - reach_px).min(axis=0), (keypoints_px + reach_px).max(axis=0)]
+    )
+    visible = seen[:17] & _faces_camera(keypoints_m)
+    visible &= ~hidden(keypoints_m, keypoints_px, keypoints_m, info)
+    return Silhouette(keypoints_m, keypoints_px, visible, box, float(seen.mean()))
+
+
+def hidden(points_m: F64, pixels: F64, other_m: F64, info: CameraInfo) -> BOOL:
+    """Return which points a person hides: another, or their own.
+
+    Args:
+        points_m: Nx3, frame: optical.
+        pixels: Nx2, where they are seen.
+        other_m: 17x3 keypoints of the person who hides them, frame: optical.
+        info: Calibration.
+
+    Returns:
+        N.
+    """
+    if other_m[:, 2].min() > points_m[:, 2].max():
+        return np.zeros(len(points_m), np.bool_)
+    other_px = project(other_m, info)
+    begin, along = other_px[BEGIN], other_px[END] - other_px[BEGIN]
+    from_begin = pixels[:, None] - begin
+    length2 = np.maximum(np.sum(along**2, axis=1), 1e-9)
+    part = np.clip(np.sum(from_begin * along, axis=2) / length2, 0, 1)
+    distance_px = np.linalg.norm(from_begin - part[..., None] * along, axis=2)
+    z_m = other_m[BEGIN, 2] + part * (other_m[END, 2] - other_m[BEGIN, 2])
+    before = z_m < points_m[:, 2:] - APART_M
+    inside = (distance_px < RADIUS_M * info.fx / z_m) & before
+    hides: BOOL = np.any(inside, axis=1)
+    return hides
+
+
+def _faces_camera(keypoints_m: F64) -> BOOL:
+    """Return which keypoints the back of the head does not hide: those of the face may be."""
+    head_m = keypoints_m[EARS].mean(axis=0)
+    towards_camera = -head_m / np.linalg.norm(head_m)
+    faces = np.ones(17, np.bool_)
+    faces[:5] = (keypoints_m[:5] - head_m) @ towards_camera > BEHIND_M
+    return faces
+
+
+def facing(keypoints_m: F64, up: F64) -> F64:
+    """Return the level direction that a chest faces, 3, unit length.
+
+    Args:
+        keypoints_m: 17x3.
+        up: 3, away from the floor, unit length, same frame as the keypoints.
+    """
+    to_left = keypoints_m[5] - keypoints_m[6] + keypoints_m[11] - keypoints_m[12]
+    forward = np.cross(to_left, up)
+    length: float = max(float(np.linalg.norm(forward)), 1e-9)
+    return forward / length
+
+
+def sideways(keypoints_m: F64) -> float:
+    """Return how far a torso is turned from the camera: 0 front or back, 1 seen from the side."""
+    across = keypoints_m[5] - keypoints_m[6] + keypoints_m[11] - keypoints_m[12]
+    view = keypoints_m[TORSO].mean(axis=0)
+    return float(abs(across @ view) / max(np.linalg.norm(across) * np.linalg.norm(view), 1e-9))

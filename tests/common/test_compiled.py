@@ -1,0 +1,50 @@
+"""Compiled functions work where nothing can be kept on disk."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+PROGRAM = (
+    "from lab.depth.noise import NoiseField, Persistence; "
+    "persistence = Persistence(frozen_share=0, correlation_s=1); "
+    "print(NoiseField((4, 4), 2, (1,), persistence).at(0).shape)"
+)
+
+
+def test_without_a_folder_to_keep_them_in() -> None:
+    # Only a folder named by NUMBA_CACHE_DIR may be used, and none is named.
+    limits = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": ""}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        env={**os.environ, **limits},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.stdout, done.returncode) == ("(4, 4)\n", 0), done.stderr
+
+
+def test_a_change_in_a_called_function_in_another_file_is_seen(tmp_path: Path) -> None:
+    # Numba alone asks only for the caller's file, and would go on with the old code.
+    head = "from common.compiled import compiled\n"
+    called = head + "@compiled\ndef low(x):\n    return x + {}\n"
+    caller = head + "from low import low\n@compiled\ndef high(x):\n    return 10 * low(x)\n"
+    (tmp_path / "high.py").write_text(caller)
+    # Python's own kept code goes by whole seconds, and both versions may be of one.
+    kept = {"PYTHONDONTWRITEBYTECODE": "1"}
+    path = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    results = []
+    for added in (1, 2):
+        (tmp_path / "low.py").write_text(called.format(added))
+        done = subprocess.run(
+            [sys.executable, "-c", "from high import high; print(high(1))"],
+            env={**os.environ, **kept, **path},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        results.append((done.stdout, done.stderr))
+    assert results == [("20\n", ""), ("30\n", "")]

@@ -1,0 +1,225 @@
+"""Rendering: outputs, resuming, and bytes that depend on the order alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from common.io.images import decode_jpeg, decode_png16
+from common.io.recording import open_recording
+from lab.depth.metadata import read_metadata
+from lab.output import render as job
+from lab.output.chunks import ChunkStore
+from lab.output.render import Outputs, render
+from lab.output.sequence import Fidelity, RenderJob
+from lab.scenario import load_scenario
+from lab.source import LabOptions, LabSource
+from people4d.errors import SourceError
+from people4d.messages import (
+    CameraInfo,
+    CompressedRgbdFrame,
+    Detections,
+    Odometry,
+    StaticTransform,
+    Tracks,
+    Truth,
+)
+from services.camera.recording import RecordingOptions, RecordingSource
+from services.camera.ros.camera import RosbagOptions
+from services.camera.ros.source import RosbagSource
+from services.camera.source import SourceFrame
+from services.gt_bridge.config import GtBridgeConfig
+from services.gt_bridge.sources.recording import RecordingTruth
+from services.gt_bridge.sources.rosbag import RosbagTruth
+from services.tracker.build import make_tracker
+from services.tracker.config import TrackerConfig
+from services.tracker.node import TrackerNode
+from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
+
+
+@pytest.fixture(autouse=True)
+def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five frames in a piece, so that a short scenario has three of them."""
+    pieces: dict[Fidelity, int] = {"geometry": 5, "depth": 5, "colour": 5}
+    monkeypatch.setattr(job, "PIECE_FRAMES", pieces)
+
+
+def order(
+    folder: Path, fidelity: Fidelity = "depth", camera: str = "", **fields: object
+) -> RenderJob:
+    scenario = load_scenario(str(write_scenario(folder, camera)))
+    return RenderJob(scenario=scenario, seed=scenario.seed, fidelity=fidelity, **fields)  # type: ignore[arg-type]
+
+
+def rendered(folder: Path, wanted: RenderJob, name: str = "out.mcap", jobs: int = 1) -> Path:
+    render(wanted, Outputs(recording=folder / name), jobs, lambda *_: None)
+    return folder / name
+
+
+def captures(path: Path) -> list[SourceFrame]:
+    source = RecordingSource(path, RecordingOptions())
+    return [item for item in source if isinstance(item, SourceFrame)]
+
+
+def test_a_recording_holds_frames_calibration_place_and_truth(tmp_path: Path) -> None:
+    path = rendered(tmp_path, order(tmp_path))
+    recording = open_recording(path)
+    assert recording.summary.topics == {
+        "camera/front/info": 1,
+        "transforms/front_optical_frame": 1,
+        "raw/front/compressed": FRAMES,
+        "truth": 121,  # 100 Hz for 1.2 s, first and last included
+    }
+    kinds = [type(message) for _, message in recording.messages()]
+    assert kinds[:2] == [CameraInfo, StaticTransform]
+    frames = [m for _, m in recording.messages(CompressedRgbdFrame)]
+    assert [m.stamp_ns for m in frames] == [EPOCH_NS + k * 10**8 for k in range(FRAMES)]
+    assert [m.sequence for m in frames] == list(range(FRAMES))
+    note = read_metadata(recording)
+    assert note is not None
+    assert (note.scenario, note.seed, note.depth) == ("walk", 5, "clean")
+    assert not (tmp_path / "out.mcap.part").exists()
+
+
+def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(tmp_path: Path) -> None:
+    clean = rendered(tmp_path, order(tmp_path))
+    measured = rendered(tmp_path, order(tmp_path, depth="measured"), "measured.mcap")
+    source = LabSource(
+        str(tmp_path / "walk.toml"), LabOptions(mode="depth", depth_sensor="off", threads=1)
+    )
+    taken = [item for item in source if isinstance(item, SourceFrame)]
+    frames = [m for _, m in open_recording(clean).messages(CompressedRgbdFrame)]
+    for frame, capture in zip(frames, taken, strict=True):
+        assert isinstance(frame, CompressedRgbdFrame)
+        assert np.array_equal(decode_png16(frame.depth_png), capture.depth_mm)
+        assert np.abs(decode_jpeg(frame.rgb_jpeg).astype(int) - capture.rgb).mean() < 4
+    # Played, both have the errors of the same sensor; only the shadow of the second imager is
+    # worked out from the first one's view in one, and drawn in the other.
+    for a, b in zip(captures(clean), captures(measured), strict=True):
+        assert (a.depth_mm != b.depth_mm).mean() < 0.05
+    assert not np.array_equal(captures(clean)[0].depth_mm, taken[0].depth_mm)
+
+
+def test_the_bytes_do_not_depend_on_the_number_of_processes(tmp_path: Path) -> None:
+    wanted = order(tmp_path)
+    one = rendered(tmp_path, wanted, "one.mcap")
+    two = rendered(tmp_path, wanted, "two.mcap", jobs=2)
+    assert one.read_bytes() == two.read_bytes()
+
+
+def test_an_interrupted_rendering_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Stopped after each piece in turn, it gives the bytes of one that was not stopped."""
+    wanted = order(tmp_path, truth_per_frame=True)
+    outputs = Outputs(recording=tmp_path / "out.mcap", truth=tmp_path / "out.npz")
+    shares: list[float] = []
+
+    def stop(_: str, share: float) -> None:
+        shares.append(share)
+        if len(shares) % 2 == 0 and share < 1:
+            raise KeyboardInterrupt
+
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            render(wanted, outputs, 1, stop)
+    assert not outputs.paths[0].exists()
+    kept = sorted(path.name for path in (tmp_path / "out.mcap.part").iterdir())
+    assert kept == ["000000", "000000.npz", "000001", "000001.npz", "key"]
+    render(wanted, outputs, 1, stop)
+    # Each time one of three pieces was added to what was there.
+    assert shares == pytest.approx([0, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 1])
+    whole = Outputs(recording=tmp_path / "whole.mcap", truth=tmp_path / "whole.npz")
+    render(wanted, whole, 1, lambda *_: None)
+    for ours, theirs in zip(outputs.paths, whole.paths, strict=True):
+        assert ours.read_bytes() == theirs.read_bytes()
+    assert not (tmp_path / "out.mcap.part").exists()
+
+
+def test_what_was_done_for_another_order_is_not_used(tmp_path: Path) -> None:
+    wanted, other = order(tmp_path), order(tmp_path, quality=50)
+    outputs = Outputs(recording=tmp_path / "out.mcap")
+    job.make_piece(other, ChunkStore(outputs.shelf, job._key(other)), 5, 0)
+    before = outputs.shelf / "000000"
+    assert before.exists()
+    render(wanted, outputs, 1, lambda *_: None)
+    fresh = rendered(tmp_path, wanted, "fresh.mcap")
+    assert outputs.paths[0].read_bytes() == fresh.read_bytes()
+
+
+def test_truth_of_each_frame(tmp_path: Path) -> None:
+    outputs = Outputs(recording=tmp_path / "out.mcap", truth=tmp_path / "out.truth.npz")
+    render(order(tmp_path, truth_per_frame=True), outputs, 1, lambda *_: None)
+    with np.load(tmp_path / "out.truth.npz") as truth:
+        assert truth["t"] == pytest.approx(np.arange(FRAMES) / 10)
+        assert truth["masks"].shape == (FRAMES, *SIZE)
+        assert truth["kp2d"].shape == (FRAMES, 2, 17, 2)
+        assert truth["K"] == pytest.approx([77.0, 77.0, 39.5, 29.5])
+        # Adam walks from y = -0.6 towards 0.6: he is on the right, then further left.
+        u = [np.nonzero(mask == 1)[1].mean() for mask in truth["masks"][[0, -1]]]
+        assert u[0] > u[1] + 5
+
+
+def test_a_robot_brings_its_odometry(tmp_path: Path) -> None:
+    path = rendered(tmp_path, order(tmp_path, camera=DRIVE))
+    messages = [m for _, m in open_recording(path).messages()]
+    assert sum(isinstance(m, Odometry) for m in messages) == 61
+    parents = [(m.parent, m.child) for m in messages if isinstance(m, StaticTransform)]
+    assert parents == [("base_link", "front_optical_frame"), ("map", "odom")]
+    stamps = [m.stamp_ns for m in messages]
+    assert stamps == sorted(stamps)
+    played = RecordingSource(path, RecordingOptions()).transforms
+    assert [(t.parent, t.child) for t in played] == parents
+
+
+def test_geometry_gives_detections_in_place_of_frames(tmp_path: Path) -> None:
+    path = rendered(tmp_path, order(tmp_path, "geometry"))
+    recording = open_recording(path)
+    found = [m for _, m in recording.messages(Detections)]
+    assert [m.sequence for m in found] == list(range(FRAMES))
+    assert not list(recording.messages(CompressedRgbdFrame))
+    assert sum(isinstance(m, Truth) for _, m in recording.messages()) == 121
+    # Both are seen all the time; a detector misses one in a hundred.
+    people = [len(m.detections) for m in found if isinstance(m, Detections)]
+    assert np.median(people) == 2
+    # A tracker finds them without any picture, where motion capture sees them.
+    config = TrackerConfig(tracker="sort3d")
+    tracker = TrackerNode(config, make_tracker(config))
+    messages = [m for _, m in recording.messages(StaticTransform, Detections)]
+    told = [t for m in messages for t in tracker.handle(m, 0) if isinstance(t, Tracks)]
+    tracks = [t for t in told if t.tracks][-1].tracks
+    *_, truth = (m for _, m in recording.messages(Truth) if isinstance(m, Truth))
+    for person in truth.people:
+        off_m = [np.hypot(*(t.position_m - person.position_m)[:2]) for t in tracks]
+        assert min(off_m) < 0.3
+
+
+def test_a_second_of_colour(tmp_path: Path) -> None:
+    path = rendered(tmp_path, order(tmp_path, "colour"))
+    first, last = captures(path)[0].rgb, captures(path)[-1].rgb
+    assert first.std() > 20
+    assert np.abs(first.astype(int) - last).mean() > 2  # people walked
+
+
+def test_a_bag_plays_as_the_recording_does(tmp_path: Path) -> None:
+    outputs = Outputs(recording=tmp_path / "out.mcap", bag=tmp_path / "out_ros2")
+    render(order(tmp_path), outputs, 1, lambda *_: None)
+    bag = RosbagSource(tmp_path / "out_ros2", RosbagOptions())
+    theirs = [item for item in bag if isinstance(item, SourceFrame)]
+    for a, b in zip(captures(tmp_path / "out.mcap"), theirs, strict=True):
+        assert a.stamp_ns == b.stamp_ns
+        assert np.array_equal(a.rgb, b.rgb)
+        assert np.array_equal(a.depth_mm, b.depth_mm)  # as the sensor measures it
+    assert bag.transforms[0].parent == "map"
+    ours = RecordingTruth(GtBridgeConfig(truth=str(tmp_path / "out.mcap")))
+    told = RosbagTruth(GtBridgeConfig(truth=str(tmp_path / "out_ros2")))
+    for one, other in zip(ours, told, strict=True):
+        assert one.stamp_ns == other.stamp_ns
+        for p, q in zip(one.people, other.people, strict=True):
+            assert (p.id, p.yaw_rad, p.path_yaw_rad) == (q.id, q.yaw_rad, q.path_yaw_rad)
+            assert np.array_equal(p.position_m, q.position_m)
+
+
+def test_an_output_that_exists_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "out.mcap").write_text("precious")
+    with pytest.raises(SourceError, match=r"out\.mcap exists already"):
+        rendered(tmp_path, order(tmp_path))
+    assert (tmp_path / "out.mcap").read_text() == "precious"

@@ -1,0 +1,142 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from common.geometry.transforms import wrap
+from lab.scenario import CapturePlan, Scenario, load_scenario
+from lab.source import LabTruth
+from lab.truth.motion_capture import capture, capture_truth, captured, velocity_mps
+from lab.world import EPOCH_NS, World
+from people4d.errors import ConfigError
+from people4d.messages import Truth
+from services.gt_bridge.config import GtBridgeConfig
+from services.gt_bridge.sources.registry import open_truth
+from tests.lab.worlds import world
+
+
+def scenario(name: str, **changes: object) -> Scenario:
+    """Return a scenario with another plan of its capture."""
+    return replace(load_scenario(name), capture=CapturePlan(**changes))  # type: ignore[arg-type]
+
+
+def test_samples_come_at_the_rate_of_the_system_under_its_clock() -> None:
+    # 3 s at 100 Hz, both ends included; a clock that is 20 ms ahead.
+    messages = list(capture_truth(World(scenario("short_walk", clock_offset_s=0.02))))
+    assert len(messages) == 301
+    assert [message.sequence for message in messages] == list(range(301))
+    assert messages[0].stamp_ns == EPOCH_NS + 20_000_000
+    assert {b.stamp_ns - a.stamp_ns for a, b in pairwise(messages)} == {10_000_000}
+    assert {message.frame_id for message in messages} == {"map"}
+
+
+def test_the_position_is_the_mean_of_shoulders_and_hips() -> None:
+    of = world("facing")
+    keypoints = of.bodies[1].keypoints_m(of.poses(0.4)[1])
+    expected = (keypoints[5] + keypoints[6] + keypoints[11] + keypoints[12]) / 4
+    np.testing.assert_allclose(capture(of, 1, 0.4).position_m, expected, atol=1e-12)
+    # She stands at (3.8, -0.7); the torso is above the feet, between hip and shoulder.
+    assert np.hypot(*(expected[:2] - (3.8, -0.7))) < 0.05
+    assert 0.5 < expected[2] / of.bodies[1].skeleton.stature_m < 0.8
+
+
+def test_velocity_is_the_derivative_of_position() -> None:
+    messages = list(capture_truth(world("short_crossing")))
+    for k in range(2):
+        positions = np.array([message.people[k].position_m for message in messages])
+        velocities = np.array([message.people[k].velocity_mps for message in messages])
+        # The integral by the trapezoidal rule is the way from the start.
+        way = np.cumsum((velocities[1:] + velocities[:-1]) / 2 * 0.01, axis=0)
+        np.testing.assert_allclose(way, (positions - positions[0])[1:], atol=2e-3)
+        # Most of it is walking: 1 m/s, across.
+        assert np.median(np.abs(velocities[100:300, 1])) == pytest.approx(1.0, abs=0.1)
+
+
+def test_velocity_does_not_depend_on_the_step() -> None:
+    of = world("short_walk")
+    for t_s in (0.5, 1.0, 1.7):
+        before, after = (capture(of, 0, t_s + step).position_m for step in (-0.004, 0.004))
+        np.testing.assert_allclose(velocity_mps(of, 0, t_s), (after - before) / 0.008, atol=0.04)
+
+
+def test_yaw_is_pi_for_who_faces_the_camera() -> None:
+    # Method book 1: seen from a camera that looks along +x, pi faces it, +pi/2 image-left.
+    one, other = next(capture_truth(world("facing"))).people
+    assert one.yaw_rad is not None
+    assert other.yaw_rad is not None
+    assert abs(wrap(one.yaw_rad - math.pi)) < math.radians(5)
+    assert other.yaw_rad == pytest.approx(math.pi / 2, abs=math.radians(5))
+    assert other.path_yaw_rad == pytest.approx(math.pi / 2, abs=1e-6)
+
+
+def test_the_chest_sways_about_the_way() -> None:
+    messages = list(capture_truth(world("short_crossing")))[120:320]  # walking straight on
+    sway = [wrap(m.people[1].yaw_rad - m.people[1].path_yaw_rad) for m in messages]  # type: ignore[operator]
+    assert abs(np.mean(sway)) < math.radians(2)
+    assert math.radians(1) < np.max(np.abs(sway)) < math.radians(12)
+
+
+def test_noise_has_the_size_that_is_asked_for() -> None:
+    clean = capture_truth(World(scenario("facing")))
+    noisy = capture_truth(World(scenario("facing", noise_m=0.002, yaw_noise_deg=1.0)))
+    pairs = [
+        (a, b)
+        for m, n in zip(clean, noisy, strict=True)
+        for a, b in zip(m.people, n.people, strict=True)
+    ]
+    moved = np.array([b.position_m - a.position_m for a, b in pairs])
+    turned = np.array([wrap(b.yaw_rad - a.yaw_rad) for a, b in pairs])  # type: ignore[operator]
+    # 402 samples: the standard error of a deviation is 1/sqrt(2 n), 3.5 % (axes: 2 %).
+    assert moved.std() == pytest.approx(0.002, rel=0.1)
+    assert turned.std() == pytest.approx(math.radians(1), rel=0.15)
+    assert abs(moved.mean()) < 0.0003
+
+
+def test_dropouts_have_the_share_and_length_that_are_asked_for() -> None:
+    # An hour with gaps of 0.5 s, a fifth of the time: one gap in 2.5 s, 1440 gaps, 3 % each way.
+    seen = np.array(captured(CapturePlan(dropout=0.2, dropout_s=0.5), 3600, 5, 0))
+    assert len(seen) == 360_001
+    assert 1 - seen.mean() == pytest.approx(0.2, rel=0.1)
+    gaps = np.count_nonzero(np.diff(seen.astype(int)) < 0)
+    assert (~seen).sum() / gaps * 0.01 == pytest.approx(0.5, rel=0.1)
+    assert not np.array_equal(seen, captured(CapturePlan(dropout=0.2), 3600, 5, 1))
+
+
+def test_who_drops_out_is_missing_and_the_others_stay() -> None:
+    plan = {"dropout": 0.4, "dropout_s": 0.3}
+    counts = {"1": 0, "2": 0}
+    for message in capture_truth(World(scenario("facing", **plan))):
+        for person in message.people:
+            counts[person.id] += 1
+    assert all(30 < count < 190 for count in counts.values())
+
+
+def test_nobody_gives_empty_messages() -> None:
+    empty = replace(load_scenario("short_walk"), people=())
+    messages = list(capture_truth(World(empty)))
+    assert len(messages) == 301
+    assert not any(message.people for message in messages)
+
+
+def test_truth_is_the_same_each_time() -> None:
+    one, other = (list(capture_truth(World(load_scenario("facing")))) for _ in range(2))
+    for message, again in zip(one, other, strict=True):
+        for person, same in zip(message.people, again.people, strict=True):
+            assert person.yaw_rad == same.yaw_rad
+            np.testing.assert_array_equal(person.position_m, same.position_m)
+
+
+def test_the_bridge_reads_truth_of_a_scenario_by_name() -> None:
+    config = GtBridgeConfig(truth="lab:facing", source="lab.source:LabTruth")
+    truth = open_truth(config)
+    for _ in range(2):  # from the start each time
+        first = next(iter(truth))
+        assert isinstance(first, Truth)
+        assert [person.id for person in first.people] == ["1", "2"]
+
+
+def test_truth_of_no_scenario_is_refused() -> None:
+    with pytest.raises(ConfigError, match="there is no scenario nowhere"):
+        LabTruth(GtBridgeConfig(truth="nowhere"))
