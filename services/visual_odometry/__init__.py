@@ -1,1 +1,1 @@
-"""How the camera moves, by what it sees."""
+"""Motion of a base from the images of its camera."""

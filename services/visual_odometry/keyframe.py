@@ -1,4 +1,4 @@
-"""A picture that later ones are compared with."""
+"""Keyframes: images with landmarks that later frames are compared with."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -7,22 +7,29 @@ import numpy as np
 from common.geometry.transforms import apply, invert, project
 from people4d.messages import F32, F64, U8
 from services.visual_odometry.config import CornerConfig
-from services.visual_odometry.fit import BOOL, INDICES, Fit, Mount, Sights
-from services.visual_odometry.points import Lens, People, View, find_corners, read_depth_m
+from services.visual_odometry.corners import (
+    OdometryFrame,
+    PeopleRegions,
+    ReducedCamera,
+    find_corners,
+    read_depth_m,
+)
+from services.visual_odometry.fit import MotionFit
+from services.visual_odometry.reprojection import BaseMount, Flags, Indices, Matches
 
-HARDLY_M = 0.5  # standard deviation of a depth from which on it is hardly known
-LEAST = 0.005  # [1/m] inverse depth
-LEARNT = 0.6  # of what was not known of a depth at first: less is worth handing on
+UNKNOWN_M = 0.5  # standard deviation of a depth from which on it counts as unknown
+INVERSE_MIN = 0.005  # [1/m] inverse depth
+IMPROVED = 0.6  # of the first standard deviation: a depth estimated better is propagated
 FAR, FAR_SIGMA = 0.6, 0.3  # of the least inverse depth that is read: all between it and none
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where the base is.
+class PoseEstimate:
+    """Pose of the base.
 
     Args:
         matrix: 4x4, fixed_from_base.
-        covariance: 3x3 of x, y and heading in the fixed frame.
+        covariance: 3x3 of x, y and yaw in the fixed frame.
     """
 
     matrix: F64
@@ -30,16 +37,16 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Points:
-    """Corners of a picture, along their rays at an inverse depth that is known more or less.
+class Landmarks:
+    """Corners of an image, along their rays at an uncertain inverse depth.
 
     Args:
-        pixels: Nx2, in the reduced picture.
+        pixels: Nx2, in the reduced image.
         rays: Nx2, x / z and y / z, frame: optical.
-        inverse_depths: N, 1 / z in 1/m, as known now.
+        inverse_depths: N, 1 / z in 1/m, as estimated now.
         sigmas: N, standard deviations of these.
-        first: Nx2, inverse depths and their standard deviations as known at first.
-        people: N, which of them may be on people.
+        first: Nx2, inverse depths and their standard deviations at first.
+        people: N, those that may be on people.
     """
 
     pixels: F32
@@ -47,150 +54,160 @@ class Points:
     inverse_depths: F64
     sigmas: F64
     first: F64
-    people: BOOL
+    people: Flags
 
     @property
-    def places_m(self) -> F64:
-        """Where they are likeliest (Nx3), frame: optical."""
+    def positions_m(self) -> F64:
+        """Likeliest positions (Nx3), frame: optical."""
         return np.column_stack([self.rays, np.ones(len(self.rays))]) / self.inverse_depths[:, None]
 
     @property
     def depths_m(self) -> F64:
-        """How far they are (N); NaN where that is hardly known."""
+        """Depths (N); NaN if unknown."""
         depths = 1 / self.inverse_depths
-        return np.where(self.sigmas * depths**2 < HARDLY_M, depths, np.nan)
+        return np.where(self.sigmas * depths**2 < UNKNOWN_M, depths, np.nan)
 
-    def chosen(self, which: BOOL | INDICES) -> "Points":
+    def chosen(self, which: Flags | Indices) -> "Landmarks":
         """Return some of them."""
-        return Points(*(getattr(self, field.name)[which] for field in fields(self)))
+        return Landmarks(*(getattr(self, field.name)[which] for field in fields(self)))
 
-    def sights(self, there: BOOL, rays: F64, noise: tuple[float, float]) -> Sights:
-        """Return some of them with the rays (Nx2) at which they are seen again.
+    def matches(self, found: Flags, rays: F64, noise: tuple[float, float]) -> Matches:
+        """Return some of them with their rays (Nx2) in another frame.
 
         Args:
-            there: N, which of them.
+            found: N, which of them.
             rays: Of these.
             noise: Standard deviation of a ray to the room, and of one to a person.
         """
-        some = self.chosen(there)
+        some = self.chosen(found)
         noises = np.where(some.people, noise[1], noise[0])
-        return Sights(some.rays, rays, some.inverse_depths, some.sigmas, noises, some.people)
+        return Matches(some.rays, rays, some.inverse_depths, some.sigmas, noises, some.people)
 
-    def refined(self, there: BOOL, fit: Fit) -> "Points":
+    def refined(self, found: Flags, fit: MotionFit) -> "Landmarks":
         """Return them with the depths that a motion tells better than was known.
 
-        Each is put together of what was known at first and of one motion only, the one that tells
-        most: what many motions from one keyframe get wrong, they get wrong together.
+        Each is put merge of what was known at first and of one motion only, the one that tells
+        most: what many motions from one keyframe get wrong, they get wrong merge.
         """
-        rows = np.flatnonzero(there)[fit.inliers]
-        # How each point was seen off its place is by its depth as known now: back to the first.
-        told = self.inverse_depths[rows] + fit.depth_errors[fit.inliers]
+        rows = np.flatnonzero(found)[fit.inliers]
+        # Errors of the fit are relative to the current estimate, not to the first.
+        measured = self.inverse_depths[rows] + fit.depth_errors[fit.inliers]
         variance = fit.depth_sigmas[fit.inliers] ** 2
         first, first_variance = self.first[rows, 0], self.first[rows, 1] ** 2
         both = 1 / (1 / variance + 1 / first_variance)
         better = np.sqrt(both) < self.sigmas[rows]
-        inverse = both * (told / variance + first / first_variance)
+        inverse = both * (measured / variance + first / first_variance)
         depths, sigmas = self.inverse_depths.copy(), self.sigmas.copy()
-        depths[rows[better]] = np.maximum(inverse[better], LEAST)
+        depths[rows[better]] = np.maximum(inverse[better], INVERSE_MIN)
         sigmas[rows[better]] = np.sqrt(both[better])
         return replace(self, inverse_depths=depths, sigmas=sigmas)
 
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A picture with its points, and where the base was then."""
+    """An image with its landmarks, and the pose of the base then."""
 
     stamp_ns: int
     grey: U8
-    points: Points
-    place: Place
+    points: Landmarks
+    pose: PoseEstimate
 
-    def with_people(self, people: People, lens: Lens, config: CornerConfig) -> "Keyframe":
-        """Return the keyframe with the points marked that may be people's."""
+    def with_people(
+        self, people: PeopleRegions, camera: ReducedCamera, config: CornerConfig
+    ) -> "Keyframe":
+        """Return the keyframe with the landmarks marked that may be on people."""
         points = self.points
-        covered = people.cover(lens.whole(points.pixels), points.depths_m, config)
+        covered = people.cover(camera.to_full(points.pixels), points.depths_m, config)
         return replace(self, points=replace(points, people=points.people | covered))
 
-    def seen_from(self, fixed_from_base: F64, mount: Mount, lens: Lens) -> tuple[F32, float]:
-        """Return where its points would be seen (Nx2), and the share of them inside the picture.
+    def project(
+        self, fixed_from_base: F64, mount: BaseMount, camera: ReducedCamera
+    ) -> tuple[F32, float]:
+        """Return the pixels of its landmarks (Nx2), and the share of them inside the image.
 
         Args:
-            fixed_from_base: 4x4, where the base may be.
+            fixed_from_base: 4x4, predicted pose of the base.
             mount: Of the camera.
-            lens: Of the camera.
+            camera: Calibration.
         """
-        seen = apply(self._now_from_then(fixed_from_base, mount), self.points.places_m)
-        before = seen[:, 2] > 0.1
+        positions = apply(self._now_from_then(fixed_from_base, mount), self.points.positions_m)
+        before = positions[:, 2] > 0.1
         pixels = self.points.pixels.copy()
-        pixels[before] = lens.reduced(project(seen[before], lens.info))
+        pixels[before] = camera.to_reduced(project(positions[before], camera.info))
         size = self.grey.shape[::-1]
         inside = before & np.all((pixels >= 0) & (pixels < size), axis=1)
         return pixels, float(inside.mean()) if len(inside) else 0.0
 
-    def handed_on(
-        self, fixed_from_base: F64, seen: "Again", mount: Mount, config: CornerConfig
-    ) -> Points:
-        """Return its points that the sensor is too far from, as they are seen from another place.
+    def propagate(
+        self,
+        fixed_from_base: F64,
+        found: "FoundLandmarks",
+        mount: BaseMount,
+        config: CornerConfig,
+    ) -> Landmarks:
+        """Return its landmarks beyond the range of the sensor, as observed from another pose.
 
         Args:
-            fixed_from_base: 4x4, where the base is.
-            seen: The points that were found again there.
+            fixed_from_base: 4x4, pose of the base.
+            found: The landmarks that were found again there.
             mount: Of the camera.
-            config: What is known of depth.
+            config: Uncertainty of depth readings.
         """
-        old = self.points.chosen(seen.rows)
-        places = apply(self._now_from_then(fixed_from_base, mount), old.places_m)
-        learnt = (old.sigmas > config.sigma_inverse) & (old.sigmas < LEARNT * old.first[:, 1])
-        learnt &= places[:, 2] > 0.1
-        inverse = 1 / np.where(learnt, places[:, 2], 1.0)
+        old = self.points.chosen(found.rows)
+        positions = apply(self._now_from_then(fixed_from_base, mount), old.positions_m)
+        improved = (old.sigmas > config.sigma_inverse) & (old.sigmas < IMPROVED * old.first[:, 1])
+        improved &= positions[:, 2] > 0.1
+        inverse = 1 / np.where(improved, positions[:, 2], 1.0)
         sigmas = old.sigmas * (inverse / old.inverse_depths) ** 2
         first = np.column_stack([inverse, sigmas])
-        now = Points(seen.pixels, seen.rays, inverse, sigmas, first, old.people)
-        return now.chosen(learnt & ~old.people)
+        now = Landmarks(found.pixels, found.rays, inverse, sigmas, first, old.people)
+        return now.chosen(improved & ~old.people)
 
-    def _now_from_then(self, fixed_from_base: F64, mount: Mount) -> F64:
-        then = self.place.matrix @ mount.base_from_optical
+    def _now_from_then(self, fixed_from_base: F64, mount: BaseMount) -> F64:
+        then = self.pose.matrix @ mount.base_from_optical
         return invert(fixed_from_base @ mount.base_from_optical) @ then
 
 
 @dataclass(frozen=True)
-class Again:
-    """Points of a keyframe that were found in a later frame: N rows, pixels and rays there."""
+class FoundLandmarks:
+    """Landmarks of a keyframe found in a later frame: N rows, pixels and rays there."""
 
-    rows: INDICES
+    rows: Indices
     pixels: F32
     rays: F64
 
 
 @dataclass(frozen=True)
-class Corners:
-    """What there is to see in a frame.
+class LandmarkCandidates:
+    """Landmarks of a frame that may become a keyframe.
 
     Args:
-        points: Corners whose depth is known, or too far for the sensor.
-        near: Number of those of the room whose depth is known.
+        points: Corners whose depth is read, or too far for the sensor.
+        near: Number of those of the room whose depth is read.
         count: Number of all corners.
     """
 
-    points: Points
+    points: Landmarks
     near: int
     count: int
 
 
-def look_for_corners(view: View, grey: U8, lens: Lens, config: CornerConfig) -> Corners:
-    """Return what there is to see in a frame.
+def detect_landmarks(
+    frame: OdometryFrame, grey: U8, camera: ReducedCamera, config: CornerConfig
+) -> LandmarkCandidates:
+    """Return the landmarks of a frame.
 
     Args:
-        view: The frame.
-        grey: Its reduced picture.
-        lens: Of the camera.
-        config: Which points are good.
+        frame: The frame.
+        grey: Its reduced image.
+        camera: Calibration.
+        config: Selection of corners.
     """
     corners = find_corners(grey, config)
-    whole = lens.whole(corners)
-    depths_m, far = read_depth_m(view.depth_mm, whole, config)
+    pixels = camera.to_full(corners)
+    depths_m, far = read_depth_m(frame.depth_mm, pixels, config)
     near = np.isfinite(depths_m)
-    people = view.people.cover(whole, depths_m, config)
+    people = frame.people.cover(pixels, depths_m, config)
     some = (
         np.flatnonzero(near & ~people)[: config.near_max],
         np.flatnonzero(far & ~people)[: config.far_max],
@@ -198,24 +215,24 @@ def look_for_corners(view: View, grey: U8, lens: Lens, config: CornerConfig) -> 
     )
     good = np.concatenate(some)
     near, people = near[good], people[good]
-    # What the sensor does not reach is anywhere beyond.
-    beyond = 1 / lens.info.max_depth_m
+    # Points out of range of the sensor are anywhere beyond.
+    beyond = 1 / camera.info.max_depth_m
     inverse = 1 / np.where(near, depths_m[good], 1 / (FAR * beyond))
     sigmas = np.where(near, config.sigma_inverse, FAR_SIGMA * beyond)
     first = np.column_stack([inverse, sigmas])
-    points = Points(corners[good], lens.rays(corners[good]), inverse, sigmas, first, people)
-    return Corners(points, int((near & ~people).sum()), len(corners))
+    points = Landmarks(corners[good], camera.rays(corners[good]), inverse, sigmas, first, people)
+    return LandmarkCandidates(points, int((near & ~people).sum()), len(corners))
 
 
-def together(kept: Points, new: Points, cell_px: int) -> Points:
-    """Return points and new ones that are not beside them."""
-    taken = {tuple(cell) for cell in (kept.pixels // cell_px).astype(int).tolist()}
+def merge(old: Landmarks, new: Landmarks, cell_px: int) -> Landmarks:
+    """Return landmarks and new ones in other cells."""
+    taken = {tuple(cell) for cell in (old.pixels // cell_px).astype(int).tolist()}
     cells = (new.pixels // cell_px).astype(int).tolist()
     free = np.array([tuple(cell) not in taken for cell in cells], np.bool_)
     some = new.chosen(free)
-    return Points(
+    return Landmarks(
         *(
-            np.concatenate([getattr(kept, field.name), getattr(some, field.name)])
-            for field in fields(kept)
+            np.concatenate([getattr(old, field.name), getattr(some, field.name)])
+            for field in fields(old)
         )
     )

@@ -1,4 +1,4 @@
-"""Frames in, odometry out."""
+"""Node of the visual odometry: frames in, odometry out."""
 
 from collections import Counter, deque
 from collections.abc import Sequence
@@ -20,33 +20,33 @@ from people4d.messages import (
     StaticTransform,
 )
 from services.visual_odometry.config import VisualOdometryConfig
-from services.visual_odometry.fit import Mount
-from services.visual_odometry.keyframe import Place
+from services.visual_odometry.corners import OdometryFrame, PeopleRegions, ReducedCamera
+from services.visual_odometry.keyframe import PoseEstimate
 from services.visual_odometry.odometer import COUNTERS, START, Odometer
-from services.visual_odometry.points import Lens, People, View
+from services.visual_odometry.reprojection import BaseMount
 
 OWN_COUNTERS = (
     *("no_camera_info", "no_transform", "wrong_size", "stale", "clock_resets", "other_cameras"),
-    *("calibration_changes", "other_odometry", "untold"),
+    *("calibration_changes", "other_odometry", "unanswered"),
 )
-OWN_KEPT = 256  # messages of its own that may come back
-SILENT_FRAMES = 5  # without odometry, after which it says so
+OWN_MAX = 256  # own messages that may come back
+SILENT_FRAMES = 5  # without odometry, after which the reason is reported
 CAUSES = {
-    "no_texture": "there is nothing to see that could be followed",
-    "no_depth": "what can be followed has no depth",
-    "not_followed": "nothing of the last pictures is found again",
-    "too_few_agree": "too little of what is seen moves alike",
-    "unsure": "what is seen does not tell the motion well enough",
+    "no_texture": "the image has no texture that could be tracked",
+    "no_depth": "the texture that can be tracked has no depth",
+    "not_followed": "nothing of the last images is found again",
+    "too_few_agree": "too few points of the image move alike",
+    "uncertain": "the image does not determine the motion well enough",
     "implausible": "the motion would be faster than the base can move",
 }
 
 
 class VisualOdometryNode(Node):
-    """Tells the motion of the base that one camera hangs on.
+    """Estimates the motion of the base that one camera is mounted on.
 
-    Every frame is answered by an Odometry of its stamp (a MovingTransform if the base moves any
-    way), or by nothing, counted `untold` beside its cause. Where somebody else tells odometry of
-    the base, this is silent: two origins would make people jump.
+    Every frame is answered by an Odometry of its stamp (a MovingTransform if the base moves
+    freely), or by nothing, counted `unanswered` beside its cause. Where another process publishes
+    odometry of the base, this one is silent: two origins would make people jump.
 
     Args:
         config: The configuration.
@@ -65,33 +65,33 @@ class VisualOdometryNode(Node):
         self._infos: dict[str, CameraInfo] = {}
         self._frames = FrameGraph()
         self._odometer: Odometer | None = None
-        self._mount: F64 | None = None  # base_from_optical that the odometer knows
-        self._place: Place = START
-        self._found: tuple[int, People] | None = None  # who was found last, and when
+        self._mount: F64 | None = None  # base_from_optical of the odometer
+        self._pose: PoseEstimate = START
+        self._found: tuple[int, PeopleRegions] | None = None  # newest detections and their stamp
         self._last_ns: int | None = None
         self._sequence = 0
         self._silent = 0  # frames in a row
-        self._sent: deque[tuple[int, float, float]] = deque(maxlen=OWN_KEPT)
-        self._others = False  # tell odometry
+        self._sent: deque[tuple[int, float, float]] = deque(maxlen=OWN_MAX)
+        self._others = False  # other processes publish odometry
         self._counters = Counter(dict.fromkeys((*OWN_COUNTERS, *COUNTERS), 0))
         self._cause = ""
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take one message; return the odometry that follows from a frame."""
         if isinstance(message, RgbdFrame):
-            return self._follow(message)
+            return self._estimate(message)
         if isinstance(message, Detections):
-            self._leave_out(message)
+            self._mark_people(message)
         elif isinstance(message, CameraInfo):
             self._calibrate(message)
         elif isinstance(message, StaticTransform):
             self._frames.add(message)
         elif isinstance(message, Odometry):
-            self._notice(message)
+            self._check_origin(message)
         return ()
 
     def status(self) -> Status:
-        """Tell why there is no odometry, and what was counted."""
+        """Return counters, and as the reason the cause of missing odometry."""
         reason = self._reason()
         return Status(
             state="degraded" if reason else "ready",
@@ -99,26 +99,26 @@ class VisualOdometryNode(Node):
             counters=dict(self._counters),
         )
 
-    def _follow(self, frame: RgbdFrame) -> list[Message]:
+    def _estimate(self, frame: RgbdFrame) -> list[Message]:
         if not self._is_next(frame):
             return []
         odometer = self._ready(frame)
-        place = None
+        pose = None
         if odometer:
             before = dict(self._counters)
             with span("motion"):
-                place = odometer.update(self._view(frame))
-            self._place = odometer.place
+                pose = odometer.update(self._with_people(frame))
+            self._pose = odometer.pose
             self._cause = next((c for c in CAUSES if self._counters[c] > before[c]), self._cause)
-        if place is None or self._others:
+        if pose is None or self._others:
             self._silent += 1
-            self._counters["untold"] += 1
+            self._counters["unanswered"] += 1
             return []
         self._silent = 0
-        return [self._told(frame, place)]
+        return [self._odometry(frame, pose)]
 
     def _is_next(self, frame: RgbdFrame) -> bool:
-        """Tell whether a frame is of our camera and newer than the last; begin anew if need be."""
+        """Check that a frame is of this camera and newer; begin anew after a clock reset."""
         self._camera = self._camera or frame.camera
         if frame.camera != self._camera:
             self._counters["other_cameras"] += 1
@@ -126,7 +126,7 @@ class VisualOdometryNode(Node):
         last_ns, jump_ns = self._last_ns, self._config.clock_jump_s * 1e9
         if last_ns is not None and last_ns - frame.stamp_ns > jump_ns:
             self._counters["clock_resets"] += 1
-            self._odometer, self._place, self._found = None, START, None
+            self._odometer, self._pose, self._found = None, START, None
         elif last_ns is not None and frame.stamp_ns <= last_ns:
             self._counters["stale"] += 1
             return False
@@ -134,42 +134,44 @@ class VisualOdometryNode(Node):
         return True
 
     def _ready(self, frame: RgbdFrame) -> Odometer | None:
-        """Return what follows the motion, made anew if lens or mounting changed."""
+        """Return the odometer, made anew if calibration or mounting changed."""
         info = self._infos.get(frame.camera)
         if info is None:
-            self._lacks("no_camera_info")
+            self._missing("no_camera_info")
             return None
         if frame.rgb.shape[:2] != (info.height, info.width):
-            self._lacks("wrong_size")
+            self._missing("wrong_size")
             return None
         mount = self._frames.lookup(self._config.child_frame_id, info.frame_id)
         if mount is None:
-            self._lacks("no_transform")
+            self._missing("no_transform")
             return None
         changed = self._mount is not None and not (
-            np.array_equal(mount, self._mount) and _lens(info) == _lens(self._info)
+            np.array_equal(mount, self._mount) and _calibration(info) == _calibration(self._info)
         )
         self._counters["calibration_changes"] += changed
         if self._odometer is None or changed:
             self._info, self._mount = info, mount
-            lens = Lens(info, self._config.corners.width_px)
-            hangs = Mount(mount, self._config.planar)
-            self._odometer = Odometer(self._config, lens, hangs, self._counters, self._place)
+            camera = ReducedCamera(info, self._config.corners.width_px)
+            camera_mount = BaseMount(mount, self._config.planar)
+            self._odometer = Odometer(
+                self._config, camera, camera_mount, self._counters, self._pose
+            )
         return self._odometer
 
-    def _lacks(self, cause: str) -> None:
+    def _missing(self, cause: str) -> None:
         self._counters[cause] += 1
         self._cause = cause
 
-    def _view(self, frame: RgbdFrame) -> View:
-        people = People()
+    def _with_people(self, frame: RgbdFrame) -> OdometryFrame:
+        people = PeopleRegions()
         if self._found:
             found_ns, found = self._found
             age_s = (frame.stamp_ns - found_ns) / 1e9
             people = found if 0 <= age_s <= self._config.corners.people_age_s else people
-        return View(frame.stamp_ns, frame.rgb, frame.depth_mm, people)
+        return OdometryFrame(frame.stamp_ns, frame.rgb, frame.depth_mm, people)
 
-    def _leave_out(self, detections: Detections) -> None:
+    def _mark_people(self, detections: Detections) -> None:
         if detections.camera != self._camera:
             return
         found = people_of(detections)
@@ -182,14 +184,14 @@ class VisualOdometryNode(Node):
         if info.camera in self._infos or len(self._infos) < 64:  # more are no cameras
             self._infos[info.camera] = info
 
-    def _notice(self, odometry: Odometry) -> None:
+    def _check_origin(self, odometry: Odometry) -> None:
         if odometry.child_frame_id != self._config.child_frame_id:
             return
         if (odometry.stamp_ns, odometry.x_m, odometry.theta_rad) not in self._sent:
             self._counters["other_odometry"] += 1
             self._others = True
 
-    def _told(self, frame: RgbdFrame, place: Place) -> Message:
+    def _odometry(self, frame: RgbdFrame, pose: PoseEstimate) -> Message:
         config, sequence = self._config, self._sequence
         self._sequence += 1
         parent = config.frame_id
@@ -202,49 +204,50 @@ class VisualOdometryNode(Node):
                 trace=frame.trace,
                 parent=parent,
                 child=config.child_frame_id,
-                matrix=place.matrix,
+                matrix=pose.matrix,
             )
-        theta_rad = float(np.arctan2(place.matrix[1, 0], place.matrix[0, 0]))
-        told = Odometry(
+        theta_rad = float(np.arctan2(pose.matrix[1, 0], pose.matrix[0, 0]))
+        odometry = Odometry(
             stamp_ns=frame.stamp_ns,
             sequence=sequence,
             trace=frame.trace,
             frame_id=parent,
             child_frame_id=config.child_frame_id,
-            x_m=float(place.matrix[0, 3]),
-            y_m=float(place.matrix[1, 3]),
+            x_m=float(pose.matrix[0, 3]),
+            y_m=float(pose.matrix[1, 3]),
             theta_rad=theta_rad,
-            covariance=place.covariance,
+            covariance=pose.covariance,
         )
-        self._sent.append((told.stamp_ns, told.x_m, told.theta_rad))
-        return told
+        self._sent.append((odometry.stamp_ns, odometry.x_m, odometry.theta_rad))
+        return odometry
 
     def _reason(self) -> str:
         config = self._config
         if self._others:
-            return f"somebody else tells odometry of {config.child_frame_id}: none is told here"
+            base = config.child_frame_id
+            return f"another process publishes odometry of {base}, so this one is silent"
         if self._silent < SILENT_FRAMES:
             return ""
         size = f"{self._infos[self._camera].width} px wide" if self._camera in self._infos else ""
-        waits = {
+        inputs = {
             "no_camera_info": f"no calibration of camera {self._camera} came",
-            "wrong_size": f"pictures of {self._camera} are not as its calibration says ({size})",
+            "wrong_size": f"images of {self._camera} differ from its calibration ({size})",
             "no_transform": f"no transform {config.child_frame_id} <- {self._camera} "
-            f"(camera.mount_parent={config.child_frame_id} places it there)",
+            f"(set camera.mount_parent={config.child_frame_id})",
         }
-        return f"no odometry: {(waits | CAUSES).get(self._cause, 'motion is not known')}"
+        return f"no odometry: {(inputs | CAUSES).get(self._cause, 'the motion is unknown')}"
 
 
-def people_of(detections: Detections) -> People:
-    """Return who was found."""
+def people_of(detections: Detections) -> PeopleRegions:
+    """Return the regions of detected people."""
     found = detections.detections
     boxes = np.array([one.box_xyxy_px for one in found], np.float64).reshape(-1, 4)
     depths = [np.nan if one.position_m is None else float(one.position_m[2]) for one in found]
-    return People(boxes, np.array(depths, np.float64))
+    return PeopleRegions(boxes, np.array(depths, np.float64))
 
 
-def _lens(info: CameraInfo | None) -> tuple[object, ...]:
-    """Return what of a calibration counts here."""
+def _calibration(info: CameraInfo | None) -> tuple[object, ...]:
+    """Return the numbers of a calibration that matter here."""
     if info is None:
         return ()
     numbers = (info.width, info.height, info.fx, info.fy, info.cx, info.cy)

@@ -9,7 +9,7 @@ WHITE, GREY, BLACK = (240, 240, 240), (120, 120, 120), (12, 12, 12)
 Colour = tuple[int, int, int]
 
 
-def picture(head: Colour, torso: Colour, legs: Colour, height: int = 100, width: int = 40) -> U8:
+def image_of(head: Colour, torso: Colour, legs: Colour, height: int = 100, width: int = 40) -> U8:
     """Return a person whose parts end at 18 % and 48 % of the height."""
     rgb = np.zeros((height, width, 3), np.uint8)
     rgb[:] = legs
@@ -41,8 +41,8 @@ def test_no_crops_give_no_rows() -> None:
     assert HistogramEmbedder().embed([]).shape == (0, HistogramEmbedder().dimension)
 
 
-def test_the_same_picture_has_no_distance() -> None:
-    one = crop(picture(WHITE, RED, BLUE))
+def test_the_same_image_has_no_distance() -> None:
+    one = crop(image_of(WHITE, RED, BLUE))
     assert distance(one, one) == pytest.approx(0, abs=1e-6)
 
 
@@ -59,50 +59,53 @@ def test_a_part_of_another_colour_counts_by_its_weight() -> None:
     # Two colours that share no bin and fill n each have a Bhattacharyya coefficient of
     # 2 n sqrt(0.952 / n * q) + (56 - 2 n) q: 0.10 for n = 1, 0.15 for n = 4. Another torso (weight
     # 0.5) then makes a distance of 0.5 (1 - 0.15) = 0.42 to 0.5 (1 - 0.10) = 0.45.
-    one, other = crop(picture(WHITE, RED, BLUE)), crop(picture(WHITE, GREEN, BLUE))
+    one, other = crop(image_of(WHITE, RED, BLUE)), crop(image_of(WHITE, GREEN, BLUE))
     assert 0.41 < distance(one, other) < 0.46
-    legs = crop(picture(WHITE, RED, GREEN))
+    legs = crop(image_of(WHITE, RED, GREEN))
     assert distance(one, legs) == pytest.approx(0.35 / 0.5 * distance(one, other), abs=0.02)
 
 
-def test_clothes_without_hue_are_told_apart() -> None:
-    white, grey, black = (crop(picture(GREY, shirt, BLUE)) for shirt in (WHITE, GREY, BLACK))
+def test_clothes_without_hue_differ() -> None:
+    white, grey, black = (crop(image_of(GREY, shirt, BLUE)) for shirt in (WHITE, GREY, BLACK))
     assert min(distance(white, grey), distance(grey, black), distance(white, black)) > 0.25
 
 
 def test_hue_of_black_clothes_is_not_trusted() -> None:
     # Two blacks whose noise points to opposite hues with full saturation.
-    one, other = crop(picture(GREY, (12, 0, 0), BLUE)), crop(picture(GREY, (0, 12, 12), BLUE))
+    one, other = crop(image_of(GREY, (12, 0, 0), BLUE)), crop(image_of(GREY, (0, 12, 12), BLUE))
     assert distance(one, other) < 0.05
 
 
 def test_red_has_no_seam_in_hue() -> None:
     # Hues of 357 and 3 degrees lie on either side of 0.
-    one, other = crop(picture(GREY, (200, 20, 29), BLUE)), crop(picture(GREY, (200, 29, 20), BLUE))
+    one, other = (
+        crop(image_of(GREY, (200, 20, 29), BLUE)),
+        crop(image_of(GREY, (200, 29, 20), BLUE)),
+    )
     assert distance(one, other) < 0.1
 
 
 def test_light_hardly_matters_to_coloured_clothes() -> None:
-    bright = picture(RED, GREEN, BLUE)
+    bright = image_of(RED, GREEN, BLUE)
     assert distance(crop(bright), crop((bright * 0.7).astype(np.uint8))) < 0.1
 
 
 def test_size_hardly_matters() -> None:
-    small = crop(picture(WHITE, RED, BLUE, height=50, width=20))
-    assert distance(small, crop(picture(WHITE, RED, BLUE, height=250, width=100))) < 0.03
+    small = crop(image_of(WHITE, RED, BLUE, height=50, width=20))
+    assert distance(small, crop(image_of(WHITE, RED, BLUE, height=250, width=100))) < 0.03
 
 
 def test_the_mask_keeps_the_background_out() -> None:
     mask = np.zeros((100, 40), np.uint8)
     mask[:, 10:30] = 1
-    pictures = []
+    images = []
     for background in (GREEN, WHITE):
-        rgb = picture(GREY, RED, BLUE)
+        rgb = image_of(GREY, RED, BLUE)
         rgb[mask == 0] = background
-        pictures.append(rgb)
-    masked = distance(crop(pictures[0], mask), crop(pictures[1], mask))
-    assert masked < 0.05  # the outline is mixed when the picture is scaled
-    assert masked < distance(crop(pictures[0]), crop(pictures[1])) / 3
+        images.append(rgb)
+    masked = distance(crop(images[0], mask), crop(images[1], mask))
+    assert masked < 0.05  # the outline is mixed when the image_of is scaled
+    assert masked < distance(crop(images[0]), crop(images[1])) / 3
 
 
 def standing(width: int = 40) -> F32:
@@ -120,22 +123,22 @@ def standing(width: int = 40) -> F32:
 def test_the_skeleton_keeps_the_background_out() -> None:
     inside = np.zeros((100, 40), bool)
     inside[:, 12:28] = True
-    pictures = []
+    images = []
     for background in (GREEN, WHITE):
-        rgb = picture(GREY, RED, BLUE)
+        rgb = image_of(GREY, RED, BLUE)
         rgb[~inside] = background
-        pictures.append(crop(rgb, keypoints=standing()))
-    assert distance(*pictures) < 0.02
+        images.append(crop(rgb, keypoints=standing()))
+    assert distance(*images) < 0.02
 
 
 def test_keypoints_divide_the_body() -> None:
     # The lower body is cut off by the image: shoulders in row 36, hips in row 96.
-    rgb = picture(GREY, RED, BLUE, height=200)[:100]
+    rgb = image_of(GREY, RED, BLUE, height=200)[:100]
     keypoints = standing() * np.array([1, 2, 1], np.float32)
-    whole = crop(picture(GREY, RED, BLUE), keypoints=standing())
-    by_keypoints = distance(whole, crop(rgb, keypoints=keypoints))
-    unsure = keypoints * np.array([1, 1, 0.1], np.float32)
-    assert by_keypoints < distance(whole, crop(rgb, keypoints=unsure))
+    full = crop(image_of(GREY, RED, BLUE), keypoints=standing())
+    by_keypoints = distance(full, crop(rgb, keypoints=keypoints))
+    uncertain = keypoints * np.array([1, 1, 0.1], np.float32)
+    assert by_keypoints < distance(full, crop(rgb, keypoints=uncertain))
     assert by_keypoints < COSINE_DISTANCE_MAX
 
 
@@ -143,10 +146,10 @@ def test_wild_keypoints_do_no_harm() -> None:
     keypoints = standing()
     keypoints[:, :2] = 1e9
     keypoints[3, :2] = -1e9
-    vectors = HistogramEmbedder().embed([crop(picture(GREY, RED, BLUE), keypoints=keypoints)])
+    vectors = HistogramEmbedder().embed([crop(image_of(GREY, RED, BLUE), keypoints=keypoints)])
     np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-6)
 
 
 def test_an_empty_mask_counts_as_none() -> None:
-    rgb = picture(GREY, RED, BLUE)
+    rgb = image_of(GREY, RED, BLUE)
     assert distance(crop(rgb, np.zeros((100, 40), np.uint8)), crop(rgb)) == pytest.approx(0)

@@ -32,7 +32,7 @@ def crop(*colour: int) -> Crop:
     return Crop(detection=0, rgb=np.full((60, 20, 3), colour, np.uint8))
 
 
-def test_pictures_are_normalised_as_imagenet_wants() -> None:
+def test_images_are_normalised_as_for_imagenet() -> None:
     # Red: (255 / 255 - 0.485) / 0.229 = 2.2489; green: (0 - 0.456) / 0.224 = -2.0357;
     # blue: (51 / 255 - 0.406) / 0.225 = -0.9156; then divided by the length 3.1690.
     vectors = OsnetEmbedder(MeanColour()).embed([crop(255, 0, 51)])
@@ -40,7 +40,7 @@ def test_pictures_are_normalised_as_imagenet_wants() -> None:
     np.testing.assert_allclose(vectors[0], expected, atol=1e-3)
 
 
-def test_crops_go_in_one_batch_if_the_network_takes_it() -> None:
+def test_crops_go_in_one_batch_if_the_network_can() -> None:
     crops = [crop(255, 0, 0), crop(0, 255, 0), crop(0, 0, 255)]
     many, single = MeanColour(), MeanColour(input_shape=(1, 3, 256, 128))
     together = OsnetEmbedder(many).embed(crops)
@@ -74,14 +74,14 @@ def test_embedders_are_made_by_name() -> None:
         load_embedder(ReidConfig(embedder="absent:Embedder"))
 
 
-def test_a_missing_network_is_told() -> None:
+def test_a_missing_network_is_reported() -> None:
     with pytest.raises(ModelError, match=r"model file /nowhere\.onnx does not exist"):
         load_embedder(ReidConfig(embedder="osnet", model="/nowhere.onnx"))
     with pytest.raises(ModelError, match=r"Did you mean osnet-x0\.25-msmt17"):
         load_embedder(ReidConfig(embedder="osnet", model="osnet-x0.25-msmt1"))
 
 
-def test_the_real_network_tells_people_apart(shared: Path) -> None:
+def test_the_real_network_separates_people(shared: Path) -> None:
     file = shared / "data" / "models" / "osnet_x0_25_msmt17.onnx"
     embedder = load_embedder(ReidConfig(embedder="osnet", model=str(file)))
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""A room with patterned walls, drawn by casting rays: the picture of any motion is known."""
+"""A room with patterned walls, drawn by casting rays: the image of any motion is known."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.messages import F32, F64, U8, U16, CameraInfo
-from services.visual_odometry.points import View
+from services.visual_odometry.corners import OdometryFrame
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
 INFO = CameraInfo(
@@ -64,28 +64,28 @@ def view(
     number: int = 0,
     boards: tuple[Board, ...] = (),
     noise_seed: int | None = None,
-) -> View:
-    """Return what the camera sees; a seed adds noise of two grey levels."""
+) -> OdometryFrame:
+    """Return the image of the camera; a seed adds noise of two grey levels."""
     pose = map_from_base @ BASE_FROM_OPTICAL
     u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     rays = np.stack([(u - INFO.cx) / FOCAL, (v - INFO.cy) / FOCAL, np.ones_like(u)], axis=-1)
-    ways, place = rays @ pose[:3, :3].T, pose[:3, 3]
+    rays_map, origin = rays @ pose[:3, :3].T, pose[:3, 3]
     with np.errstate(divide="ignore"):
-        reach = np.where(ways > 0, HIGH - place, LOW - place) / ways
+        reach = np.where(rays_map > 0, HIGH - origin, LOW - origin) / rays_map
     depth, axis = reach.min(axis=-1), reach.argmin(axis=-1)
     grey = np.zeros((HEIGHT, WIDTH), np.float32)
-    hit = place + depth[..., None] * ways
+    hit = origin + depth[..., None] * rays_map
     for wall in range(6):
         on = (axis == wall // 2) & (
-            (np.take_along_axis(ways, axis[..., None], -1)[..., 0] > 0) == wall % 2
+            (np.take_along_axis(rays_map, axis[..., None], -1)[..., 0] > 0) == wall % 2
         )
         across = [hit[..., k] for k in range(3) if k != wall // 2]
         grey[on] = _texture(WALLS[wall], across[0] + 3.0, across[1] + 3.0)[on]
     for board in boards:
-        far = (board.x_m - place[0]) / ways[..., 0]
-        aside = place[1] + far * ways[..., 1] - board.y_m
+        far = (board.x_m - origin[0]) / rays_map[..., 0]
+        aside = origin[1] + far * rays_map[..., 1] - board.y_m
         on = (far > 0) & (far < depth) & (np.abs(aside) < board.half_m)
-        up = place[2] + far * ways[..., 2]
+        up = origin[2] + far * rays_map[..., 2]
         grey[on] = _texture(CLOTH, aside + 3.0, up + 3.0)[on]
         depth[on] = far[on]
     if noise_seed is not None:
@@ -93,10 +93,10 @@ def view(
     return as_view(grey.clip(0, 255).astype(np.uint8), depth, number)
 
 
-def as_view(grey: U8, depth_m: F64, number: int = 0) -> View:
+def as_view(grey: U8, depth_m: F64, number: int = 0) -> OdometryFrame:
     rgb = np.repeat(grey[..., None], 3, axis=2)
     depth_mm: U16 = np.rint(1000 * depth_m).astype(np.uint16)
-    return View(number * FRAME_NS, rgb, depth_mm)
+    return OdometryFrame(number * FRAME_NS, rgb, depth_mm)
 
 
 def _texture(texture: F32, x_m: F64, y_m: F64) -> F32:

@@ -1,4 +1,4 @@
-"""Motion from points: known motions, people among the points, and how sure it is."""
+"""Motion from points: known motions, people among the points, and the covariance."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,13 @@ import pytest
 from common.geometry.transforms import apply, invert, rotation_from_rpy, transform_from
 from people4d.messages import F64
 from services.visual_odometry.config import FitConfig
-from services.visual_odometry.fit import Fit, Mount, Prior, Sights, fit_motion
+from services.visual_odometry.fit import MotionFit, MotionPrior, fit_motion
+from services.visual_odometry.reprojection import BaseMount, Matches
 from tests.visual_odometry.room import BASE_FROM_OPTICAL, base
 
 FOCAL_PX = 600.0
-PLANAR = Mount(BASE_FROM_OPTICAL, planar=True)
-ANY = Mount(BASE_FROM_OPTICAL, planar=False)
+PLANAR = BaseMount(BASE_FROM_OPTICAL, planar=True)
+ANY = BaseMount(BASE_FROM_OPTICAL, planar=False)
 
 
 CONFIG = FitConfig()
@@ -24,26 +25,26 @@ def points(count: int, seed: int = 0) -> F64:
     return np.concatenate([rays * z, z], axis=1)
 
 
-def seen(points_m: F64, motion: F64) -> F64:
-    """Where points of then are seen after the base moved: optical_now_from_optical_then."""
+def rays_after(points_m: F64, motion: F64) -> F64:
+    """Return rays to points of then after the base moved."""
     now = apply(invert(BASE_FROM_OPTICAL) @ invert(motion) @ BASE_FROM_OPTICAL, points_m)
     return np.asarray(now[:, :2] / now[:, 2:])
 
 
-def prior(mount: Mount, sigma: float = 10.0) -> Prior:
-    """Nothing is known, but that the base may be where it was."""
-    return Prior(np.eye(4), sigma**2 * np.eye(len(mount.free)))
+def prior(mount: BaseMount, sigma: float = 10.0) -> MotionPrior:
+    """Return a prior that is hardly informative."""
+    return MotionPrior(np.eye(4), sigma**2 * np.eye(len(mount.free)))
 
 
 def fitted(
     points_m: F64,
     rays: F64,
-    mount: Mount = PLANAR,
+    mount: BaseMount = PLANAR,
     config: FitConfig = CONFIG,
     known: dict[str, F64] | None = None,
-) -> Fit | None:
+) -> MotionFit | None:
     depths, known = points_m[:, 2], known or {}
-    sights = Sights(
+    matches = Matches(
         points_m[:, :2] / depths[:, None],
         rays,
         known.get("inverse", 1 / depths),
@@ -51,7 +52,7 @@ def fitted(
         np.full(len(depths), config.sigma_px / FOCAL_PX),
         np.zeros(len(depths), np.bool_),
     )
-    return fit_motion(sights, mount, prior(mount), config)
+    return fit_motion(matches, mount, prior(mount), config)
 
 
 @pytest.mark.parametrize(
@@ -59,7 +60,7 @@ def fitted(
 )
 def test_a_motion_on_the_floor_is_found_exactly(motion: F64) -> None:
     known = points(80)
-    fit = fitted(known, seen(known, motion))
+    fit = fitted(known, rays_after(known, motion))
     assert fit is not None
     assert fit.before_from_now == pytest.approx(motion, abs=1e-6)
     assert fit.inliers.all()
@@ -69,107 +70,107 @@ def test_a_motion_on_the_floor_is_found_exactly(motion: F64) -> None:
 def test_any_motion_is_found_by_a_camera_that_is_carried() -> None:
     known = points(80)
     motion = transform_from((0.1, -0.05, 0.08), rotation_from_rpy(0.1, -0.05, 0.1))
-    fit = fitted(known, seen(known, motion), ANY)
+    fit = fitted(known, rays_after(known, motion), ANY)
     assert fit is not None
     assert fit.before_from_now == pytest.approx(motion, abs=1e-6)
     assert (np.diag(fit.covariance) > 0).all()
 
 
-def test_a_third_of_the_points_on_someone_who_walks_changes_nothing() -> None:
+def test_a_third_of_the_points_on_a_walking_person_changes_nothing() -> None:
     """A person steps 10 cm aside; 40 of 120 points go with them, the room's 80 decide."""
     known, motion = points(120), base(0.05, 0.0, 0.1)
     walked = known.copy()
     walked[:40, 0] += 0.1
-    fit = fitted(known, seen(walked, motion))
+    fit = fitted(known, rays_after(walked, motion))
     assert fit is not None
     assert fit.before_from_now == pytest.approx(motion, abs=2e-3)
     assert fit.inliers[40:].all()
     assert fit.inliers[:40].mean() < 0.2
 
 
-def test_points_too_far_for_the_sensor_tell_the_turn_but_not_the_way() -> None:
+def test_points_too_far_for_the_sensor_give_the_rotation_but_not_the_translation() -> None:
     """Of 40 points between 6 and 20 m nothing is known but 1/z = 0.1 +- 0.06 1/m."""
     known = points(40)
     known *= np.random.default_rng(4).uniform(6, 20, (40, 1)) / known[:, 2:]
     far = {"inverse": np.full(40, 0.1), "sigmas": np.full(40, 0.06)}
     motion = base(0.1, 0.0, 0.1)
-    fit = fitted(known, seen(known, motion), known=far)
+    fit = fitted(known, rays_after(known, motion), known=far)
     assert fit is not None
     turned = np.arctan2(fit.before_from_now[1, 0], fit.before_from_now[0, 0])
     assert turned == pytest.approx(0.1, abs=2e-3)
     sigmas = np.sqrt(np.diag(fit.covariance))
-    near = fitted(points(40), seen(points(40), motion))
+    near = fitted(points(40), rays_after(points(40), motion))
     assert near is not None
     assert sigmas[0] > 5 * np.sqrt(near.covariance[0, 0])
 
 
-def test_a_known_motion_tells_depth() -> None:
-    """0.2 m ahead, half of the points of known depth: the others' is told to a few per cent."""
+def test_a_known_motion_gives_depth() -> None:
+    """0.2 m ahead, half of the points of known depth: that of others is estimated to some %."""
     known, motion = points(60), base(0.2, 0.05, 0.05)
     inverse = 1 / known[:, 2]
     thought, sigmas = inverse.copy(), np.full(60, 1e-4)
     thought[30:], sigmas[30:] = 0.4, 0.2
-    fit = fitted(known, seen(known, motion), known={"inverse": thought, "sigmas": sigmas})
+    fit = fitted(known, rays_after(known, motion), known={"inverse": thought, "sigmas": sigmas})
     assert fit is not None
-    told = thought + fit.depth_errors
-    sure = fit.inliers & (fit.depth_sigmas < 0.1)
-    assert sure[30:].sum() > 10
-    off = np.abs(told - inverse)[sure]
+    estimated = thought + fit.depth_errors
+    certain = fit.inliers & (fit.depth_sigmas < 0.1)
+    assert certain[30:].sum() > 10
+    off = np.abs(estimated - inverse)[certain]
     assert off.max() < 0.03
 
 
-def test_the_errors_are_as_large_as_is_said() -> None:
+def test_errors_agree_with_the_covariance() -> None:
     """Of a hundred motions from points seen 0.7 px off, the mean chi-squared is about 1."""
     rng, motion = np.random.default_rng(1), base(0.1, 0.0, 0.1)
-    config, shares = FitConfig(sigma_factor=1.0), []
-    for trial in range(100):
-        known = points(60, trial)
-        rays = seen(known, motion) + rng.normal(0, 0.7 / FOCAL_PX, (60, 2))
+    config, values = FitConfig(sigma_factor=1.0), []
+    for seed in range(100):
+        known = points(60, seed)
+        rays = rays_after(known, motion) + rng.normal(0, 0.7 / FOCAL_PX, (60, 2))
         fit = fitted(known, rays, config=config)
         assert fit is not None
         off = invert(motion) @ fit.before_from_now
         error = np.array([off[0, 3], off[1, 3], np.arctan2(off[1, 0], off[0, 0])])
-        shares.append(error @ np.linalg.inv(fit.covariance) @ error / 3)
-    assert 0.6 < np.mean(shares) < 1.4
+        values.append(error @ np.linalg.inv(fit.covariance) @ error / 3)
+    assert 0.6 < np.mean(values) < 1.4
 
 
-def test_more_noise_is_less_sure() -> None:
+def test_more_noise_increases_the_covariance() -> None:
     """Three times the noise that was thought: about nine times the variance, and more."""
-    rng, known, sure = np.random.default_rng(2), points(60), []
+    rng, known, variances = np.random.default_rng(2), points(60), []
     for noise_px in (0.7, 2.1):
-        rays = seen(known, base()) + rng.normal(0, noise_px / FOCAL_PX, (60, 2))
+        rays = rays_after(known, base()) + rng.normal(0, noise_px / FOCAL_PX, (60, 2))
         fit = fitted(known, rays, config=FitConfig(gate_sigmas=12.0))
         assert fit is not None
-        sure.append(fit.covariance[2, 2])
-    assert 5 < sure[1] / sure[0] < 25
+        variances.append(fit.covariance[2, 2])
+    assert 5 < variances[1] / variances[0] < 25
 
 
-def test_what_is_known_before_counts() -> None:
+def test_the_prior_counts() -> None:
     """Two points cannot say much; a base that was known to 1 mm stays where it was."""
     known = points(14)
-    sights = Sights(
+    matches = Matches(
         known[:, :2] / known[:, 2:],
-        seen(known, base(0.05)),
+        rays_after(known, base(0.05)),
         1 / known[:, 2],
         np.full(14, 1e-4),
         np.full(14, 0.7 / FOCAL_PX),
         np.zeros(14, np.bool_),
     )
-    sure = Prior(np.eye(4), np.diag([1e-3, 1e-3, 1e-3]) ** 2)
-    assert fit_motion(sights, PLANAR, sure, CONFIG) is None  # 50 standard deviations off
-    wide = Prior(np.eye(4), np.diag([0.1, 0.1, 0.1]) ** 2)
-    fit = fit_motion(sights, PLANAR, wide, CONFIG)
+    certain = MotionPrior(np.eye(4), np.diag([1e-3, 1e-3, 1e-3]) ** 2)
+    assert fit_motion(matches, PLANAR, certain, CONFIG) is None  # 50 standard deviations off
+    wide = MotionPrior(np.eye(4), np.diag([0.1, 0.1, 0.1]) ** 2)
+    fit = fit_motion(matches, PLANAR, wide, CONFIG)
     assert fit is not None
     assert fit.before_from_now[0, 3] == pytest.approx(0.05, abs=1e-3)
 
 
-def test_what_does_not_determine_a_motion_tells_none() -> None:
+def test_undetermined_motion_gives_none() -> None:
     known = points(30)
     few = FitConfig(points_min=25)
-    assert fitted(known[:20], seen(known[:20], base()), config=few) is None
+    assert fitted(known[:20], rays_after(known[:20], base()), config=few) is None
     chaos = np.random.default_rng(3).uniform(-0.4, 0.4, (30, 2))
     assert fitted(known, chaos, config=few) is None
     same = np.repeat(known[:1], 30, axis=0)  # one point, thirty times: any turn about it may be
-    fit = fitted(same, seen(same, base()), ANY)
+    fit = fitted(same, rays_after(same, base()), ANY)
     assert fit is not None
     assert np.sqrt(np.diag(fit.covariance)).max() > 5

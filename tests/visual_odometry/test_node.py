@@ -1,4 +1,4 @@
-"""The node: what it answers, what it refuses, and what a tracker makes of it."""
+"""The node: its answers, its refusals, and a tracker that uses it."""
 
 import math
 
@@ -33,9 +33,9 @@ MOUNT = StaticTransform(
 
 
 def frame(pose: F64, number: int, **changed: object) -> RgbdFrame:
-    seen = view(pose, number)
+    image = view(pose, number)
     fields = {"stamp_ns": number * FRAME_NS, "sequence": number, "camera": "front"}
-    return RgbdFrame(rgb=seen.rgb, depth_mm=seen.depth_mm, **(fields | changed))  # type: ignore[arg-type]
+    return RgbdFrame(rgb=image.rgb, depth_mm=image.depth_mm, **(fields | changed))  # type: ignore[arg-type]
 
 
 def node(config: VisualOdometryConfig | None = None) -> VisualOdometryNode:
@@ -45,7 +45,7 @@ def node(config: VisualOdometryConfig | None = None) -> VisualOdometryNode:
     return one
 
 
-def told(one: VisualOdometryNode, message: Message) -> Odometry | None:
+def odometry_of(one: VisualOdometryNode, message: Message) -> Odometry | None:
     answers = one.handle(message, 0)
     assert len(answers) <= 1
     if not answers:
@@ -58,7 +58,7 @@ def test_every_frame_is_answered_by_odometry_of_its_stamp() -> None:
     one = node()
     for number in range(4):
         pose = base(0.03 * number, 0.0, 0.02 * number)
-        odometry = told(one, frame(pose, number))
+        odometry = odometry_of(one, frame(pose, number))
         assert odometry is not None
         assert (odometry.stamp_ns, odometry.sequence) == (number * FRAME_NS, number)
         assert (odometry.frame_id, odometry.child_frame_id) == ("map", "base_link")
@@ -66,7 +66,7 @@ def test_every_frame_is_answered_by_odometry_of_its_stamp() -> None:
         assert odometry.theta_rad == pytest.approx(0.02 * number, abs=0.004)
         assert odometry.covariance is not None
     assert one.status().state == "ready"
-    assert one.status().counters["untold"] == 0
+    assert one.status().counters["unanswered"] == 0
 
 
 def test_where_a_map_knows_odom_the_base_moves_in_odom() -> None:
@@ -74,12 +74,12 @@ def test_where_a_map_knows_odom_the_base_moves_in_odom() -> None:
     one.handle(
         StaticTransform(stamp_ns=0, sequence=0, parent="map", child="odom", matrix=base(1.0)), 0
     )
-    odometry = told(one, frame(base(), 0))
+    odometry = odometry_of(one, frame(base(), 0))
     assert odometry is not None
     assert odometry.frame_id == "odom"
 
 
-def test_a_base_that_moves_any_way_is_told_as_a_transform() -> None:
+def test_motion_of_a_free_base_is_a_transform() -> None:
     one = node(VisualOdometryConfig(planar=False))
     (first,) = one.handle(frame(base(), 0), 0)
     (second,) = one.handle(frame(base(0.03), 1), 0)
@@ -91,19 +91,19 @@ def test_a_base_that_moves_any_way_is_told_as_a_transform() -> None:
 
 def test_frames_that_come_twice_or_late_are_counted() -> None:
     one = node()
-    told(one, frame(base(), 5))
-    assert told(one, frame(base(), 5)) is None
-    assert told(one, frame(base(), 4)) is None
+    odometry_of(one, frame(base(), 5))
+    assert odometry_of(one, frame(base(), 5)) is None
+    assert odometry_of(one, frame(base(), 4)) is None
     assert one.status().counters["stale"] == 2
-    assert told(one, frame(base(), 6)) is not None
+    assert odometry_of(one, frame(base(), 6)) is not None
 
 
 def test_a_clock_that_goes_back_begins_anew() -> None:
     """A recording that is played again: the base is where it was at its beginning."""
     one = node()
     for number in range(3):
-        told(one, frame(base(0.03 * number), 30 + number))
-    again = told(one, frame(base(), 0))
+        odometry_of(one, frame(base(0.03 * number), 30 + number))
+    again = odometry_of(one, frame(base(), 0))
     assert again is not None
     assert (again.x_m, again.theta_rad) == (0.0, 0.0)
     assert one.status().counters["clock_resets"] == 1
@@ -112,33 +112,33 @@ def test_a_clock_that_goes_back_begins_anew() -> None:
 def test_without_calibration_or_mounting_it_says_what_it_lacks() -> None:
     one = build(VisualOdometryConfig())
     for number in range(6):
-        assert told(one, frame(base(), number)) is None
+        assert odometry_of(one, frame(base(), number)) is None
     assert one.status().counters["no_camera_info"] == 6
     assert "no calibration of camera front" in one.status().reason
     one.handle(INFO, 0)
-    assert told(one, frame(base(), 6)) is None
+    assert odometry_of(one, frame(base(), 6)) is None
     assert one.status().counters["no_transform"] == 1
     assert "camera.mount_parent=base_link" in one.status().reason
     one.handle(MOUNT, 0)
-    assert told(one, frame(base(), 7)) is not None
+    assert odometry_of(one, frame(base(), 7)) is not None
     assert one.status().state == "ready"
 
 
-def test_pictures_of_another_size_are_counted() -> None:
+def test_images_of_another_size_are_counted() -> None:
     one = node()
     small = frame(base(), 0)
     small = replace(small, rgb=small.rgb[::2, ::2].copy(), depth_mm=small.depth_mm[::2, ::2].copy())
-    assert told(one, small) is None
+    assert odometry_of(one, small) is None
     assert one.status().counters["wrong_size"] == 1
-    assert told(one, frame(base(), 1)) is not None
+    assert odometry_of(one, frame(base(), 1)) is not None
 
 
 def test_another_calibration_goes_on_where_it_was() -> None:
     one = node()
-    told(one, frame(base(), 0))
-    before = told(one, frame(base(0.05), 1))
+    odometry_of(one, frame(base(), 0))
+    before = odometry_of(one, frame(base(0.05), 1))
     one.handle(replace(INFO, fx=INFO.fx * 1.001), 0)
-    after = told(one, frame(base(0.05), 2))
+    after = odometry_of(one, frame(base(0.05), 2))
     assert before is not None
     assert after is not None
     assert (after.x_m, after.theta_rad) == (before.x_m, before.theta_rad)
@@ -147,36 +147,36 @@ def test_another_calibration_goes_on_where_it_was() -> None:
 
 def test_another_camera_does_not_count() -> None:
     one = node()
-    told(one, frame(base(), 0))
-    assert told(one, frame(base(0.1), 1, camera="rear")) is None
+    odometry_of(one, frame(base(), 0))
+    assert odometry_of(one, frame(base(0.1), 1, camera="rear")) is None
     assert one.status().counters["other_cameras"] == 1
 
 
-def test_where_wheels_tell_it_is_silent() -> None:
+def test_silent_where_wheels_give_odometry() -> None:
     """Its own messages come back to it, and are none of others."""
     one = node()
-    own = told(one, frame(base(), 0))
+    own = odometry_of(one, frame(base(), 0))
     assert own is not None
     one.handle(own, 0)
-    assert told(one, frame(base(), 1)) is not None
+    assert odometry_of(one, frame(base(), 1)) is not None
     one.handle(replace(own, stamp_ns=FRAME_NS + 7, x_m=0.3), 0)
-    assert told(one, frame(base(), 2)) is None
+    assert odometry_of(one, frame(base(), 2)) is None
     assert one.status().state == "degraded"
-    assert "somebody else tells odometry of base_link" in one.status().reason
+    assert "another process publishes odometry of base_link" in one.status().reason
 
 
-def test_a_white_wall_is_told_of() -> None:
+def test_a_white_wall_is_reported() -> None:
     one = node()
     for number in range(8):
         blank = frame(base(), number)
         one.handle(replace(blank, rgb=np.full_like(blank.rgb, 200)), 0)
     status = one.status()
     assert status.state == "degraded"
-    assert "nothing to see" in status.reason
-    assert status.counters["untold"] == 7
+    assert "no texture" in status.reason
+    assert status.counters["unanswered"] == 7
 
 
-def test_who_stands_before_a_base_that_turns_stands() -> None:
+def test_standing_person_before_a_turning_base_has_no_speed() -> None:
     """The tracker places people by it: somebody at (3, 0.5) has no speed while the base turns."""
     bus = MemoryBus([node(), build_tracker(TrackerConfig(tracker="sort3d"))])
     bus.publish(INFO, MOUNT)

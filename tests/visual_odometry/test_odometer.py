@@ -1,4 +1,4 @@
-"""The base's way by pictures of a room whose every view is known."""
+"""Motion of a base by images of a room whose every view is known."""
 
 import math
 from collections import Counter
@@ -10,10 +10,10 @@ import pytest
 
 from people4d.messages import F64
 from services.visual_odometry.config import CornerConfig, VisualOdometryConfig
-from services.visual_odometry.fit import Mount
-from services.visual_odometry.keyframe import Place
+from services.visual_odometry.corners import PeopleRegions, ReducedCamera
+from services.visual_odometry.keyframe import PoseEstimate
 from services.visual_odometry.odometer import COUNTERS, Odometer
-from services.visual_odometry.points import Lens, People
+from services.visual_odometry.reprojection import BaseMount
 from tests.visual_odometry.room import (
     BASE_FROM_OPTICAL,
     FOCAL,
@@ -32,21 +32,21 @@ PLAIN = np.full((HEIGHT, WIDTH), 90, np.uint8)
 
 def odometer(config: VisualOdometryConfig = CONFIG) -> tuple[Odometer, Counter[str]]:
     counters = Counter(dict.fromkeys(COUNTERS, 0))
-    lens = Lens(INFO, config.corners.width_px)
-    mount = Mount(BASE_FROM_OPTICAL, config.planar)
+    lens = ReducedCamera(INFO, config.corners.width_px)
+    mount = BaseMount(BASE_FROM_OPTICAL, config.planar)
     return Odometer(config, lens, mount, counters), counters
 
 
-def off(place: Place | None, true: F64) -> tuple[float, float]:
+def off(pose_found: PoseEstimate | None, true: F64) -> tuple[float, float]:
     """Metres and radians."""
-    assert place is not None
-    way = np.linalg.inv(true) @ place.matrix
-    return float(np.linalg.norm(way[:3, 3])), abs(math.atan2(way[1, 0], way[0, 0]))
+    assert pose_found is not None
+    motion = np.linalg.inv(true) @ pose_found.matrix
+    return float(np.linalg.norm(motion[:3, 3])), abs(math.atan2(motion[1, 0], motion[0, 0]))
 
 
 def follow(
     one: Odometer, poses: Iterable[F64], boards: tuple[Board, ...] = ()
-) -> list[Place | None]:
+) -> list[PoseEstimate | None]:
     return [
         one.update(view(pose, number, boards, noise_seed=number))
         for number, pose in enumerate(poses)
@@ -59,47 +59,47 @@ def test_a_base_that_drives_and_turns_is_followed() -> None:
     for _ in range(20):
         poses.append(poses[-1] @ base(0.02, 0.0, math.radians(2)))
     one, counters = odometer()
-    places = follow(one, poses)
-    assert places[0] is not None
-    assert np.array_equal(places[0].matrix, np.eye(4))
-    assert not places[0].covariance.any()
-    for place, pose in zip(places, poses, strict=True):
-        metres, radians = off(place, pose)
+    poses_found = follow(one, poses)
+    assert poses_found[0] is not None
+    assert np.array_equal(poses_found[0].matrix, np.eye(4))
+    assert not poses_found[0].covariance.any()
+    for pose_found, pose in zip(poses_found, poses, strict=True):
+        metres, radians = off(pose_found, pose)
         assert metres < 0.015
         assert radians < math.radians(0.4)
     assert counters["keyframes"] > 1  # 40 degrees are two thirds of the picture
     assert counters["lost"] == 0
 
 
-def test_who_stands_does_not_drift() -> None:
+def test_standing_base_does_not_drift() -> None:
     """Forty noisy pictures of one view: one keyframe, and no error that grows."""
     one, counters = odometer()
-    places = follow(one, [base()] * 40)
-    offs = np.array([off(place, base()) for place in places])
+    poses_found = follow(one, [base()] * 40)
+    offs = np.array([off(pose_found, base()) for pose_found in poses_found])
     assert offs[:, 0].max() < 0.003
     assert offs[:, 1].max() < math.radians(0.1)
     assert counters["keyframes"] == 1
 
 
-def test_who_looks_back_meets_the_first_picture_again() -> None:
+def test_base_that_turns_back_uses_the_first_keyframe_again() -> None:
     """40 degrees to the left and back: at the end the error is that of one picture, as at first."""
     angles = [20 * (1 - math.cos(math.pi * k / 15)) for k in range(31)]
     one, counters = odometer()
-    places = follow(one, [base(theta_rad=math.radians(a)) for a in angles])
-    assert off(places[-1], base())[1] < math.radians(0.1)
+    poses_found = follow(one, [base(theta_rad=math.radians(a)) for a in angles])
+    assert off(poses_found[-1], base())[1] < math.radians(0.1)
     assert counters["keyframes_met_again"] > 0
-    last = places[-1]
+    last = poses_found[-1]
     assert last is not None
-    assert max(p.covariance[2, 2] for p in places if p) > last.covariance[2, 2]
+    assert max(p.covariance[2, 2] for p in poses_found if p) > last.covariance[2, 2]
 
 
-def test_the_error_is_as_large_as_is_said() -> None:
-    """Five keyframes on: heading and place are within three standard deviations."""
+def test_error_is_within_its_covariance() -> None:
+    """Five keyframes on: yaw and position are within three standard deviations."""
     poses = [base(theta_rad=math.radians(4 * k)) for k in range(30)]
     one, _ = odometer()
-    places = follow(one, poses)
-    metres, radians = off(places[-1], poses[-1])
-    last = places[-1]
+    poses_found = follow(one, poses)
+    metres, radians = off(poses_found[-1], poses[-1])
+    last = poses_found[-1]
     assert last is not None
     sigmas = np.sqrt(np.diag(last.covariance))
     assert radians < 3 * sigmas[2]
@@ -108,17 +108,17 @@ def test_the_error_is_as_large_as_is_said() -> None:
 
 
 def test_people_who_walk_do_not_move_the_camera() -> None:
-    """Somebody crosses at 2 m, a third of the picture wide, 6 cm a frame: nobody told of them."""
+    """Somebody crosses at 2 m, a third of the picture wide, 6 cm a frame, not detected."""
     one, _ = odometer()
     for number in range(25):
         walker = Board(x_m=2.0, y_m=1.0 - 0.06 * number, half_m=0.3)
-        place = one.update(view(base(), number, (walker,), noise_seed=number))
-        metres, radians = off(place, base())
+        pose_found = one.update(view(base(), number, (walker,), noise_seed=number))
+        metres, radians = off(pose_found, base())
         assert metres < 0.004
         assert radians < math.radians(0.15)
 
 
-def test_people_who_fill_most_of_the_picture_count_only_if_nobody_knows_of_them() -> None:
+def test_marked_people_who_fill_most_of_the_image_do_not_count() -> None:
     """1.1 m before the camera somebody moves 2 cm a frame to the left, before 70 % of the picture.
 
     The box says whose points these are, and what is left is the room, which stands.
@@ -129,21 +129,23 @@ def test_people_who_fill_most_of_the_picture_count_only_if_nobody_knows_of_them(
     one, _ = odometer(config)
     for number in range(12):
         walker = Board(x_m=1.1, y_m=0.02 * number, half_m=0.35)
-        seen = view(base(), number, (walker,), noise_seed=number)
-        place = one.update(
+        image = view(base(), number, (walker,), noise_seed=number)
+        pose_found = one.update(
             replace(
-                seen,
-                people=People(box - [number * step_px, 0, number * step_px, 0], np.array([1.0])),
+                image,
+                people=PeopleRegions(
+                    box - [number * step_px, 0, number * step_px, 0], np.array([1.0])
+                ),
             )
         )
-        assert off(place, base())[0] < 0.01
+        assert off(pose_found, base())[0] < 0.01
 
 
 def test_people_found_late_are_marked_then() -> None:
     one, _ = odometer()
     one.update(view(base(), 0, (Board(x_m=2.0, y_m=0.0, half_m=0.4),)))
     edge_px = 0.4 / 1.9 * FOCAL
-    people = People(
+    people = PeopleRegions(
         np.array([[WIDTH / 2 - edge_px, 0.0, WIDTH / 2 + edge_px, HEIGHT]]), np.array([1.9])
     )
     one.mark(12345, people)
@@ -152,19 +154,19 @@ def test_people_found_late_are_marked_then() -> None:
     points = one._keyframes[-1].points
     assert 0 < points.people.sum() < len(points.pixels) - 10
     inside = np.abs(points.pixels[:, 0] - WIDTH / 2) < edge_px
-    assert points.people[inside & (np.abs(points.places_m[:, 2] - 1.9) < 0.3)].all()
+    assert points.people[inside & (np.abs(points.positions_m[:, 2] - 1.9) < 0.3)].all()
 
 
-def test_if_all_that_is_seen_may_be_people_nothing_is_told() -> None:
+def test_no_pose_if_all_points_may_be_on_people() -> None:
     """Somebody before the whole picture: what is followed may be them as well as the room."""
     one, counters = odometer()
     one.update(view(base(), 0))
-    one.mark(0, People(np.array([[0.0, 0.0, WIDTH, HEIGHT]]), np.array([np.nan])))
+    one.mark(0, PeopleRegions(np.array([[0.0, 0.0, WIDTH, HEIGHT]]), np.array([np.nan])))
     assert one.update(view(base(0.02), 1)) is None
     assert counters["not_followed"] == 1
 
 
-def test_carried_in_the_hand_it_follows_any_way() -> None:
+def test_carried_camera_moves_freely() -> None:
     lift = base()
     lift[2, 3] = 0.05
     one, _ = odometer(VisualOdometryConfig(planar=False))
@@ -181,7 +183,7 @@ def test_carried_in_the_hand_it_follows_any_way() -> None:
         (None, 20.0, "no_depth"),
     ],
 )
-def test_without_texture_or_depth_no_motion_is_told(
+def test_without_texture_or_depth_there_is_no_motion(
     grey: np.ndarray | None,
     depth_m: float,
     cause: str,
@@ -190,17 +192,17 @@ def test_without_texture_or_depth_no_motion_is_told(
     for number in range(4):
         pattern = view(base()).rgb[..., 0] if grey is None else grey
         blind = as_view(pattern, np.full((HEIGHT, WIDTH), depth_m), number)
-        place = one.update(blind)
-        assert (place is None) == (number > 0)  # where it begins is known by definition
+        pose_found = one.update(blind)
+        assert (pose_found is None) == (number > 0)  # where it begins is known by definition
     assert counters[cause] == 4
     # As soon as there is something to see it goes on, but no longer says that it knows where it is.
     assert one.update(view(base(), 5)) is None
-    place = one.update(view(base(), 6))
-    assert place is not None
-    assert place.covariance[2, 2] > 0
+    pose_found = one.update(view(base(), 6))
+    assert pose_found is not None
+    assert pose_found.covariance[2, 2] > 0
 
 
-def test_a_moment_in_the_dark_is_bridged() -> None:
+def test_short_darkness_is_bridged() -> None:
     """Three frames without a picture are not told; then the room is known again, exactly."""
     one, counters = odometer()
     follow(one, [base()] * 3)
@@ -211,7 +213,7 @@ def test_a_moment_in_the_dark_is_bridged() -> None:
     assert counters["lost"] == 0
 
 
-def test_in_another_place_it_says_that_it_is_lost_and_how_unsure() -> None:
+def test_lost_base_has_a_large_covariance() -> None:
     """The lens was covered for a second, and the base turned by 90 degrees meanwhile."""
     one, counters = odometer()
     follow(one, [base()] * 3)
@@ -219,17 +221,17 @@ def test_in_another_place_it_says_that_it_is_lost_and_how_unsure() -> None:
         assert one.update(as_view(0 * PLAIN, np.full(PLAIN.shape, 2.0), number)) is None
     turned = base(theta_rad=math.pi / 2)
     assert one.update(view(turned, 18)) is None
-    place = one.update(view(turned, 19))
+    pose_found = one.update(view(turned, 19))
     assert counters["lost"] == 1
-    assert place is not None
-    assert math.sqrt(place.covariance[2, 2]) > 0.8  # [rad] half of 2 rad/s^2 for 1.07 s: 1.1
+    assert pose_found is not None
+    assert math.sqrt(pose_found.covariance[2, 2]) > 0.8  # [rad] half of 2 rad/s^2 for 1.07 s: 1.1
     step = one.update(view(turned @ base(0.03), 20))
     assert step is not None
-    way = np.linalg.inv(place.matrix) @ step.matrix
-    assert way[0, 3] == pytest.approx(0.03, abs=0.003)  # from there on it is followed as before
+    motion = np.linalg.inv(pose_found.matrix) @ step.matrix
+    assert motion[0, 3] == pytest.approx(0.03, abs=0.003)  # from there on it is followed as before
 
 
-def test_nobody_moves_like_that() -> None:
+def test_too_fast_motion_is_implausible() -> None:
     """A metre in a fifteenth of a second is 15 m/s: what is seen is something else."""
     one, counters = odometer(VisualOdometryConfig(speed_max_mps=1.0))
     one.update(view(base(), 0))
@@ -238,7 +240,7 @@ def test_nobody_moves_like_that() -> None:
     assert counters["implausible"] + counters["not_followed"] + counters["too_few_agree"] == 1
 
 
-def test_a_wide_picture_is_reduced() -> None:
+def test_a_wide_image_is_reduced() -> None:
     """Half as many pixels across: the same motion, from points of the small picture."""
     one, _ = odometer(VisualOdometryConfig(corners=CornerConfig(width_px=160, cell_px=10)))
     one.update(view(base(), 0))
@@ -248,7 +250,7 @@ def test_a_wide_picture_is_reduced() -> None:
     assert radians < math.radians(0.3)
 
 
-def test_the_same_pictures_tell_the_same_twice() -> None:
+def test_same_images_give_the_same_poses() -> None:
     poses = [base(0.02 * k, 0.0, 0.03 * k) for k in range(6)]
     first, second = (follow(odometer()[0], poses) for _ in range(2))
     for a, b in zip(first, second, strict=True):

@@ -1,4 +1,4 @@
-"""The motion in a recording: worked through offline, and told by the process."""
+"""Motion in a recording: estimated offline, and published by the process."""
 
 import math
 from collections.abc import Mapping
@@ -55,40 +55,40 @@ def ride(tmp_path_factory: pytest.TempPathFactory) -> Path:
             writer.write(message, 0)
         for number in range(FRAMES):
             pose = base(theta_rad=heading(number))
-            seen = frame(pose, number)
+            image = frame(pose, number)
             person = (invert(pose @ BASE_FROM_OPTICAL) @ [3.0, 0.5, 1.0, 1.0])[:3]
-            writer.write(compress(seen), seen.stamp_ns)
-            writer.write(found(person, number), seen.stamp_ns)
+            writer.write(compress(image), image.stamp_ns)
+            writer.write(found(person, number), image.stamp_ns)
     return path
 
 
 def test_a_recording_is_worked_through_without_its_odometry(ride: Path, tmp_path: Path) -> None:
     messages: list[Message] = [m for _, m in open_recording(ride).messages()]
     visual = VisualMotion(CameraConfig(source=str(ride)), VisualOdometryConfig(), messages)
-    seen = list(visual)
-    assert len(seen) == FRAMES
-    assert visual.counters["untold"] == 0
-    for number, one in enumerate(seen):
+    motions = list(visual)
+    assert len(motions) == FRAMES
+    assert visual.counters["unanswered"] == 0
+    for number, one in enumerate(motions):
         assert isinstance(one.motion, Odometry)
         assert one.motion.theta_rad == pytest.approx(heading(number), abs=0.004)
         assert one.took_ms > 0
 
     path = tmp_path / "again.mcap"
-    kept = [m for m in messages if not isinstance(m, RgbdFrame)]
-    write_with_motion(kept, seen, path)
+    others = [m for m in messages if not isinstance(m, RgbdFrame)]
+    write_with_motion(others, motions, path)
     again = [m for _, m in open_recording(path).messages()]
-    told = [m for m in again if isinstance(m, Odometry)]
-    assert [m.stamp_ns for m in told] == [one.stamp_ns for one in seen]
+    odometry = [m for m in again if isinstance(m, Odometry)]
+    assert [m.stamp_ns for m in odometry] == [one.stamp_ns for one in motions]
     order = [(m.stamp_ns, type(m)) for m in again if isinstance(m, Odometry | Detections)]
     assert order == sorted(order, key=lambda item: (item[0], item[1] is Detections))
 
 
-def test_what_was_watched_is_kept_and_wheels_do_not_count(ride: Path, tmp_path: Path) -> None:
+def test_estimated_motion_is_cached_without_that_of_wheels(ride: Path, tmp_path: Path) -> None:
     wanted = VisualMotionJob(CameraConfig(source=str(ride)), VisualOdometryConfig(), ride, tmp_path)
     path = estimate_motion(wanted)
-    told = [m for _, m in open_recording(path).messages(Odometry) if isinstance(m, Odometry)]
-    assert len(told) == FRAMES
-    assert max(m.x_m for m in told) < 0.1  # the wheels said 9 m
+    odometry = [m for _, m in open_recording(path).messages(Odometry) if isinstance(m, Odometry)]
+    assert len(odometry) == FRAMES
+    assert max(m.x_m for m in odometry) < 0.1  # the wheels said 9 m
     made_ns = path.stat().st_mtime_ns
     assert estimate_motion(wanted) == path
     assert path.stat().st_mtime_ns == made_ns
@@ -96,14 +96,14 @@ def test_what_was_watched_is_kept_and_wheels_do_not_count(ride: Path, tmp_path: 
     assert estimate_motion(VisualMotionJob(wanted.camera, slower, ride, tmp_path)) != path
 
 
-def test_what_is_not_told_is_not_written(ride: Path, tmp_path: Path) -> None:
+def test_frames_without_motion_are_not_written(ride: Path, tmp_path: Path) -> None:
     path = tmp_path / "none.mcap"
     messages = [m for _, m in open_recording(ride).messages()]
     write_with_motion(messages, [FrameMotion(0, None, 0.0)], path)
     assert not list(open_recording(path).messages(Odometry))
 
 
-def test_the_process_tells_odometry(
+def test_the_process_publishes_odometry(
     ride: Path,
     tmp_path: Path,
     environment: Mapping[str, str],  # noqa: F811
@@ -114,8 +114,8 @@ def test_the_process_tells_odometry(
         stack.enter_context(recording(out, "odometry", environment))
         topics = "frames,camera_info,static_transforms,detections"
         people4d(environment, "replay", str(ride), "--topics", topics, "--speed", "0.5")
-    told = [m for m in people(out, Odometry) if isinstance(m, Odometry)]
-    assert len(told) >= FRAMES // 2
-    for one in told:
+    odometry = [m for m in people(out, Odometry) if isinstance(m, Odometry)]
+    assert len(odometry) >= FRAMES // 2
+    for one in odometry:
         number = round(one.stamp_ns / 66_666_667)
         assert one.theta_rad == pytest.approx(heading(number), abs=0.006)

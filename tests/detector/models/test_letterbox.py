@@ -27,13 +27,13 @@ def test_rounded_sides_have_factors_of_their_own() -> None:
 
 
 @given(SIDE, SIDE, INPUT_SIDE, INPUT_SIDE)
-def test_corners_of_the_image_are_the_corners_of_its_place(
+def test_corners_of_the_image_are_the_corners_of_the_letterbox(
     height: int, width: int, input_height: int, input_width: int
 ) -> None:
     box = Letterbox.fit((height, width), (input_height, input_width))
-    place = [box.left, box.top, box.left + box.width, box.top + box.height]
-    np.testing.assert_allclose(box.to_input([0, 0, width, height]), place, atol=1e-9)
-    np.testing.assert_allclose(box.to_image(place), [0, 0, width, height], atol=1e-6)
+    letterbox = [box.left, box.top, box.left + box.width, box.top + box.height]
+    np.testing.assert_allclose(box.to_input([0, 0, width, height]), letterbox, atol=1e-9)
+    np.testing.assert_allclose(box.to_image(letterbox), [0, 0, width, height], atol=1e-6)
     assert min(box.top, box.left) >= 0
     assert box.top + box.height <= input_height
     assert box.left + box.width <= input_width
@@ -73,8 +73,8 @@ def test_pixels_land_where_positions_do(
 
 def test_bars_have_the_given_grey() -> None:
     box = Letterbox.fit((480, 640), (640, 640))
-    placed = box.fill(np.full((480, 640, 3), 7, np.uint8), grey=114)
+    canvas = box.fill(np.full((480, 640, 3), 7, np.uint8), grey=114)
     # 480 rows in 640: bars of 80 above and below.
-    assert (placed[:80] == 114).all()
-    assert (placed[80:560] == 7).all()
-    assert (placed[560:] == 114).all()
+    assert (canvas[:80] == 114).all()
+    assert (canvas[80:560] == 7).all()
+    assert (canvas[560:] == 114).all()

@@ -19,7 +19,7 @@ ON = 4.0  # logit of a sure thing: sigmoid 0.982
 
 
 def empty_heads(height: int = 64, width: int = 80) -> dict[str, F32]:
-    """Heads of an input of four times the size, with nobody in it."""
+    """Heads of an input of four times the size, with no person in it."""
     heads = {name: np.zeros((1, n, height, width), np.float32) for name, n in HEADS.items()}
     heads["center"][:] = OFF
     heads["kpt_heatmap"][:] = OFF
@@ -141,7 +141,7 @@ def test_weak_people_and_many_people_are_dropped() -> None:
     assert not detect(heads, ModelSettings(score_min=0.6))
 
 
-def test_nobody_and_flat_heads() -> None:
+def test_no_people_and_flat_heads() -> None:
     assert detect(empty_heads()) == []
     heads = empty_heads()
     heads["center"][:] = 0.0  # every cell a peak, every box empty

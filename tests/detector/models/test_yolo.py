@@ -190,13 +190,13 @@ def test_box_beside_the_image_has_no_mask() -> None:
     assert person.mask is None
 
 
-def test_nobody() -> None:
+def test_no_people() -> None:
     assert segment(64, 64, Box((32, 32, 9, 9), person=0.1)) == []
     model = YoloPose(ArraySession({"output0": pose_output()}, (1, 3, 64, 64)), ModelSettings())
     assert model.detect(image(64, 64)) == []
 
 
-def test_network_of_any_size_takes_the_camera_image_or_the_size_set() -> None:
+def test_network_of_any_size_uses_the_camera_image_or_the_size_set() -> None:
     session = ArraySession({"output0": pose_output((200, 300, 100, 200, 0.9))}, (1, 3, None, None))
     model = YoloPose(session, ModelSettings())
     (person,) = model.detect(image(480, 640))  # without bars: y 200 to 400 is the image's own

@@ -168,7 +168,7 @@ def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> BodyObservatio
     return observe_body(keypoints, 3.0, DepthImage(depth, info), 0.3, CONFIG)
 
 
-def test_pairs_are_measured_from_the_line_of_sight() -> None:
+def test_pairs_are_measured_from_the_ray_to_the_torso() -> None:
     keypoints, depth = scene()
     body = observed(keypoints, depth)
     assert body.pairs["shoulders"].across_m == pytest.approx(-0.3, abs=1e-6)

@@ -207,7 +207,7 @@ def test_sign_by_the_nose() -> None:
     assert face_sign(keypoints_of(*face, nose_u=44), 100.0, FaceConfig(cue="none")) == 0
 
 
-def test_the_angle_counts_from_the_line_of_sight() -> None:
+def test_the_angle_counts_from_the_ray() -> None:
     # u = 320 - 600: the ray points 45 deg to the left. Profile, left ear seen: 90 + 45.
     pixels = torso(0.0, 0.0, 100.0, u=-280.0)
     assert math.degrees(bearing(pixels, INFO)) == pytest.approx(45.0)
@@ -321,7 +321,7 @@ def test_parts_can_be_switched_off() -> None:
 
 
 @pytest.mark.parametrize("yaw_deg", [-160, -100, -30, 20, 70, 130, 175])
-def test_the_mirror_image_faces_the_mirrored_way(yaw_deg: float) -> None:
+def test_the_mirror_image_has_the_mirrored_yaw(yaw_deg: float) -> None:
     keypoints, depth = projected(math.radians(yaw_deg), y_m=0.3)
     keypoints[L_EAR], keypoints[R_EYE] = (300, 80, 0.9), (310, 80, 0.9)
     mirrored = keypoints[MIRRORED]

@@ -53,7 +53,7 @@ def test_a_point_beyond_the_outline_counts_as_one_near_it() -> None:
     assert behind(5.0, 0.0) == pytest.approx(0.052307, abs=1e-6)
 
 
-def test_facing_the_other_way_changes_nothing() -> None:
+def test_opposite_yaw_changes_nothing() -> None:
     for right_m in (-0.1, 0.0, 0.1):
         for angle_rad in (0.3, 1.2, 2.5):
             same = behind(right_m, angle_rad + math.pi)
@@ -64,13 +64,13 @@ def test_torso_of_unknown_yaw_is_round_with_the_same_area() -> None:
     assert behind(0.0, None) == pytest.approx(math.sqrt(0.12 * 0.2))
 
 
-def test_a_position_moves_along_its_line_of_sight() -> None:
+def test_a_position_moves_along_its_ray() -> None:
     # Level distance hypot(3, 4) = 5: by half a depth of 0.12 that is 2.4 % farther. Facing away
     # along that ray: yaw = atan2(-3, 4).
     moved = move_to_axis(np.array([3.0, 1.0, 4.0]), math.atan2(-3, 4), CONFIG)
     np.testing.assert_allclose(moved, [3.072, 1.024, 4.096])
 
 
-def test_relative_yaw_counts_from_the_line_of_sight() -> None:
+def test_relative_yaw_counts_from_the_ray() -> None:
     assert relative_yaw(np.array([-1.0, 0.0, 1.0]), math.pi / 2) == pytest.approx(math.pi / 4)
     assert relative_yaw(np.array([-1.0, 0.0, 1.0]), None) is None

@@ -42,7 +42,7 @@ def body(depth_mm: int = 2000, left: int = 10, right: int = 20) -> U16:
     return depth
 
 
-def test_a_hole_takes_the_median_of_its_neighbours() -> None:
+def test_a_hole_gets_the_median_of_its_neighbours() -> None:
     # Around the middle: 1000, 2000, 4000 (0 is no reading); median 2000. The corner has 4000 and
     # 2000 beside it (the middle is no reading): median 3000. Far holes stay.
     depth = np.zeros((3, 5), np.uint16)

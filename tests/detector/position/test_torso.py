@@ -69,7 +69,7 @@ def test_to_the_right_the_same_person_is_as_wide_of_the_axis_as_the_ray() -> Non
     np.testing.assert_allclose(estimate.position_m, [0.5, 0.0, 2.0], atol=1e-6)
 
 
-def test_the_axis_of_a_cylinder_seen_from_the_front() -> None:
+def test_the_axis_of_a_cylinder_from_the_front() -> None:
     # A cylinder of 0.15 m radius, its axis at 2 m: at column u, x = (u - 320) z / 600 and
     # z = 2 - sqrt(0.15^2 - x^2), nearly the same x at z = 1.87 m.
     depth_mm = room()

@@ -1,4 +1,4 @@
-"""Points of a picture that can be found again, and where they are."""
+"""Corners of an image, their depth, and the people in it."""
 
 from dataclasses import dataclass, field
 
@@ -8,33 +8,33 @@ import numpy as np
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, U8, U16, CameraInfo
 from services.visual_odometry.config import CornerConfig
-from services.visual_odometry.fit import BOOL
+from services.visual_odometry.reprojection import Flags
 
-BLOCK_PX = 5  # side of what the contrast of a corner is of
-SOBEL = 8 / (4 * BLOCK_PX * 255)  # what OpenCV makes of one grey level a pixel
+BLOCK_PX = 5  # side of the block of which a corner has the contrast
+SOBEL = 8 / (4 * BLOCK_PX * 255)  # value of OpenCV for one grey level a pixel
 PATCH = np.array([(x, y) for y in range(-2, 3) for x in range(-2, 3)])
-KNOWN_SHARE = 0.5  # of a corner's surroundings that must have depth
+READ_SHARE = 0.5  # of a corner's surroundings that must have depth
 
 
 @dataclass(frozen=True)
-class People:
-    """Who was found in a picture.
+class PeopleRegions:
+    """Regions of people in an image.
 
     Args:
-        boxes_xyxy_px: Nx4, in the whole picture.
-        depths_m: N, along the optical axis; NaN where not known.
+        boxes_xyxy_px: Nx4, in the full image.
+        depths_m: N, along the optical axis; NaN if unknown.
     """
 
     boxes_xyxy_px: F64 = field(default_factory=lambda: np.empty((0, 4)))
     depths_m: F64 = field(default_factory=lambda: np.empty(0))
 
-    def cover(self, pixels: F64, depths_m: F64, config: CornerConfig) -> BOOL:
-        """Return which points (N) may be people's.
+    def cover(self, pixels: F64, depths_m: F64, config: CornerConfig) -> Flags:
+        """Return the points (N) that may be on people.
 
         Args:
-            pixels: Nx2, in the whole picture.
+            pixels: Nx2, in the full image.
             depths_m: N, of them.
-            config: How far around a person.
+            config: Margins around a person.
         """
         covered = np.zeros(len(pixels), np.bool_)
         for box, depth_m in zip(self.boxes_xyxy_px, self.depths_m, strict=True):
@@ -46,28 +46,28 @@ class People:
 
 
 @dataclass(frozen=True)
-class View:
+class OdometryFrame:
     """One frame.
 
     Args:
-        stamp_ns: When it was seen.
+        stamp_ns: Acquisition time.
         rgb: HxWx3, red first.
         depth_mm: HxW.
-        people: Who is in it, as far as is known.
+        people: Detected in it.
     """
 
     stamp_ns: int
     rgb: U8
     depth_mm: U16
-    people: People = field(default_factory=People)
+    people: PeopleRegions = field(default_factory=PeopleRegions)
 
 
 @dataclass(frozen=True)
-class Lens:
-    """A calibration, and the width that pictures are reduced to.
+class ReducedCamera:
+    """A calibration, and the width that images are reduced to.
 
     Args:
-        info: Of the whole picture.
+        info: Of the full image.
         width_px: Most columns.
     """
 
@@ -76,7 +76,7 @@ class Lens:
 
     @property
     def scale(self) -> float:
-        """Whole pixels in a reduced one."""
+        """Full pixels in a reduced one."""
         return max(self.info.width / self.width_px, 1.0)
 
     @property
@@ -85,32 +85,32 @@ class Lens:
         return (self.info.fx + self.info.fy) / 2 / self.scale
 
     def grey(self, rgb: U8) -> U8:
-        """Return the reduced picture."""
+        """Return the reduced image."""
         grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
         if self.scale > 1:
             size = (self.width_px, round(self.info.height / self.scale))
             grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
         return np.asarray(grey, np.uint8)
 
-    def whole(self, pixels: F32) -> F64:
-        """Return where points (Nx2) of the reduced picture are in the whole one."""
+    def to_full(self, pixels: F32) -> F64:
+        """Return the pixels in the full image of points (Nx2) of the reduced one."""
         return (pixels.astype(np.float64) + 0.5) * self.scale - 0.5
 
-    def reduced(self, pixels: F64) -> F32:
-        """Return where points (Nx2) of the whole picture are in the reduced one."""
+    def to_reduced(self, pixels: F64) -> F32:
+        """Return the pixels in the reduced image of points (Nx2) of the full one."""
         return ((pixels + 0.5) / self.scale - 0.5).astype(np.float32)
 
     def rays(self, pixels: F32) -> F64:
-        """Return x / z and y / z (Nx2) of points of the reduced picture, distortion removed."""
-        return deproject(self.whole(pixels), np.ones(len(pixels)), self.info)[:, :2]
+        """Return x / z and y / z (Nx2) of points of the reduced image, distortion removed."""
+        return deproject(self.to_full(pixels), np.ones(len(pixels)), self.info)[:, :2]
 
 
 def find_corners(grey: U8, config: CornerConfig) -> F32:
-    """Return the best corners (Nx2) of a picture, one of each cell, the best first.
+    """Return the best corners (Nx2) of an image, one of each cell, the best first.
 
-    Source: Shi and Tomasi, Good features to track, 1994.
+    Source: docs/method.md section 18 [Shi 1994].
     """
-    half, cell = cv2.pyrDown(grey), config.cell_px // 2  # finer ones are not followed through blur
+    half, cell = cv2.pyrDown(grey), config.cell_px // 2  # finer ones are lost in blur
     rows, columns = half.shape[0] // cell, half.shape[1] // cell
     if not rows or not columns:
         return np.empty((0, 2), np.float32)
@@ -119,22 +119,22 @@ def find_corners(grey: U8, config: CornerConfig) -> F32:
     best = cells.argmax(axis=1)
     row, column = np.divmod(np.arange(len(best)), columns)
     pixels = np.stack([column * cell + best % cell, row * cell + best // cell], axis=1)
-    worth = cells[np.arange(len(best)), best]
+    strengths = cells[np.arange(len(best)), best]
     least = (BLOCK_PX * SOBEL * 2 * config.contrast_min) ** 2
-    order = np.argsort(-worth, kind="stable")
-    return np.asarray(2 * pixels[order[worth[order] > least]], np.float32)
+    order = np.argsort(-strengths, kind="stable")
+    return np.asarray(2 * pixels[order[strengths[order] > least]], np.float32)
 
 
-def read_depth_m(depth_mm: U16, pixels: F64, config: CornerConfig) -> tuple[F64, BOOL]:
-    """Return the depth (N) at points (Nx2), and which of them (N) are too far for the sensor.
+def read_depth_m(depth_mm: U16, pixels: F64, config: CornerConfig) -> tuple[F64, Flags]:
+    """Return the depth (N) at points (Nx2), and flags (N) of those too far for the sensor.
 
     Args:
         depth_mm: HxW, 0 = no reading.
         pixels: Nx2.
-        config: What is believed.
+        config: Valid depths.
 
     Returns:
-        Depth, NaN at the rim of a surface and where there is none; the latter are the far ones.
+        Depth, NaN at the rim of a surface and where there is none; the latter are too far.
     """
     size = np.array(depth_mm.shape[::-1])
     at = np.rint(pixels).astype(np.int64)[:, None] + PATCH
@@ -144,6 +144,6 @@ def read_depth_m(depth_mm: U16, pixels: F64, config: CornerConfig) -> tuple[F64,
     last, each = len(PATCH) - 1, np.arange(len(found))
     middle = found[each, np.minimum((missing + last + 1) // 2, last)]
     spread = found[:, -1] - found[each, np.minimum(missing, last)]
-    good = (missing <= len(PATCH) * (1 - KNOWN_SHARE)) & (spread <= config.edge_share * middle)
+    good = (missing <= len(PATCH) * (1 - READ_SHARE)) & (spread <= config.edge_share * middle)
     good &= (middle >= config.range_min_m) & (middle <= config.range_max_m)
     return np.where(good, middle, np.nan), missing == len(PATCH)

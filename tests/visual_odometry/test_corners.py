@@ -1,10 +1,10 @@
-"""Which points are followed: corners, where depth is known, not people's."""
+"""Selection of points: corners with depth, off people."""
 
 import numpy as np
 import pytest
 
 from services.visual_odometry.config import CornerConfig
-from services.visual_odometry.points import People, find_corners, read_depth_m
+from services.visual_odometry.corners import PeopleRegions, find_corners, read_depth_m
 
 CONFIG = CornerConfig()
 
@@ -23,7 +23,7 @@ def test_the_best_corner_of_each_cell_is_taken_the_best_first() -> None:
 
 
 @pytest.mark.parametrize("grey", [np.full((120, 160), 90, np.uint8), np.zeros((4, 4), np.uint8)])
-def test_what_is_plain_has_no_corners(grey: np.ndarray) -> None:
+def test_plain_image_has_no_corners(grey: np.ndarray) -> None:
     assert not len(find_corners(grey, CONFIG))
 
 
@@ -33,7 +33,7 @@ def test_an_edge_is_no_corner() -> None:
     assert not len(find_corners(grey, CONFIG))
 
 
-def test_depth_is_the_middle_of_what_is_around() -> None:
+def test_depth_is_the_median_of_the_surroundings() -> None:
     depth_mm = np.full((60, 60), 2000, np.uint16)
     depth_mm[20, 20] = 0  # 24 of 25 are left
     depth_mm[40:, :] = 4000  # a rim between rows 39 and 40
@@ -50,11 +50,11 @@ def test_depth_out_of_range_is_none() -> None:
     assert np.isnan(read_depth_m(depth_mm, np.array([[40.0, 30.0], [10.0, 30.0]]), CONFIG)[0]).all()
 
 
-def test_people_cover_what_is_in_their_box_at_their_depth() -> None:
+def test_people_cover_points_in_their_box_at_their_depth() -> None:
     """Box of 100 x 200 px with 15 % around it: 85 to 215 across; the person at 3 m, +- 0.7 m."""
-    people = People(np.array([[100.0, 100.0, 200.0, 300.0]]), np.array([3.0]))
+    people = PeopleRegions(np.array([[100.0, 100.0, 200.0, 300.0]]), np.array([3.0]))
     pixels = np.array([[150, 200], [150, 200], [90, 200], [80, 200], [150, 340]], np.float64)
     depths = np.array([3.2, 4.0, 3.0, 3.0, 3.0])
     assert people.cover(pixels, depths, CONFIG).tolist() == [True, False, True, False, False]
-    unknown = People(people.boxes_xyxy_px, np.array([np.nan]))
+    unknown = PeopleRegions(people.boxes_xyxy_px, np.array([np.nan]))
     assert unknown.cover(pixels, depths, CONFIG).tolist() == [True, True, True, False, False]
