@@ -9,7 +9,6 @@ import msgspec
 
 from common.config import load
 from common.drawing.tiles import Tile, grid
-from deploy.launcher.plan import CONFIG_FILE
 from evaluation.gait.following import Box, LaunchRequest, follow
 from evaluation.gait.log import Log
 from evaluation.gait.viewer import Viewer
@@ -34,7 +33,12 @@ STILLS, COLUMNS = 6, 2
 Told = Callable[[str, float], None]
 
 
-def read_wish(source: str, box: Box | None, preset: str, settings: Sequence[str]) -> LaunchRequest:
+def read_wish(
+    source: str,
+    box: Box | None,
+    preset: str,
+    settings: Sequence[str],
+) -> LaunchRequest:
     """Return what is to be done.
 
     Args:
@@ -49,7 +53,7 @@ def read_wish(source: str, box: Box | None, preset: str, settings: Sequence[str]
     told = [*preset_settings(preset), *settings]
     own = [text.removeprefix(SERVICE) for text in told if text.startswith(SERVICE)]
     method = read_method("", [text for text in told if not text.startswith(SERVICE)])
-    gait = load(GaitConfig, "gait", CONFIG_FILE, own)
+    gait = load(GaitConfig, "gait", None, own)
     return LaunchRequest(source=source, method=method, gait=gait, box=box)
 
 
