@@ -1,4 +1,4 @@
-"""Methods: the configuration of the services that detect, re-identify and track."""
+"""A method as its services would run it: configuration file, environment, preset, settings."""
 
 import json
 from collections.abc import Sequence
@@ -9,6 +9,7 @@ from typing import TypeVar
 import msgspec
 
 from common.config import load
+from deploy.launcher.plan import CONFIG_FILE
 from people4d.errors import ConfigError
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
@@ -24,14 +25,14 @@ SERVICES = ("camera", "detector", "reid", "tracker")
 
 @dataclass(frozen=True)
 class Method:
-    """Configuration of the services of one method.
+    """What is judged.
 
     Args:
-        name: Name of the preset.
-        camera: Playback of recordings, without a source.
-        detector: Configuration of the detector.
-        reid: Configuration of re-identification; None if the tracker takes no embeddings.
-        tracker: Configuration of the tracker.
+        name: Of the preset.
+        camera: How recordings are played, without a source.
+        detector: What finds people.
+        reid: What tells their appearance; None if the tracker does not look at people.
+        tracker: What follows them.
     """
 
     name: str
@@ -65,34 +66,37 @@ def read_methods(presets: Sequence[str], settings: Sequence[str] = ()) -> list[M
     return methods
 
 
-def read_method(preset: str, settings: Sequence[str] = ()) -> Method:
+def read_method(
+    preset: str, settings: Sequence[str] = (), config_file: Path = CONFIG_FILE
+) -> Method:
     """Return the method of a preset, as `people4d up --preset` would run it.
 
     Args:
         preset: Name of a preset, or path of a TOML file of that form.
         settings: "service.field=value", which win over the preset.
+        config_file: A table for each service, over which the preset wins.
 
     Raises:
         ConfigError: The preset or a setting is unknown, or a value is out of range.
     """
-    fields: dict[str, list[str]] = {service: [] for service in SERVICES}
+    told: dict[str, list[str]] = {service: [] for service in SERVICES}
     for text in [*preset_settings(preset), *settings]:
         service, _, field = text.partition(".")
-        if service not in fields:
+        if service not in told:
             known = ", ".join(SERVICES)
             raise ConfigError(f"setting {text!r} is of no service that runs", f"These are {known}.")
-        fields[service].append(field)
+        told[service].append(field)
 
     def record(kind: type[T], service: str) -> T:
-        return load(kind, service, None, fields[service])
+        return load(kind, service, config_file, told[service])
 
     tracker = record(TrackerConfig, "tracker")
-    embeds = make_tracker(tracker).uses_embeddings
+    looks = make_tracker(tracker).uses_embeddings
     return Method(
         name=Path(preset).stem if preset.endswith(".toml") else preset,
         camera=msgspec.structs.replace(record(CameraConfig, "camera"), source=""),
-        # Detections do not depend on whether crops are published, too.
+        # Detections do not depend on whether pictures of people are cut out, too.
         detector=msgspec.structs.replace(record(DetectorConfig, "detector"), crops=True),
-        reid=record(ReidConfig, "reid") if embeds else None,
+        reid=record(ReidConfig, "reid") if looks else None,
         tracker=tracker,
     )

@@ -1,7 +1,7 @@
-"""The colour layer by itself: success and frames a second, as in the thesis' Tables 3.1 to 3.5.
+"""The colour layer alone: success and frames a second, as in Tables 3.1 to 3.5 of the source.
 
-A box is started at the true one in the first frame, and nothing helps it after that. Success is the
-share of frames in which it overlaps the true box of the whole body by half or more.
+A box is started at the true one in the first frame, without any detection after that. Success is
+the ratio of frames in which it overlaps the true box of the entire body by half or more.
 """
 
 import time
@@ -12,32 +12,32 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.lib.gait_takes import Take, overlap
+from benchmarks.lib.gait_recordings import GaitRecording, overlap
 from benchmarks.lib.table import markdown, spread
 from people4d.messages import F64, U8
 from services.gait.colour.colour_layer import ColourLayer
-from services.gait.colour.config import PAPER_TAU, ColourLayerConfig
-from services.gait.colour.histogram import HueSaturation, part_of
-from services.gait.colour.pixel_ratios import PixelRatios, grid_of
-from tests.gait.numpy_colours import scores
+from services.gait.colour.colour_ratio import ColourRatio, sample_grid
+from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch
+from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
+from tests.gait.numpy_histogram import scores
 
 SUCCESS = 0.5  # overlap from which on a frame counts
 PARTICLES = tuple(range(20, 180, 20))
 TIMED_PARTICLES = tuple(range(20, 140, 20))
 SIZES = ((100, 150), (150, 150), (150, 200), (150, 250))
 ROUND_FRAMES = 30  # whose mean time is one round of a timing
-# As the paper has it but for one constant: with its own, 1, all particles weigh nearly the same.
-PAPER: dict[str, Any] = {"weights": "distance", "tau": PAPER_TAU}
-PAPER_SIGMA: dict[str, Any] = {**PAPER, "sigma": 1.0}
+# As published but for sigma: with 1 all particles weigh nearly the same.
+PUBLISHED: dict[str, Any] = {"weights": "distance", "tau": PUBLISHED_TAU}
+PUBLISHED_SIGMA: dict[str, Any] = {**PUBLISHED, "sigma": 1.0}
 OURS: dict[str, Any] = {}
 
-KINDS = {"as in the paper, sigma 1": PAPER_SIGMA, "as in the paper": PAPER, "default": OURS}
-TWO = {"as in the paper": PAPER, "default": OURS}
+KINDS = {"as published, sigma 1": PUBLISHED_SIGMA, "as published": PUBLISHED, "default": OURS}
+TWO = {"as published": PUBLISHED, "default": OURS}
 WALKS = ("gait_walk", "gait_medium")
-EVEN = 0.5  # percent of success by which two are taken as even
+SAME_PERCENT = 0.5  # percent of success within which two are equal
 
-THESIS_PARTICLES = (37.5, 49, 68, 79, 85.5, 87, 90.5, 91)
-THESIS_FPS = {
+PUBLISHED_PARTICLES = (37.5, 49, 68, 79, 85.5, 87, 90.5, 91)
+PUBLISHED_FPS = {
     (100, 150): (27.56, 17.26, 12.71, 10.11, 8.44, 7.48),
     (150, 150): (22.19, 13.32, 9.43, 7.20, 5.73, 5.05),
     (150, 200): (18.36, 10.36, 7.21, 5.85, 4.85, 3.81),
@@ -54,29 +54,31 @@ SAMPLING = {"plain": 60.0, "hierarchical": 79.5}
 
 
 @dataclass(frozen=True)
-class Reel:
-    """The pictures of a film with one person's true boxes: N frames, Nx4 pixels."""
+class ColourSequence:
+    """Images of a recording with one person's true boxes: N frames, Nx4 pixels."""
 
     frames: list[U8]
     boxes_px: F64
 
 
-def reel(take: Take) -> Reel:
-    """Return a film as pictures in memory."""
-    return Reel([frame.rgb for frame in take.frames()], take.truth.boxes_px[:, 0])
+def colour_sequence(recording: GaitRecording) -> ColourSequence:
+    """Return a recording as images in memory."""
+    return ColourSequence(
+        [frame.rgb for frame in recording.frames()], recording.truth.boxes_px[:, 0]
+    )
 
 
-def success(film: Reel, seed: int, fields: Mapping[str, Any]) -> float:
-    """Return the share of frames, in percent, in which the box is on the person.
+def success(recording: ColourSequence, seed: int, fields: Mapping[str, Any]) -> float:
+    """Return the ratio of frames, in percent, in which the box is on the person.
 
     Args:
-        film: Pictures and truth.
+        recording: Images and ground truth.
         seed: Of the filter.
         fields: Of the configuration that are not the default.
     """
     layer = ColourLayer(ColourLayerConfig(**fields), seed)
-    assert layer.start(0, film.frames[0], film.boxes_px[0])
-    pairs = zip(film.frames[1:], film.boxes_px[1:], strict=True)
+    assert layer.start(0, recording.frames[0], recording.boxes_px[0])
+    pairs = zip(recording.frames[1:], recording.boxes_px[1:], strict=True)
     hits = [overlap(layer.update(rgb)[0].box_xyxy_px, box) >= SUCCESS for rgb, box in pairs]
     return 100 * float(np.mean(hits))
 
@@ -99,13 +101,13 @@ def settings(counts: Sequence[int]) -> list[Fields]:
 
 
 @dataclass(frozen=True)
-class Films:
-    """Films that are followed, each many times.
+class ColourRuns:
+    """Recordings and seeds of the runs of a scenario.
 
     Args:
         scenario: Of all.
-        seeds: One film each.
-        filters: Seeds of the filter, with each of which every film is followed.
+        seeds: One recording each.
+        filters: Seeds of the filter, for every recording.
     """
 
     scenario: str
@@ -113,163 +115,169 @@ class Films:
     filters: Sequence[int]
 
 
-def run(films: Films, wanted: Sequence[Fields]) -> dict[str, list[float]]:
-    """Return the success of configurations by their key, one value for each film and seed."""
+def run(recordings: ColourRuns, wanted: Sequence[Fields]) -> dict[str, list[float]]:
+    """Return the success of configurations by their key, one value for each recording and seed."""
     found: dict[str, list[float]] = {key_of(fields): [] for fields in wanted}
-    for film_seed in films.seeds:
-        film = reel(Take(films.scenario, film_seed))
+    for recording_seed in recordings.seeds:
+        recording = colour_sequence(GaitRecording(recordings.scenario, recording_seed))
         for fields in wanted:
-            found[key_of(fields)] += [success(film, seed, fields) for seed in films.filters]
+            found[key_of(fields)] += [
+                success(recording, seed, fields) for seed in recordings.filters
+            ]
     return found
 
 
 def key_of(fields: Fields) -> str:
-    """Return what tells a configuration from others, defaults written out."""
+    """Return the key of a configuration, with defaults."""
     return str(msgspec.json.encode(ColourLayerConfig(**fields)))
 
 
 @dataclass(frozen=True)
-class Successes:
+class SuccessRates:
     """Success in percent by scenario and by the key of the configuration."""
 
     found: Mapping[str, Mapping[str, Sequence[float]]]
 
     def values(self, scenarios: Sequence[str], fields: Fields) -> list[float]:
-        """Return the success of a configuration in all films and with all seeds."""
+        """Return the success of a configuration in all recordings and with all seeds."""
         return [value for name in scenarios for value in self.found[name][key_of(fields)]]
 
     def mean(self, scenarios: Sequence[str], fields: Fields) -> float:
         """Return the mean success."""
         return float(np.mean(self.values(scenarios, fields)))
 
-    def told(self, scenarios: Sequence[str], fields: Fields) -> str:
-        """Return the mean success with least and most, as text."""
+    def formatted(self, scenarios: Sequence[str], fields: Fields) -> str:
+        """Return the mean success with minimum and maximum, as text."""
         values = self.values(scenarios, fields)
         return f"{np.mean(values):.1f} ({min(values):.0f} to {max(values):.0f})"
 
 
-def by_particles(found: Successes, counts: Sequence[int]) -> str:
+def by_particles(found: SuccessRates, counts: Sequence[int]) -> str:
     """Return Table 3.1."""
     rows = []
     for count in counts:
-        cells = [found.told(WALKS, {**kind, "particles": count}) for kind in KINDS.values()]
-        paper = THESIS_PARTICLES[PARTICLES.index(count)]
-        rows.append([str(count), f"{paper:g}", *cells])
-    return markdown(["particles", "paper", *KINDS], rows)
+        cells = [found.formatted(WALKS, {**kind, "particles": count}) for kind in KINDS.values()]
+        published = PUBLISHED_PARTICLES[PARTICLES.index(count)]
+        rows.append([str(count), f"{published:g}", *cells])
+    return markdown(["particles", "published", *KINDS], rows)
 
 
-def by_speed(found: Successes) -> str:
+def by_speed(found: SuccessRates) -> str:
     """Return Table 3.3."""
     rows = [
-        [f"{speed} m/s", f"{paper:g}", *_two(found, [scenario], {"particles": 100})]
-        for scenario, (speed, paper) in SPEEDS.items()
+        [f"{speed} m/s", f"{published:g}", *_two(found, [scenario], {"particles": 100})]
+        for scenario, (speed, published) in SPEEDS.items()
     ]
-    return markdown(["walking at", "paper", *TWO], rows)
+    return markdown(["walking at", "published", *TWO], rows)
 
 
-def by_model(found: Successes) -> str:
+def by_model(found: SuccessRates) -> str:
     """Return Table 3.4."""
     rows = [
-        [name, f"{paper:g}", *_two(found, WALKS, {"particles": 100, **fields})]
-        for name, (fields, paper) in MODELS.items()
+        [name, f"{published:g}", *_two(found, WALKS, {"particles": 100, **fields})]
+        for name, (fields, published) in MODELS.items()
     ]
-    return markdown(["motion model", "paper", *TWO], rows)
+    return markdown(["motion model", "published", *TWO], rows)
 
 
-def by_sampling(found: Successes) -> str:
+def by_sampling(found: SuccessRates) -> str:
     """Return Table 3.5."""
     rows = [
-        [name, f"{paper:g}", *_two(found, WALKS, {"particles": 50, "sampling": name})]
-        for name, paper in SAMPLING.items()
+        [name, f"{published:g}", *_two(found, WALKS, {"particles": 50, "sampling": name})]
+        for name, published in SAMPLING.items()
     ]
-    return markdown(["sampling, 50 particles", "paper", *TWO], rows)
+    return markdown(["sampling, 50 particles", "published", *TWO], rows)
 
 
-def _two(found: Successes, scenarios: Sequence[str], fields: Fields) -> list[str]:
-    return [found.told(scenarios, {**kind, **fields}) for kind in TWO.values()]
+def _two(found: SuccessRates, scenarios: Sequence[str], fields: Fields) -> list[str]:
+    return [found.formatted(scenarios, {**kind, **fields}) for kind in TWO.values()]
 
 
-def orderings(found: Successes, counts: Sequence[int]) -> dict[str, dict[str, bool]]:
-    """Return which of the paper's orderings come out, by what they say and by configuration."""
-    told: dict[str, dict[str, bool]] = {}
+def orderings(found: SuccessRates, counts: Sequence[int]) -> dict[str, dict[str, bool]]:
+    """Return which published orderings are reproduced, by ordering and configuration."""
+    formatted: dict[str, dict[str, bool]] = {}
     speeds = list(SPEEDS)
     for name, kind in TWO.items():
         few, many = ({**kind, "particles": count} for count in (counts[0], counts[-1]))
         hundred = {**kind, "particles": 100}
-        pace = [found.mean([scenario], hundred) for scenario in speeds]
+        rates = [found.mean([scenario], hundred) for scenario in speeds]
         models = [found.mean(WALKS, {**hundred, **fields}) for fields, _ in MODELS.values()]
         plain, placed = (
             found.mean(WALKS, {**kind, "particles": 50, "sampling": sampling})
             for sampling in SAMPLING
         )
         claims = {
-            "more particles follow better": found.mean(WALKS, few) < found.mean(WALKS, many),
-            "fast walks are harder than slow ones": pace[0] > pace[-1],
-            "8-tuple of first order is the best model": models[0] >= max(models) - EVEN,
-            "8-tuple of second order is the worst model": models[3] <= min(models) + EVEN,
+            "more particles track better": found.mean(WALKS, few) < found.mean(WALKS, many),
+            "fast walks are harder than slow ones": rates[0] > rates[-1],
+            "8-tuple of first order is the best model": models[0] >= max(models) - SAME_PERCENT,
+            "8-tuple of second order is the worst model": models[3] <= min(models) + SAME_PERCENT,
             "hierarchical sampling is better at 50 particles": placed > plain,
         }
         for claim, holds in claims.items():
-            told.setdefault(claim, {})[name] = holds
-    return told
+            formatted.setdefault(claim, {})[name] = holds
+    return formatted
 
 
-def rates(film: Reel, fields: Mapping[str, Any], rounds: int) -> str:
+def rates(recording: ColourSequence, fields: Mapping[str, Any], rounds: int) -> str:
     """Return Table 3.2: frames a second by size of the box and number of particles."""
-    header = ["box", *(f"{count} particles" for count in TIMED_PARTICLES), "paper at 20 and 120"]
+    header = [
+        "box",
+        *(f"{count} particles" for count in TIMED_PARTICLES),
+        "published at 20 and 120",
+    ]
     rows = []
     for size in SIZES:
         cells = []
         for count in TIMED_PARTICLES:
             wanted = {**fields, "particles": count}
-            cells.append(spread(list(_rounds(film, size, wanted, rounds)), "{:.0f}"))
-        paper = THESIS_FPS[size]
-        rows.append([f"{size[0]}x{size[1]}", *cells, f"{paper[0]:.1f}, {paper[-1]:.1f}"])
+            cells.append(spread(list(_rounds(recording, size, wanted, rounds)), "{:.0f}"))
+        published = PUBLISHED_FPS[size]
+        rows.append([f"{size[0]}x{size[1]}", *cells, f"{published[0]:.1f}, {published[-1]:.1f}"])
     return markdown(header, rows)
 
 
-def growth(film: Reel, fields: Mapping[str, Any], rounds: int) -> float:
-    """Return how much longer a frame takes with the largest box than with the smallest."""
+def growth(recording: ColourSequence, fields: Mapping[str, Any], rounds: int) -> float:
+    """Return the ratio of the times of a frame with the largest and the smallest box."""
     wanted = {**fields, "particles": 100}
     slow, fast = (
-        np.median(list(_rounds(film, size, wanted, rounds))) for size in (SIZES[-1], SIZES[0])
+        np.median(list(_rounds(recording, size, wanted, rounds))) for size in (SIZES[-1], SIZES[0])
     )
     return float(fast / slow)
 
 
 def _rounds(
-    film: Reel, size: tuple[int, int], fields: Mapping[str, Any], rounds: int
+    recording: ColourSequence, size: tuple[int, int], fields: Mapping[str, Any], rounds: int
 ) -> Iterator[float]:
     """Yield frames a second of the layer alone, once for each round of frames."""
-    middle = (film.boxes_px[0, :2] + film.boxes_px[0, 2:]) / 2
+    middle = (recording.boxes_px[0, :2] + recording.boxes_px[0, 2:]) / 2
     half = np.array(size) / 2
     for seed in range(rounds):
         layer = ColourLayer(ColourLayerConfig(**fields), seed)
-        layer.start(0, film.frames[0], np.concatenate([middle - half, middle + half]))
-        layer.update(film.frames[0])
+        layer.start(0, recording.frames[0], np.concatenate([middle - half, middle + half]))
+        layer.update(recording.frames[0])
         begin_ns = time.perf_counter_ns()
-        for rgb in film.frames[1 : 1 + ROUND_FRAMES]:
+        for rgb in recording.frames[1 : 1 + ROUND_FRAMES]:
             layer.update(rgb)
         yield ROUND_FRAMES * 1e9 / (time.perf_counter_ns() - begin_ns)
 
 
-def comparing_ms(film: Reel, rounds: int) -> dict[str, list[float]]:
-    """Return the times of weighing 100 boxes of 150x250, the plain way and the compiled one."""
-    chance = np.random.default_rng(0)
-    middle = (film.boxes_px[0, :2] + film.boxes_px[0, 2:]) / 2
-    centres = middle + chance.normal(0, 10, (100, 2))
+def comparing_ms(recording: ColourSequence, rounds: int) -> dict[str, list[float]]:
+    """Return the times of weighing 100 boxes of 150x250, by NumPy and compiled."""
+    random = np.random.default_rng(0)
+    middle = (recording.boxes_px[0, :2] + recording.boxes_px[0, 2:]) / 2
+    centres = middle + random.normal(0, 10, (100, 2))
     boxes = np.concatenate([centres, np.full((100, 2), (150.0, 250.0))], axis=1)
-    config, rgb = ColourLayerConfig(), film.frames[0]
-    bins = HueSaturation(config.hue_bins, config.saturation_bins, config.points)
-    ratios = PixelRatios(config, bins)
-    colours = ratios.learn(part_of(rgb, boxes[:1] * ratios.reach), boxes[0])
-    grid = grid_of(config.points, (1.0, 1.0), config.bands)
+    config, rgb = ColourLayerConfig(), recording.frames[0]
+    bins = HueSaturationHistogram(config.hue_bins, config.saturation_bins, config.points)
+    ratios = ColourRatio(config, bins)
+    model = ratios.learn(hsv_patch(rgb, boxes[:1] * ratios.reach), boxes[0])
+    grid = sample_grid(config.points, (1.0, 1.0), config.bands)
     times: dict[str, list[float]] = {"numpy": [], "compiled": []}
     for _ in range(rounds + 1):
         begin_ns = time.perf_counter_ns()
-        scores(rgb, boxes, colours, grid, bins)
+        scores(rgb, boxes, model, grid, bins)
         middle_ns = time.perf_counter_ns()
-        ratios.scores(part_of(rgb, boxes), boxes, colours)
+        ratios.scores(hsv_patch(rgb, boxes), boxes, model)
         times["numpy"].append((middle_ns - begin_ns) / 1e6)
         times["compiled"].append((time.perf_counter_ns() - middle_ns) / 1e6)
     return {name: values[1:] for name, values in times.items()}

@@ -1,94 +1,96 @@
-"""Step length and cadence from the feet that are told, against the steps truly made."""
+"""Step length and cadence by the tracked feet, against the true steps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.lib.gait_points import Followed, in_map
-from benchmarks.lib.gait_takes import POINTS, Take
+from benchmarks.lib.gait_points import PointResults, in_map
+from benchmarks.lib.gait_recordings import POINTS, GaitRecording
 from benchmarks.lib.table import markdown
 from lab.truth.markers import Footfall
 from people4d.messages import F64
-from services.gait.steps.config import StepConfig
-from services.gait.steps.steps import FEET, Step, StepMeter, Stride, even_strides
+from services.gait.config import StepConfig
+from services.gait.steps.steps import FEET, FootStep, StepMeter, Stride, even_strides
 
-NEAR_S = 0.3  # between a step that is told and the true one
-EVERY_S = 0.5  # how often what is told is compared
+NEAR_S = 0.3  # between a detected step and the true one
+EVERY_S = 0.5  # between comparisons
 UP = np.array([0.0, 0.0, 1.0])
-AIM_M, AIM_CADENCE = 0.04, 0.03
 
 
 @dataclass(frozen=True)
 class Errors:
-    """What was told of one person's steps, compared.
+    """Errors of one person's steps.
 
     Args:
         length_m: Of each step, measured minus true.
-        means: Nx4, each time that measures were told, measured minus true: step length in m;
-            cadence and speed, relative; step time asymmetry, NaN where it was not told.
-        asked: How often it was compared whether measures were told.
-        found: Steps told for a true one.
-        true: Steps truly made.
-        extra: Steps told for none.
+        means: Nx4, each time that measures were published, measured minus true: step length in m;
+            cadence and speed, relative; step time asymmetry, NaN where absent.
+        compared: Number of comparisons.
+        found: Detected true steps.
+        true: True steps.
+        extra: False steps.
     """
 
     length_m: F64
     means: F64
-    asked: int
+    compared: int
     found: int
     true: int
     extra: int
 
 
-def judge(take: Take, followed: Followed, person: int) -> Errors:
-    """Return how well the steps of one person in a film are told."""
-    feet = in_map(take, followed.points_m[:, person])
-    feet[~followed.measured[:, person]] = np.nan
-    places_m = np.stack([feet[:, POINTS.index(f"{foot}_foot")] for foot in FEET], axis=1)
-    times_s = np.array([take.world.frame_s(index) for index in range(len(feet))])
-    return compare(times_s, places_m, take.footfalls[person])
+def step_errors(recording: GaitRecording, results: PointResults, person: int) -> Errors:
+    """Return the errors of the steps of one person in a recording."""
+    feet = in_map(recording, results.points_m[:, person])
+    feet[~results.measured[:, person]] = np.nan
+    foot_points_m = np.stack([feet[:, POINTS.index(f"{foot}_foot")] for foot in FEET], axis=1)
+    times_s = np.array([recording.world.frame_s(index) for index in range(len(feet))])
+    return compare(times_s, foot_points_m, recording.footfalls[person])
 
 
 def compare(times_s: F64, feet_m: F64, falls: Sequence[Footfall]) -> Errors:
-    """Return how well steps are told by paths of feet.
+    """Return the errors of steps by trajectories of feet.
 
     Args:
         times_s: N.
-        feet_m: Nx2x3, left and right, frame: map; NaN where a foot was not seen.
+        feet_m: Nx2x3, left and right, frame: map; NaN where a foot was not measured.
         falls: The true steps, in order.
     """
-    config = StepConfig(every_s=1e-3)  # what is told is of the frame that it is compared in
-    meter, whole = StepMeter(config, UP), StepMeter(StepConfig(window_s=600.0), UP)
-    means, asked = list[tuple[float, ...]](), 0
+    config = StepConfig(every_s=1e-3)  # measures of the compared frame
+    meter, entire = StepMeter(config, UP), StepMeter(StepConfig(window_s=600.0), UP)
+    means, compared = list[tuple[float, ...]](), 0
     for time_s, feet in zip(times_s.tolist(), feet_m, strict=True):
         both = [foot if np.isfinite(foot).all() else None for foot in feet]
-        told = meter.update(time_s, *both)
-        whole.update(time_s, *both)
-        if time_s < (asked + 1) * EVERY_S:
+        measures = meter.update(time_s, *both)
+        entire.update(time_s, *both)
+        if time_s < (compared + 1) * EVERY_S:
             continue
-        asked += 1
+        compared += 1
         true = _true(even_strides(meter.steps(), config), falls)
-        if true is not None and told.step_length_m and told.cadence_per_min:
-            length_m, cadence = told.step_length_m - true[0], told.cadence_per_min / true[1] - 1
-            speed = (told.walking_speed_mps or np.nan) / (true[0] * true[1] / 60) - 1
-            uneven = told.step_time_asymmetry
+        if true is not None and measures.step_length_m and measures.cadence_per_min:
+            length_m, cadence = (
+                measures.step_length_m - true[0],
+                measures.cadence_per_min / true[1] - 1,
+            )
+            speed = (measures.walking_speed_mps or np.nan) / (true[0] * true[1] / 60) - 1
+            uneven = measures.step_time_asymmetry
             means.append((length_m, cadence, speed, np.nan if uneven is None else uneven - true[2]))
-    steps = whole.steps()
+    steps = entire.steps()
     known = [(step, k) for step in steps if (k := _match(step, falls)) is not None]
     lengths = [step.length_m - _length_m(falls, k) for step, k in known if 0 < k < len(falls) - 1]
     found = len({k for _, k in known})
     table = np.array(means).reshape(-1, 4)
-    return Errors(np.array(lengths), table, asked, found, len(falls), len(steps) - found)
+    return Errors(np.array(lengths), table, compared, found, len(falls), len(steps) - found)
 
 
 def table(found: Mapping[str, Sequence[Errors]]) -> str:
-    """Return the errors by case; each is of all films and seeds together."""
+    """Return the errors by case; each is of all recordings and seeds together."""
     header = [
         "case",
-        "steps found, told for none",
+        "steps found, false steps",
         "one step: median, p90 cm",
-        "measures told %",
+        "measures published %",
         "mean step: bias, median, worst cm",
         "cadence: median, p90, worst %",
         "speed: median, worst %",
@@ -100,12 +102,12 @@ def table(found: Mapping[str, Sequence[Errors]]) -> str:
 def _cells(errors: Sequence[Errors]) -> list[str]:
     lengths = 100 * np.abs(np.concatenate([e.length_m for e in errors]))
     means = np.concatenate([e.means for e in errors]) * (100, 100, 100, 1)
-    told = 100 * len(means) / max(sum(e.asked for e in errors), 1)
+    published = 100 * len(means) / max(sum(e.compared for e in errors), 1)
     counts = [sum(getattr(e, name) for e in errors) for name in ("found", "true", "extra")]
     return [
         "{} of {}, {}".format(*counts),
         _quantiles(lengths, (0.5, 0.9)),
-        f"{told:.0f}",
+        f"{published:.0f}",
         f"{means[:, 0].mean():+.1f}, {_quantiles(means[:, 0], (0.5, 1))}" if len(means) else "-",
         _quantiles(means[:, 1], (0.5, 0.9, 1)),
         _quantiles(means[:, 2], (0.5, 1)),
@@ -113,15 +115,15 @@ def _cells(errors: Sequence[Errors]) -> list[str]:
     ]
 
 
-def _quantiles(values: F64, shares: Sequence[float], digits: int = 1) -> str:
+def _quantiles(values: F64, quantiles: Sequence[float], digits: int = 1) -> str:
     known = np.abs(values[np.isfinite(values)])
     if not len(known):
         return "-"
-    return ", ".join(f"{value:.{digits}f}" for value in np.quantile(known, shares))
+    return ", ".join(f"{value:.{digits}f}" for value in np.quantile(known, quantiles))
 
 
-def _match(step: Step, falls: Sequence[Footfall]) -> int | None:
-    """Return the number of the true step that was told."""
+def _match(step: FootStep, falls: Sequence[Footfall]) -> int | None:
+    """Return the number of the true step of a detected one."""
     side = FEET.index(step.foot)
     near = [
         (abs(fall.time_s - step.landed_s), k)
@@ -132,23 +134,23 @@ def _match(step: Step, falls: Sequence[Footfall]) -> int | None:
 
 
 def _length_m(falls: Sequence[Footfall], k: int) -> float:
-    """Return the length of a true step along the way: that of the other foot about it."""
-    way = falls[k + 1].place_m - falls[k - 1].place_m
-    way = way / max(float(np.linalg.norm(way)), 1e-9)
-    return float((falls[k].place_m - falls[k - 1].place_m) @ way)
+    """Return the length of a true step along the displacement of the other foot about it."""
+    displacement = falls[k + 1].place_m - falls[k - 1].place_m
+    displacement = displacement / max(float(np.linalg.norm(displacement)), 1e-9)
+    return float((falls[k].place_m - falls[k - 1].place_m) @ displacement)
 
 
 def _true(
-    told: Sequence[tuple[Step, Stride]], falls: Sequence[Footfall]
+    measures: Sequence[tuple[FootStep, Stride]], falls: Sequence[Footfall]
 ) -> tuple[float, float, float] | None:
     """Return the true mean step length in m, cadence a minute and step time asymmetry.
 
-    They are of the times of the strides that were told. How many steps were truly made in these
-    tells of one that was none, or two.
+    They are of the times of the detected strides; the number of true steps in these shows strides
+    that were none, or two.
     """
     landed_s = np.array([fall.time_s for fall in falls])
     spans = []
-    for step, stride in told:
+    for step, stride in measures:
         times_s = np.array([[step.landed_s - stride.time_s], [step.landed_s]])
         begin, end = np.argmin(np.abs(landed_s - times_s), axis=1).tolist()
         if end > begin:

@@ -18,7 +18,7 @@ from people4d.codec import encode
 from people4d.credentials import uses_certificates
 from people4d.errors import ConfigError
 from people4d.messages import Message, RgbdFrame, Span
-from people4d.session import ZenohSession, ZenohSubscription, check_chunk
+from people4d.session import Session, ZenohSubscription, check_chunk
 from people4d.topics import BY_MESSAGE, Topic, prefix, query_key
 
 SLOW_HZ = "10"  # of each topic through $PEOPLE4D_SLOW_LINKS
@@ -45,9 +45,7 @@ def read_config(
     config = session.read_config(file, mode, environment, role)
     keys = environment.get("PEOPLE4D_KEYS")
     if keys and not json.loads(config.get_json("access_control"))["enabled"]:
-        local = [
-            name for name in environment.get("PEOPLE4D_LOCAL_INTERFACES", "").split(",") if name
-        ]
+        local = [name for name in environment.get("PEOPLE4D_HERE", "").split(",") if name]
         rules = _access_rules(Path(keys), mode, local or list(LOCAL_INTERFACES))
         if rules:
             config.insert_json5("access_control", json.dumps(rules))
@@ -86,7 +84,7 @@ class ZenohMembers:
         self._tokens.close()
 
 
-class ZenohBus(ZenohSession):
+class ZenohBus(Session):
     """Publishes and subscribes through one Zenoh session.
 
     Args:

@@ -14,9 +14,7 @@ from deploy.cli.progress import cores, interruptible, progress
 from people4d.errors import ConfigError
 from services.presets import PRESETS
 
-# Most modules are imported on use: compiled code takes a second to load.
-
-NO_FIGURES = "No figures: matplotlib is not installed (pip install 'people4d[evaluate]')."
+# What is needed to do it is imported on use: compiled code takes a second to load.
 
 if TYPE_CHECKING:
     from evaluation.report.tables import ReportTable
@@ -40,11 +38,9 @@ def evaluate(
     seeds: Annotated[
         str, typer.Option(help="Seeds of every scenario, for example 1,2,3; else its own.")
     ] = "",
-    fidelity: Annotated[
+    speed: Annotated[
         Literal["geometry", "depth", "colour"],
-        typer.Option(
-            help="How much of a scenario is rendered. geometry: detections in place of frames."
-        ),
+        typer.Option(help="How scenarios are filmed. geometry: detections in place of frames."),
     ] = "colour",
     out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("out/evaluation"),
     jobs: Annotated[
@@ -52,7 +48,7 @@ def evaluate(
     ] = 0,
     cache: Annotated[
         Path | None,
-        typer.Option(help="Folder of renderings and detections; else one in your cache folder."),
+        typer.Option(help="Folder of films and detections; else one in your cache folder."),
     ] = None,
     set_: Annotated[
         list[str],
@@ -60,13 +56,13 @@ def evaluate(
     ] = [],  # noqa: B006 (typer copies it)
     visual_odometry: Annotated[
         bool,
-        typer.Option("--visual-odometry", help="Motion of the base from images, not wheels."),
+        typer.Option("--visual-odometry", help="The motion of the base by pictures, not wheels."),
     ] = False,
     figures: Annotated[
-        bool, typer.Option(help="Draw figures, if matplotlib is installed, the extra 'evaluate'.")
+        bool, typer.Option(help="Draw figures; that takes matplotlib, the extra 'evaluate'.")
     ] = True,
 ) -> None:
-    """Score methods on recordings with truth; the same metrics every time, on any machine."""
+    """Judge methods on recordings with truth; the same figures every time, on any machine."""
     from evaluation.cache import default_folder  # noqa: PLC0415
     from evaluation.evaluate import evaluate as do  # noqa: PLC0415
     from evaluation.evaluate import write  # noqa: PLC0415
@@ -75,23 +71,25 @@ def evaluate(
     from evaluation.run.preparation import EvaluationPlan  # noqa: PLC0415
     from services.visual_odometry.config import VisualOdometryConfig  # noqa: PLC0415
 
-    if visual_odometry and fidelity == "geometry":
-        raise ConfigError("--fidelity geometry has no images", "Render them: --fidelity colour.")
+    if visual_odometry and speed == "geometry":
+        raise ConfigError("--speed geometry has no pictures", "Film them: --speed colour.")
     if figures and importlib.util.find_spec("matplotlib") is None:
-        typer.echo(NO_FIGURES)
-        figures = False
+        raise ConfigError(
+            "figures are drawn with matplotlib, which is not installed",
+            "Install it with: pip install 'people4d[evaluate]', or add --no-figures.",
+        )
     folder = (cache or default_folder()).absolute()
     plan = EvaluationPlan(
         methods=tuple(read_methods(presets, set_)),
-        recordings=tuple(plan_recordings(_sources(recordings), _seeds(seeds), fidelity, folder)),
+        takes=tuple(plan_recordings(_sources(recordings), _seeds(seeds), speed, folder)),
         cache=folder,
         jobs=jobs or cores(),
         figures=figures,
         motion=VisualOdometryConfig() if visual_odometry else None,
     )
-    hint = f"Renderings and detections are in {folder}: the same command continues."
-    with interruptible(hint), progress() as on_progress:
-        evaluation = do(plan, on_progress)
+    kept = f"What is filmed and detected is kept in {folder}: the same command goes on."
+    with interruptible(kept), progress() as report:
+        evaluation = do(plan, report)
         page = write(plan, evaluation, out, f"people4d {shlex.join(sys.argv[1:])}")
     _show(evaluation.overview)
     typer.echo(f"Wrote {page}")
@@ -100,19 +98,19 @@ def evaluate(
 def _show(table: "ReportTable") -> None:
     shown = RichTable(title=table.title, title_justify="left", box=None, header_style="bold")
     shown.add_column("method")
-    columns = zip(*((row.people, *row.cells) for row in table.rows), strict=True)
+    columns = zip(*((line.people, *line.cells) for line in table.lines), strict=True)
     titles = ("people", *(column.title for column in table.columns))
     for title, cells in zip(titles, columns, strict=True):
         shown.add_column(title, justify="right", min_width=max(map(len, cells)))
-    for row in table.rows:
-        shown.add_row(row.method, row.people, *row.cells, style="dim" if row.published else "")
+    for line in table.lines:
+        shown.add_row(line.method, line.people, *line.cells, style="dim" if line.paper else "")
     Console(highlight=False).print(shown)
 
 
 def _sources(texts: list[str]) -> list[str]:
     """Split at commas, but for a path that has one in its name."""
-    names = ([text] if Path(text).exists() else text.split(",") for text in texts)
-    return [name.strip() for part in names for name in part if name.strip()]
+    whole = ([text] if Path(text).exists() else text.split(",") for text in texts)
+    return [name.strip() for names in whole for name in names if name.strip()]
 
 
 def _seeds(text: str) -> list[int]:

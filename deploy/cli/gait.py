@@ -14,10 +14,10 @@ from lab import scenario as scenarios
 from people4d.errors import ConfigError
 from services.presets import PRESETS
 
-# What is needed to do it is imported on use: compiled code takes a second to load.
+# The report is imported on use: compiled code takes a second to load.
 
 if TYPE_CHECKING:
-    from evaluation.gait.log import Log
+    from evaluation.gait.tables import GaitTables
 
 AUTO = "auto"
 BOX = re.compile(r"\s*-?\d+(\.\d+)?\s*(,\s*-?\d+(\.\d+)?\s*){3}")
@@ -34,11 +34,11 @@ def gait(
         str,
         typer.Option(
             metavar="auto|LEFT,TOP,RIGHT,BOTTOM",
-            help="auto: everybody, found and tracked. A box in the first frame, in pixels: whoever "
-            "is in it, followed by colours alone.",
+            help="auto: all people, detected and tracked. A box in the first frame, in pixels: the "
+            "person in it, tracked by colour alone.",
         ),
     ] = AUTO,
-    out: Annotated[Path, typer.Option(help="Folder of tables and pictures.")] = Path("out/gait"),
+    out: Annotated[Path, typer.Option(help="Folder of tables and images.")] = Path("out/gait"),
     preset: Annotated[
         str, typer.Option(help=f"Method with its settings: {', '.join(PRESETS)}, or a TOML file.")
     ] = "",
@@ -55,8 +55,8 @@ def gait(
         bool, typer.Option(help="Draw figures; that takes matplotlib, the extra 'evaluate'.")
     ] = True,
 ) -> None:
-    """Follow heads, hands and feet in a recording; write tables, plots and a video."""
-    from evaluation.gait.report import Report, read_wish  # noqa: PLC0415
+    """Track heads, hands and feet in a recording; write tables, plots and a video."""
+    from evaluation.gait.report import GaitReport, read_run  # noqa: PLC0415
 
     if figures and importlib.util.find_spec("matplotlib") is None:
         raise ConfigError(
@@ -64,14 +64,14 @@ def gait(
             "Install it with: pip install 'people4d[evaluate]', or add --no-figures.",
         )
     source = scenarios.resolve(recording) if scenarios.is_scenario(recording) else recording
-    request = read_wish(source, _box(person), preset, set_)
-    report = Report(request, out, video=video, figures=figures)
+    run = read_run(source, _box(person), preset, set_)
+    report = GaitReport(run, out, video=video, figures=figures)
     try:
-        with interruptible(f"What came before is in {out}."), progress() as told:
-            report.run(told)
+        with interruptible(f"The frames so far are in {out}."), progress() as on_progress:
+            report.run(on_progress)
     finally:
         report.finish()
-    _show(report.log)
+    _print_measures(report.tables)
     typer.echo(f"Wrote {out}")
 
 
@@ -91,24 +91,24 @@ def _box(text: str) -> tuple[float, float, float, float] | None:
     return left, top, right, bottom
 
 
-def _show(log: "Log") -> None:
-    if not log.people:
-        typer.echo("Nobody was followed: people are told from their third frame on. In less frames")
-        typer.echo("or where nobody is detected say who: --person left,top,right,bottom")
+def _print_measures(tables: "GaitTables") -> None:
+    if not tables.people:
+        typer.echo("No person was tracked: tracks are confirmed in their third frame. For fewer")
+        typer.echo("frames, or without detections, give a box: --person left,top,right,bottom")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("person")
     for title in ("steps", "step m", "stride m", "steps/min", "m/s", "asymmetry"):
         table.add_column(title, justify="right")
-    for person in log.people:
-        told = log.measures(person)
+    for person in tables.people:
+        measures = tables.measures(person)
         numbers = (
-            (told.step_length_m, 2),
-            (told.stride_length_m, 2),
-            (told.cadence_per_min, 0),
-            (told.walking_speed_mps, 2),
-            (told.step_time_asymmetry, 2),
+            (measures.step_length_m, 2),
+            (measures.stride_length_m, 2),
+            (measures.cadence_per_min, 0),
+            (measures.walking_speed_mps, 2),
+            (measures.step_time_asymmetry, 2),
         )
         cells = ("" if value is None else f"{value:.{digits}f}" for value, digits in numbers)
-        table.add_row(f"#{person}", str(told.steps), *cells)
+        table.add_row(f"#{person}", str(measures.steps), *cells)
     Console(highlight=False).print(table)

@@ -1,1 +1,1 @@
-"""How people walk in a recording: points of their bodies, steps, tables and pictures."""
+"""Gait in recordings: points of bodies, steps, tables and images."""

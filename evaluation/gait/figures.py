@@ -1,4 +1,4 @@
-"""Paths of points and their course over time, drawn with matplotlib, an extra of this package."""
+"""Plots of point trajectories and steps, with matplotlib, an extra of this package."""
 
 from io import BytesIO
 
@@ -6,25 +6,26 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from evaluation.gait.log import Log, Trail
-from evaluation.gait.look import colour_of_point
-from services.gait.points.points import LEFT_FOOT, RIGHT_FOOT
+from evaluation.gait.tables import GaitTables, PointTrajectory
+from evaluation.gait.viewer import point_colour
+from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
 
 DPI = 110
 AXES = ("x (m)", "y (m)", "height (m)")
+GAP_S = 0.5
 
 
-def paths(log: Log, person: int) -> bytes:
-    """Draw where the points of a person went, from above and from the side, as a PNG file."""
+def trajectories_png(tables: GaitTables, person: int) -> bytes:
+    """Plot the trajectories of a person's points from above, and their heights."""
     figure = Figure((11, 5), layout="constrained")
     above, beside = figure.subplots(1, 2)
-    for name, trail in log.trails(person).items():
+    for name, trajectory in tables.trajectories(person).items():
         colour = _hex(name)
-        x, y = _broken(trail, 0)[1], _broken(trail, 1)[1]
-        above.plot(y, x, color=colour, lw=1.2, label=_words(name))
-        beside.plot(*_broken(trail, 2), color=colour, lw=1.2)
+        x, y = _with_gaps(trajectory, 0)[1], _with_gaps(trajectory, 1)[1]
+        above.plot(y, x, color=colour, lw=1.2, label=_label(name))
+        beside.plot(*_with_gaps(trajectory, 2), color=colour, lw=1.2)
     above.set(xlabel=AXES[1], ylabel=AXES[0], aspect="equal", title=f"person {person} from above")
-    above.invert_xaxis()  # y to the left, x up, as one looks with the camera
+    above.invert_xaxis()  # y to the left, x up, as in the direction of the camera
     beside.set(xlabel="time (s)", ylabel=AXES[2], title="height")
     for axes in (above, beside):
         axes.grid(alpha=0.3)
@@ -32,19 +33,20 @@ def paths(log: Log, person: int) -> bytes:
     return _png(figure)
 
 
-def steps(log: Log, person: int) -> bytes:
-    """Draw the feet of a person over time, and where they came down, as a PNG file."""
+def steps_png(tables: GaitTables, person: int) -> bytes:
+    """Plot the feet of a person over time, and their landings."""
     figure = Figure((11, 5), layout="constrained")
     rows = figure.subplots(2, 1, sharex=True)
-    trails, found = log.trails(person), log.steps(person)
+    trajectories = tables.trajectories(person)
     for name in (LEFT_FOOT, RIGHT_FOOT):
-        if name in trails:
+        if name in trajectories:
             for k, axes in enumerate(rows):
-                axes.plot(*_broken(trails[name], k), color=_hex(name), lw=1.3, label=_words(name))
-    for step in found:
+                line = _with_gaps(trajectories[name], k)
+                axes.plot(*line, color=_hex(name), lw=1.3, label=_label(name))
+    for step in tables.steps(person):
         for axes in rows:
             axes.axvline(step.landed_s, color=_hex(f"{step.foot}_foot"), lw=0.9, ls=":")
-    rows[0].set(ylabel=AXES[0], title=_summary(log, person))
+    rows[0].set(ylabel=AXES[0], title=_summary(tables, person))
     rows[1].set(ylabel=AXES[1], xlabel="time (s)")
     for axes in rows:
         axes.grid(alpha=0.3)
@@ -57,29 +59,29 @@ def _legend(axes: Axes) -> None:
         axes.legend(fontsize=8)
 
 
-def _summary(log: Log, person: int) -> str:
-    told = log.measures(person)
-    if told.step_length_m is None or told.cadence_per_min is None:
-        return f"person {person}: too few steps to tell"
+def _summary(tables: GaitTables, person: int) -> str:
+    measures = tables.measures(person)
+    if measures.step_length_m is None or measures.cadence_per_min is None:
+        return f"person {person}: too few steps"
     return (
-        f"person {person}: {told.steps} steps of {told.step_length_m:.2f} m, "
-        f"{told.cadence_per_min:.0f} a minute, dotted where a foot came down"
+        f"person {person}: {measures.steps} steps of {measures.step_length_m:.2f} m, "
+        f"{measures.cadence_per_min:.0f} a minute, landings dotted"
     )
 
 
-def _broken(trail: Trail, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return times and values of a point with gaps where it was not told."""
-    gaps = np.flatnonzero(np.diff(trail.times_s) > 0.5) + 1
-    values = np.insert(trail.positions_m[:, axis], gaps, np.nan)
-    return np.insert(trail.times_s, gaps, np.nan), values
+def _with_gaps(trajectory: PointTrajectory, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and values of a point with NaN in its gaps."""
+    gaps = np.flatnonzero(np.diff(trajectory.times_s) > GAP_S) + 1
+    values = np.insert(trajectory.positions_m[:, axis], gaps, np.nan)
+    return np.insert(trajectory.times_s, gaps, np.nan), values
 
 
-def _words(name: str) -> str:
+def _label(name: str) -> str:
     return name.replace("_", " ")
 
 
 def _hex(name: str) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour_of_point(name))
+    return "#{:02x}{:02x}{:02x}".format(*point_colour(name))
 
 
 def _png(figure: Figure) -> bytes:

@@ -1,4 +1,4 @@
-"""Cache of a network's detections in each image: the slowest step, and only images change it."""
+"""What a network finds in each picture, kept: it takes longest, and only pictures change it."""
 
 import hashlib
 import os
@@ -9,23 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-import services.detector.models
-from common import inference
-from common.geometry import boxes
 from people4d.messages import U8
 from services.detector.models.base import DetectedPerson, InstanceMask, PersonModel
 
-CODE = (services.detector.models, inference, boxes)
-KEYPOINTS = (17, 3)
+CODE = ("services/detector/models/*.py", "common/inference.py", "common/geometry/boxes.py")
+PEOPLE_AXES = (17, 3)
 
 
 @dataclass(frozen=True)
 class CachedDetections:
-    """The people in one image.
+    """The people in one picture.
 
     Args:
-        people: Output of the model.
-        took_ms: Time of the inference.
+        people: As the model gave them.
+        took_ms: What that took.
     """
 
     people: tuple[DetectedPerson, ...]
@@ -34,11 +31,11 @@ class CachedDetections:
 
 @dataclass
 class DetectionCache:
-    """Detections of one model by image.
+    """What one model found, by picture.
 
     Args:
-        name: Name of the model.
-        frames: Detections by `digest` of the image.
+        name: Of the model.
+        frames: By `digest` of the picture.
     """
 
     name: str = ""
@@ -46,65 +43,64 @@ class DetectionCache:
 
 
 class CachingModel:
-    """A model that runs only on images that are not in a cache.
+    """A model that looks at a picture only if it did not before.
 
     Args:
-        model: The model.
-        cache: Its detections so far; new ones are added.
+        model: What looks.
+        known: What it found before; what it finds is added.
     """
 
-    def __init__(self, model: PersonModel, cache: DetectionCache) -> None:
-        self.name = cache.name = model.name
-        self.changed = False  # True: there are new detections in the cache
-        self._model, self._cache = model, cache
-        self._saved_ms = 0.0
+    def __init__(self, model: PersonModel, known: DetectionCache) -> None:
+        self.name = known.name = model.name
+        self.found_new = False
+        self._model, self._known = model, known
+        self._recalled_ms = 0.0
 
     def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Find people, see `PersonModel.detect`."""
         key = digest(rgb)
-        cached = self._cache.frames.get(key)
-        if cached:
-            self._saved_ms += cached.took_ms
-            return list(cached.people)
+        known = self._known.frames.get(key)
+        if known:
+            self._recalled_ms += known.took_ms
+            return list(known.people)
         start_ns = time.perf_counter_ns()
         people = self._model.detect(rgb)
         took_ms = (time.perf_counter_ns() - start_ns) / 1e6
-        self._cache.frames[key] = CachedDetections(tuple(people), took_ms)
-        self.changed = True
+        self._known.frames[key] = CachedDetections(tuple(people), took_ms)
+        self.found_new = True
         return people
 
     def saved_ms(self) -> float:
-        """Return the time that the cache saved since the last call."""
-        saved_ms, self._saved_ms = self._saved_ms, 0.0
+        """Return what was saved since the last call by not looking again."""
+        saved_ms, self._recalled_ms = self._recalled_ms, 0.0
         return saved_ms
 
 
 def digest(rgb: U8) -> int:
-    """Return a digest of an image."""
+    """Return what tells a picture from any other."""
     data = np.ascontiguousarray(rgb).data
     return int.from_bytes(hashlib.blake2b(data, digest_size=8).digest())
 
 
-def save(path: Path, cache: DetectionCache) -> None:
-    """Write a cache to a file, complete or not at all."""
-    frames = cache.frames.values()
-    people = [person for frame in frames for person in frame.people]
+def save(path: Path, findings: DetectionCache) -> None:
+    """Write findings to a file, whole or not at all."""
+    people = [person for found in findings.frames.values() for person in found.people]
     masks = [person.mask or InstanceMask(np.zeros((0, 0), np.uint8), 0, 0) for person in people]
     packed = [np.packbits(mask.window) for mask in masks]
-    missing = np.full(KEYPOINTS, np.nan, np.float32)
+    missing = np.full(PEOPLE_AXES, np.nan, np.float32)
     keypoints = [missing if p.keypoints is None else p.keypoints for p in people]
     new = path.with_suffix(f".{os.getpid()}.new")
     path.parent.mkdir(parents=True, exist_ok=True)
     with new.open("wb") as file:
         np.savez_compressed(
             file,
-            name=np.array(cache.name),
-            digests=np.array(list(cache.frames), np.uint64),
-            took_ms=np.array([frame.took_ms for frame in frames]),
-            counts=np.array([len(frame.people) for frame in frames], np.int64),
+            name=np.array(findings.name),
+            digests=np.array(list(findings.frames), np.uint64),
+            took_ms=np.array([found.took_ms for found in findings.frames.values()]),
+            counts=np.array([len(found.people) for found in findings.frames.values()], np.int64),
             scores=np.array([person.score for person in people]),
             boxes=np.array([person.box_xyxy_px for person in people], np.float32).reshape(-1, 4),
-            keypoints=np.array(keypoints, np.float32).reshape(-1, *KEYPOINTS),
+            keypoints=np.array(keypoints, np.float32).reshape(-1, *PEOPLE_AXES),
             windows=np.array([(m.x_px, m.y_px, *m.window.shape) for m in masks], np.int64),
             bits=np.concatenate([np.empty(0, np.uint8), *packed]),
         )
@@ -112,7 +108,7 @@ def save(path: Path, cache: DetectionCache) -> None:
 
 
 def load(path: Path) -> DetectionCache:
-    """Return the cache in a file; an empty one if there is no such file, or it is damaged."""
+    """Return the findings in a file; none if there is no such file, or it is damaged."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             return _read({name: file[name] for name in file.files})
@@ -134,9 +130,9 @@ def _read(data: dict[str, np.ndarray]) -> DetectionCache:
             data["scores"].tolist(), data["boxes"], data["keypoints"], masks, strict=True
         )
     ]
-    cache, first = DetectionCache(str(data["name"])), 0
+    found, first = DetectionCache(str(data["name"])), 0
     counts, digests = data["counts"].tolist(), data["digests"].tolist()
     for key, count, took_ms in zip(digests, counts, data["took_ms"].tolist(), strict=True):
-        cache.frames[key] = CachedDetections(tuple(people[first : first + count]), took_ms)
+        found.frames[key] = CachedDetections(tuple(people[first : first + count]), took_ms)
         first += count
-    return cache
+    return found

@@ -1,4 +1,4 @@
-"""Metrics as CSV files: the same bytes for the same recordings and methods."""
+"""The figures as CSV files: the same bytes for the same recordings and methods."""
 
 import csv
 import io
@@ -40,37 +40,30 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def write_runs(
-    path: Path, scores: Sequence[RunScores], rows: Sequence[Mapping[str, float | None]]
+    path: Path, results: Sequence[RunScores], rows: Sequence[Mapping[str, float | None]]
 ) -> None:
-    """Write one line for each run with all its metrics."""
+    """Write one line for each trial with all its figures."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     header = ["method", "recording", "scenario", "seed", "people_in_truth", *names]
     write_csv(
         path,
         header,
         (
-            [
-                r.method,
-                r.recording.name,
-                r.recording.scenario,
-                r.recording.seed,
-                r.people,
-                *map(row.get, names),
-            ]
-            for r, row in zip(scores, rows, strict=True)
+            [r.method, r.take.name, r.take.scenario, r.take.seed, r.people, *map(row.get, names)]
+            for r, row in zip(results, rows, strict=True)
         ),
     )
 
 
 def write_summary(path: Path, groups: Sequence[RunGroup]) -> None:
-    """Write one line for each metric of each group of runs."""
+    """Write one line for each figure of each group of trials."""
     write_csv(
         path,
-        ["method", "people", "metric", "mean", "std", "least", "most", "runs"],
+        ["method", "people", "figure", "mean", "std", "least", "most", "runs"],
         (
             [g.method, g.people, name, s.mean, s.std, s.least, s.most, s.runs]
             for g in groups
-            for name, s in g.metrics.items()
+            for name, s in g.figures.items()
             if s is not None
         ),
     )
@@ -80,18 +73,18 @@ def write_table(folder: Path, table: ReportTable) -> None:
     """Write a table of the report as it is shown there."""
     header = ["method", "source", "people", *(column.title for column in table.columns)]
     rows = (
-        [line.method, "published" if line.published else "measured", line.people, *line.cells]
-        for line in table.rows
+        [line.method, "paper" if line.paper else "measured", line.people, *line.cells]
+        for line in table.lines
     )
     write_csv(folder / f"{table.name}.csv", header, rows)
 
 
-def switch_rows(method: str, recording: str, output: RunOutput) -> list[tuple[object, ...]]:
+def switch_rows(method: str, take: str, done: RunOutput) -> list[tuple[object, ...]]:
     """Return one row for each ID switch, see SWITCH_FIELDS."""
-    stamps_s = output.matching.sequence.stamps_s
+    stamps_s = done.matching.sequence.stamps_s
     return [
-        (method, recording, s.person, s.before, s.after, stamps_s[s.last_frame], stamps_s[s.frame])
-        for s in output.matching.id_switches
+        (method, take, s.person, s.before, s.after, stamps_s[s.last_frame], stamps_s[s.frame])
+        for s in done.matching.id_switches
     ]
 
 

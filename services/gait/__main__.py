@@ -4,16 +4,16 @@ import os
 import sys
 
 from common.runtime import process
-from services.gait.build import start
+from services.gait.build import build_compiled
 from services.gait.config import GaitConfig
 
-NICE = 10  # processes that share a core with it go first
+NICE = 10  # other processes on its core have priority
 
 
 def main() -> int:
     """Run the service and return its exit code."""
     os.nice(NICE)
-    return process.main("gait", GaitConfig, start)
+    return process.main("gait", GaitConfig, build_compiled)
 
 
 if __name__ == "__main__":

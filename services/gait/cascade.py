@@ -1,4 +1,4 @@
-"""The cascade: colours carry boxes, boxes cut out bodies, and points are followed on them."""
+"""The cascade: boxes tracked by colour, bodies segmented in boxes, points tracked on bodies."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,21 +7,21 @@ import numpy as np
 
 from common.geometry.boxes import iou_xyxy
 from people4d.messages import F32, F64, U8, U16, CameraInfo
-from services.gait.cascade_config import CascadeConfig
 from services.gait.colour.colour_layer import ColourLayer
-from services.gait.points.depth_layer import DepthLayer, Sight
+from services.gait.config import CascadeConfig
+from services.gait.points.depth_layer import BodyObservation, DepthLayer
 from services.gait.points.point_filter import PointEstimate
-from services.gait.surface.body import Body, find_body
-from services.gait.surface.floor import FloorFinder
-from services.gait.surface.mesh import Surface, surface_of
-from services.gait.surface.parts import rows_px_of
+from services.gait.surface.floor import FloorDetector
+from services.gait.surface.mesh import BodyMesh, build_mesh
+from services.gait.surface.segmentation import BodySegment, segment_body
+from services.gait.surface.silhouette import part_rows_px
 
-__all__ = ["Cascade", "GaitEstimate", "PointEstimate", "Seen"]
+SAME_BOX_IOU = 0.7  # of a detected box to that of the colour layer, which goes on then
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What tracker and detector tell of one person in a frame."""
+class PersonObservation:
+    """Observation of one person in a frame by tracker and detector."""
 
     id: int
     box_xyxy_px: F64 | None = None  # 4; None: not detected in this frame
@@ -31,197 +31,189 @@ class Seen:
 
 @dataclass(frozen=True)
 class GaitEstimate:
-    """One person's points in a frame."""
+    """One person's points in a frame; the details are computed with `config.details` only."""
 
     id: int
-    box_xyxy_px: F64 | None  # 4; None: nobody knows where the person is
+    box_xyxy_px: F64 | None  # 4; None: not known
     points: Mapping[str, PointEstimate]
-    fresh: bool = True  # the person's depth was looked at in this frame
-    surface: Surface | None = None  # with keep_details only
-    # First rows of head, shoulders, torso and legs by the silhouette; with keep_details only
+    fresh: bool = True  # False: predicted, the person's depth was not processed in this frame
+    mesh: BodyMesh | None = None  # detail
+    # First rows of head, shoulders, torso and legs by the silhouette; detail
     rows_px: Mapping[str, int] = field(default_factory=dict)
-    particles: Mapping[str, F64] = field(default_factory=dict)  # Nx4 each; with keep_details only
+    particles: Mapping[str, F64] = field(default_factory=dict)  # Nx4 each; detail
 
 
 @dataclass
-class _Person:
-    """What is kept of a person."""
-
+class _PersonState:
     layer: DepthLayer
     box: F64 | None = None
     depth_m: float | None = None
-    detected_ns: int = 0  # when a box was last given
-    told_ns: int = 0  # when anybody last told of the person
-    looked: int = -1  # number of the frame in which depth was last looked at
-    looked_ns: int = 0
+    detected_ns: int = 0  # of the last detected box
+    observed_ns: int = 0  # of the last observation
+    processed: int = -1  # number of the last frame in which depth was processed
+    processed_ns: int = 0
 
 
 class Cascade:
-    """Follows the points of any number of people.
+    """Tracks the points of any number of people.
 
     Args:
         config: Of all layers.
-        info: Calibration of the camera, which stays the same.
+        info: Calibration of the camera, constant.
 
-    Source: method book section 8 [G 5].
+    Source: docs/method.md, section 8 (G 5).
     """
 
     def __init__(self, config: CascadeConfig, info: CameraInfo) -> None:
         self._config, self._info = config, info
         self._colours = ColourLayer(config.colour, config.seed)
-        self._floor = FloorFinder(config.floor, info, config.seed)
-        self._people: dict[int, _Person] = {}
+        self._floor = FloorDetector(config.floor, info, config.seed)
+        self._people: dict[int, _PersonState] = {}
         self._frame = 0
         self._stamp_ns = 0
 
     @property
     def people(self) -> tuple[int, ...]:
-        """Who is followed."""
+        """Ids of the tracked people."""
         return tuple(self._people)
 
     def update(
-        self, stamp_ns: int, rgb: U8, depth_mm: U16, seen: Sequence[Seen]
+        self, stamp_ns: int, rgb: U8, depth_mm: U16, observations: Sequence[PersonObservation]
     ) -> list[GaitEstimate]:
-        """Return the points of everyone who is followed, in the order of `seen`.
+        """Return the points of the observed people, in the order of their observations.
 
         Args:
-            stamp_ns: Of the frame; frames come in order.
+            stamp_ns: Of the frame; an earlier one than the last resets the cascade.
             rgb: HxWx3.
             depth_mm: HxW, 0 = no reading.
-            seen: What others tell of people in this frame; of whom nobody tells for a while is
-                forgotten.
+            observations: Of this frame; people without one for a while are deleted.
         """
         if self._frame and stamp_ns < self._stamp_ns:
-            self._reset()  # a recording that began anew
+            self._reset()
         self._stamp_ns = stamp_ns
-        self._forget(stamp_ns, seen)
-        self._boxes(stamp_ns, rgb, seen)
+        self._add_and_delete(stamp_ns, observations)
+        self._update_boxes(stamp_ns, rgb, observations)
         self._floor.update(depth_mm)
-        chosen = self._turns(seen)
-        told = [self._told(one, depth_mm, one.id in chosen) for one in seen]
+        chosen = self._turns(observations)
+        estimates = [self._estimate(one, depth_mm, one.id in chosen) for one in observations]
         self._frame += 1
-        return told
+        return estimates
 
     def mark(self, person: int, name: str, pixel: F64, depth_mm: U16) -> bool:
-        """Follow one more point of a person, or one of the usual from elsewhere.
+        """Track a point of a person from a pixel on; an unknown name adds a point.
 
         Args:
-            person: Who, of those in the last update.
+            person: Id, of the last update.
             name: Of the point.
             pixel: 2, u and v in the last frame.
             depth_mm: HxW, of the last frame.
 
         Returns:
-            Whether the pixel is on the person's body.
+            True if the pixel is on the person's body.
         """
-        kept = self._people.get(person)
-        if kept is None or kept.box is None:
+        state = self._people.get(person)
+        body = self._segment(state, depth_mm) if state is not None else None
+        if state is None or body is None:
             return False
-        body = self._body(kept, depth_mm)
-        if body is None:
-            return False
-        surface = surface_of(body, self._info, self._config.body)
-        vertex = int(surface.vertices_at(pixel)[0])
+        mesh = build_mesh(body, self._info, self._config.body)
+        vertex = int(mesh.vertices_at(pixel)[0])
         if vertex < 0:
             return False
-        sight = Sight(surface, 0.0, floor=self._floor.floor)
-        return kept.layer.start(name, surface.points_m[vertex], sight)
+        observation = BodyObservation(mesh, 0.0, floor=self._floor.floor)
+        return state.layer.start(name, mesh.points_m[vertex], observation)
 
     def _reset(self) -> None:
         for person in list(self._people):
             self._colours.stop(person)
         self._people.clear()
 
-    def _forget(self, stamp_ns: int, seen: Sequence[Seen]) -> None:
-        for one in seen:
+    def _add_and_delete(self, stamp_ns: int, observations: Sequence[PersonObservation]) -> None:
+        for one in observations:
             if one.id not in self._people:
                 seed = hash((self._config.seed, one.id)) % 2**32
                 layer = DepthLayer(self._config.depth, self._info, seed)
-                self._people[one.id] = _Person(layer)
-            self._people[one.id].told_ns = stamp_ns
+                self._people[one.id] = _PersonState(layer)
+            self._people[one.id].observed_ns = stamp_ns
         limit_ns = stamp_ns - round(self._config.forget_s * 1e9)
-        for person in [p for p, kept in self._people.items() if kept.told_ns < limit_ns]:
+        for person in [p for p, state in self._people.items() if state.observed_ns < limit_ns]:
             self._people.pop(person)
             self._colours.stop(person)
 
-    def _boxes(self, stamp_ns: int, rgb: U8, seen: Sequence[Seen]) -> None:
-        """Take the boxes that were detected, and let colours carry the others on."""
-        given = {one.id: box for one in seen if (box := _checked(one.box_xyxy_px)) is not None}
-        carried = [one.id for one in seen if one.id not in given]
-        found = self._colours.update(rgb) if any(p in self._colours.people for p in carried) else {}
-        for person, box in given.items():
-            kept = self._people[person]
-            estimate = found.get(person)
-            followed = estimate is not None and _alike(estimate.box_xyxy_px, box)
-            if not followed:
+    def _update_boxes(
+        self, stamp_ns: int, rgb: U8, observations: Sequence[PersonObservation]
+    ) -> None:
+        """Take the detected boxes, and those of the colour layer for the other people."""
+        detected = {one.id: box for one in observations if (box := _valid_box(one)) is not None}
+        missed = [one.id for one in observations if one.id not in detected]
+        tracked = any(person in self._colours.people for person in missed)
+        found = self._colours.update(rgb) if tracked else {}
+        for person, box in detected.items():
+            state, estimate = self._people[person], found.get(person)
+            if estimate is None or not _is_same_box(estimate.box_xyxy_px, box):
                 self._colours.start(person, rgb, box)
-            kept.box, kept.detected_ns = box, stamp_ns
-        for person in carried:
-            kept = self._people[person]
-            estimate = found.get(person)
-            late = stamp_ns - kept.detected_ns > self._config.carry_s * 1e9
+            state.box, state.detected_ns = box, stamp_ns
+        for person in missed:
+            state, estimate = self._people[person], found.get(person)
+            late = stamp_ns - state.detected_ns > self._config.carry_s * 1e9
             if estimate is None or late or estimate.distance > self._config.colour_distance_max:
-                kept.box = None
+                state.box = None
                 self._colours.stop(person)
             else:
-                kept.box = estimate.box_xyxy_px
-        for one in seen:
+                state.box = estimate.box_xyxy_px
+        for one in observations:
             if one.depth_m is not None and np.isfinite(one.depth_m) and one.depth_m > 0:
                 self._people[one.id].depth_m = float(one.depth_m)
 
-    def _turns(self, seen: Sequence[Seen]) -> set[int]:
-        """Return whose depth is looked at in this frame: those whose turn is longest ago."""
+    def _turns(self, observations: Sequence[PersonObservation]) -> set[int]:
+        """Return the people whose depth is processed in this frame, the longest waiting first."""
         waiting = sorted(
-            (one.id for one in seen if self._people[one.id].box is not None),
-            key=lambda person: self._people[person].looked,
+            (one.id for one in observations if self._people[one.id].box is not None),
+            key=lambda person: self._people[person].processed,
         )
         return set(waiting[: self._config.people_max])
 
-    def _told(self, one: Seen, depth_mm: U16, fresh: bool) -> GaitEstimate:
-        config, kept = self._config, self._people[one.id]
-        elapsed_s = (self._stamp_ns - kept.looked_ns) / 1e9 if kept.looked >= 0 else 0.0
+    def _estimate(self, one: PersonObservation, depth_mm: U16, fresh: bool) -> GaitEstimate:
+        config, state = self._config, self._people[one.id]
+        elapsed_s = (self._stamp_ns - state.processed_ns) / 1e9 if state.processed >= 0 else 0.0
         if elapsed_s > config.gap_s:
-            kept.layer.interrupt()
-        if not fresh and kept.box is not None:
-            points = kept.layer.ahead(elapsed_s)
-            return GaitEstimate(one.id, kept.box, points, fresh=False)
-        body = self._body(kept, depth_mm) if kept.box is not None else None
-        surface = surface_of(body, self._info, config.body) if body is not None else None
-        kept.looked, kept.looked_ns = self._frame, self._stamp_ns
-        sight = Sight(surface, elapsed_s, one.keypoints, self._floor.floor)
-        points = kept.layer.update(sight)
-        if surface is not None:
-            kept.depth_m = float(np.median(surface.points_m[:, 2]))
-        details = config.keep_details
-        particles = {name: p.particles for name, p in kept.layer.filters.items()}
-        return GaitEstimate(
-            id=one.id,
-            box_xyxy_px=kept.box,
-            points=points,
-            surface=surface if details else None,
-            rows_px=rows_px_of(body, config.body) if details else {},
-            particles=particles if details else {},
+            state.layer.mark_lost()
+        if not fresh and state.box is not None:
+            points = state.layer.predicted(elapsed_s)
+            return GaitEstimate(one.id, state.box, points, fresh=False)
+        body = self._segment(state, depth_mm)
+        mesh = build_mesh(body, self._info, config.body) if body is not None else None
+        state.processed, state.processed_ns = self._frame, self._stamp_ns
+        points = state.layer.update(
+            BodyObservation(mesh, elapsed_s, one.keypoints, self._floor.floor)
         )
+        if mesh is not None:
+            state.depth_m = float(np.median(mesh.points_m[:, 2]))
+        if not config.details:
+            return GaitEstimate(one.id, state.box, points)
+        particles = {name: p.particles for name, p in state.layer.filters.items()}
+        rows_px = part_rows_px(body, config.body)
+        return GaitEstimate(one.id, state.box, points, True, mesh, rows_px, particles)
 
-    def _body(self, kept: _Person, depth_mm: U16) -> Body | None:
-        """Return a person's body; None if there is none."""
-        assert kept.box is not None
+    def _segment(self, state: _PersonState, depth_mm: U16) -> BodySegment | None:
+        """Segment a person in the depth image; None without a box or body."""
+        if state.box is None:
+            return None
         config = self._config
-        carried = kept.detected_ns != self._stamp_ns
-        share = config.colour_margin if carried else config.box_margin
-        margin = share * (kept.box[3] - kept.box[1])
-        box = kept.box + margin * np.array([-1.0, -1.0, 1.0, 1.0])
-        return find_body(self._floor.without(depth_mm, box), box, kept.depth_m, config.body)
+        by_colour = state.detected_ns != self._stamp_ns
+        ratio = config.colour_margin if by_colour else config.box_margin
+        margin = ratio * (state.box[3] - state.box[1])
+        box = state.box + margin * np.array([-1.0, -1.0, 1.0, 1.0])
+        return segment_body(self._floor.remove(depth_mm, box), box, state.depth_m, config.body)
 
 
-def _checked(box: F64 | None) -> F64 | None:
-    """Return a box as numbers; None if it is none."""
-    if box is None:
+def _valid_box(observation: PersonObservation) -> F64 | None:
+    """Return the box of an observation; None if it is absent, not finite or empty."""
+    if observation.box_xyxy_px is None:
         return None
-    sides = np.asarray(box, np.float64)
-    usable = sides.shape == (4,) and np.all(np.isfinite(sides)) and np.all(sides[:2] < sides[2:])
-    return sides if usable else None
+    box = np.asarray(observation.box_xyxy_px, np.float64)
+    valid = box.shape == (4,) and np.all(np.isfinite(box)) and np.all(box[:2] < box[2:])
+    return box if valid else None
 
 
-def _alike(a: F64, b: F64) -> bool:
-    return float(iou_xyxy(a, b)[0, 0]) >= 0.7
+def _is_same_box(a: F64, b: F64) -> bool:
+    return float(iou_xyxy(a, b)[0, 0]) >= SAME_BOX_IOU

@@ -1,34 +1,30 @@
-"""Compiles what is compiled on first use, before anybody waits for it."""
+"""Compilation of all kernels before the first frame."""
 
 from collections import Counter
 
 import numpy as np
 
 from people4d.messages import CameraInfo
-from services.gait.cascade import Seen
+from services.gait.cascade import PersonObservation
 from services.gait.config import GaitConfig
-from services.gait.people import COUNTERS, People, Scene
+from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame
 
 HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0
-FIGURE_MM, WALL_MM, CAMERA_MM = 2500, 4000, 1000  # the last one above the floor
+FIGURE_MM, WALL_MM, CAMERA_MM = 2500, 4000, 1000  # depth, depth, height above the floor
 # Of a figure: rows, columns and depth.
 PARTS = (
     (slice(20, 33), slice(75, 85), FIGURE_MM),  # head
-    (slice(33, 70), slice(70, 90), FIGURE_MM),  # trunk
+    (slice(33, 70), slice(70, 90), FIGURE_MM),  # torso
     (slice(70, 110), slice(70, 78), FIGURE_MM),  # legs
     (slice(70, 110), slice(82, 90), FIGURE_MM),
-    (slice(52, 62), slice(70, 80), FIGURE_MM - 200),  # a hand before the trunk
+    (slice(52, 62), slice(70, 80), FIGURE_MM - 200),  # a hand before the torso
 )
-BOX = (68.0, 18.0, 92.0, 112.0)
+BOX = np.array((68.0, 18.0, 92.0, 112.0))
 PERIOD_NS = 33_000_000
 
 
 def warm_up(config: GaitConfig) -> None:
-    """Follow a figure of rectangles, as two people, for three frames; the last one has no boxes.
-
-    Args:
-        config: What shall be ready.
-    """
+    """Track two people, drawn as rectangles, for three frames; the last one has no boxes."""
     info = CameraInfo(
         stamp_ns=0,
         sequence=0,
@@ -48,13 +44,13 @@ def warm_up(config: GaitConfig) -> None:
     for rows, columns, distance_mm in PARTS:
         rgb[rows, columns] = (200, 40, 40)
         depth_mm[rows, columns] = distance_mm
-    for image in (rgb, depth_mm):  # as pictures come out of messages; code is compiled for that
+    for image in (rgb, depth_mm):  # as decoded images are, for which kernels are compiled
         image.flags.writeable = False
     keypoints = np.zeros((17, 3), np.float32)
-    people = People(config, info, Counter(dict.fromkeys(COUNTERS, 0)))
-    for number, box in enumerate((np.array(BOX), np.array(BOX), None)):
-        seen = [
-            Seen(id=key, box_xyxy_px=box, keypoints=keypoints, depth_m=FIGURE_MM / 1000)
+    estimator = GaitEstimator(config, info, Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0)))
+    for number, box in enumerate((BOX, BOX, None)):
+        observations = [
+            PersonObservation(id=key, box_xyxy_px=box, keypoints=keypoints, depth_m=2.5)
             for key in (1, 2)
         ]
-        people.update(Scene(number * PERIOD_NS, rgb, depth_mm, seen, np.eye(4)))
+        estimator.update(GaitFrame(number * PERIOD_NS, rgb, depth_mm, observations, np.eye(4)))

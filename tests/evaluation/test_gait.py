@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 from deploy.cli import app
 from deploy.launcher.plan import COMPOSE_FILE
-from evaluation.gait.log import POINT_FIELDS, Log
+from evaluation.gait.tables import POINT_FIELDS, GaitTables
 from people4d.messages import BodyPoint, GaitMeasures, PersonGait
 from services.gait.cascade import GaitEstimate
-from services.gait.people import Found
-from services.gait.steps.config import StepConfig
+from services.gait.config import StepConfig
+from services.gait.estimator import GaitResult
 from tests.gait.steps.test_steps import feet
 
 DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
@@ -33,13 +33,13 @@ def rows_of(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(text))
 
 
-def test_everybody_is_found_and_followed(tmp_path: Path) -> None:
+def test_all_people_are_detected_and_tracked(tmp_path: Path) -> None:
     out = tmp_path / "out"
     status, output = run(DEMO, "--out", out, "--set", "camera.max_frames=4", "--no-figures")
     assert status == 0, output
     rows = rows_of(out / "gait.csv")
     assert tuple(rows[0]) == POINT_FIELDS
-    # Three people are there from the first frame on; tracks are told from the third one.
+    # Three people are there from the first frame on; tracks are confirmed in the third one.
     assert len({row["person"] for row in rows}) == 3
     assert {row["point"] for row in rows} == NAMES
     head = [row for row in rows if row["point"] == "head"]
@@ -49,12 +49,12 @@ def test_everybody_is_found_and_followed(tmp_path: Path) -> None:
         {row["person"] for row in rows}
     )
     assert rows_of(out / "steps.csv") == []
-    film = cv2.VideoCapture(os.fspath(out / "gait.webm"))
-    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 4
+    video = cv2.VideoCapture(os.fspath(out / "gait.webm"))
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 4
     assert cv2.imread(os.fspath(out / "frames.png")) is not None
 
 
-def test_a_box_is_followed_by_colours(tmp_path: Path) -> None:
+def test_box_is_tracked_by_colour(tmp_path: Path) -> None:
     out = tmp_path / "out"
     settings = ("--set", "camera.max_frames=4", "--no-video")
     status, output = run(DEMO, "--person", BOX, "--out", out, *settings)
@@ -76,14 +76,14 @@ def test_a_box_is_followed_by_colours(tmp_path: Path) -> None:
         (("none.mcap",), "source 'none.mcap' does not exist"),
         ((DEMO, "--person", "me"), "is neither auto nor a box"),
         ((DEMO, "--person", "9,9,5,20"), "the box has no area"),
-        ((DEMO, "--person", "700,10,800,200"), "nobody is in that box of the first frame"),
+        ((DEMO, "--person", "700,10,800,200"), "no person is in that box of the first frame"),
         ((DEMO, "--set", "gait.nothing=1"), "nothing"),
         ((DEMO, "--set", "gait.people_max=0"), "people_max"),
-        ((DEMO, "--set", "nobody.field=1"), "nobody"),
+        ((DEMO, "--set", "unknown.field=1"), "unknown"),
         ((DEMO, "--preset", "nonesuch"), "there is no preset 'nonesuch'"),
     ],
 )
-def test_what_is_wrong_is_told(
+def test_invalid_arguments_give_an_error(
     tmp_path: Path, arguments: tuple[str | Path, ...], message: str
 ) -> None:
     status, output = run(*arguments, "--out", tmp_path, "--set", "camera.max_frames=2")
@@ -92,29 +92,31 @@ def test_what_is_wrong_is_told(
 
 def test_tables_by_hand(tmp_path: Path) -> None:
     # Steps of 0.6 m in 0.5 s, the right foot first: 120 a minute; left feet land at 1, 2, ... s.
-    log, times_s = Log(StepConfig()), np.arange(0, 5, 1 / 30)
-    for time_s, *places in zip(times_s, *feet(times_s), strict=True):
+    log, times_s = GaitTables(StepConfig()), np.arange(0, 5, 1 / 30)
+    for time_s, *positions in zip(times_s, *feet(times_s), strict=True):
         points = tuple(
             BodyPoint(
                 name=f"{side}_foot",
                 state="measured",
-                position_m=place,
+                position_m=position,
                 velocity_mps=np.zeros(3),
                 covariance=np.diag([0.04, 0.01, 0.09, 1.0, 1.0, 1.0]),
                 confidence=0.5,
             )
-            for side, place in zip(("left", "right"), places, strict=True)
+            for side, position in zip(("left", "right"), positions, strict=True)
         )
         person = PersonGait(id=4, points=points, measures=GaitMeasures())
-        log.add(7_000_000_000 + round(time_s * 1e9), [Found(GaitEstimate(4, None, {}), person)])
+        log.add(
+            7_000_000_000 + round(time_s * 1e9), [GaitResult(GaitEstimate(4, None, {}), person)]
+        )
     log.write(tmp_path)
     first = rows_of(tmp_path / "gait.csv")[0]
     assert (first["time_s"], first["person"], first["point"]) == ("0", "4", "left_foot")
     sigmas = [first[f"sigma_{axis}_m"] for axis in "xyz"]
     assert (first["confidence"], sigmas) == ("0.5", ["0.2", "0.1", "0.3"])
-    (told,) = rows_of(tmp_path / "measures.csv")
-    assert float(told["cadence_per_min"]) == pytest.approx(120, abs=1)
-    assert float(told["step_length_m"]) == pytest.approx(0.6, abs=0.01)
+    (estimate,) = rows_of(tmp_path / "measures.csv")
+    assert float(estimate["cadence_per_min"]) == pytest.approx(120, abs=1)
+    assert float(estimate["step_length_m"]) == pytest.approx(0.6, abs=0.01)
     steps = rows_of(tmp_path / "steps.csv")
     left = [float(step["landed_s"]) for step in steps if step["foot"] == "left"]
     assert left == pytest.approx([1.0, 2.0, 3.0, 4.0], abs=0.05)

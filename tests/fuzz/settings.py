@@ -1,4 +1,4 @@
-"""Readers of settings: configuration, models.toml, presets, scenarios."""
+"""What is read from settings: configuration, models.toml, presets, scenarios."""
 
 import importlib
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The cascade on somebody of one colour before a wall: what it tells, and what bad input does."""
+"""The cascade on a person of one colour before a wall, and on invalid input."""
 
 from collections.abc import Sequence
 
@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64, U8, U16
-from services.gait.cascade import Cascade, GaitEstimate, Seen
-from services.gait.cascade_config import CascadeConfig
-from services.gait.points.config import DepthLayerConfig
-from services.gait.points.points import POINTS
-from tests.gait.bodies import INFO
+from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
+from services.gait.config import CascadeConfig, DepthLayerConfig
+from services.gait.points.keypoints import POINTS
+from tests.gait.builders import INFO
 
 DEPTH_M = 2.5
 PERIOD_NS = 33_000_000
 BOX = np.array([270.0, 70.0, 370.0, 440.0])
-PARTS = (  # rows and columns of head, trunk, arms and legs
+PARTS = (  # rows and columns of head, torso, arms and legs
     (slice(80, 130), slice(300, 340)),
     (slice(130, 280), slice(280, 360)),
     (slice(280, 430), slice(280, 312)),
@@ -23,7 +22,7 @@ PARTS = (  # rows and columns of head, trunk, arms and legs
 )
 
 
-def picture(shift_px: int = 0) -> tuple[U8, U16]:
+def images(shift_px: int = 0) -> tuple[U8, U16]:
     rgb = np.full((480, 640, 3), (120, 130, 140), np.uint8)
     depth_mm = np.full((480, 640), 4000, np.uint16)
     for rows, columns in PARTS:
@@ -33,12 +32,14 @@ def picture(shift_px: int = 0) -> tuple[U8, U16]:
     return rgb, depth_mm
 
 
-def seen(person: int = 1, box: F64 | None = BOX) -> Seen:
-    return Seen(person, box, None, DEPTH_M)
+def observation(person: int = 1, box: F64 | None = BOX) -> PersonObservation:
+    return PersonObservation(person, box, None, DEPTH_M)
 
 
-def play(cascade: Cascade, frames: int, people: Sequence[Seen]) -> list[list[GaitEstimate]]:
-    rgb, depth_mm = picture()
+def play(
+    cascade: Cascade, frames: int, people: Sequence[PersonObservation]
+) -> list[list[GaitEstimate]]:
+    rgb, depth_mm = images()
     return [cascade.update(n * PERIOD_NS, rgb, depth_mm, people) for n in range(frames)]
 
 
@@ -47,8 +48,8 @@ def states(estimate: GaitEstimate) -> set[str]:
 
 
 def test_points_lie_on_the_body() -> None:
-    # The trunk's middle is at column 320, the crown at row 80, the soles at row 430; f = 500 px.
-    (estimate,) = play(Cascade(CascadeConfig(), INFO), 8, [seen()])[-1]
+    # The torso's middle is at column 320, the crown at row 80, the soles at row 430; f = 500 px.
+    (estimate,) = play(Cascade(CascadeConfig(), INFO), 8, [observation()])[-1]
     head = estimate.points["head"]
     assert head.state == "measured"
     assert head.position_m[0] == pytest.approx(0.0, abs=0.15)
@@ -59,9 +60,9 @@ def test_points_lie_on_the_body() -> None:
 
 
 @pytest.mark.parametrize("feature", ["spin", "geodesic", "combined"])
-def test_every_feature_is_repeatable(feature: str) -> None:
+def test_same_seed_gives_same_points_with_every_feature(feature: str) -> None:
     config = CascadeConfig(depth=DepthLayerConfig(feature=feature))  # type: ignore[arg-type]
-    first, second = (play(Cascade(config, INFO), 5, [seen()])[-1][0] for _ in range(2))
+    first, second = (play(Cascade(config, INFO), 5, [observation()])[-1][0] for _ in range(2))
     assert first.points.keys() == second.points.keys()
     for name, point in first.points.items():
         np.testing.assert_array_equal(point.position_m, second.points[name].position_m)
@@ -79,72 +80,73 @@ def test_every_feature_is_repeatable(feature: str) -> None:
         None,
     ],
 )
-def test_a_bad_box_measures_no_point(box: F64 | None) -> None:
-    for told in play(Cascade(CascadeConfig(), INFO), 3, [seen(box=box)]):
-        assert "measured" not in states(told[0])
+def test_invalid_box_measures_no_point(box: F64 | None) -> None:
+    for estimate in play(Cascade(CascadeConfig(), INFO), 3, [observation(box=box)]):
+        assert "measured" not in states(estimate[0])
 
 
 def test_without_depth_no_point_is_measured() -> None:
     cascade = Cascade(CascadeConfig(), INFO)
-    play(cascade, 5, [seen()])
-    rgb, depth_mm = picture()
+    play(cascade, 5, [observation()])
+    rgb, depth_mm = images()
     for number in range(5, 60):
-        (estimate,) = cascade.update(number * PERIOD_NS, rgb, 0 * depth_mm, [seen()])
+        (estimate,) = cascade.update(number * PERIOD_NS, rgb, 0 * depth_mm, [observation()])
         assert "measured" not in states(estimate)
-    # Nearly two seconds later nobody predicts any more.
+    # Nearly two seconds later points are lost.
     assert states(estimate) <= {"lost"}
 
 
-def test_somebody_lost_comes_back() -> None:
+def test_deleted_person_is_tracked_again() -> None:
     cascade = Cascade(CascadeConfig(), INFO)
-    play(cascade, 5, [seen()])
-    rgb, depth_mm = picture()
+    play(cascade, 5, [observation()])
+    rgb, depth_mm = images()
     for number in range(5, 100):
         assert cascade.update(number * PERIOD_NS, rgb, depth_mm, []) == []
-    assert cascade.people == ()  # forgotten after two seconds
+    assert cascade.people == ()  # deleted after two seconds
     for number in range(100, 108):
-        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [seen()])
+        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [observation()])
     assert estimate.points["head"].state == "measured"
 
 
-def test_colours_carry_the_box_where_nobody_is_detected() -> None:
+def test_colour_layer_tracks_the_box_without_detection() -> None:
     cascade = Cascade(CascadeConfig(), INFO)
-    play(cascade, 5, [seen()])
+    play(cascade, 5, [observation()])
     for number in range(5, 10):
-        rgb, depth_mm = picture(3 * (number - 4))
-        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [seen(box=None)])
+        rgb, depth_mm = images(3 * (number - 4))
+        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [observation(box=None)])
     assert estimate.box_xyxy_px is not None
     # In five frames of 3 px the person went 15 px to the right.
     middle = float(estimate.box_xyxy_px[[0, 2]].mean())
     assert middle == pytest.approx(320 + 15, abs=12)
 
 
-def test_of_twenty_people_everyone_has_their_turn() -> None:
-    people = [seen(person) for person in range(1, 21)]
+def test_twenty_people_are_processed_in_turn() -> None:
+    people = [observation(person) for person in range(1, 21)]
     config = CascadeConfig(people_max=6)
-    looked = [
-        {one.id for one in told if one.fresh} for told in play(Cascade(config, INFO), 4, people)
+    processed = [
+        {one.id for one in estimate if one.fresh}
+        for estimate in play(Cascade(config, INFO), 4, people)
     ]
-    assert [len(ids) for ids in looked] == [6] * 4
-    assert set.union(*looked) == set(range(1, 21))  # 4 x 6 turns are enough for 20
+    assert [len(ids) for ids in processed] == [6] * 4
+    assert set.union(*processed) == set(range(1, 21))  # 4 x 6 turns are enough for 20
 
 
-def test_a_recording_that_begins_anew_begins_with_nobody() -> None:
+def test_earlier_stamp_resets_the_cascade() -> None:
     cascade = Cascade(CascadeConfig(), INFO)
-    play(cascade, 3, [seen(1)])
-    rgb, depth_mm = picture()
-    cascade.update(0, rgb, depth_mm, [seen(2)])
+    play(cascade, 3, [observation(1)])
+    rgb, depth_mm = images()
+    cascade.update(0, rgb, depth_mm, [observation(2)])
     assert cascade.people == (2,)
 
 
-def test_legs_that_the_picture_cuts_off_have_no_feet() -> None:
-    # Knees at the lowest rows: nobody tells feet there. 110 rows lower than in `picture`.
-    rgb, depth_mm = picture()
+def test_legs_cut_off_by_the_image_have_no_feet() -> None:
+    # Knees at the lowest rows, 110 rows lower than in `images`.
+    rgb, depth_mm = images()
     rgb = np.roll(rgb, 110, axis=0)
     depth_mm = np.roll(depth_mm, 110, axis=0)
     rgb[:110], depth_mm[:110] = (120, 130, 140), 4000
     cascade, box = Cascade(CascadeConfig(), INFO), BOX + np.array([0, 110, 0, 110])
     for number in range(8):
-        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [seen(box=box)])
+        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [observation(box=box)])
     assert estimate.points["head"].state == "measured"
     assert {estimate.points[name].state for name in ("left_foot", "right_foot")} == {"lost"}

@@ -1,4 +1,4 @@
-"""The gait node on a person of one colour before a wall, whose place is known by hand."""
+"""The gait node on a person of one colour before a wall, at a known position."""
 
 import sys
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ from people4d.messages import (
 )
 from services.gait.build import build
 from services.gait.config import GaitConfig
+from services.gait.estimator import to_fixed_frame
 from services.gait.node import GaitNode
-from services.gait.people import fixed_point
 from services.gait.points.point_filter import PointEstimate
 from services.gait.warm_up import warm_up
 
@@ -48,7 +48,7 @@ INFO = CameraInfo(
 
 
 def frame(number: int, lockstep: bool = True, height: int = HEIGHT) -> RgbdFrame:
-    """Return somebody with head, trunk and legs, 2.5 m away before a wall."""
+    """Return a person with head, torso and legs, 2.5 m away before a wall."""
     rgb = np.full((height, WIDTH, 3), (120, 130, 140), np.uint8)
     depth_mm = np.full((height, WIDTH), 4000, np.uint16)
     for rows, columns in (
@@ -113,7 +113,7 @@ def tracks(number: int, *people: Track) -> Tracks:
     )
 
 
-def moment(number: int, *people: Track, lockstep: bool = True) -> list[Message]:
+def synchronised(number: int, *people: Track, lockstep: bool = True) -> list[Message]:
     return [
         frame(number, lockstep),
         detections(number),
@@ -133,10 +133,10 @@ def calibrated(config: GaitConfig | None = None) -> GaitNode:
     return node
 
 
-def test_a_frame_with_its_people_is_told_where_they_are() -> None:
-    (told,) = feed(calibrated(), moment(3))
-    assert (told.stamp_ns, told.sequence, told.frame_id) == (3 * PERIOD_NS, 3, "map")
-    (person,) = told.people
+def test_frame_with_tracks_gives_points_in_the_map() -> None:
+    (gait,) = feed(calibrated(), synchronised(3))
+    assert (gait.stamp_ns, gait.sequence, gait.frame_id) == (3 * PERIOD_NS, 3, "map")
+    (person,) = gait.people
     points = {point.name: point for point in person.points}
     # Without transforms the camera looks along x from the origin: the person is at x = 2.5 m. The
     # head's middle is at row 26, (26 - 60) / 120 * 2.5 m = -0.71 m from the axis: 0.71 m up. The
@@ -144,113 +144,115 @@ def test_a_frame_with_its_people_is_told_where_they_are() -> None:
     assert points["head"].position_m == pytest.approx([DEPTH_M, 0.0, 0.71], abs=0.2)
     feet = [points[name].position_m for name in ("left_foot", "right_foot") if name in points]
     assert feet
-    for place in feet:
-        assert place[[0, 2]] == pytest.approx([DEPTH_M, -1.04], abs=0.2)
+    for position in feet:
+        assert position[[0, 2]] == pytest.approx([DEPTH_M, -1.04], abs=0.2)
     assert person.measures.steps == 0
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
-def test_the_order_of_arrival_does_not_matter(order: tuple[int, ...]) -> None:
-    messages = moment(1)
-    (told,) = feed(calibrated(), [messages[k] for k in order])
+def test_order_of_arrival_does_not_change_the_points(order: tuple[int, ...]) -> None:
+    messages = synchronised(1)
+    (gait,) = feed(calibrated(), [messages[k] for k in order])
     (usual,) = feed(calibrated(), messages)
-    for ours, theirs in zip(told.people[0].points, usual.people[0].points, strict=True):
+    for ours, theirs in zip(gait.people[0].points, usual.people[0].points, strict=True):
         np.testing.assert_array_equal(ours.position_m, theirs.position_m)
 
 
-def test_points_are_told_in_the_frame_of_the_tracks() -> None:
+def test_points_are_in_the_frame_of_the_tracks() -> None:
     # The camera is a metre up and looks along y: optical x, y, z are map x, -z, y.
     pose = np.array([[1.0, 0, 0, 5], [0, 0, 1, 0], [0, -1, 0, 1], [0, 0, 0, 1]])
     node = calibrated()
     transform = StaticTransform(stamp_ns=0, sequence=0, parent="map", child=OPTICAL, matrix=pose)
-    (told,) = feed(node, [transform, *moment(1)])
-    head = next(point for point in told.people[0].points if point.name == "head")
+    (gait,) = feed(node, [transform, *synchronised(1)])
+    head = next(point for point in gait.people[0].points if point.name == "head")
     assert head.position_m == pytest.approx([5.0, DEPTH_M, 1.71], abs=0.2)
 
 
-def test_of_frames_that_wait_the_newest_is_done() -> None:
-    """Live: what takes long must not fall behind."""
+def test_newest_pending_frame_is_processed_live() -> None:
+    """Live, a slow node must not fall behind."""
     node = calibrated(GaitConfig(settle_s=0.003))
-    assert not feed(node, [*moment(1, lockstep=False), *moment(2, lockstep=False)], now_ns=0)
+    assert not feed(
+        node, [*synchronised(1, lockstep=False), *synchronised(2, lockstep=False)], now_ns=0
+    )
     assert node.wake_ns() == 3_000_000
     assert not node.tick(2_000_000)
-    (told,) = node.tick(3_000_000)
-    assert told.stamp_ns == 2 * PERIOD_NS
+    (gait,) = node.tick(3_000_000)
+    assert gait.stamp_ns == 2 * PERIOD_NS
     assert node.status().counters["passed_over"] == 1
     assert node.wake_ns() is None
     assert not node.tick(9_000_000)
 
 
-def test_in_lockstep_every_frame_is_done() -> None:
-    told = feed(calibrated(), [message for k in range(4) for message in moment(k)])
-    assert [one.sequence for one in told] == [0, 1, 2, 3]
+def test_every_frame_is_processed_in_lockstep() -> None:
+    gait = feed(calibrated(), [message for k in range(4) for message in synchronised(k)])
+    assert [one.sequence for one in gait] == [0, 1, 2, 3]
 
 
 def test_tracks_whose_frame_was_dropped_are_counted() -> None:
     node = calibrated()
-    assert not feed(node, moment(1)[1:])
-    assert not feed(node, moment(2)[:1])
-    assert len(feed(node, moment(3))) == 1
+    assert not feed(node, synchronised(1)[1:])
+    assert not feed(node, synchronised(2)[:1])
+    assert len(feed(node, synchronised(3))) == 1
     counters = node.status().counters
     assert (counters["without_frame"], counters["frames_unused"]) == (1, 1)
 
 
-def test_frames_that_nobody_asks_for_are_forgotten() -> None:
+def test_frames_without_tracks_are_dropped() -> None:
     node = calibrated(GaitConfig(frames=4))
     feed(node, [frame(k) for k in range(10)])
     assert node.status().counters["frames_unused"] == 6
     # 5 is gone, 6 is still there.
-    assert not feed(node, moment(5)[1:])
-    assert len(feed(node, moment(6)[1:])) == 1
+    assert not feed(node, synchronised(5)[1:])
+    assert len(feed(node, synchronised(6)[1:])) == 1
 
 
-def test_what_cannot_be_used_is_counted() -> None:
+def test_unusable_frames_are_counted() -> None:
     node = build(GaitConfig())
-    feed(node, moment(1))
-    feed(node, [INFO, frame(2, height=60), *moment(2)[1:]])
-    feed(node, [*moment(4), *moment(3), *moment(4)])
+    feed(node, synchronised(1))
+    feed(node, [INFO, frame(2, height=60), *synchronised(2)[1:]])
+    feed(node, [*synchronised(4), *synchronised(3), *synchronised(4)])
     counters = node.status().counters
     assert counters["no_camera_info"] == counters["wrong_size"] == 1
     assert counters["stale"] == 2
 
 
-def test_a_clock_that_goes_back_begins_anew() -> None:
+def test_clock_jump_back_resets_the_estimator() -> None:
     node = calibrated()
-    assert len(feed(node, [*moment(100), *moment(1), *moment(2)])) == 3
+    assert len(feed(node, [*synchronised(100), *synchronised(1), *synchronised(2)])) == 3
     assert node.status().counters["clock_resets"] == 1
 
 
-def test_a_person_who_was_never_seen_is_not_followed() -> None:
+def test_track_without_any_detection_is_not_tracked() -> None:
     lost = track(7, detection=None)
-    (told,) = feed(calibrated(), moment(1, track(), lost))
-    assert [person.id for person in told.people] == [1]
+    (gait,) = feed(calibrated(), synchronised(1, track(), lost))
+    assert [person.id for person in gait.people] == [1]
 
 
-def test_a_person_who_is_not_detected_is_carried_on_by_colour() -> None:
-    told = feed(calibrated(), [m for k in range(5) for m in moment(k)])
+def test_undetected_person_is_tracked_by_colour() -> None:
+    gait = feed(calibrated(), [m for k in range(5) for m in synchronised(k)])
     node = calibrated()
-    feed(node, moment(1))
-    (told_on,) = feed(node, moment(2, track(detection=None)))
-    assert told[-1].people
-    (person,) = told_on.people
+    feed(node, synchronised(1))
+    (undetected,) = feed(node, synchronised(2, track(detection=None)))
+    assert gait[-1].people
+    (person,) = undetected.people
     assert person.box_xyxy_px == pytest.approx(BOX, abs=12)
     assert any(point.state == "measured" for point in person.points)
 
 
-def test_of_a_crowd_the_nearest_are_told() -> None:
+def test_nearest_people_of_a_crowd_are_published() -> None:
     crowd = [track(k, None if k > 3 else 0, x_m=float(k)) for k in range(1, 21)]
     node = calibrated(GaitConfig(people_max=2))
-    (told,) = feed(node, moment(1, *crowd))
-    assert len(told.people) == 2
-    assert node.status().counters["over_budget"] == 1  # of the three who are seen
+    (gait,) = feed(node, synchronised(1, *crowd))
+    assert len(gait.people) == 2
+    assert node.status().counters["over_budget"] == 1  # of the three detected people
 
 
-def test_a_frame_without_people_is_told_too() -> None:
-    (told,) = feed(calibrated(), [frame(1), detections(1, people=0), tracks(1)])
-    assert told.people == ()
+def test_frame_without_people_gives_an_empty_message() -> None:
+    (gait,) = feed(calibrated(), [frame(1), detections(1, people=0), tracks(1)])
+    assert gait.people == ()
 
 
-def test_points_move_with_a_camera_that_drives() -> None:
+def test_points_move_with_a_moving_camera() -> None:
     mounted = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1]])
     node = calibrated()
     feed(
@@ -268,46 +270,46 @@ def test_points_move_with_a_camera_that_drives() -> None:
             theta_rad=0.0,
         )
         feed(node, [odometry])
-    told = feed(node, [*moment(0), *moment(1), *moment(2)])
-    heads = [next(p for p in one.people[0].points if p.name == "head") for one in told]
+    gait = feed(node, [*synchronised(0), *synchronised(1), *synchronised(2)])
+    heads = [next(p for p in one.people[0].points if p.name == "head") for one in gait]
     # The person keeps their distance from the camera, so they moved by 0.1 m with it.
     moved_m = heads[2].position_m - heads[1].position_m
     assert moved_m[0] == pytest.approx(0.1, abs=0.05)
-    assert len(told) == 3
+    assert len(gait) == 3
 
 
-def test_a_point_at_rest_seen_from_a_camera_that_drives_rests() -> None:
+def test_point_at_rest_before_a_moving_camera_has_no_velocity() -> None:
     # The camera drives along its axis with 0.5 m/s and turns with 0.2 rad/s about y: a point at
     # p = (1, 0, 3) m comes nearer by 0.5 m/s and moves with -omega x p = -(0.6, 0, -0.2) m/s.
     motion = np.zeros((4, 4))
     motion[:3, :3] = 0.2 * np.array([[0, 0, 1], [0, 0, 0], [-1, 0, 0]])
     motion[2, 3] = 0.5
-    seen = PointEstimate(
+    estimate = PointEstimate(
         position_m=np.array([1.0, 0.0, 3.0]),
         velocity_mps=np.array([-0.6, 0.0, 0.2 - 0.5]),
         covariance=np.eye(6),
         state="measured",
         confidence=1.0,
     )
-    told = fixed_point("head", seen, np.eye(4), motion)
-    assert told is not None
-    assert told.velocity_mps == pytest.approx([0, 0, 0], abs=1e-12)
+    gait = to_fixed_frame("head", estimate, np.eye(4), motion)
+    assert gait is not None
+    assert gait.velocity_mps == pytest.approx([0, 0, 0], abs=1e-12)
 
 
-def test_a_point_that_was_never_seen_is_not_told() -> None:
+def test_never_measured_point_is_not_published() -> None:
     unknown = PointEstimate(np.full(3, np.nan), np.zeros(3), np.eye(6), "lost", 0.0)
-    assert fixed_point("head", unknown, np.eye(4), np.zeros((4, 4))) is None
+    assert to_fixed_frame("head", unknown, np.eye(4), np.zeros((4, 4))) is None
 
 
-def test_who_watches_sees_what_is_told() -> None:
-    seen = []
-    node = build(GaitConfig(), lambda info, scene, found: seen.append((info, scene, found)))
+def test_callback_gets_the_published_results() -> None:
+    estimate = []
+    node = build(GaitConfig(), lambda info, frame, results: estimate.append((info, frame, results)))
     feed(node, [INFO])
-    (told,) = feed(node, moment(1))
-    ((info, scene, found),) = seen
+    (gait,) = feed(node, synchronised(1))
+    ((info, frame, results),) = estimate
     assert info.camera == "front"
-    assert scene.stamp_ns == told.stamp_ns
-    assert tuple(one.person for one in found) == told.people
+    assert frame.stamp_ns == gait.stamp_ns
+    assert tuple(one.person for one in results) == gait.people
 
 
 @pytest.mark.parametrize(
@@ -315,17 +317,17 @@ def test_who_watches_sees_what_is_told() -> None:
     [{"people_max": 0}, {"frames": 0}, {"clock_jump_s": 0.0}, {"settle_s": 1.0}],
     ids=lambda fields: next(iter(fields)),
 )
-def test_a_wrong_configuration_is_told(fields: dict[str, int]) -> None:
+def test_invalid_configuration_is_refused(fields: dict[str, int]) -> None:
     with pytest.raises(ValueError, match=next(iter(fields))):
         msgspec.structs.replace(GaitConfig(), **fields)
 
 
-def test_after_warming_up_nothing_is_left_to_compile() -> None:
-    """A process that compiles while it has a frame in hand looks as if it hung."""
+def test_warm_up_leaves_nothing_to_compile() -> None:
+    """A process that compiles with a frame in hand seems to hang."""
     warm_up(GaitConfig())
     before = compiled_functions()
     node = calibrated()
-    read_only = [decode(encode(m)) for k in range(4) for m in moment(k, track(), track(2))]
+    read_only = [decode(encode(m)) for k in range(4) for m in synchronised(k, track(), track(2))]
     assert feed(node, read_only)
     assert compiled_functions() == before
     assert sum(before.values()) > 5
@@ -335,8 +337,8 @@ def compiled_functions() -> dict[str, int]:
     """Return for how many kinds of arguments each function is compiled by now."""
     return {
         f"{module}.{name}": len(function.signatures)
-        for module, found in tuple(sys.modules.items())
+        for module, results in tuple(sys.modules.items())
         if module.startswith("services.gait.")
-        for name, function in vars(found).items()
+        for name, function in vars(results).items()
         if hasattr(function, "signatures")
     }

@@ -1,4 +1,4 @@
-"""Hue-saturation histograms of boxes, and how alike they are (method book section 8.1)."""
+"""Hue-saturation histograms of boxes and their Bhattacharyya distance (docs/method.md, 8.1)."""
 
 import math
 from dataclasses import dataclass
@@ -15,31 +15,30 @@ I32: TypeAlias = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
-class Part:
-    """The part of an image that boxes cover, as hue and saturation; the rest is never converted.
+class HsvPatch:
+    """The part of an image that boxes cover, in HSV; the rest is not converted.
 
     Args:
         hsv: hxwx3.
-        left: Of the part in the image, pixels; with top.
+        origin: Left and top of the patch in the image, pixels.
     """
 
     hsv: U8
-    left: int
-    top: int
+    origin: tuple[int, int]
 
 
-class HueSaturation:
-    """Tells the colours of many boxes of one image, in a time that no box's size changes.
+class HueSaturationHistogram:
+    """Histograms of many boxes of one image, in a time that does not grow with the boxes.
 
-    A box is looked at in a grid of points rather than in all its pixels. Points outside of the
-    image have no colour but count, so that a box that leaves the image grows less alike.
+    A box is sampled at a grid of points rather than in all its pixels. Points outside of the image
+    count in no bin, so that a box that leaves the image becomes less similar.
 
     Args:
         hue_bins: Of hue.
         saturation_bins: Of saturation.
         points: Of a box, across and down.
 
-    Source: method book section 8.1.
+    Source: docs/method.md, section 8.1 [Pérez 2002].
     """
 
     def __init__(self, hue_bins: int, saturation_bins: int, points: tuple[int, int]) -> None:
@@ -51,7 +50,7 @@ class HueSaturation:
             (levels * saturation_bins // 256).astype(np.int32),
         )
         across, down = points
-        # Where the points lie in a box from -1/2 to 1/2, each in the middle of its cell.
+        # From -1/2 to 1/2 of the box, each point in the middle of its cell.
         self._u = (np.arange(across) + 0.5) / across - 0.5
         self._v = (np.arange(down) + 0.5) / down - 0.5
 
@@ -63,32 +62,32 @@ class HueSaturation:
             boxes: [px] Mx4: centre x, y, width, height.
 
         Returns:
-            M x bins, share of the points; a row sums to the share inside of the image.
+            M x bins, ratio of the points; a row sums to the ratio inside of the image.
         """
-        part = part_of(rgb, boxes)
+        patch = hsv_patch(rgb, boxes)
         found = np.empty((len(boxes), self.bins))
-        where = part.left, part.top
-        _histograms(part.hsv, where, *self.tables, self._u, self._v, boxes, found)
+        _histograms(patch.hsv, patch.origin, *self.tables, self._u, self._v, boxes, found)
         return found
 
-    def distances(self, part: Part, boxes: F64, reference: F64) -> F64:
-        """Compare the colours of boxes with a person's.
+    def distances(self, patch: HsvPatch, boxes: F64, reference: F64) -> F64:
+        """Return the Bhattacharyya distances of boxes to a reference.
 
         Args:
-            part: Of the image, covers the boxes.
+            patch: Covers the boxes.
             boxes: [px] Mx4: centre x, y, width, height.
-            reference: bins, the person's histogram.
+            reference: bins, a person's histogram.
 
         Returns:
-            M Bhattacharyya distances.
+            M, 0 (equal) to 1 (no colour in common).
+
+        Source: docs/method.md, section 8.1 (G 3.7) [Bhattacharyya 1943].
         """
         found = np.empty(len(boxes))
-        where = part.left, part.top
-        _compare(part.hsv, where, *self.tables, self._u, self._v, boxes, reference, found)
+        _distances(patch.hsv, patch.origin, *self.tables, self._u, self._v, boxes, reference, found)
         return found
 
 
-def part_of(rgb: U8, boxes: F64) -> Part:
+def hsv_patch(rgb: U8, boxes: F64) -> HsvPatch:
     """Return the part of an image that any of the boxes covers.
 
     Args:
@@ -102,14 +101,15 @@ def part_of(rgb: U8, boxes: F64) -> Part:
     right, bottom = np.clip(np.ceil(high) + 1, (left, top), (width, height)).astype(int).tolist()
     covered = rgb[top:bottom, left:right]
     if not covered.size:
-        return Part(np.empty((0, 0, 3), np.uint8), left, top)
-    return Part(np.asarray(cv2.cvtColor(covered, cv2.COLOR_RGB2HSV_FULL), np.uint8), left, top)
+        return HsvPatch(np.empty((0, 0, 3), np.uint8), (left, top))
+    hsv = np.asarray(cv2.cvtColor(covered, cv2.COLOR_RGB2HSV_FULL), np.uint8)
+    return HsvPatch(hsv, (left, top))
 
 
 @compiled
 def _count(
     hsv: U8,
-    where: tuple[int, int],
+    origin: tuple[int, int],
     hue: I32,
     saturation: I32,
     u: F64,
@@ -121,11 +121,11 @@ def _count(
     height, width = hsv.shape[:2]
     counts[:] = 0
     for j in range(len(v)):
-        row = math.floor(box[1] + box[3] * v[j]) - where[1]
+        row = math.floor(box[1] + box[3] * v[j]) - origin[1]
         if row < 0 or row >= height:
             continue
         for i in range(len(u)):
-            column = math.floor(box[0] + box[2] * u[i]) - where[0]
+            column = math.floor(box[0] + box[2] * u[i]) - origin[0]
             if 0 <= column < width:
                 counts[hue[hsv[row, column, 0]] + saturation[hsv[row, column, 1]]] += 1
 
@@ -133,7 +133,7 @@ def _count(
 @compiled
 def _histograms(
     hsv: U8,
-    where: tuple[int, int],
+    origin: tuple[int, int],
     hue: I32,
     saturation: I32,
     u: F64,
@@ -143,14 +143,14 @@ def _histograms(
 ) -> None:
     counts = np.empty(found.shape[1], np.int32)
     for m in range(len(boxes)):
-        _count(hsv, where, hue, saturation, u, v, boxes[m], counts)
+        _count(hsv, origin, hue, saturation, u, v, boxes[m], counts)
         found[m] = counts / (len(u) * len(v))
 
 
 @compiled
-def _compare(
+def _distances(
     hsv: U8,
-    where: tuple[int, int],
+    origin: tuple[int, int],
     hue: I32,
     saturation: I32,
     u: F64,
@@ -159,53 +159,24 @@ def _compare(
     reference: F64,
     found: F64,
 ) -> None:
-    share = 1.0 / (len(u) * len(v))
+    ratio = 1.0 / (len(u) * len(v))
     bins = np.flatnonzero(reference)  # others add nothing
     counts = np.empty(len(reference), np.int32)
     for m in range(len(boxes)):
-        _count(hsv, where, hue, saturation, u, v, boxes[m], counts)
-        alike = 0.0
+        _count(hsv, origin, hue, saturation, u, v, boxes[m], counts)
+        coefficient = 0.0
         for b in bins:
-            alike += math.sqrt(counts[b] * share * reference[b])
-        found[m] = math.sqrt(min(max(1.0 - alike, 0.0), 1.0))
+            coefficient += math.sqrt(counts[b] * ratio * reference[b])
+        found[m] = math.sqrt(min(max(1.0 - coefficient, 0.0), 1.0))
 
 
-def bhattacharyya(p: F64, q: F64) -> F64:
-    """Return the Bhattacharyya distance of histograms, 0 (equal) to 1 (nothing in common).
-
-    Args:
-        p: ... x bins, each row sums to at most 1.
-        q: The same, or one row for all.
-
-    Source: method book section 8.1 [G 3.7].
-    """
-    alike = np.sqrt(p * q).sum(axis=-1)
-    return np.asarray(np.sqrt(np.clip(1.0 - alike, 0.0, 1.0)))
-
-
-def logs_of(distances: F64, sigma: float) -> F64:
-    """Return the logarithms of particles' weights by their distance to the reference.
-
-    Args:
-        distances: Any shape.
-        sigma: Of the distance.
-
-    Source: method book section 8.1 [G 3.8].
-    """
+def log_likelihoods(distances: F64, sigma: float) -> F64:
+    """Return log-likelihoods of particles by their distance to the reference (G 3.8)."""
     return np.asarray(-(distances**2) / (2 * sigma**2))
 
 
-def weights_of(logs: F64) -> F64:
-    """Return weights by their logarithms.
-
-    Args:
-        logs: ... x N.
-
-    Returns:
-        ... x N, each row sums to 1.
-
-    Source: method book section 8.1 [G 3.9].
-    """
-    # Only ratios count: without this all would be 0 for a small sigma.
+def normalised_weights(logs: F64) -> F64:
+    """Return weights, ... x N, each row of which sums to 1, by their logarithms (G 3.9)."""
+    # Only ratios count: without the maximum all would be 0 for a small sigma.
     weights = np.exp(logs - logs.max(axis=-1, keepdims=True))
     return np.asarray(weights / weights.sum(axis=-1, keepdims=True))

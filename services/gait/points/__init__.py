@@ -1,1 +1,1 @@
-"""Points of a body followed on its surface."""
+"""Points of a body tracked on its surface."""

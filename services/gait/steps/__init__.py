@@ -1,1 +1,1 @@
-"""Steps from the trajectories of two feet."""
+"""Steps by the trajectories of two feet."""

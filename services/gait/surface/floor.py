@@ -1,62 +1,36 @@
-"""The floor in a depth image: what feet stand on must not count as part of the body."""
+"""Floor plane in a depth image, and its removal below people (docs/method.md, section 19)."""
 
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from common.compiled import compiled
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, U16, CameraInfo
-
-
-class FloorConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """How the floor is found and cut off."""
-
-    cut: bool = True  # take what lies on the floor off bodies
-    height_m: float = 0.035  # [m] above the floor up to which pixels belong to it; default
-    noise_per_m2: float = 0.0025  # [m/m^2] depth noise by distance squared, counted twice
-    tilt_max_deg: float = 40.0  # [deg] of the camera, by which the floor may be out of level
-    every: int = 10  # frames, after which it is looked for again
-    stride_px: int = 8  # [px] between pixels that are looked at
-    share_min: float = 0.08  # of these pixels that lie on it; fewer: no floor is seen
-    below_max: float = 0.04  # of them that may lie below it; more: it is a table
-
-    def __post_init__(self) -> None:
-        """Check numbers.
-
-        Raises:
-            ValueError: One is out of range.
-        """
-        if min(self.every, self.stride_px) < 1:
-            raise ValueError(f"every, stride_px: expected >= 1, got {self.every}, {self.stride_px}")
-        rest = (self.height_m, self.noise_per_m2, self.share_min, self.below_max)
-        if not all(0 <= value < 1 for value in rest) or not 0 < self.tilt_max_deg < 90:
-            raise ValueError(
-                "height_m, noise_per_m2, share_min, below_max: expected 0 to below 1, "
-                f"tilt_max_deg: 0 to 90, got {rest}, {self.tilt_max_deg}"
-            )
+from services.gait.config import FloorConfig
 
 
 @dataclass(frozen=True)
-class Floor:
-    """A plane, optical frame."""
+class FloorPlane:
+    """A plane in the optical frame."""
 
     up: F64  # 3, unit length
     camera_m: float  # height of the camera above it
 
     def heights_m(self, points_m: F64) -> F64:
-        """Return how high ...x3 points are above the floor."""
+        """Return the heights of points, ...x3, above the floor."""
         return np.asarray(points_m @ self.up + self.camera_m)
 
 
-class FloorFinder:
-    """Finds the floor in depth images, and keeps it while it is hidden.
+class FloorDetector:
+    """Detects the floor in depth images; the last one holds while it is occluded.
 
     Args:
         config: Thresholds.
         info: Calibration.
         seed: Of the random numbers.
+
+    Source: docs/method.md, section 19 [Fischler 1981].
     """
 
     def __init__(self, config: FloorConfig, info: CameraInfo, seed: int = 0) -> None:
@@ -66,23 +40,19 @@ class FloorFinder:
         pixels = np.column_stack([u.ravel(), v.ravel()])
         rays = deproject(pixels, np.ones(len(pixels)), info)
         self._rays: F32 = rays.T.reshape(3, info.height, info.width).astype(np.float32)
-        self._far_m = info.max_depth_m
+        self._depth_max_m = info.max_depth_m
         self._frames = 0
-        self.floor: Floor | None = None
+        self.floor: FloorPlane | None = None
 
-    def update(self, depth_mm: U16) -> Floor | None:
-        """Return the floor.
-
-        Args:
-            depth_mm: HxW, 0 = no reading.
-        """
+    def update(self, depth_mm: U16) -> FloorPlane | None:
+        """Return the floor, detected every few frames in a depth image, HxW, 0 = no reading."""
         if self._frames % self._config.every == 0 and depth_mm.shape == self._rays.shape[1:]:
-            self.floor = self._found(depth_mm) or self.floor
+            self.floor = self._detect(depth_mm) or self.floor
         self._frames += 1
         return self.floor
 
-    def without(self, depth_mm: U16, box_xyxy_px: F64) -> U16:
-        """Return the depth image without what of a box lies on the floor or below."""
+    def remove(self, depth_mm: U16, box_xyxy_px: F64) -> U16:
+        """Return the depth image without the pixels of a box on the floor or below."""
         config, floor = self._config, self.floor
         if floor is None or not config.cut or not np.all(np.isfinite(box_xyxy_px)):
             return depth_mm
@@ -95,26 +65,25 @@ class FloorFinder:
         _cut(cut[rows, columns], self._rays[:, rows, columns], plane, limits)
         return cut
 
-    def _found(self, depth_mm: U16) -> Floor | None:
+    def _detect(self, depth_mm: U16) -> FloorPlane | None:
         stride = self._config.stride_px
         z = depth_mm[::stride, ::stride].astype(np.float64).ravel() / 1000
-        seen = (z > 0) & (z <= self._far_m)
-        points = (self._rays[:, ::stride, ::stride].reshape(3, -1)[:, seen] * z[seen]).T
+        known = (z > 0) & (z <= self._depth_max_m)
+        points = (self._rays[:, ::stride, ::stride].reshape(3, -1)[:, known] * z[known]).T
         if len(points) < 50:
             return None
-        limits = 0.02 + self._config.noise_per_m2 * z[seen] ** 2
-        # The last floor is nearly always this one: planes are drawn only where it does not fit.
-        guess = self._still(points, limits) or self._best(points, limits)
-        if guess is None:
+        limits = 0.02 + self._config.noise_per_m2 * z[known] ** 2
+        # The last floor fits nearly always: random planes are tried only where it does not.
+        plane = self._previous(points, limits) or self._ransac(points, limits)
+        if plane is None:
             return None
-        for share in (1.0, 0.7, 0.5):  # ever less of the feet of walls counts as floor
-            near = np.abs(guess.heights_m(points)) < share * limits
-            fitted = self._fitted(points[near])
-            guess = fitted if fitted is not None else guess
-        return guess
+        for factor in (1.0, 0.7, 0.5):  # ever fewer points at the feet of walls
+            near = np.abs(plane.heights_m(points)) < factor * limits
+            plane = self._fit(points[near]) or plane
+        return plane
 
-    def _still(self, points: F64, limits: F64) -> Floor | None:
-        """Return the last floor if enough points lie on it still."""
+    def _previous(self, points: F64, limits: F64) -> FloorPlane | None:
+        """Return the last floor if enough points still lie on it."""
         if self.floor is None:
             return None
         heights = self.floor.heights_m(points)
@@ -122,9 +91,9 @@ class FloorFinder:
         fits = on.mean() >= self._config.share_min and below.mean() < self._config.below_max
         return self.floor if fits else None
 
-    def _best(self, points: F64, limits: F64) -> Floor | None:
-        """Return the plane through three points that most points lie on."""
-        lower = points[points[:, 1] > 0]  # of the image, where floors are
+    def _ransac(self, points: F64, limits: F64) -> FloorPlane | None:
+        """Return the plane through three random points that most points lie on."""
+        lower = points[points[:, 1] > 0]  # below the optical axis
         if len(lower) < 3:
             return None
         draws = self._generator.integers(0, len(lower), (100, 3))
@@ -141,9 +110,10 @@ class FloorFinder:
         best = int(np.argmax(np.where(ok, on, -1.0)))
         if not ok[best] or on[best] < self._config.share_min:
             return None
-        return Floor(normals[best], float(-a[best] @ normals[best]))
+        return FloorPlane(normals[best], float(-a[best] @ normals[best]))
 
-    def _fitted(self, points: F64) -> Floor | None:
+    def _fit(self, points: F64) -> FloorPlane | None:
+        """Return the plane of least squares."""
         if len(points) < 10:
             return None
         middle = points.mean(axis=0)
@@ -151,7 +121,7 @@ class FloorFinder:
         up = -up if up[1] > 0 else up
         if -up[1] < np.cos(np.radians(self._config.tilt_max_deg)):
             return None
-        return Floor(up, float(-middle @ up))
+        return FloorPlane(up, float(-middle @ up))
 
 
 @compiled
@@ -159,7 +129,7 @@ def _cut(depth_mm: U16, rays: F32, plane: F32, limits: F32) -> None:
     """Set pixels on a plane or below it to 0; the limit grows with the noise of the depth."""
     height, width = depth_mm.shape
     for row in range(height):
-        for column in range(width):  # without branches: many pixels at once
+        for column in range(width):  # without branches: vectorised
             away = np.float32(0.001) * np.float32(depth_mm[row, column])
             rise = plane[0] * rays[0, row, column] + plane[1] * rays[1, row, column]
             rise += plane[2] * rays[2, row, column]

@@ -1,32 +1,124 @@
-"""Distances along the surface of a body."""
+"""Geodesic distances along the mesh of a body, and their extrema: the ends of its limbs.
+
+Source: docs/method.md, sections 8.3 (G 4.3) and 19 [Plagemann 2010].
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from common.compiled import compiled
 from people4d.messages import F64
-from services.gait.surface.mesh import Surface
+from services.gait.surface.mesh import BodyMesh
+from services.gait.surface.segmentation import I32, I64
 
 
-def geodesic_m(surface: Surface, source_vertex: npt.ArrayLike, limit_m: float = np.inf) -> F64:
-    """Return the lengths of the shortest ways from a vertex to all others along the mesh.
+def geodesic_m(mesh: BodyMesh, source_vertex: npt.ArrayLike) -> F64:
+    """Return the lengths of the shortest paths along the mesh [Dijkstra 1959].
 
     Args:
-        surface: The mesh.
-        source_vertex: The vertex; of several the nearest counts.
-        limit_m: Vertices farther away are not looked for.
+        mesh: The mesh.
+        source_vertex: Source; of several the nearest counts.
 
     Returns:
-        V, metres; inf where no way leads or it is longer than the limit.
-
-    Source: method book section 8.3 [G 4.3].
+        V, metres; inf for vertices not connected to a source.
     """
-    count = len(surface.points_m)
+    count = len(mesh.points_m)
     sources = np.atleast_1d(np.asarray(source_vertex, np.int64))
     sources = sources[(sources >= 0) & (sources < count)]
     if not len(sources):
         return np.full(count, np.inf)
-    graph = csr_array((surface.lengths_m, surface.indices, surface.indptr), shape=(count, count))
-    found = dijkstra(graph, directed=True, indices=sources, limit=limit_m, min_only=True)
+    graph = csr_array((mesh.lengths_m, mesh.indices, mesh.indptr), shape=(count, count))
+    found = dijkstra(graph, directed=True, indices=sources, min_only=True)
     return np.asarray(found, np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeodesicExtrema:
+    """Local maxima of the geodesic distance, farthest first; T of them."""
+
+    vertices: I64  # T
+    persistence_m: F64  # T: height above the point where its basin meets that of a higher one
+    basin: I32  # V: number of the extremum that a vertex leads up to; -1: not connected
+
+    @property
+    def strengths(self) -> F64:
+        """Persistence of the extrema, T: 0 to 1, which is 0.2 m."""
+        return np.minimum(self.persistence_m / 0.2, 1.0)
+
+
+def geodesic_extrema(mesh: BodyMesh, distance_m: F64, persistence_m: float) -> GeodesicExtrema:
+    """Find the ends of limbs: local maxima of the geodesic distance of enough persistence.
+
+    The surface is flooded from the farthest vertex down. Each local maximum begins an island; where
+    two islands meet, the lower one is a limb if its persistence is enough, and noise if not.
+
+    Args:
+        mesh: The mesh.
+        distance_m: V, geodesic distance from the torso; inf: not connected.
+        persistence_m: Least persistence.
+    """
+    height = np.where(np.isfinite(distance_m), distance_m, -np.inf)
+    reached = int(np.isfinite(distance_m).sum())
+    order = np.argsort(-height, kind="stable")[:reached]
+    basin = np.full(len(height), -1, np.int32)
+    persistence = np.zeros(len(height))
+    _flood(order, height, mesh.indptr, mesh.indices, persistence_m, basin, persistence)
+    vertices = np.flatnonzero(persistence > 0)
+    vertices = vertices[np.argsort(-height[vertices], kind="stable")]
+    number = np.full(len(height) + 1, -1, np.int32)  # the last one is for basin -1
+    number[vertices] = np.arange(len(vertices))
+    return GeodesicExtrema(
+        vertices=vertices, persistence_m=persistence[vertices], basin=number[basin]
+    )
+
+
+@compiled
+def _flood(
+    order: I64, height: F64, indptr: I32, indices: I32, least: float, basin: I32, persistence: F64
+) -> None:
+    """Set the peak that each vertex leads up to, and the persistence of peaks."""
+    count = len(height)
+    island = np.full(count, -1, np.int64)  # a tree of vertices; its root is the highest peak
+    merged = np.arange(count)  # a tree of peaks; its root is a persistent peak
+    for v in order:
+        best = -1
+        for k in range(indptr[v], indptr[v + 1]):
+            w = indices[k]
+            if island[w] >= 0 and (best < 0 or height[w] > height[best]):
+                best = w
+        if best < 0:
+            island[v], basin[v] = v, v
+            continue
+        top = _root(island, best)
+        island[v] = top
+        basin[v] = _root(merged, basin[best])
+        for k in range(indptr[v], indptr[v + 1]):
+            w = indices[k]
+            if island[w] < 0:
+                continue
+            other = _root(island, w)
+            top = _root(island, v)
+            if other == top:
+                continue
+            low, high = (other, top) if height[other] <= height[top] else (top, other)
+            island[low] = high
+            if height[low] - height[v] >= least:
+                persistence[low] = height[low] - height[v]
+            else:
+                merged[low] = _root(merged, basin[v] if low == other else basin[w])
+    for v in order:
+        basin[v] = _root(merged, basin[v])
+        if island[v] == v:
+            persistence[v] = max(height[v] - height[order[-1]], least)
+
+
+@compiled
+def _root(parents: I64, vertex: int) -> int:
+    while parents[vertex] != vertex:
+        parents[vertex] = parents[parents[vertex]]
+        vertex = parents[vertex]
+    return vertex

@@ -1,7 +1,6 @@
-"""The surface of a body: vertices, their neighbours, and which way each faces."""
+"""Mesh of a body in the depth image: vertices, edges, normals (docs/method.md, section 8.2)."""
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -9,32 +8,29 @@ import numpy.typing as npt
 from common.compiled import compiled
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, CameraInfo
-from services.gait.surface.body import Body, Mask
-from services.gait.surface.body_config import BodyConfig
+from services.gait.config import BodyConfig
+from services.gait.surface.bridges import bridge_pieces
+from services.gait.surface.segmentation import I32, I64, BodySegment, Mask
 
-I32: TypeAlias = npt.NDArray[np.int32]
-I64: TypeAlias = npt.NDArray[np.int64]
-
-MAX_BRIDGES = 12  # between pieces of one mesh
-# The neighbours in the grid, going round: row and column.
-AROUND = np.array(
+# Neighbours in the grid, clockwise from the right: row and column.
+NEIGHBOURS = np.array(
     [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)], dtype=np.int32
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surface:
-    """The mesh of one body; V vertices."""
+class BodyMesh:
+    """Mesh of one body; V vertices."""
 
     points_m: F64  # Vx3, optical frame
     normals: F64  # Vx3, unit length, towards the sensor
-    pixels_px: F64  # Vx2, u and v in the whole image
+    pixels_px: F64  # Vx2, u and v in the image
     indptr: I32  # V + 1: the neighbours of vertex i are indices[indptr[i] : indptr[i + 1]]
     indices: I32  # E
     lengths_m: F64  # E, of the edges
     resolution_m: float  # median length of the edges; 0 without edges
     grid: I32  # rows x columns of the vertices, -1 off the body
-    left_px: int  # of the grid in the whole image
+    left_px: int  # of the grid in the image
     top_px: int
     step_px: int  # between vertices
 
@@ -42,72 +38,65 @@ class Surface:
         """Return the vertices at pixels.
 
         Args:
-            pixels_px: Mx2, u and v in the whole image.
+            pixels_px: Mx2, u and v in the image.
 
         Returns:
             M, -1 off the body.
         """
         pixels = np.asarray(pixels_px, np.float64).reshape(-1, 2)
         # A pixel reaches half a pixel to each side of its coordinates.
-        place = np.floor((pixels + 0.5 - (self.left_px, self.top_px)) / self.step_px)
+        cell = np.floor((pixels + 0.5 - (self.left_px, self.top_px)) / self.step_px)
         rows, columns = self.grid.shape
         with np.errstate(invalid="ignore"):
-            inside = ((place >= 0) & (place < (columns, rows))).all(axis=1)
+            inside = ((cell >= 0) & (cell < (columns, rows))).all(axis=1)
         found = np.full(len(pixels), -1, np.int64)
-        at = place[inside].astype(np.int64)
-        found[inside] = self.grid[at[:, 1], at[:, 0]]
+        column, row = cell[inside].astype(np.int64).T
+        found[inside] = self.grid[row, column]
         return found
 
     def nearest(self, point_m: npt.ArrayLike) -> int:
-        """Return the vertex nearest to a point.
-
-        Args:
-            point_m: 3, optical frame.
-
-        Returns:
-            The vertex; -1 if there is none.
-        """
+        """Return the vertex nearest to a point, 3, optical frame; -1 if the mesh is empty."""
         if not len(self.points_m):
             return -1
-        away = self.points_m - np.asarray(point_m, np.float64)
-        return int(np.argmin(np.einsum("ij,ij->i", away, away)))
+        offsets = self.points_m - np.asarray(point_m, np.float64)
+        return int(np.argmin(np.einsum("ij,ij->i", offsets, offsets)))
 
 
-def surface_of(body: Body, info: CameraInfo, config: BodyConfig) -> Surface:
-    """Return the mesh of a body.
+def build_mesh(body: BodySegment, info: CameraInfo, config: BodyConfig) -> BodyMesh:
+    """Build the mesh of a body.
 
     Args:
         body: Its pixels.
         info: Calibration.
         config: Number of vertices and lengths of edges.
 
-    Source: method book section 8.2 [G 4.1.4].
+    Source: docs/method.md, section 8.2 (G 4.1.4).
     """
-    step = step_for(body, config)
+    step = _step_px(body, config)
     rows, columns = -(-body.mask.shape[0] // step), -(-body.mask.shape[1] // step)
     grid = np.full((rows, columns), -1, np.int32)
-    seen = np.empty((rows * columns, 3))
-    count = _sample(body.depth_m, body.mask, step, _slopes(config), grid, seen)
-    seen = seen[:count]
+    samples = np.empty((rows * columns, 3))
+    count = _sample(body.depth_m, body.mask, step, _slopes(config), grid, samples)
+    samples = samples[:count]
     if config.smooth_px:
-        _smooth_depth(body.depth_m, config.smooth_px, _slopes(config), seen)
-    pixels = seen[:, :2] + (body.left_px, body.top_px)
-    points = deproject(pixels, seen[:, 2], info)
-    spacing = edge_limits(seen[:, 2], step, info, config)
+        _smooth_depth(body.depth_m, config.smooth_px, _slopes(config), samples)
+    pixels = samples[:, :2] + (body.left_px, body.top_px)
+    points = deproject(pixels, samples[:, 2], info)
+    limits = _edge_limits_m(samples[:, 2], step, info, config)
     indptr = np.zeros(count + 1, np.int32)
     indices, lengths = np.empty(8 * count, np.int32), np.empty(8 * count)
     normals = np.empty((count, 3))
-    edges = _mesh(grid, points, spacing, AROUND, indptr, indices, lengths, normals)
+    edges = _connect_and_orient(grid, points, limits, NEIGHBOURS, indptr, indices, lengths, normals)
     indices, lengths = indices[:edges].copy(), lengths[:edges].copy()
     for _ in range(config.normal_passes):
-        normals = _smooth(normals, indptr, indices)
+        normals = _smooth_normals(normals, indptr, indices)
     resolution = float(np.median(lengths)) if edges else 0.0
     if config.join_m > 0:
         cells = max(-(-config.join_px // step), 1)
-        indptr, indices, lengths = _bridged(
+        indptr, indices, lengths = bridge_pieces(
             grid, points, (indptr, indices, lengths), cells, config.join_m
         )
-    return Surface(
+    return BodyMesh(
         points_m=points,
         normals=normals,
         pixels_px=pixels,
@@ -122,25 +111,15 @@ def surface_of(body: Body, info: CameraInfo, config: BodyConfig) -> Surface:
     )
 
 
-def step_for(body: Body, config: BodyConfig) -> int:
-    """Return the pixels between vertices, so that time does not grow with a person's size."""
+def _step_px(body: BodySegment, config: BodyConfig) -> int:
+    """Return the spacing of vertices, with which time does not grow with a person's size."""
     if config.vertices == 0:
         return 1
     return max(1, round((np.count_nonzero(body.mask) / config.vertices) ** 0.5))
 
 
-def edge_limits(depth_m: F64, step_px: int, info: CameraInfo, config: BodyConfig) -> F64:
-    """Return how long an edge may be at vertices.
-
-    Args:
-        depth_m: V.
-        step_px: Between vertices.
-        info: Calibration.
-        config: Its least length and how it grows.
-
-    Returns:
-        V, metres.
-    """
+def _edge_limits_m(depth_m: F64, step_px: int, info: CameraInfo, config: BodyConfig) -> F64:
+    """Return the longest edge at vertices, V, by their depth, V."""
     diagonal_m = depth_m * (step_px * 2**0.5 / min(info.fx, info.fy))
     noise_m = config.edge_noise_per_m2 * depth_m**2
     return np.maximum(config.edge_m, np.hypot(config.edge_stretch * diagonal_m, noise_m))
@@ -151,94 +130,6 @@ def _slopes(config: BodyConfig) -> tuple[float, float, float]:
     return config.continuity_m, config.continuity_per_m, noise
 
 
-Edges: TypeAlias = tuple[I32, I32, F64]  # indptr, indices, lengths
-
-
-def _bridged(grid: I32, points: F64, edges: Edges, cells: int, gap_m: float) -> Edges:
-    """Connect the pieces of a mesh to the largest where they come nearest beside each other."""
-    indptr, indices, lengths = edges
-    count = len(points)
-    piece = np.full(count, -1, np.int32)
-    pieces = _pieces(indptr, indices, piece)
-    if pieces < 2:
-        return edges
-    joined = np.zeros(pieces, np.bool_)
-    joined[np.argmax(np.bincount(piece))] = True
-    starts, ends, spans = [], [], []
-    link = np.empty(2, np.int64)
-    for _ in range(min(pieces - 1, MAX_BRIDGES)):
-        span = _nearest_link(grid, points, piece, joined, cells, gap_m, link)
-        if span >= gap_m:
-            break
-        joined[piece[link[0]]] = True
-        starts += [link[0], link[1]]
-        ends += [link[1], link[0]]
-        spans += [span, span]
-    if not starts:
-        return edges
-    at = np.concatenate([np.repeat(np.arange(count), np.diff(indptr)), starts])
-    order = np.argsort(at, kind="stable")
-    bounds = np.concatenate([[0], np.cumsum(np.bincount(at, minlength=count))]).astype(np.int32)
-    merged = np.concatenate([indices, np.array(ends, np.int32)])[order]
-    return bounds, merged, np.concatenate([lengths, spans])[order]
-
-
-@compiled
-def _pieces(indptr: I32, indices: I32, piece: I32) -> int:
-    """Number the pieces of a mesh that no edge connects; return how many there are."""
-    stack = np.empty(len(piece), np.int32)
-    count = 0
-    for start in range(len(piece)):
-        if piece[start] >= 0:
-            continue
-        piece[start] = count
-        stack[0] = start
-        size = 1
-        while size > 0:
-            size -= 1
-            here = stack[size]
-            for k in range(indptr[here], indptr[here + 1]):
-                there = indices[k]
-                if piece[there] < 0:
-                    piece[there] = count
-                    stack[size] = there
-                    size += 1
-        count += 1
-    return count
-
-
-@compiled
-def _nearest_link(
-    grid: I32,
-    points: F64,
-    piece: I32,
-    joined: Mask,
-    cells: int,
-    gap_m: float,
-    link: I64,
-) -> float:
-    """Set the shortest link between a piece that is not joined yet and one that is."""
-    rows, columns = grid.shape
-    best = gap_m * gap_m
-    for row in range(rows):
-        for column in range(columns):
-            here = grid[row, column]
-            if here < 0 or joined[piece[here]]:
-                continue
-            for r in range(max(row - cells, 0), min(row + cells + 1, rows)):
-                for c in range(max(column - cells, 0), min(column + cells + 1, columns)):
-                    there = grid[r, c]
-                    if there < 0 or not joined[piece[there]]:
-                        continue
-                    square = 0.0
-                    for axis in range(3):
-                        square += (points[here, axis] - points[there, axis]) ** 2
-                    if square < best:
-                        best = square
-                        link[0], link[1] = here, there
-    return float(np.sqrt(best))
-
-
 @compiled
 def _sample(
     depth_m: F32,
@@ -246,9 +137,9 @@ def _sample(
     step: int,
     slopes: tuple[float, float, float],
     grid: I32,
-    seen: F64,
+    samples: F64,
 ) -> int:
-    """Make one vertex of each step x step pixels: the mean of those of the nearest surface."""
+    """Set a vertex for each step x step pixels: the mean of those of the nearest surface."""
     height, width = depth_m.shape
     count = 0
     for row in range(grid.shape[0]):
@@ -272,17 +163,23 @@ def _sample(
                         z += depth_m[r, c]
                         number += 1
             grid[row, column] = count
-            seen[count, 0], seen[count, 1], seen[count, 2] = u / number, v / number, z / number
+            samples[count, 0], samples[count, 1], samples[count, 2] = (
+                u / number,
+                v / number,
+                z / number,
+            )
             count += 1
     return count
 
 
 @compiled
-def _smooth_depth(depth_m: F32, radius: int, slopes: tuple[float, float, float], seen: F64) -> None:
-    """Set the depth of vertices to the mean of what is about them on the same surface."""
+def _smooth_depth(
+    depth_m: F32, radius: int, slopes: tuple[float, float, float], samples: F64
+) -> None:
+    """Set the depth of vertices to the mean of the pixels about them on the same surface."""
     height, width = depth_m.shape
-    for k in range(len(seen)):
-        column, row, here = int(seen[k, 0] + 0.5), int(seen[k, 1] + 0.5), seen[k, 2]
+    for k in range(len(samples)):
+        column, row, here = int(samples[k, 0] + 0.5), int(samples[k, 1] + 0.5), samples[k, 2]
         limit = max(slopes[0], slopes[1] * here + slopes[2] * here * here)
         total, number = 0.0, 0
         # As far to each side as there are pixels: a one-sided mean would bend the rims. Every other
@@ -296,23 +193,23 @@ def _smooth_depth(depth_m: F32, radius: int, slopes: tuple[float, float, float],
                     total += value
                     number += 1
         if number > 0:
-            seen[k, 2] = total / number
+            samples[k, 2] = total / number
 
 
 @compiled
-def _mesh(
+def _connect_and_orient(
     grid: I32,
     points: F64,
     limits: F64,
-    around: I32,
+    neighbours: I32,
     indptr: I32,
     indices: I32,
     lengths: F64,
     normals: F64,
 ) -> int:
-    """Connect neighbours and find the normals; return the number of edges."""
+    """Set the edges between neighbours and the normals; return the number of edges."""
     near, long = np.full((len(points), 8), -1, np.int32), np.empty((len(points), 8))
-    _connect(grid, points, limits, around, near, long)
+    _connect(grid, points, limits, neighbours, near, long)
     edges = 0
     for here in range(len(points)):
         for k in range(8):
@@ -325,16 +222,16 @@ def _mesh(
 
 
 @compiled
-def _connect(grid: I32, points: F64, limits: F64, around: I32, near: I32, long: F64) -> None:
-    """Set the neighbours of vertices, going round, and how far they are."""
+def _connect(grid: I32, points: F64, limits: F64, neighbours: I32, near: I32, long: F64) -> None:
+    """Set the neighbours of vertices, in the order of NEIGHBOURS, and their distances."""
     rows, columns = grid.shape
     for row in range(rows):
         for column in range(columns):
             here = grid[row, column]
             if here < 0:
                 continue
-            for k in range(4):  # the other four are these, seen from the other end
-                r, c = row + around[k, 0], column + around[k, 1]
+            for k in range(4):  # the other four are the same edges from their other end
+                r, c = row + neighbours[k, 0], column + neighbours[k, 1]
                 if r < 0 or r >= rows or c < 0 or c >= columns or grid[r, c] < 0:
                     continue
                 there = grid[r, c]
@@ -349,7 +246,7 @@ def _connect(grid: I32, points: F64, limits: F64, around: I32, near: I32, long: 
 
 @compiled
 def _normal(points: F64, here: int, near: I32, long: F64, normals: F64) -> None:
-    """Set the normal of a vertex: the mean of its faces' weighted by their angles at it."""
+    """Set the normal of a vertex: that of its faces weighted by angle [Thürmer 1998]."""
     px, py, pz = points[here, 0], points[here, 1], points[here, 2]
     x = y = z = 0.0
     for k in range(8):
@@ -367,7 +264,7 @@ def _normal(points: F64, here: int, near: I32, long: F64, normals: F64) -> None:
         weight = _angle((ax * bx + ay * by + az * bz) / both) / area
         x, y, z = x + weight * fx, y + weight * fy, z + weight * fz
     size = np.sqrt(x * x + y * y + z * z)
-    if size < 1e-9:  # no face: it is taken to look at the sensor
+    if size < 1e-9:  # no face: the normal points to the sensor
         x, y, z = -px, -py, -pz
         size = np.sqrt(x * x + y * y + z * z)
     if x * px + y * py + z * pz > 0:
@@ -384,7 +281,7 @@ def _angle(cosine: float) -> float:
 
 
 @compiled
-def _smooth(normals: F64, indptr: I32, indices: I32) -> F64:
+def _smooth_normals(normals: F64, indptr: I32, indices: I32) -> F64:
     """Return each normal averaged with its neighbours'."""
     smooth = np.empty_like(normals)
     for here in range(len(normals)):

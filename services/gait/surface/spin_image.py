@@ -1,101 +1,71 @@
-"""Spin images: what the surface about a point looks like, whichever way the body is turned."""
+"""Spin images: descriptors of the surface about a vertex that do not change with its rotation.
+
+Source: docs/method.md, section 8.3 [Johnson 1997] [Johnson 1999].
+"""
 
 import math
 from functools import lru_cache
-from typing import TypeAlias
 
-import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from common.compiled import compiled
 from people4d.messages import F32, F64
-from services.gait.surface.mesh import Surface
+from services.gait.config import SpinConfig
+from services.gait.surface.mesh import BodyMesh
+from services.gait.surface.segmentation import I64
 
 NO_MATCH = -math.inf
 R_MAX = 1 - 1e-6  # atanh of 1 is infinite
-FILLED = 1e-3  # points in a bin; less is what rounding leaves to a neighbouring bin
-I64: TypeAlias = npt.NDArray[np.int64]
+FILLED = 1e-3  # points in a bin; less is a rounding error of bilinear counting
 
 
-class SpinConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """How spin images are made and compared (method book section 8.3)."""
-
-    bins: int = 20  # across and down; section 8.3
-    # [m] of a bin. The paper takes 1 to 2 times the mesh's resolution, but that changes with the
-    # distance, and images are compared over time; 0: bin_resolutions times the resolution
-    bin_m: float = 0.02
-    bin_resolutions: float = 1.5  # where bin_m is 0
-    support_angle_deg: float = 75.0  # [deg] between normals of what is counted; 60 to 90
-    points: int = 1000  # of the surface that are counted, at most about; 0: all
-    overlap_min: int = 10  # bins that both images fill; fewer: no match
-
-    def __post_init__(self) -> None:
-        """Check numbers.
-
-        Raises:
-            ValueError: One is out of range.
-        """
-        if not 2 <= self.bins <= 128:
-            raise ValueError(f"bins: expected 2 to 128, got {self.bins}")
-        if not 0 <= self.bin_m < math.inf or not 0 < self.bin_resolutions < math.inf:
-            raise ValueError(
-                f"bin_m, bin_resolutions: expected >= 0, got {self.bin_m}, {self.bin_resolutions}"
-            )
-        if not 0 < self.support_angle_deg <= 180:
-            raise ValueError(f"support_angle_deg: expected 0 to 180, got {self.support_angle_deg}")
-        if self.points < 0 or self.overlap_min < 4:
-            raise ValueError(
-                f"points: expected >= 0, overlap_min: >= 4, got {self.points}, {self.overlap_min}"
-            )
-
-
-def spin_images(surface: Surface, vertices: npt.ArrayLike, config: SpinConfig) -> F64:
+def spin_images(mesh: BodyMesh, vertices: npt.ArrayLike, config: SpinConfig) -> F64:
     """Return the spin images of vertices.
 
     Rows are beta, the height above the plane of the vertex, from -bins/2 to bins/2; columns are
     alpha, the distance from its normal. Bins are counted bilinearly.
 
     Args:
-        surface: The mesh.
+        mesh: The mesh.
         vertices: M.
         config: Size of the images.
 
     Returns:
-        M x bins x bins; all 0 for a vertex that is not on the surface.
+        M x bins x bins; all 0 for an index that is no vertex.
 
-    Source: method book section 8.3 [G 4.2.1].
+    Source: docs/method.md, section 8.3 (G 4.2.1).
     """
     chosen = np.atleast_1d(np.asarray(vertices, np.int64))
     images = np.zeros((len(chosen), config.bins, config.bins))
-    count = len(surface.points_m)
-    bin_m = config.bin_m or config.bin_resolutions * surface.resolution_m
+    count = len(mesh.points_m)
+    bin_m = config.bin_m or config.bin_resolutions * mesh.resolution_m
     if count == 0 or bin_m <= 0:
         return images
-    kept = _sample(count, config.points)
+    sample = _sample(count, config.points)
     # Single precision is twice as fast, and exact enough from the body's middle.
-    middle = surface.points_m.mean(axis=0)
-    points = ((surface.points_m[kept] - middle) / bin_m).T.astype(np.float32, order="C")
-    normals = surface.normals[kept].T.astype(np.float32, order="C")
+    middle = mesh.points_m.mean(axis=0)
+    points = ((mesh.points_m[sample] - middle) / bin_m).T.astype(np.float32, order="C")
+    normals = mesh.normals[sample].T.astype(np.float32, order="C")
     valid = np.flatnonzero((chosen >= 0) & (chosen < count))
-    at = ((surface.points_m[chosen[valid]] - middle) / bin_m).astype(np.float32)
-    facing = surface.normals[chosen[valid]].astype(np.float32)
+    at = ((mesh.points_m[chosen[valid]] - middle) / bin_m).astype(np.float32)
+    axes = mesh.normals[chosen[valid]].astype(np.float32)
     cosine = math.cos(math.radians(config.support_angle_deg))
-    _spin(at, facing, valid, points, normals, cosine, images)
+    _spin(at, axes, valid, points, normals, cosine, images)
     return images
 
 
 @lru_cache(maxsize=16)
 def _sample(count: int, wanted: int) -> I64:
-    """Return which of the points are counted."""
-    # A fixed stride through the rows would take whole columns; chance takes them evenly.
-    kept = np.random.default_rng(0).permutation(count)
-    return np.sort(kept[:wanted]) if wanted else np.arange(count)
+    """Return a random sample of the vertices; all if `wanted` is 0."""
+    # A fixed stride through the rows would take entire columns.
+    order = np.random.default_rng(0).permutation(count)
+    return np.sort(order[:wanted]) if wanted else np.arange(count)
 
 
 @compiled
 def _spin(
-    at: F32, facing: F32, rows: I64, points: F32, normals: F32, cosine: float, images: F64
+    at: F32, axes: F32, rows: I64, points: F32, normals: F32, cosine: float, images: F64
 ) -> None:
     """Fill images; lengths are in bins, points and normals in columns."""
     bins = images.shape[1]
@@ -105,15 +75,15 @@ def _spin(
     least = np.float32(cosine)
     for m in range(len(at)):
         px, py, pz = at[m, 0], at[m, 1], at[m, 2]
-        nx, ny, nz = facing[m, 0], facing[m, 1], facing[m, 2]
-        # A loop without branches, which the compiler does for many points at once.
+        nx, ny, nz = axes[m, 0], axes[m, 1], axes[m, 2]
+        # A loop without branches, which the compiler vectorises.
         for k in range(count):
             dx, dy, dz = points[0, k] - px, points[1, k] - py, points[2, k] - pz
             beta = nx * dx + ny * dy + nz * dz
             square = dx * dx + dy * dy + dz * dz - beta * beta
             alpha = np.sqrt(max(square, np.float32(0)))
-            like = nx * normals[0, k] + ny * normals[1, k] + nz * normals[2, k]
-            alphas[k] = alpha if like >= least else np.float32(bins)
+            cosine_k = nx * normals[0, k] + ny * normals[1, k] + nz * normals[2, k]
+            alphas[k] = alpha if cosine_k >= least else np.float32(bins)
             betas[k] = beta + half
         image = images[rows[m]]
         for k in range(count):
@@ -132,21 +102,21 @@ def _spin(
                     image[i + 1, j + 1] += a * b
 
 
-def similarity(images: F64, reference: F64, overlap_min: int = 10) -> F64:
-    """Return how like a reference images are, by the bins that both fill.
+def similarity(images: F64, reference: F64, overlap_min: int) -> F64:
+    """Return the similarity of images to a reference, by the bins filled in both.
 
     C = atanh(R)^2 - lambda / (N - 3): R is the correlation of the N bins, lambda half of the
-    median number of bins that the images fill. Images that are unlike (R < 0) get -atanh(R)^2.
+    median number of bins that the images fill. Negative correlation gives -atanh(R)^2.
 
     Args:
         images: M x W x W.
         reference: W x W.
-        overlap_min: Bins that both must fill.
+        overlap_min: Least number of bins filled in both.
 
     Returns:
         M, -inf where there is no match.
 
-    Source: method book section 8.3 [G 4.2.2].
+    Source: docs/method.md, section 8.3 (G 4.2.2).
     """
     flat, other = images.reshape(len(images), reference.size), reference.ravel()
     n, r = np.zeros(len(flat)), np.zeros(len(flat))
@@ -163,7 +133,7 @@ def similarity(images: F64, reference: F64, overlap_min: int = 10) -> F64:
 
 @compiled
 def _correlate(images: F64, reference: F64, n: F64, r: F64, filled: I64) -> None:
-    """Set how many bins both fill, their correlation, and how many bins each image fills."""
+    """Set the bins filled in both, their correlation, and the bins filled in each image."""
     shared = np.flatnonzero(reference > FILLED)
     others = reference[shared]
     if len(shared):
@@ -186,5 +156,5 @@ def _correlate(images: F64, reference: F64, n: F64, r: F64, filled: I64) -> None
         if number == 0:
             continue
         own, their = aa - a * a / number, bb - b * b / number
-        if own > 1e-12 * aa and their > 1e-12 * bb:  # else one is the same everywhere
+        if own > 1e-12 * aa and their > 1e-12 * bb:  # else one is constant
             r[m] = (ab - a * b / number) / np.sqrt(own * their)

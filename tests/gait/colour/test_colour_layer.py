@@ -1,4 +1,4 @@
-"""People of cloth walk before a wall: their boxes are followed."""
+"""Boxes of coloured figures that walk before a wall."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ import pytest
 from common.geometry.boxes import iou_xyxy
 from people4d.messages import F64, U8
 from services.gait.colour.colour_layer import ColourLayer
-from services.gait.colour.config import PAPER_TAU, ColourLayerConfig
+from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
 
 SHIRTS = [(200, 40, 40), (40, 60, 200), (40, 170, 60)]
 LEGS = [(40, 40, 90), (120, 90, 40), (150, 40, 150)]
@@ -63,17 +63,17 @@ MODELS = [
 ]
 
 
-PAPER: dict[str, Any] = {"weights": "distance", "tau": PAPER_TAU}
+PUBLISHED: dict[str, Any] = {"weights": "distance", "tau": PUBLISHED_TAU}
 
 
 @pytest.mark.parametrize("fields", MODELS, ids=lambda f: "-".join(map(str, f.values())))
-def test_a_walker_is_followed_by_every_model(fields: dict[str, Any]) -> None:
+def test_walking_person_is_tracked_by_every_model(fields: dict[str, Any]) -> None:
     assert success(**fields) >= 0.9
 
 
 @pytest.mark.parametrize("fields", MODELS[::3], ids=lambda f: "-".join(map(str, f.values())))
-def test_and_mostly_as_in_the_paper(fields: dict[str, Any]) -> None:
-    assert success(**fields, **PAPER) >= 0.5
+def test_walking_person_is_mostly_tracked_with_published_constants(fields: dict[str, Any]) -> None:
+    assert success(**fields, **PUBLISHED) >= 0.5
 
 
 def success_before_a_shelf(**fields: Any) -> float:
@@ -95,14 +95,14 @@ def success_before_a_shelf(**fields: Any) -> float:
     return float(np.mean(hits))
 
 
-def test_a_shelf_of_the_same_colours_does_not_draw_the_box_away() -> None:
+def test_shelf_of_the_same_colours_does_not_attract_the_box() -> None:
     assert success_before_a_shelf() >= 0.95
-    # A histogram of all of a box does not tell them apart.
-    assert success_before_a_shelf(**PAPER) < 0.7
+    # A histogram of all of a box does not distinguish them.
+    assert success_before_a_shelf(**PUBLISHED) < 0.7
 
 
-def test_a_person_who_comes_nearer_grows() -> None:
-    # From 120 to 240 px of height in 80 frames, as who walks from 4 m to 2 m.
+def test_box_of_an_approaching_person_grows() -> None:
+    # From 120 to 240 px of height in 80 frames, as of a walk from 4 m to 2 m.
     def box(frame: int) -> F64:
         half = np.array([WIDTH, HEIGHT]) / 2 * 2 ** (frame / 80)
         return np.array([[320 - half[0], 240 - half[1], 320 + half[0], 240 + half[1]]])
@@ -116,11 +116,13 @@ def test_a_person_who_comes_nearer_grows() -> None:
 
 @pytest.mark.parametrize("estimate", ["weighted_sum", "map", "robust_mean"])
 @pytest.mark.parametrize("resampling", ["systematic", "stratified", "residual", "multinomial"])
-def test_and_by_every_estimate_and_resampling(estimate: str, resampling: str) -> None:
+def test_walking_person_is_tracked_by_every_estimator_and_resampler(
+    estimate: str, resampling: str
+) -> None:
     assert success(frames=30, estimate=estimate, resampling=resampling) >= 0.95
 
 
-def test_three_walkers_are_followed_together() -> None:
+def test_three_people_are_tracked_together() -> None:
     assert success(people=3) >= 0.95
 
 
@@ -134,7 +136,7 @@ def test_the_same_seed_gives_the_same_boxes() -> None:
     assert run(1) != run(2)
 
 
-def test_a_person_who_stays_has_a_small_distance_and_little_spread() -> None:
+def test_person_at_rest_has_small_distance_and_sigma() -> None:
     layer = ColourLayer(ColourLayerConfig())
     frame = frame_of(boxes_at(0))
     layer.start(1, frame, boxes_at(0)[0])
@@ -143,10 +145,10 @@ def test_a_person_who_stays_has_a_small_distance_and_little_spread() -> None:
     assert iou_xyxy(estimate.box_xyxy_px, boxes_at(0)[0])[0, 0] > 0.85
     assert estimate.distance < 0.5
     assert np.linalg.norm(estimate.velocity_px) < 3
-    assert 0 < estimate.spread_px < 20
+    assert 0 < estimate.sigma_px < 20
 
 
-def test_a_person_who_is_gone_is_far_from_their_colours() -> None:
+def test_absent_person_has_a_large_distance() -> None:
     layer = ColourLayer(ColourLayerConfig())
     layer.start(1, frame_of(boxes_at(0)), boxes_at(0)[0])
     for _ in range(5):
@@ -165,14 +167,14 @@ def test_a_person_who_is_gone_is_far_from_their_colours() -> None:
         [0, 0, np.inf, 9],
     ],
 )
-def test_a_box_that_shows_nothing_is_not_followed(box: list[float]) -> None:
+def test_invalid_box_is_not_tracked(box: list[float]) -> None:
     layer = ColourLayer(ColourLayerConfig())
     assert not layer.start(1, frame_of(boxes_at(0)), np.array(box, float))
     assert layer.people == ()
     assert layer.update(frame_of(boxes_at(0))) == {}
 
 
-def test_people_come_and_go() -> None:
+def test_people_start_stop_and_start_again() -> None:
     layer = ColourLayer(ColourLayerConfig(particles=20))
     frame = frame_of(boxes_at(0, 3))
     for k, box in enumerate(boxes_at(0, 3)):
@@ -185,7 +187,7 @@ def test_people_come_and_go() -> None:
     assert set(layer.update(frame)) == {0, 2}
 
 
-def test_whoever_walks_out_of_the_image_does_no_harm() -> None:
+def test_box_leaving_the_image_stays_finite() -> None:
     layer = ColourLayer(ColourLayerConfig(particles=30))
     layer.start(1, frame_of(boxes_at(0)), boxes_at(0)[0])
     for number in range(1, 260, 8):  # 650 px to the right, in an image of 640
@@ -193,7 +195,7 @@ def test_whoever_walks_out_of_the_image_does_no_harm() -> None:
         assert np.all(np.isfinite(estimate.box_xyxy_px))
 
 
-def test_twenty_people_and_frames_of_another_size_do_no_harm() -> None:
+def test_twenty_people_and_small_frames_are_tracked() -> None:
     layer = ColourLayer(ColourLayerConfig())
     frame = frame_of(boxes_at(0))
     for k in range(20):

@@ -11,8 +11,15 @@ from lab.scenario import Waypoint, load_scenario
 from lab.truth.markers import footfalls
 from lab.world import World
 from people4d.messages import F64, GaitMeasures
-from services.gait.steps.config import StepConfig
-from services.gait.steps.steps import Path, Step, StepMeter, even_strides, find_steps, measures_of
+from services.gait.config import StepConfig
+from services.gait.steps.footprints import FootTrajectory
+from services.gait.steps.steps import (
+    FootStep,
+    StepMeter,
+    even_strides,
+    find_steps,
+    gait_measures,
+)
 
 UP = np.array([0.0, 0.0, 1.0])
 CONFIG = StepConfig()
@@ -38,19 +45,19 @@ def feet(
     )
 
 
-def found_steps(left: F64, right: F64, times_s: F64, up: F64 = UP) -> list[Step]:
-    return find_steps(Path(times_s, left), Path(times_s, right), up, CONFIG)
+def found_steps(left: F64, right: F64, times_s: F64, up: F64 = UP) -> list[FootStep]:
+    return find_steps(FootTrajectory(times_s, left), FootTrajectory(times_s, right), up, CONFIG)
 
 
 def measured(left: F64, right: F64, times_s: F64, up: F64 = UP) -> GaitMeasures:
-    return measures_of(found_steps(left, right, times_s, up), CONFIG)
+    return gait_measures(found_steps(left, right, times_s, up), CONFIG)
 
 
 def test_an_even_walk_by_hand() -> None:
     # 0.6 m in 0.5 s: 120 steps a minute, 1.2 m/s, and a foot moves by 1.2 m in a stride.
     times_s = np.arange(0, 6, 1 / 30)
     found = measured(*feet(times_s), times_s)
-    # Feet come down at 0.5, 1.0, ... 5.5 s; those that stand in the first frame were not seen to.
+    # Feet come down at 0.5, 1.0, ... 5.5 s; those standing in the first frame did not land.
     # From the third on each ends a stride.
     assert found.steps == 9
     assert found.step_length_m == pytest.approx(0.6, abs=0.005)
@@ -75,10 +82,10 @@ def test_a_limp_of_unlike_lengths_by_hand() -> None:
     steps = found_steps(left + np.array([0.1, 0, 0]), right, times_s)
     lengths = {(step.foot, round(step.length_m, 2)) for step in steps}
     assert lengths == {("left", 0.7), ("right", 0.5)}
-    assert measures_of(steps, CONFIG).step_length_m == pytest.approx(0.6, abs=0.005)
+    assert gait_measures(steps, CONFIG).step_length_m == pytest.approx(0.6, abs=0.005)
 
 
-def test_it_does_not_matter_which_foot_is_said_to_be_which() -> None:
+def test_exchanged_feet_give_the_same_measures() -> None:
     """Whoever follows feet takes one for the other now and then, most of all where they pass."""
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
@@ -87,44 +94,49 @@ def test_it_does_not_matter_which_foot_is_said_to_be_which() -> None:
     assert found == measured(left, right, times_s)
 
 
-def test_noise_gaps_and_exchanged_feet_together() -> None:
-    # 0.6 m in 0.5 s, seen with 5 cm of noise; a tenth of the samples is absent, in a fifth of the
-    # frames each foot is said to be the other one.
+def test_noise_gaps_and_exchanged_feet_change_measures_little() -> None:
+    # 0.6 m in 0.5 s, 5 cm of noise; a tenth of the samples is absent, in a fifth of the frames
+    # feet are exchanged.
     generator, times_s = np.random.default_rng(4), np.arange(0, 8, 1 / 30)
     both = np.stack(feet(times_s))
     both += generator.normal(0, 0.05, both.shape)
     taken = generator.random(len(times_s)) < 0.2
     both[:, taken] = both[::-1, taken]
-    seen = generator.random(both.shape[:2]) > 0.1
-    left, right = (Path(times_s[seen[k]], both[k, seen[k]]) for k in (0, 1))
-    found = measures_of(find_steps(left, right, UP, CONFIG), CONFIG)
+    visible = generator.random(both.shape[:2]) > 0.1
+    left, right = (FootTrajectory(times_s[visible[k]], both[k, visible[k]]) for k in (0, 1))
+    found = gait_measures(find_steps(left, right, UP, CONFIG), CONFIG)
     assert found.step_length_m == pytest.approx(0.6, abs=0.02)
     assert found.cadence_per_min == pytest.approx(120, rel=0.03)
 
 
-def test_a_footprint_that_was_missed_makes_no_long_step() -> None:
-    # The right foot comes down at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nobody sees
-    # it. Left places on both sides of it are a stride all the same; without the one halfway that
-    # is not known to be one, and the steps there are 1.5 s long for nobody.
+def test_missed_footprint_gives_no_long_step() -> None:
+    # The right foot comes down at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nothing sees
+    # it. Left footprints on both sides of it are a stride; without the one halfway that
+    # is not known to be one, and the steps there are 1.5 s long for nothing.
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
-    seen = (times_s < 2.3) | (times_s > 3.2)
-    steps = find_steps(Path(times_s, left), Path(times_s[seen], right[seen]), UP, CONFIG)
+    visible = (times_s < 2.3) | (times_s > 3.2)
+    steps = find_steps(
+        FootTrajectory(times_s, left), FootTrajectory(times_s[visible], right[visible]), UP, CONFIG
+    )
     assert [s.length_m for s in steps] == pytest.approx([0.6] * len(steps), abs=0.02)
     assert not [s for s in steps if s.stride and s.stride.time_s > 1.1]
-    assert measures_of(steps, CONFIG).cadence_per_min == pytest.approx(120, abs=2)
+    assert gait_measures(steps, CONFIG).cadence_per_min == pytest.approx(120, abs=2)
 
 
-def test_one_foot_alone_tells_nothing() -> None:
-    """As if its places were those of both, at half the pace."""
+def test_one_foot_alone_gives_no_measures() -> None:
+    """Its footprints count as those of both feet, at half the rate."""
     times_s = np.arange(0, 6, 1 / 30)
     left, _ = feet(times_s)
-    nobody = np.zeros((0, 3))
-    assert find_steps(Path(times_s, left), Path(times_s[:0], nobody), UP, CONFIG) == []
+    nothing = np.zeros((0, 3))
+    assert (
+        find_steps(FootTrajectory(times_s, left), FootTrajectory(times_s[:0], nothing), UP, CONFIG)
+        == []
+    )
     assert measured(left, left, times_s) == NOTHING
 
 
-def test_who_turns_round_walks_on() -> None:
+def test_turn_round_gives_no_false_stride() -> None:
     # Six steps along x, a second of standing, and the same steps back: no step joins both ways.
     there_s = np.arange(0, 3.5, 1 / 30)
     left, right = feet(there_s)
@@ -134,12 +146,12 @@ def test_who_turns_round_walks_on() -> None:
     times_s = np.arange(len(left)) / 30
     steps = found_steps(left, right, times_s)
     assert [step.length_m for step in steps] == pytest.approx([0.6] * len(steps), abs=0.02)
-    found = measures_of(steps, CONFIG)
+    found = gait_measures(steps, CONFIG)
     assert found.step_length_m == pytest.approx(0.6, abs=0.005)
     assert found.cadence_per_min == pytest.approx(120, abs=2)
 
 
-def test_left_and_right_are_told_apart() -> None:
+def test_steps_are_assigned_to_left_and_right() -> None:
     times_s = np.arange(0, 4, 1 / 30)
     left, right = feet(times_s)
     steps = found_steps(left, right, times_s)
@@ -149,7 +161,7 @@ def test_left_and_right_are_told_apart() -> None:
             round(step.landed_s) if step.foot == "left" else math.floor(step.landed_s) + 0.5
         )
         assert step.landed_s == pytest.approx(expected_s, abs=0.05)
-    # The first one, at 0.5 s, came from where nobody saw it stand.
+    # The first one, at 0.5 s, came from where nothing saw it stand.
     assert [step.foot for step in steps[:4]] == ["left", "right", "left", "right"]
 
 
@@ -164,8 +176,8 @@ def test_the_frame_does_not_matter() -> None:
     assert here.cadence_per_min == pytest.approx(there.cadence_per_min)
 
 
-def test_a_foot_seen_ahead_of_itself_makes_no_longer_steps() -> None:
-    """From the front the toes of one foot are seen and the heel of the other."""
+def test_constant_offset_of_a_foot_does_not_change_lengths() -> None:
+    """From the front the toes of one foot are visible and the heel of the other."""
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
     found = measured(left + np.array([0.06, 0, 0]), right, times_s)
@@ -173,7 +185,7 @@ def test_a_foot_seen_ahead_of_itself_makes_no_longer_steps() -> None:
     assert found.cadence_per_min == pytest.approx(120, abs=1)
 
 
-def test_who_stands_takes_no_steps() -> None:
+def test_standing_person_has_no_steps() -> None:
     generator = np.random.default_rng(1)
     times_s = np.arange(0, 6, 1 / 30)
     still = np.zeros((len(times_s), 3))
@@ -181,7 +193,7 @@ def test_who_stands_takes_no_steps() -> None:
     assert measured(still + np.array([0, 0.2, 0]) + noise[0], still + noise[1], times_s) == NOTHING
 
 
-def test_who_steps_on_the_spot_does_not_walk() -> None:
+def test_stepping_on_the_spot_gives_no_measures() -> None:
     times_s = np.arange(0, 6, 1 / 30)
     up_and_down = 0.2 * np.abs(np.sin(2 * np.pi * times_s))
     zero = np.zeros_like(times_s)
@@ -190,29 +202,31 @@ def test_who_steps_on_the_spot_does_not_walk() -> None:
     assert measured(left, right, times_s) == NOTHING
 
 
-def test_few_steps_tell_nothing() -> None:
+def test_few_steps_give_no_measures() -> None:
     times_s = np.arange(0, 1.6, 1 / 30)
     assert measured(*feet(times_s), times_s) == NOTHING
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
-def test_few_samples_tell_nothing(count: int) -> None:
+def test_few_samples_give_no_steps(count: int) -> None:
     points = np.zeros((count, 3))
     assert measured(points, points, np.arange(count) / 30.0) == NOTHING
 
 
-def test_steps_before_and_after_a_foot_is_hidden_are_not_joined() -> None:
-    # From 2.2 to 4.1 s nobody sees the left foot: steps of that time are none, and no long one.
+def test_steps_before_and_after_an_occlusion_are_not_joined() -> None:
+    # From 2.2 to 4.1 s nothing sees the left foot: steps of that time are none, and no long one.
     times_s = np.arange(0, 7, 1 / 30)
     left, right = feet(times_s)
-    seen = (times_s < 2.2) | (times_s > 4.1)
-    steps = find_steps(Path(times_s[seen], left[seen]), Path(times_s, right), UP, CONFIG)
+    visible = (times_s < 2.2) | (times_s > 4.1)
+    steps = find_steps(
+        FootTrajectory(times_s[visible], left[visible]), FootTrajectory(times_s, right), UP, CONFIG
+    )
     assert not [s for s in steps if 2.3 < s.landed_s < 4.0]
     assert [s.length_m for s in steps] == pytest.approx([0.6] * len(steps), abs=0.03)
-    assert measures_of(steps, CONFIG).cadence_per_min == pytest.approx(120, abs=4)
+    assert gait_measures(steps, CONFIG).cadence_per_min == pytest.approx(120, abs=4)
 
 
-def test_a_meter_forgets_who_stands_still() -> None:
+def test_meter_deletes_old_steps_of_a_standing_person() -> None:
     meter, config = StepMeter(CONFIG, UP), CONFIG
     times_s = np.arange(0, 5, 1 / 15)
     for time_s, left, right in zip(times_s, *feet(times_s), strict=True):
@@ -223,7 +237,7 @@ def test_a_meter_forgets_who_stands_still() -> None:
     assert stood == NOTHING
 
 
-def test_a_meter_passes_over_old_stamps_and_unseen_feet() -> None:
+def test_meter_ignores_old_stamps_and_unmeasured_feet() -> None:
     meter = StepMeter(CONFIG, UP)
     point = np.zeros(3)
     for stamp_s in (3.0, 2.0, 3.0, 3.1):
@@ -231,7 +245,7 @@ def test_a_meter_passes_over_old_stamps_and_unseen_feet() -> None:
 
 
 def lab_walk() -> World:
-    """Return a world in which somebody walks across the room in a straight line."""
+    """Return a world in which a person walks across the room in a straight line."""
     scenario = load_scenario("short_walk")
     person = msgspec.structs.replace(
         scenario.people[0], start=(4.6, 1.4), path=(Waypoint(to=(1.2, -1.4)),), face_deg=-140.0
@@ -240,16 +254,16 @@ def lab_walk() -> World:
 
 
 @pytest.mark.parametrize(
-    ("noise_m", "rate_hz", "unseen"), [(0.0, 30, 0.0), (0.04, 30, 0.1), (0.04, 15, 0.2)]
+    ("noise_m", "rate_hz", "occluded"), [(0.0, 30, 0.0), (0.04, 30, 0.1), (0.04, 15, 0.2)]
 )
-def test_steps_of_the_lab(noise_m: float, rate_hz: float, unseen: float) -> None:
+def test_steps_of_the_lab(noise_m: float, rate_hz: float, occluded: float) -> None:
     """True: where and when the planned feet come down."""
     world, generator = lab_walk(), np.random.default_rng(5)
     times_s = np.arange(0, 4.5, 1 / rate_hz)
     ankles = np.array([world.keypoints_m(float(t))[0][15:17] for t in times_s])
     ankles += generator.normal(0, noise_m, ankles.shape)
-    seen = generator.random((2, len(times_s))) >= unseen
-    paths = [Path(times_s[seen[k]], ankles[seen[k], k]) for k in (0, 1)]
+    visible = generator.random((2, len(times_s))) >= occluded
+    paths = [FootTrajectory(times_s[visible[k]], ankles[visible[k], k]) for k in (0, 1)]
     steps = find_steps(paths[0], paths[1], UP, CONFIG)
     falls = footfalls(world, 0)
     ends = [
@@ -259,7 +273,7 @@ def test_steps_of_the_lab(noise_m: float, rate_hz: float, unseen: float) -> None
     assert len(set(ends)) == len(ends) >= 3
     lengths_m = [np.linalg.norm(falls[k].place_m - falls[k - 2].place_m) / 2 for k in ends]
     times = [(falls[k].time_s - falls[k - 2].time_s) / 2 for k in ends]
-    found = measures_of(steps, CONFIG)
+    found = gait_measures(steps, CONFIG)
     assert found.step_length_m == pytest.approx(float(np.mean(lengths_m)), abs=0.02)
     assert found.cadence_per_min == pytest.approx(60 / float(np.mean(times)), rel=0.03)
 
@@ -267,6 +281,6 @@ def test_steps_of_the_lab(noise_m: float, rate_hz: float, unseen: float) -> None
 @pytest.mark.parametrize(
     ("field", "value"), [("gap_s", 0.0), ("window_s", math.inf), ("strides_min", 1)]
 )
-def test_a_wrong_configuration_is_told(field: str, value: float) -> None:
+def test_invalid_configuration_is_refused(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):
         msgspec.structs.replace(CONFIG, **{field: value})

@@ -1,12 +1,13 @@
-"""Floors that a camera sees: found, kept, cut off bodies."""
+"""Detection of floors, and their removal from bodies."""
 
 import msgspec
 import numpy as np
 import pytest
 
 from people4d.messages import F64, U16
-from services.gait.surface.floor import Floor, FloorConfig, FloorFinder
-from tests.gait.bodies import INFO
+from services.gait.config import FloorConfig
+from services.gait.surface.floor import FloorDetector, FloorPlane
+from tests.gait.builders import INFO
 
 V, U = np.mgrid[: INFO.height, : INFO.width].astype(np.float64)
 RAYS = np.stack([(U - INFO.cx) / INFO.fx, (V - INFO.cy) / INFO.fy, np.ones_like(U)], axis=-1)
@@ -28,15 +29,15 @@ def up_of(tilt_deg: float) -> F64:
     return np.array([0.0, -np.cos(tilt), -np.sin(tilt)])
 
 
-def assert_is(floor: Floor | None, camera_m: float, tilt_deg: float) -> None:
-    """Assert that a floor is right to a degree and 3 cm: some of the wall's foot counts as it."""
+def assert_is(floor: FloorPlane | None, camera_m: float, tilt_deg: float) -> None:
+    """Assert a floor to a degree and 3 cm: points at the foot of the wall count, too."""
     assert floor is not None
     assert np.degrees(np.arccos(min(float(floor.up @ up_of(tilt_deg)), 1.0))) < 1.0
     assert floor.camera_m == pytest.approx(camera_m, abs=0.03)
 
 
-def found(depth_mm: U16, config: FloorConfig | None = None) -> Floor | None:
-    return FloorFinder(config or FloorConfig(), INFO).update(depth_mm)
+def found(depth_mm: U16, config: FloorConfig | None = None) -> FloorPlane | None:
+    return FloorDetector(config or FloorConfig(), INFO).update(depth_mm)
 
 
 @pytest.mark.parametrize(("camera_m", "tilt_deg"), [(1.0, 0.0), (0.4, -10.0), (1.6, 25.0)])
@@ -46,16 +47,16 @@ def test_a_floor_is_found(camera_m: float, tilt_deg: float) -> None:
 
 def test_a_floor_is_found_in_the_noise_of_a_stereo_camera() -> None:
     # 2.5 mm at 1 m, 40 mm at 4 m, and a tenth without a reading.
-    chance = np.random.default_rng(0)
+    random = np.random.default_rng(0)
     depth_m = room(1.0, 15.0) / 1000
-    noisy = depth_m + chance.normal(0, 0.0025, depth_m.shape) * depth_m**2
-    noisy[chance.random(depth_m.shape) < 0.1] = 0
+    noisy = depth_m + random.normal(0, 0.0025, depth_m.shape) * depth_m**2
+    noisy[random.random(depth_m.shape) < 0.1] = 0
     assert_is(found(np.rint(1000 * noisy).astype(np.uint16)), 1.0, 15.0)
 
 
 def test_heights_by_hand() -> None:
     # Camera 1 m above a level floor, y down: 0.8 m below it is 0.2 m high.
-    floor = Floor(np.array([0.0, -1.0, 0.0]), 1.0)
+    floor = FloorPlane(np.array([0.0, -1.0, 0.0]), 1.0)
     heights = floor.heights_m(np.array([[0.3, 0.8, 2.0], [0.0, 1.0, 3.0], [0.0, -0.5, 1.0]]))
     assert heights == pytest.approx([0.2, 0.0, 1.5])
 
@@ -69,7 +70,7 @@ def test_heights_by_hand() -> None:
         pytest.param(room()[:240, :320], id="of another size"),
     ],
 )
-def test_what_is_no_floor_is_not_taken_for_one(depth: U16) -> None:
+def test_scene_without_floor_gives_none(depth: U16) -> None:
     assert found(depth) is None
 
 
@@ -82,73 +83,73 @@ def test_a_table_is_no_floor() -> None:
     assert_is(found(depth), 1.0, 0.0)
 
 
-def test_a_floor_is_kept_while_it_is_hidden_and_follows_the_camera() -> None:
-    finder = FloorFinder(FloorConfig(every=1), INFO)
-    first = finder.update(room(1.0, 10.0))
-    assert finder.update(np.zeros((480, 640), np.uint16)) is first
+def test_floor_persists_while_occluded_and_follows_the_camera() -> None:
+    detector = FloorDetector(FloorConfig(every=1), INFO)
+    first = detector.update(room(1.0, 10.0))
+    assert detector.update(np.zeros((480, 640), np.uint16)) is first
     assert first is not None
     for tilt_deg in (12.0, 20.0, 2.0):  # little by little, and with a jerk
-        assert_is(finder.update(room(1.2, tilt_deg)), 1.2, tilt_deg)
+        assert_is(detector.update(room(1.2, tilt_deg)), 1.2, tilt_deg)
 
 
-def test_it_is_looked_for_every_few_frames() -> None:
-    finder = FloorFinder(FloorConfig(every=3), INFO)
-    finder.update(room(1.0))
-    told = [finder.update(room(1.3)) for _ in range(3)]
-    assert [round(floor.camera_m, 1) for floor in told if floor] == [1.0, 1.0, 1.3]
+def test_floor_is_detected_every_few_frames() -> None:
+    detector = FloorDetector(FloorConfig(every=3), INFO)
+    detector.update(room(1.0))
+    estimate = [detector.update(room(1.3)) for _ in range(3)]
+    assert [round(floor.camera_m, 1) for floor in estimate if floor] == [1.0, 1.0, 1.3]
 
 
-def test_what_stands_on_the_floor_is_left() -> None:
+def test_removal_leaves_legs_above_the_floor() -> None:
     # A person's legs 2.5 m away, from 0 to 0.5 m above the floor: rows 340 to 440 of a camera 1 m
     # high. Within 35 mm of the floor, and twice the noise of 2.5 mm times 2.5^2 along a ray that
     # falls by 0.4: 41 mm, which is 8 rows.
     depth = room()
     depth[340:440, 300:340] = 2500
-    finder = FloorFinder(FloorConfig(), INFO)
-    finder.update(depth)
-    cut = finder.without(depth, BOX)
+    detector = FloorDetector(FloorConfig(), INFO)
+    detector.update(depth)
+    cut = detector.remove(depth, BOX)
     legs = cut[340:440, 300:340]
-    kept = np.flatnonzero((legs == 2500).all(axis=1))
-    assert kept.tolist() == list(range(len(kept)))
-    assert len(kept) == pytest.approx(92, abs=1)
-    assert not legs[len(kept) :].any()
+    rows = np.flatnonzero((legs == 2500).all(axis=1))
+    assert rows.tolist() == list(range(len(rows)))
+    assert len(rows) == pytest.approx(92, abs=1)
+    assert not legs[len(rows) :].any()
     assert not cut[445:470, 280:360].any()  # nothing but floor
     assert np.array_equal(cut[:300], depth[:300])  # the wall stays
     assert np.array_equal(cut[:, :270], depth[:, :270])  # and so does all outside of the box
 
 
-def test_the_image_itself_is_not_changed() -> None:
+def test_removal_does_not_change_the_input() -> None:
     depth = room()
     before = depth.copy()
     depth.flags.writeable = False
-    finder = FloorFinder(FloorConfig(), INFO)
-    finder.update(depth)
-    finder.without(depth, ALL)
+    detector = FloorDetector(FloorConfig(), INFO)
+    detector.update(depth)
+    detector.remove(depth, ALL)
     assert np.array_equal(depth, before)
 
 
 @pytest.mark.parametrize(
     "box", [[np.nan, 0, 10, 10], [-50, -50, -10, -10], [900, 900, 990, 990], [10, 10, 10, 10]]
 )
-def test_odd_boxes_do_no_harm(box: list[float]) -> None:
-    finder = FloorFinder(FloorConfig(), INFO)
+def test_invalid_boxes_remove_nothing(box: list[float]) -> None:
+    detector = FloorDetector(FloorConfig(), INFO)
     depth = room()
-    finder.update(depth)
-    cut = finder.without(depth, np.array(box, float))
+    detector.update(depth)
+    cut = detector.remove(depth, np.array(box, float))
     assert np.count_nonzero(cut != depth) <= 2
 
 
-def test_it_can_be_left_alone() -> None:
-    finder = FloorFinder(FloorConfig(cut=False), INFO)
+def test_removal_can_be_disabled() -> None:
+    detector = FloorDetector(FloorConfig(cut=False), INFO)
     depth = room()
-    assert finder.update(depth) is not None
-    assert finder.without(depth, ALL) is depth
+    assert detector.update(depth) is not None
+    assert detector.remove(depth, ALL) is depth
 
 
 @pytest.mark.parametrize(
     ("field", "value"),
     [("every", 0), ("stride_px", 0), ("height_m", -1.0), ("tilt_max_deg", 90.0)],
 )
-def test_wrong_numbers_are_refused(field: str, value: object) -> None:
+def test_invalid_configuration_is_refused(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):
         msgspec.convert({**msgspec.to_builtins(FloorConfig()), field: value}, FloorConfig)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64, CameraInfo
-from services.gait.surface.mesh import Surface, surface_of
-from services.gait.surface.spin_image import SpinConfig, similarity, spin_images
-from tests.gait.bodies import INFO, PAPER, body_of
+from services.gait.config import SpinConfig
+from services.gait.surface.mesh import BodyMesh, build_mesh
+from services.gait.surface.spin_image import similarity, spin_images
+from tests.gait.builders import INFO, PUBLISHED, body_of
 
 FINE = CameraInfo(
     stamp_ns=0,
@@ -27,26 +28,26 @@ V, U = np.mgrid[:201, :201].astype(np.float64)
 ALL = SpinConfig(bin_m=0.004, points=0)
 
 
-def plane() -> Surface:
+def plane() -> BodyMesh:
     """A plane at 1 m: one point on each square millimetre, 0.1 m to each side."""
-    return surface_of(body_of(np.ones((201, 201))), FINE, PAPER)
+    return build_mesh(body_of(np.ones((201, 201))), FINE, PUBLISHED)
 
 
-def sphere() -> Surface:
+def sphere() -> BodyMesh:
     """The near side of a sphere of 60 mm about (0, 0, 1 m)."""
     rays = np.stack([(U - 100) / 1000, (V - 100) / 1000, np.ones_like(U)], axis=-1)
     a = np.einsum("ijk,ijk->ij", rays, rays)
     inside = 1 - a * (1 - 0.06**2)
     depth = np.where(inside > 0, (1 - np.sqrt(np.maximum(inside, 0))) / a, 0.0)
-    return surface_of(body_of(depth), FINE, PAPER)
+    return build_mesh(body_of(depth), FINE, PUBLISHED)
 
 
 def test_a_plane_in_closed_form() -> None:
     # All heights are 0: row 10 of 20, where the bins begin at -10. Alpha is shared by two bins in
     # proportion, so bin j has the density times the integral of 2 pi alpha (1 - |alpha/b - j|),
     # which is 2 pi j b^2; for j = 0 only its outer half, pi b^2 / 3. b = 4 mm, 1 point by mm^2.
-    surface = plane()
-    (image,) = spin_images(surface, surface.vertices_at([(100, 100)]), ALL)
+    mesh = plane()
+    (image,) = spin_images(mesh, mesh.vertices_at([(100, 100)]), ALL)
     expected = 2 * math.pi * np.arange(20) * 16
     expected[0] = math.pi * 16 / 3
     assert image[10] == pytest.approx(expected, rel=0.03, abs=4)
@@ -57,39 +58,41 @@ def test_a_plane_in_closed_form() -> None:
 def test_a_sphere_in_closed_form() -> None:
     # A point of the sphere at the height beta (negative) over the plane that touches it is
     # alpha = sqrt(-beta (2 r + beta)) from the normal: only bins at this curve are filled.
-    surface = sphere()
-    (image,) = spin_images(surface, surface.vertices_at([(100, 100)]), ALL)
+    mesh = sphere()
+    (image,) = spin_images(mesh, mesh.vertices_at([(100, 100)]), ALL)
     rows, columns = np.nonzero(image > 1)
     angle = np.linspace(0, math.pi / 2, 2000)
     curve = np.stack([10 - 15 * (1 - np.cos(angle)), 15 * np.sin(angle)])  # r = 60 mm: 15 bins
-    away = [np.hypot(curve[0] - r, curve[1] - c).min() for r, c in zip(rows, columns, strict=True)]
-    assert max(away) < math.sqrt(2)
+    distances = [
+        np.hypot(curve[0] - r, curve[1] - c).min() for r, c in zip(rows, columns, strict=True)
+    ]
+    assert max(distances) < math.sqrt(2)
     filled = {(round(r), round(c)) for r, c in curve.T[:1200]}
-    assert sum(image[place] > 0 for place in filled) > 0.95 * len(filled)
+    assert sum(image[cell] > 0 for cell in filled) > 0.95 * len(filled)
 
 
-def test_all_points_of_a_sphere_look_alike() -> None:
+def test_spin_images_of_a_sphere_are_similar_everywhere() -> None:
     # The curve is the same at each vertex, as far as the camera sees the surface about it.
-    surface = sphere()
+    mesh = sphere()
     config = msgspec.structs.replace(ALL, bin_m=0.002)
-    ends = surface.vertices_at([(100, 100), (115, 100), (100, 80), (112, 112)])
-    images = spin_images(surface, ends, config)
+    ends = mesh.vertices_at([(100, 100), (115, 100), (100, 80), (112, 112)])
+    images = spin_images(mesh, ends, config)
     flat = plane()
     (other,) = spin_images(flat, flat.vertices_at([(100, 100)]), config)
-    alike = similarity(np.concatenate([images, other[None]]), images[0])
-    assert alike[:4].min() > alike[4] + 0.5
+    similarities = similarity(np.concatenate([images, other[None]]), images[0], 10)
+    assert similarities[:4].min() > similarities[4] + 0.5
 
 
-def test_surfaces_that_look_elsewhere_are_left_out() -> None:
+def test_vertices_beyond_the_support_angle_are_left_out() -> None:
     # A roof, each side at 45 degrees to the sensor and 90 degrees to the other: an angle of less
     # than 90 degrees leaves one of them, a larger one both.
     k = np.abs(U - 100) / 1000
-    surface = surface_of(
-        body_of(1 / (1 - k)), FINE, msgspec.structs.replace(PAPER, normal_passes=0)
+    mesh = build_mesh(
+        body_of(1 / (1 - k)), FINE, msgspec.structs.replace(PUBLISHED, normal_passes=0)
     )
-    vertex = surface.vertices_at([(80, 100)])
-    narrow = spin_images(surface, vertex, msgspec.structs.replace(ALL, support_angle_deg=60.0))
-    wide = spin_images(surface, vertex, msgspec.structs.replace(ALL, support_angle_deg=100.0))
+    vertex = mesh.vertices_at([(80, 100)])
+    narrow = spin_images(mesh, vertex, msgspec.structs.replace(ALL, support_angle_deg=60.0))
+    wide = spin_images(mesh, vertex, msgspec.structs.replace(ALL, support_angle_deg=100.0))
     assert np.flatnonzero(narrow[0].sum(axis=1) > 1).tolist() == [10]
     assert np.flatnonzero(wide[0].sum(axis=1) > 1).size > 3
     # 25 or more columns lie within 80 mm beyond the ridge, 20 mm to the right.
@@ -99,18 +102,18 @@ def test_surfaces_that_look_elsewhere_are_left_out() -> None:
 def test_bins_share_a_point_in_proportion() -> None:
     # One neighbour, 4 mm to the right and 1 mm nearer than the plane, bins of 10 mm: alpha 0.4,
     # beta 0.1 from the middle row 2 of 4. Itself: alpha 0, beta 0, all in (2, 0).
-    surface = plane()
+    mesh = plane()
     points = np.array([[0.0, 0.0, 1.0], [0.004, 0.0, 0.999]])
     normals = np.array([[0.0, 0.0, -1.0]] * 2)
-    two = Surface(
+    two = BodyMesh(
         points_m=points,
         normals=normals,
         pixels_px=np.zeros((2, 2)),
-        indptr=surface.indptr[:1].repeat(3),
-        indices=surface.indices[:0],
+        indptr=mesh.indptr[:1].repeat(3),
+        indices=mesh.indices[:0],
         lengths_m=np.zeros(0),
         resolution_m=0.0,
-        grid=surface.grid[:0],
+        grid=mesh.grid[:0],
         left_px=0,
         top_px=0,
         step_px=1,
@@ -122,23 +125,23 @@ def test_bins_share_a_point_in_proportion() -> None:
     assert image == pytest.approx(expected)
 
 
-def test_a_sample_of_the_points_tells_the_same() -> None:
-    surface = sphere()
-    vertices = surface.vertices_at([(100, 100), (110, 95)])
-    every = spin_images(surface, vertices, SpinConfig(points=0, bin_m=0.005))
-    some = spin_images(surface, vertices, SpinConfig(points=1000, bin_m=0.005))
+def test_sampled_spin_images_correlate_with_all_points() -> None:
+    mesh = sphere()
+    vertices = mesh.vertices_at([(100, 100), (110, 95)])
+    every = spin_images(mesh, vertices, SpinConfig(points=0, bin_m=0.005))
+    some = spin_images(mesh, vertices, SpinConfig(points=1000, bin_m=0.005))
     for one, other in zip(every, some, strict=True):
         assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.95
-    again = spin_images(surface, vertices, SpinConfig(points=1000, bin_m=0.005))
+    again = spin_images(mesh, vertices, SpinConfig(points=1000, bin_m=0.005))
     assert np.array_equal(some, again)
 
 
-def test_what_is_no_vertex_has_an_empty_image() -> None:
+def test_invalid_vertex_has_an_empty_image() -> None:
     images = spin_images(plane(), [-1, 0, 10**9], ALL)
     assert images.sum(axis=(1, 2))[[0, 2]].tolist() == [0, 0]
     assert images[1].sum() > 0
     assert spin_images(plane(), [], ALL).shape == (0, 20, 20)
-    nothing = surface_of(body_of(np.zeros((3, 3))), INFO, PAPER)
+    nothing = build_mesh(body_of(np.zeros((3, 3))), INFO, PUBLISHED)
     assert not spin_images(nothing, [0], ALL).any()
 
 
@@ -156,7 +159,7 @@ def test_similarity_by_hand() -> None:
     assert found == pytest.approx([2.16743 - 1.25], abs=1e-4)
 
 
-def test_only_bins_that_both_fill_count() -> None:
+def test_only_bins_filled_in_both_count() -> None:
     # The sixth bin is filled in the image only: R is as before, lambda now 6 / 2.
     image = row(1, 2, 3, 4, 5)
     image[3, 3] = 40
@@ -164,27 +167,28 @@ def test_only_bins_that_both_fill_count() -> None:
     assert found == pytest.approx([2.16743 - 1.5], abs=1e-4)
 
 
-def test_a_reversed_image_is_less_alike_than_one_of_no_relation() -> None:
+def test_negative_correlation_is_less_similar_than_none() -> None:
     images = np.stack([row(1, 2, 3, 4, 5), row(5, 4, 3, 2, 1), row(2, 2, 2, 2, 2)])
     same, reverse, level = similarity(images, row(1, 2, 3, 4, 5), overlap_min=4)
     assert reverse < level < same
     assert np.isfinite(same)
 
 
-def test_too_few_bins_are_no_match() -> None:
+def test_too_few_common_bins_are_no_match() -> None:
     images = np.stack([row(1, 2, 3, 4, 5), row(1, 2, 3, 0, 0), np.zeros((4, 4))])
     found = similarity(images, row(1, 2, 3, 5, 4), overlap_min=4)
     assert np.isfinite(found).tolist() == [True, False, False]
-    assert similarity(images, row(1, 2, 3, 5, 4)).tolist() == [-np.inf] * 3
+    assert similarity(images, row(1, 2, 3, 5, 4), 10).tolist() == [-np.inf] * 3
     assert similarity(images, np.zeros((4, 4)), overlap_min=4).tolist() == [-np.inf] * 3
-    assert similarity(images[:0], row(1, 2, 3, 5, 4)).shape == (0,)
+    assert similarity(images[:0], row(1, 2, 3, 5, 4), 10).shape == (0,)
 
 
 def test_similarity_does_not_depend_on_the_number_of_points() -> None:
     # Seen from nearer there are more vertices: each bin counts as many times more.
-    chance = np.random.default_rng(3)
-    images = 0.1 + chance.random((5, 20, 20))
-    assert similarity(7.0 * images, images[0]) == pytest.approx(similarity(images, images[0]))
+    random = np.random.default_rng(3)
+    images = 0.1 + random.random((5, 20, 20))
+    more = similarity(7.0 * images, images[0], 10)
+    assert more == pytest.approx(similarity(images, images[0], 10))
 
 
 @pytest.mark.parametrize(
@@ -198,6 +202,6 @@ def test_similarity_does_not_depend_on_the_number_of_points() -> None:
         ("overlap_min", 3),
     ],
 )
-def test_wrong_numbers_are_refused(field: str, value: object) -> None:
+def test_invalid_configuration_is_refused(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):
         msgspec.convert({**msgspec.to_builtins(SpinConfig()), field: value}, SpinConfig)

@@ -1,0 +1,161 @@
+"""Gait estimation on a recording, in one process."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import msgspec
+import numpy as np
+
+from common.runtime.node import Node
+from evaluation.methods import Method
+from evaluation.pipeline import pipeline, play
+from people4d.errors import SourceError
+from people4d.messages import (
+    CameraInfo,
+    Detections,
+    Message,
+    MovingTransform,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+)
+from services.camera.config import CameraConfig
+from services.gait.build import build
+from services.gait.cascade import PersonObservation
+from services.gait.config import GaitConfig
+from services.gait.estimator import (
+    ESTIMATOR_COUNTERS,
+    GaitEstimator,
+    GaitFrame,
+    GaitResult,
+    OnFrame,
+)
+from services.gait.inputs import CameraPoses
+
+BoxCorners = tuple[float, float, float, float]  # [px] left, top, right, bottom
+UNLIMITED_S = 1e9
+FRAME_ID = "map"
+
+
+@dataclass(frozen=True)
+class GaitRun:
+    """A run of gait estimation on a recording.
+
+    Args:
+        source: Recording, bag, folder or lab:SCENARIO.
+        method: Detection and tracking; with `box` only playback.
+        gait: Configuration of the gait node.
+        box: Of one person in the first frame, tracked by colour alone; None: all people, detected
+            and tracked.
+    """
+
+    source: str
+    method: Method
+    gait: GaitConfig
+    box: BoxCorners | None
+
+
+def estimate_gait(run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
+    """Estimate the gait in a recording; yield the stamp of each frame.
+
+    Args:
+        run: Source and configuration.
+        on_frame: Called with every processed frame.
+
+    Raises:
+        SourceError: The source cannot be played, or no body is in the box.
+        ModelError: A model is absent.
+    """
+    camera = msgspec.structs.replace(
+        run.method.camera,
+        source=run.source,
+        playback="lockstep",
+        answer="detections",
+        window=1,
+        start_delay_s=0.0,
+        loop=False,
+    )
+    estimate = _estimate_all if run.box is None else _estimate_box
+    return estimate(camera, run, on_frame)
+
+
+def _estimate_all(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
+    method = run.method
+    # In one process messages that are absent when the next frame starts never come.
+    tracker = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
+    nodes = [*pipeline(method.detector, method.reid, tracker), build(run.gait, on_frame)]
+    for step in play(camera, nodes):
+        yield from (m.stamp_ns for m in step.messages if isinstance(m, RgbdFrame))
+
+
+def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
+    poses, counters = CameraPoses(run.gait.base), Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0))
+    observation = PersonObservation(id=1, box_xyxy_px=np.array(run.box, np.float64))
+    estimator: GaitEstimator | None = None
+    info: CameraInfo | None = None
+    config = colour_only(run.gait)
+    for step in play(camera, [_EmptyDetector()]):
+        for message in step.messages:
+            if isinstance(message, StaticTransform | MovingTransform | Odometry):
+                poses.add(message)
+            elif isinstance(message, CameraInfo):
+                info, estimator = message, GaitEstimator(config, message, counters)
+            elif isinstance(message, RgbdFrame) and info and estimator:
+                pose = poses.find(FRAME_ID, info.frame_id, message.stamp_ns)
+                if pose is None:
+                    continue
+                rgb, depth_mm = message.rgb, message.depth_mm
+                frame = GaitFrame(message.stamp_ns, rgb, depth_mm, (observation,), pose)
+                results = estimator.update(frame)
+                _check_results(results, observation)
+                on_frame(info, frame, results or ())
+                observation = PersonObservation(id=1)
+                yield message.stamp_ns
+
+
+def colour_only(config: GaitConfig) -> GaitConfig:
+    """Return the configuration in which colour tracks a box without limit, as published."""
+    cascade = msgspec.structs.replace(
+        config.cascade, carry_s=UNLIMITED_S, forget_s=UNLIMITED_S, colour_distance_max=1.0
+    )
+    return msgspec.structs.replace(config, cascade=cascade)
+
+
+def _check_results(results: Sequence[GaitResult] | None, observation: PersonObservation) -> None:
+    """Check that the person of the first frame can be tracked.
+
+    Raises:
+        SourceError: Frames have the wrong size, or no body is in the box.
+    """
+    if results is None:
+        raise SourceError("the size of the frames differs from the calibration")
+    found = results and any(point.state != "lost" for point in results[0].person.points)
+    if observation.box_xyxy_px is not None and not found:
+        raise SourceError(
+            "no person is in that box of the first frame",
+            "Write it as left,top,right,bottom in pixels, or leave it out: --person auto.",
+        )
+
+
+class _EmptyDetector(Node):
+    """Answers each frame with no detections, so that lock-step playback goes on."""
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Return empty detections."""
+        if not isinstance(message, RgbdFrame):
+            return ()
+        height, width = message.rgb.shape[:2]
+        empty = Detections(
+            stamp_ns=message.stamp_ns,
+            sequence=message.sequence,
+            camera=message.camera,
+            frame_id=message.camera,
+            model="none",
+            width=width,
+            height=height,
+        )
+        return [empty]

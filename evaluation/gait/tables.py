@@ -1,0 +1,126 @@
+"""Tables of the points, steps and gait measures of a recording."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from evaluation.report.csv_files import write_csv
+from people4d.messages import F64, BodyPoint, GaitMeasures
+from services.gait.config import StepConfig
+from services.gait.estimator import UP, GaitResult
+from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
+from services.gait.steps.footprints import FootTrajectory
+from services.gait.steps.steps import FootStep, find_steps, gait_measures
+
+POINT_FIELDS = (
+    *("time_s", "person", "point", "state", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps"),
+    *("sigma_x_m", "sigma_y_m", "sigma_z_m", "confidence"),
+)
+STEP_FIELDS = ("person", "foot", "landed_s", "step_length_m", "stride_length_m", "stride_s")
+
+
+@dataclass(frozen=True)
+class PointTrajectory:
+    """Trajectory of one point of one person, N samples.
+
+    Args:
+        times_s: N.
+        positions_m: Nx3.
+        measured: N, False where predicted.
+    """
+
+    times_s: F64
+    positions_m: F64
+    measured: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class _Row:
+    time_s: float
+    person: int
+    point: BodyPoint
+
+
+class GaitTables:
+    """Collects the results of all frames.
+
+    Args:
+        config: Limits of steps.
+    """
+
+    def __init__(self, config: StepConfig) -> None:
+        self._config = config
+        self._rows: list[_Row] = []
+        self._start_ns: int | None = None
+
+    def add(self, stamp_ns: int, results: Sequence[GaitResult]) -> float:
+        """Add a frame and return the seconds since the first one."""
+        self._start_ns = stamp_ns if self._start_ns is None else self._start_ns
+        time_s = (stamp_ns - self._start_ns) / 1e9
+        self._rows += [_Row(time_s, one.person.id, p) for one in results for p in one.person.points]
+        return time_s
+
+    @property
+    def people(self) -> tuple[int, ...]:
+        """Ids of the people with points."""
+        return tuple(sorted({row.person for row in self._rows}))
+
+    def trajectories(self, person: int) -> Mapping[str, PointTrajectory]:
+        """Return the trajectories of a person's points by name, without samples while lost."""
+        rows: dict[str, list[_Row]] = defaultdict(list)
+        for row in self._rows:
+            if row.person == person and row.point.state != "lost":
+                rows[row.point.name].append(row)
+        return {
+            name: PointTrajectory(
+                np.array([row.time_s for row in own]),
+                np.array([row.point.position_m for row in own]),
+                np.array([row.point.state == "measured" for row in own]),
+            )
+            for name, own in rows.items()
+        }
+
+    def steps(self, person: int) -> list[FootStep]:
+        """Return all steps of a person."""
+        trajectories = self.trajectories(person)
+        if LEFT_FOOT not in trajectories or RIGHT_FOOT not in trajectories:
+            return []
+        left, right = (
+            FootTrajectory(one.times_s[one.measured], one.positions_m[one.measured])
+            for one in (trajectories[LEFT_FOOT], trajectories[RIGHT_FOOT])
+        )
+        return find_steps(left, right, UP, self._config)
+
+    def measures(self, person: int) -> GaitMeasures:
+        """Return the gait measures of a person over all steps."""
+        return gait_measures(self.steps(person), self._config)
+
+    def write(self, folder: Path) -> None:
+        """Write gait.csv, steps.csv and measures.csv.
+
+        Raises:
+            SourceError: A file cannot be written.
+        """
+        write_csv(folder / "gait.csv", POINT_FIELDS, (_cells(row) for row in self._rows))
+        write_csv(folder / "steps.csv", STEP_FIELDS, self._step_cells())
+        rows = ([one, *msgspec.structs.astuple(self.measures(one))] for one in self.people)
+        header = ("person", *GaitMeasures.__struct_fields__)
+        write_csv(folder / "measures.csv", header, rows)
+
+    def _step_cells(self) -> Iterator[Sequence[object]]:
+        for person in self.people:
+            for step in self.steps(person):
+                stride = (step.stride.length_m, step.stride.time_s) if step.stride else ("", "")
+                yield person, step.foot, step.landed_s, step.length_m, *stride
+
+
+def _cells(row: _Row) -> Sequence[object]:
+    point = row.point
+    sigma_m = np.sqrt(np.maximum(np.diag(point.covariance)[:3], 0.0))
+    numbers = (*point.position_m, *point.velocity_mps, *sigma_m, point.confidence)
+    return (row.time_s, row.person, point.name, point.state, *map(float, numbers))

@@ -1,0 +1,120 @@
+"""Assignment of extremities to points, and of free extremities to points that start."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import permutations
+
+import numpy as np
+
+from people4d.messages import F64
+from services.gait.points.body import UP, Extremity, MeasuredBody
+from services.gait.points.keypoints import KINDS, START_CONFIDENCE
+from services.gait.points.point_filter import PointFilter
+
+REACH_M = 0.30  # from the predicted point to its extremity, at most
+GEODESIC_SIGMA_M = 0.10  # of an extremity's geodesic distance
+NEAR_SIGMA_M = 0.10  # of an extremity about the predicted point
+UNASSIGNED_COST = 9.0
+SIGMA_MAX_M = 0.2  # of a prediction
+ARM_MIN = 0.3  # of the stature, geodesic distance of fingertips
+TAKEN_M = 0.12  # [m] of a tracked point to an extremity that is not free
+TO_CAMERA = np.array([0.0, 0.0, -1.0])  # heading of people of unknown heading
+Starts = list[tuple[str, Extremity]]
+
+
+def assign(
+    points: Sequence[PointFilter],
+    extremities: Sequence[Extremity],
+    anchors_m: Mapping[str, F64],
+) -> dict[str, Extremity]:
+    """Assign extremities to points of the same kind, each to one at most, at the least cost.
+
+    Args:
+        points: All of one kind.
+        extremities: Of the same kind.
+        anchors_m: 3 each, expected positions by keypoints, by the names of points.
+
+    Returns:
+        By the names of points; unassigned points are absent.
+    """
+    costs = np.array([[_cost(point, one, anchors_m) for one in extremities] for point in points])
+    choices = [*range(len(extremities)), *([-1] * len(points))]
+    best: tuple[int, ...] = (-1,) * len(points)
+    least = UNASSIGNED_COST * len(points)
+    for chosen in set(permutations(choices, len(points))):
+        cost = sum(UNASSIGNED_COST if k < 0 else costs[row, k] for row, k in enumerate(chosen))
+        if cost < least - 1e-9 or (cost < least + 1e-9 and chosen > best):
+            best, least = chosen, min(cost, least)
+    return {point.name: extremities[k] for point, k in zip(points, best, strict=True) if k >= 0}
+
+
+def _cost(point: PointFilter, extremity: Extremity, anchors_m: Mapping[str, F64]) -> float:
+    if point.motion is None or not point.alive:
+        return np.inf
+    distance_m = float(np.linalg.norm(extremity.position_m - point.motion.position_m))
+    sigma_m = min(point.motion.sigma_m, SIGMA_MAX_M)
+    if distance_m > REACH_M + sigma_m:
+        return np.inf
+    cost = (distance_m / (NEAR_SIGMA_M + 0.5 * sigma_m)) ** 2
+    cost += ((extremity.geodesic_m - point.limb_length_m) / GEODESIC_SIGMA_M) ** 2
+    if point.name in anchors_m:
+        apart = np.linalg.norm((extremity.position_m - anchors_m[point.name])[:2])
+        cost += min(float(apart / NEAR_SIGMA_M) ** 2, 9.0)
+    return float(cost) + 1.0 - extremity.strength
+
+
+def initial_extremities(
+    points: Iterable[PointFilter],
+    idle: Sequence[PointFilter],
+    extremities: Sequence[Extremity],
+    body: MeasuredBody,
+    heading: F64 | None,
+) -> Starts:
+    """Return the extremities at which idle points start, left ones on the left.
+
+    Args:
+        points: All.
+        idle: Those of them that have no extremity.
+        extremities: Of the body, the most persistent first.
+        body: Its mesh.
+        heading: 3, of the person; None: to the camera.
+    """
+    left = np.cross(UP, TO_CAMERA if heading is None else heading)
+    middle = np.median(body.mesh.points_m, axis=0)
+    taken = [point.motion.position_m for point in points if point not in idle and point.motion]
+    free = [one for one in extremities if _is_free(one, taken, body)]
+    found: Starts = []
+    for kind in KINDS:
+        waiting = [point for point in idle if point.kind == kind]
+        same = [one for one in free if one.kind == kind][: len(waiting)]
+        found += _by_side(waiting, same, middle, left)
+    return found
+
+
+def _is_free(extremity: Extremity, taken: Sequence[F64], body: MeasuredBody) -> bool:
+    short = extremity.kind == "hand" and extremity.geodesic_m <= ARM_MIN * body.stature_m
+    near = any(np.linalg.norm(extremity.position_m - point) <= TAKEN_M for point in taken)
+    return extremity.strength > START_CONFIDENCE and not short and not near
+
+
+def _by_side(
+    waiting: Sequence[PointFilter], extremities: Sequence[Extremity], middle: F64, left: F64
+) -> Starts:
+    """Return the starts of one kind; extremities farthest aside are assigned first."""
+    found: Starts = []
+    asides = {one.basin: float((one.position_m - middle) @ left) for one in extremities}
+    for extremity in sorted(extremities, key=lambda one: -abs(asides[one.basin])):
+        side = "left" if asides[extremity.basin] > 0 else "right"
+        # Of two idle points the one of that side; a single one is the other one's counterpart.
+        for point in waiting:
+            sided = len(waiting) == 1 or point.kind == "head" or point.name.startswith(side)
+            if sided and _fits(point, extremity):
+                found.append((point.name, extremity))
+                waiting = [other for other in waiting if other is not point]
+                break
+    return found
+
+
+def _fits(point: PointFilter, extremity: Extremity) -> bool:
+    """Check that a limb is as long as before; a lost point keeps its length."""
+    off = abs(extremity.geodesic_m - point.limb_length_m)
+    return bool(np.isnan(off) or off < 2.5 * GEODESIC_SIGMA_M)

@@ -1,0 +1,160 @@
+"""Measurements of a body's mesh: heights, geodesic distances, extremities, the torso.
+
+Source: docs/method.md, section 19.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from people4d.messages import F32, F64
+from services.gait.config import DepthLayerConfig
+from services.gait.points.keypoints import torso_pixel
+from services.gait.surface.floor import FloorPlane
+from services.gait.surface.geodesic import GeodesicExtrema
+from services.gait.surface.mesh import BodyMesh
+from services.gait.surface.segmentation import I64
+from services.gait.surface.spin_image import similarity, spin_images
+
+UP = np.array([0.0, -1.0, 0.0])  # of a level camera
+# All as ratios of the stature:
+TORSO_RANGE = (0.55, 0.8)  # from the loins to the armpits
+FOOT_MAX = 0.14  # limbs that end below it end in feet
+HEAD_MIN = 0.82  # limbs that end above it may end in the head
+HEAD_ASIDE_M = 0.3  # farthest head from the body's axis
+HAND_GEODESIC_MIN_M = 0.3  # nearer to the torso's middle extrema are elbows and shoulders
+
+TORSO_CANDIDATES = 24
+TORSO_SIGMA_M = 0.08  # [m] of candidates about the torso's middle
+REFERENCE_DECAY = 0.95  # of the torso's reference in each frame; the rest is the new spin image
+
+
+@dataclass(frozen=True)
+class MeasuredBody:
+    """One person's mesh with measurements of its V vertices."""
+
+    mesh: BodyMesh
+    heights_m: F64  # V, above the floor, or above the lowest vertex where no floor is known
+    stature_m: float
+    geodesic_m: F64  # V, distance along the mesh from the source; inf: not connected
+    extrema: GeodesicExtrema
+    kinds: tuple[str, ...]  # of the extrema: head, hand, foot or empty
+    tip_distance_m: F64  # V, geodesic distance to the extremum that a vertex leads up to
+
+
+@dataclass(frozen=True)
+class Extremity:
+    """Head, hand or foot: the end of a limb."""
+
+    basin: int  # number of the extremum
+    kind: str  # head, hand or foot
+    position_m: F64  # 3, of its middle
+    geodesic_m: float  # of its extremum
+    strength: float  # persistence, 0 to 1
+
+
+def heights_of(mesh: BodyMesh, floor: FloorPlane | None) -> F64:
+    """Return the heights of vertices above the floor, V metres."""
+    if floor is not None:
+        return floor.heights_m(mesh.points_m)
+    rise = mesh.points_m @ UP
+    return np.asarray(rise - rise.min()) if len(rise) else rise
+
+
+def torso_vertices(heights_m: F64, stature_m: float) -> I64:
+    """Return the vertices of the torso; all if none is between loins and armpits."""
+    low, high = (ratio * stature_m for ratio in TORSO_RANGE)
+    found = np.flatnonzero((heights_m > low) & (heights_m < high))
+    return found if len(found) else np.arange(len(heights_m))
+
+
+def extremity_kinds(
+    vertices: I64, mesh: BodyMesh, heights_m: F64, stature_m: float
+) -> tuple[str, ...]:
+    """Classify extrema by height: the highest near the body's axis is the head."""
+    middle = np.median(mesh.points_m, axis=0)
+    kinds = ["hand"] * len(vertices)
+    best = -1
+    for k, vertex in enumerate(vertices):
+        height = heights_m[vertex]
+        aside = abs(mesh.points_m[vertex, 0] - middle[0])
+        if height < FOOT_MAX * stature_m:
+            kinds[k] = "foot"
+        elif height > HEAD_MIN * stature_m and aside < HEAD_ASIDE_M:
+            kinds[k] = ""
+            if best < 0 or height > heights_m[vertices[best]]:
+                best = k
+    if best >= 0:
+        kinds[best] = "head"
+    return tuple(kinds)
+
+
+def measure_body(
+    mesh: BodyMesh, heights_m: F64, stature_m: float, geodesic_m: F64, extrema: GeodesicExtrema
+) -> MeasuredBody:
+    """Return a mesh with its measurements and the kinds of its extrema."""
+    tips = np.append(geodesic_m[extrema.vertices], np.nan)  # the last one is for basin -1
+    tip_distance = np.nan_to_num(tips[extrema.basin] - geodesic_m, nan=np.inf)
+    kinds = extremity_kinds(extrema.vertices, mesh, heights_m, stature_m)
+    return MeasuredBody(mesh, heights_m, stature_m, geodesic_m, extrema, kinds, tip_distance)
+
+
+def find_extremities(body: MeasuredBody, config: DepthLayerConfig) -> list[Extremity]:
+    """Return heads, hands and feet, the most persistent first."""
+    lengths = lengths_m(config)
+    found = []
+    for k, kind in enumerate(body.kinds):
+        geodesic = float(body.geodesic_m[body.extrema.vertices[k]])
+        if not kind or (kind == "hand" and geodesic < HAND_GEODESIC_MIN_M):
+            continue
+        near = (body.extrema.basin == k) & (body.tip_distance_m <= 2 * lengths[kind])
+        points = body.mesh.points_m[near]
+        # Not the mean: more vertices are on the nearer side of a limb.
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        distances = np.linalg.norm(points - middle, axis=1)
+        position = points[distances <= distances.min() + config.window_m / 2].mean(axis=0)
+        found.append(Extremity(k, kind, position, geodesic, float(body.extrema.strengths[k])))
+    return sorted(found, key=lambda one: -one.strength)
+
+
+def lengths_m(config: DepthLayerConfig) -> Mapping[str, float]:
+    """Return the distance of points from the end of the limb, by kind."""
+    return {"head": config.head_m, "hand": config.hand_m, "foot": config.foot_m}
+
+
+class TorsoReference:
+    """Finds the same vertex of the torso in each frame by its spin image.
+
+    The torso is nearly rigid, so its spin image persists. It changes as the person turns: the
+    reference adapts slowly, and the vertex stays about the torso's middle.
+
+    Args:
+        config: Spin images.
+    """
+
+    def __init__(self, config: DepthLayerConfig) -> None:
+        self._config = config
+        self._reference: F64 | None = None
+
+    def find(self, mesh: BodyMesh, heights_m: F64, stature_m: float, keypoints: F32 | None) -> int:
+        """Return the vertex at the middle of the torso."""
+        config = self._config
+        pixel = torso_pixel(keypoints, config) if config.keypoints else None
+        torso = torso_vertices(heights_m, stature_m)
+        if pixel is None:
+            pixel = np.median(mesh.pixels_px[torso], axis=0)
+        middle = torso[int(np.argmin(np.linalg.norm(mesh.pixels_px[torso] - pixel, axis=1)))]
+        near = np.linalg.norm(mesh.points_m[torso] - mesh.points_m[middle], axis=1)
+        nearest = torso[np.argsort(near, kind="stable")]
+        nearest = nearest[np.sort(near) < 2 * TORSO_SIGMA_M]
+        candidates = nearest[:: max(1, len(nearest) // TORSO_CANDIDATES)]
+        images = spin_images(mesh, candidates, config.spin)
+        if self._reference is None:
+            self._reference = images[0]
+            return int(middle)
+        off = np.linalg.norm(mesh.points_m[candidates] - mesh.points_m[middle], axis=1)
+        scores = similarity(images, self._reference, config.spin.overlap_min) / config.spin_sigma
+        best = int(np.argmax(np.maximum(scores, -20.0) - 0.5 * (off / TORSO_SIGMA_M) ** 2))
+        self._reference = REFERENCE_DECAY * self._reference + (1 - REFERENCE_DECAY) * images[best]
+        return int(candidates[best])

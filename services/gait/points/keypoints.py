@@ -1,0 +1,122 @@
+"""Names of the tracked points, and their expected pixels by the detector's keypoints."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from common.geometry.transforms import deproject, project
+from people4d.messages import F32, F64, CameraInfo
+from services.gait.config import DepthLayerConfig
+
+HEAD, LEFT_HAND, RIGHT_HAND = "head", "left_hand", "right_hand"
+LEFT_FOOT, RIGHT_FOOT = "left_foot", "right_foot"
+POINTS = (HEAD, LEFT_HAND, RIGHT_HAND, LEFT_FOOT, RIGHT_FOOT)
+KINDS = ("head", "hand", "foot")
+PAIRS = ((LEFT_HAND, RIGHT_HAND), (LEFT_FOOT, RIGHT_FOOT))
+COUNTERPARTS = {a: b for pair in PAIRS for a, b in (pair, pair[::-1])}
+
+FACE = slice(0, 5)  # COCO: nose, eyes, ears
+TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
+# COCO: the joint at a limb's far end, and the one before it.
+JOINTS: Mapping[str, tuple[int, int]] = MappingProxyType(
+    {LEFT_HAND: (9, 7), RIGHT_HAND: (10, 8), LEFT_FOOT: (15, 13), RIGHT_FOOT: (16, 14)}
+)
+START_CONFIDENCE = 0.5  # of a keypoint or extremity at which a lost point starts
+UNDIRECTED_NOISE = 1.5  # factor of the noise, where the direction of a limb is not known
+# Factor of the noise: the face is beside the head's middle; the direction of a foot is not known.
+KIND_NOISE: Mapping[str, float] = MappingProxyType({"head": 2.0, "hand": 1.0, "foot": 2.5})
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """Expected pixel of a point by keypoints."""
+
+    pixel: F64  # [px] 2: u, v
+    sigma: float  # noise, relative to that of a keypoint
+    confidence: float  # 0 to 1
+
+
+def kind_of(point: str) -> str:
+    """Return the kind of a point: head, hand or foot; empty for a marked point."""
+    return point.rpartition("_")[2] if point in POINTS else ""
+
+
+def pixels_of(length_m: float, depth_m: float, info: CameraInfo) -> float:
+    """Return a length at a depth in pixels."""
+    return float(info.fx * length_m / max(depth_m, 0.1))
+
+
+def sigma_px(anchor: Anchor, depth_m: float, info: CameraInfo, config: DepthLayerConfig) -> float:
+    """Return the noise of an anchor in pixels."""
+    return anchor.sigma * pixels_of(config.keypoint_sigma_m, depth_m, info)
+
+
+def anchors(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, Anchor]:
+    """Return the expected pixels of points.
+
+    Hands are beyond the wrists and feet beyond the ankles, by a ratio of forearm and shank in the
+    image.
+
+    Args:
+        keypoints: 17x3, u and v in pixels and confidence, COCO order; None: not detected.
+        config: Least confidence and ratios.
+
+    Returns:
+        By the names of points; points without confident keypoints are absent.
+    """
+    if keypoints is None or keypoints.shape != (17, 3):
+        return {}
+    uv, confidence = keypoints[:, :2].astype(np.float64), keypoints[:, 2].astype(np.float64)
+    confidence = np.where(np.isfinite(keypoints).all(axis=1), confidence, 0.0)
+    least = config.keypoint_confidence_min
+    found = {}
+    face = np.flatnonzero(confidence[FACE] > least)
+    if len(face):
+        middle = uv[face].mean(axis=0)
+        found[HEAD] = Anchor(middle, KIND_NOISE["head"], float(confidence[face].max()))
+    for point, (end, before) in JOINTS.items():
+        if confidence[end] <= least:
+            continue
+        reach = config.hand_reach if kind_of(point) == "hand" else config.foot_reach
+        directed = confidence[before] > least
+        pixel = uv[end] + reach * (uv[end] - uv[before]) if directed else uv[end]
+        sigma = KIND_NOISE[kind_of(point)] * (1.0 if directed else UNDIRECTED_NOISE)
+        found[point] = Anchor(pixel, sigma, float(confidence[end]))
+    return found
+
+
+def feet_ahead(
+    found: Mapping[str, Anchor],
+    depth_m: float,
+    heading: F64,
+    info: CameraInfo,
+    config: DepthLayerConfig,
+) -> Mapping[str, Anchor]:
+    """Return anchors with those of feet moved ahead of their ankles.
+
+    Args:
+        found: Anchors.
+        depth_m: Of the body.
+        heading: 3, unit length, optical frame: of the person, and of the feet.
+        info: Calibration.
+        config: Distance.
+    """
+    moved = dict(found)
+    for name, anchor in found.items():
+        if kind_of(name) == "foot":
+            ankle_m = deproject(anchor.pixel, [depth_m], info)[0]
+            pixel = project(ankle_m + config.foot_ahead_m * heading, info)[0]
+            moved[name] = Anchor(pixel, anchor.sigma / KIND_NOISE["foot"], anchor.confidence)
+    return moved
+
+
+def torso_pixel(keypoints: F32 | None, config: DepthLayerConfig) -> F64 | None:
+    """Return the middle of shoulders and hips in the image; None unless all four are confident."""
+    if keypoints is None or keypoints.shape != (17, 3):
+        return None
+    torso = keypoints[TORSO].astype(np.float64)
+    confident = np.isfinite(torso).all(axis=1) & (torso[:, 2] > config.keypoint_confidence_min)
+    middle: F64 | None = torso[:, :2].mean(axis=0) if confident.all() else None
+    return middle

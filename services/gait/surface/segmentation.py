@@ -1,0 +1,266 @@
+"""Segmentation of a person in a box of the depth image: holes filled, components labelled.
+
+Source: docs/method.md, section 8.2 (G 4.1).
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from common.compiled import compiled
+from people4d.messages import F32, F64, U16
+from services.gait.config import BodyConfig
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
+I32: TypeAlias = npt.NDArray[np.int32]
+I64: TypeAlias = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodySegment:
+    """Pixels of one person."""
+
+    left_px: int  # first column in the image
+    top_px: int  # first row in the image
+    depth_m: F32  # hxw, holes filled; 0 off the body
+    mask: Mask  # hxw
+
+
+def segment_body(
+    depth_mm: U16, box_xyxy_px: F64, seed_depth_m: float | None, config: BodyConfig
+) -> BodySegment | None:
+    """Segment a person in the depth image.
+
+    Args:
+        depth_mm: HxW, 0 = no reading.
+        box_xyxy_px: 4, about the person; may reach out of the image.
+        seed_depth_m: Depth of the person's track; None: the largest component is taken.
+        config: Thresholds.
+
+    Returns:
+        The segment; None if there is no component of sufficient size in the box.
+    """
+    corners = _clipped(box_xyxy_px, depth_mm.shape)
+    if corners is None:
+        return None
+    left, top, right, bottom = corners
+    depth_m = depth_mm[top:bottom, left:right].astype(np.float32) * np.float32(0.001)
+    for _ in range(config.fill_passes):
+        depth_m = fill_holes(depth_m, config.fill_neighbours)
+    seed = float("nan") if seed_depth_m is None else float(seed_depth_m)
+    if np.isfinite(seed):
+        depth_m[np.abs(depth_m - np.float32(seed)) > config.reach_m] = 0
+    labels, sizes = components(depth_m, config)
+    best = _seeded(depth_m, labels, sizes, seed, config)
+    if best is None:
+        return None
+    joined = np.zeros(len(sizes), np.bool_)
+    joined[best] = True
+    if config.join_m > 0:
+        _join(depth_m, labels, sizes, joined, config)
+    mask: Mask = joined[labels]
+    depth_m *= mask
+    return BodySegment(left_px=left, top_px=top, depth_m=depth_m, mask=mask)
+
+
+def fill_holes(depth_m: F32, neighbours_min: int = 1) -> F32:
+    """Set pixels of no reading to the median of the readings about them.
+
+    Of an even number of readings the lower middle one is taken: a mean would put a point between
+    a person and the wall.
+
+    Args:
+        depth_m: HxW, 0 = no reading.
+        neighbours_min: Of the 8, that must have a reading.
+    """
+    filled = depth_m.copy()
+    known = (depth_m > 0).view(np.uint8)
+    beside = cv2.boxFilter(known, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    # Most empty pixels lie inside of a larger hole, so few are left.
+    holes = np.flatnonzero((known == 0) & (beside >= max(neighbours_min, 1)))
+    _fill(depth_m, holes, filled)
+    return filled
+
+
+@compiled
+def _fill(depth_m: F32, holes: I64, filled: F32) -> None:
+    height, width = depth_m.shape
+    near = np.empty(8, np.float32)
+    for hole in holes:
+        row, column = hole // width, hole % width
+        count = 0
+        for r in range(max(row - 1, 0), min(row + 2, height)):
+            for c in range(max(column - 1, 0), min(column + 2, width)):
+                value = depth_m[r, c]
+                if value > 0:
+                    k = count
+                    while k > 0 and near[k - 1] > value:
+                        near[k] = near[k - 1]
+                        k -= 1
+                    near[k] = value
+                    count += 1
+        filled[row, column] = near[(count - 1) // 2]
+
+
+def components(depth_m: F32, config: BodyConfig) -> tuple[I32, I64]:
+    """Label connected components of continuous depth.
+
+    Args:
+        depth_m: HxW, 0 = no reading.
+        config: Largest step in depth between neighbouring pixels.
+
+    Returns:
+        Labels, HxW, 0 for no reading, components from 1 on; and the number of pixels of each label.
+    """
+    labels = np.zeros(depth_m.shape, np.int32)
+    sizes = np.zeros(depth_m.size + 1, np.int64)
+    count = _label(
+        depth_m,
+        config.continuity_m,
+        config.continuity_per_m,
+        config.noise_sigmas * config.noise_per_m2,
+        labels,
+        sizes,
+    )
+    return labels, sizes[: count + 1]
+
+
+@compiled
+def _label(
+    depth_m: F32, least_m: float, per_m: float, per_m2: float, labels: I32, sizes: I64
+) -> int:
+    """Label pixels by their neighbours above and on the left, then merge equivalent labels.
+
+    Two passes over the rows [Rosenfeld 1966] are several times faster than following outlines.
+    """
+    height, width = depth_m.shape
+    parents = np.zeros(len(sizes), np.int32)
+    count = 0
+    for row in range(height):
+        for column in range(width):
+            here = depth_m[row, column]
+            if here <= 0:
+                continue
+            limit = max(least_m, per_m * here + per_m2 * here * here)
+            label = 0
+            if column > 0 and abs(depth_m[row, column - 1] - here) < limit:
+                label = _root(parents, labels[row, column - 1])
+            above = labels[row - 1, column] if row > 0 else 0
+            if above > 0 and abs(depth_m[row - 1, column] - here) < limit:
+                above = _root(parents, above)
+                low = min(label, above) if label > 0 else above
+                parents[max(label, above)] = low
+                label = low
+            if label == 0:
+                count += 1
+                label = count
+                parents[count] = count
+            labels[row, column] = label
+    numbers = np.zeros(count + 1, np.int32)
+    roots = 0
+    for label in range(1, count + 1):  # the first of a component comes before the rest
+        root = _root(parents, label)
+        if root == label:
+            roots += 1
+            numbers[label] = roots
+        else:
+            numbers[label] = numbers[root]
+    for row in range(height):
+        for column in range(width):
+            label = numbers[labels[row, column]]
+            labels[row, column] = label
+            sizes[label] += 1
+    return roots
+
+
+@compiled
+def _root(parents: I32, label: int) -> int:
+    while parents[label] != label:
+        parents[label] = parents[parents[label]]
+        label = parents[label]
+    return label
+
+
+def _seeded(depth_m: F32, labels: I32, sizes: I64, seed_m: float, config: BodyConfig) -> int | None:
+    """Return the label of the person's component; None if it is too small."""
+    votes = sizes.copy()
+    votes[0] = 0
+    if np.isfinite(seed_m):
+        height, width = labels.shape
+        middle = np.s_[: max(height * 2 // 3, 1), width // 4 : max(width - width // 4, 1)]
+        near = np.abs(depth_m[middle] - np.float32(seed_m)) < config.seed_window_m
+        near_seed = np.bincount(labels[middle][near], minlength=len(sizes))
+        near_seed[0] = 0
+        votes = near_seed if near_seed.any() else votes
+    best = int(np.argmax(votes))
+    return best if best and sizes[best] >= max(config.pixels_min, 1) else None
+
+
+def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask, config: BodyConfig) -> None:
+    """Add components that are likely a part of the body which is occluded at its joint.
+
+    Such a part lies beside the body in the image, little before or behind it, and within the box:
+    a component that reaches the box's sides is another person, a wall or furniture.
+    """
+    most = sizes[joined].sum() // 2
+    possible = (sizes >= max(config.pixels_min, 1)) & (sizes <= most)
+    possible[0] = False
+    possible[labels[:, [0, -1]]] = False
+    while True:
+        possible &= ~joined
+        if not possible.any():
+            return
+        touches = np.zeros(len(joined), np.int64)
+        _touch(depth_m, labels, joined, possible, config.join_px, config.join_m, touches)
+        adjacent = touches > config.join_px
+        if not adjacent.any():
+            return
+        joined |= adjacent
+
+
+@compiled
+def _touch(
+    depth_m: F32,
+    labels: I32,
+    joined: Mask,
+    possible: Mask,
+    gap_px: int,
+    gap_m: float,
+    touches: I64,
+) -> None:
+    """Count the pixels of possible components that lie beside a joined one."""
+    height, width = labels.shape
+    for row in range(height):
+        for column in range(width):
+            label = labels[row, column]
+            if not possible[label] or touches[label] > gap_px:
+                continue
+            touches[label] += _is_beside(depth_m, labels, joined, row, column, gap_px, gap_m)
+
+
+@compiled
+def _is_beside(
+    depth_m: F32, labels: I32, joined: Mask, row: int, column: int, gap_px: int, gap_m: float
+) -> bool:
+    """Check that a pixel of a joined component is near a pixel, in the image and in depth."""
+    height, width = labels.shape
+    for r in range(max(row - gap_px, 0), min(row + gap_px + 1, height)):
+        for c in range(max(column - gap_px, 0), min(column + gap_px + 1, width)):
+            if joined[labels[r, c]] and abs(depth_m[r, c] - depth_m[row, column]) < gap_m:
+                return True
+    return False
+
+
+def _clipped(box: F64, shape: tuple[int, ...]) -> tuple[int, int, int, int] | None:
+    """Return left, top, right, bottom of a box's pixels in the image; None without any."""
+    sides = np.asarray(box, np.float64).ravel()
+    if len(sides) != 4 or not np.isfinite(sides).all() or len(shape) != 2:
+        return None
+    height, width = shape
+    limits = (width, height, width, height)
+    rounded = np.concatenate([np.floor(sides[:2]), np.ceil(sides[2:])])
+    left, top, right, bottom = (int(side) for side in np.clip(rounded, 0, limits))
+    return (left, top, right, bottom) if left < right and top < bottom else None

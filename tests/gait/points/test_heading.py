@@ -1,0 +1,116 @@
+"""Heading of people who walk or stand, and left and right exchanged."""
+
+import numpy as np
+import pytest
+
+from people4d.messages import F64
+from services.gait.config import DepthLayerConfig
+from services.gait.points.heading import HeadingEstimator, LeftRightCheck
+from services.gait.points.kalman import PointKalmanFilter
+from services.gait.points.point_filter import PointFilter
+from services.gait.surface.mesh import BodyMesh
+from tests.gait.builders import INFO, mesh_of
+
+DT_S = 1 / 30
+EMPTY = np.empty(0)
+
+
+def person_at(x_m: float) -> tuple[BodyMesh, F64]:
+    """Three points of a person whose feet are not visible, and their heights."""
+    heights_m = np.array([1.5, 1.0, 0.5])
+    return mesh_of([(x_m, -h, 3.0) for h in heights_m - 1], [(0, 1), (1, 2)]), heights_m
+
+
+def legs_towards(ahead_m: tuple[float, float]) -> tuple[BodyMesh, F64]:
+    """Thirty points of feet, in x and z ahead of as many of shins."""
+    x, z = ahead_m
+    rows = np.arange(30) / 1000
+    shins = np.column_stack([rows, np.full(30, 0.8), np.full(30, 3.0)])
+    feet = shins + np.array([x, 0.15, z])
+    return mesh_of([*shins, *feet], [(0, 1)]), np.repeat([0.2, 0.05], 30)
+
+
+def test_heading_of_a_walking_person_is_the_direction_of_motion() -> None:
+    heading = HeadingEstimator()
+    for frame in range(30):
+        found = heading.update(*person_at(-0.5 + frame * DT_S), DT_S)  # 1 m/s to the right
+    assert found == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_heading_without_feet_and_motion_is_none() -> None:
+    heading = HeadingEstimator()
+    assert [heading.update(*person_at(0.0), DT_S) for _ in range(10)] == [None] * 10
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "expected"),
+    [
+        ((0.06, -0.03), (1.0, 0.0, 0.0)),  # to the right; the front of feet and shins is visible
+        ((0.0, -0.09), (0.0, 0.0, -1.0)),  # towards the camera
+        ((0.0, 0.03), (0.0, 0.0, 1.0)),  # away from it
+    ],
+)
+def test_heading_of_a_standing_person_is_that_of_the_feet(
+    ahead_m: tuple[float, float], expected: tuple[float, float, float]
+) -> None:
+    heading = HeadingEstimator()
+    for _ in range(60):
+        found = heading.update(*legs_towards(ahead_m), DT_S)
+    assert found == pytest.approx(expected, abs=0.15)
+
+
+def test_heading_persists_at_rest_and_over_a_jump_of_position() -> None:
+    heading = HeadingEstimator()
+    for frame in range(30):
+        heading.update(*person_at(-0.5 + frame * DT_S), DT_S)
+    heading.update(None, EMPTY, DT_S)  # occluded
+    for _ in range(30):
+        found = heading.update(*person_at(-1.0), DT_S)  # and 1.5 m to the left, at rest
+    assert found == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_zero_time_gives_no_velocity() -> None:
+    heading = HeadingEstimator()
+    assert np.all([heading.update(*person_at(x), 0.0) is None for x in (0.0, 0.1, 0.2)])
+
+
+TO_CAMERA = np.array([0.0, 0.0, -1.0])
+FEET = ("left_foot", "right_foot")
+
+
+def feet(left_x_m: float, right_x_m: float) -> dict[str, PointFilter]:
+    points = {}
+    for name, x_m in zip(FEET, (left_x_m, right_x_m), strict=True):
+        point = PointFilter(name, DepthLayerConfig(), INFO, np.random.default_rng(0))
+        point.motion = PointKalmanFilter(np.array([x_m, 0.8, 3.0]), 1e-4 * np.eye(3), 0.1, 1.0)
+        point.state = "measured"
+        points[name] = point
+    return points
+
+
+def test_swapped_feet_are_detected_after_swap_s() -> None:
+    # The left foot of a person facing the camera is at the right of the image. 20 cm count in full.
+    check = LeftRightCheck(swap_s=0.15)
+    crossed = feet(left_x_m=-0.1, right_x_m=0.1)
+    found = [check.swapped(crossed, TO_CAMERA, 0.04) for _ in range(4)]
+    assert found == [[], [], [], [FEET]]  # 4 x 0.04 s > 0.15 s
+
+
+def test_swapped_feet_close_together_take_longer() -> None:
+    # 3 cm of 12: a quarter of each frame counts.
+    check = LeftRightCheck(swap_s=0.15)
+    found = [check.swapped(feet(-0.015, 0.015), TO_CAMERA, 0.04) for _ in range(16)]
+    assert found.index([FEET]) == 15  # 16 x 0.01 s > 0.15 s
+
+
+def test_feet_on_the_right_sides_are_not_swapped() -> None:
+    check = LeftRightCheck(swap_s=0.15)
+    assert all(not check.swapped(feet(0.1, -0.1), TO_CAMERA, 0.04) for _ in range(20))
+
+
+def test_swap_is_not_detected_without_heading_or_measured_foot() -> None:
+    check = LeftRightCheck(swap_s=0.15)
+    crossed = feet(-0.1, 0.1)
+    assert all(not check.swapped(crossed, None, 0.04) for _ in range(20))
+    crossed["left_foot"].state = "predicted"
+    assert all(not check.swapped(crossed, TO_CAMERA, 0.04) for _ in range(20))

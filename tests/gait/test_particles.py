@@ -1,0 +1,160 @@
+"""Resampling, estimates and motion models by hand."""
+
+import numpy as np
+import pytest
+
+from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
+from services.gait.particles import (
+    ESTIMATORS,
+    RESAMPLERS,
+    BoxMotionModel,
+    centre_sigma_px,
+    systematic,
+)
+
+NAMES = list(RESAMPLERS)
+
+
+class Half(np.random.Generator):
+    """Every random number is a half."""
+
+    def random(self, *args: object, **_: object) -> np.ndarray:  # type: ignore[override]
+        return np.full(args[0], 0.5)  # type: ignore[call-overload,no-any-return]
+
+
+def test_systematic_by_hand() -> None:
+    # Positions 1/8, 3/8, 5/8, 7/8; cumulated weights 0.5, 0.75, 1: twice the first, one of each.
+    # For the second person 0.1, 0.1, 1: one position lies below 0.1 + 0, so all are the third.
+    weights = np.array([[0.5, 0.25, 0.25, 0.0], [0.1, 0.0, 0.9, 0.0]])
+    chosen = systematic(weights, Half(np.random.PCG64(0)))
+    assert chosen.tolist() == [[0, 0, 1, 2], [2, 2, 2, 2]]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_resampling_keeps_the_mean(name: str) -> None:
+    # The mean of 200 resampled means of 50 particles lies within 4 standard errors of the
+    # weighted mean; multinomial, the widest, has sigma / sqrt(50 * 200).
+    generator = np.random.default_rng(3)
+    values = generator.normal(0.0, 10.0, (2, 50))
+    weights = generator.random((2, 50))
+    weights /= weights.sum(axis=1, keepdims=True)
+    mean = (weights * values).sum(axis=1)
+    sigma = np.sqrt((weights * (values - mean[:, None]) ** 2).sum(axis=1))
+    found = [
+        np.take_along_axis(values, RESAMPLERS[name](weights, generator), axis=1).mean(axis=1)
+        for _ in range(200)
+    ]
+    assert np.all(np.abs(np.mean(found, axis=0) - mean) < 4 * sigma / np.sqrt(50 * 200))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_particle_with_all_weight_is_the_only_one_left(name: str) -> None:
+    weights = np.zeros((3, 7))
+    weights[[0, 1, 2], [0, 3, 6]] = 1.0
+    chosen = RESAMPLERS[name](weights, np.random.default_rng(0))
+    assert np.all(chosen == [[0], [3], [6]])
+
+
+@pytest.mark.parametrize("name", ["systematic", "residual"])
+def test_equal_weights_copy_each_particle_once(name: str) -> None:
+    chosen = RESAMPLERS[name](np.full((2, 9), 1 / 9), np.random.default_rng(0))
+    assert chosen.tolist() == [list(range(9))] * 2
+
+
+def test_estimates_by_hand() -> None:
+    # Centres 0, 10 and 100; the last two are heavy. Mean 0.2*0 + 0.3*10 + 0.5*100 = 53. The best is
+    # at 100; no other is within 20 of it.
+    states = np.zeros((1, 3, 8))
+    states[0, :, 0] = 0, 10, 100
+    weights = np.array([[0.2, 0.3, 0.5]])
+    found = {name: ESTIMATORS[name](states, weights, 20.0)[0, 0] for name in ESTIMATORS}
+    assert found == {"weighted_sum": 53.0, "map": 100.0, "robust_mean": 100.0}
+    # Within 95: (0.3 * 10 + 0.5 * 100) / 0.8 = 66.25.
+    assert ESTIMATORS["robust_mean"](states, weights, 95.0)[0, 0] == pytest.approx(66.25)
+    # Variance 0.2 * 53^2 + 0.3 * 43^2 + 0.5 * 47^2 = 2221.
+    assert centre_sigma_px(states, weights)[0] == pytest.approx(np.sqrt(2221))
+
+
+def moved(start: list[float], before: list[float], **fields: object) -> list[float]:
+    config = ColourLayerConfig(particles=1, tau=(0.0,) * 8, **fields)  # type: ignore[arg-type]
+    model = BoxMotionModel(config)
+    generator = np.random.default_rng(0)
+    (row,) = model(np.array([[start]], float), np.array([[before]], float), generator)[0]
+    return list(map(float, row))
+
+
+STATE, BEFORE = [100.0, 50, 4, -2, 30, 60, 1, 2], [98.0, 51, 3, -1, 29, 58, 1, 1]
+
+
+def test_the_first_order_is_constant_velocity() -> None:
+    assert moved(STATE, BEFORE) == [104.0, 48, 4, -2, 31, 62, 1, 2]
+    assert moved(STATE, BEFORE, state=4) == [104.0, 48, 4, -2, 30, 60, 1, 2]
+
+
+def test_the_second_order_by_hand() -> None:
+    # s + A' (s - s'), s - s' = (2, -1, 1, -1 | 1, 2, 0, 1): x + 0.5*2 + 0.5*1 = 101.5,
+    # y + 0.5*-1 + 0.5*-1 = 49, x' + 1 = 5, y' - 1 = -3; w + 0.5*1 + 0 = 30.5, h + 1 + 0.5 = 61.5.
+    assert moved(STATE, BEFORE, order=2) == [101.5, 49, 5, -3, 30.5, 61.5, 1, 3]
+
+
+def test_noise_is_as_large_as_tau() -> None:
+    model = BoxMotionModel(ColourLayerConfig(particles=20_000, tau=PUBLISHED_TAU))
+    still = np.zeros((1, 20_000, 8))
+    still[..., 4:6] = 100.0
+    noise = model(still, still, np.random.default_rng(0))[0] - still[0]
+    assert noise.std(axis=0) == pytest.approx([10, 10, 1, 1, 0.1, 0.1, 0.1, 0.1], rel=0.05)
+    assert np.abs(noise.mean(axis=0)) == pytest.approx(np.zeros(8), abs=0.3)
+
+
+def hierarchical(vx: float, vy: float) -> np.ndarray:
+    config = ColourLayerConfig(
+        particles=20_000,
+        tau=PUBLISHED_TAU,
+        sampling="hierarchical",
+        growth_sideways_px2=0.05,
+        growth_upright=0.02,
+        along_stretch=2.0,
+    )
+    states = np.zeros((1, 20_000, 8))
+    states[..., 2:6] = vx, vy, 100.0, 200.0
+    return np.asarray(BoxMotionModel(config)(states, states, np.random.default_rng(0))[0])
+
+
+def test_hierarchical_sampling_couples_size_to_motion() -> None:
+    damp, fast = hierarchical(1.0, 0.0)[:, 6], hierarchical(20.0, 0.0)[:, 6]
+    # Beside tau = 0.1 there is 0.05 / |x'|: sqrt(0.1^2 + 0.05^2) = 0.1118, and 0.1 when fast.
+    assert damp.std() == pytest.approx(0.1118, rel=0.03)
+    assert fast.std() == pytest.approx(0.1, rel=0.03)
+    # Down at 10 px a frame: grows by 0.02 * 10 on average; up it shrinks. Height alike.
+    down, up = hierarchical(0.0, 10.0), hierarchical(0.0, -10.0)
+    assert down[:, 6:].mean(axis=0) == pytest.approx([0.2, 0.2], abs=0.01)
+    assert up[:, 6:].mean(axis=0) == pytest.approx([-0.2, -0.2], abs=0.01)
+
+
+def test_hierarchical_sampling_stretches_noise_along_the_motion() -> None:
+    # Moving down: half of the particles have sigma 20 along y and 5 across, half 10 and 10.
+    noise = hierarchical(0.0, 10.0)[:, :2] - (0.0, 10.0)
+    assert noise[:10_000].std(axis=0) == pytest.approx([5.0, 20.0], rel=0.05)
+    assert noise[10_000:].std(axis=0) == pytest.approx([10.0, 10.0], rel=0.05)
+    # Without motion there is no direction.
+    assert hierarchical(0.0, 0.0)[:, :2].std(axis=0) == pytest.approx([10.0, 10.0], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"particles": 0},
+        {"sigma": 0.0},
+        {"ratio_sigma": 0.0},
+        {"aspect_sigma": float("inf")},
+        {"bands": 0},
+        {"background_scale": 1.0},
+        {"tau": (-1.0,) * 8},
+        {"along_share": 1.5},
+        {"points": (0, 5)},
+        {"growth_upright": float("nan")},
+    ],
+)
+def test_invalid_configuration_is_refused(fields: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        ColourLayerConfig(**fields)  # type: ignore[arg-type]
