@@ -6,6 +6,7 @@ The user's folder holds modules named like packages of the project; these once r
 import contextlib
 import importlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -119,6 +120,15 @@ def test_command_without_the_pipeline_names_the_extra(planner: Path, folder: Pat
     assert done.returncode == 1
     assert "pip install 'people4d[robot]'" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_image_is_built_from_the_files_of_the_wheel() -> None:
+    # Packages that moved were once missing from the image.
+    allowed = (ROOT / "deploy" / "Dockerfile.dockerignore").read_text().splitlines()
+    copied = " ".join(re.findall("^COPY (.*)", (ROOT / "deploy" / "Dockerfile").read_text(), re.M))
+    for name in (*PACKAGES, *FILES):
+        assert f"!{name}" in allowed
+        assert name in copied.split()
 
 
 def test_types_are_declared(planner: Path) -> None:
