@@ -1,4 +1,4 @@
-"""The detector as a process: python -m services.detector."""
+"""Run the detector: python -m services.detector."""
 
 import sys
 
@@ -6,11 +6,6 @@ from common.runtime import process
 from services.detector.build import build
 from services.detector.config import DetectorConfig
 
-
-def main() -> int:
-    """Run the detector; two threads, so that one prepares a frame while the other infers."""
-    return process.main("detector", DetectorConfig, build, workers=2)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    # Two threads, so that one prepares a frame while the other infers.
+    sys.exit(process.main("detector", DetectorConfig, build, workers=2))

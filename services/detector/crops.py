@@ -8,12 +8,7 @@ from services.detector.models.base import DetectedPerson, InstanceMask
 
 
 def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
-    """Return left, top, right and bottom of the pixels of a box inside an image.
-
-    Args:
-        box_xyxy_px: 4, left, top, right, bottom.
-        shape: Shape of the image, height and width first.
-    """
+    """Return left, top, right and bottom of the pixels of a box (xyxy) inside an image's shape."""
     height, width = shape[:2]
     left, top = np.clip(np.floor(box_xyxy_px[:2]), 0, (width, height)).astype(int)
     right, bottom = np.clip(np.ceil(box_xyxy_px[2:]), 0, (width, height)).astype(int)

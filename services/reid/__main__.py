@@ -1,4 +1,4 @@
-"""Re-identification as a process: python -m services.reid."""
+"""Run re-identification: python -m services.reid."""
 
 import sys
 
@@ -6,11 +6,5 @@ from common.runtime import process
 from services.reid.build import build
 from services.reid.config import ReidConfig
 
-
-def main() -> int:
-    """Run the service."""
-    return process.main("reid", ReidConfig, build)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(process.main("reid", ReidConfig, build))

@@ -1,4 +1,4 @@
-"""Run the visual odometry."""
+"""Run the visual odometry: python -m services.visual_odometry."""
 
 import sys
 
@@ -6,11 +6,5 @@ from common.runtime import process
 from services.visual_odometry.build import build
 from services.visual_odometry.config import VisualOdometryConfig
 
-
-def main() -> int:
-    """Run the service and return its exit code."""
-    return process.main("visual_odometry", VisualOdometryConfig, build)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(process.main("visual_odometry", VisualOdometryConfig, build))

@@ -18,24 +18,15 @@ READ_SHARE = 0.5  # of a corner's surroundings that must have depth
 
 @dataclass(frozen=True)
 class PeopleRegions:
-    """Regions of people in an image.
+    """Regions of people in an image."""
 
-    Args:
-        boxes_xyxy_px: Nx4, in the full image.
-        depths_m: N, along the optical axis; NaN if unknown.
-    """
-
+    # [px] Nx4, in the full image
     boxes_xyxy_px: F64 = field(default_factory=lambda: np.empty((0, 4)))
+    # [m] N, along the optical axis; NaN if unknown
     depths_m: F64 = field(default_factory=lambda: np.empty(0))
 
     def cover(self, pixels: F64, depths_m: F64, config: CornerConfig) -> Flags:
-        """Return the points (N) that may be on people.
-
-        Args:
-            pixels: Nx2, in the full image.
-            depths_m: N, of them.
-            config: Margins around a person.
-        """
+        """Return the points (N; pixels Nx2 in the full image) that may be on people."""
         covered = np.zeros(len(pixels), np.bool_)
         for box, depth_m in zip(self.boxes_xyxy_px, self.depths_m, strict=True):
             margin = config.people_margin * (box[2:] - box[:2])
@@ -47,32 +38,20 @@ class PeopleRegions:
 
 @dataclass(frozen=True)
 class OdometryFrame:
-    """One frame.
-
-    Args:
-        stamp_ns: Acquisition time.
-        rgb: HxWx3, red first.
-        depth_mm: HxW.
-        people: Detected in it.
-    """
+    """One frame."""
 
     stamp_ns: int
-    rgb: U8
-    depth_mm: U16
+    rgb: U8  # HxWx3, red first
+    depth_mm: U16  # HxW, 0 = no reading
     people: PeopleRegions = field(default_factory=PeopleRegions)
 
 
 @dataclass(frozen=True)
 class ReducedCamera:
-    """A calibration, and the width that images are reduced to.
-
-    Args:
-        info: Of the full image.
-        width_px: Most columns.
-    """
+    """A calibration of full images, and the width that they are reduced to."""
 
     info: CameraInfo
-    width_px: int
+    width_px: int  # most columns
 
     @property
     def scale(self) -> float:
@@ -128,13 +107,7 @@ def find_corners(grey: U8, config: CornerConfig) -> F32:
 def read_depth_m(depth_mm: U16, pixels: F64, config: CornerConfig) -> tuple[F64, Flags]:
     """Return the depth (N) at points (Nx2), and flags (N) of those too far for the sensor.
 
-    Args:
-        depth_mm: HxW, 0 = no reading.
-        pixels: Nx2.
-        config: Valid depths.
-
-    Returns:
-        Depth, NaN at the rim of a surface and where there is none; the latter are too far.
+    Depth is NaN at the rim of a surface and where there is none; the latter are too far.
     """
     size = np.array(depth_mm.shape[::-1])
     at = np.rint(pixels).astype(np.int64)[:, None] + PATCH

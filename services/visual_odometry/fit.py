@@ -28,38 +28,24 @@ HUBER = 1.5  # standard deviations from which on a point counts less
 
 @dataclass(frozen=True)
 class MotionPrior:
-    """Prediction of a motion.
+    """Prediction of a motion."""
 
-    Args:
-        before_from_now: 4x4, the likeliest.
-        covariance: KxK, of the free entries of the twist by which it may be off.
-    """
-
-    before_from_now: F64
-    covariance: F64
+    before_from_now: F64  # 4x4, the likeliest
+    covariance: F64  # KxK, of the free entries of the twist by which it may be off
 
 
 @dataclass(frozen=True)
 class MotionFit:
-    """A motion of the base.
+    """A motion of the base."""
 
-    Args:
-        before_from_now: 4x4, the base now in the frame of the base then.
-        covariance: KxK, of the free entries of the twist by which the base may be elsewhere, frame:
-            the base now.
-        common: KxK, likewise, of a common error of all depths. It stays as long as the keyframe, so
-            that it is none of the motion from frame to frame.
-        inliers: N, points that agree.
-        depth_errors: N, estimated less assumed inverse depths, in 1/m.
-        depth_sigmas: N, standard deviations of these.
-    """
-
-    before_from_now: F64
-    covariance: F64
+    before_from_now: F64  # 4x4, the base now in the frame of the base then
+    covariance: F64  # KxK, of the free entries of the twist of the error, frame: the base now
+    # KxK, likewise, of a common error of all depths. It stays as long as the keyframe, so that it
+    # is none of the motion from frame to frame
     common: F64
-    inliers: Flags
-    depth_errors: F64
-    depth_sigmas: F64
+    inliers: Flags  # N, points that agree
+    depth_errors: F64  # [1/m] N, estimated less assumed inverse depths
+    depth_sigmas: F64  # [1/m] N, standard deviations of these
 
 
 def fit_motion(
@@ -69,12 +55,6 @@ def fit_motion(
 
     A point of unknown depth is hardly informative along the line on which its depth would move it,
     and fully across; so points too far for the sensor give rotations, and near ones translations.
-
-    Args:
-        matches: The points.
-        mount: Of the camera.
-        prior: Prediction of the motion.
-        config: Acceptance.
 
     Source: random samples [Fischler 1981], then Gauss-Newton on the distances in the image with
     Huber's weights [Huber 1964]; docs/method.md section 18.
@@ -92,7 +72,7 @@ def fit_motion(
     inliers = off < config.gate_sigmas
     if inliers[room].sum() < config.room_min or inliers.sum() < config.points_min:
         return None
-    if problem.sigmas_from_prior(pose) > config.prior_sigmas:
+    if np.sqrt(problem.prior_cost(pose[None])[0]) > config.prior_sigmas:
         return None
     # Errors larger than assumed increase the covariance; smaller ones are luck.
     spread = max(float(np.mean(off[inliers] ** 2)) / 2, 1.0) * config.sigma_factor**2
@@ -106,17 +86,15 @@ def fit_motion(
 
 @dataclass(frozen=True)
 class _Solution:
-    """A motion (4x4), inverse of its normal matrix (KxK), standard deviations off of points (N)."""
-
-    pose: F64
-    inverse: F64
-    off: F64
+    pose: F64  # 4x4, the motion
+    inverse: F64  # KxK, inverse of the normal matrix
+    off: F64  # N, errors of points in standard deviations
 
 
 def _with_people(problem: "_Problem", room: _Solution) -> _Solution:
     """Return the solution by all points, if those on people move as the room does."""
     both = problem.solve(room.pose, np.ones(len(room.off), np.bool_), 1.0)
-    error = problem.twist_between(room.pose, both.pose)
+    error = problem.twists_to(room.pose[None], both.pose)[0]
     return both if error @ np.linalg.solve(room.inverse, error) < PEOPLE_SIGMAS**2 else room
 
 
@@ -130,13 +108,10 @@ class _Problem:
         self._all: Indices = np.arange(len(matches.then))[None]
 
     def solve(self, pose: F64, which: Flags, first_gate: float) -> _Solution:
-        """Return the likeliest motion near one (4x4).
+        """Return the likeliest motion near one (4x4) by some points (N flags).
 
-        Args:
-            pose: The start.
-            which: N, points that count.
-            first_gate: Factor on the gate in the first step: from a guess all points count that may
-                be inliers, in the end those that are.
+        From a guess all points count that may be inliers, in the end those that are: the gate of
+        the first step is wider by `first_gate`.
         """
         rays = self._rays.project(pose[None], self._all)
         for step in range(STEPS):
@@ -170,10 +145,6 @@ class _Problem:
         shift = inverse @ ((COMMON * self._matches.sigmas * counts) @ blind)
         return np.outer(shift, shift)
 
-    def sigmas_from_prior(self, pose: F64) -> float:
-        """Return the number of standard deviations from the predicted motion."""
-        return float(np.sqrt(self._prior_cost(pose[None])[0]))
-
     def best_sample(self, rounds: int) -> F64:
         """Return the motion (4x4) by a few points that the most others agree on."""
         count = len(self._matches.then)
@@ -187,26 +158,15 @@ class _Problem:
         poses = np.concatenate([self._prior.before_from_now[None], poses])
         everything = np.broadcast_to(np.arange(count), (len(poses), count))
         cost = self._rays.cost(self._rays.project(poses, everything), everything)
-        total = np.minimum(cost, self._gate**2).sum(axis=1) + self._prior_cost(poses)
+        total = np.minimum(cost, self._gate**2).sum(axis=1) + self.prior_cost(poses)
         return np.asarray(poses[total.argmin()], np.float64)
-
-    def twist_between(self, start: F64, end: F64) -> F64:
-        """Return the twist (K) that leads from one motion (4x4) to another."""
-        return np.asarray(self._twists_to(start[None], end)[0])
 
     def _step(
         self, poses: F64, chosen: Indices, weights: F64, rays: Reprojection
     ) -> tuple[F64, F64]:
-        """Return a step of Gauss-Newton from each of H motions, and the inverse of its matrix.
+        """Return a Gauss-Newton step (Hx6) from H motions, and the inverse of its matrix (HxKxK).
 
-        Args:
-            poses: Hx4x4.
-            chosen: HxM, indices of points.
-            weights: HxM, of these.
-            rays: Of these after the motions.
-
-        Returns:
-            Hx6 twists and HxKxK.
+        Points (indices HxM) have weights (HxM) and rays after the motions (Hx4x4).
         """
         weights = np.where(rays.front, weights, 0.0) / self._matches.noise[chosen] ** 2
         along = self._rays.along(rays, chosen)
@@ -221,16 +181,16 @@ class _Problem:
         side = (weighted @ rays.off.reshape(*flat[:2], 1))[..., 0]
         side -= ((weights * off_blind)[:, None] @ blind)[:, 0]
         inverse = np.linalg.inv(normal + self._information)
-        pull = self._twists_to(poses, self._prior.before_from_now) @ self._information
+        pull = self.twists_to(poses, self._prior.before_from_now) @ self._information
         twist = np.zeros((len(poses), 6))
         twist[:, self._free] = (inverse @ (pull - side)[..., None])[..., 0]
         return twist, inverse
 
-    def _prior_cost(self, poses: F64) -> F64:
-        twists = self._twists_to(poses, self._prior.before_from_now)
+    def prior_cost(self, poses: F64) -> F64:
+        twists = self.twists_to(poses, self._prior.before_from_now)
         return np.asarray(np.einsum("hi,ij,hj->h", twists, self._information, twists))
 
-    def _twists_to(self, poses: F64, end: F64) -> F64:
+    def twists_to(self, poses: F64, end: F64) -> F64:
         """Return the twists (HxK) that lead from motions (Hx4x4) to another (4x4)."""
         rotations = np.einsum("hji,hjk->hik", poses[:, :3, :3], end[None, :3, :3])
         apart = end[:3, 3] - poses[:, :3, 3]

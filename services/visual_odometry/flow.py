@@ -17,12 +17,7 @@ def track_points(
 ) -> tuple[F32, Flags]:
     """Return the positions of points now (Nx2), and flags of those that are valid (N).
 
-    Args:
-        before: HxW, grey.
-        now: HxW, likewise.
-        pixels: Nx2, their positions before.
-        guess: Nx2, predicted positions now.
-        config: Of the flow.
+    Their positions before are given, and predicted ones now (Nx2 each), in grey images (HxW).
 
     Source: pyramidal Lucas-Kanade [Lucas 1981] [Bouguet 2001], forward and backward.
     """

@@ -25,36 +25,22 @@ FAR, FAR_SIGMA = 0.6, 0.3  # of the least inverse depth that is read: all betwee
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """Pose of the base.
+    """Pose of the base."""
 
-    Args:
-        matrix: 4x4, fixed_from_base.
-        covariance: 3x3 of x, y and yaw in the fixed frame.
-    """
-
-    matrix: F64
-    covariance: F64
+    matrix: F64  # 4x4, fixed_from_base
+    covariance: F64  # 3x3 of x, y and yaw in the fixed frame
 
 
 @dataclass(frozen=True)
 class Landmarks:
-    """Corners of an image, along their rays at an uncertain inverse depth.
+    """Corners of an image, along their rays at an uncertain inverse depth."""
 
-    Args:
-        pixels: Nx2, in the reduced image.
-        rays: Nx2, x / z and y / z, frame: optical.
-        inverse_depths: N, 1 / z in 1/m, as estimated now.
-        sigmas: N, standard deviations of these.
-        first: Nx2, inverse depths and their standard deviations at first.
-        people: N, those that may be on people.
-    """
-
-    pixels: F32
-    rays: F64
-    inverse_depths: F64
-    sigmas: F64
-    first: F64
-    people: Flags
+    pixels: F32  # [px] Nx2, in the reduced image
+    rays: F64  # Nx2, x / z and y / z, frame: optical
+    inverse_depths: F64  # [1/m] N, 1 / z as estimated now
+    sigmas: F64  # [1/m] N, standard deviations of these
+    first: F64  # [1/m] Nx2, inverse depths and their standard deviations at first
+    people: Flags  # N, those that may be on people
 
     @property
     def positions_m(self) -> F64:
@@ -72,22 +58,19 @@ class Landmarks:
         return Landmarks(*(getattr(self, field.name)[which] for field in fields(self)))
 
     def matches(self, found: Flags, rays: F64, noise: tuple[float, float]) -> Matches:
-        """Return some of them with their rays (Nx2) in another frame.
+        """Return the found ones (N flags) with their rays in another frame.
 
-        Args:
-            found: N, which of them.
-            rays: Of these.
-            noise: Standard deviation of a ray to the room, and of one to a person.
+        `noise` are the standard deviations of a ray to the room, and of one to a person.
         """
         some = self.chosen(found)
         noises = np.where(some.people, noise[1], noise[0])
         return Matches(some.rays, rays, some.inverse_depths, some.sigmas, noises, some.people)
 
     def refined(self, found: Flags, fit: MotionFit) -> "Landmarks":
-        """Return them with the depths that a motion tells better than was known.
+        """Return them with the depths that a motion gives better than before.
 
-        Each is put merge of what was known at first and of one motion only, the one that tells
-        most: what many motions from one keyframe get wrong, they get wrong merge.
+        Each combines the first estimate and that of one motion only, the most informative one:
+        errors of many motions from one keyframe are correlated.
         """
         rows = np.flatnonzero(found)[fit.inliers]
         # Errors of the fit are relative to the current estimate, not to the first.
@@ -123,13 +106,7 @@ class Keyframe:
     def project(
         self, fixed_from_base: F64, mount: BaseMount, camera: ReducedCamera
     ) -> tuple[F32, float]:
-        """Return the pixels of its landmarks (Nx2), and the share of them inside the image.
-
-        Args:
-            fixed_from_base: 4x4, predicted pose of the base.
-            mount: Of the camera.
-            camera: Calibration.
-        """
+        """Return the pixels of its landmarks (Nx2), and the share of them inside the image."""
         positions = apply(self._now_from_then(fixed_from_base, mount), self.points.positions_m)
         before = positions[:, 2] > 0.1
         pixels = self.points.pixels.copy()
@@ -145,14 +122,7 @@ class Keyframe:
         mount: BaseMount,
         config: CornerConfig,
     ) -> Landmarks:
-        """Return its landmarks beyond the range of the sensor, as observed from another pose.
-
-        Args:
-            fixed_from_base: 4x4, pose of the base.
-            found: The landmarks that were found again there.
-            mount: Of the camera.
-            config: Uncertainty of depth readings.
-        """
+        """Return its landmarks beyond the range of the sensor, as found again at another pose."""
         old = self.points.chosen(found.rows)
         positions = apply(self._now_from_then(fixed_from_base, mount), old.positions_m)
         improved = (old.sigmas > config.sigma_inverse) & (old.sigmas < IMPROVED * old.first[:, 1])
@@ -170,39 +140,26 @@ class Keyframe:
 
 @dataclass(frozen=True)
 class FoundLandmarks:
-    """Landmarks of a keyframe found in a later frame: N rows, pixels and rays there."""
+    """Landmarks of a keyframe found in a later frame."""
 
-    rows: Indices
-    pixels: F32
-    rays: F64
+    rows: Indices  # N
+    pixels: F32  # [px] Nx2, there
+    rays: F64  # Nx2, there
 
 
 @dataclass(frozen=True)
 class LandmarkCandidates:
-    """Landmarks of a frame that may become a keyframe.
+    """Landmarks of a frame that may become a keyframe."""
 
-    Args:
-        points: Corners whose depth is read, or too far for the sensor.
-        near: Number of those of the room whose depth is read.
-        count: Number of all corners.
-    """
-
-    points: Landmarks
-    near: int
-    count: int
+    points: Landmarks  # corners with a depth reading, or too far for the sensor
+    near: int  # number of those of the room with a depth reading
+    count: int  # number of all corners
 
 
 def detect_landmarks(
     frame: OdometryFrame, grey: U8, camera: ReducedCamera, config: CornerConfig
 ) -> LandmarkCandidates:
-    """Return the landmarks of a frame.
-
-    Args:
-        frame: The frame.
-        grey: Its reduced image.
-        camera: Calibration.
-        config: Selection of corners.
-    """
+    """Return the landmarks of a frame, whose reduced image is given."""
     corners = find_corners(grey, config)
     pixels = camera.to_full(corners)
     depths_m, far = read_depth_m(frame.depth_mm, pixels, config)

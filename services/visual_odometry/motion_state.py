@@ -14,20 +14,12 @@ from services.visual_odometry.twist import adjoint, arc_motion, twist_of
 
 @dataclass(frozen=True)
 class MotionState:
-    """Constant twist, disturbed by white acceleration (docs/method.md section 18).
-
-    Args:
-        stamp_ns: Time of the state.
-        keyframe_from_base: 4x4, the base since the keyframe.
-        twist: 6, vx, vy, vz, wx, wy, wz, frame: the base.
-        P: 2Kx2K, covariance of the free entries of the twist by which the base may be elsewhere,
-            then of the twist itself.
-    """
+    """Constant twist, disturbed by white acceleration (docs/method.md section 18)."""
 
     stamp_ns: int
-    keyframe_from_base: F64
-    twist: F64
-    P: F64
+    keyframe_from_base: F64  # 4x4, the base since the keyframe
+    twist: F64  # 6, vx, vy, vz, wx, wy, wz, frame: the base
+    P: F64  # 2Kx2K, of the free entries of the twist of the pose's error, then of the twist itself
 
 
 def initial_state(stamp_ns: int, free: Indices, config: VisualOdometryConfig) -> MotionState:

@@ -24,15 +24,10 @@ BEHIND = 1e-3  # depth, over that in the keyframe, below which a point is behind
 
 @dataclass(frozen=True)
 class BaseMount:
-    """Mounting of a camera on a base, and the freedom of that base.
+    """Mounting of a camera on a base, and the freedom of that base."""
 
-    Args:
-        base_from_optical: 4x4.
-        planar: True if the base stays on a floor, the plane of its x and y axes.
-    """
-
-    base_from_optical: F64
-    planar: bool
+    base_from_optical: F64  # 4x4
+    planar: bool  # the base stays on a floor, the plane of its x and y axes
 
     @property
     def free(self) -> Indices:
@@ -49,23 +44,14 @@ class BaseMount:
 
 @dataclass(frozen=True)
 class Matches:
-    """Points in a keyframe and in a frame, by N rays each: x / z and y / z, frame: optical.
+    """Points in a keyframe and in a frame, by N rays each: x / z and y / z, frame: optical."""
 
-    Args:
-        then: Nx2.
-        now: Nx2.
-        inverse_depths: N, 1 / z then, in 1/m.
-        sigmas: N, standard deviations of these.
-        noise: N, standard deviations of each coordinate of a ray.
-        people: N, points that may be on people: they count only if they move as the others.
-    """
-
-    then: F64
-    now: F64
-    inverse_depths: F64
-    sigmas: F64
-    noise: F64
-    people: Flags
+    then: F64  # Nx2
+    now: F64  # Nx2
+    inverse_depths: F64  # [1/m] N, 1 / z then
+    sigmas: F64  # [1/m] N, standard deviations of these
+    noise: F64  # N, standard deviations of each coordinate of a ray
+    people: Flags  # N, points that may be on people: they count only if they move as the others
 
 
 @dataclass(frozen=True)
@@ -80,12 +66,7 @@ class Reprojection:
 
 
 class Reprojector:
-    """Reprojects matches.
-
-    Args:
-        matches: The points.
-        mount: Of the camera.
-    """
+    """Reprojects the points of matches."""
 
     def __init__(self, matches: Matches, mount: BaseMount) -> None:
         self.matches, self._mount = matches, mount

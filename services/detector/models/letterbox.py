@@ -69,20 +69,7 @@ class Letterbox:
         return canvas
 
     def to_image(self, positions: npt.ArrayLike) -> F64:
-        """Map positions in the network's input to the image.
-
-        Args:
-            positions: Nx2 (x, y) or Nx4 (xyxy) in pixels of the input.
-
-        Returns:
-            The same in pixels of the image, not clipped.
-        """
+        """Map positions (Nx2 x, y or Nx4 xyxy) in the network's input to the image, unclipped."""
         points = np.asarray(positions, np.float64)
         pairs = (points.reshape(-1, 2) - (self.left, self.top)) / (self.scale_x, self.scale_y)
-        return pairs.reshape(points.shape)
-
-    def to_input(self, positions: npt.ArrayLike) -> F64:
-        """Map positions in the image to the network's input; undoes `to_image`."""
-        points = np.asarray(positions, np.float64)
-        pairs = points.reshape(-1, 2) * (self.scale_x, self.scale_y) + (self.left, self.top)
         return pairs.reshape(points.shape)

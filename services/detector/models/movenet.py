@@ -97,12 +97,10 @@ def check_heads(heads: Mapping[str, Array], size: tuple[int, int], name: str) ->
 
 
 def decode(heads: Mapping[str, Array], limits: Limits) -> MoveNetCandidates:
-    """Read the people from the heads; some may be there twice.
+    """Read the people from the heads (1xCxHxW each); some may be there twice.
 
-    Args:
-        heads: The six raw heads, each 1xCxHxW.
-        limits: A person's score is that of the centre times the mean of the confident keypoints, so
-            centres below the least score need not be read.
+    A person's score is that of the centre times the mean of the confident keypoints, so centres
+    below the least score need not be read.
     """
     rows, columns, scores = find_centres(heads["center"][0, 0], limits.score_min)
     best = np.argsort(-scores, kind="stable")[: CENTRES_PER_PERSON * limits.max_people]

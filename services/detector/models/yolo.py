@@ -70,13 +70,7 @@ class YoloPose:
 
 
 def decode(columns: Array, classes: int, limits: Limits) -> YoloCandidates:
-    """Pick the people from all boxes; the first class is "person".
-
-    Args:
-        columns: RxN, one column a box.
-        classes: Number of class rows.
-        limits: What counts as a person, and as the same one.
-    """
+    """Pick the people from all boxes (RxN, one column a box); the first class is "person"."""
     scores = columns[BOX_ROWS]
     likely = np.flatnonzero(scores >= limits.score_min)
     if classes > 1:

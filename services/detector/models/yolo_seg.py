@@ -103,11 +103,7 @@ def mask_person(found: YoloCandidates, index: int, view: MaskView) -> DetectedPe
 
 
 def each_once(people: Sequence[DetectedPerson]) -> list[DetectedPerson]:
-    """Drop people whose mask is that of a better one, or a part of it.
-
-    Args:
-        people: Best score first.
-    """
+    """Drop people, best first, whose mask is that of a better one, or a part of it."""
     selected: list[DetectedPerson] = []
     for person in people:
         if all(shared_part(person.mask, other.mask) <= SHARED_MAX for other in selected):
@@ -134,15 +130,8 @@ def shared_part(a: InstanceMask | None, b: InstanceMask | None) -> float:
 def draw_mask(box: F64, coefficients: F32, view: MaskView) -> InstanceMask | None:
     """Return the pixels inside a box where the mask is more likely than not.
 
-    The logit is interpolated: it is 0 exactly where its sigmoid is one half.
-
-    Args:
-        box: xyxy in pixels of the image.
-        coefficients: 32 weights of the prototypes.
-        view: The prototypes and the image they are drawn to.
-
-    Returns:
-        The mask, None where the box shows no pixel of the image.
+    The logit is interpolated: it is 0 exactly where its sigmoid is one half. None where the box
+    (xyxy in pixels of the image) has no pixel of the image.
     """
     sides = [view.image_width, view.image_height] * 2
     left, top, right, bottom = np.clip(np.round(box), 0, sides).astype(int)

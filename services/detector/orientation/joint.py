@@ -40,15 +40,7 @@ def joint_yaw(
     confidence_min: float,
     config: BodyModelConfig,
 ) -> YawEstimate | None:
-    """Estimate the yaw of a person from all cues at once.
-
-    Args:
-        keypoints: 17x3, u and v in pixels and confidence, COCO order.
-        layer_m: Depth of the layer that the person is in.
-        image: Depth and calibration.
-        confidence_min: Keypoints must be more confident than this, 0 to 1.
-        config: Appearance of bodies.
-    """
+    """Estimate the yaw of a person from all cues at once; arguments as of `observe_body`."""
     observation = observe_body(keypoints, layer_m, image, confidence_min, config)
     best = best_angle(log_likelihood(observation, image.info.fx, config))
     if best is None:

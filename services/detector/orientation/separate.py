@@ -56,16 +56,9 @@ class YawPair:
 def separate_yaws(
     keypoints: F32, image: DepthImage, config: OrientationConfig, used: KeypointConfig
 ) -> YawPair:
-    """Measure the yaw of a person in two ways.
+    """Estimate the yaw of a person by two methods.
 
-    Args:
-        keypoints: 17x3, u and v in pixels and confidence, COCO order.
-        image: Depth and calibration.
-        config: The parts and constants of the method.
-        used: Keypoints that count, and how their depth is read.
-
-    Source:
-        docs/method.md section 6 [PIC4SeR].
+    Keypoints are 17x3, u and v in pixels and confidence, COCO order; `used` are those that count.
     """
     psi_1 = psi_2 = None
     if config.vector:
@@ -82,9 +75,8 @@ def separate_yaws(
 def vector_yaw(points_m: F64, config: OrientationConfig) -> YawEstimate | None:
     """Return psi_1 = atan2(d_x, -d_y), d = p_right - p_left of the shoulders, else of the hips.
 
-    Args:
-        points_m: 17x3 keypoints in metres, body frame of the camera, NaN where unknown.
-        config: A shorter d than its baseline is refused: one point hides the other.
+    A d shorter than the baseline is refused: one point hides the other. Keypoints are 17x3 in
+    metres, body frame of the camera, NaN where unknown.
     """
     pairs = (points_m[right] - points_m[left] for left, right in (SHOULDERS, HIPS))
     d = next((pair for pair in pairs if np.isfinite(pair).all()), np.zeros(3))
@@ -104,12 +96,7 @@ def ratio_yaw(
 ) -> YawEstimate | None:
     """Return psi_2, its magnitude by the body's proportions and its sign by the face or psi_1.
 
-    Args:
-        keypoints: 17x3, u and v in pixels and confidence.
-        pixels: 17x2, u and v, NaN where the keypoint does not count.
-        ray_rad: Direction from which psi_2 counts.
-        psi_1: The other estimate.
-        config: The constants of the method.
+    Pixels (17x2) are NaN where the keypoint does not count; psi_2 counts from `ray_rad`.
     """
     d_sh = torso_height(pixels)
     magnitude_rad = ratio_angle(pixels, d_sh, config) if d_sh >= config.torso_min_px else None
@@ -126,24 +113,14 @@ def ratio_yaw(
 
 
 def torso_height(pixels: F64) -> float:
-    """Return d_sh, the height of the shoulders above the hips, in pixels; -inf if unknown.
-
-    Args:
-        pixels: 17x2, u and v, NaN where unknown.
-    """
+    """Return d_sh, the height of the shoulders above the hips, in pixels; -inf if unknown."""
     heights = pixels[list(HIPS), 1] - pixels[list(SHOULDERS), 1]
     heights = heights[np.isfinite(heights)]
     return float(heights.mean()) if len(heights) else -math.inf
 
 
 def ratio_angle(pixels: F64, d_sh: float, config: OrientationConfig) -> float | None:
-    """Return |psi_2|, the mean of arccos(r_s) and arccos(r_h), from the line of sight, 0 to pi.
-
-    Args:
-        pixels: 17x2, u and v, NaN where unknown.
-        d_sh: Height of the torso in pixels.
-        config: The largest ratios of the human body.
-    """
+    """Return |psi_2|, the mean of arccos(r_s) and arccos(r_h), from the line of sight, 0 to pi."""
     widths = np.array([pixels[right, 0] - pixels[left, 0] for left, right in (SHOULDERS, HIPS)])
     ratios = widths / d_sh / (config.shoulder_ratio_max, config.hip_ratio_max)
     ratios = ratios[np.isfinite(ratios)]
@@ -155,11 +132,6 @@ def face_sign(keypoints: F32, d_sh: float, config: FaceConfig) -> int:
 
     Visible (eq. 4.17): + if the left eye or ear is visible and the right ear is not, - for the
     opposite. Both eyes without any ear fulfil both and give 0.
-
-    Args:
-        keypoints: 17x3, u and v in pixels and confidence.
-        d_sh: Height of the torso in pixels.
-        config: The cue and its constants.
     """
     visible = keypoints[:, 2] > config.confidence_min
     if config.cue == "visible":

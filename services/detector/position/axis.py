@@ -45,13 +45,7 @@ def surface_to_axis(right_m: F64, relative_rad: float | None, config: EllipseCon
 
 
 def move_to_axis(position_m: F64, yaw_rad: float | None, config: EllipseConfig) -> F64:
-    """Return the position on the axis behind a point on the surface.
-
-    Args:
-        position_m: 3, optical frame.
-        yaw_rad: Yaw in the camera's body frame (0 = along its axis, + to the left), or None.
-        config: Cross section of the torso.
-    """
+    """Return the position on the axis behind a point on the surface; yaw in the camera's frame."""
     behind_m = surface_to_axis(np.zeros(1), relative_yaw(position_m, yaw_rad), config)[0]
     moved: F64 = position_m * (1 + behind_m / math.hypot(position_m[0], position_m[2]))
     return moved
@@ -81,13 +75,9 @@ def joint_sigma(z_m: float, info: CameraInfo, config: UncertaintyConfig) -> floa
 
 
 def variance_along(z_m: float, readings_m: F64, sigma_m: float, config: UncertaintyConfig) -> float:
-    """Return the variance, in m^2, along the line of sight of the mean of N readings.
+    """Return the variance, in m^2, of the mean of N readings along the line of sight.
 
-    Args:
-        z_m: Depth of the person.
-        readings_m: N, independent readings of the depth.
-        sigma_m: Standard deviation that all readings share besides that of the body.
-        config: Standard deviations of readings and bodies.
+    All readings share `sigma_m` besides the standard deviation of the body.
     """
     count = len(readings_m)
     sensor_m2 = (config.depth_per_m * z_m**2) ** 2 / count

@@ -51,13 +51,9 @@ class PositionEstimator:
         image: DepthImage,
         yaw_rad: float | None,
     ) -> PositionEstimate | None:
-        """Return the position of one person; None without valid depth.
+        """Return the position of one person, yaw in the camera's frame; None without valid depth.
 
-        Args:
-            person: In the image.
-            torso: From `torsos`; needed for the method "torso" only.
-            image: Depth and calibration.
-            yaw_rad: Yaw in the camera's body frame; None if unknown.
+        The torso, from `torsos`, is needed for the method "torso" only.
         """
         if self._config.position != "torso":
             return self._from_surface(person, image, yaw_rad)

@@ -81,10 +81,7 @@ def read_layer(
 ) -> F64:
     """Return the depth at N pixels (Nx2, u and v) by the readings of one layer only.
 
-    At an outline that is the person's side of it.
-
-    Returns:
-        N in metres, NaN where no reading of the window lies in the layer.
+    At an outline that is the person's side of it. NaN where no reading lies in the layer.
     """
     height, width = image.depth_mm.shape
     left, top = np.maximum(np.rint(pixels.min(axis=0)).astype(int) - window_px, 0)

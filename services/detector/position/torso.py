@@ -126,14 +126,7 @@ class TorsoEstimator:
     def estimate(
         self, torso: TorsoJoints, layer: PersonLayer, image: DepthImage, yaw_rad: float | None
     ) -> PositionEstimate:
-        """Return the position of a torso by its joints.
-
-        Args:
-            torso: In the image.
-            layer: Of the person.
-            image: The depth.
-            yaw_rad: Yaw in the camera's body frame; None if unknown.
-        """
+        """Return the position of a torso by its joints; yaw in the camera's body frame."""
         joints_m = deproject(torso.joints_px, np.full(4, layer.depth_m), image.info)[:, :2]
         sigma_m = joint_sigma(layer.depth_m, image.info, self._uncertainty)
         middle_m, across_m2 = torso_middle(

@@ -15,7 +15,7 @@ def test_camera_image_in_the_default_input() -> None:
     box = Letterbox.fit((480, 640), (256, 320))
     assert (box.height, box.width, box.top, box.left) == (240, 320, 8, 0)
     # The point (100, 60) of the image lies at (50, 30 + 8).
-    np.testing.assert_allclose(box.to_input([[100.0, 60.0]]), [[50.0, 38.0]])
+    np.testing.assert_allclose(box.to_image([[50.0, 38.0]]), [[100.0, 60.0]])
 
 
 def test_rounded_sides_have_factors_of_their_own() -> None:
@@ -32,19 +32,10 @@ def test_corners_of_the_image_are_the_corners_of_the_letterbox(
 ) -> None:
     box = Letterbox.fit((height, width), (input_height, input_width))
     letterbox = [box.left, box.top, box.left + box.width, box.top + box.height]
-    np.testing.assert_allclose(box.to_input([0, 0, width, height]), letterbox, atol=1e-9)
     np.testing.assert_allclose(box.to_image(letterbox), [0, 0, width, height], atol=1e-6)
     assert min(box.top, box.left) >= 0
     assert box.top + box.height <= input_height
     assert box.left + box.width <= input_width
-
-
-@given(SIDE, SIDE, INPUT_SIDE, INPUT_SIDE, st.floats(-5000, 5000), st.floats(-5000, 5000))
-def test_there_and_back(
-    height: int, width: int, input_height: int, input_width: int, x: float, y: float
-) -> None:
-    box = Letterbox.fit((height, width), (input_height, input_width))
-    np.testing.assert_allclose(box.to_image(box.to_input([[x, y]])), [[x, y]], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -68,7 +59,7 @@ def test_pixels_land_where_positions_do(
     x = moments["m10"] / moments["m00"] + 0.5
     y = moments["m01"] / moments["m00"] + 0.5
     # Half a pixel missed on either side would show as at least 0.16; sampling costs 0.05.
-    np.testing.assert_allclose(box.to_input([[140.0, 230.0]]), [[x, y]], atol=0.08)
+    np.testing.assert_allclose(box.to_image([[x, y]]), [[140.0, 230.0]], atol=0.08 / box.scale_x)
 
 
 def test_bars_have_the_given_grey() -> None:
