@@ -20,7 +20,7 @@ from common.geometry.transforms import wrap
 from people4d.messages import F32, F64
 from services.detector.config import BodyModelConfig, JointPairConfig
 from services.detector.orientation.angle import YawEstimate
-from services.detector.orientation.observation import BodyObservation, observe_body
+from services.detector.orientation.observation import YawObservation, observe_body
 from services.detector.position.surface import DepthImage
 
 STEP_DEG = 3
@@ -51,7 +51,7 @@ def joint_yaw(
     return YawEstimate(wrap(best.rad + observation.ray_rad), sigma_rad)
 
 
-def log_likelihood(observation: BodyObservation, fx: float, config: BodyModelConfig) -> F64:
+def log_likelihood(observation: YawObservation, fx: float, config: BodyModelConfig) -> F64:
     """Return the logarithm of the likelihood of each of `ANGLES`; fx in pixels."""
     total: F64 = sum(_cues(observation, fx, config), np.zeros(len(ANGLES)))
     swapped = np.roll(total, len(ANGLES) // 2)
@@ -88,7 +88,7 @@ def along(pair: JointPairConfig, hiding_m: float) -> F64:
     return expected_m
 
 
-def _cues(observation: BodyObservation, fx: float, config: BodyModelConfig) -> Iterator[F64]:
+def _cues(observation: YawObservation, fx: float, config: BodyModelConfig) -> Iterator[F64]:
     """Yield the log likelihoods by shoulders, hips and head."""
     z_m = observation.z_m
     used = {"shoulders": config.use_shoulders, "hips": config.use_hips}
@@ -106,7 +106,7 @@ def _cues(observation: BodyObservation, fx: float, config: BodyModelConfig) -> I
         yield _head(observation, config)
 
 
-def _head(observation: BodyObservation, config: BodyModelConfig) -> F64:
+def _head(observation: YawObservation, config: BodyModelConfig) -> F64:
     """Return the log likelihood by the head, which is turned on the chest at times."""
     forward, left = observation.ears_m / config.ears_m, observation.nose_m / config.nose_m
     size = max(math.hypot(forward, left), 0.3)
@@ -115,7 +115,7 @@ def _head(observation: BodyObservation, config: BodyModelConfig) -> F64:
     return _log(error_rad, sigma_rad, config.outliers_head, 2 * math.pi)
 
 
-def _face_confidence(observation: BodyObservation, config: BodyModelConfig) -> F64:
+def _face_confidence(observation: YawObservation, config: BodyModelConfig) -> F64:
     """Return the log likelihood by the network's confidence of the face."""
     expected = config.face_front + (config.face_back - config.face_front) * FROM_BEHIND
     error = observation.face - expected
@@ -155,7 +155,7 @@ def best_angle(log_p: F64) -> YawEstimate | None:
     return YawEstimate(wrap(best + mean), math.sqrt(variance + math.radians(STEP_DEG) ** 2 / 12))
 
 
-def sigma_factor(observation: BodyObservation, config: BodyModelConfig) -> float:
+def sigma_factor(observation: YawObservation, config: BodyModelConfig) -> float:
     """Return the factor by which sigma grows where the network is not confident of the joints."""
     if not 0 < observation.side < config.side_confidence_min:
         return 1.0

@@ -39,7 +39,7 @@ class JointOffset:
 
 
 @dataclass(frozen=True, slots=True)
-class BodyObservation:
+class YawObservation:
     """Measurements of one person."""
 
     z_m: float  # [m] depth of the person
@@ -57,7 +57,7 @@ def observe_body(
     image: DepthImage,
     confidence_min: float,
     config: BodyModelConfig,
-) -> BodyObservation:
+) -> YawObservation:
     """Measure a body.
 
     Args:
@@ -85,7 +85,7 @@ def observe_body(
         along_m = deep_m / math.cos(ray_rad) - wide_m * math.tan(ray_rad)
         pairs[name] = JointOffset(wide_m, along_m)
     ears_m, confidence = across_m[[LEFT_EAR, RIGHT_EAR]], keypoints[:, 2].astype(np.float64)
-    return BodyObservation(
+    return YawObservation(
         z_m=layer_m,
         pairs=pairs,
         nose_m=float(ears_m.mean() - across_m[NOSE]),

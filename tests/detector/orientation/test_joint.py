@@ -19,7 +19,7 @@ from services.detector.orientation.joint import (
     log_likelihood,
     sigma_factor,
 )
-from services.detector.orientation.observation import BodyObservation, JointOffset, observe_body
+from services.detector.orientation.observation import JointOffset, YawObservation, observe_body
 from services.detector.position.surface import DepthImage
 
 CONFIG = BodyModelConfig()
@@ -37,7 +37,7 @@ INFO = CameraInfo(
     cy=240.0,
 )
 UNKNOWN = JointOffset(math.nan, math.nan)
-NOTHING = BodyObservation(3.0, {"shoulders": UNKNOWN, "hips": UNKNOWN}, math.nan, math.nan)
+NOTHING = YawObservation(3.0, {"shoulders": UNKNOWN, "hips": UNKNOWN}, math.nan, math.nan)
 MIRRORED = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
 
 
@@ -46,7 +46,7 @@ def at(values: F64, angle_deg: int) -> float:
     return float(values[(angle_deg + 180) // 3 % len(ANGLES)])
 
 
-def observation(angle_deg: int, **changed: Any) -> BodyObservation:
+def observation(angle_deg: int, **changed: Any) -> YawObservation:
     """Return the expected observation of a body at an angle."""
     pairs = {
         name: JointOffset(at(across(pair), angle_deg), at(along(pair, CONFIG.hiding_m), angle_deg))
@@ -60,10 +60,10 @@ def observation(angle_deg: int, **changed: Any) -> BodyObservation:
         "nose_m": nose_m,
         "ears_m": ears_m,
     } | changed
-    return BodyObservation(**fields)
+    return YawObservation(**fields)
 
 
-def found_deg(body: BodyObservation, rule: BodyModelConfig = CONFIG) -> float:
+def found_deg(body: YawObservation, rule: BodyModelConfig = CONFIG) -> float:
     best = best_angle(log_likelihood(body, FX, rule))
     assert best is not None
     return math.degrees(best.rad)
@@ -162,7 +162,7 @@ def scene(right_m: float = -0.3, hidden: bool = False) -> tuple[F32, U16]:
     return keypoints, depth
 
 
-def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> BodyObservation:
+def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> YawObservation:
     """Return the observation by a camera whose axis is turned so far from the body."""
     info = replace(INFO, cx=INFO.cx + FX * math.tan(ray_rad))
     return observe_body(keypoints, 3.0, DepthImage(depth, info), 0.3, CONFIG)
@@ -213,5 +213,5 @@ def test_an_empty_depth_image_gives_no_yaw_by_shoulders_and_hips() -> None:
     assert joint_yaw(keypoints, 3.0, DepthImage(np.zeros_like(depth), INFO), 0.3, CONFIG) is None
 
 
-def replace_fields(body: BodyObservation, **changed: Any) -> BodyObservation:
-    return BodyObservation(**{f: getattr(body, f) for f in BodyObservation.__slots__} | changed)
+def replace_fields(body: YawObservation, **changed: Any) -> YawObservation:
+    return YawObservation(**{f: getattr(body, f) for f in YawObservation.__slots__} | changed)
