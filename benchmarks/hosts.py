@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.lib.namespaces import Link, hosts, missing
+from scripts.namespaces import Link, hosts, missing
 from benchmarks.lib.site import PATIENCE_S, ROOT, Heard, Log, Site
 from benchmarks.lib.table import markdown, quantiles, write
 from common.io.recording import open_recording

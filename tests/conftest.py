@@ -1,10 +1,12 @@
-"""What several tests need."""
+"""Fixtures of several folders of tests."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests import SHARED
+from tests.network import Network
 
 
 @pytest.fixture(scope="session")
@@ -13,3 +15,11 @@ def shared() -> Path:
     if not (SHARED / "data").is_dir():
         pytest.skip("reference data (../shared) is not beside the repository")
     return SHARED
+
+
+@pytest.fixture(scope="module")
+def network() -> Iterator[Network]:
+    """Router on the loopback interface, and the sessions opened through it."""
+    network = Network()
+    yield network
+    network.close()

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.lib.namespaces import ADDRESSES, Hosts, stop
+from scripts.namespaces import ADDRESSES, Hosts, stop
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / "deploy" / "hosts"

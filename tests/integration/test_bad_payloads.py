@@ -2,7 +2,7 @@
 
 import random
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -47,13 +47,6 @@ def bad_payloads(topic: Topic) -> list[bytes]:
         b"\x91" * 5000,
         *(chance.randbytes(length) for length in (1, 100, 100_000)),
     ]
-
-
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
 
 
 @pytest.mark.parametrize("service", ["all", *SERVICES])

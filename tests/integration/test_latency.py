@@ -1,78 +1,89 @@
-"""Real processes on a live camera: nothing of a frame's latency is unexplained."""
+"""Latency of real processes on a live camera: named stages explain all of it."""
 
 import json
 import time
+from collections.abc import Sequence
 from statistics import mean
 
 import pytest
 
-from benchmarks.lib.live_camera import LiveDemo
-from benchmarks.lib.system import running
 from common.runtime.latency import segments
+from common.transport.clock import serve_time
 from common.transport.trace import STAGES, ProcessId, Tracer
 from deploy.chrome_trace import KINDS, FrameTraces
 from deploy.monitor import of_frame
+from people4d.client import Client
 from people4d.messages import Detections, Tracks
 from people4d.queue import Arrival
 from tests.deploy.test_trace_file import check, names
+from tests.integration.processes import LiveCamera, pipeline
+from tests.network import Network
 
 FRAMES = 20
 WARM_UP = 5
-CAMERA = f"source={LiveDemo.__module__}:{LiveDemo.__name__}"
-SERVICES = (
-    *(("tracker", ()), ("reid", ()), ("detector", ())),
-    ("camera", (CAMERA, "options.rate_hz=4", "options.pictures=4")),
-)
+SERVICES: dict[str, Sequence[str]] = {
+    "tracker-1": (),
+    "reid-1": (),
+    "detector-1": (),
+    "camera-1": (
+        f"source={LiveCamera.__module__}:{LiveCamera.__name__}",
+        "options.rate_hz=4",
+    ),
+}
 
 
 @pytest.fixture(scope="module")
-def arrivals(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Arrival, int]]:
-    """What came of a run, each with the wall clock when it was taken [ns]."""
-    came, frames = list[tuple[Arrival, int]](), 0
-    with running(SERVICES, tmp_path_factory.mktemp("logs")) as client:
-        for arrival in client.arrivals(*KINDS, timeout_s=20):
-            came.append((arrival, time.time_ns()))
-            frames += isinstance(arrival.message, Tracks) and of_frame(arrival.message.trace)
-            if frames == FRAMES:
-                break
+def arrivals(
+    network: Network, tmp_path_factory: pytest.TempPathFactory
+) -> list[tuple[Arrival, int]]:
+    """Messages of a run, each with the wall clock when it was read [ns]."""
+    received, frames, robot = list[tuple[Arrival, int]](), 0, network.robot()
+    serve_time(network.open(robot))  # as the process of a router does
+    with Client(network.endpoint, robot) as client:
+        arriving = client.arrivals(*KINDS, timeout_s=20)
+        with pipeline(network, robot, SERVICES, str(tmp_path_factory.mktemp("state"))):
+            for arrival in arriving:
+                received.append((arrival, time.time_ns()))
+                frames += isinstance(arrival.message, Tracks) and of_frame(arrival.message.trace)
+                if frames == FRAMES:
+                    break
     assert frames == FRAMES
-    return came
+    return received
 
 
-def test_the_stages_of_frames_add_up_to_the_time_since_their_acquisition(
+def test_stages_of_frames_sum_to_the_time_since_acquisition(
     arrivals: list[tuple[Arrival, int]],
 ) -> None:
-    """Stages that are named against two stamps that they do not enter: camera's and ours.
+    """Named stages sum to the difference of two independent stamps: the camera's and the client's.
 
-    What processes do between their stages, `other`, is left out of the sum, so that a stage that
-    nobody measures shows.
+    Time between stages, `other`, is left out of the sum, so that a stage without a span shows.
     """
     tracer = Tracer(ProcessId("here", "here", "here"))
-    named_ms, end_to_end_ms, seen = list[float](), list[float](), set[str]()
+    named_ms, end_to_end_ms, stages = list[float](), list[float](), set[str]()
     for arrival, now_ns in arrivals:
         message = arrival.message
         if not isinstance(message, Tracks) or not of_frame(message.trace):
             continue
         taken = tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
-        way = segments(taken.trace)
-        assert all(part.end_ns >= part.start_ns for part in way), "on one host time goes on"
-        assert way[0].start_ns == message.stamp_ns, "latency counts from the acquisition"
-        named_ms.append(sum(part.ms for part in way if part.stage != "other"))
+        path = segments(taken.trace)
+        assert all(part.end_ns >= part.start_ns for part in path), "one host has one clock"
+        assert path[0].start_ns == message.stamp_ns, "latency counts from the acquisition"
+        named_ms.append(sum(part.ms for part in path if part.stage != "other"))
         end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
-        seen |= {part.name for part in way}
+        stages |= {part.name for part in path}
     assert mean(named_ms[WARM_UP:]) == pytest.approx(mean(end_to_end_ms[WARM_UP:]), rel=0.03)
-    assert {name.partition(".")[2] for name in seen} <= set(STAGES)
+    assert {name.partition(".")[2] for name in stages} <= set(STAGES)
     work = {"detector.inference", "detector.postprocess", "detector.hand_over", "detector.crops"}
     work |= {"camera.capture", "camera.release", "reid.embedding", "tracker.association"}
-    ways = {
+    paths = {
         f"{service}.{stage}"
         for service in ("detector", "reid", "tracker")
         for stage in ("transport", "decode", "queue", "publish")
     }
-    assert work | ways | {"camera.publish"} <= seen
+    assert work | paths | {"camera.publish"} <= stages
 
 
-def test_perfetto_can_read_the_frames_of_real_processes(
+def test_trace_file_of_real_processes_is_valid(
     arrivals: list[tuple[Arrival, int]],
 ) -> None:
     traces = FrameTraces()
@@ -91,8 +102,8 @@ def test_perfetto_can_read_the_frames_of_real_processes(
     assert 2 * FRAMES < arrows <= 3 * len(traces.traces)
 
 
-def test_placing_people_is_beside_the_way(arrivals: list[tuple[Arrival, int]]) -> None:
-    """Their pictures go to re-identification before: what is told of it comes with Detections."""
+def test_localisation_runs_beside_reid(arrivals: list[tuple[Arrival, int]]) -> None:
+    """Crops go to re-identification first; the span of localisation comes with Detections."""
     for arrival, _ in arrivals:
         if isinstance(arrival.message, Detections):
             stages = [span.stage for span in arrival.message.trace]

@@ -2,23 +2,14 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
 
 import numpy as np
-import pytest
 
 from people4d.messages import Track, Tracks
 from tests import ROOT
 from tests.network import Network
 
 EXAMPLE = ROOT / "docs" / "examples" / "planner.py"
-
-
-@pytest.fixture
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
 
 
 def people(sequence: int) -> Tracks:

@@ -1,27 +1,29 @@
-"""Real processes that share work: one is stopped, killed, added and ended while messages come."""
+"""Replicas as real processes: stopped, killed, added and ended while messages arrive."""
 
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import msgspec
 import pytest
 
-from benchmarks.replicas import play
-from people4d.messages import Embeddings, Health
+from people4d.codec import encode
+from people4d.messages import Embeddings, Health, Tracks
 from tests.contract.examples import BY_NAME
+from tests.integration.processes import StoredCamera, pipeline, start, wait_ready
 from tests.network import Network, Watcher
 
 # A replica that fails is replaced within 1.5 s; on a busy machine it may take this much longer.
 REPLACED_S = 4.0
+FRAMES = 12  # of StoredCamera
 
 
 class Reids:
-    """Processes of the re-identification, and someone who sends crops and reads the answers."""
+    """Replicas of re-identification, a publisher of crops and a subscriber to embeddings."""
 
     def __init__(self, network: Network) -> None:
         self._robot = network.robot()
@@ -33,19 +35,13 @@ class Reids:
         self.answers: Counter[int] = Counter()
 
     def start(self, name: str) -> None:
-        self.processes[name] = subprocess.Popen(
-            [sys.executable, "-m", "services.reid", "--robot", self._robot, "--instance", name],
-            env={**os.environ, **self._network.environment, "OMP_NUM_THREADS": "1"},
-        )
+        self.processes[name] = start(self._network, self._robot, name)
 
     def wait_ready(self, name: str) -> None:
-        # Without crops it is degraded, which is as ready as it can be.
-        self._watcher.wait(
-            Health, lambda h: h.instance == name and h.state in ("ready", "degraded")
-        )
+        wait_ready(self._watcher, {name})
 
     def ask(self) -> tuple[str, float]:
-        """Send the crops of one frame; return who answered first, and after how long [s]."""
+        """Send the crops of one frame; return the first replica that answers, and its delay [s]."""
         number, start_s = self._sent, time.monotonic()
         crops = BY_NAME["Crops"]
         self._bus.publish(msgspec.structs.replace(crops, sequence=number, stamp_ns=number))
@@ -72,17 +68,15 @@ class Reids:
 
 
 @pytest.fixture
-def reids() -> Iterator[Reids]:
-    network = Network()
+def reids(network: Network) -> Iterator[Reids]:
     started = Reids(network)
     try:
         yield started
     finally:
         started.close()
-        network.close()
 
 
-def test_work_is_shared_and_taken_over(reids: Reids) -> None:
+def test_work_is_divided_among_replicas_and_taken_over_on_failure(reids: Reids) -> None:
     for name in ("reid-1", "reid-2"):
         reids.start(name)
     for name in ("reid-1", "reid-2"):
@@ -123,7 +117,27 @@ def test_work_is_shared_and_taken_over(reids: Reids) -> None:
     assert sum(reids.answers.values()) - len(reids.answers) <= 1  # at most one twice, at the change
 
 
-def test_two_detectors_give_the_same_tracks_as_one() -> None:
-    one, two = (play("movenet-multipose", detectors, frames=12) for detectors in (1, 2))
-    assert len(one.tracks) == 12
-    assert one.tracks == two.tracks
+def test_two_detectors_give_the_same_tracks_as_one(network: Network, tmp_path: Path) -> None:
+    one, two = (tracks_of(network, detectors, tmp_path / str(detectors)) for detectors in (1, 2))
+    assert one == two
+
+
+def tracks_of(network: Network, detectors: int, state: Path) -> list[bytes]:
+    """Return the tracks of every frame in lock-step, encoded without their traces."""
+    robot = network.robot()
+    services: dict[str, Sequence[str]] = {
+        "tracker-1": ("embedding_wait_s=60.0", "reorder_wait_s=60.0"),  # no frame is skipped
+        "reid-1": (),
+        **{f"detector-{k + 1}": () for k in range(detectors)},
+        "camera-1": (
+            f"source={StoredCamera.__module__}:{StoredCamera.__name__}",
+            *("playback=lockstep", "window=4", "answer_timeout_s=60.0"),
+        ),
+    }
+    watcher = Watcher(network.open(robot, "peer"), Tracks)  # a router may drop in a rush
+    found = dict[int, bytes]()  # a prediction has the number of the last frame
+    with pipeline(network, robot, services, str(state)):
+        while len(found) < FRAMES:
+            tracks = watcher.wait(Tracks)
+            found.setdefault(tracks.sequence, encode(msgspec.structs.replace(tracks, trace=())))
+    return list(found.values())

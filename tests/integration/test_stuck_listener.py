@@ -6,9 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 
-import pytest
 import zenoh
 
 from common.transport.zenoh_bus import read_config
@@ -28,13 +26,6 @@ with zenoh.open(config) as session:
     print("heard", flush=True)
     time.sleep(60)
 """
-
-
-@pytest.fixture
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
 
 
 def open_session(network: Network) -> zenoh.Session:

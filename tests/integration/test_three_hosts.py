@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.lib.namespaces import Hosts, hosts, missing
+from scripts.namespaces import Hosts, hosts, missing
 from tests import ROOT
 
 BLOCK = re.compile(r"^```sh on=(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

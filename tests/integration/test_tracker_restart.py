@@ -1,16 +1,13 @@
 """A tracker process that is killed or hangs, and what its successor knows."""
 
 import contextlib
-import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import pytest
-
 from people4d.messages import Health, Message, Tracks
+from tests.integration.processes import start
 from tests.network import Network, Watcher
 from tests.tracker.test_node import TRANSFORM, looks, person, seen
 
@@ -24,14 +21,15 @@ class Feeding:
         self.robot = network.robot()
         self.bus = network.open(self.robot)
         self.watcher = Watcher(self.bus, Tracks, Health)
-        self._environment = os.environ | network.environment | {"PEOPLE4D_STATE": str(folder)}
+        self._network, self._folder = network, str(folder)
 
     @contextlib.contextmanager
     def tracker(self) -> Iterator[subprocess.Popen[bytes]]:
         """Run a tracker; the block begins when it listens, and ends with its death."""
-        command = [sys.executable, "-m", "services.tracker", "--instance", "tracker-1"]
-        command += ["--robot", self.robot, "--set", "embedding_wait_s=1.0"]
-        with subprocess.Popen(command, env=self._environment) as process:
+        settings = ("embedding_wait_s=1.0",)
+        with start(
+            self._network, self.robot, "tracker-1", settings, PEOPLE4D_STATE=self._folder
+        ) as process:
             try:
                 self.watcher.wait(Health, lambda h: h.pid == process.pid)
                 yield process
@@ -50,13 +48,6 @@ class Feeding:
 
 def is_number(number: int) -> Callable[[Message], bool]:
     return lambda message: message.sequence == number
-
-
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
 
 
 def test_a_killed_tracker_knows_its_people_again_and_gives_no_identity_twice(

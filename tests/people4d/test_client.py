@@ -17,13 +17,6 @@ from tests.contract.examples import BY_NAME
 from tests.network import Network
 
 
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
-
-
 @pytest.fixture
 def talking(network: Network) -> Iterator[str]:
     """Name of a robot that tells its people and its health again and again."""

@@ -195,13 +195,6 @@ def test_wheels_that_are_joints_make_odometry() -> None:
     assert got.theta_rad == pytest.approx(0.5)
 
 
-@pytest.fixture
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
-
-
 class OneFrame(MemorySource):
     """A camera that saw something once, and then nothing until it is closed."""
 

@@ -23,13 +23,6 @@ PROCESS_ID = ProcessId("detector", "detector-1", "robot")
 NO_CLOCK = {"clock_steps": 0, "bad_clock": 0}
 
 
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
-
-
 class Beating:
     """A node whose heart beats, and a watcher on the same session."""
 

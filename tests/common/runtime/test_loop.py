@@ -29,13 +29,6 @@ from tests.network import WAIT_S, Network, Watcher
 PROCESS_ID = ProcessId("echo", "echo-1", "robot")
 
 
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
-
-
 @pytest.fixture(autouse=True)
 def quick_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("common.runtime.heartbeat.PERIOD_S", 0.05)

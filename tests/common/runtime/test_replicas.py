@@ -58,13 +58,6 @@ class Group:
             assert not thread.is_alive()
 
 
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
-
-
 @pytest.fixture
 def group(network: Network) -> Iterator[Group]:
     with contextlib.closing(Group(network)) as made:

@@ -1,11 +1,10 @@
 """Of two threads none takes a frame that a newer one may still replace."""
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import msgspec
-import pytest
 
 from common.runtime.node import LoopCallbacks
 from people4d.messages import Message, RgbdFrame, Truth
@@ -13,13 +12,6 @@ from tests.common.nodes import Echo
 from tests.common.runtime.test_loop import running
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network
-
-
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
 
 
 class Heavy(Echo):

@@ -4,7 +4,6 @@ import json
 import re
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -20,13 +19,6 @@ from people4d.messages import CameraInfo, Message, RgbdFrame, StaticTransform, T
 from people4d.topics import BY_NAME, LOCKSTEP_MAX
 from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.network import WAIT_S, Network, Watcher
-
-
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
 
 
 def numbered(name: str, sequence: int) -> Message:

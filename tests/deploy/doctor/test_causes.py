@@ -88,13 +88,6 @@ def tracker() -> Node:
     return TrackerNode(config, make_tracker(config))
 
 
-@pytest.fixture(scope="module")
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
-
-
 @pytest.fixture(autouse=True)
 def quick_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("common.runtime.heartbeat.PERIOD_S", 0.1)

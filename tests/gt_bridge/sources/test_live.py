@@ -151,13 +151,6 @@ def test_the_chain_from_mocap_over_the_camera_to_the_map() -> None:
     assert live.status().state == "ready"
 
 
-@pytest.fixture
-def network() -> Iterator[Network]:
-    network = Network()
-    yield network
-    network.close()
-
-
 @contextmanager
 def bridge(network: Network, robot: str) -> Iterator[None]:
     command = [sys.executable, "-m", "services.gt_bridge", "--robot", robot]

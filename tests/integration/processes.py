@@ -1,0 +1,111 @@
+"""Services as processes without a launcher, and cameras that play the demo from memory."""
+
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from itertools import count, islice
+
+from people4d.messages import Health
+from services.camera.recording import RecordingOptions, RecordingSource
+from services.camera.source import Source, SourceFrame
+from tests import DEMO
+from tests.network import Network, Watcher
+
+
+class StoredCamera(Source):
+    """The first frames of the demo recording with their own stamps.
+
+    Args:
+        frames: Number of frames held in memory.
+        stride: Frames of the recording from one to the next.
+    """
+
+    def __init__(self, frames: int = 12, stride: int = 1) -> None:
+        recording = RecordingSource(DEMO, RecordingOptions())
+        self.info, self.transforms = recording.info, recording.transforms
+        items = (item for item in recording if isinstance(item, SourceFrame))
+        self._frames = list(islice(items, 0, frames * stride, stride))
+
+    def __iter__(self) -> Iterator[SourceFrame]:
+        return iter(self._frames)
+
+
+class LiveCamera(StoredCamera):
+    """Four frames of the demo recording over and over, stamped when they are released.
+
+    Args:
+        rate_hz: Frames in a second.
+    """
+
+    live = True
+
+    def __init__(self, rate_hz: float) -> None:
+        super().__init__(frames=4, stride=5)
+        self._period_s = 1 / rate_hz
+
+    def __iter__(self) -> Iterator[SourceFrame]:
+        begin_s = time.monotonic()
+        for number in count():
+            time.sleep(max(0.0, begin_s + number * self._period_s - time.monotonic()))
+            frame = self._frames[number % len(self._frames)]
+            yield SourceFrame(frame.rgb, frame.depth_mm, time.time_ns())
+
+
+def start(
+    network: Network, robot: str, instance: str, settings: Sequence[str] = (), **environment: str
+) -> "subprocess.Popen[bytes]":
+    """Start the process of a service.
+
+    Args:
+        network: Router that it connects to.
+        robot: Name of the robot.
+        instance: Service and number, for example "detector-1".
+        settings: "field=value" of its configuration.
+        environment: Variables beside those of this process.
+    """
+    service = instance.partition("-")[0]
+    command = [sys.executable, "-m", f"services.{service}", "--robot", robot]
+    command += ["--instance", instance]
+    command += [flag for setting in settings for flag in ("--set", setting)]
+    environment = network.environment | {"OMP_NUM_THREADS": "1"} | environment
+    return subprocess.Popen(command, env=os.environ | environment)
+
+
+def wait_ready(watcher: Watcher, instances: set[str]) -> None:
+    """Wait until processes are ready, or degraded: as ready as they are without their inputs."""
+    waiting = set(instances)
+    while waiting:
+        health = watcher.wait(Health, lambda h: h.state in ("ready", "degraded"))
+        waiting.discard(health.instance)
+
+
+@contextlib.contextmanager
+def pipeline(
+    network: Network, robot: str, settings: dict[str, Sequence[str]], state: str
+) -> Iterator[None]:
+    """Run services until the block ends.
+
+    Args:
+        network: Router that they connect to.
+        robot: Name of the robot.
+        settings: "field=value" of the configuration of each instance. The last, which is the
+            camera, starts when the others are ready.
+        state: Folder of their state.
+    """
+    *first, camera = settings
+    watcher = Watcher(network.open(robot), Health)
+    with contextlib.ExitStack() as stack:
+
+        def run(name: str) -> None:
+            process = start(network, robot, name, settings[name], PEOPLE4D_STATE=state)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+
+        for name in first:
+            run(name)
+        wait_ready(watcher, set(first))
+        run(camera)
+        yield
