@@ -32,7 +32,7 @@ format: $(VENV)/.dev
 
 fuzz: $(VENV)/.dev
 	$(BIN)/pip install --disable-pip-version-check "atheris>=3"
-	$(BIN)/python -m benchmarks.fuzz --minutes 30
+	$(BIN)/python -m tests.fuzz --minutes 30
 
 $(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -16,7 +16,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from scripts.namespaces import Link, hosts, missing
 from benchmarks.lib.site import PATIENCE_S, ROOT, Heard, Log, Site
 from benchmarks.lib.table import markdown, quantiles, write
 from common.io.recording import open_recording
@@ -25,6 +24,7 @@ from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.client import Client
 from people4d.messages import CompressedRgbdFrame, Message, Span, Track, Tracks
 from people4d.topics import BY_NAME
+from scripts.namespaces import Link, hosts, missing
 
 SOURCE = ROOT / "deploy" / "demo" / "crossing.mcap"
 GOOD = Link()
