@@ -78,7 +78,7 @@ def variants(base: ImageSortConfig, dynamic: ImageSortConfig) -> Settings:
         base: Without both settings.
         dynamic: Tells R and max_age.
     """
-    grow = {"survival": "dynamic", "r": dynamic.r, "max_age": dynamic.max_age}
+    grow = {"lifetime": "dynamic", "r": dynamic.r, "max_age": dynamic.max_age}
     change = msgspec.structs.replace
     return {
         "SORT": base,
@@ -169,7 +169,7 @@ def choose_survival(shared: Path) -> tuple[ImageSortConfig, str]:
         return results
 
     grid = [
-        msgspec.structs.replace(SORT, survival="dynamic", r=r, max_age=age)
+        msgspec.structs.replace(SORT, lifetime="dynamic", r=r, max_age=age)
         for r in (2.0, 5.0, 10.0, 20.0)
         for age in (3.0, 5.0, 10.0, 30.0)
     ]

@@ -52,15 +52,15 @@ class Result:
 
 def choices() -> Iterator[ImageSortConfig]:
     """Yield the settings of our own among which the tuning sequences choose."""
-    survivals = [("fixed", 5.0, 30.0)]
-    survivals += [("dynamic", r, age) for r in (2.0, 5.0, 10.0) for age in (5.0, 8.0, 15.0)]
-    for score_high, (survival, r, max_age) in itertools.product((0.0, 0.8), survivals):
+    lifetimes = [("fixed", 5.0, 30.0)]
+    lifetimes += [("dynamic", r, age) for r in (2.0, 5.0, 10.0) for age in (5.0, 8.0, 15.0)]
+    for score_high, (lifetime, r, max_age) in itertools.product((0.0, 0.8), lifetimes):
         yield ImageSortConfig(
             score_new=0.9,
             score_high=score_high,
             confirm="once",
             min_hits=0,
-            survival="dynamic" if survival == "dynamic" else "fixed",
+            lifetime="dynamic" if lifetime == "dynamic" else "fixed",
             r=r,
             max_age=max_age,
         )

@@ -23,17 +23,17 @@ MAX_CHAIN = 16  # presets that extend one another
 
 FOLDER = Path(__file__).parent
 PRESETS = {
-    "best": "everything that this project adds to the papers, on what is shipped",
-    "seg-sort": "the paper's first method: YOLOv8-seg, SORT-3D, yaw as people walk",
+    "best": "the defaults: everything beyond the published methods, on the shipped models",
+    "seg-sort": "the first method of [PIC4SeR]: YOLOv8-seg, SORT-3D, yaw as people walk",
     "seg-strongsort": "its second: YOLOv8-seg, StrongSORT-3D with OSNet, yaw as people walk",
     "pose-strongsort": "its third: YOLOv8-pose, StrongSORT-3D with OSNet, yaw from keypoints",
     "seg-sort-movenet": "the first on the shipped model: masks grown in depth from its keypoints",
     "seg-strongsort-movenet": "the second on the shipped models: grown masks, colour histograms",
     "pose-strongsort-movenet": "the third on the shipped models: keypoints, colour histograms",
-    "image-sort": "boxes alone: SORT in the image, the base of the odometry paper",
-    "image-sort-dynamic": "its dynamic survival: who was seen long is waited for longer",
-    "image-sort-odom": "its correction of the robot's turns by odometry",
-    "image-sort-odom-dynamic": "the odometry paper's method: both",
+    "image-sort": "boxes alone: SORT in the image, the base of [Park 2021]",
+    "image-sort-dynamic": "with dynamic survival: long tracks survive more unmatched frames",
+    "image-sort-odom": "with the robot's turns corrected by odometry",
+    "image-sort-odom-dynamic": "with both: the method of [Park 2021]",
 }
 
 
@@ -80,11 +80,11 @@ def preset_file(name: str) -> Path:
 def _chain(name: str) -> Iterator[dict[str, Any]]:
     """Yield the tables of a preset, then of what it extends, and so on."""
     file = preset_file(name) if name else None
-    seen = set[Path]()
+    files = set[Path]()
     while file:
-        if file in seen or len(seen) == MAX_CHAIN:
+        if file in files or len(files) == MAX_CHAIN:
             raise ConfigError(f"preset {file} extends itself")
-        seen.add(file)
+        files.add(file)
         tables = _read(file)
         extended = tables.pop("extends", "")
         yield tables
@@ -92,7 +92,7 @@ def _chain(name: str) -> Iterator[dict[str, Any]]:
 
 
 def _extended(file: Path, name: Any) -> Path:
-    """Return the preset that one names: whoever wrote it knows no other folder than its own."""
+    """Return the file that a preset extends: a shipped one, or one of its own folder."""
     if not isinstance(name, str):
         raise ConfigError(f"preset {file}: extends is not a name")
     if not name.endswith(".toml"):

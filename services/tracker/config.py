@@ -66,7 +66,7 @@ class ContactConfig(Config, frozen=True, kw_only=True):
     # the gate of section 5 accepts 1.6 m from one frame to the next
     jump_m: Positive = 0.4  # [m] on the ground
     speed_max_mps: Positive = 2.5  # [m/s]
-    # Tracks whose embeddings differ by less than this times C_cos are told apart by position only
+    # Tracks whose embeddings differ by less than this times C_cos are separated by position only
     ambiguous_factor: Ratio = 0.5
     # Round 2 refuses embeddings that differ by more than this times C_cos: a new person does not
     # get the track of one who was there a moment ago
@@ -220,7 +220,7 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     # "streak": after each miss a track has to be confirmed anew before it is published again, but
     # in the first min_hits frames all are published, SORT; "once": a track is confirmed once
     confirm: Literal["streak", "once"] = "streak"
-    survival: Literal["fixed", "dynamic"] = "fixed"  # of an unmatched track; section 7
+    lifetime: Literal["fixed", "dynamic"] = "fixed"  # of an unmatched track; section 7
     t_lost: NonNegative = 1.0  # [frames] T_lost, unmatched frames that a track survives; section 7
     r: PositiveOrInfinite = 5.0  # R, frames tracked that earn one frame more, if dynamic; section 7
     max_age: PositiveOrInfinite = 30.0  # [frames] survived at most, if dynamic; section 7

@@ -111,7 +111,7 @@ def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:
     names = ("image-sort", "image-sort-dynamic", "image-sort-odom", "image-sort-odom-dynamic")
     found = [config_of(TrackerConfig, "tracker", name) for name in names]
     assert {config.tracker for config in found} == {"image_sort"}
-    assert [(c.image_sort.ego_motion, c.image_sort.survival) for c in found] == [
+    assert [(c.image_sort.ego_motion, c.image_sort.lifetime) for c in found] == [
         ("none", "fixed"),
         ("none", "dynamic"),
         ("odometry", "fixed"),

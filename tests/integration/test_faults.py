@@ -134,7 +134,7 @@ def test_a_killed_detector_is_replaced_while_predictions_go_on(working: System) 
 def test_without_reid_people_are_tracked_by_motion(working: System) -> None:
     watcher = working.watch(Tracks, Health)
     killed = working.signal("reid", signal.SIGKILL)
-    reason = "no embeddings come: people are matched by motion alone"
+    reason = "no embeddings arrive: tracks are matched by motion alone"
     # A machine that is busy besides may be too slow as well, which the reason tells, too.
     watcher.wait(Health, lambda h: h.service == "tracker" and reason in h.reason)
     watcher.wait(Tracks, lambda m: seen(m) and not any("reid" in s.stage for s in m.trace))

@@ -9,7 +9,7 @@ from pathlib import Path
 from people4d.messages import Health, Message, Tracks
 from tests.integration.processes import start
 from tests.network import Network, Watcher
-from tests.tracker.test_node import TRANSFORM, looks, person, seen
+from tests.tracker.test_node import TRANSFORM, detected, embeddings_of, person
 
 TWO = ([1.0, 0.0], [0.0, 1.0])
 OTHERS = ([-1.0, 0.0], [0.0, -1.0])
@@ -43,8 +43,8 @@ class Feeding:
         """Send frames of two people, ten a second by their stamps; return the last answer."""
         self.bus.publish(TRANSFORM)
         for k in numbers:
-            frame = seen(k, [person(-0.8 + shift_m), person(0.8 + shift_m)])
-            self.bus.publish(looks(frame, embeddings))
+            frame = detected(k, [person(-0.8 + shift_m), person(0.8 + shift_m)])
+            self.bus.publish(embeddings_of(frame, embeddings))
             self.bus.publish(frame)
         return self.watcher.wait(Tracks, is_number(numbers[-1]))
 
@@ -77,7 +77,7 @@ def test_stopped_tracker_answers_all_received_detections(network: Network, tmp_p
     with feeding.tracker() as tracker:
         feeding.see(range(5))
         for k in range(5, 45):  # their embeddings do not come, so all of them wait
-            feeding.bus.publish(seen(k, [person()]))
+            feeding.bus.publish(detected(k, [person()]))
         tracker.send_signal(signal.SIGTERM)
         counters = feeding.watcher.wait(Health, lambda h: h.state == "stopping").counters
         assert tracker.wait(10) == 0

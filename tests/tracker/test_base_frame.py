@@ -53,12 +53,12 @@ def driven(number: int) -> Odometry:
     )
 
 
-def seen(number: int) -> Detections:
+def detected(number: int) -> Detections:
     """One person who stands and one who walks along y at 0.5 m/s, both measured without error."""
     optical_from_odom = invert(transform_from_odometry(driven(number)) @ MOUNT)
     people = []
-    for place_m in (STANDING, WALKING + np.array([0.0, 0.05 * number, 0.0])):
-        x, y, z = apply(optical_from_odom, place_m)
+    for position_m in (STANDING, WALKING + np.array([0.0, 0.05 * number, 0.0])):
+        x, y, z = apply(optical_from_odom, position_m)
         u = 320 + 500 * x / z
         box = np.array([u - 60, 100.0, u + 60, 400.0], np.float32)
         people.append(Detection(box_xyxy_px=box, score=0.9, position_m=np.array([x, y, z])))
@@ -82,11 +82,11 @@ def run(frame_id: str, *transforms: Message) -> list[Tracks]:
         outputs += node.handle(message, 0)
     for number in range(40):
         outputs += node.handle(driven(number), 0)
-        outputs += node.handle(seen(number), 0)
+        outputs += node.handle(detected(number), 0)
     return [message for message in outputs if isinstance(message, Tracks)]
 
 
-def test_tracks_in_the_base_are_those_in_the_map_seen_from_there() -> None:
+def test_tracks_in_the_base_equal_those_in_the_map() -> None:
     map_from_odom = transform_from([2.0, 1.0, 0.0], rotation_from_rpy(0.0, 0.0, 0.7))
     in_map, in_base = run("map", fixed("map", "odom", map_from_odom)), run("base_link")
     assert len(in_map) == len(in_base) == 40
@@ -111,8 +111,8 @@ def test_a_person_who_stands_has_no_velocity_before_a_robot_that_drives_and_turn
     assert walks == pytest.approx(0.5, abs=0.05)
 
 
-def test_a_track_seen_from_a_base_that_has_turned() -> None:
-    # The base is 1 m ahead and has turned to the left by 90 degrees: whoever is at (3, 0) and walks
+def test_track_in_the_frame_of_a_turned_base() -> None:
+    # The base is 1 m ahead and has turned to the left by 90 degrees: a person at (3, 0) who walks
     # along x is 2 m to its right, (0, -2), and walks along its -y. The variance of the way along x
     # becomes that along y; where the base is a guess by 0.1 m and 0.05 rad, 0.01 each way and
     # (0.05 * 2)^2 = 0.01 at right angles to the way there, along x.
@@ -130,12 +130,12 @@ def test_a_track_seen_from_a_base_that_has_turned() -> None:
         score=0.9,
     )
     base = transform_from([1.0, 0.0, 0.0], rotation_from_rpy(0.0, 0.0, math.pi / 2))
-    told = transform_track(track, TransformEstimate(invert(base), 0.1, 0.05))
-    np.testing.assert_allclose(told.position_m, [0.0, -2.0, 1.0], atol=1e-12)
-    np.testing.assert_allclose(told.velocity_mps, [0.0, -1.0, 0.0], atol=1e-12)
+    results = transform_track(track, TransformEstimate(invert(base), 0.1, 0.05))
+    np.testing.assert_allclose(results.position_m, [0.0, -2.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(results.velocity_mps, [0.0, -1.0, 0.0], atol=1e-12)
     expected = [0.01 + 0.01 + 0.01, 0.04 + 0.01, 0.01, 0.1, 0.2, 0.1]
-    np.testing.assert_allclose(np.diag(told.covariance), expected)
-    assert told.yaw_rad == pytest.approx(0.5 - math.pi / 2)
+    np.testing.assert_allclose(np.diag(results.covariance), expected)
+    assert results.yaw_rad == pytest.approx(0.5 - math.pi / 2)
 
 
 def test_only_frames_on_a_base_move_with_it() -> None:

@@ -1,4 +1,4 @@
-"""Where cameras are, fixed or on a base that moves."""
+"""Poses of cameras, fixed or on a base that moves."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def odometry(stamp_ns: int, x_m: float) -> Odometry:
     )
 
 
-def places(*messages: StaticTransform | Odometry, frame_id: str = "map") -> CameraPoses:
+def positions(*messages: StaticTransform | Odometry, frame_id: str = "map") -> CameraPoses:
     made = CameraPoses(frame_id, TransformBufferConfig(), required=False)
     for message in messages:
         assert not made.add(message)
@@ -43,7 +43,7 @@ def matrix_of(made: CameraPoses, stamp_ns: int = 0) -> F64:
 
 
 def test_a_camera_without_a_transform_is_the_origin_unless_one_is_required() -> None:
-    made = places()
+    made = positions()
     np.testing.assert_array_equal(matrix_of(made), LINK_FROM_OPTICAL)
     assert made.without_transform == {CAMERA}
     strict = CameraPoses("map", TransformBufferConfig(), required=True)
@@ -52,7 +52,7 @@ def test_a_camera_without_a_transform_is_the_origin_unless_one_is_required() -> 
 
 
 def test_a_transform_that_comes_late_moves_the_camera() -> None:
-    made = places()
+    made = positions()
     matrix_of(made)
     assert made.add(fixed("map", CAMERA, 2.0))
     assert matrix_of(made)[0, 3] == 2.0
@@ -61,15 +61,15 @@ def test_a_transform_that_comes_late_moves_the_camera() -> None:
     assert made.add(fixed("map", CAMERA, 3.0))
 
 
-def test_a_transform_before_the_first_frame_moves_nobody() -> None:
-    made = places(fixed("map", CAMERA, 2.0))
+def test_transform_before_the_first_frame_resets_nothing() -> None:
+    made = positions(fixed("map", CAMERA, 2.0))
     assert not made.add(fixed("map", CAMERA, 3.0))
     assert matrix_of(made)[0, 3] == 3.0
 
 
 def test_a_base_that_drives_carries_its_camera() -> None:
     mount = fixed("base_link", CAMERA, 0.2)
-    made = places(mount, odometry(0, 1.0), odometry(500 * MS, 2.0), frame_id="odom")
+    made = positions(mount, odometry(0, 1.0), odometry(500 * MS, 2.0), frame_id="odom")
     assert matrix_of(made, 250 * MS)[0, 3] == pytest.approx(1.7)
     assert not made.awaits_sample(CAMERA, 500 * MS)
     assert made.awaits_sample(CAMERA, 501 * MS)
@@ -77,17 +77,17 @@ def test_a_base_that_drives_carries_its_camera() -> None:
     assert made.fixed == {}
 
 
-def test_a_base_of_which_nobody_tells_where_it_is_in_map_is_told() -> None:
-    made = places(fixed("base_link", CAMERA, 0.2), odometry(100, 1.0))
+def test_base_without_a_transform_to_map_is_reported() -> None:
+    made = positions(fixed("base_link", CAMERA, 0.2), odometry(100, 1.0))
     np.testing.assert_array_equal(matrix_of(made, 100), LINK_FROM_OPTICAL)
     assert made.without_transform == {CAMERA}
     assert made.counters["motion_duplicates"] == 0
 
 
-def test_what_another_process_knew_holds_until_transforms_come() -> None:
-    before = places(fixed("map", CAMERA, 2.0))
+def test_restored_poses_hold_until_transforms_come() -> None:
+    before = positions(fixed("map", CAMERA, 2.0))
     matrix_of(before)
-    made = places()
+    made = positions()
     made.restore(before.fixed)
     assert matrix_of(made)[0, 3] == 2.0
     assert made.without_transform == set()

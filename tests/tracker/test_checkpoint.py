@@ -53,7 +53,7 @@ def walk(target: Tracker, numbers: range) -> list[list[Track]]:
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_it_goes_on_as_if_nothing_had_happened(name: str) -> None:
+def test_restored_tracker_continues_identically(name: str) -> None:
     first, second = tracker(name), tracker(name)
     walk(first, range(10))
     second.restore(first.save())
@@ -74,41 +74,41 @@ def test_people_who_stood_nearly_still_for_two_seconds_keep_their_identities(nam
             frame(k, person(4.0, -1.0, embedding=RED), person(4.0, 1.0, 1, embedding=BLUE))
         )
     second.restore(first.save())
-    # Of two equally sure detections the one to the left, at y = 1, was told first.
+    # Of two detections of the same score the one to the left, at y = 1, began first.
     before = {1: 1, 2: -1}
     # 2 s later, 0.3 m on, in another order.
     blue, red = person(4.3, 1.0, 0, embedding=BLUE), person(3.7, -1.0, 1, embedding=RED)
     for k in range(29, 35):
-        told = second.update(frame(k, blue, red))
-    assert {t.id: round(float(t.position_m[1])) for t in told} == before
+        results = second.update(frame(k, blue, red))
+    assert {t.id: round(float(t.position_m[1])) for t in results} == before
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_an_identity_of_someone_gone_is_not_given_again(name: str) -> None:
+def test_identity_of_a_deleted_track_is_not_given_again(name: str) -> None:
     first, second = tracker(name), tracker(name)
     walk(first, range(5))
-    for k in range(100, 103):  # ten seconds later somebody else is there, where nobody could be
-        (told,) = first.update(frame(k, person(8.0, 3.0, embedding=(0.0, 0.1, 1.0))))
-    assert told.id == 3
+    for k in range(100, 103):  # ten seconds later, out of reach
+        (results,) = first.update(frame(k, person(8.0, 3.0, embedding=(0.0, 0.1, 1.0))))
+    assert results.id == 3
     first.update(frame(200))  # and gone
     second.restore(first.save())
     for k in range(300, 303):
-        (told,) = second.update(frame(k, person(3.0, 0.0, embedding=(0.5, 0.5, 0.0))))
-    assert told.id == 4
+        (results,) = second.update(frame(k, person(3.0, 0.0, embedding=(0.5, 0.5, 0.0))))
+    assert results.id == 4
 
 
-def test_who_left_before_the_restart_is_known_again_after_it() -> None:
+def test_person_is_reidentified_after_a_restart() -> None:
     first, second = tracker("identity"), tracker("identity")
     walk(first, range(10))
     for k in range(10, 60):
         first.update(frame(k))
     second.restore(first.save())
     for k in range(60, 70):
-        told = second.update(frame(k, person(4.0, -1.0, embedding=RED)))
-    assert [(t.id, t.identity) for t in told] == [(2, "continued")]  # red, to the right
+        results = second.update(frame(k, person(4.0, -1.0, embedding=RED)))
+    assert [(t.id, t.identity) for t in results] == [(2, "continued")]  # red, to the right
 
 
-def test_what_is_damaged_or_of_another_method_is_refused_and_changes_nothing() -> None:
+def test_damaged_or_foreign_checkpoint_is_refused_without_effect() -> None:
     good = tracker("strongsort3d")
     walk(good, range(5))
     saved = good.save()

@@ -1,4 +1,4 @@
-"""What must hold for every tracker and every scene."""
+"""Invariants of every tracker in every scene."""
 
 import dataclasses
 
@@ -24,26 +24,31 @@ def make(name: str) -> Tracker:
 def scene(seed: int, frames: int = 25, people: int = 4) -> list[Observation]:
     """People who walk at random, are missed at times, with noise and uneven time steps."""
     rng = np.random.default_rng(seed)
-    places, speeds = rng.uniform([2, -1.5], [5, 1.5], (people, 2)), rng.normal(0, 0.8, (people, 2))
-    looks, stamp_ns, told = rng.normal(size=(people, 8)), 0, []
+    positions, speeds = (
+        rng.uniform([2, -1.5], [5, 1.5], (people, 2)),
+        rng.normal(0, 0.8, (people, 2)),
+    )
+    embeddings, stamp_ns, results = rng.normal(size=(people, 8)), 0, []
     for _ in range(frames):
         step_ns = int(rng.integers(0, 2 * FRAME_NS))
         stamp_ns += step_ns
-        places = np.maximum(places + speeds * step_ns / 1e9, [1.0, -9.0])
-        noisy = places + rng.normal(0, 0.05, places.shape)
-        seen = [
+        positions = np.maximum(positions + speeds * step_ns / 1e9, [1.0, -9.0])
+        noisy = positions + rng.normal(0, 0.05, positions.shape)
+        detected = [
             person(
                 noisy[k, 0],
                 noisy[k, 1],
                 index=k,
                 score=float(rng.uniform(0.3, 1.0)),
-                embedding=looks[k] + rng.normal(0, 0.2, 8) if rng.random() < 0.9 else None,
+                embedding=embeddings[k] + rng.normal(0, 0.2, 8) if rng.random() < 0.9 else None,
             )
             for k in range(people)
             if rng.random() < 0.85
         ]
-        told.append(Observation(stamp_ns=stamp_ns, measurements=tuple(seen), embedder="histogram"))
-    return told
+        results.append(
+            Observation(stamp_ns=stamp_ns, measurements=tuple(detected), embedder="histogram")
+        )
+    return results
 
 
 def run(tracker: Tracker, observations: list[Observation]) -> list[list[Track]]:
@@ -65,7 +70,9 @@ def test_same_input_same_output(name: str) -> None:
 @both
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000), data=st.data())
-def test_the_order_of_detections_decides_nothing(name: str, seed: int, data: st.DataObject) -> None:
+def test_result_is_independent_of_the_order_of_detections(
+    name: str, seed: int, data: st.DataObject
+) -> None:
     straight = scene(seed, frames=10)
     shuffled = [
         dataclasses.replace(o, measurements=tuple(data.draw(st.permutations(o.measurements))))
@@ -112,13 +119,13 @@ def test_tracks_move_with_the_world(
 @given(
     steps_s=st.lists(st.floats(0, 4.9), min_size=1, max_size=12),
     scores=st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=12, max_size=12),
-    seen=st.lists(st.booleans(), min_size=12, max_size=12),
+    detected=st.lists(st.booleans(), min_size=12, max_size=12),
 )
 def test_covariances_stay_symmetric_and_positive_definite(
-    name: str, steps_s: list[float], scores: list[float], seen: list[bool]
+    name: str, steps_s: list[float], scores: list[float], detected: list[bool]
 ) -> None:
     tracker, stamp_ns = make(name), 0
-    for step_s, score, here in zip(steps_s, scores, seen, strict=False):
+    for step_s, score, here in zip(steps_s, scores, detected, strict=False):
         stamp_ns += int(step_s * 1e9)
         people = (person(3, 0.5, score=score),) * here
         for track in tracker.update(Observation(stamp_ns=stamp_ns, measurements=people)):
@@ -179,7 +186,7 @@ def test_a_stamp_from_the_past_is_refused(name: str) -> None:
 
 
 @both
-def test_reset_forgets_people_but_no_identity(name: str) -> None:
+def test_reset_deletes_tracks_but_keeps_identities_used(name: str) -> None:
     tracker = make(name)
     tracker.update(frame(5, person(3, 0)))
     tracker.reset()
@@ -209,15 +216,15 @@ def test_predicting_changes_nothing(name: str) -> None:
     observations = scene(11)
     quiet, asked = make(name), make(name)
     expected = run(quiet, observations)
-    told = []
+    results = []
     for observation in observations:
-        told.append(asked.update(observation))
+        results.append(asked.update(observation))
         asked.predict(observation.stamp_ns + 3 * FRAME_NS)
-    assert_same(expected, told)
+    assert_same(expected, results)
 
 
 @both
-def test_prediction_moves_on_and_grows_unsure_until_the_track_ends(name: str) -> None:
+def test_prediction_moves_and_grows_uncertain_until_the_track_ends(name: str) -> None:
     tracker = make(name)
     for number in range(10):
         (now,) = tracker.update(frame(number, person(3, 0.05 * number)))

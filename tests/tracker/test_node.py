@@ -49,7 +49,7 @@ def person(x: float = 0.0, forward: float = 3.0) -> Detection:
     )
 
 
-def seen(
+def detected(
     number: int, people: Sequence[Detection] = (person(),), camera: str = "front", late_ms: int = 0
 ) -> Detections:
     return Detections(
@@ -65,7 +65,7 @@ def seen(
     )
 
 
-def looks(of: Detections, vectors: Sequence[Sequence[float]] = ((1.0, 0.0),)) -> Embeddings:
+def embeddings_of(of: Detections, vectors: Sequence[Sequence[float]] = ((1.0, 0.0),)) -> Embeddings:
     return Embeddings(
         stamp_ns=of.stamp_ns,
         sequence=of.sequence,
@@ -78,45 +78,45 @@ def looks(of: Detections, vectors: Sequence[Sequence[float]] = ((1.0, 0.0),)) ->
 
 
 def tracks(messages: Iterable[Message]) -> list[Tracks]:
-    told = []
+    results = []
     for message in messages:
         assert isinstance(message, Tracks)
-        told.append(message)
-    return told
+        results.append(message)
+    return results
 
 
 def feed(target: TrackerNode, messages: Sequence[Message], now_ns: int = 0) -> list[Tracks]:
     return [t for m in messages for t in tracks(target.handle(m, now_ns))]
 
 
-def numbers(told: Iterable[Tracks]) -> list[int]:
-    return [(t.stamp_ns - START_NS) // (FRAME_MS * MS) for t in told]
+def numbers(results: Iterable[Tracks]) -> list[int]:
+    return [(t.stamp_ns - START_NS) // (FRAME_MS * MS) for t in results]
 
 
 def test_a_frame_is_answered_once_its_embeddings_are_there() -> None:
     target = node()
     target.handle(TRANSFORM, 0)
-    frame = seen(0)
+    frame = detected(0)
     assert target.handle(frame, 0) == []
-    (told,) = tracks(target.handle(looks(frame), 10 * MS))
-    assert (told.stamp_ns, told.sequence, told.camera) == (frame.stamp_ns, 0, "front")
-    assert (told.frame_id, told.tracker) == ("map", "strongsort3d")
-    assert told.trace == (SPAN, REID)
+    (results,) = tracks(target.handle(embeddings_of(frame), 10 * MS))
+    assert (results.stamp_ns, results.sequence, results.camera) == (frame.stamp_ns, 0, "front")
+    assert (results.frame_id, results.tracker) == ("map", "strongsort3d")
+    assert results.trace == (SPAN, REID)
     assert target.status().state == "ready"
 
 
-def test_positions_are_told_in_the_map() -> None:
+def test_positions_are_published_in_the_map() -> None:
     # Optical (x right 0.5, y down 0, z forward 3) is link (3, -0.5, 0); the camera stands at
     # (10, 0, 1) in the map: (13, -0.5, 1).
     target = node(publish_tentative=True)
-    frame = seen(0, [person(0.5)])
-    (told,) = feed(target, [TRANSFORM, frame, looks(frame)])
-    np.testing.assert_allclose(told.tracks[0].position_m, [13.0, -0.5, 1.0])
+    frame = detected(0, [person(0.5)])
+    (results,) = feed(target, [TRANSFORM, frame, embeddings_of(frame)])
+    np.testing.assert_allclose(results.tracks[0].position_m, [13.0, -0.5, 1.0])
 
 
 def test_any_order_of_arrival_gives_the_same_tracks() -> None:
-    frames = [seen(k, [person(-0.5 + 0.02 * k), person(0.5 - 0.02 * k)]) for k in range(3)]
-    messages: list[Message] = [*frames, *(looks(f, [[1, 0], [0, 1]]) for f in frames)]
+    frames = [detected(k, [person(-0.5 + 0.02 * k), person(0.5 - 0.02 * k)]) for k in range(3)]
+    messages: list[Message] = [*frames, *(embeddings_of(f, [[1, 0], [0, 1]]) for f in frames)]
 
     def run(order: Sequence[Message]) -> list[Any]:
         target = node(publish_tentative=True)
@@ -138,23 +138,23 @@ def test_any_order_of_arrival_gives_the_same_tracks() -> None:
 
 
 def test_an_empty_frame_waits_for_nothing() -> None:
-    (told,) = feed(node(), [TRANSFORM, seen(0, [])])
-    assert told.tracks == ()
+    (results,) = feed(node(), [TRANSFORM, detected(0, [])])
+    assert results.tracks == ()
 
 
 def test_sort3d_waits_for_no_embeddings() -> None:
-    (told,) = feed(node(tracker="sort3d"), [TRANSFORM, seen(0)])
-    assert told.trace == (SPAN,)
+    (results,) = feed(node(tracker="sort3d"), [TRANSFORM, detected(0)])
+    assert results.trace == (SPAN,)
 
 
-def test_without_embeddings_a_frame_goes_on_when_its_time_is_up() -> None:
+def test_frame_without_embeddings_continues_after_a_timeout() -> None:
     target = node()
     target.handle(TRANSFORM, 0)
-    assert target.handle(seen(0), 1000 * MS) == []
+    assert target.handle(detected(0), 1000 * MS) == []
     assert target.wake_ns() == 1050 * MS
     assert target.tick(1049 * MS) == []
-    (told,) = tracks(target.tick(1050 * MS))
-    assert told.trace == (SPAN,)
+    (results,) = tracks(target.tick(1050 * MS))
+    assert results.trace == (SPAN,)
     assert target.status().counters["embedding_timeouts"] == 1
 
 
@@ -163,10 +163,10 @@ def test_a_dead_reid_delays_only_the_first_frames() -> None:
     target.handle(TRANSFORM, 0)
     now = 0
     for number in range(3):
-        assert target.handle(seen(number), now) == []
+        assert target.handle(detected(number), now) == []
         now += 100 * MS
         assert len(target.tick(now)) == 1
-    assert len(target.handle(seen(3), now)) == 1  # no more waiting
+    assert len(target.handle(detected(3), now)) == 1  # no more waiting
     status = target.status()
     assert (status.state, status.reason) == (
         "degraded",
@@ -175,31 +175,33 @@ def test_a_dead_reid_delays_only_the_first_frames() -> None:
     assert status.counters["embedding_timeouts"] == 3
     assert status.counters["without_embeddings"] == 4
     # One embedding, though late, and frames wait again.
-    assert target.handle(looks(seen(3)), now) == []
+    assert target.handle(embeddings_of(detected(3)), now) == []
     assert target.status().counters["late_embeddings"] == 1
-    assert target.handle(seen(4), now + 100 * MS) == []
+    assert target.handle(detected(4), now + 100 * MS) == []
     assert target.status().state == "ready"
 
 
 def test_frames_are_tracked_by_stamp_while_they_wait() -> None:
     target = node()
     target.handle(TRANSFORM, 0)
-    first, second = seen(0), seen(1)
-    assert feed(target, [second, first, looks(second)]) == []  # the older one still waits
-    assert numbers(feed(target, [looks(first)])) == [0, 1]
+    first, second = detected(0), detected(1)
+    assert feed(target, [second, first, embeddings_of(second)]) == []  # the older one still waits
+    assert numbers(feed(target, [embeddings_of(first)])) == [0, 1]
 
 
 def test_a_stale_frame_is_dropped_and_counted() -> None:
     target = node(tracker="sort3d")
-    told = feed(target, [TRANSFORM, seen(0), seen(2), seen(1), seen(2), seen(3)])
-    assert numbers(told) == [0, 2, 3]
+    results = feed(
+        target, [TRANSFORM, detected(0), detected(2), detected(1), detected(2), detected(3)]
+    )
+    assert numbers(results) == [0, 2, 3]
     counters = target.status().counters
     assert (counters["stale"], counters["duplicates"], counters["missing"]) == (1, 1, 1)
 
 
 def test_a_looped_recording_begins_anew_with_new_identities() -> None:
     target = node(tracker="sort3d")
-    loop = [seen(k) for k in range(30)]
+    loop = [detected(k) for k in range(30)]
     first = feed(target, [TRANSFORM, *loop])
     second = feed(target, loop)
     assert numbers(second) == list(range(30))
@@ -212,9 +214,9 @@ def test_a_looped_recording_begins_anew_with_new_identities() -> None:
 def test_frames_that_wait_when_the_clock_jumps_are_not_lost() -> None:
     target = node()
     target.handle(TRANSFORM, 0)
-    assert feed(target, [seen(50)]) == []
-    assert numbers(feed(target, [seen(0)])) == [50]
-    assert numbers(feed(target, [looks(seen(0))])) == [0]
+    assert feed(target, [detected(50)]) == []
+    assert numbers(feed(target, [detected(0)])) == [50]
+    assert numbers(feed(target, [embeddings_of(detected(0))])) == [0]
 
 
 def test_detections_that_cannot_be_used_are_counted() -> None:
@@ -222,68 +224,68 @@ def test_detections_that_cannot_be_used_are_counted() -> None:
     far = msgspec.structs.replace(person(), position_m=np.array([0.0, 0.0, 1e300]))
     flat = msgspec.structs.replace(person(), box_xyxy_px=np.array([5, 5, 5, 90], np.float32))
     target = node(tracker="sort3d", publish_tentative=True)
-    (told,) = feed(target, [TRANSFORM, seen(0, [nowhere, far, flat, person()])])
-    assert [p.detection for p in told.tracks] == [3]
+    (results,) = feed(target, [TRANSFORM, detected(0, [nowhere, far, flat, person()])])
+    assert [p.detection for p in results.tracks] == [3]
     counters = target.status().counters
     assert [counters[n] for n in ("without_position", "out_of_range", "empty_boxes")] == [1, 1, 1]
 
 
 def test_embeddings_that_fit_no_detection_are_counted() -> None:
-    frame = seen(0)
+    frame = detected(0)
     target = node(publish_tentative=True)
     odd = msgspec.structs.replace(
-        looks(frame, [[3.0, 4.0], [1.0, 0.0], [0.0, 0.0]]), detections=(0, 7, 0)
+        embeddings_of(frame, [[3.0, 4.0], [1.0, 0.0], [0.0, 0.0]]), detections=(0, 7, 0)
     )
-    (told,) = feed(target, [TRANSFORM, frame, odd])
-    assert len(told.tracks) == 1
+    (results,) = feed(target, [TRANSFORM, frame, odd])
+    assert len(results.tracks) == 1
     assert target.status().counters["bad_embeddings"] == 2
 
 
 def test_without_transform_the_camera_stands_at_the_origin() -> None:
     target = node(tracker="sort3d", publish_tentative=True)
-    (told,) = feed(target, [seen(0, [person(0.5)])])
-    np.testing.assert_allclose(told.tracks[0].position_m, [3.0, -0.5, 0.0])
+    (results,) = feed(target, [detected(0, [person(0.5)])])
+    np.testing.assert_allclose(results.tracks[0].position_m, [3.0, -0.5, 0.0])
     status = target.status()
     assert status.state == "degraded"
     assert status.reason.startswith("no transform map <- camera_optical")
     # When the transform comes, people would jump by 10 m: they begin anew.
-    (told,) = feed(target, [TRANSFORM, seen(1, [person(0.5)])])
-    assert [p.id for p in told.tracks] == [2]
-    np.testing.assert_allclose(told.tracks[0].position_m, [13.0, -0.5, 1.0])
+    (results,) = feed(target, [TRANSFORM, detected(1, [person(0.5)])])
+    assert [p.id for p in results.tracks] == [2]
+    np.testing.assert_allclose(results.tracks[0].position_m, [13.0, -0.5, 1.0])
     assert target.status().state == "ready"
     assert target.status().counters["transform_changes"] == 1
 
 
 def test_the_same_transform_again_changes_nothing() -> None:
     target = node(tracker="sort3d", publish_tentative=True)
-    told = feed(target, [TRANSFORM, seen(0), TRANSFORM, seen(1)])
-    assert [p.id for t in told for p in t.tracks] == [1, 1]
+    results = feed(target, [TRANSFORM, detected(0), TRANSFORM, detected(1)])
+    assert [p.id for t in results for p in t.tracks] == [1, 1]
 
 
-def test_a_required_transform_is_waited_for() -> None:
+def test_frames_without_a_required_transform_are_dropped() -> None:
     target = node(tracker="sort3d", require_transform=True)
     elsewhere = msgspec.structs.replace(TRANSFORM, parent="odom")
-    assert feed(target, [elsewhere, seen(0)]) == []
+    assert feed(target, [elsewhere, detected(0)]) == []
     status = target.status()
     assert (status.state, status.counters["no_transform"]) == ("degraded", 1)
-    assert numbers(feed(target, [TRANSFORM, seen(1)])) == [1]
+    assert numbers(feed(target, [TRANSFORM, detected(1)])) == [1]
 
 
-def test_what_is_published() -> None:
+def test_published_states() -> None:
     for lost, tentative in itertools.product([False, True], repeat=2):
         target = node(tracker="sort3d", publish_lost=lost, publish_tentative=tentative)
-        told = feed(target, [TRANSFORM, seen(0), seen(1), seen(2), seen(3, [])])
-        assert [len(t.tracks) for t in told] == [tentative, tentative, 1, lost]
+        results = feed(target, [TRANSFORM, detected(0), detected(1), detected(2), detected(3, [])])
+        assert [len(t.tracks) for t in results] == [tentative, tentative, 1, lost]
 
 
 def walk(target: TrackerNode, frames: int = 10, start: int = 0) -> list[Tracks]:
     """Feed one frame each 100 ms, of a person who walks to the right at 0.5 m/s."""
-    told = []
+    results = []
     for number in range(start, start + frames):
         now_ns = number * FRAME_MS * MS
-        told += tracks(target.handle(seen(number, [person(0.05 * number)]), now_ns))
-        told += tracks(target.tick(now_ns))
-    return told
+        results += tracks(target.handle(detected(number, [person(0.05 * number)]), now_ns))
+        results += tracks(target.tick(now_ns))
+    return results
 
 
 def test_predictions_go_on_while_no_detections_come() -> None:
@@ -292,19 +294,19 @@ def test_predictions_go_on_while_no_detections_come() -> None:
     walk(target)  # the last frame came at 900 ms; frames come every 100 ms
     assert target.wake_ns() == 1200 * MS  # 3 usual intervals are longer than 0.2 s
     assert target.tick(1199 * MS) == []
-    told = list[Tracks]()
+    results = list[Tracks]()
     while (wake_ns := target.wake_ns()) is not None:
-        told += tracks(target.tick(wake_ns))
-    assert [t.stamp_ns - START_NS for t in told[:3]] == [1200 * MS, 1300 * MS, 1400 * MS]
-    people = [t.tracks[0] for t in told[:-1]]
+        results += tracks(target.tick(wake_ns))
+    assert [t.stamp_ns - START_NS for t in results[:3]] == [1200 * MS, 1300 * MS, 1400 * MS]
+    people = [t.tracks[0] for t in results[:-1]]
     assert {(p.id, p.state, p.detection) for p in people} == {(1, "lost", None)}
     steps = np.diff([p.position_m[1] for p in people])
     np.testing.assert_allclose(steps, people[0].velocity_mps[1] * 0.1, atol=1e-9)
     assert np.all(np.diff([p.covariance[0, 0] for p in people]) > 0)
     assert people[-1].time_since_update_s <= 5.0
-    assert told[-1].tracks == ()  # one empty message tells that the track has ended
+    assert results[-1].tracks == ()  # one empty message tells that the track has ended
     # 0.3, 0.4, ... 5.0 s after the last match are 48 predictions; then the empty message.
-    assert len(told) == 49
+    assert len(results) == 49
 
 
 def test_predictions_change_nothing_for_the_frames_that_follow() -> None:
@@ -314,8 +316,8 @@ def test_predictions_change_nothing_for_the_frames_that_follow() -> None:
         walk(target)
     assert len(asked.tick(2000 * MS)) == 1
     assert len(asked.tick(2900 * MS)) == 1
-    expected, told = walk(quiet, start=30), walk(asked, start=30)
-    assert [msgspec.to_builtins(t, enc_hook=np.ndarray.tolist) for t in told] == [
+    expected, results = walk(quiet, start=30), walk(asked, start=30)
+    assert [msgspec.to_builtins(t, enc_hook=np.ndarray.tolist) for t in results] == [
         msgspec.to_builtins(t, enc_hook=np.ndarray.tolist) for t in expected
     ]
 
@@ -324,22 +326,22 @@ def test_a_slow_playback_is_no_outage() -> None:
     # Lock-step on a slow machine: a frame every second, recorded 100 ms apart.
     target = node(tracker="sort3d")
     target.handle(TRANSFORM, 0)
-    told = []
+    results = []
     for number in range(10):
-        told += tracks(target.handle(seen(number), number * 1000 * MS))
-        told += tracks(target.tick(number * 1000 * MS + 900 * MS)) if number > 1 else []
-    assert numbers(told) == list(range(10))
+        results += tracks(target.handle(detected(number), number * 1000 * MS))
+        results += tracks(target.tick(number * 1000 * MS + 900 * MS)) if number > 1 else []
+    assert numbers(results) == list(range(10))
 
 
 def test_two_cameras_are_tracked_in_one_order_of_stamps() -> None:
     target = node(tracker="sort3d")
     back = msgspec.structs.replace(TRANSFORM, child="back_optical")
-    assert len(feed(target, [TRANSFORM, back, seen(0, [])])) == 1
+    assert len(feed(target, [TRANSFORM, back, detected(0, [])])) == 1
     # The back camera's frames (50 and 150 ms) come before the front camera's (100 ms).
-    assert target.handle(seen(0, [], "back", late_ms=50), 10 * MS) == []
-    assert target.handle(seen(1, [], "back", late_ms=50), 20 * MS) == []
-    told = tracks(target.handle(seen(1, []), 30 * MS))
-    assert [(t.camera, t.stamp_ns - START_NS) for t in told] == [
+    assert target.handle(detected(0, [], "back", late_ms=50), 10 * MS) == []
+    assert target.handle(detected(1, [], "back", late_ms=50), 20 * MS) == []
+    results = tracks(target.handle(detected(1, []), 30 * MS))
+    assert [(t.camera, t.stamp_ns - START_NS) for t in results] == [
         ("back", 50 * MS),
         ("front", 100 * MS),
     ]
@@ -354,8 +356,8 @@ def test_lockstep_loses_no_frame(name: str) -> None:
     target = node(tracker=name, embedding_wait_s=60.0)
     messages: list[Message] = [TRANSFORM]
     for number in range(50):
-        frame = seen(number, [person()] * (number % 3 != 0))
-        messages += [frame, looks(frame, [[1.0, 0.0]] * len(frame.detections))]
+        frame = detected(number, [person()] * (number % 3 != 0))
+        messages += [frame, embeddings_of(frame, [[1.0, 0.0]] * len(frame.detections))]
     assert numbers(feed(target, messages)) == list(range(50))
 
 
@@ -367,12 +369,13 @@ def test_wild_input_is_answered_or_counted(name: str) -> None:
     for number in range(600):
         now_ns += int(rng.integers(0, 60 * MS))
         wild = [_wild_person(rng) for _ in range(rng.integers(0, 4))]
-        frame = seen(number, wild, camera="front" if rng.random() < 0.9 else "back")
+        frame = detected(number, wild, camera="front" if rng.random() < 0.9 else "back")
         if rng.random() < 0.05:
             frame = msgspec.structs.replace(frame, stamp_ns=int(rng.integers(-(2**62), 2**62)))
         vectors = rng.normal(size=(int(rng.integers(0, 4)), int(rng.integers(2, 4)))) * 1e30
         embeddings = msgspec.structs.replace(
-            looks(frame, vectors.tolist()), detections=tuple(rng.integers(0, 5, len(vectors)))
+            embeddings_of(frame, vectors.tolist()),
+            detections=tuple(rng.integers(0, 5, len(vectors))),
         )
         answers += feed(target, [frame, embeddings], now_ns) + tracks(target.tick(now_ns))
         sent += 1
@@ -411,27 +414,27 @@ def driven(number: float, x_m: float) -> Odometry:
     )
 
 
-def test_who_stands_still_before_a_driving_robot_has_no_speed() -> None:
+def test_standing_person_has_no_velocity_before_a_driving_robot() -> None:
     # 1 m/s towards a person who stands at (5, 0): seen 0.1 m nearer in each frame.
     target = node(tracker="sort3d", frame_id="odom", publish_tentative=True)
-    told = feed(target, [MOUNT, driven(0, 0.0)])
+    results = feed(target, [MOUNT, driven(0, 0.0)])
     for k in range(10):
-        frame = seen(k, [person(0.0, 5.0 - 0.1 * k)])
-        told += feed(target, [driven(k + 1, 0.1 * (k + 1)), frame])
-    assert len(told) == 10
-    for tracks_ in told:
+        frame = detected(k, [person(0.0, 5.0 - 0.1 * k)])
+        results += feed(target, [driven(k + 1, 0.1 * (k + 1)), frame])
+    assert len(results) == 10
+    for tracks_ in results:
         np.testing.assert_allclose(tracks_.tracks[0].position_m[:2], [5.0, 0.0], atol=1e-9)
         np.testing.assert_allclose(tracks_.tracks[0].velocity_mps[:2], [0.0, 0.0], atol=1e-9)
     assert target.status().state == "ready"
 
 
-def test_a_frame_waits_for_its_odometry_and_not_for_ever() -> None:
+def test_frame_waits_for_its_odometry_until_a_timeout() -> None:
     target = node(tracker="sort3d", frame_id="odom")
-    assert numbers(feed(target, [MOUNT, driven(0, 0.0), seen(0)])) == [0]
-    assert feed(target, [seen(1)], 0) == []
+    assert numbers(feed(target, [MOUNT, driven(0, 0.0), detected(0)])) == [0]
+    assert feed(target, [detected(1)], 0) == []
     assert target.wake_ns() == 50 * MS
     assert numbers(tracks(target.handle(driven(1.5, 0.1), 20 * MS))) == [1]
-    assert feed(target, [seen(2)], 100 * MS) == []
+    assert feed(target, [detected(2)], 100 * MS) == []
     assert numbers(tracks(target.tick(149 * MS))) == []
     assert numbers(tracks(target.tick(150 * MS))) == [2]
     assert target.status().counters["predicted_base"] == 1
@@ -439,8 +442,8 @@ def test_a_frame_waits_for_its_odometry_and_not_for_ever() -> None:
 
 def test_frames_keep_their_order_while_they_wait_for_odometry() -> None:
     target = node(tracker="sort3d", frame_id="odom")
-    assert numbers(feed(target, [MOUNT, driven(0, 0.0), seen(0)])) == [0]
-    assert feed(target, [seen(1), seen(2)]) == []
+    assert numbers(feed(target, [MOUNT, driven(0, 0.0), detected(0)])) == [0]
+    assert feed(target, [detected(1), detected(2)]) == []
     assert numbers(feed(target, [driven(1, 0.0)])) == [1]
     assert numbers(feed(target, [driven(2, 0.0)])) == [2]
 
@@ -448,5 +451,5 @@ def test_frames_keep_their_order_while_they_wait_for_odometry() -> None:
 def test_a_clock_that_goes_back_while_a_frame_waits_loses_nothing() -> None:
     target = node(tracker="sort3d", frame_id="odom")
     feed(target, [MOUNT, driven(30, 0.0)])
-    assert feed(target, [seen(31)]) == []
-    assert numbers(feed(target, [seen(0)])) == [31, 0]
+    assert feed(target, [detected(31)]) == []
+    assert numbers(feed(target, [detected(0)])) == [31, 0]

@@ -28,15 +28,15 @@ def detections(*people: Detection) -> Detections:
 
 def test_covariances_turn_with_the_camera() -> None:
     # Optical z is the map's x, optical x its -y, optical y its -z.
-    sure = Detection(
+    certain = Detection(
         box_xyxy_px=BOX,
         score=0.9,
         position_m=np.array([0.0, 0.0, 2.0]),
         position_covariance_m2=np.diag([1.0, 2.0, 3.0]),
     )
-    unsure = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([0.0, 0.0, 2.0]))
+    uncertain = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([0.0, 0.0, 2.0]))
     found = observe(
-        detections(sure, unsure), None, TransformEstimate(LINK_FROM_OPTICAL), 100.0, Counter()
+        detections(certain, uncertain), None, TransformEstimate(LINK_FROM_OPTICAL), 100.0, Counter()
     )
     first, second = (m.covariance_m2 for m in found.measurements)
     assert first is not None
@@ -52,7 +52,7 @@ def test_turning_keeps_the_size_of_a_covariance() -> None:
     np.testing.assert_allclose(np.linalg.eigvalsh(turned), [1.0, 2.0, 3.0])
 
 
-def test_a_guessed_base_puts_positions_in_doubt() -> None:
+def test_extrapolated_base_adds_covariance_to_positions() -> None:
     # The camera looks along x, the person is 4 m before it: a turn by 0.05 rad moves them 0.2 m
     # along y, on top of 0.1 m of the base each way.
     matrix = pose_covariance(
@@ -61,9 +61,9 @@ def test_a_guessed_base_puts_positions_in_doubt() -> None:
     np.testing.assert_allclose(matrix, np.diag([0.01, 0.01 + 0.04, 0.0]), atol=1e-12)
 
 
-def test_only_a_bad_guess_is_doubted() -> None:
+def test_covariance_is_added_above_a_pose_sigma() -> None:
     person = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([0.0, 0.0, 2.0]))
     for sigma_m, is_doubted in ((0.0, False), (0.005, False), (0.05, True)):
-        place = TransformEstimate(LINK_FROM_OPTICAL, sigma_m, 0.0)
-        (found,) = observe(detections(person), None, place, 100.0, Counter()).measurements
+        position = TransformEstimate(LINK_FROM_OPTICAL, sigma_m, 0.0)
+        (found,) = observe(detections(person), None, position, 100.0, Counter()).measurements
         assert (found.added_covariance_m2 is not None) == is_doubted

@@ -8,12 +8,14 @@ import pytest
 
 from people4d.messages import Detections, Message
 from services.tracker.node import TrackerNode
-from tests.tracker.test_node import FRAME_MS, MS, TRANSFORM, feed, node, numbers, seen, tracks
+from tests.tracker.test_node import FRAME_MS, MS, TRANSFORM, detected, feed, node, numbers, tracks
 
 
 def by(detector: str, number: int, replicas: str = "ab") -> Detections:
     """An empty frame done by one of several detectors, each named with a letter."""
-    return msgspec.structs.replace(seen(number, []), detector=detector, replicas=tuple(replicas))
+    return msgspec.structs.replace(
+        detected(number, []), detector=detector, replicas=tuple(replicas)
+    )
 
 
 def begun(*detectors: str, **fields: float) -> TrackerNode:
@@ -43,7 +45,7 @@ def test_two_detectors_out_of_order_are_put_in_order() -> None:
     assert target.status().counters["missing"] == 0
 
 
-def test_in_order_nothing_waits() -> None:
+def test_frames_in_order_do_not_wait() -> None:
     target = begun("a", "b")
     for number, detector in zip(range(1, 9), itertools.cycle("ab"), strict=False):
         assert order(target, [by(detector, at(number))]) == [number]
@@ -79,13 +81,13 @@ def test_the_wait_can_be_set() -> None:
     assert target.wake_ns() == 520 * MS
 
 
-def test_what_the_only_detector_left_out_is_not_waited_for() -> None:
+def test_frame_missed_by_the_only_detector_causes_no_wait() -> None:
     target = begun("a")
     assert order(target, [by("a", at(3), "a"), by("a", at(7), "a")]) == [3, 7]
     assert target.status().counters["missing"] == 2 + 3
 
 
-def test_what_all_detectors_have_gone_past_is_not_waited_for() -> None:
+def test_frame_missed_by_all_replicas_causes_no_wait() -> None:
     # b has sent 4, so 3 waits only for a; when a sends 5, frames 1 to 4 come no more.
     target = begun("a", "b")
     assert order(target, [by("b", at(4))]) == []
@@ -97,7 +99,7 @@ def test_a_detector_that_left_is_not_waited_for() -> None:
     assert order(target, [by("b", at(2), "b")]) == [2]
 
 
-def test_a_detector_that_joined_is_waited_for_before_it_was_ever_heard() -> None:
+def test_new_replica_is_waited_for_before_its_first_message() -> None:
     target = begun("a", "b")
     assert order(target, [by("a", at(1), "abc"), by("b", at(3), "abc")]) == [1]
     assert order(target, [by("c", at(2), "abc")]) == [2, 3]
@@ -118,20 +120,20 @@ def test_the_same_frame_from_two_detectors_counts_once() -> None:
 
 
 @pytest.mark.parametrize("first", [1, 2])
-def test_at_the_very_beginning_the_frames_before_are_waited_for(first: int) -> None:
+def test_first_frames_wait_for_earlier_ones(first: int) -> None:
     target = node(tracker="sort3d", reorder_wait_s=4.0)
     frames = [by("ab"[k % 2], k) for k in range(3)]
     early = [frames[first], *(f for f in frames if f is not frames[first])]
     assert numbers(feed(target, [TRANSFORM, *early])) == [0, 1, 2]
 
 
-def test_a_tracker_that_comes_late_waits_until_it_has_heard_all() -> None:
+def test_late_tracker_waits_for_every_replica() -> None:
     target = node(tracker="sort3d")
     assert feed(target, [TRANSFORM, by("a", 500)]) == []
     assert numbers(feed(target, [by("b", 501)])) == [500, 501]
 
 
-def test_a_camera_that_counts_from_zero_again_is_not_waited_for() -> None:
+def test_camera_restarted_at_sequence_zero_causes_no_wait() -> None:
     target = begun("a", "b")
     again = msgspec.structs.replace(by("a", at(1)), sequence=0)
     assert order(target, [again]) == [1]

@@ -18,7 +18,7 @@ def rmse(errors: list[F64]) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-# The noise is that of a stereo camera at 3 to 5 m. StrongSORT-3D is run with the paper's noise
+# The noise is that of a stereo camera at 3 to 5 m. StrongSORT-3D is run with [PIC4SeR]'s noise
 # model (sigma_a = sigma_m = 0.5), which lags behind turns: it pays from about 0.12 m of noise on.
 @pytest.mark.parametrize(("name", "noise_m"), [("sort3d", 0.05), ("strongsort3d", 0.2)])
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -32,12 +32,12 @@ def test_two_identities_and_less_error_than_measured(
     measured, tracked = list[F64](), list[F64]()
     for k, t_s in enumerate(truth["t"]):
         camera_from_map = invert(truth["T_world_cam"][k])
-        seen = []
+        detected = []
         for p in range(2):
             position = truth["pos"][k, p] + rng.normal(0, noise_m, 3)
             if truth["vis"][k, p] < VISIBLE_MIN:
                 continue
-            seen.append(
+            detected.append(
                 Measurement(
                     index=p,
                     box_xyxy_px=truth["bbox"][k, p] + rng.normal(0, 3, 4),
@@ -48,7 +48,7 @@ def test_two_identities_and_less_error_than_measured(
                 )
             )
             measured.append(position - truth["pos"][k, p])
-        observation = Observation(int(t_s * 1e9), tuple(seen), embedder="histogram")
+        observation = Observation(int(t_s * 1e9), tuple(detected), embedder="histogram")
         for track in tracker.update(observation):
             if track.state == "confirmed" and track.detection is not None:
                 identities.add((track.id, track.detection))

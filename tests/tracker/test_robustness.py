@@ -1,4 +1,4 @@
-"""Whatever streams do, every registered tracker goes on and tells finite numbers."""
+"""Every registered tracker returns finite numbers for any stream."""
 
 from collections.abc import Sequence
 
@@ -63,7 +63,7 @@ def stream(seed: int, frames: int = 120, people: int = 4) -> list[Message]:
     """A stream with all that goes wrong: empty frames, gaps, duplicates, late and missing parts."""
     rng = np.random.default_rng(seed)
     x, z = rng.uniform(-2, 2, people), rng.uniform(1.5, 6, people)
-    speed, told, stamp_ns = rng.normal(0, 0.05, people), list[Message](), 1_000 * MS
+    speed, results, stamp_ns = rng.normal(0, 0.05, people), list[Message](), 1_000 * MS
     for number in range(frames):
         x = x + speed
         stamp_ns += int(rng.choice([33, 100])) * MS
@@ -83,13 +83,13 @@ def stream(seed: int, frames: int = 120, people: int = 4) -> list[Message]:
             )
             * (fate < 0.9),
         )
-        told.append(found)
+        results.append(found)
         if 0.1 < fate < 0.2:
-            told.append(found)  # a duplicate
+            results.append(found)  # a duplicate
         if rng.random() < 0.8 and found.detections:
             vectors = rng.normal(size=(len(found.detections), 8)).astype(np.float32)
             vectors[rng.random(len(vectors)) < 0.1] = 0.0
-            told.append(
+            results.append(
                 Embeddings(
                     stamp_ns=found.stamp_ns,
                     sequence=number,
@@ -99,20 +99,20 @@ def stream(seed: int, frames: int = 120, people: int = 4) -> list[Message]:
                     vectors=vectors,
                 )
             )
-    return told
+    return results
 
 
 def play(config: TrackerConfig, messages: Sequence[Message]) -> list[Tracks]:
     node = TrackerNode(config, make_tracker(config))
-    told, now_ns = list[Message](), 0
+    results, now_ns = list[Message](), 0
     for message in messages:
         now_ns += 40 * MS
-        told += [*node.handle(message, now_ns), *node.tick(now_ns)]
-    return [message for message in told if isinstance(message, Tracks)]
+        results += [*node.handle(message, now_ns), *node.tick(now_ns)]
+    return [message for message in results if isinstance(message, Tracks)]
 
 
-def check(told: Sequence[Tracks]) -> None:
-    for tracks in told:  # that numbers are finite, Track checks itself
+def check(results: Sequence[Tracks]) -> None:
+    for tracks in results:  # that numbers are finite, Track checks itself
         ids = [person.id for person in tracks.tracks]
         assert len(set(ids)) == len(ids)
         for person in tracks.tracks:
@@ -122,18 +122,18 @@ def check(told: Sequence[Tracks]) -> None:
 
 @every_tracker
 @pytest.mark.parametrize("seed", range(3))
-def test_a_stream_where_everything_goes_wrong(config: TrackerConfig, seed: int) -> None:
-    told = play(config, stream(seed))
-    check(told)
-    assert len({person.id for tracks in told for person in tracks.tracks}) >= 4
+def test_stream_with_all_faults_at_once(config: TrackerConfig, seed: int) -> None:
+    results = play(config, stream(seed))
+    check(results)
+    assert len({person.id for tracks in results for person in tracks.tracks}) >= 4
 
 
 @every_tracker
 def test_the_same_stream_gives_the_same_tracks(config: TrackerConfig) -> None:
-    def bare(told: Sequence[Tracks]) -> list[tuple[int, list[tuple[int, bytes, bytes]]]]:
+    def bare(results: Sequence[Tracks]) -> list[tuple[int, list[tuple[int, bytes, bytes]]]]:
         return [
             (t.stamp_ns, [(p.id, p.position_m.tobytes(), p.covariance.tobytes()) for p in t.tracks])
-            for t in told
+            for t in results
         ]
 
     messages = stream(5, frames=60)
@@ -142,13 +142,13 @@ def test_the_same_stream_gives_the_same_tracks(config: TrackerConfig) -> None:
 
 @every_tracker
 def test_two_hundred_people(config: TrackerConfig) -> None:
-    told = play(config, stream(7, frames=6, people=200))
-    check(told)
-    assert max(len(tracks.tracks) for tracks in told) > 100
+    results = play(config, stream(7, frames=6, people=200))
+    check(results)
+    assert max(len(tracks.tracks) for tracks in results) > 100
 
 
 @every_tracker
-def test_people_whose_depth_is_never_read(config: TrackerConfig) -> None:
+def test_tracks_without_any_depth(config: TrackerConfig) -> None:
     blind = [
         Detections(
             stamp_ns=(1_000 + 33 * number) * MS,
@@ -163,9 +163,9 @@ def test_people_whose_depth_is_never_read(config: TrackerConfig) -> None:
         for number in range(5)
     ]
     node = TrackerNode(config, make_tracker(config))
-    told = [m for k, frame in enumerate(blind) for m in node.handle(frame, 40 * k * MS)]
-    told += node.tick(10_000 * MS)
-    assert all(not m.tracks for m in told if isinstance(m, Tracks))
-    in_image = [len(m.tracks) for m in told if isinstance(m, ImageTracks)]
+    results = [m for k, frame in enumerate(blind) for m in node.handle(frame, 40 * k * MS)]
+    results += node.tick(10_000 * MS)
+    assert all(not m.tracks for m in results if isinstance(m, Tracks))
+    in_image = [len(m.tracks) for m in results if isinstance(m, ImageTracks)]
     assert in_image == [1] * 5 * (config.tracker == "image_sort")
     assert node.status().counters["without_position"] == 5

@@ -19,7 +19,7 @@ DISTANCE_PROBABILITY = 0.5  # of a match of round 2, which goes by the distance 
 
 @dataclass(frozen=True, slots=True)
 class _MatchQuality:
-    """How well one match shows its person."""
+    """Quality of one match for re-identification."""
 
     unoccluded: bool  # the crop shows them alone, with a score that is high enough
     probability: float  # of the match

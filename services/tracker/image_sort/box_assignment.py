@@ -1,4 +1,4 @@
-"""Assignment of boxes to tracks: intersection over union, Hungarian method; compiled."""
+"""RoundMatches of boxes to tracks: intersection over union, Hungarian method; compiled."""
 
 import numpy as np
 import numpy.typing as npt

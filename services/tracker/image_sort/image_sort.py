@@ -65,7 +65,7 @@ class ImageSort:
 
     def __init__(self, config: ImageSortConfig) -> None:
         self._config = config
-        dynamic = config.survival == "dynamic"
+        dynamic = config.lifetime == "dynamic"
         self._settings = SortSettings(
             iou_min=float(config.iou_min),
             score_high=float(config.score_high),

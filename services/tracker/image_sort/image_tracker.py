@@ -25,7 +25,7 @@ from services.tracker.image_sort.image_sort import (
 )
 from services.tracker.image_sort.sort_step import NONE, Records
 from services.tracker.interface import IdCounter, Measurement, Observation, UnlocatedDetection
-from services.tracker.motion.motion import PointMotion
+from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
 from services.tracker.motion.yaw import make_yaw
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker, pack, unpack
@@ -65,7 +65,7 @@ class ImageTracker(TrackSetTracker):
             lost_frames=NEVER,
             lost_s=config.max_lost_s,
         )
-        motion = PointMotion(config.strongsort3d)
+        motion = PositionMotion(config.strongsort3d)
         super().__init__(METHOD, TrackSet(motion, lifecycle, make_yaw(config)))
         self.ids = IdCounter()
         self._images: dict[str, CameraTracks] = {}

@@ -14,7 +14,7 @@ import numpy as np
 from people4d.messages import F64
 from services.tracker.config import ImmConfig
 from services.tracker.motion import kalman
-from services.tracker.motion.motion import PointMotion
+from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.state_filter import Decay, FilterState, no_decay
 from services.tracker.motion.track_record import BOOL, ImmState, TrackRecord
 
@@ -31,7 +31,7 @@ class Imm:
         decay: Applied to the velocities of unmatched tracks in the walking mode.
     """
 
-    def __init__(self, motion: PointMotion, config: ImmConfig, decay: Decay = no_decay) -> None:
+    def __init__(self, motion: PositionMotion, config: ImmConfig, decay: Decay = no_decay) -> None:
         self._motion = motion
         self._config = config
         self._decay = decay
@@ -93,7 +93,7 @@ class Imm:
         return [FilterState(*self.mean(state), state) for state in states]
 
     def _stand(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
-        """Stay, with a velocity of 0 that has the variance of somebody who begins to walk."""
+        """Stay, with a velocity of 0 that has the variance of a person who begins to walk."""
         x, P, config = x.copy(), P.copy(), self._config
         x[:, 3:] = 0.0
         P[:, 3:] = P[:, :, 3:] = 0.0

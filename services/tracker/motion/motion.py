@@ -89,7 +89,7 @@ def measured_noise(R_m2: F64, measurements: Sequence[Measurement], factor: float
     return np.array(covariances).reshape(-1, 3, 3)
 
 
-class PointMotion:
+class PositionMotion:
     """State x, y, z and their velocities; measured x, y, z (docs/method.md, section 5)."""
 
     position = [0, 1, 2]  # noqa: RUF012

@@ -15,7 +15,7 @@ BOOL = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class IdentityDecision:
-    """How a track got its identity, see `Track`; None where re-identification is off."""
+    """Origin of the identity of a track, see `Track`; None where re-identification is off."""
 
     identity: Literal["new", "continued", "reidentified", "refused"] | None = None
     confidence: float | None = None  # 0 to 1

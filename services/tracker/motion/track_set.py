@@ -16,7 +16,7 @@ from services.tracker.motion.yaw import YawEstimator
 
 @dataclass(frozen=True, slots=True)
 class LifecyclePolicy:
-    """When a track is confirmed and deleted.
+    """Rules by which a track is confirmed and deleted.
 
     Args:
         confirm_hits: Matches in a row, the first included, that confirm a track.

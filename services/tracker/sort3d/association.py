@@ -17,7 +17,7 @@ D = TypeVar("D")
 
 
 @dataclass(frozen=True, slots=True)
-class Assignment(Generic[T, D]):
+class RoundMatches(Generic[T, D]):
     """The result of one round of association."""
 
     cost: F64  # NxM, +inf for inadmissible pairs
@@ -56,11 +56,11 @@ def assign(cost: F64, miss: float = np.inf) -> list[tuple[int, int]]:
 
 def associate(
     cost: F64, tracks: Sequence[T], detections: Sequence[D], miss: float = np.inf
-) -> Assignment[T, D]:
+) -> RoundMatches[T, D]:
     """Match tracks (N) and detections (M) at the least sum of costs (NxM), see `assign`."""
     pairs = assign(cost, miss)
     rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
-    return Assignment(
+    return RoundMatches(
         cost,
         tracks,
         detections,

@@ -3,7 +3,7 @@
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
 from services.tracker.identity.reidentification import Reidentification
 from services.tracker.motion.imm import Imm
-from services.tracker.motion.motion import PointMotion
+from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter, VelocityDecay, no_decay
 from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
 from services.tracker.motion.yaw import make_yaw
@@ -23,7 +23,7 @@ from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
     """Build the tracker with the policies that the configuration enables."""
     strong = config.strongsort3d
-    motion = PointMotion(strong)
+    motion = PositionMotion(strong)
     lifecycle = LifecyclePolicy(
         # An identity is decided before the track is published, at the second match at the earliest.
         confirm_hits=max(strong.n_init, 2 if strong.identity.enabled else 1),
@@ -43,7 +43,7 @@ def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
     return StrongSort3d(strong, motion, tracks, policies)
 
 
-def _state_filter(config: StrongSort3dConfig, motion: PointMotion) -> StateFilter:
+def _state_filter(config: StrongSort3dConfig, motion: PositionMotion) -> StateFilter:
     enabled = config.occlusion.enabled
     decay = VelocityDecay(config.occlusion, motion.velocity) if enabled else no_decay
     return Imm(motion, config.imm, decay) if config.imm.enabled else KalmanFilter(motion, decay)

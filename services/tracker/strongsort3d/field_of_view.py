@@ -11,7 +11,7 @@ from services.tracker.config import OcclusionConfig
 from services.tracker.interface import Observation
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.strongsort3d.policies import AssociationResult, TrackPolicy
-from services.tracker.strongsort3d.visibility import NEAR_M, overlap_ratios, strips
+from services.tracker.strongsort3d.visibility import NEAR_M, intervals, overlap_ratios
 
 
 class FieldOfView(TrackPolicy):
@@ -64,7 +64,7 @@ def visible_ratios(positions_m: F64, observation: Observation, half_width_m: flo
     """
     if observation.map_from_camera is None or observation.edges is None:
         return None
-    people, depth_m = strips(positions_m, observation.map_from_camera, half_width_m)
+    people, depth_m = intervals(positions_m, observation.map_from_camera, half_width_m)
     image = np.array([observation.edges])
     ratio = np.clip(overlap_ratios(people, image)[:, 0], 0.0, 1.0)
     return np.where(depth_m > NEAR_M, ratio, 0.0)

@@ -7,7 +7,7 @@ from services.tracker.config import OcclusionConfig
 from services.tracker.motion.track_record import BOOL
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.strongsort3d.policies import AssociationResult, TrackPolicy
-from services.tracker.strongsort3d.visibility import NEAR_M, overlap_ratios, strips
+from services.tracker.strongsort3d.visibility import NEAR_M, intervals, overlap_ratios
 
 
 class Occlusion(TrackPolicy):
@@ -37,18 +37,18 @@ class Occlusion(TrackPolicy):
 def occluded(
     positions_m: F64, detected: BOOL, map_from_camera: F64, config: OcclusionConfig
 ) -> BOOL:
-    """Return the people (N) whose strip is covered enough by detected people who are not farther.
+    """Return the people (N) whose interval is covered enough by detected people, not farther.
 
     Args:
         positions_m: Nx3, in the map.
         detected: N, matched in this frame.
         map_from_camera: 4x4, from the optical frame.
-        config: Width of a strip and the part to be covered.
+        config: Width of a interval and the part to be covered.
 
     Returns:
         N, False for those detected.
     """
-    people, depth = strips(positions_m, map_from_camera, config.half_width_m)
+    people, depth = intervals(positions_m, map_from_camera, config.half_width_m)
     before = depth > NEAR_M
     hides = detected & before & (depth[None] < depth[:, None] + config.nearer_slack_m)
     ratio = np.where(hides, overlap_ratios(people, people), 0.0).max(axis=1, initial=0.0)
@@ -65,10 +65,10 @@ def emergence_m(found_m: F64, map_from_camera: F64, config: OcclusionConfig) -> 
         config: Width of a person.
 
     Returns:
-        N, metres between a person and the strip behind a detected one who is not farther away;
+        N, metres between a person and the interval behind a detected one who is not farther away;
         infinity if there is none.
     """
-    people, depth = strips(found_m, map_from_camera, config.half_width_m)
+    people, depth = intervals(found_m, map_from_camera, config.half_width_m)
     gap = np.maximum(
         people[:, None, 0] - people[None, :, 1], people[None, :, 0] - people[:, None, 1]
     )

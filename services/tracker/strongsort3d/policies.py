@@ -12,7 +12,7 @@ from services.tracker.identity.gallery import GalleryEntry
 from services.tracker.interface import Measurement, Observation
 from services.tracker.motion.track_record import BOOL, TrackRecord
 from services.tracker.motion.track_set import TrackSet
-from services.tracker.sort3d.association import Assignment
+from services.tracker.sort3d.association import RoundMatches
 from services.tracker.strongsort3d import visibility
 
 Match = tuple[TrackRecord, Measurement]
@@ -40,8 +40,8 @@ class FrameContext:
             return frozenset()
         found_m = np.array([m.position_m for m in self.detections]).reshape(-1, 3)
         half_m = config.occlusion.half_width_m
-        found, _ = visibility.strips(found_m, pose, half_m)
-        tracks, depth_m = visibility.strips(self.tracks_m, pose, half_m)
+        found, _ = visibility.intervals(found_m, pose, half_m)
+        tracks, depth_m = visibility.intervals(self.tracks_m, pose, half_m)
         tracks = tracks[depth_m > visibility.NEAR_M]
         return self._indices(visibility.overlapping(found, tracks, config.contact.overlap_min))
 
@@ -81,8 +81,8 @@ class AssociationResult:
     """Both rounds of association of a frame."""
 
     frame: FrameContext
-    by_appearance: Assignment[TrackRecord, Measurement]
-    by_distance: Assignment[TrackRecord, Measurement]
+    by_appearance: RoundMatches[TrackRecord, Measurement]
+    by_distance: RoundMatches[TrackRecord, Measurement]
 
     @property
     def matches(self) -> list[Match]:

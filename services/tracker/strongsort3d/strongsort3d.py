@@ -13,7 +13,7 @@ from people4d.messages import F64, Track
 from services.tracker.config import StrongSort3dConfig
 from services.tracker.interface import Measurement, Observation, in_order
 from services.tracker.motion import kalman
-from services.tracker.motion.motion import PointMotion
+from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_record import TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import associate, distances
@@ -46,7 +46,11 @@ class StrongSort3d(TrackSetTracker):
     uses_embeddings: ClassVar[bool] = True
 
     def __init__(
-        self, config: StrongSort3dConfig, motion: PointMotion, tracks: TrackSet, policies: Policies
+        self,
+        config: StrongSort3dConfig,
+        motion: PositionMotion,
+        tracks: TrackSet,
+        policies: Policies,
     ) -> None:
         super().__init__("strongsort3d", tracks)
         self._config, self._motion, self._policies = config, motion, policies

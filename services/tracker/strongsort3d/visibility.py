@@ -1,6 +1,6 @@
-"""Geometry of people in the image: strips, boxes and their overlaps.
+"""Geometry of people in the image: intervals, boxes and their overlaps.
 
-A strip is the interval of the image, at focal length 1, that an upright person's width takes.
+An interval is the part of the image, at focal length 1, that an upright person's width takes.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ NEAR_M = 0.3  # [m] people nearer to the camera's plane than this are not in its
 EDGE_RATIO = 0.01  # of the image's width: a box so near to its edge may be cut off
 
 
-def strips(positions_m: F64, map_from_camera: F64, half_width_m: float) -> tuple[F64, F64]:
-    """Return the strips (Nx2: left, right) of people.
+def intervals(positions_m: F64, map_from_camera: F64, half_width_m: float) -> tuple[F64, F64]:
+    """Return the intervals (Nx2: left, right) of people.
 
     Args:
         positions_m: Nx3, in the map.
@@ -22,7 +22,7 @@ def strips(positions_m: F64, map_from_camera: F64, half_width_m: float) -> tuple
         half_width_m: Half of a person's width.
 
     Returns:
-        The strips, and the depth (N) of each person in metres.
+        The intervals, and the depth (N) of each person in metres.
     """
     points = apply(invert(map_from_camera), positions_m)
     depth = points[:, 2]
@@ -31,11 +31,11 @@ def strips(positions_m: F64, map_from_camera: F64, half_width_m: float) -> tuple
     return np.stack([centre - half, centre + half], axis=-1), depth
 
 
-def overlap_ratios(strips: F64, others: F64) -> F64:
-    """Return the part (NxM, below 0 if apart) of each strip (Nx2) that each other one covers."""
-    low = np.maximum(strips[:, None, 0], others[None, :, 0])
-    high = np.minimum(strips[:, None, 1], others[None, :, 1])
-    ratio: F64 = (high - low) / (strips[:, 1] - strips[:, 0])[:, None]
+def overlap_ratios(intervals: F64, others: F64) -> F64:
+    """Return the part (NxM, below 0 if apart) of each interval (Nx2) that each other one covers."""
+    low = np.maximum(intervals[:, None, 0], others[None, :, 0])
+    high = np.minimum(intervals[:, None, 1], others[None, :, 1])
+    ratio: F64 = (high - low) / (intervals[:, 1] - intervals[:, 0])[:, None]
     return ratio
 
 
@@ -45,9 +45,9 @@ def overlapping(found: F64, tracks: F64, ratio_min: float) -> BOOL:
     Of two people in one line of sight, often only one is detected, or one made of both.
 
     Args:
-        found: Mx2, strips of the detections.
-        tracks: Nx2, strips of the predicted tracks.
-        ratio_min: Part of either strip that the other covers if they could be of one person.
+        found: Mx2, intervals of the detections.
+        tracks: Nx2, intervals of the predicted tracks.
+        ratio_min: Part of either interval that the other covers if they could be of one person.
     """
     ratio = np.maximum(overlap_ratios(found, tracks), overlap_ratios(tracks, found).T)
     return np.asarray((ratio >= ratio_min).sum(axis=1) > 1)

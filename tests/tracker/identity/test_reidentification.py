@@ -14,7 +14,7 @@ from services.tracker.interface import Measurement
 from services.tracker.strongsort3d.build import build_strongsort3d
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person, published, published_config
-from tests.tracker.strongsort3d.test_occlusion import BLUE, RED, placed
+from tests.tracker.strongsort3d.test_occlusion import BLUE, RED, with_pose
 from tests.tracker.test_invariants import assert_same, run, scene
 
 RED_TOO = (1.0, 0.12, 0.0)  # 0.0002 from RED
@@ -52,21 +52,21 @@ def test_leave_and_return() -> None:
     assert track.identity_confidence == 1.0
 
 
-def test_without_the_switch_nothing_is_told() -> None:
+def test_no_identity_without_the_policy() -> None:
     sort = tracker(IdentityConfig(enabled=False))
     assert stay(sort, 0, 4, person(3, 0, embedding=RED)) == [(1, "confirmed", None)]
     stay(sort, 4, 40)
     assert stay(sort, 44, 4, person(4, 1, embedding=RED)) == [(2, "confirmed", None)]
 
 
-def test_a_newcomer_is_not_given_an_old_identity() -> None:
+def test_new_person_gets_a_new_identity() -> None:
     sort = tracker()
     stay(sort, 0, 10, person(3, 0, embedding=RED))
     stay(sort, 10, 40)
     assert stay(sort, 50, 3, person(3, 0, embedding=BLUE)) == [(2, "confirmed", "new")]
 
 
-def test_who_comes_back_elsewhere_is_not_predicted_any_more() -> None:
+def test_lost_track_ends_when_its_person_is_reidentified() -> None:
     # 2 m away after 0.5 s: within 0.8 + 2.5 * 0.5 = 2.05 m once seen thrice; the lost track ends.
     sort = tracker()
     stay(sort, 0, 10, person(3, -1, embedding=RED))
@@ -74,32 +74,32 @@ def test_who_comes_back_elsewhere_is_not_predicted_any_more() -> None:
     assert stay(sort, 13, 3, person(3, 1, embedding=RED)) == [(1, "confirmed", "reidentified")]
 
 
-def test_nobody_is_known_again_where_they_cannot_be() -> None:
+def test_person_beyond_walking_distance_is_new() -> None:
     # The same, but 4 m away: farther than 2.05 m.
     sort = tracker()
     stay(sort, 0, 10, person(5, -2, embedding=RED))
     stay(sort, 10, 3)
-    told = stay(sort, 13, 3, person(5, 2, embedding=RED))
-    assert told[-1][1:] == ("confirmed", "new")
+    results = stay(sort, 13, 3, person(5, 2, embedding=RED))
+    assert results[-1][1:] == ("confirmed", "new")
 
 
-def test_the_alike_pair_is_refused() -> None:
+def test_ambiguous_return_is_refused() -> None:
     sort = tracker()
     stay(sort, 0, 10, person(3, 0, embedding=RED), person(3, 1, 1, 0.8, RED_TOO))
     stay(sort, 10, 40)
     assert stay(sort, 50, 3, person(3, 0.5, embedding=RED)) == [(3, "confirmed", "refused")]
 
 
-def test_of_the_alike_pair_the_absent_one_comes_back() -> None:
+def test_of_two_similar_people_the_absent_one_returns() -> None:
     sort = tracker()
     here, gone = person(3, 0, embedding=RED), person(3, 1.5, 1, 0.8, RED_TOO)
     stay(sort, 0, 10, here, gone)
     stay(sort, 10, 40, here)
-    told = stay(sort, 50, 3, here, person(4, 1.5, 1, 0.8, RED_TOO))
-    assert told == [(1, "confirmed", "continued"), (2, "confirmed", "reidentified")]
+    results = stay(sort, 50, 3, here, person(4, 1.5, 1, 0.8, RED_TOO))
+    assert results == [(1, "confirmed", "continued"), (2, "confirmed", "reidentified")]
 
 
-def test_it_is_waited_for_clear_pictures_but_not_for_long() -> None:
+def test_new_track_waits_for_unoccluded_crops_until_a_timeout() -> None:
     # Somebody else's box covers half of theirs: no picture is clear. At 10 Hz, wait_s = 0.5 ends in
     # the sixth frame after the second sight.
     sort = tracker(IdentityConfig(enabled=True, wait_s=0.5))
@@ -114,7 +114,7 @@ def test_it_is_waited_for_clear_pictures_but_not_for_long() -> None:
     ]
 
 
-def test_the_order_of_detections_decides_nothing() -> None:
+def test_result_is_independent_of_the_order_of_detections() -> None:
     config = published_config(strongsort3d=ALL)
     rng = np.random.default_rng(5)
     straight = scene(17, frames=60)
@@ -124,9 +124,9 @@ def test_the_order_of_detections_decides_nothing() -> None:
         )
         for o in straight
     ]
-    told = run(build_strongsort3d(config), straight)
-    assert_same(told, run(build_strongsort3d(config), shuffled))
-    assert_same(told, run(build_strongsort3d(config), straight))
+    results = run(build_strongsort3d(config), straight)
+    assert_same(results, run(build_strongsort3d(config), shuffled))
+    assert_same(results, run(build_strongsort3d(config), straight))
 
 
 def test_an_identity_is_of_one_person_at_a_time() -> None:
@@ -139,34 +139,34 @@ def test_an_identity_is_of_one_person_at_a_time() -> None:
             assert all(np.isfinite(track.covariance).all() for track in tracks)
 
 
-def test_after_a_reset_nobody_is_known() -> None:
+def test_gallery_is_empty_after_a_reset() -> None:
     sort = tracker()
     stay(sort, 0, 10, person(3, 0, embedding=RED))
     sort.reset()
     assert stay(sort, 0, 3, person(3, 0, embedding=RED)) == [(2, "confirmed", "new")]
 
 
-def test_whoever_left_at_the_edge_of_the_image_is_not_who_comes_in_there() -> None:
+def test_track_cut_off_at_the_edge_is_absent_sooner() -> None:
     # At 3 m and 1.5 m to the left: u = 320 - 300 = 20 px, less 50 px of half a width: cut off.
-    # Half a second later somebody comes in there who looks alike but for 0.1: it is asked who.
-    def told(absent_cut_off_s: float) -> list[tuple[int, str, str | None]]:
+    # Half a second later a person of similar appearance (0.1) comes in there.
+    def results(absent_cut_off_s: float) -> list[tuple[int, str, str | None]]:
         identity = IdentityConfig(enabled=True, absent_cut_off_s=absent_cut_off_s)
         strong = published(identity=identity)
         sort = build_strongsort3d(published_config(strongsort3d=strong))
         for number in range(10):
-            sort.update(placed(number, person(3, 1.5, embedding=RED)))
+            sort.update(with_pose(number, person(3, 1.5, embedding=RED)))
         for number in range(10, 15):
-            sort.update(placed(number))
-        tracks = sort.update(placed(15, person(3, 1.5, embedding=(1.0, 0.6, 0.0))))
+            sort.update(with_pose(number))
+        tracks = sort.update(with_pose(15, person(3, 1.5, embedding=(1.0, 0.6, 0.0))))
         return [(t.id, t.state, t.identity) for t in tracks if t.detection is not None]
 
-    assert told(absent_cut_off_s=1.0) == [(1, "confirmed", "continued")]
-    assert told(absent_cut_off_s=0.3) == [(2, "tentative", None)]
+    assert results(absent_cut_off_s=1.0) == [(1, "confirmed", "continued")]
+    assert results(absent_cut_off_s=0.3) == [(2, "tentative", None)]
 
 
-def test_who_was_away_for_longer_comes_back_only_by_recognition() -> None:
+def test_long_absent_track_returns_only_by_reidentification() -> None:
     # 1.5 s unseen but still predicted, since a_max is 30 frames.
-    def told(absent_s: float) -> list[tuple[int, str, str | None]]:
+    def results(absent_s: float) -> list[tuple[int, str, str | None]]:
         identity = IdentityConfig(enabled=True, absent_s=absent_s)
         strong = published(identity=identity, a_max=30)
         sort = build_strongsort3d(published_config(strongsort3d=strong))
@@ -174,5 +174,5 @@ def test_who_was_away_for_longer_comes_back_only_by_recognition() -> None:
         stay(sort, 5, 15)
         return stay(sort, 20, 3, person(3, 1, embedding=RED))
 
-    assert told(60.0) == [(1, "confirmed", "continued")]
-    assert told(1.0) == [(1, "confirmed", "reidentified")]
+    assert results(60.0) == [(1, "confirmed", "continued")]
+    assert results(1.0) == [(1, "confirmed", "reidentified")]

@@ -26,7 +26,7 @@ def test_overlap_is_that_of_the_numpy_function() -> None:
     np.testing.assert_allclose(ours, iou_xyxy(boxes, boxes))
 
 
-def test_the_sum_decides_not_the_best_pair() -> None:
+def test_sum_is_minimised_not_the_best_pair() -> None:
     # Greedy would take 0.9 and leave 0.1: 1.0. The other way gives 0.8 + 0.7.
     assert list(assign(np.array([[0.9, 0.8], [0.7, 0.1]]))) == [1, 0]
 

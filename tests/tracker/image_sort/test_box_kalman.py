@@ -49,7 +49,7 @@ def test_an_area_that_would_vanish_stops_shrinking() -> None:
     assert areas == [300, 300, 300]
 
 
-def test_two_steps_at_once_move_as_far_as_two() -> None:
+def test_one_step_of_two_frames_equals_two_steps() -> None:
     one, two = begun(10, 20, 30, 60), begun(10, 20, 30, 60)
     one["v"][:] = two["v"][:] = [3.0, -2.0, 5.0]
     box_kalman.predict(one, 2.0)
@@ -65,7 +65,7 @@ def full(track: np.void) -> tuple[F64, F64]:
     return np.concatenate([track["x"], track["v"]]), P
 
 
-def test_it_is_the_filter_of_seven_states() -> None:
+def test_equals_the_filter_of_seven_states() -> None:
     # SORT's matrices: F adds velocity to u, v, s; R, Q and the first P as published.
     F, H = np.eye(7), np.eye(4, 7)
     F[range(3), range(4, 7)] = 1.0

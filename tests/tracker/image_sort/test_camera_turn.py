@@ -32,7 +32,7 @@ def test_turning_left_moves_the_image_right_by_the_angle_over_the_field_of_view(
         assert track["x"][0] == pytest.approx(u)
 
 
-def test_an_unsure_turn_makes_the_place_unsure() -> None:
+def test_uncertain_turn_adds_variance_to_the_position() -> None:
     # 1 degree is 640 / 60 px; its square is added to the variance of 10 px^2.
     track = begun(320, 240)
     turn_track(track, Turn(0.0, math.radians(1)), Lens(640 / math.radians(60), 0.0, 320.0, 240.0))
@@ -47,7 +47,7 @@ def test_turning_up_moves_the_image_down() -> None:
     assert list(track["x"]) == pytest.approx([100, 272, 4000, 0.4])
 
 
-def seen(points_m: F64, turned_rad: float, up_rad: float = 0.0) -> F64:
+def detected(points_m: F64, turned_rad: float, up_rad: float = 0.0) -> F64:
     """Return the pixels of points by a pinhole camera that has turned to the left, or up."""
     info = CameraInfo(
         stamp_ns=0,
@@ -65,20 +65,20 @@ def seen(points_m: F64, turned_rad: float, up_rad: float = 0.0) -> F64:
     return project(np.column_stack([-link[:, 1], -link[:, 2], link[:, 0]]), info)
 
 
-def test_a_pinhole_camera_sees_points_move_by_their_place() -> None:
+def test_pinhole_points_move_by_their_position() -> None:
     # Points all over the image, before and after a turn by 5 degrees to the left.
     turn_rad = math.radians(5)
     points = np.array([[4.0, y, z] for y in (-2.0, 0.0, 1.5) for z in (-1.0, 0.0, 1.0)])
-    for before, after in zip(seen(points, 0.0), seen(points, turn_rad), strict=True):
+    for before, after in zip(detected(points, 0.0), detected(points, turn_rad), strict=True):
         track = begun(*before)
         turn_track(track, Turn(turn_rad), Lens(0.0, 400.0, 320.0, 240.0))
         np.testing.assert_allclose(track["x"][:2], after, atol=1e-9)
 
 
-def test_a_pinhole_camera_that_is_tilted_up_sees_points_move_by_their_place() -> None:
+def test_pinhole_points_of_a_tilted_camera_move_by_their_position() -> None:
     up_rad = math.radians(5)
     points = np.array([[4.0, y, z] for y in (-2.0, 0.0, 1.5) for z in (-1.0, 0.0, 1.0)])
-    for before, after in zip(seen(points, 0.0), seen(points, 0.0, up_rad), strict=True):
+    for before, after in zip(detected(points, 0.0), detected(points, 0.0, up_rad), strict=True):
         track = begun(*before)
         turn_track(track, Turn(0.0, up_rad=up_rad), Lens(0.0, 400.0, 320.0, 240.0))
         np.testing.assert_allclose(track["x"][:2], after, atol=1e-9)
@@ -106,15 +106,15 @@ def test_a_pinhole_camera_sees_boxes_grow_towards_the_rim() -> None:
     assert track["x"][3] == pytest.approx(grown)
 
 
-def test_what_is_turned_behind_the_camera_stays_finite() -> None:
+def test_point_turned_behind_the_camera_stays_finite() -> None:
     track = begun(600, 240)
     turn_track(track, Turn(3.0), Lens(0.0, 400.0, 320.0, 240.0))
     assert np.isfinite(track["x"]).all()
 
 
 def standing(config: ImageSortConfig, px_per_frame: float, turn: Turn) -> list[list[int]]:
-    """Return the identities told of a standing person while the camera turns in jerks."""
-    tracker, told = ImageSort(config), []
+    """Return the identities of a standing person while the camera turns in jerks."""
+    tracker, results = ImageSort(config), []
     u = 100.0
     for number in range(12):
         jerk = number % 3 == 2  # the camera turns in every third frame only
@@ -123,8 +123,8 @@ def standing(config: ImageSortConfig, px_per_frame: float, turn: Turn) -> list[l
         frame = BoxFrame(
             number * FRAME_NS, box, np.ones(1), (640, 480), turn if jerk else Turn(0.0)
         )
-        told.append(tracker.update(frame).ids.tolist())
-    return told
+        results.append(tracker.update(frame).ids.tolist())
+    return results
 
 
 @pytest.mark.parametrize("projection", ["linear", "pinhole"])

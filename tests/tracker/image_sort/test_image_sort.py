@@ -14,7 +14,7 @@ from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks, ImageSort
 
 FRAME_NS = 100_000_000
-SEEN = [100.0, 100, 150, 200]
+BOX = [100.0, 100, 150, 200]
 
 
 def frame(number: int, *boxes: list[float], scores: list[float] | None = None) -> BoxFrame:
@@ -25,66 +25,66 @@ def frame(number: int, *boxes: list[float], scores: list[float] | None = None) -
     )
 
 
-def told(config: ImageSortConfig, seen: str) -> list[list[int]]:
-    """Return the identities told in each frame; x: the person is found, -: nobody is."""
+def results(config: ImageSortConfig, detected: str) -> list[list[int]]:
+    """Return the identities of each frame; x: the person is detected, -: not."""
     tracker = ImageSort(config)
-    frames = [frame(k, *[SEEN] * (mark == "x")) for k, mark in enumerate(seen)]
+    frames = [frame(k, *[BOX] * (mark == "x")) for k, mark in enumerate(detected)]
     return [tracker.update(one).ids.tolist() for one in frames]
 
 
 def test_life_cycle_of_sort() -> None:
-    # In the first 3 frames all are told. T_lost = 1: one miss is survived, but then 3 matches in a
-    # row are needed again; the second miss in a row ends the track.
-    assert told(ImageSortConfig(), "xx-xxxx") == [[1], [1], [], [], [], [1], [1]]
-    assert told(ImageSortConfig(), "xxxx--xxxxx") == [[1]] * 4 + [[]] * 5 + [[2]] * 2
+    # In the first 3 frames all are published. T_lost = 1: one miss is survived, but then 3 matches
+    # in a row are needed again; the second miss in a row ends the track.
+    assert results(ImageSortConfig(), "xx-xxxx") == [[1], [1], [], [], [], [1], [1]]
+    assert results(ImageSortConfig(), "xxxx--xxxxx") == [[1]] * 4 + [[]] * 5 + [[2]] * 2
 
 
-def test_a_track_that_begins_later_is_told_after_three_matches() -> None:
-    assert told(ImageSortConfig(), "----xxxxx") == [[]] * 7 + [[1], [1]]
+def test_later_track_is_published_after_three_matches() -> None:
+    assert results(ImageSortConfig(), "----xxxxx") == [[]] * 7 + [[1], [1]]
 
 
 def test_confirmed_once() -> None:
     config = ImageSortConfig(confirm="once", min_hits=1)
-    assert told(config, "--xx-xx") == [[], [], [], [1], [], [1], [1]]
-    assert told(ImageSortConfig(confirm="once", min_hits=0), "-x") == [[], [1]]
+    assert results(config, "--xx-xx") == [[], [], [], [1], [], [1], [1]]
+    assert results(ImageSortConfig(confirm="once", min_hits=0), "-x") == [[], [1]]
 
 
-def test_fixed_survival() -> None:
+def test_fixed_lifetime() -> None:
     config = ImageSortConfig(confirm="once", min_hits=0, t_lost=2)
-    assert told(config, "xxxxxx--x")[-1] == [1]
-    assert told(config, "xxxxxx---x")[-1] == [2]
+    assert results(config, "xxxxxx--x")[-1] == [1]
+    assert results(config, "xxxxxx---x")[-1] == [2]
 
 
-def test_dynamic_survival_grows_with_the_frames_tracked() -> None:
+def test_dynamic_lifetime_grows_with_the_frames_tracked() -> None:
     # T_age = min(1 + T_hits / 2, 4): 2 hits give 2 frames, 4 give 3, 100 would give 51 but for 4.
-    base = ImageSortConfig(confirm="once", min_hits=0, survival="dynamic", r=2, max_age=4)
+    base = ImageSortConfig(confirm="once", min_hits=0, lifetime="dynamic", r=2, max_age=4)
     for hits, age in ((2, 2), (4, 3), (5, 3), (100, 4)):
-        assert told(base, "x" * hits + "-" * age + "x")[-1] == [1]
-        assert told(base, "x" * hits + "-" * (age + 1) + "x")[-1] == [2]
+        assert results(base, "x" * hits + "-" * age + "x")[-1] == [1]
+        assert results(base, "x" * hits + "-" * (age + 1) + "x")[-1] == [2]
 
 
-def test_only_good_detections_begin_a_track_others_go_on() -> None:
+def test_weak_detections_begin_no_track() -> None:
     tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, score_new=0.8))
     scores = [0.7, 0.9, 0.3]
-    ids = [tracker.update(frame(k, SEEN, scores=[s])).ids.tolist() for k, s in enumerate(scores)]
+    ids = [tracker.update(frame(k, BOX, scores=[s])).ids.tolist() for k, s in enumerate(scores)]
     assert ids == [[], [1], [1]]
 
 
-def test_a_weak_detection_goes_on_only_with_who_was_seen_just_before() -> None:
+def test_weak_detection_continues_only_a_track_matched_before() -> None:
     config = ImageSortConfig(confirm="once", min_hits=0, t_lost=5, score_high=0.6, score_new=0.6)
     tracker = ImageSort(config)
-    tracker.update(frame(0, SEEN))
-    assert tracker.update(frame(1, SEEN, scores=[0.4])).ids.tolist() == [1]
+    tracker.update(frame(0, BOX))
+    assert tracker.update(frame(1, BOX, scores=[0.4])).ids.tolist() == [1]
     tracker.update(frame(2))
-    assert tracker.update(frame(3, SEEN, scores=[0.4])).ids.tolist() == []
-    assert tracker.update(frame(4, SEEN)).ids.tolist() == [1]
+    assert tracker.update(frame(3, BOX, scores=[0.4])).ids.tolist() == []
+    assert tracker.update(frame(4, BOX)).ids.tolist() == [1]
 
 
 def test_strong_detections_choose_before_weak_ones() -> None:
     # The weak detection lies exactly on the track; the strong one overlaps by 40/60, and is taken.
     tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, score_high=0.6, score_new=0.6))
-    tracker.update(frame(0, SEEN))
-    tracks = tracker.update(frame(1, SEEN, [110.0, 100, 160, 200], scores=[0.4, 0.9]))
+    tracker.update(frame(0, BOX))
+    tracks = tracker.update(frame(1, BOX, [110.0, 100, 160, 200], scores=[0.4, 0.9]))
     assert (tracks.ids.tolist(), tracks.detections.tolist()) == ([1], [1])
 
 
@@ -134,7 +134,7 @@ def run(config: ImageSortConfig, frames: list[BoxFrame]) -> list[BoxTracks]:
 
 SETTINGS = [
     ImageSortConfig(),
-    ImageSortConfig(survival="dynamic", r=2, max_age=10),
+    ImageSortConfig(lifetime="dynamic", r=2, max_age=10),
     ImageSortConfig(confirm="once", min_hits=0, score_high=0.6, score_new=0.5, rate_hz=10),
 ]
 settled = pytest.mark.parametrize("config", SETTINGS)
@@ -150,7 +150,7 @@ def test_same_input_same_output(config: ImageSortConfig) -> None:
 @settled
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000))
-def test_the_order_of_detections_decides_only_new_identities(
+def test_order_of_detections_changes_only_new_identities(
     config: ImageSortConfig, seed: int
 ) -> None:
     rng, straight = np.random.default_rng(seed), scene(seed)
@@ -178,7 +178,7 @@ def test_tracks_move_with_the_image(config: ImageSortConfig) -> None:
 
 
 def spoilt(frames: list[BoxFrame]) -> list[BoxFrame]:
-    """Return the frames with all that a broken detector may tell besides."""
+    """Return the frames with all faults of a broken detector."""
     junk = np.array(
         [
             [math.nan, 0, 10, 10],
@@ -197,7 +197,7 @@ def spoilt(frames: list[BoxFrame]) -> list[BoxFrame]:
 
 
 @settled
-def test_junk_changes_nothing(config: ImageSortConfig) -> None:
+def test_invalid_checkpoint_changes_nothing(config: ImageSortConfig) -> None:
     for one, other in zip(run(config, scene(4)), run(config, spoilt(scene(4))), strict=True):
         np.testing.assert_array_equal(one.ids, other.ids)
         np.testing.assert_array_equal(one.boxes_xyxy_px, other.boxes_xyxy_px)
@@ -218,25 +218,25 @@ def test_huge_and_tiny_boxes_give_no_nan(config: ImageSortConfig) -> None:
 @settled
 def test_two_hundred_people(config: ImageSortConfig) -> None:
     frames = scene(1, frames=12, people=200)
-    for one, told_of in zip(frames, run(config, frames), strict=True):
-        assert len(set(told_of.ids.tolist())) == len(told_of.ids) <= len(one.scores)
-        assert np.isfinite(told_of.boxes_xyxy_px).all()
+    for one, results_of in zip(frames, run(config, frames), strict=True):
+        assert len(set(results_of.ids.tolist())) == len(results_of.ids) <= len(one.scores)
+        assert np.isfinite(results_of.boxes_xyxy_px).all()
 
 
 def test_empty_frames_and_long_gaps() -> None:
     tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, t_lost=100, lost_max_s=5))
     assert [tracker.update(frame(k)).ids.tolist() for k in range(3)] == [[], [], []]
-    assert tracker.update(frame(10, SEEN)).ids.tolist() == [1]
-    assert tracker.update(frame(30, SEEN)).ids.tolist() == [1]  # two seconds
-    assert tracker.update(frame(90, SEEN)).ids.tolist() == [2]  # six
+    assert tracker.update(frame(10, BOX)).ids.tolist() == [1]
+    assert tracker.update(frame(30, BOX)).ids.tolist() == [1]  # two seconds
+    assert tracker.update(frame(90, BOX)).ids.tolist() == [2]  # six
 
 
 def test_a_stamp_twice_is_taken_and_one_from_the_past_refused() -> None:
     tracker = ImageSort(ImageSortConfig(rate_hz=10))
-    tracker.update(frame(5, SEEN))
-    assert tracker.update(frame(5, SEEN)).ids.tolist() == [1]
+    tracker.update(frame(5, BOX))
+    assert tracker.update(frame(5, BOX)).ids.tolist() == [1]
     with pytest.raises(ValueError, match="stamp_ns: expected >= 500000000, got 400000000"):
-        tracker.update(frame(4, SEEN))
+        tracker.update(frame(4, BOX))
 
 
 @pytest.mark.parametrize(("boxes", "scores"), [((2, 4), 1), ((2, 5), 2), ((4,), 1)])
@@ -245,20 +245,20 @@ def test_boxes_and_scores_have_to_belong_together(boxes: tuple[int, ...], scores
         ImageSort(ImageSortConfig()).update(BoxFrame(0, np.ones(boxes), np.ones(scores)))
 
 
-def test_reset_forgets_people_but_no_identity() -> None:
+def test_reset_deletes_tracks_but_keeps_identities_used() -> None:
     tracker = ImageSort(ImageSortConfig())
-    tracker.update(frame(5, SEEN))
+    tracker.update(frame(5, BOX))
     tracker.reset()
-    assert tracker.update(frame(0, SEEN)).ids.tolist() == [2]
+    assert tracker.update(frame(0, BOX)).ids.tolist() == [2]
 
 
-def test_arrays_told_are_the_callers_own() -> None:
-    tracker, boxes = ImageSort(ImageSortConfig()), np.array([SEEN])
+def test_returned_arrays_are_copies() -> None:
+    tracker, boxes = ImageSort(ImageSortConfig()), np.array([BOX])
     first = tracker.update(BoxFrame(0, boxes, np.array([0.9])))
-    kept: F64 = first.boxes_xyxy_px.copy()
+    before: F64 = first.boxes_xyxy_px.copy()
     tracker.update(BoxFrame(1, boxes + 10, np.array([0.9])))
-    np.testing.assert_array_equal(first.boxes_xyxy_px, kept)
-    np.testing.assert_array_equal(boxes, [SEEN])
+    np.testing.assert_array_equal(first.boxes_xyxy_px, before)
+    np.testing.assert_array_equal(boxes, [BOX])
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from people4d.messages import (
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.camera_turn import camera_direction
 from services.tracker.node import TrackerNode
-from tests.tracker.test_node import FRAME_MS, MS, START_NS, TRANSFORM, node, person, seen
+from tests.tracker.test_node import FRAME_MS, MS, START_NS, TRANSFORM, detected, node, person
 
 ONCE = {"confirm": "once", "min_hits": 0}
 INFO = CameraInfo(
@@ -45,8 +45,8 @@ def image_node(sort: dict[str, Any] = ONCE, **fields: Any) -> TrackerNode:
 
 
 def answers(target: TrackerNode, *messages: Message) -> list[tuple[ImageTracks, Tracks]]:
-    told = [output for message in messages for output in target.handle(message, 0)]
-    pairs = list(zip(told[::2], told[1::2], strict=True))
+    results = [output for message in messages for output in target.handle(message, 0)]
+    pairs = list(zip(results[::2], results[1::2], strict=True))
     for boxes, tracks in pairs:
         assert isinstance(boxes, ImageTracks)
         assert isinstance(tracks, Tracks)
@@ -59,9 +59,9 @@ def flat(left: float, width: float = 100.0) -> Detection:
     return Detection(box_xyxy_px=np.array([left, 100, left + width, 400], np.float32), score=0.9)
 
 
-def test_people_without_depth_are_told_in_the_image_only() -> None:
+def test_people_without_depth_are_published_in_the_image_only() -> None:
     target = image_node()
-    ((boxes, tracks),) = answers(target, TRANSFORM, seen(0, [person(0.0), flat(0.0)]))
+    ((boxes, tracks),) = answers(target, TRANSFORM, detected(0, [person(0.0), flat(0.0)]))
     assert (boxes.camera, boxes.tracker, boxes.width, boxes.height) == (
         "front",
         "image_sort",
@@ -79,12 +79,12 @@ def test_people_without_depth_are_told_in_the_image_only() -> None:
     assert target.status().counters["without_position"] == 1
 
 
-def test_a_person_keeps_the_identity_while_depth_comes_and_goes() -> None:
+def test_identity_is_stable_while_depth_is_intermittent() -> None:
     people = [flat(320), person(0.0), flat(320), person(0.0)]
-    told = answers(image_node(), TRANSFORM, *(seen(k, [p]) for k, p in enumerate(people)))
-    assert [[p.id for p in boxes.tracks] for boxes, _ in told] == [[1]] * 4
+    results = answers(image_node(), TRANSFORM, *(detected(k, [p]) for k, p in enumerate(people)))
+    assert [[p.id for p in boxes.tracks] for boxes, _ in results] == [[1]] * 4
     # Without depth the place is predicted, once there was one.
-    assert [[(p.id, p.state) for p in tracks.tracks] for _, tracks in told] == [
+    assert [[(p.id, p.state) for p in tracks.tracks] for _, tracks in results] == [
         [],
         [(1, "confirmed")],
         [(1, "lost")],
@@ -93,13 +93,15 @@ def test_a_person_keeps_the_identity_while_depth_comes_and_goes() -> None:
 
 
 def test_life_cycle_of_sort_in_both_messages() -> None:
-    # SORT as published: T_lost = 1, told again after 3 matches in a row; lost and tentative people
-    # are told only where they are asked for.
-    frames = [seen(k, [person()] if mark == "x" else []) for k, mark in enumerate("xxxx-xxxx--x")]
-    told = answers(image_node({}, publish_lost=False), TRANSFORM, *frames)
-    ids = [[p.id for p in tracks.tracks] for _, tracks in told]
+    # SORT [Bewley 2016]: T_lost = 1, published again after 3 matches in a row; lost and
+    # tentative tracks are published only where configured.
+    frames = [
+        detected(k, [person()] if mark == "x" else []) for k, mark in enumerate("xxxx-xxxx--x")
+    ]
+    results = answers(image_node({}, publish_lost=False), TRANSFORM, *frames)
+    ids = [[p.id for p in tracks.tracks] for _, tracks in results]
     assert ids == [[1]] * 4 + [[]] * 3 + [[1]] * 2 + [[]] * 3
-    assert ids == [[p.id for p in boxes.tracks] for boxes, _ in told]
+    assert ids == [[p.id for p in boxes.tracks] for boxes, _ in results]
     all_ = answers(image_node({}, publish_tentative=True), TRANSFORM, *frames)
     states = ["".join(p.state[0] for p in boxes.tracks) for boxes, _ in all_]
     assert states == ["c"] * 4 + ["l", "t", "t", "c", "c", "l", "", "t"]
@@ -109,9 +111,9 @@ def test_life_cycle_of_sort_in_both_messages() -> None:
 
 def test_speed_is_that_of_the_person() -> None:
     # 0.05 m to the right of the camera, which is -y in the map, in each tenth of a second.
-    frames = [seen(k, [person(-1.0 + 0.05 * k)]) for k in range(40)]
-    told = answers(image_node(), TRANSFORM, *frames)
-    np.testing.assert_allclose(told[-1][1].tracks[0].velocity_mps, [0, -0.5, 0], atol=0.05)
+    frames = [detected(k, [person(-1.0 + 0.05 * k)]) for k in range(40)]
+    results = answers(image_node(), TRANSFORM, *frames)
+    np.testing.assert_allclose(results[-1][1].tracks[0].velocity_mps, [0, -0.5, 0], atol=0.05)
 
 
 def odometry(number: int, theta_rad: float) -> Odometry:
@@ -134,11 +136,11 @@ def on(parent: str) -> StaticTransform:
 
 
 def ids_while_turning(target: TrackerNode, moved: Sequence[Message], step_px: float) -> list[int]:
-    """Return who is told of a person 40 px wide while the camera turns in every third frame."""
+    """Return the identities of a person 40 px wide while the camera turns in every third frame."""
     left, ids = 100.0, []
     for number, message in enumerate(moved):
         left += step_px * (number % 3 == 2)
-        for boxes, _ in answers(target, message, seen(number, [flat(left, 40.0)])):
+        for boxes, _ in answers(target, message, detected(number, [flat(left, 40.0)])):
             ids += [p.id for p in boxes.tracks]
     return ids
 
@@ -189,31 +191,31 @@ def test_a_camera_on_a_turning_head_needs_no_odometry() -> None:
     assert ids_while_turning(target, moved, 30.0) == [1] * 12
 
 
-def test_ways_of_cameras() -> None:
+def test_directions_of_cameras() -> None:
     # Rolling, pitching (nose up is negative about y) and yawing, as the optical axis shows them.
-    def way(roll: float, pitch: float, yaw: float) -> Any:
+    def direction(roll: float, pitch: float, yaw: float) -> Any:
         link = transform_from((1, 2, 3), rotation_from_rpy(roll, pitch, yaw))
         return camera_direction(link @ LINK_FROM_OPTICAL, 0.1)
 
-    assert way(0, 0, 0.5) == pytest.approx((0.5, 0.0, 0.01))
-    assert way(0.3, -0.2, -1.0) == pytest.approx((-1.0, 0.2, 0.01))
-    assert way(0, math.pi / 2, 0) is None
+    assert direction(0, 0, 0.5) == pytest.approx((0.5, 0.0, 0.01))
+    assert direction(0.3, -0.2, -1.0) == pytest.approx((-1.0, 0.2, 0.01))
+    assert direction(0, math.pi / 2, 0) is None
     assert camera_direction(None) is None
 
 
 def test_cameras_share_identities_but_not_images() -> None:
-    # The same box in two images is two people, as far as anybody can tell.
+    # The same box in two images is two people.
     other = StaticTransform(
         stamp_ns=0, sequence=0, parent="map", child="side_optical", matrix=LINK_FROM_OPTICAL
     )
     target = image_node(reorder_wait_s=0.0)
     answers(target, TRANSFORM, other)
-    told = []
+    results = []
     for k in range(3):
-        told += answers(
-            target, seen(k, [flat(100)]), seen(k, [flat(100)], camera="side", late_ms=5)
+        results += answers(
+            target, detected(k, [flat(100)]), detected(k, [flat(100)], camera="side", late_ms=5)
         )
-    assert [(b.camera, [p.id for p in b.tracks]) for b, _ in told] == [
+    assert [(b.camera, [p.id for p in b.tracks]) for b, _ in results] == [
         ("front", [1]),
         ("side", [2]),
     ] * 3
@@ -228,20 +230,20 @@ def restarted(before: TrackerNode) -> TrackerNode:
 @pytest.mark.parametrize("pause", [1, 20, 100])
 def test_identities_outlive_the_process(pause: int) -> None:
     before = image_node()
-    answers(before, TRANSFORM, *(seen(k, [person(), flat(0)]) for k in range(5)))
+    answers(before, TRANSFORM, *(detected(k, [person(), flat(0)]) for k in range(5)))
     after = restarted(restarted(before))
-    told = answers(
-        after, *(seen(k, [person(), flat(0), flat(500)]) for k in range(4 + pause, 7 + pause))
+    results = answers(
+        after, *(detected(k, [person(), flat(0), flat(500)]) for k in range(4 + pause, 7 + pause))
     )
-    for boxes, tracks in told:
+    for boxes, tracks in results:
         assert [p.id for p in boxes.tracks] == [1, 2, 3]
         assert [p.id for p in tracks.tracks] == [1]
     assert after.next_number() == 4
 
 
-def test_what_is_damaged_changes_nothing_but_numbers() -> None:
+def test_damaged_checkpoint_restores_numbers_only() -> None:
     before = image_node()
-    answers(before, TRANSFORM, *(seen(k, [person(), flat(0)]) for k in range(5)))
+    answers(before, TRANSFORM, *(detected(k, [person(), flat(0)]) for k in range(5)))
     good = msgspec.msgpack.decode(before.save())
     state = msgspec.msgpack.decode(good["tracker"])
     stamp_ns, frames, tracks = state["images"]["front"][0]
@@ -257,16 +259,16 @@ def test_what_is_damaged_changes_nothing_but_numbers() -> None:
         after = image_node()
         with pytest.raises(DecodeError):
             after.restore(bad, before.next_number())
-        ((boxes, _),) = answers(after, seen(9, [person()]))
+        ((boxes, _),) = answers(after, detected(9, [person()]))
         assert [p.id for p in boxes.tracks] == [3]
 
 
-def test_odd_boxes_are_left_out_and_rows_stay_those_of_the_message() -> None:
+def test_unusable_boxes_are_ignored_and_indices_stay() -> None:
     empty = Detection(box_xyxy_px=np.array([5, 5, 5, 9], np.float32), score=0.9)
     far = Detection(
         box_xyxy_px=np.array([0, 0, 50, 100], np.float32), score=0.9, position_m=np.full(3, 1e9)
     )
-    ((boxes, tracks),) = answers(image_node(), TRANSFORM, seen(0, [empty, far, person()]))
+    ((boxes, tracks),) = answers(image_node(), TRANSFORM, detected(0, [empty, far, person()]))
     assert [p.detection for p in boxes.tracks] == [1, 2]
     assert [p.detection for p in tracks.tracks] == [2]
-    assert answers(image_node(), TRANSFORM, seen(0, []))[0][0].tracks == ()
+    assert answers(image_node(), TRANSFORM, detected(0, []))[0][0].tracks == ()

@@ -8,12 +8,12 @@ import pytest
 from people4d.messages import F64
 from services.tracker.config import ImmConfig
 from services.tracker.motion.imm import STANDING, WALKING, Imm, log_likelihood, mix
-from services.tracker.motion.motion import PointMotion
+from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_record import ImmState
 from services.tracker.strongsort3d.build import build_strongsort3d
 from tests.tracker.scene import frame, person, published, published_config
 
-SEEN = np.array([False])
+UNMATCHED = np.array([False])
 CONFIG = published(
     sigma_acceleration_mps2=3.0,
     sigma_measurement_m=0.15,
@@ -24,14 +24,14 @@ CONFIG = published(
 
 
 def imm(**settings: float) -> Imm:
-    return Imm(PointMotion(CONFIG), ImmConfig(enabled=True, **settings))
+    return Imm(PositionMotion(CONFIG), ImmConfig(enabled=True, **settings))
 
 
 def state(x_m: float, vx_mps: float) -> F64:
     return np.array([x_m, 0.0, 0.0, vx_mps, 0.0, 0.0])
 
 
-def test_models_start_from_whoever_may_have_changed_over() -> None:
+def test_mixing_of_modes_by_hand() -> None:
     # Shares 0.5 and 0.5; of those who stand 0.2 begin to walk, of those who walk 0.4 stop. After:
     # 0.5 * 0.8 + 0.5 * 0.4 = 0.6 stand, of which 0.4 / 0.6 = 2/3 stood before; 0.4 walk, of which
     # 0.1 / 0.4 = 1/4 stood. CameraPoses 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
@@ -47,13 +47,13 @@ def test_models_start_from_whoever_may_have_changed_over() -> None:
     np.testing.assert_allclose(covariance[0, :, 1, 1], [1.0, 1.0])
 
 
-def test_the_density_of_an_innovation() -> None:
+def test_log_likelihood_of_an_innovation() -> None:
     # One metre off with a variance of 4 each way in three dimensions: 1/4 + ln 64, halved.
-    told = log_likelihood(np.array([1.0, 0.0, 0.0]), 4 * np.eye(3))
-    assert told == pytest.approx(-0.5 * (0.25 + math.log(64)))
+    results = log_likelihood(np.array([1.0, 0.0, 0.0]), 4 * np.eye(3))
+    assert results == pytest.approx(-0.5 * (0.25 + math.log(64)))
 
 
-def test_what_is_told_is_the_mean_of_both() -> None:
+def test_mean_of_both_modes() -> None:
     # 0.75 stand at 0, 0.25 walk at 1 m with 2 m/s: at 0.25 m with 0.5 m/s. Variance of the place:
     # 0.1 within, and 0.75 * 0.0625 + 0.25 * 0.5625 = 0.1875 between; of the velocity
     # 0.75 * 0.01 + 0.25 * 0.1 within and 0.75 * 0.25 + 0.25 * 2.25 = 0.75 between.
@@ -68,17 +68,17 @@ def test_what_is_told_is_the_mean_of_both() -> None:
     assert P[3, 3] == pytest.approx(0.0325 + 0.75)
 
 
-def test_no_time_changes_nothing() -> None:
+def test_zero_time_step_changes_nothing() -> None:
     models = imm()
     start = models.start(state(1.0, 0.5), 0.1 * np.eye(6))
-    (after,) = models.predict_modes([start], SEEN, 0.0)
+    (after,) = models.predict_modes([start], UNMATCHED, 0.0)
     np.testing.assert_allclose(after.mode_probability, start.mode_probability)
     np.testing.assert_allclose(after.x[WALKING], start.x[WALKING])
     assert after.x[STANDING, 3] == 0.0
 
 
 def run(xs: list[float]) -> list[float]:
-    """Speeds told of a person measured at distances, ten a second."""
+    """Speeds of a person measured at distances, ten a second."""
     tracker = build_strongsort3d(published_config(strongsort3d=CONFIG))
     speeds = []
     for number, x in enumerate(xs):
@@ -87,7 +87,7 @@ def run(xs: list[float]) -> list[float]:
     return speeds
 
 
-def test_whoever_stands_is_told_to_stand_and_whoever_walks_to_walk() -> None:
+def test_velocities_of_standing_and_walking_people() -> None:
     # Errors of 0.05 m for 5 s, then 1 m/s for 2 s, then a stop.
     errors = np.random.default_rng(3).normal(0, 0.05, 120)
     true = np.concatenate([np.full(50, 4.0), 4.0 + np.arange(1, 21) / 10, np.full(50, 6.0)])
@@ -97,7 +97,7 @@ def test_whoever_stands_is_told_to_stand_and_whoever_walks_to_walk() -> None:
     assert np.percentile(speeds[100:], 95) < 0.05
 
 
-def test_a_person_who_begins_to_walk_is_believed_within_half_a_second() -> None:
+def test_walking_mode_is_probable_within_half_a_second() -> None:
     speeds = run([4.0] * 30 + [4.0 + 0.1 * k for k in range(1, 11)])
     assert speeds[30 + 5] > 0.5
 
@@ -107,7 +107,7 @@ def test_covariances_stay_positive_definite() -> None:
     modes = models.start(state(4.0, 0.0), 0.1 * np.eye(6))
     rng = np.random.default_rng(1)
     for _ in range(300):
-        (modes,) = models.predict_modes([modes], SEEN, float(rng.uniform(0.0, 0.3)))
+        (modes,) = models.predict_modes([modes], UNMATCHED, float(rng.uniform(0.0, 0.3)))
         (modes,) = models.update_modes([modes], rng.normal(4, 0.1, (1, 3)), 0.02 * np.eye(3)[None])
         _, P = models.mean(modes)
         assert np.linalg.eigvalsh(P).min() > 0

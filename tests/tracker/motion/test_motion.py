@@ -1,4 +1,4 @@
-"""Motion and noise models against numbers worked on paper (method book section 3)."""
+"""Motion and noise models against numbers worked on paper (docs/method.md section 3)."""
 
 from dataclasses import replace
 
@@ -7,7 +7,12 @@ import pytest
 
 from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
-from services.tracker.motion.motion import BoxMotion, PointMotion, confidence_factor, depth_factor
+from services.tracker.motion.motion import (
+    BoxMotion,
+    PositionMotion,
+    confidence_factor,
+    depth_factor,
+)
 from tests.tracker.scene import published
 
 
@@ -24,15 +29,15 @@ def measurement(score: float = 0.8, forward_m: float = 2.5) -> Measurement:
 def test_white_acceleration_for_a_tenth_of_a_second() -> None:
     # sigma_a = 0.5, dt = 0.1: 0.25 * 1e-4 / 4 = 6.25e-6; 0.25 * 1e-3 / 2 = 1.25e-4;
     # 0.25 * 1e-2 = 2.5e-3. From P = 0 the prediction leaves Q alone.
-    motion = PointMotion(published())
+    motion = PositionMotion(published())
     x, P = motion.predict(np.array([[1.0, 2.0, 3.0, 1.0, 0.0, -1.0]]), np.zeros((1, 6, 6)), 0.1)
     np.testing.assert_allclose(x, [[1.1, 2.0, 2.9, 1.0, 0.0, -1.0]])
     block = [[6.25e-6, 1.25e-4], [1.25e-4, 2.5e-3]]
     np.testing.assert_allclose(P[0], np.kron(block, np.eye(3)), atol=1e-18)
 
 
-def test_no_time_no_noise() -> None:
-    motion = PointMotion(published())
+def test_zero_time_step_has_no_noise() -> None:
+    motion = PositionMotion(published())
     x, P = motion.predict(np.ones((1, 6)), np.eye(6)[None], 0.0)
     np.testing.assert_array_equal(x, np.ones((1, 6)))
     np.testing.assert_array_equal(P, np.eye(6)[None])
@@ -40,7 +45,7 @@ def test_no_time_no_noise() -> None:
 
 def test_depth_and_score_scale_the_noise() -> None:
     # R = 0.5^2 = 0.25; depth 2.5 of 5 m: x 1.5 = 0.375; score 0.8: x 0.2 = 0.075.
-    motion = PointMotion(published())
+    motion = PositionMotion(published())
     np.testing.assert_allclose(motion.gate_noise([measurement()])[0], 0.375 * np.eye(3))
     np.testing.assert_allclose(motion.noise([measurement()])[0], 0.075 * np.eye(3))
 
@@ -55,8 +60,8 @@ def test_depth_behind_the_camera_counts_as_none() -> None:
     np.testing.assert_allclose(depth_factor([-7.0, 0.0, 5.0], 5.0), [1.0, 1.0, 2.0])
 
 
-def test_point_start_is_at_rest_but_unsure_of_it() -> None:
-    x, P = PointMotion(published()).start(measurement())
+def test_point_starts_with_zero_velocity_and_its_variance() -> None:
+    x, P = PositionMotion(published()).start(measurement())
     np.testing.assert_allclose(x, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(P, np.diag([0.075] * 3 + [4.0] * 3))  # 2 m/s squared
 
@@ -94,25 +99,29 @@ def test_a_shrinking_area_stays_positive() -> None:
     assert moved[0, 9] == 0.0
 
 
-def test_noise_is_what_the_detector_told_if_asked() -> None:
+def test_measured_noise_is_the_covariance_of_the_detection() -> None:
     # Told diag(1, 4, 9) cm^2, times 2; neither depth nor score change it.
-    told = np.diag([1e-4, 4e-4, 9e-4])
-    sure, plain = replace(measurement(), covariance_m2=told), measurement()
-    motion = PointMotion(published(noise="measured", noise_factor=2.0))
-    for R in (motion.noise([sure]), motion.gate_noise([sure]), motion.start(sure)[1][None, :3, :3]):
-        np.testing.assert_allclose(R[0], 2 * told)
-    # Without a covariance, and in constant mode with one, it is the paper's.
-    np.testing.assert_allclose(motion.noise([sure, plain])[1], 0.075 * np.eye(3))
-    paper = PointMotion(published())
-    np.testing.assert_allclose(paper.noise([sure])[0], 0.075 * np.eye(3))
+    results = np.diag([1e-4, 4e-4, 9e-4])
+    certain, plain = replace(measurement(), covariance_m2=results), measurement()
+    motion = PositionMotion(published(noise="measured", noise_factor=2.0))
+    for R in (
+        motion.noise([certain]),
+        motion.gate_noise([certain]),
+        motion.start(certain)[1][None, :3, :3],
+    ):
+        np.testing.assert_allclose(R[0], 2 * results)
+    # Without a covariance, and in constant mode with one, it is [PIC4SeR]'s.
+    np.testing.assert_allclose(motion.noise([certain, plain])[1], 0.075 * np.eye(3))
+    paper = PositionMotion(published())
+    np.testing.assert_allclose(paper.noise([certain])[0], 0.075 * np.eye(3))
     assert motion.noise([]).shape == (0, 3, 3)
 
 
-def test_told_noise_of_a_box_leaves_the_pixels_alone() -> None:
-    told = np.diag([1e-4, 4e-4, 9e-4])
-    sure = replace(measurement(), covariance_m2=told)
-    constant = BoxMotion(Sort3dConfig()).noise([sure])[0]
-    measured = BoxMotion(Sort3dConfig(noise="measured", noise_factor=2.0)).noise([sure])[0]
-    np.testing.assert_allclose(measured[4:, 4:], 2 * told)
+def test_measured_noise_of_a_box_does_not_change_the_pixels() -> None:
+    results = np.diag([1e-4, 4e-4, 9e-4])
+    certain = replace(measurement(), covariance_m2=results)
+    constant = BoxMotion(Sort3dConfig()).noise([certain])[0]
+    measured = BoxMotion(Sort3dConfig(noise="measured", noise_factor=2.0)).noise([certain])[0]
+    np.testing.assert_allclose(measured[4:, 4:], 2 * results)
     np.testing.assert_array_equal(measured[:4, :4], constant[:4, :4])
     assert BoxMotion(Sort3dConfig(noise="measured")).noise([]).shape == (0, 7, 7)

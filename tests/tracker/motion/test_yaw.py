@@ -34,13 +34,13 @@ AT_REST = np.zeros(3)
 
 def facing(yaw_rad: float | None, sigma_rad: float | None = None, **at: float) -> Measurement:
     x, y = at.get("x", 3.0), at.get("y", 0.0)
-    seen = person(x, y)
+    detected = person(x, y)
     return Measurement(
-        index=seen.index,
-        box_xyxy_px=seen.box_xyxy_px,
-        score=seen.score,
-        position_m=seen.position_m,
-        forward_m=seen.forward_m,
+        index=detected.index,
+        box_xyxy_px=detected.box_xyxy_px,
+        score=detected.score,
+        position_m=detected.position_m,
+        forward_m=detected.forward_m,
         yaw_rad=yaw_rad,
         yaw_sigma_rad=sigma_rad,
     )
@@ -58,11 +58,11 @@ def predict(before: YawState, dt_s: float, filter_: KeypointYaw = FILTER) -> Yaw
 
 def update(
     before: YawState | None,
-    seen: Measurement,
+    detected: Measurement,
     filter_: KeypointYaw = FILTER,
     velocity_mps: F64 = AT_REST,
 ) -> YawState:
-    (after,) = filter_.update([before], [seen], velocity_mps[None])
+    (after,) = filter_.update([before], [detected], velocity_mps[None])
     assert after is not None
     return after
 
@@ -134,11 +134,11 @@ def test_two_seconds_without_a_measurement() -> None:
 
 def test_a_measurement_that_is_no_number_is_refused() -> None:
     before = state(0.3)
-    seen = [facing(math.nan), facing(math.inf)]
-    assert FILTER.update([before, None], seen, np.zeros((2, 3))) == [before, None]
+    detected = [facing(math.nan), facing(math.inf)]
+    assert FILTER.update([before, None], detected, np.zeros((2, 3))) == [before, None]
 
 
-def test_a_turn_dies_out_where_so_configured() -> None:
+def test_turn_rate_decays_where_configured() -> None:
     # After tau ln 2 = 0.3466 s half the rate is left; turned by tau (1 - 1/2) = 0.25 rad.
     tired = KeypointYaw(msgspec.structs.replace(CONFIG, rate_decay_s=0.5))
     after = predict(state(0.0, 1.0), 0.5 * math.log(2), tired)
@@ -147,16 +147,16 @@ def test_a_turn_dies_out_where_so_configured() -> None:
     assert predict(state(0.0, 1.0), 60.0, tired).x[0] == pytest.approx(0.5)
 
 
-def test_a_measurement_counts_by_its_own_sigma_where_so_configured() -> None:
+def test_measurement_is_weighed_by_its_own_sigma_where_configured() -> None:
     weighing = KeypointYaw(msgspec.structs.replace(CONFIG, measured_sigma=True))
-    seen = facing(1.0, sigma_rad=math.sqrt(0.75))
+    detected = facing(1.0, sigma_rad=math.sqrt(0.75))
     # K = 0.25 / (0.25 + 0.75) = 1/4; with the constant 0.5 rad it is 0.25 / (0.25 + 0.25) = 1/2.
-    assert update(state(0.0), seen, weighing).x[0] == pytest.approx(0.25)
-    assert update(state(0.0), seen).x[0] == pytest.approx(0.5)
+    assert update(state(0.0), detected, weighing).x[0] == pytest.approx(0.25)
+    assert update(state(0.0), detected).x[0] == pytest.approx(0.5)
     assert update(state(0.0), facing(1.0), weighing).x[0] == pytest.approx(0.5)
 
 
-def test_a_measurement_turned_round_bends_the_yaw_a_little() -> None:
+def test_reversed_measurement_changes_the_yaw_little() -> None:
     # y = pi, S = 0.25 + 0.25: 4.4 sigma. At 2 sigma S must be (pi / 2)^2 = 2.467:
     # K = 0.25 / 2.467 = 0.1013, the yaw moves by 0.318 rad instead of pi / 2.
     robust = KeypointYaw(msgspec.structs.replace(CONFIG, outlier_sigmas=2.0))
@@ -167,7 +167,7 @@ def test_a_measurement_turned_round_bends_the_yaw_a_little() -> None:
     assert update(state(0.0), facing(1.0), robust).x[0] == pytest.approx(0.5)
 
 
-def test_a_person_who_does_turn_round_is_believed_in_the_end() -> None:
+def test_yaw_follows_a_person_who_turns_round() -> None:
     robust = KeypointYaw(msgspec.structs.replace(CONFIG, outlier_sigmas=2.0))
     turned = update(None, facing(0.0), robust)
     for _ in range(60):
@@ -175,14 +175,14 @@ def test_a_person_who_does_turn_round_is_believed_in_the_end() -> None:
     assert turned.x[0] == pytest.approx(2.8, abs=0.1)
 
 
-def test_the_way_walked_is_a_weaker_measurement_where_so_configured() -> None:
+def test_walking_direction_is_a_weaker_measurement_where_configured() -> None:
     # After the keypoints P = 0.25 * 0.25 / 0.5 = 0.125; R = 0.375: K = 0.25 of 2 rad is 0.5 rad.
     walking = KeypointYaw(msgspec.structs.replace(CONFIG, sigma_walk_rad=math.sqrt(0.375)))
     v = np.array([math.cos(2.0), math.sin(2.0), 0.0])
     assert update(state(0.0), facing(0.0), walking, v).x[0] == pytest.approx(0.5)
     assert update(state(0.0), facing(0.0), walking, 0.4 * v).x[0] == pytest.approx(0.0)
     assert update(state(0.0), facing(0.0), FILTER, v).x[0] == pytest.approx(0.0)
-    # It tells something where the keypoints tell nothing.
+    # It is a measurement where the keypoints give none.
     begun = update(None, facing(None), walking, v)
     np.testing.assert_allclose(begun.x, [2.0, 0.0])
     np.testing.assert_allclose(begun.P, np.diag([0.375, 1.0]))
@@ -190,13 +190,13 @@ def test_the_way_walked_is_a_weaker_measurement_where_so_configured() -> None:
 
 def test_people_in_a_stack_do_not_mix() -> None:
     crowd = [state(0.1), None, state(3.0, -1.0), None]
-    seen = [facing(0.5), facing(None), facing(None), facing(-1.0)]
-    after = FILTER.update(crowd, seen, np.zeros((4, 3)))
+    detected = [facing(0.5), facing(None), facing(None), facing(-1.0)]
+    after = FILTER.update(crowd, detected, np.zeros((4, 3)))
     assert after[1] is None
     assert after[2] is crowd[2]
     assert after[0] is not None
     assert after[3] is not None
-    np.testing.assert_allclose(after[0].x, update(state(0.1), seen[0]).x)
+    np.testing.assert_allclose(after[0].x, update(state(0.1), detected[0]).x)
     np.testing.assert_allclose(after[3].x, [-1.0, 0.0])
     assert FILTER.predict([None, None], 0.1) == [None, None]
 
@@ -225,21 +225,21 @@ def test_yaw_can_be_left_out() -> None:
 def test_life_cycle_in_a_tracker(name: str) -> None:
     tracker = make_tracker(published_config(tracker=name, yaw="keypoints", yaw_filter=CONFIG))
 
-    told: list[Track] = []
+    results: list[Track] = []
 
-    def yaw_deg(*seen: Measurement) -> float:
-        told.extend(tracker.update(frame(len(told), *seen)))
-        yaw_rad = told[-1].yaw_rad
+    def yaw_deg(*detected: Measurement) -> float:
+        results.extend(tracker.update(frame(len(results), *detected)))
+        yaw_rad = results[-1].yaw_rad
         return math.nan if yaw_rad is None else math.degrees(yaw_rad) % 360
 
-    assert math.isnan(yaw_deg(facing(None)))  # the person is there, but nothing tells the yaw
+    assert math.isnan(yaw_deg(facing(None)))  # the person is there, without a yaw
     assert yaw_deg(facing(math.radians(170))) == pytest.approx(170)  # begins
     assert 170 < yaw_deg(facing(math.radians(-170))) < 190  # across 180 deg
     for turned_deg in range(-170, 0, 6):  # 60 deg/s
         last_deg = yaw_deg(facing(math.radians(turned_deg)))
     assert last_deg == pytest.approx(turned_deg % 360, abs=5)
     # Unseen for a frame: turned on by 6 deg. Seen, but not which way: again.
-    (ahead,) = tracker.predict(len(told) * FRAME_NS)
+    (ahead,) = tracker.predict(len(results) * FRAME_NS)
     assert ahead.yaw_rad is not None
     assert ahead.yaw_rad == pytest.approx(math.radians(last_deg + 6 - 360), abs=0.03)
     assert yaw_deg() == pytest.approx(math.degrees(ahead.yaw_rad) % 360)
@@ -248,7 +248,7 @@ def test_life_cycle_in_a_tracker(name: str) -> None:
     assert math.isnan(yaw_deg(facing(None)))
 
 
-def test_a_newcomer_does_not_inherit() -> None:
+def test_new_person_does_not_inherit_an_identity() -> None:
     tracker = make_tracker(published_config(yaw="keypoints"))
     tracker.update(frame(0, facing(1.0, x=3.0, y=1.0)))
     tracks = tracker.update(frame(1, facing(1.0, x=3.0, y=1.0), facing(-2.0, x=4.0, y=-1.0)))
@@ -283,9 +283,9 @@ def tracks_of(map_from_camera: Any, heading: Any, **fields: Any) -> list[Track]:
             detections=(detection,),
         ),
     ]
-    (told,) = [answer for message in sent for answer in node.handle(message, 0)]
-    assert isinstance(told, Tracks)
-    return list(told.tracks)
+    (results,) = [answer for message in sent for answer in node.handle(message, 0)]
+    assert isinstance(results, Tracks)
+    return list(results.tracks)
 
 
 @pytest.mark.parametrize(
@@ -340,6 +340,6 @@ def test_a_heading_straight_up_has_no_yaw() -> None:
         ("yaw_filter.rate_decay_s=nan", "rate_decay_s: expected"),
     ],
 )
-def test_wrong_settings_are_told(setting: str, problem: str) -> None:
+def test_wrong_settings_are_refused(setting: str, problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         load(TrackerConfig, "tracker", None, [setting], {})

@@ -1,4 +1,4 @@
-"""Costs, gates and assignments worked on paper (method book sections 4 and 5)."""
+"""Costs, gates and assignments worked on paper (docs/method.md sections 4 and 5)."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from tests.tracker.scene import published
 INF = np.inf
 
 
-def test_the_sum_of_costs_decides_not_the_best_pair() -> None:
+def test_sum_of_costs_is_minimised_not_the_best_pair() -> None:
     # 1 + 5 = 6 against 2 + 3 = 5.
     assert assign(np.array([[1.0, 2.0], [3.0, 5.0]])) == [(0, 1), (1, 0)]
 
@@ -32,7 +32,7 @@ def test_inadmissible_pairs_are_never_matched() -> None:
     assert assign(np.zeros((3, 0))) == []
 
 
-def test_a_column_without_admissible_pair_takes_nothing_away() -> None:
+def test_column_without_admissible_pair_changes_nothing() -> None:
     # Row 1 may only take column 0, so row 0 takes column 2 though 0 would be cheaper.
     cost = np.array([[1.0, INF, 900.0], [2.0, INF, INF]])
     assert assign(cost) == [(0, 2), (1, 0)]
@@ -119,7 +119,7 @@ def test_moving_average_of_the_embedding() -> None:
     np.testing.assert_array_equal(opposite, [-1.0, 0.0])
 
 
-def test_match_probabilities_are_shares_of_all_that_compete() -> None:
+def test_match_probabilities_of_competing_pairs() -> None:
     # Temperature 1, costs 0, ln 3 and infinity: weights 1, 1/3, 0 and 1/3, 1, 1/3. The first pair
     # has 1 / (1 + 1/3 + 1/3), the second (1/3) / (1/3 + 1 + 1); the last competes with 1/3 and 1 in
     # its row and with none in its column: (1/3) / (1/3 + 1/3 + 1).
@@ -129,7 +129,7 @@ def test_match_probabilities_are_shares_of_all_that_compete() -> None:
     np.testing.assert_allclose(shares[1], [1 / 8, 1 / 2, 1 / 5])
 
 
-def test_certainty_of_very_different_costs_is_sure() -> None:
+def test_match_probability_of_very_different_costs_is_one() -> None:
     shares = match_probabilities(np.array([[0.0, 1e4], [1e4, np.inf]]), 0.04)
     np.testing.assert_allclose(shares, [[1, 0], [0, 0]], atol=1e-12)
 
@@ -142,6 +142,6 @@ def test_a_good_pair_is_not_broken_up_to_match_both_others() -> None:
     assert assign(cost, miss=0.4) == [(0, 0), (1, 1)]
 
 
-def test_pairs_dearer_than_a_miss_are_matched_where_there_is_no_better() -> None:
+def test_pair_above_the_cost_of_a_miss_is_matched_without_a_rival() -> None:
     assert assign(np.array([[0.3]]), miss=0.25) == [(0, 0)]
     assert assign(np.array([[0.5, 0.3], [0.3, 0.5]]), miss=0.25) == [(0, 1), (1, 0)]

@@ -1,4 +1,4 @@
-"""The life of SORT-3D's tracks, frame by frame (method book section 4)."""
+"""The life of SORT-3D's tracks, frame by frame (docs/method.md section 4)."""
 
 import msgspec
 import pytest
@@ -39,7 +39,7 @@ def test_t_lost_unmatched_frames_delete() -> None:
     assert states(sort.update(frame(5, person(3, 0)))) == [(2, "tentative")]
 
 
-def test_plain_sort_forgets_at_the_first_miss() -> None:
+def test_plain_sort_deletes_at_the_second_miss() -> None:
     sort = tracker(t_lost=1)
     for number in range(3):
         sort.update(frame(number, person(3, 0)))
@@ -48,11 +48,11 @@ def test_plain_sort_forgets_at_the_first_miss() -> None:
 
 def test_a_tentative_track_needs_its_matches_in_a_row() -> None:
     sort = tracker()
-    seen = [True, True, False, True, True, True]
-    told = []
-    for number, here in enumerate(seen):
-        told += states(sort.update(frame(number, *[person(3, 0)] * here)))
-    assert told == [(1, "tentative")] * 5 + [(1, "confirmed")]
+    detected = [True, True, False, True, True, True]
+    results = []
+    for number, here in enumerate(detected):
+        results += states(sort.update(frame(number, *[person(3, 0)] * here)))
+    assert results == [(1, "tentative")] * 5 + [(1, "confirmed")]
 
 
 def test_the_box_gate_can_be_switched_off() -> None:
@@ -66,7 +66,7 @@ def test_the_box_gate_can_be_switched_off() -> None:
     assert [track.id for track in free.update(steps[1])] == [1]
 
 
-def test_the_distance_gate_learns_from_the_previous_frame() -> None:
+def test_distance_gate_follows_the_previous_frame() -> None:
     # Frame 1: one pair, d = 0.05: tau = 0.05. Frame 2: the same box, but 0.3 m behind.
     def third_frame(**fields: float) -> list[int]:
         sort = tracker(**fields)

@@ -19,34 +19,34 @@ def at(x_m: float, yaw_rad: float) -> Observation:
     return dataclasses.replace(frame(0), map_from_camera=transform_from([x_m, 0.0, 1.0], turn))
 
 
-def test_a_camera_that_stands_adds_no_doubt() -> None:
+def test_fixed_camera_adds_no_covariance() -> None:
     drift = BaseDrift(CONFIG)
     assert drift.since_last(at(0.0, 0.0), np.array([[4.0, 0.0, 1.0]])) is None
     assert drift.since_last(at(0.0, 0.0), np.array([[4.0, 0.0, 1.0]])) is None
     assert drift.since_last(frame(0), np.array([[4.0, 0.0, 1.0]])) is None
 
 
-def test_a_turn_adds_doubt_to_the_side_and_a_way_each_way() -> None:
-    # A quarter of a radian: 0.05^2 * 0.25 = 0.000625, times 4^2 to the side of whoever is 4 m
+def test_turn_adds_covariance_sideways_and_distance_in_all_directions() -> None:
+    # A quarter of a radian: 0.05^2 * 0.25 = 0.000625, times 4^2 to the side of a person 4 m
     # ahead: 0.01. After that 1 m forward: 0.1^2 = 0.01 each way on the ground.
-    drift, place = BaseDrift(CONFIG), np.array([[4.0, 0.0, 1.0]])
-    drift.since_last(at(0.0, 0.0), place)
-    turned = drift.since_last(at(0.0, 0.25), place)
+    drift, position = BaseDrift(CONFIG), np.array([[4.0, 0.0, 1.0]])
+    drift.since_last(at(0.0, 0.0), position)
+    turned = drift.since_last(at(0.0, 0.25), position)
     assert turned is not None
     np.testing.assert_allclose(turned[0], np.diag([0.0, 0.01, 0.0]), atol=1e-12)
-    driven = drift.since_last(at(1.0, 0.25), place)
+    driven = drift.since_last(at(1.0, 0.25), position)
     assert driven is not None
     np.testing.assert_allclose(driven[0], np.diag([0.01, 0.01, 0.0]), atol=1e-12)
 
 
-def test_the_doubt_of_a_turn_does_not_depend_on_the_rate_of_frames() -> None:
-    place = np.array([[3.0, -1.0, 1.0]])
-    whole, parts = BaseDrift(CONFIG), BaseDrift(CONFIG)
-    whole.since_last(at(0.0, 0.0), place)
-    at_once = whole.since_last(at(0.0, math.pi / 4), place)
+def test_covariance_of_a_turn_is_independent_of_the_frame_rate() -> None:
+    position = np.array([[3.0, -1.0, 1.0]])
+    drift, parts = BaseDrift(CONFIG), BaseDrift(CONFIG)
+    drift.since_last(at(0.0, 0.0), position)
+    at_once = drift.since_last(at(0.0, math.pi / 4), position)
     in_steps = np.zeros((1, 3, 3))
     for k in range(11):
-        step = parts.since_last(at(0.0, k * math.pi / 40), place)
+        step = parts.since_last(at(0.0, k * math.pi / 40), position)
         in_steps += 0.0 if step is None else step
     assert at_once is not None
     np.testing.assert_allclose(in_steps, at_once)

@@ -12,7 +12,7 @@ from services.tracker.strongsort3d.contact import beyond_walking, depth_uncertai
 from services.tracker.strongsort3d.policies import FrameContext
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person, published, published_config
-from tests.tracker.strongsort3d.test_occlusion import BLUE, RED, of, placed
+from tests.tracker.strongsort3d.test_occlusion import BLUE, RED, of, with_pose
 
 ON = ContactConfig(enabled=True)
 
@@ -24,20 +24,22 @@ def tracker(contact: ContactConfig = ON) -> StrongSort3d:
 def test_pairs_beyond_walking_distance() -> None:
     # Seen 0.1 s ago: 0.4 + 2.5 * 0.1 = 0.65 m; 1 s ago: 2.9 m. Heights do not count.
     config = ContactConfig(jump_m=0.4, speed_max_mps=2.5)
-    places = np.array([[3, 0, 1], [3, 0, 1.0]])
-    told = beyond_walking(places, np.array([0.1, 1.0]), [person(3, 0.6), person(3, 2)], config)
-    assert told.tolist() == [[False, True], [False, False]]
+    positions = np.array([[3, 0, 1], [3, 0, 1.0]])
+    results = beyond_walking(
+        positions, np.array([0.1, 1.0]), [person(3, 0.6), person(3, 2)], config
+    )
+    assert results.tolist() == [[False, True], [False, False]]
 
 
 def test_detection_in_line_with_two_tracks_is_overlapping() -> None:
     # Tracks stand at 3 and 4 m in one line of sight; one detection at 3 m, one elsewhere.
     config = published(contact=ON)
     both = np.array([[3, 0, 1], [4, 0, 1.0]])
-    seen = placed(0, person(3, 0), person(4, 1.2, index=1))
-    frame_ = FrameContext(seen, seen.measurements, both, config)
+    detected = with_pose(0, person(3, 0), person(4, 1.2, index=1))
+    frame_ = FrameContext(detected, detected.measurements, both, config)
     assert frame_.occluded == {0}
     assert frame_.overlapping == {0}
-    assert FrameContext(seen, seen.measurements, both[:1], config).overlapping == set()
+    assert FrameContext(detected, detected.measurements, both[:1], config).overlapping == set()
 
 
 def test_distances_of_similar_tracks_are_pooled() -> None:
@@ -52,7 +54,7 @@ def test_covered_detection_gets_covariance_along_the_ray() -> None:
     # The far one's box lies inside the near one's. The line of sight from the origin is (4, 0, 1).
     near, far = person(2, 0), person(4, 0, index=1)
     first, second = depth_uncertain(
-        [near, far], placed(0, near, far), ContactConfig(depth_sigma_m=2.0)
+        [near, far], with_pose(0, near, far), ContactConfig(depth_sigma_m=2.0)
     )
     assert first.added_covariance_m2 is None
     expected = 4 / 17 * np.outer([4, 0, 1], [4, 0, 1])
@@ -68,10 +70,10 @@ def test_wrong_depth_does_not_pull_a_half_hidden_person() -> None:
         sort = build_strongsort3d(published_config(strongsort3d=strong))
         for number in range(20):
             x = 4 - 0.3 * max(number - 14, 0)
-            seen = person(4, 0, index=1, score=0.5, embedding=BLUE)
-            seen.position_m[:] = [x, 0.0, 1.0]
+            detected = person(4, 0, index=1, score=0.5, embedding=BLUE)
+            detected.position_m[:] = [x, 0.0, 1.0]
             before = [person(2.5, 0.1, embedding=RED)] if number >= 12 else []
-            tracks = sort.update(placed(number, seen, *before))
+            tracks = sort.update(with_pose(number, detected, *before))
         return float(of(tracks, 1).position_m[0])
 
     assert run(ContactConfig(enabled=False)) < 3.2
@@ -79,7 +81,7 @@ def test_wrong_depth_does_not_pull_a_half_hidden_person() -> None:
 
 
 def test_touching_people_of_similar_appearance_do_not_swap() -> None:
-    # Both look the same but for noise that says the opposite of the truth: by looks a swap costs
+    # Both appear the same but for noise opposite to the truth: by appearance a swap costs
     # 0.98 * 2 * 0.005 = 0.0098 less. By position it costs more, but little, since sigma is 0.6 m:
     # S > 0.25 * 1.6 = 0.4, and 0.02 * 2 * (0.4^2 - 0.3^2) / S < 0.007.
     a, b = (1.0, 0.1, 0.0), (1.0, 0.0, 0.0)
@@ -97,14 +99,14 @@ def test_touching_people_of_similar_appearance_do_not_swap() -> None:
 
 def test_occluded_crops_do_not_change_the_embedding() -> None:
     # Boxes at 3 m are 100 px wide; 0.2 m apart they share 60 px. A's picture is a mixture then;
-    # A is matched for a second, and parted from B still looks RED.
+    # A is matched for a second, and apart from B is still RED.
     mixed = (1.0, 0.2, 1.0)
     sort = tracker()
     for number in range(20):
         touching = 5 <= number < 15
         y = 0.2 if touching else 0.6
-        looks = (mixed, mixed) if touching else (RED, BLUE)
-        people = person(3, 0, 0, 0.9, looks[0]), person(3, y, 1, 0.8, looks[1])
+        embeddings = (mixed, mixed) if touching else (RED, BLUE)
+        people = person(3, 0, 0, 0.9, embeddings[0]), person(3, y, 1, 0.8, embeddings[1])
         tracks = sort.update(frame(number, *people))
         if number >= 3 and not touching:
             assert [(t.id, t.detection) for t in tracks if t.state == "confirmed"] == [
@@ -127,19 +129,19 @@ def test_new_person_of_another_appearance_begins_a_track() -> None:
 
 @pytest.mark.parametrize("hidden", [True, False])
 def test_occluded_person_reappears_near_the_occluding_one(hidden: bool) -> None:
-    # B, at 4 m, is not found for a second, with A before them. Somebody who looks the same comes
-    # into view 1.5 m to the left: they would have been seen on the way there. If it is not asked
-    # who is hidden, B may have walked there unnoticed, at 1.4 m/s.
+    # B, at 4 m, is not found for a second, with A in front. A person of the same appearance
+    # comes into view 1.5 m to the left: B would have been detected on the path there. Without the
+    # occlusion policy, B may have walked there at 1.4 m/s.
     strong = published(
         contact=ON, occlusion=OcclusionConfig(enabled=hidden), sigma_acceleration_mps2=3.0
     )
     people = build_strongsort3d(published_config(strongsort3d=strong))
     a = person(3, 0, embedding=RED)
     for number in range(4):
-        before = people.update(placed(number, a, person(4, 0.1, index=1, embedding=BLUE)))
+        before = people.update(with_pose(number, a, person(4, 0.1, index=1, embedding=BLUE)))
     for number in range(4, 14):
-        people.update(placed(number, a))
-    after = people.update(placed(14, a, person(4, 1.6, index=1, embedding=BLUE)))
+        people.update(with_pose(number, a))
+    after = people.update(with_pose(14, a, person(4, 1.6, index=1, embedding=BLUE)))
     b, newcomer = ([t.id for t in tracks if t.detection == 1] for tracks in (before, after))
     assert (newcomer != b) == hidden
 
@@ -150,8 +152,8 @@ def test_first_embeddings_of_a_track_weigh_the_same() -> None:
     for contact, share in ((ON, 0.5), (ContactConfig(enabled=False), 0.9)):
         config = published(contact=contact, n_init=1, cosine_distance_max={"histogram": 1.5})
         people = build_strongsort3d(published_config(strongsort3d=config))
-        people.update(placed(0, person(3, 0, embedding=tuple(first))))
-        people.update(placed(1, person(3, 0, embedding=tuple(second))))
+        people.update(with_pose(0, person(3, 0, embedding=tuple(first))))
+        people.update(with_pose(1, person(3, 0, embedding=tuple(second))))
         (record,) = people.tracks.records
         assert record.embedding is not None
         mixed = share * first + (1 - share) * second

@@ -43,12 +43,12 @@ def turned(yaw_deg: float) -> F64:
     return transform_from([0.0, 0.0, 1.0], turn @ LINK_FROM_OPTICAL[:3, :3])
 
 
-def seen(number: int, yaw_deg: float, looks: bool) -> Observation:
-    """People who stand, seen by a camera that turns: whoever is in view to the middle is found."""
+def detected(number: int, yaw_deg: float, embeddings: bool) -> Observation:
+    """People who stand, and a camera that turns: those in view to the middle are detected."""
     pose = turned(yaw_deg)
     found = []
-    for index, (place_m, look) in enumerate(zip(PEOPLE, (RED, BLUE), strict=True)):
-        x, _, z = apply(invert(pose), place_m)
+    for index, (position_m, appearance) in enumerate(zip(PEOPLE, (RED, BLUE), strict=True)):
+        x, _, z = apply(invert(pose), position_m)
         u = 320 + FOCAL_PX * x / z
         if z > 0 and 0 < u < 640:
             left, right = max(u - FOCAL_PX * 0.25 / z, 0), min(u + FOCAL_PX * 0.25 / z, 640)
@@ -57,9 +57,9 @@ def seen(number: int, yaw_deg: float, looks: bool) -> Observation:
                     index=index,
                     box_xyxy_px=np.array([left, 100.0, right, 400.0]),
                     score=0.9,
-                    position_m=place_m,
+                    position_m=position_m,
                     forward_m=float(z),
-                    embedding=look if looks else None,
+                    embedding=appearance if embeddings else None,
                 )
             )
     return dataclasses.replace(
@@ -67,35 +67,39 @@ def seen(number: int, yaw_deg: float, looks: bool) -> Observation:
     )
 
 
-def test_how_much_of_a_person_the_image_has_room_for() -> None:
-    # At 4 m a strip is half_width / 4 = 0.0625 to each side. The image ends at 0.5333: whoever
-    # stands at 0.5333 * 4 to the right is half in view, and 0.125 m farther a quarter.
+def test_visible_ratio_at_the_edge_of_the_image() -> None:
+    # At 4 m a strip is half_width / 4 = 0.0625 to each side. The image ends at 0.5333: a person
+    # who stands at 0.5333 * 4 to the right is half in view, and 0.125 m farther a quarter.
     y_m = EDGES[1] * 4
-    places = np.array([[4, 0, 1], [4, -y_m, 1], [4, -y_m - 0.125, 1], [4, -3, 1], [-4, 0, 1.0]])
+    positions = np.array([[4, 0, 1], [4, -y_m, 1], [4, -y_m - 0.125, 1], [4, -3, 1], [-4, 0, 1.0]])
     camera = dataclasses.replace(frame(0), map_from_camera=turned(0), edges=EDGES)
-    parts = visible_ratios(places, camera, 0.25)
+    parts = visible_ratios(positions, camera, 0.25)
     assert parts is not None
     np.testing.assert_allclose(parts, [1, 0.5, 0.25, 0, 0], atol=1e-9)
-    assert visible_ratios(places, dataclasses.replace(camera, edges=None), 0.25) is None
+    assert visible_ratios(positions, dataclasses.replace(camera, edges=None), 0.25) is None
 
 
-@pytest.mark.parametrize("looks", [True, False])
-def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(looks: bool) -> None:
+@pytest.mark.parametrize("embeddings", [True, False])
+def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(
+    embeddings: bool,
+) -> None:
     # 60 degrees to the left and back within 2.4 s, over and over: everyone is cut off at an edge
-    # and out of view for more than a second each time, far longer than somebody who leaves is
-    # waited for, and more often than a lost track may be missed.
+    # and out of view for more than a second each time, far longer than the wait for a person
+    # who leaves, and more often than a lost track may be missed.
     tracker = build_strongsort3d(published_config(strongsort3d=ALL))
     tracks: list[Track] = []
     for number in range(100):
-        tracks = tracker.update(seen(number, 30 - 30 * math.cos(math.tau * number / 24), looks))
+        tracks = tracker.update(
+            detected(number, 30 - 30 * math.cos(math.tau * number / 24), embeddings)
+        )
     assert {track.id for track in tracks} == {1, 2}
 
 
-def test_whoever_leaves_a_camera_that_stands_is_missed() -> None:
+def test_person_who_leaves_a_fixed_camera_is_missed() -> None:
     tracker = build_strongsort3d(published_config(strongsort3d=ALL))
     for number in range(10):
-        tracker.update(seen(number, 0.0, looks=False))
+        tracker.update(detected(number, 0.0, embeddings=False))
     for number in range(10, 16):
-        empty = dataclasses.replace(seen(number, 0.0, looks=False), measurements=())
+        empty = dataclasses.replace(detected(number, 0.0, embeddings=False), measurements=())
         tracks = tracker.update(empty)
     assert tracks == []

@@ -17,7 +17,7 @@ from tests.tracker.scene import frame, person, published, published_config
 RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)
 
 
-def placed(number: int, *people: Measurement) -> Observation:
+def with_pose(number: int, *people: Measurement) -> Observation:
     """A frame of a camera at the origin of the map that looks along +x."""
     observation = frame(number, *people)
     return dataclasses.replace(observation, map_from_camera=LINK_FROM_OPTICAL, size_px=(640, 480))
@@ -37,23 +37,23 @@ def test_people_behind_detected_ones_are_occluded() -> None:
     # left is -0.0875 to 0.0375, all of it covered; C at 4 m, 0.6 m to the right, is 0.0875 to
     # 0.2125, of which 0.0375 / 0.125 = 0.3 are covered; D at 1.5 m is before A.
     people = np.array([[2, 0, 1], [4, 0.1, 1], [4, -0.6, 1], [1.5, 0, 1.0]])
-    seen = np.array([True, False, False, False])
-    result = occluded(people, seen, LINK_FROM_OPTICAL, OcclusionConfig(covered_min=0.4))
+    detected = np.array([True, False, False, False])
+    result = occluded(people, detected, LINK_FROM_OPTICAL, OcclusionConfig(covered_min=0.4))
     assert result.tolist() == [False, True, False, False]
-    result = occluded(people, seen, LINK_FROM_OPTICAL, OcclusionConfig(covered_min=0.29))
+    result = occluded(people, detected, LINK_FROM_OPTICAL, OcclusionConfig(covered_min=0.29))
     assert result.tolist() == [False, True, True, False]
 
 
-def test_distance_to_the_strip_of_an_occluding_person() -> None:
+def test_distance_to_the_interval_of_an_occluding_person() -> None:
     # A at 2 m, strip -0.125 to 0.125; B at 4 m and 1 m to the right, 0.1875 to 0.3125: between A
-    # and B 0.0625, at 4 m 0.25 m. C at 4 m straight behind A. Nobody stands before A but C and B
+    # and B 0.0625, at 4 m 0.25 m. C at 4 m straight behind A. No one stands before A but C and B
     # are as near as each other: from C's strip, to 0.0625, B is 0.125 * 4 = 0.5 m away.
     found = np.array([[2, 0, 1], [4, -1, 1], [4, 0, 1.0]])
     result = emergence_m(found, LINK_FROM_OPTICAL, OcclusionConfig(half_width_m=0.25))
     np.testing.assert_allclose(result, [np.inf, 0.25, 0.0])
 
 
-def test_undetected_person_occludes_nobody() -> None:
+def test_undetected_person_occludes_no_other() -> None:
     people = np.array([[2, 0, 1], [4, 0, 1.0]])
     result = occluded(
         people, np.zeros(2, np.bool_), LINK_FROM_OPTICAL, OcclusionConfig(enabled=False)
@@ -69,7 +69,7 @@ def crossing(sort: StrongSort3d) -> list[list[Track]]:
         people = [person(2.5, -0.1, embedding=RED)]
         if not 13 <= number < 23:
             people.append(person(4, y, index=1, embedding=BLUE))
-        result.append(sort.update(placed(number, *people)))
+        result.append(sort.update(with_pose(number, *people)))
     return result
 
 
@@ -92,7 +92,7 @@ def test_occluded_track_ends_without_the_policy() -> None:
 def test_unoccluded_track_ends_after_a_max_frames() -> None:
     sort = tracker(OcclusionConfig(enabled=True))
     for number in range(3):
-        sort.update(placed(number, person(2.5, -0.1), person(4, 1, 1, 0.8)))
+        sort.update(with_pose(number, person(2.5, -0.1), person(4, 1, 1, 0.8)))
     for number in range(3, 8):
-        tracks = sort.update(placed(number, person(2.5, -0.1)))
+        tracks = sort.update(with_pose(number, person(2.5, -0.1)))
     assert [track.id for track in tracks] == [1]

@@ -34,7 +34,7 @@ def test_five_frames() -> None:
     assert (back.hits, back.age, back.time_since_update_s) == (4, 5, 0.0)
 
 
-def test_a_tentative_track_dies_at_its_first_miss() -> None:
+def test_tentative_track_is_deleted_after_one_miss() -> None:
     sort = tracker()
     sort.update(frame(0, person(3, 0)))
     assert sort.update(frame(1)) == []
@@ -83,10 +83,10 @@ def test_round_two_is_closed_to_tracks_missed_before() -> None:
     for number in range(3):
         sort.update(frame(number, person(3, 0, embedding=RED)))
     sort.update(frame(3))
-    told = states(sort.update(frame(4, person(3, 0, embedding=BLUE))))
-    assert told == [(1, "lost"), (2, "tentative")]
-    told = states(sort.update(frame(5, person(3, 0, embedding=RED))))
-    assert told == [(1, "confirmed")]  # and the tentative track, unmatched, is gone
+    results = states(sort.update(frame(4, person(3, 0, embedding=BLUE))))
+    assert results == [(1, "lost"), (2, "tentative")]
+    results = states(sort.update(frame(5, person(3, 0, embedding=RED))))
+    assert results == [(1, "confirmed")]  # and the tentative track, unmatched, is gone
 
 
 def test_round_two_has_a_largest_distance() -> None:
@@ -97,7 +97,7 @@ def test_round_two_has_a_largest_distance() -> None:
         assert [track.id for track in sort.update(frame(1, person(3, y)))] == [identity]
 
 
-def test_embeddings_of_another_model_are_forgotten() -> None:
+def test_embeddings_of_another_model_are_dropped() -> None:
     sort = tracker()
     for number in range(3):
         sort.update(frame(number, person(3, 0, embedding=RED)))
@@ -106,32 +106,32 @@ def test_embeddings_of_another_model_are_forgotten() -> None:
     assert states(sort.update(late)) == [(1, "confirmed")]
 
 
-@pytest.mark.parametrize("seen", [True, False])
-def test_people_who_meet_and_turn_back_are_told_apart_by_appearance_only(seen: bool) -> None:
+@pytest.mark.parametrize("detected", [True, False])
+def test_people_who_meet_and_turn_back_need_appearance(detected: bool) -> None:
     # They walk towards each other, meet at y = 0 and go back: by motion they seem to pass.
     sort = tracker()
     for number in range(60):
         y = abs(1.5 - 0.05 * number)
-        red = person(3, y + 0.02, 0, embedding=RED if seen else None)
-        blue = person(3, -y - 0.02, 1, embedding=BLUE if seen else None)
+        red = person(3, y + 0.02, 0, embedding=RED if detected else None)
+        blue = person(3, -y - 0.02, 1, embedding=BLUE if detected else None)
         tracks = sort.update(frame(number, red, blue))
         if number == 3:
             start = {track.detection: track.id for track in tracks}
     end = {track.detection: track.id for track in tracks if track.state == "confirmed"}
-    assert (start == end) is seen
+    assert (start == end) is detected
 
 
 def test_crossing_people_keep_their_identities() -> None:
     sort = tracker()
-    told = []
+    results = []
     for number in range(60):
         y = 1.5 - 0.05 * number
         red, blue = person(3, y, 0, embedding=RED), person(3.1, -y, 1, embedding=BLUE)
-        told.append({t.detection: t.id for t in sort.update(frame(number, red, blue))})
-    assert all(ids == told[0] for ids in told)
+        results.append({t.detection: t.id for t in sort.update(frame(number, red, blue))})
+    assert all(ids == results[0] for ids in results)
 
 
-def test_another_camera_that_sees_nobody_ends_no_track() -> None:
+def test_empty_frame_of_another_camera_ends_no_track() -> None:
     sort = tracker()
     for number in range(6):
         sort.update(frame(2 * number, person(3, 0), camera="front"))

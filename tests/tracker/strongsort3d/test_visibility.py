@@ -1,4 +1,4 @@
-"""Strips, boxes and overlaps of people in the image."""
+"""Intervals, boxes and overlaps of people in the image."""
 
 import numpy as np
 
@@ -6,16 +6,16 @@ from common.geometry.transforms import LINK_FROM_OPTICAL
 from services.tracker.strongsort3d.visibility import (
     covered_ratios,
     cut_off,
+    intervals,
     overlap_ratios,
     overlapping,
-    strips,
 )
 
 
-def test_overlap_of_two_strips() -> None:
+def test_overlap_of_two_intervals() -> None:
     # At 2 m, half a width of 0.25 m covers -0.125 to 0.125; at 4 m and 0.5 m to the left -0.1875 to
     # -0.0625. They share 0.0625: a quarter of the first, half of the second.
-    people, depth_m = strips(np.array([[2, 0, 1], [4, 0.5, 1.0]]), LINK_FROM_OPTICAL, 0.25)
+    people, depth_m = intervals(np.array([[2, 0, 1], [4, 0.5, 1.0]]), LINK_FROM_OPTICAL, 0.25)
     np.testing.assert_allclose(people, [[-0.125, 0.125], [-0.1875, -0.0625]])
     np.testing.assert_allclose(depth_m, [2, 4])
     np.testing.assert_allclose(overlap_ratios(people, people), [[1, 0.25], [0.5, 1]])
