@@ -39,7 +39,7 @@ class Topic:
         message: Type of its messages.
         rate_hz: Expected rate of one publisher; 0 if sent once.
         delivery: "newest": the newest message wins, older ones are dropped and counted;
-            "queue": kept in order up to depth; "latched": sent once, late joiners get the last.
+            "queue": queued in order up to depth; "latched": sent once, late joiners get the last.
         depth: Length of a subscriber's queue; of "newest" only for messages that must not be
             skipped (lock-step), else one.
         producer: Service that publishes it, or several with spaces between; no other may where

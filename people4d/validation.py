@@ -7,7 +7,7 @@ and finite numbers are checked, too.
 import math
 import re
 import types
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -36,6 +36,10 @@ class Rule(NamedTuple):
     expected: str
     passes: Callable[[Any], bool]
     describe: Callable[[Any], str] = describe
+
+    def error(self, field: str, value: Any) -> ValueError:
+        """Return the error of a field with a value that does not pass."""
+        return ValueError(f"{field}: expected {self.expected}, got {self.describe(value)}")
 
 
 class Shape:
@@ -78,11 +82,20 @@ def check(record: msgspec.Struct) -> None:
     """
     for name, rules in field_rules(type(record)):
         value = getattr(record, name)
-        if value is None:
-            continue
-        for expected, passes, described in rules:
-            if not passes(value):
-                raise ValueError(f"{name}: expected {expected}, got {described(value)}")
+        if value is not None:
+            for rule in rules:
+                if not rule.passes(value):
+                    raise rule.error(name, value)
+
+
+def require(field: str, value: Any, rule: Rule) -> None:
+    """Check one value; None passes.
+
+    Raises:
+        ValueError: The rule is broken.
+    """
+    if value is not None and not rule.passes(value):
+        raise rule.error(field, value)
 
 
 @cache
@@ -142,16 +155,24 @@ def _rules(hint: Any) -> Iterator[Rule]:
 
 def _number_rule(bounds: Sequence[msgspec.Meta], finite: bool) -> Rule:
     """Return the rule of a number, which NaN always fails."""
-    limits = _limits(bounds)
+    expected, passes = range_text(bounds), _range_check(_limits(bounds), finite)
+    if finite and " to " not in expected:
+        expected = f"a finite number {expected}".strip()
+    return Rule(expected or "a number", passes)
+
+
+def _range_check(limits: Mapping[str, float], finite: bool) -> Callable[[float], bool]:
+    # Decoding runs these for every number, hence the short forms.
+    if finite and not limits:
+        return math.isfinite
     low = max(limits.get("ge", -math.inf), limits.get("gt", -math.inf))
     high = min(limits.get("le", math.inf), limits.get("lt", math.inf))
     excluded = [limits[sign] for sign in ("gt", "lt") if sign in limits]
-    expected = range_text(bounds)
-    if finite:
-        if "to" not in expected:
-            expected = f"a finite number {expected}".strip()
-        return Rule(expected, lambda x: math.isfinite(x) and low <= x <= high and x not in excluded)
-    return Rule(expected or "a number", lambda x: low <= x <= high and x not in excluded)
+    if not excluded and (not finite or -math.inf < low <= high < math.inf):
+        return lambda x: low <= x <= high
+    if not finite:
+        return lambda x: low <= x <= high and x not in excluded
+    return lambda x: math.isfinite(x) and low <= x <= high and x not in excluded
 
 
 def range_text(bounds: Sequence[msgspec.Meta]) -> str:

@@ -1,6 +1,6 @@
 """Generate docs/development/messages.md from the message types and the topic table.
 
-Run `python -m scripts.message_docs` after a change; `--check` only tells whether it is up to date.
+Run `python -m scripts.message_docs` after a change; `--check` only fails if it is stale.
 """
 
 import argparse
@@ -33,7 +33,7 @@ TARGET = Path(__file__).resolve().parents[1] / "docs" / "development" / "message
 WORDS = {int: "int", float: "float", str: "text", bool: "bool", bytes: "binary", Name: "name"}
 DELIVERY = {
     "newest": "the newest message wins, older ones are dropped and counted",
-    "queue": "kept in order",
+    "queue": "queued in order",
     "latched": "sent once; late joiners get the last one of each key",
 }
 

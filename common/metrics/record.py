@@ -39,7 +39,8 @@ class PeopleColumns:
         check_shape("positions_m", self.positions_m, (n, 3))
         check_shape("velocities_mps", self.velocities_mps, (n, 3))
         check_shape("yaws_rad", self.yaws_rad, (n,))
-        check_finite("boxes_xyxy_px, positions_m", self.boxes_xyxy_px, self.positions_m)
+        check_finite("boxes_xyxy_px", self.boxes_xyxy_px)
+        check_finite("positions_m", self.positions_m)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import Meta
 
-from people4d.validation import INFINITE, Rule, Shape, check
+from people4d.validation import FINITE_ARRAY, INFINITE, Rule, Shape, check, require
 
 # A dot or dash at the start would make "..", a hidden file or a flag of a name.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
@@ -34,7 +34,8 @@ Index = Count
 PositiveInt = Annotated[int, Meta(ge=1)]
 ImageSide = Annotated[int, Meta(ge=1, le=MAX_SIDE)]  # [px]
 
-Name = Annotated[str, Rule(NAME_FORM, lambda name: bool(NAME.fullmatch(name)))]
+NAME_RULE = Rule(NAME_FORM, lambda name: bool(NAME.fullmatch(name)))
+Name = Annotated[str, NAME_RULE]
 NameOrEmpty = Annotated[
     str, Rule(f"{NAME_FORM}, or nothing", lambda name: not name or bool(NAME.fullmatch(name)))
 ]
@@ -97,33 +98,10 @@ class Message(Record, frozen=True, kw_only=True):
 def check_name(field: str, value: str) -> None:
     """Check that a name can be one chunk of a key expression.
 
-    Args:
-        field: Name of the field, for the error.
-        value: The name.
-
     Raises:
-        ValueError: The name is empty, too long, begins with . or -, or has other characters than
-            A-Z a-z 0-9 _ . -
+        ValueError: It is not of NAME_FORM.
     """
-    if not NAME.fullmatch(value):
-        raise ValueError(
-            f"{field}: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got {value!r:.80}"
-        )
-
-
-def check_text(field: str, *values: str) -> None:
-    """Check that texts for people hold nothing that a terminal takes for a command.
-
-    Args:
-        field: Name of the field, for the error.
-        values: The texts.
-
-    Raises:
-        ValueError: One has a character that cannot be printed, a line break among them.
-    """
-    for value in values:
-        if not value.isprintable():
-            raise ValueError(f"{field}: expected printable text, got {value!r:.80}")
+    require(field, value, NAME_RULE)
 
 
 def check_size(width: int, height: int) -> None:
@@ -143,35 +121,16 @@ def check_size(width: int, height: int) -> None:
 def check_shape(field: str, array: npt.NDArray[Any] | None, shape: tuple[int | None, ...]) -> None:
     """Check the shape of an array; None stands for any length.
 
-    Args:
-        field: Name of the field, for the error.
-        array: The array; None passes.
-        shape: Expected lengths, None for any.
-
     Raises:
         ValueError: The number of axes or one of the lengths differs.
     """
-    if array is None:
-        return
-    same_axes = array.ndim == len(shape)
-    if not same_axes or any(
-        want not in (None, got) for want, got in zip(shape, array.shape, strict=True)
-    ):
-        expected = "x".join("any" if n is None else str(n) for n in shape)
-        got = "x".join(map(str, array.shape)) or "a scalar"
-        raise ValueError(f"{field}: expected shape {expected}, got {got}")
+    require(field, array, Shape(*shape).rule())
 
 
-def check_finite(field: str, *values: npt.NDArray[Any] | float | None) -> None:
-    """Check that no value is NaN or infinite.
-
-    Args:
-        field: Name of the field, for the error.
-        values: Numbers or arrays; None passes.
+def check_finite(field: str, array: npt.NDArray[Any] | None) -> None:
+    """Check that no element of an array is NaN or infinite.
 
     Raises:
-        ValueError: A value is NaN or infinite.
+        ValueError: An element is NaN or infinite.
     """
-    for value in values:
-        if value is not None and not np.all(np.isfinite(value)):
-            raise ValueError(f"{field}: expected finite numbers, got NaN or infinity")
+    require(field, array, FINITE_ARRAY)

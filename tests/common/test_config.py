@@ -46,7 +46,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_defaults_hold_where_nothing_is_said(file: Path) -> None:
+def test_absent_fields_have_their_defaults(file: Path) -> None:
     assert of() == Tracker()
     assert load(Tracker, "absent", file, (), {}) == Tracker()
 
@@ -108,7 +108,7 @@ def test_a_table_in_one_setting_and_one_field_of_it_in_another() -> None:
         ("name.more=3", "configuration of tracker.name: expected `str`, got `object`"),
     ],
 )
-def test_a_bad_setting_is_told_with_what_mends_it(override: str, problem: str) -> None:
+def test_a_bad_setting_is_refused_with_a_hint(override: str, problem: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(problem)):
         of(override)
 
@@ -128,14 +128,14 @@ def test_a_setting_below_a_value_is_refused(file: Path) -> None:
         (b"[tracker]\ngate = { far = 1 }\n", "configuration of tracker.gate has no field 'far'"),
     ],
 )
-def test_a_bad_file_is_told(tmp_path: Path, content: bytes, problem: str) -> None:
+def test_a_bad_file_is_reported(tmp_path: Path, content: bytes, problem: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_bytes(content)
     with pytest.raises(ConfigError, match=re.escape(problem)):
         of(file=path)
 
 
-def test_an_absent_file_is_told(tmp_path: Path) -> None:
+def test_an_absent_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"none\.toml cannot be read: No such file"):
         of(file=tmp_path / "none.toml")
 

@@ -25,7 +25,7 @@ def doubling(path: Path, kind: int, shape: list[int | str]) -> Path:
     return path
 
 
-def test_a_network_runs_and_tells_its_input(tmp_path: Path) -> None:
+def test_a_network_runs_and_has_its_input_shape(tmp_path: Path) -> None:
     session = OnnxSession(doubling(tmp_path / "m.onnx", TensorProto.FLOAT, [1, "n", 2]))
     assert session.input_shape == (1, None, 2)
     assert session.input_dtype == np.float32
@@ -38,7 +38,7 @@ def test_a_network_runs_and_tells_its_input(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "dtype"), [(TensorProto.FLOAT16, np.float16), (TensorProto.FLOAT, np.float32)]
 )
-def test_the_input_type_is_told(tmp_path: Path, kind: int, dtype: type[np.floating]) -> None:
+def test_input_type_is_read(tmp_path: Path, kind: int, dtype: type[np.floating]) -> None:
     session = OnnxSession(doubling(tmp_path / "m.onnx", kind, [2]))
     assert session.input_dtype == dtype
     np.testing.assert_array_equal(session.run(np.array([1, 2], dtype))["twice"], [2, 4])
@@ -51,13 +51,13 @@ def test_the_session_can_run_again_after_a_run_that_failed(tmp_path: Path) -> No
     np.testing.assert_array_equal(session.run(np.ones(2, np.float32))["twice"], [2, 2])
 
 
-def test_an_absent_file_is_told(tmp_path: Path) -> None:
+def test_an_absent_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"none\.onnx does not exist. See: people4d models"):
         OnnxSession(tmp_path / "none.onnx")
 
 
 @pytest.mark.parametrize("content", [b"", b"not a network", b"\x08\x08" + bytes(99)])
-def test_a_broken_file_is_told(tmp_path: Path, content: bytes) -> None:
+def test_a_broken_file_is_reported(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "broken.onnx"
     path.write_bytes(content)
     with pytest.raises(ModelError, match=r"broken\.onnx cannot be loaded: "):

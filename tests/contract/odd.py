@@ -1,4 +1,4 @@
-"""Messages that are valid and strange: what a broken camera or another vendor's node may send."""
+"""Valid but odd messages: those of a broken camera or another vendor's node."""
 
 import itertools
 from collections.abc import Iterator
@@ -84,7 +84,7 @@ def detections() -> Iterator[Detections]:
 
 
 def appearances() -> Iterator[Message]:
-    """Pictures of one pixel; vectors of other lengths, of zeros, of nobody, twice of one."""
+    """Crops of one pixel; vectors of other lengths, of zeros, of no detection, twice of one."""
     shapes = ((1, 1, 3), (1, 500, 3), (500, 1, 3), (2, 3, 3))
     crops = [Crop(detection=i, rgb=np.zeros(shape, np.uint8)) for i, shape in enumerate(shapes)]
     crops.append(Crop(detection=9, rgb=RGB, mask=np.zeros((2, 3), np.uint8), keypoints=KEYPOINTS))
@@ -100,7 +100,7 @@ def appearances() -> Iterator[Message]:
 
 
 def others() -> Iterator[Message]:
-    """Jumping odometry, far frames, people who cannot be."""
+    """Jumping odometry, far frames, impossible people."""
     for x_m in (0.0, FAR, -FAR):
         yield like("Odometry", frame_id="o", child_frame_id="b", x_m=x_m, y_m=x_m, theta_rad=99.0)
     far = np.eye(4)
@@ -117,7 +117,7 @@ def others() -> Iterator[Message]:
     wild: dict[str, Track] = {
         "far": msgspec.structs.replace(TRACK, position_m=np.full(3, FAR)),
         "fast": msgspec.structs.replace(TRACK, velocity_mps=np.full(3, FAR), yaw_rad=99.0),
-        "sure": msgspec.structs.replace(TRACK, covariance=-np.eye(6)),
+        "negative covariance": msgspec.structs.replace(TRACK, covariance=-np.eye(6)),
         "lost": msgspec.structs.replace(TRACK, state="lost", detection=10**9, id=2**62),
     }
     for track in wild.values():
@@ -131,7 +131,7 @@ def others() -> Iterator[Message]:
 
 
 def in_order() -> Iterator[Message]:
-    """Yield strange messages at sound times, so that they get as far into a node as they can."""
+    """Yield odd messages at plausible times, so that they get far into a node."""
     usual = BY_NAME["CameraInfo"]
     assert isinstance(usual, CameraInfo)
     clock_ns = itertools.count(1_000_000_000, 33_000_000)
@@ -158,11 +158,11 @@ def in_order() -> Iterator[Message]:
 
 
 def out_of_order() -> Iterator[Message]:
-    """Yield strange messages again and again, at strange times, with numbers that repeat."""
+    """Yield odd messages at odd times, with repeated sequence numbers."""
     kinds = [*infos(), *others(), *frames(), *detections(), *appearances()]
     stamps = (1_000_000_000, 1_033_000_000, 1_033_000_000, 500_000_000, -1, LAST_NS, 1_066_000_000)
     for sequence, stamp_ns in enumerate(stamps):
         for message in kinds:
-            # Big pictures cost time and are no stranger at another time.
+            # Big images cost time and are no odder at another time.
             if not (isinstance(message, RgbdFrame) and message.rgb.size > 10_000):
                 yield msgspec.structs.replace(message, stamp_ns=stamp_ns, sequence=sequence)

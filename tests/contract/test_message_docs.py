@@ -17,7 +17,7 @@ def test_the_committed_file_is_up_to_date() -> None:
     assert main(["--check"]) == 0
 
 
-def test_a_stale_or_absent_file_is_told_in_one_sentence(
+def test_a_stale_or_absent_file_is_reported_in_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     target = tmp_path / "messages.md"
@@ -30,7 +30,7 @@ def test_a_stale_or_absent_file_is_told_in_one_sentence(
     assert main(["--check", "--target", str(target)]) == 0
 
 
-def test_every_topic_and_message_is_told() -> None:
+def test_every_topic_and_message_is_documented() -> None:
     text = generate()
     for topic in TOPICS:
         assert f"`{topic.key}`" in text

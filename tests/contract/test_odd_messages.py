@@ -1,4 +1,4 @@
-"""No valid message, however strange, makes a node raise or answer with what cannot be decoded."""
+"""No valid message, however odd, makes a node raise or publish what cannot be decoded."""
 
 import itertools
 from pathlib import Path
@@ -15,12 +15,12 @@ TICK_NS = 10_000_000
 
 @pytest.fixture(scope="module")
 def messages() -> list[Message]:
-    """Each as it comes out of the codec: arrays that cannot be written to."""
+    """Odd messages after the codec, with read-only arrays."""
     return [decode(encode(message)) for message in itertools.chain(in_order(), out_of_order())]
 
 
 @pytest.mark.parametrize("service", SERVICES)
-def test_strange_messages_do_not_make_a_node_raise(
+def test_odd_messages_do_not_make_a_node_raise(
     service: str, messages: list[Message], tmp_path: Path
 ) -> None:
     node = node_of(service, tmp_path)

@@ -1,1 +1,1 @@
-"""Hostile bytes for every decoder and every file reader, made by a fuzzer that sees coverage."""
+"""Hostile bytes for every decoder and every file reader, made by a coverage-guided fuzzer."""

@@ -1,4 +1,4 @@
-"""What is read from files that others made: recordings, bags, folders, truth."""
+"""Readers of foreign files: recordings, bags, folders, truth."""
 
 import contextlib
 from collections.abc import Callable, Sequence
@@ -30,12 +30,12 @@ CALIBRATION = "image_width: 8\nimage_height: 6\ncamera_matrix: {rows: 3, cols: 3
 )
 TABLE = "[colour]\nfx=10.0\nfy=10.0\ncx=4.0\ncy=3.0\ndistortion=[0.1, 0, 0, 0]\n"
 SUFFIXES = (".toml", ".json", ".yaml", ".npz", ".mat")
-ITEMS = 64  # that are read of one source: what plays for ever is not at fault
+ITEMS = 64  # read of one source: endless playback is no fault
 BIG = 65536
 
 
 def _file(name: str, *readers: Callable[[Path], object]) -> Callable[[bytes, Path], None]:
-    """Return what writes the bytes to a file and has it read by one reader after the other."""
+    """Return a function that writes the bytes to a file and passes it to each reader."""
 
     def read(data: bytes, folder: Path) -> None:
         path = folder / name
@@ -118,7 +118,7 @@ def _calibration_seeds(folder: Path) -> Sequence[bytes]:
 
 
 def _images(data: bytes, folder: Path) -> None:
-    """Play a folder: two lists, one picture of colour and one of depth, each after its length."""
+    """Play a folder: two lists, one colour and one depth image, each after its length."""
     parts, rest = [], data
     for _ in range(3):
         size = int.from_bytes(rest[:2], "little")

@@ -1,8 +1,8 @@
 """Fuzzes targets with Atheris (libFuzzer for Python), within limits of memory and time.
 
 Each has a process of its own, for libFuzzer ends it; all are forked from one that has imported what
-is to be instrumented. What is raised and must not be is written to a folder, the shortest input of
-each kind, and the fuzzing goes on; a crash of the process is written there too.
+is to be instrumented. Inputs that raise other errors than allowed are written to a folder, the
+shortest of each kind, and the fuzzing goes on; a crash of the process is written there too.
 """
 
 import hashlib
@@ -28,10 +28,12 @@ NICENESS = 3
 SCRATCH = Path("/dev/shm")
 LOG = "log.txt"
 
-# Packages, and modules of the standard library, whose branches the fuzzer sees.
+# Packages, and modules of the standard library, whose branches count as coverage.
 INSTRUMENTED = (
+    "people4d",
     "common",
     "services",
+    "lab",
     "deploy",
     "rosbags",
     "mcap",
@@ -42,11 +44,11 @@ INSTRUMENTED = (
 
 
 def load() -> dict[str, Target]:
-    """Import all targets so that their coverage is seen; call it before they are imported."""
+    """Import all targets so that their coverage is measured; call it before they are imported."""
     import atheris  # noqa: PLC0415
 
     if "people4d.codec" in sys.modules:
-        raise RuntimeError("the targets are imported already: their coverage would not be seen")
+        raise RuntimeError("the targets are imported already: their coverage would not be measured")
     os.environ["OPENCV_LOG_LEVEL"] = "SILENT"
     with atheris.instrument_imports(include=list(INSTRUMENTED), enable_loader_override=False):
         groups = list(importlib.import_module("tests.fuzz.targets").groups())
@@ -59,7 +61,7 @@ def fuzz(target: Target, corpus: Path, found: Path, seconds: float) -> float:
     Args:
         target: The target.
         corpus: Folder of inputs to begin with and to add to.
-        found: Folder for findings and for what libFuzzer tells (LOG).
+        found: Folder for findings and the log of libFuzzer (LOG).
         seconds: Of the processor, so that a busy machine does not cut it short.
 
     Returns:
@@ -68,25 +70,25 @@ def fuzz(target: Target, corpus: Path, found: Path, seconds: float) -> float:
     corpus.mkdir(parents=True, exist_ok=True)
     found.mkdir(parents=True, exist_ok=True)
     scratch = SCRATCH if SCRATCH.is_dir() else None
-    with tempfile.TemporaryDirectory(dir=scratch, prefix="fuzz-") as place:
+    with tempfile.TemporaryDirectory(dir=scratch, prefix="fuzz-") as folder:
         child = os.fork()
         if not child:
             try:
-                _child(target, (corpus, found, Path(place)), seconds)
+                _child(target, (corpus, found, Path(folder)), seconds)
             finally:
                 os._exit(1)
         _, _, usage = os.wait4(child, 0)
     return usage.ru_utime + usage.ru_stime
 
 
-class Judge:
-    """Runs inputs and keeps those that end in what they must not.
+class InputRunner:
+    """Runs inputs and saves those that raise other errors than allowed.
 
     Args:
         read: Reads bytes.
         found: Folder for the inputs.
-        allowed: What reading may raise.
-        seconds: Of the processor, until libFuzzer is told to end.
+        allowed: Error that reading may raise.
+        seconds: Of the processor, until libFuzzer ends.
     """
 
     def __init__(
@@ -103,21 +105,21 @@ class Judge:
         try:
             self._read(data)
         except self._allowed as error:
-            # A refusal for want of memory is no refusal.
+            # Running out of memory is no refusal.
             if isinstance(error.__cause__, MemoryError):
-                self._keep(data, error.__cause__)
+                self._save(data, error.__cause__)
         except Exception as error:
-            self._keep(data, error)
+            self._save(data, error)
         now_s = time.process_time()
         if now_s - start_s > SLOW_S:
-            self._keep(data, TimeoutError())
+            self._save(data, TimeoutError())
         if now_s > self._end_s:
             os.kill(os.getpid(), signal.SIGUSR1)
 
-    def _keep(self, data: bytes, error: BaseException) -> None:
+    def _save(self, data: bytes, error: BaseException) -> None:
         frames = traceback.extract_tb(error.__traceback__)[1:]
-        place = f"{frames[-1].name}-{frames[-1].lineno}" if frames else "slow"
-        text = f"{type(error).__name__}-{place}".replace("<", "").replace(">", "")
+        line = f"{frames[-1].name}-{frames[-1].lineno}" if frames else "slow"
+        text = f"{type(error).__name__}-{line}".replace("<", "").replace(">", "")
         path = self._found / text
         if not path.exists() or path.stat().st_size > len(data):
             path.write_bytes(data)
@@ -128,7 +130,7 @@ class Judge:
 def _child(target: Target, folders: tuple[Path, Path, Path], seconds: float) -> None:
     import atheris  # noqa: PLC0415
 
-    corpus, found, place = folders
+    corpus, found, scratch = folders
     os.nice(NICENESS)
     log = (found / LOG).open("w")
     os.dup2(log.fileno(), sys.stderr.fileno())
@@ -142,21 +144,21 @@ def _child(target: Target, folders: tuple[Path, Path, Path], seconds: float) -> 
         f"-rss_limit_mb={RSS_MB}",
         f"-timeout={TIMEOUT_S}",
         "-print_final_stats=1",
-        "-report_slow_units=1000",  # by the wall clock; Judge goes by that of the processor
+        "-report_slow_units=1000",  # by the wall clock; InputRunner counts that of the processor
         "-close_fd_mask=3",
     ]
     if target.words:
         words = found / "words.dict"
         words.write_text("".join(f'"{_escaped(word)}"\n' for word in target.words))
         options.append(f"-dict={words}")
-    judge = Judge(lambda data: target.read(data, place), found, allowed, seconds)
-    atheris.Setup([sys.argv[0], str(corpus), *options], judge)
+    runner = InputRunner(lambda data: target.read(data, scratch), found, allowed, seconds)
+    atheris.Setup([sys.argv[0], str(corpus), *options], runner)
     _limit_memory()
     atheris.Fuzz()
 
 
 def _limit_memory() -> None:
-    """Let no input have more than the headroom, whatever it asks for."""
+    """Limit the memory of one input to the headroom."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     limit = pages * resource.getpagesize() + HEADROOM_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

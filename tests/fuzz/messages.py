@@ -1,4 +1,4 @@
-"""What comes over the network: messages, people in CDR, pictures."""
+"""Readers of network data: messages, people in CDR, images."""
 
 import contextlib
 import dataclasses
@@ -30,7 +30,7 @@ WORDS = (b"\xa5dtype", b"\xa5shape", b"\xa4data", b"\xa7float64", b"\xa7float32"
 
 
 def _either(decoder: Callable[[Any], object], message: Any) -> None:
-    """Decode an image as what it may not be; the other decoder is to have its turn too."""
+    """Decode an image with each decoder, whatever its format."""
     with contextlib.suppress(DecodeError):
         decoder(message)
 
@@ -69,11 +69,11 @@ def message_target(name: str) -> Target:
 
 
 def _message(data: bytes, _: Path) -> None:
-    """Decode; what passes must come back the same and do no harm to who uses it."""
+    """Decode; a valid message survives a round trip and can be used."""
     message = decode(data)
     again = encode(message)
     if encode(decode(again)) != again:
-        raise AssertionError("a message does not come back the same")
+        raise AssertionError("a message changes in a round trip")
     _use(message)
 
 
@@ -81,9 +81,9 @@ def _use(message: Message) -> None:
     if isinstance(message, CompressedRgbdFrame):
         decompress(message)
     if isinstance(message, Detections):
-        for person in message.detections:
-            if person.mask:
-                person.mask.window()
+        for detection in message.detections:
+            if detection.mask:
+                detection.mask.window()
 
 
 def _ros(data: bytes, _: Path) -> None:
@@ -130,11 +130,11 @@ def _ros_seeds(_: Path) -> Sequence[bytes]:
 
 
 def _motion(data: bytes, _: Path) -> None:
-    """Decode what a robot tells of its motion; what passes is taken in as the camera does."""
+    """Decode motion of a robot and convert it as the camera does."""
     motion = MOTIONS[data[0] % len(MOTIONS) if data else 0]
     topic = motion.topics[data[1] % len(motion.topics) if len(data) > 1 else 0]
-    for told in motion.convert(topic.decode(data[2:]), ("base", "camera")):
-        encode(told)
+    for message in motion.convert(topic.decode(data[2:]), ("base", "camera")):
+        encode(message)
 
 
 def _motion_seeds(_: Path) -> Sequence[bytes]:

@@ -1,4 +1,4 @@
-"""What fuzzing found, as small as it gets: each input once ended in what it must not."""
+"""Findings of fuzzing, minimised: each input once raised an error that it must not."""
 
 import re
 import sqlite3
@@ -50,11 +50,11 @@ MATLAB = (
 
 
 def _flipped_mat(_: Path) -> bytes:
-    """A structure in whose matrix lie the names of fields instead of numbers."""
+    """A structure with names of fields in its matrix instead of numbers."""
     return MATLAB
 
 
-def _told_longer(folder: Path) -> bytes:
+def _wrong_size(folder: Path) -> bytes:
     np.savez(folder / "a.npz", t=np.zeros(1))
     data = (folder / "a.npz").read_bytes()
     at = data.rindex(b"PK\x01\x02") + 20  # bytes that are packed, in the directory
@@ -62,7 +62,7 @@ def _told_longer(folder: Path) -> bytes:
 
 
 def _changed(statement: str) -> Callable[[Path], bytes]:
-    """Return what makes a bag and changes its database."""
+    """Return a function that makes a bag and changes its database."""
 
     def make(folder: Path) -> bytes:
         path = Ros(2).write(folder / "bag", frames(Ros(2), 1)) / "bag.db3"
@@ -81,7 +81,7 @@ REGRESSIONS: Sequence[Regression] = (
     ),
     Regression(
         "PNG depth",
-        "of 77 bytes, with pixels told to take 800 MB: OpenCV allocated as much",
+        "of 77 bytes, whose header claims 800 MB of pixels: OpenCV allocated as much",
         lambda _: re.sub(
             rb"....IDAT", b"\x30\0\0\0IDAT", encode_png16(depth_mm()), flags=re.DOTALL
         ),
@@ -93,8 +93,8 @@ REGRESSIONS: Sequence[Regression] = (
     ),
     Regression(
         "folder with gt.npz",
-        "an array whose packed size is told as 2 GiB asked for that much memory",
-        _told_longer,
+        "an array with a packed size of 2 GiB in its header allocated that much memory",
+        _wrong_size,
     ),
     Regression(
         "ROS 2 bag (SQLite)",
@@ -103,7 +103,7 @@ REGRESSIONS: Sequence[Regression] = (
     ),
     Regression(
         "ROS 2 bag (SQLite)",
-        "a time stored as text was taken for a stamp",
+        "a time stored as text was read as a stamp",
         _changed("UPDATE messages SET timestamp = 'soon'"),
     ),
 )

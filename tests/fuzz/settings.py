@@ -1,4 +1,4 @@
-"""What is read from settings: configuration, models.toml, presets, scenarios."""
+"""Readers of settings: configuration, models.toml, presets, scenarios."""
 
 import importlib
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""One thing that is fuzzed."""
+"""One target of fuzzing."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,13 +7,13 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Target:
-    """What reads untrusted bytes; it may refuse them with a People4dError, and nothing else.
+    """A reader of untrusted bytes, which raises nothing but People4dError.
 
     Args:
         name: Its name.
-        read: Reads bytes; gets an empty folder for files, and what is in it does not matter.
-        seeds: Makes sound inputs to begin with; gets a folder to make them in.
-        words: What the fuzzer may put in, beside what it finds by itself.
+        read: Reads bytes; gets a scratch folder for files.
+        seeds: Makes valid inputs to begin with; gets a folder to make them in.
+        words: Byte strings for the fuzzer to insert.
         max_bytes: Longest input.
     """
 

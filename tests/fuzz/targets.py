@@ -1,4 +1,4 @@
-"""All that is fuzzed, by name."""
+"""All targets of fuzzing by name."""
 
 import importlib
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ MODULES = ("messages", "files", "settings")  # each with its TARGETS
 
 
 def groups() -> Iterator[dict[str, Target]]:
-    """Yield the targets of one module after the other; each is imported when it is its turn."""
+    """Yield the targets of one module after the other; each is imported on its turn."""
     for name in MODULES:
         targets: tuple[Target, ...] = importlib.import_module(f"tests.fuzz.{name}").TARGETS
         yield {target.name: target for target in targets}

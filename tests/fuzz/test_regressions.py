@@ -1,4 +1,4 @@
-"""What was found once is not found again, and what fuzzing begins with is sound."""
+"""Findings of fuzzing stay fixed, and its seeds are valid."""
 
 import contextlib
 from pathlib import Path
@@ -13,7 +13,7 @@ TARGETS = {name: target for group in groups() for name, target in group.items()}
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_the_seeds_of_each_target_are_sound(name: str, tmp_path: Path) -> None:
+def test_seeds_of_each_target_are_read_or_refused(name: str, tmp_path: Path) -> None:
     target = TARGETS[name]
     (tmp_path / "made").mkdir()
     (tmp_path / "read").mkdir()
@@ -21,13 +21,13 @@ def test_the_seeds_of_each_target_are_sound(name: str, tmp_path: Path) -> None:
     assert seeds
     for seed in seeds:
         assert len(seed) <= target.max_bytes
-        # Not all are accepted: an example of a frame holds no picture.
+        # Not all are accepted: an example of a frame holds no image.
         with contextlib.suppress(People4dError):
             target.read(seed, tmp_path / "read")
 
 
 @pytest.mark.parametrize("number", range(len(REGRESSIONS)))
-def test_what_was_found_is_refused_or_read(number: int, tmp_path: Path) -> None:
+def test_former_finding_is_refused_or_read(number: int, tmp_path: Path) -> None:
     found = REGRESSIONS[number]
     (tmp_path / "made").mkdir()
     data = found.make(tmp_path / "made")

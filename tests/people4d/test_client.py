@@ -1,4 +1,4 @@
-"""The few lines a planner needs."""
+"""Client and subscription through a router."""
 
 import re
 import subprocess
@@ -18,47 +18,47 @@ from tests.network import Network
 
 
 @pytest.fixture
-def talking(network: Network) -> Iterator[str]:
-    """Name of a robot that tells its people and its health again and again."""
+def publishing(network: Network) -> Iterator[str]:
+    """Name of a robot that publishes tracks and health again and again."""
     robot, stop = network.robot(), threading.Event()
     bus = network.open(robot)
 
-    def talk() -> None:
+    def publish() -> None:
         while not stop.wait(0.02):
             bus.publish(BY_NAME["Tracks"])
             bus.publish(BY_NAME["Health"])
 
-    thread = threading.Thread(target=talk)
+    thread = threading.Thread(target=publish)
     thread.start()
     yield robot
     stop.set()
     thread.join()
 
 
-def test_people_come_in_a_loop(network: Network, talking: str) -> None:
-    for people in subscribe(network.endpoint, talking):
+def test_subscribe_yields_tracks(network: Network, publishing: str) -> None:
+    for people in subscribe(network.endpoint, publishing):
         assert isinstance(people, Tracks)
         assert [person.id for person in people.tracks] == [7]
         break
 
 
-def test_several_kinds_come_together(network: Network, talking: str) -> None:
-    with Client(network.endpoint, talking) as client:
-        seen: set[type[Message]] = set()
+def test_several_types_are_received_together(network: Network, publishing: str) -> None:
+    with Client(network.endpoint, publishing) as client:
+        received: set[type[Message]] = set()
         for message in client.messages(Tracks, Health, timeout_s=10.0):
-            seen.add(type(message))
-            if len(seen) == 2:
+            received.add(type(message))
+            if len(received) == 2:
                 break
-        assert seen == {Tracks, Health}
+        assert received == {Tracks, Health}
         assert client.counters["received_people"] >= 1
 
 
-def test_the_iteration_ends_when_nothing_comes(network: Network, talking: str) -> None:
-    with Client(network.endpoint, talking) as client:
+def test_the_iteration_ends_when_nothing_comes(network: Network, publishing: str) -> None:
+    with Client(network.endpoint, publishing) as client:
         assert list(client.messages(Truth, timeout_s=0.1)) == []
 
 
-def test_what_came_after_the_call_and_before_the_loop_is_not_lost(network: Network) -> None:
+def test_messages_between_the_call_and_the_loop_are_not_lost(network: Network) -> None:
     # The subscription was once made by a thread, some time after the loop began.
     robot = network.robot()
     bus = network.open(robot)
@@ -107,7 +107,7 @@ def test_importing_the_contract_loads_neither_zenoh_nor_the_pipeline() -> None:
         assert (done.stdout.decode(), done.stderr) == (expected, b"")
 
 
-def test_nobody_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_absent_router_is_reported_with_its_endpoint(monkeypatch: pytest.MonkeyPatch) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with pytest.raises(People4dError, match="Is the system up"):
         Client(endpoint, timeout_s=0.3)

@@ -94,8 +94,8 @@ def folder(tmp_path: Path) -> Path:
 
 def clean(**variables: str) -> Mapping[str, str]:
     unwanted = ("PYTHONPATH", "PYTHONSAFEPATH", "PEOPLE4D_PLUGINS")
-    kept = {name: value for name, value in os.environ.items() if name not in unwanted}
-    return {**kept, **variables}
+    inherited = {name: value for name, value in os.environ.items() if name not in unwanted}
+    return {**inherited, **variables}
 
 
 def test_planner_runs_beside_modules_named_like_ours(planner: Path, folder: Path) -> None:

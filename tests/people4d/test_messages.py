@@ -1,4 +1,4 @@
-"""Messages refuse what cannot be, when made; decoding makes them, so it refuses the same."""
+"""Messages check their fields when made, and so when decoded."""
 
 import re
 from typing import Any
@@ -21,7 +21,7 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
         {"frame_id": "a/b"},
         "frame_id: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got 'a/b'",
     ),
-    # Escape sequences once went through to the terminal of whoever looked at the system.
+    # Escape sequences once reached the terminal of people4d ps.
     ("Health", {"reason": "all\x1b[2Jwell"}, "reason: expected printable text, got"),
     ("Health", {"counters": {"a\nb": 1}}, "counters: expected printable text"),
     ("CameraInfo", {"fx": float("nan")}, "fx: expected a finite number > 0, got nan"),
@@ -57,7 +57,7 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("name", "fields", "problem"), BAD_FIELDS)
-def test_a_bad_field_is_told_with_expected_and_got(
+def test_a_bad_field_of_a_message_is_refused_with_expected_and_got(
     name: str, fields: dict[str, Any], problem: str
 ) -> None:
     with pytest.raises(ValueError, match=re.escape(problem)):
@@ -93,7 +93,7 @@ BAD_PARTS: list[tuple[msgspec.Struct, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("part", "fields", "problem"), BAD_PARTS)
-def test_a_bad_part_is_told_with_expected_and_got(
+def test_a_bad_field_of_a_part_is_refused_with_expected_and_got(
     part: msgspec.Struct, fields: dict[str, Any], problem: str
 ) -> None:
     with pytest.raises(ValueError, match=re.escape(problem)):

@@ -1,4 +1,4 @@
-"""The table of streams."""
+"""Table of topics."""
 
 import re
 
@@ -10,7 +10,7 @@ from people4d.topics import BY_MESSAGE, BY_NAME, TOPICS, prefix, topic_of_key
 from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.contract.examples import FULL
 
-PICTURES = {"RgbdFrame", "CompressedRgbdFrame", "Crops"}
+IMAGES = {"RgbdFrame", "CompressedRgbdFrame", "Crops"}
 
 
 def test_names_keys_and_messages_are_unique() -> None:
@@ -19,10 +19,10 @@ def test_names_keys_and_messages_are_unique() -> None:
         assert re.fullmatch("[a-z_]+", name)
 
 
-def test_pictures_and_only_pictures_are_under_raw() -> None:
-    # One access rule on raw/** must hide every picture of a person.
+def test_images_and_only_images_are_under_raw() -> None:
+    # One access rule on raw/** must hide every image of a person.
     for topic in TOPICS:
-        assert topic.key.startswith("raw/") == (topic.message.__name__ in PICTURES), topic.name
+        assert topic.key.startswith("raw/") == (topic.message.__name__ in IMAGES), topic.name
 
 
 def test_braces_in_keys_are_fields_of_the_message() -> None:
@@ -52,7 +52,7 @@ def test_topic_of_key_undoes_key_of(message: Message) -> None:
     assert topic_of_key(f"x/{key}") is None
 
 
-def test_a_name_with_dots_is_no_pattern() -> None:
+def test_dots_in_a_name_match_only_themselves() -> None:
     info = msgspec.structs.replace(EXAMPLES["CameraInfo"], camera="a.b")
     key = BY_NAME["camera_info"].key_of(info, "robot.1")
     assert topic_of_key(key, "robot.1") is BY_NAME["camera_info"]

@@ -29,7 +29,7 @@ def test_columns_have_one_row_each() -> None:
 
 
 def test_a_place_is_known_or_absent() -> None:
-    with pytest.raises(ValueError, match="boxes_xyxy_px, positions_m: expected finite numbers"):
+    with pytest.raises(ValueError, match="positions_m: expected finite numbers"):
         GroundTruth(ids=("A",), positions_m=np.full((1, 3), np.nan))
 
 
