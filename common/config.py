@@ -93,9 +93,9 @@ def _parse(text: str, hint: Any) -> Any:
         value = parse_toml(f"value = {text}")["value"]
     except ValueError:
         return text
-    # A camera may be named 0 and a date may be a folder: fields of text take them as written.
-    takes_text = hint is str or str in get_args(hint)
-    return text if takes_text and not isinstance(value, str | list) else value
+    # A camera may be named 0 and a date may be a folder: fields of text read them as written.
+    reads_text = hint is str or str in get_args(hint)
+    return text if reads_text and not isinstance(value, str | list) else value
 
 
 def _hint(kind: Any, path: Sequence[str]) -> Any:

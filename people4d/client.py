@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from people4d.messages import Message, Tracks
 from people4d.queue import Arrival, MessageQueue
-from people4d.session import Session, read_config
+from people4d.session import ZenohSession, read_config
 from people4d.topics import BY_MESSAGE
 
 M = TypeVar("M", bound=Message)
@@ -33,7 +33,7 @@ class Client:
 
     def __init__(self, connect: str = "", robot: str = "robot", timeout_s: float = 3.0) -> None:
         environment = dict(os.environ) | ({"PEOPLE4D_CONNECT": connect} if connect else {})
-        self.session = Session(read_config(None, "client", environment), robot, timeout_s)
+        self.session = ZenohSession(read_config(None, "client", environment), robot, timeout_s)
         self.queue = MessageQueue()
 
     @property

@@ -139,7 +139,7 @@ class ZenohSubscription:
                 self._receiving.release()
 
 
-class Session:
+class ZenohSession:
     """Subscribes to the topics of one robot.
 
     Args:

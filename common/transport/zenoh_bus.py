@@ -18,7 +18,7 @@ from people4d.codec import encode
 from people4d.credentials import uses_certificates
 from people4d.errors import ConfigError
 from people4d.messages import Message, RgbdFrame, Span
-from people4d.session import Session, ZenohSubscription, check_chunk
+from people4d.session import ZenohSession, ZenohSubscription, check_chunk
 from people4d.topics import BY_MESSAGE, Topic, prefix, query_key
 
 SLOW_HZ = "10"  # of each topic through $PEOPLE4D_SLOW_LINKS
@@ -84,7 +84,7 @@ class ZenohMembers:
         self._tokens.close()
 
 
-class ZenohBus(Session):
+class ZenohBus(ZenohSession):
     """Publishes and subscribes through one Zenoh session.
 
     Args:

@@ -27,7 +27,7 @@ def test_seeds_of_each_target_are_read_or_refused(name: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("number", range(len(REGRESSIONS)))
-def test_former_finding_is_refused_or_read(number: int, tmp_path: Path) -> None:
+def test_former_failure_is_refused_or_read(number: int, tmp_path: Path) -> None:
     found = REGRESSIONS[number]
     (tmp_path / "made").mkdir()
     data = found.make(tmp_path / "made")
