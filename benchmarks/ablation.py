@@ -15,7 +15,7 @@ from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
 from evaluation.recordings.recordings import plan_recordings
 from evaluation.run.preparation import EvaluationPlan, WorkQueue, check_models, render_all, runs_of
-from evaluation.run.run import EvaluationRun, RunScores, run, score_run
+from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
 
 SCENARIOS = (
     *("two_easy", "two_crossing", "three_easy", "three_crossing", "three_dense"),
@@ -64,7 +64,7 @@ def methods() -> list[Method]:
 
 def try_out(trial: EvaluationRun) -> RunScores:
     """Return the figures of one trial."""
-    return score_run(trial, run(trial))
+    return score_run(trial, execute(trial))
 
 
 def rows(results: Sequence[RunScores]) -> list[list[str]]:
@@ -97,14 +97,14 @@ def main() -> None:
     """Judge all methods on all scenes and write the table."""
     parser = argparse.ArgumentParser(description="What each part of the preset best is worth.")
     parser.add_argument("--scenes", default=SCENES, help="as of people4d evaluate --recordings")
-    parser.add_argument("--speed", choices=("geometry", "depth", "colour"), default="colour")
+    parser.add_argument("--fidelity", choices=("geometry", "depth", "colour"), default="colour")
     parser.add_argument("--seeds", default="", help="of scenarios that name none")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--cache", type=Path, default=default_folder())
     parser.add_argument("--dry", action="store_true", help="print the table, do not write it")
     asked = parser.parse_args()
     seeds = [int(seed) for seed in asked.seeds.split(",") if seed]
-    takes = plan_recordings(asked.scenes.split(","), seeds, asked.speed, asked.cache.absolute())
+    takes = plan_recordings(asked.scenes.split(","), seeds, asked.fidelity, asked.cache.absolute())
     plan = EvaluationPlan(
         tuple(methods()), tuple(takes), asked.cache.absolute(), asked.jobs, figures=False
     )
@@ -120,7 +120,7 @@ def main() -> None:
     names = ", ".join(take.name for take in takes)
     note = (
         f"`best`, `best` less one part in each line, and the paper's third method as it states it, "
-        f"on {names} of the virtual lab ({asked.speed}). Figures of all scenes together, over all "
+        f"on {names} of the virtual lab ({asked.fidelity}). All scenes together, over all "
         f"frames in which a person is in view and at least 35 % of them is visible, measured or "
         f"predicted; re-identified are those who come back after two seconds or more."
     )

@@ -25,7 +25,7 @@ from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
 from evaluation.recordings.recordings import EvaluationRecording, plan_recordings
 from evaluation.run.preparation import EvaluationPlan, WorkQueue, render_all, runs_of
-from evaluation.run.run import run
+from evaluation.run.run import execute
 from people4d.messages import F64, Message, Odometry
 
 SCENARIOS = ("psrm", "pmrr", "pmrm1", "pmrm2", "port1", "port2")
@@ -94,7 +94,7 @@ def _without_odometry(take: EvaluationRecording, scratch: Path) -> EvaluationRec
     with RecordingWriter(path) as writer:
         for stamp_ns, message in open_recording(take.path).messages():
             writer.write(_standing(message), stamp_ns)
-    return EvaluationRecording(f"{take.name}_none", take.scenario, path, take.seed, take.filmed)
+    return EvaluationRecording(f"{take.name}_none", take.scenario, path, take.seed, take.simulation)
 
 
 def _standing(message: Message) -> Message:
@@ -107,7 +107,7 @@ def _matchings(takes: Sequence[EvaluationRecording], method: Method) -> list[Mat
     plan = EvaluationPlan((method,), tuple(takes), default_folder())
     with Pool(1) as pool, progress() as report:
         trials = runs_of(plan, WorkQueue(pool, report))
-    return [run(trial).matching for trial in trials]
+    return [execute(trial).matching for trial in trials]
 
 
 def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:

@@ -70,7 +70,7 @@ class Sheet:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def picture(self, picture: AnnotatedFrame) -> None:
+    def add_frame(self, frame: AnnotatedFrame) -> None:
         """Take a frame of the video; there is none."""
 
     def finish(self, sheet: U8, summary: RunSummary) -> None:  # noqa: ARG002

@@ -93,7 +93,7 @@ def _parts(evaluation: Evaluation, scenes: Sequence[str]) -> list[str]:
 
 def _text(table: ReportTable) -> str:
     header = ["method", "people", *(column.title for column in table.columns)]
-    return markdown(header, [[line.method, line.people, *line.cells] for line in table.lines])
+    return markdown(header, [[row.method, row.people, *row.cells] for row in table.rows])
 
 
 if __name__ == "__main__":

@@ -32,8 +32,7 @@ from evaluation.recordings.detections import read_tracker_input
 from evaluation.recordings.recordings import plan_recordings, render_recording
 from evaluation.recordings.visual_motion import FrameMotion, VisualMotion, write_with_motion
 from evaluation.run.preparation import EvaluationPlan, WorkQueue, runs_of
-from evaluation.run.run import EvaluationRun
-from evaluation.run.run import run as run_trial
+from evaluation.run.run import EvaluationRun, execute
 from lab.scenario import load_scenario
 from lab.world import EPOCH_NS, World
 from people4d.messages import F64, Odometry
@@ -108,10 +107,10 @@ def watch(trial: EvaluationRun) -> FrameRenderer:
     """Return what pictures tell of a film, people left out where the detector found them."""
     messages = list(read_tracker_input(trial.detections, None))
     visual = VisualMotion(
-        CameraConfig(source=str(trial.take.path)), VisualOdometryConfig(), messages
+        CameraConfig(source=str(trial.recording.path)), VisualOdometryConfig(), messages
     )
     seen = tuple(visual)
-    world = World(load_scenario(trial.take.scenario), trial.take.seed)
+    world = World(load_scenario(trial.recording.scenario), trial.recording.seed)
     return FrameRenderer(
         trial,
         tuple(m for m in messages if isinstance(m, Odometry)),
@@ -206,7 +205,7 @@ def matching(film: FrameRenderer, samples: Sequence[Odometry], folder: Path) -> 
     path = folder / "film.mcap"
     told = [FrameMotion(one.stamp_ns, one, 0.0) for one in samples]
     write_with_motion(read_tracker_input(film.trial.detections, None), told, path)
-    return run_trial(replace(film.trial, detections=path)).matching
+    return execute(replace(film.trial, detections=path)).matching
 
 
 def track_row(name: str, way: str, result: Matching) -> list[str]:
@@ -232,7 +231,7 @@ def box_table(films: Iterable[FrameRenderer], cache: Path) -> str:
     settings = variants(OWN, DYNAMIC)
     rides: dict[str, list[Ride]] = {"wheels": [], "pictures": [], "none": []}
     for one in films:
-        ride = film_ride(one.trial.take.path, DetectorConfig(crops=False), cache)
+        ride = film_ride(one.trial.recording.path, DetectorConfig(crops=False), cache)
         for way, samples in one.ways().items():
             prompt = tuple(Sample(sample, sample.stamp_ns) for sample in samples)
             rides[way].append(replace(ride, samples=prompt))
@@ -281,7 +280,7 @@ def main() -> None:
     plan = EvaluationPlan((read_method("best"),), tuple(takes), cache)
     with Pool(1) as pool:
         trials = runs_of(plan, WorkQueue(pool, lambda what, share: print(f"{what} {share:.2f}")))
-    films = {trial.take.scenario: watch(trial) for trial in trials}
+    films = {trial.recording.scenario: watch(trial) for trial in trials}
     poses, tracks = [], []
     with tempfile.TemporaryDirectory() as scratch:
         for name, one in films.items():

@@ -1,45 +1,53 @@
-"""What took long is kept, under a name that tells everything it depends on."""
+"""Cache of results that take long to compute, under keys of everything that they depend on."""
 
 import hashlib
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from types import ModuleType
 
 import msgspec
 
+import people4d
+import services.camera
+import services.detector
+import services.reid
+from common import compiled, config, geometry, inference, io, registry
 from common.io import weights
 from people4d.errors import SourceError
 from services.detector.config import DetectorConfig
 from services.reid.config import ReidConfig
 
-ROOT = Path(__file__).resolve().parents[1]
-CODE = (
-    *("people4d/**/*.py", "common/*.py", "common/geometry/*.py", "common/io/*.py"),
-    *("services/camera/**/*.py", "services/detector/**/*.py"),
-)
-REID_CODE = (*CODE, "services/reid/**/*.py")
+SHARED_CODE = (people4d, compiled, config, inference, registry, geometry, io, services.camera)
+DETECTOR_CODE = (*SHARED_CODE, services.detector)
+REID_CODE = (*DETECTOR_CODE, services.reid)
 BLOCK_BYTES = 2**20
 
 
 def default_folder() -> Path:
-    """Return where things are kept unless told otherwise."""
+    """Return the folder of the cache unless another is configured."""
     base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     return Path(base).expanduser() / "people4d" / "evaluation"
 
 
 def key_of(*parts: object) -> str:
-    """Return a name for what depends on records, texts and numbers."""
+    """Return a name for a result that depends on records, texts and numbers."""
     return hashlib.sha256(msgspec.json.encode(parts)).hexdigest()[:32]
 
 
-def code_digest(patterns: Iterable[str]) -> str:
-    """Return what tells the code of some folders from any other version of it."""
-    files = sorted({path for pattern in patterns for path in ROOT.glob(pattern)})
-    return _digest(files, ROOT)
+def code_digest(modules: Iterable[ModuleType]) -> str:
+    """Return a digest of the Python files of modules and packages."""
+    digests = []
+    for module in modules:
+        file = Path(module.__file__ or "")
+        package = file.name == "__init__.py"
+        files = sorted(file.parent.rglob("*.py")) if package else [file]
+        digests.append(_digest(files, file.parent))
+    return key_of(digests)
 
 
 def content_digest(path: Path) -> str:
-    """Return what tells a recording, or a folder of one, from any other.
+    """Return a digest of a recording, or of a folder of one.
 
     Raises:
         SourceError: It cannot be read.

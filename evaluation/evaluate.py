@@ -1,4 +1,4 @@
-"""All methods on all takes: judged, summarised, drawn and written."""
+"""Evaluation of all methods on all recordings: scores, tables, figures and the report."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from common.metrics import Row, combine
 from evaluation.pool import Pool
-from evaluation.recordings.recordings import EvaluationRecording
+from evaluation.recordings.recordings import EvaluationRecording, OnProgress
 from evaluation.report.csv_files import (
     SWITCH_FIELDS,
     switch_rows,
@@ -20,100 +20,93 @@ from evaluation.report.filmstrips import Filmstrip, filmstrips_of
 from evaluation.report.page import ReportContent, ReportFigure, html_of
 from evaluation.report.tables import (
     OVERVIEW,
-    SHAPES,
-    SPEED,
+    RATES,
+    TABLES,
     ReportTable,
     fill,
     groups_of,
+    rate_of,
     row_of,
-    speed_of,
 )
 from evaluation.report.trajectories import RunTrajectories, trajectories_of
-from evaluation.run.preparation import (
-    EvaluationPlan,
-    OnProgress,
-    WorkQueue,
-    check_models,
-    render_all,
-    runs_of,
-)
-from evaluation.run.run import EvaluationRun, RunScores, run, score_run
+from evaluation.run.preparation import EvaluationPlan, WorkQueue, check_models, render_all, runs_of
+from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
 
 
 @dataclass(frozen=True)
 class RunReport:
-    """One trial.
+    """Results of one run.
 
     Args:
-        result: Its figures.
-        switches: One row for each ID switch, see `output.SWITCH_FIELDS`.
-        strips: Pictures of the first of them, if wanted.
-        trace: Its course, if wanted.
+        scores: Its metrics.
+        switches: One row for each ID switch, see `csv_files.SWITCH_FIELDS`.
+        filmstrips: Images of the first of them, if the recording is shown.
+        trajectories: Paths of people and tracks, if the recording is shown.
     """
 
-    result: RunScores
+    scores: RunScores
     switches: tuple[tuple[object, ...], ...]
-    strips: tuple[Filmstrip, ...] = ()
-    trace: RunTrajectories | None = None
+    filmstrips: tuple[Filmstrip, ...] = ()
+    trajectories: RunTrajectories | None = None
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All trials, method by method.
+    """All runs, method by method.
 
     Args:
-        judged: One for each method and take.
-        rows: Figures of each.
-        overview: The most telling figures.
-        tables: All of the report.
-        pictures: Of the first take of each scenario, and of the errors.
+        runs: One for each method and recording.
+        rows: Metrics of each.
+        overview: The most important metrics.
+        tables: All tables of the report.
+        figures: Of the first recording of each scenario, and of the errors.
     """
 
-    judged: tuple[RunReport, ...]
+    runs: tuple[RunReport, ...]
     rows: tuple[Row, ...]
     overview: ReportTable
     tables: tuple[ReportTable, ...]
-    pictures: tuple[ReportFigure, ...]
+    figures: tuple[ReportFigure, ...]
 
 
-def evaluate(plan: EvaluationPlan, report: OnProgress) -> Evaluation:
-    """Judge all methods on all takes.
+def evaluate(plan: EvaluationPlan, on_progress: OnProgress) -> Evaluation:
+    """Score all methods on all recordings.
 
     Args:
-        plan: What is evaluated.
-        report: Called with what is being done and the share of it that is done.
+        plan: Methods and recordings.
+        on_progress: Called with the name of the stage and the share of it that is done.
 
     Raises:
         SourceError: A recording cannot be read, or has no truth.
         ModelError: A model is absent.
     """
     check_models(plan)
-    render_all(plan, report)
+    render_all(plan, on_progress)
     with Pool(plan.jobs) as pool:
-        work = WorkQueue(pool, report)
-        shown = _shown(plan.takes)
-        tries = [(trial, trial.take.name in shown) for trial in runs_of(plan, work)]
-        judged = work.do("tracking", try_out, tries)
-        pictures = _pictures(plan, judged, work) if plan.figures else ()
-    results = [one.result for one in judged]
-    rows = [row_of(result) for result in results]
-    groups = groups_of(results, rows)
-    tables = [fill(shape, groups) for shape in SHAPES]
-    if any(result.pipeline_ms for result in results):
-        speeds = groups_of(results, [speed_of(result) for result in results])
-        tables.insert(4, fill(SPEED, speeds))
+        work = WorkQueue(pool, on_progress)
+        shown = _shown(plan.recordings)
+        wanted = [(run, run.recording.name in shown) for run in runs_of(plan, work)]
+        runs = work.do("tracking", _run, wanted)
+        figures = _figures(plan, runs, work) if plan.figures else ()
+    scores = [run.scores for run in runs]
+    rows = [row_of(one) for one in scores]
+    groups = groups_of(scores, rows)
+    tables = [fill(table, groups) for table in TABLES]
+    if any(one.pipeline_ms for one in scores):
+        rates = groups_of(scores, [rate_of(one) for one in scores])
+        tables.insert(4, fill(RATES, rates))
     overview = fill(OVERVIEW, groups, spread=False)
-    return Evaluation(tuple(judged), tuple(rows), overview, tuple(tables), pictures)
+    return Evaluation(tuple(runs), tuple(rows), overview, tuple(tables), figures)
 
 
 def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: str) -> Path:
-    """Write all figures as CSV files, pictures, and the report that holds everything.
+    """Write all metrics as CSV files, images, and the report that contains everything.
 
     Args:
-        plan: What was evaluated.
-        evaluation: What came of it.
-        folder: Made if it is not there.
-        command: With which it is made again.
+        plan: Methods and recordings.
+        evaluation: Its results.
+        folder: Folder of the files; it is made if it is absent.
+        command: Command that makes them again.
 
     Returns:
         The report.
@@ -121,26 +114,25 @@ def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: s
     Raises:
         SourceError: The folder cannot be written.
     """
-    judged = evaluation.judged
-    results = [one.result for one in judged]
-    switches = [row for one in judged for row in one.switches]
-    strips = [strip for one in judged for strip in one.strips]
-    write_runs(folder / "runs.csv", results, evaluation.rows)
-    write_summary(folder / "summary.csv", groups_of(results, evaluation.rows))
+    scores = [run.scores for run in evaluation.runs]
+    switches = [row for run in evaluation.runs for row in run.switches]
+    filmstrips = [filmstrip for run in evaluation.runs for filmstrip in run.filmstrips]
+    write_runs(folder / "runs.csv", scores, evaluation.rows)
+    write_summary(folder / "summary.csv", groups_of(scores, evaluation.rows))
     write_csv(folder / "switches.csv", SWITCH_FIELDS, switches)
     for table in evaluation.tables:
         write_table(folder / "tables", table)
-    for picture in evaluation.pictures:
-        write_bytes(folder / "figures" / f"{picture.name}.png", picture.png)
-    for number, strip in enumerate(strips, 1):
-        name = f"{number:03d}_{strip.method}_{strip.take}.png"
-        write_bytes(folder / "switches" / name, strip.png())
+    for figure in evaluation.figures:
+        write_bytes(folder / "figures" / f"{figure.name}.png", figure.png)
+    for number, filmstrip in enumerate(filmstrips, 1):
+        name = f"{number:03d}_{filmstrip.method}_{filmstrip.recording}.png"
+        write_bytes(folder / "switches" / name, filmstrip.png())
     content = ReportContent(
         command=command,
-        results=results,
+        scores=scores,
         tables=evaluation.tables,
-        pictures=evaluation.pictures,
-        strips=strips,
+        figures=evaluation.figures,
+        filmstrips=filmstrips,
         switches=len(switches),
         settings={method.name: method.text() for method in plan.methods},
     )
@@ -149,55 +141,52 @@ def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: s
     return report
 
 
-def try_out(asked: tuple[EvaluationRun, bool]) -> RunReport:
-    """Do one trial.
-
-    Args:
-        asked: The trial, and whether its course and its ID switches are shown.
-    """
-    trial, shown = asked
-    done = run(trial)
-    rows = tuple(switch_rows(trial.method.name, trial.take.name, done))
+def _run(wanted: tuple[EvaluationRun, bool]) -> RunReport:
+    """Do one run; the flag tells that its trajectories and ID switches are shown."""
+    run, shown = wanted
+    output = execute(run)
+    rows = tuple(switch_rows(run.method.name, run.recording.name, output))
     if not shown:
-        return RunReport(score_run(trial, done), rows)
-    course = trajectories_of(trial.method.name, done)
-    return RunReport(score_run(trial, done), rows, filmstrips_of(trial, done), course)
+        return RunReport(score_run(run, output), rows)
+    trajectories = trajectories_of(run.method.name, output)
+    return RunReport(score_run(run, output), rows, filmstrips_of(run, output), trajectories)
 
 
-def draw(
-    asked: tuple[EvaluationRecording, tuple[RunTrajectories, ...]],
-) -> tuple[ReportFigure, ...]:
-    """Draw the courses of all methods on one take."""
-    from evaluation.report import figures  # noqa: PLC0415 (matplotlib may not be there)
+def _draw(wanted: tuple[str, tuple[RunTrajectories, ...]]) -> tuple[ReportFigure, ...]:
+    """Draw the trajectories of all methods on one recording."""
+    from evaluation.report import figures  # noqa: PLC0415 (matplotlib may be absent)
 
-    take, traces = asked
-    plans, courses = figures.floor_plans(take.name, traces), figures.courses(take.name, traces)
+    name, trajectories = wanted
+    floor = figures.floor_plans(name, trajectories)
+    time = figures.time_series(name, trajectories)
     return (
-        ReportFigure(f"{take.name}_floor", f"{take.name}: trajectories on the floor", plans),
-        ReportFigure(f"{take.name}_time", f"{take.name}: position, velocity and yaw", courses),
+        ReportFigure(f"{name}_floor", f"{name}: trajectories on the floor", floor),
+        ReportFigure(f"{name}_time", f"{name}: position, velocity and yaw", time),
     )
 
 
-def _shown(takes: Sequence[EvaluationRecording]) -> set[str]:
-    """Return the names of the takes that are shown: the first of each scenario."""
-    first = {take.scenario: take.name for take in reversed(takes)}
+def _shown(recordings: Sequence[EvaluationRecording]) -> set[str]:
+    """Return the names of the recordings that are shown: the first of each scenario."""
+    first = {recording.scenario: recording.name for recording in reversed(recordings)}
     return set(first.values())
 
 
-def _pictures(
-    plan: EvaluationPlan, judged: Sequence[RunReport], work: WorkQueue
+def _figures(
+    plan: EvaluationPlan, runs: Sequence[RunReport], work: WorkQueue
 ) -> tuple[ReportFigure, ...]:
-    from evaluation.report import figures  # noqa: PLC0415
+    from evaluation.report import figures  # noqa: PLC0415 (matplotlib may be absent)
 
-    asked = []
-    for take in plan.takes:
-        traces = tuple(j.trace for j in judged if j.trace and j.result.take.name == take.name)
-        if any(len(trace.stamps_s) and trace.persons for trace in traces):
-            asked.append((take, traces))
+    wanted = []
+    for recording in plan.recordings:
+        name = recording.name
+        shown = [r.trajectories for r in runs if r.scores.recording.name == name]
+        trajectories = tuple(one for one in shown if one is not None)
+        if any(len(one.stamps_s) and one.persons for one in trajectories):
+            wanted.append((name, trajectories))
     pooled = {
-        method.name: combine(j.result.scores for j in judged if j.result.method == method.name)
+        method.name: combine(r.scores.scores for r in runs if r.scores.method == method.name)
         for method in plan.methods
     }
     errors = ReportFigure("errors", "Errors over all recordings", figures.histograms(pooled))
-    drawn = work.do("drawing", draw, asked)
-    return (errors, *(picture for pictures in drawn for picture in pictures))
+    drawn = work.do("drawing", _draw, wanted)
+    return (errors, *(figure for drawing in drawn for figure in drawing))

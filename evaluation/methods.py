@@ -1,4 +1,4 @@
-"""A method as its services would run it: configuration file, environment, preset, settings."""
+"""Methods: the configuration of the services that detect, re-identify and track."""
 
 import json
 from collections.abc import Sequence
@@ -9,7 +9,6 @@ from typing import TypeVar
 import msgspec
 
 from common.config import load
-from deploy.launcher.plan import CONFIG_FILE
 from people4d.errors import ConfigError
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
@@ -25,14 +24,14 @@ SERVICES = ("camera", "detector", "reid", "tracker")
 
 @dataclass(frozen=True)
 class Method:
-    """What is judged.
+    """Configuration of the services of one method.
 
     Args:
-        name: Of the preset.
-        camera: How recordings are played, without a source.
-        detector: What finds people.
-        reid: What tells their appearance; None if the tracker does not look at people.
-        tracker: What follows them.
+        name: Name of the preset.
+        camera: Playback of recordings, without a source.
+        detector: Configuration of the detector.
+        reid: Configuration of re-identification; None if the tracker takes no embeddings.
+        tracker: Configuration of the tracker.
     """
 
     name: str
@@ -66,37 +65,34 @@ def read_methods(presets: Sequence[str], settings: Sequence[str] = ()) -> list[M
     return methods
 
 
-def read_method(
-    preset: str, settings: Sequence[str] = (), config_file: Path = CONFIG_FILE
-) -> Method:
+def read_method(preset: str, settings: Sequence[str] = ()) -> Method:
     """Return the method of a preset, as `people4d up --preset` would run it.
 
     Args:
         preset: Name of a preset, or path of a TOML file of that form.
         settings: "service.field=value", which win over the preset.
-        config_file: A table for each service, over which the preset wins.
 
     Raises:
         ConfigError: The preset or a setting is unknown, or a value is out of range.
     """
-    told: dict[str, list[str]] = {service: [] for service in SERVICES}
+    fields: dict[str, list[str]] = {service: [] for service in SERVICES}
     for text in [*preset_settings(preset), *settings]:
         service, _, field = text.partition(".")
-        if service not in told:
+        if service not in fields:
             known = ", ".join(SERVICES)
             raise ConfigError(f"setting {text!r} is of no service that runs", f"These are {known}.")
-        told[service].append(field)
+        fields[service].append(field)
 
     def record(kind: type[T], service: str) -> T:
-        return load(kind, service, config_file, told[service])
+        return load(kind, service, None, fields[service])
 
     tracker = record(TrackerConfig, "tracker")
-    looks = make_tracker(tracker).uses_embeddings
+    embeds = make_tracker(tracker).uses_embeddings
     return Method(
         name=Path(preset).stem if preset.endswith(".toml") else preset,
         camera=msgspec.structs.replace(record(CameraConfig, "camera"), source=""),
-        # Detections do not depend on whether pictures of people are cut out, too.
+        # Detections do not depend on whether crops are published, too.
         detector=msgspec.structs.replace(record(DetectorConfig, "detector"), crops=True),
-        reid=record(ReidConfig, "reid") if looks else None,
+        reid=record(ReidConfig, "reid") if embeds else None,
         tracker=tracker,
     )

@@ -4,6 +4,8 @@ import threading
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+import msgspec
+
 from common.runtime.node import LoopCallbacks, Node
 from common.transport.bus import MemoryBus
 from common.transport.trace import ProcessId, collect
@@ -18,13 +20,13 @@ from services.reid.config import ReidConfig
 from services.tracker.build import build as build_tracker
 from services.tracker.config import TrackerConfig
 
-PATIENCE_S = 20.0
-CHAIN = ProcessId("node", "chain", "")
+TIMEOUT_S = 20.0
+PROCESS = ProcessId("node", "chain", "")
 
 
 @dataclass(frozen=True)
 class PipelineStep:
-    """What one frame brought about.
+    """Messages and times of one frame.
 
     Args:
         messages: All that was published, the frame first.
@@ -51,12 +53,24 @@ def pipeline(
     ]
 
 
+def lockstep(camera: CameraConfig) -> CameraConfig:
+    """Return the camera in lock-step, each frame after the detections of the one before."""
+    return msgspec.structs.replace(
+        camera,
+        playback="lockstep",
+        answer="detections",
+        window=1,
+        start_delay_s=0.0,
+        loop=False,
+    )
+
+
 def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[PipelineStep]:
     """Play a source in lock-step through nodes.
 
     Args:
-        camera: What to play; its playback is "lockstep", its window 1 and its start_delay_s 0.
-        nodes: Detector and whatever follows.
+        camera: Source and playback, in `lockstep`.
+        nodes: Detector and the nodes that follow.
 
     Yields:
         Calibration and transform, then one step a frame.
@@ -71,20 +85,20 @@ def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[PipelineStep]:
     try:
         while node.status().state != "finished":
             news.clear()
-            with collect(CHAIN) as spans:
+            with collect(PROCESS) as spans:
                 messages = bus.advance()
             bus.log.clear()
             if messages:
                 yield PipelineStep(messages, spans)
-            elif not news.wait(PATIENCE_S):
-                raise SourceError(f"{camera.source} gave nothing for {PATIENCE_S:g} s")
+            elif not news.wait(TIMEOUT_S):
+                raise SourceError(f"{camera.source} gave nothing for {TIMEOUT_S:g} s")
     finally:
         node.close()
 
 
 def track_again(messages: Iterable[Message], config: TrackerConfig) -> list[Tracks]:
-    """Return what another tracker makes of the same detections and embeddings."""
+    """Return the tracks of another tracker on the same detections and embeddings."""
     node = build_tracker(config)
-    taken = [message for message in messages if isinstance(message, node.inputs)]
-    outputs = [output for message in taken for output in node.handle(message, 0)]
+    inputs = [message for message in messages if isinstance(message, node.inputs)]
+    outputs = [output for message in inputs for output in node.handle(message, 0)]
     return [output for output in outputs if isinstance(output, Tracks)]

@@ -1,4 +1,4 @@
-"""Work in several processes of one thread each; results come in the order of the work."""
+"""Work in several processes of one thread each; results are in the order of the work."""
 
 import os
 import signal
@@ -59,8 +59,8 @@ class Pool:
             return [future.result() for future in futures]
         except BrokenProcessPool as error:
             raise People4dError(
-                "a process that evaluates was killed, perhaps for want of memory",
-                "Use fewer --jobs; detections that are made are kept.",
+                "a process of the evaluation was killed, perhaps because memory ran out",
+                "Use fewer --jobs; the cache has the detections made so far.",
             ) from error
 
     def __enter__(self) -> Self:
@@ -74,7 +74,7 @@ class Pool:
     def _started(self) -> ProcessPoolExecutor:
         if self._executor is None:
             self._stack.enter_context(_one_thread_each())
-            # Forked, a process would have locks of threads that it has not.
+            # A forked process would have the locks of threads, but not the threads.
             self._executor = ProcessPoolExecutor(self._jobs, get_context("spawn"), _begin)
         return self._executor
 

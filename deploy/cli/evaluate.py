@@ -14,7 +14,9 @@ from deploy.cli.progress import cores, interruptible, progress
 from people4d.errors import ConfigError
 from services.presets import PRESETS
 
-# What is needed to do it is imported on use: compiled code takes a second to load.
+# Most modules are imported on use: compiled code takes a second to load.
+
+NO_FIGURES = "No figures: matplotlib is not installed (pip install 'people4d[evaluate]')."
 
 if TYPE_CHECKING:
     from evaluation.report.tables import ReportTable
@@ -38,9 +40,11 @@ def evaluate(
     seeds: Annotated[
         str, typer.Option(help="Seeds of every scenario, for example 1,2,3; else its own.")
     ] = "",
-    speed: Annotated[
+    fidelity: Annotated[
         Literal["geometry", "depth", "colour"],
-        typer.Option(help="How scenarios are filmed. geometry: detections in place of frames."),
+        typer.Option(
+            help="How much of a scenario is rendered. geometry: detections in place of frames."
+        ),
     ] = "colour",
     out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("out/evaluation"),
     jobs: Annotated[
@@ -48,7 +52,7 @@ def evaluate(
     ] = 0,
     cache: Annotated[
         Path | None,
-        typer.Option(help="Folder of films and detections; else one in your cache folder."),
+        typer.Option(help="Folder of renderings and detections; else one in your cache folder."),
     ] = None,
     set_: Annotated[
         list[str],
@@ -56,13 +60,13 @@ def evaluate(
     ] = [],  # noqa: B006 (typer copies it)
     visual_odometry: Annotated[
         bool,
-        typer.Option("--visual-odometry", help="The motion of the base by pictures, not wheels."),
+        typer.Option("--visual-odometry", help="Motion of the base from images, not wheels."),
     ] = False,
     figures: Annotated[
-        bool, typer.Option(help="Draw figures; that takes matplotlib, the extra 'evaluate'.")
+        bool, typer.Option(help="Draw figures, if matplotlib is installed, the extra 'evaluate'.")
     ] = True,
 ) -> None:
-    """Judge methods on recordings with truth; the same figures every time, on any machine."""
+    """Score methods on recordings with truth; the same metrics every time, on any machine."""
     from evaluation.cache import default_folder  # noqa: PLC0415
     from evaluation.evaluate import evaluate as do  # noqa: PLC0415
     from evaluation.evaluate import write  # noqa: PLC0415
@@ -71,25 +75,23 @@ def evaluate(
     from evaluation.run.preparation import EvaluationPlan  # noqa: PLC0415
     from services.visual_odometry.config import VisualOdometryConfig  # noqa: PLC0415
 
-    if visual_odometry and speed == "geometry":
-        raise ConfigError("--speed geometry has no pictures", "Film them: --speed colour.")
+    if visual_odometry and fidelity == "geometry":
+        raise ConfigError("--fidelity geometry has no images", "Render them: --fidelity colour.")
     if figures and importlib.util.find_spec("matplotlib") is None:
-        raise ConfigError(
-            "figures are drawn with matplotlib, which is not installed",
-            "Install it with: pip install 'people4d[evaluate]', or add --no-figures.",
-        )
+        typer.echo(NO_FIGURES)
+        figures = False
     folder = (cache or default_folder()).absolute()
     plan = EvaluationPlan(
         methods=tuple(read_methods(presets, set_)),
-        takes=tuple(plan_recordings(_sources(recordings), _seeds(seeds), speed, folder)),
+        recordings=tuple(plan_recordings(_sources(recordings), _seeds(seeds), fidelity, folder)),
         cache=folder,
         jobs=jobs or cores(),
         figures=figures,
         motion=VisualOdometryConfig() if visual_odometry else None,
     )
-    kept = f"What is filmed and detected is kept in {folder}: the same command goes on."
-    with interruptible(kept), progress() as report:
-        evaluation = do(plan, report)
+    hint = f"Renderings and detections are in {folder}: the same command continues."
+    with interruptible(hint), progress() as on_progress:
+        evaluation = do(plan, on_progress)
         page = write(plan, evaluation, out, f"people4d {shlex.join(sys.argv[1:])}")
     _show(evaluation.overview)
     typer.echo(f"Wrote {page}")
@@ -98,19 +100,19 @@ def evaluate(
 def _show(table: "ReportTable") -> None:
     shown = RichTable(title=table.title, title_justify="left", box=None, header_style="bold")
     shown.add_column("method")
-    columns = zip(*((line.people, *line.cells) for line in table.lines), strict=True)
+    columns = zip(*((row.people, *row.cells) for row in table.rows), strict=True)
     titles = ("people", *(column.title for column in table.columns))
     for title, cells in zip(titles, columns, strict=True):
         shown.add_column(title, justify="right", min_width=max(map(len, cells)))
-    for line in table.lines:
-        shown.add_row(line.method, line.people, *line.cells, style="dim" if line.paper else "")
+    for row in table.rows:
+        shown.add_row(row.method, row.people, *row.cells, style="dim" if row.published else "")
     Console(highlight=False).print(shown)
 
 
 def _sources(texts: list[str]) -> list[str]:
     """Split at commas, but for a path that has one in its name."""
-    whole = ([text] if Path(text).exists() else text.split(",") for text in texts)
-    return [name.strip() for names in whole for name in names if name.strip()]
+    names = ([text] if Path(text).exists() else text.split(",") for text in texts)
+    return [name.strip() for part in names for name in part if name.strip()]
 
 
 def _seeds(text: str) -> list[int]:

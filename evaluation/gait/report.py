@@ -9,7 +9,6 @@ import msgspec
 
 from common.config import load
 from common.drawing.tiles import Tile, grid
-from deploy.launcher.plan import CONFIG_FILE
 from evaluation.gait.run import BoxCorners, GaitRun, estimate_gait
 from evaluation.gait.tables import GaitTables
 from evaluation.gait.viewer import GaitViewer
@@ -49,7 +48,7 @@ def read_run(source: str, box: BoxCorners | None, preset: str, settings: Sequenc
     texts = [*preset_settings(preset), *settings]
     own = [text.removeprefix(SERVICE) for text in texts if text.startswith(SERVICE)]
     method = read_method("", [text for text in texts if not text.startswith(SERVICE)])
-    gait = load(GaitConfig, "gait", CONFIG_FILE, own)
+    gait = load(GaitConfig, "gait", None, own)
     return GaitRun(source=source, method=method, gait=gait, box=box)
 
 

@@ -1,4 +1,4 @@
-"""Detections and embeddings of a recording: made once, kept, and given to every tracker alike."""
+"""Detections and embeddings of a recording: made once, cached, the same for every tracker."""
 
 import os
 import time
@@ -12,15 +12,15 @@ import msgspec
 from common.io.odometry_order import odometry_first
 from common.io.recording import RecordingWriter, open_recording
 from evaluation.cache import (
-    CODE,
+    DETECTOR_CODE,
     REID_CODE,
     code_digest,
     content_digest,
     key_of,
     model_digest,
 )
-from evaluation.pipeline import PipelineStep, play
-from evaluation.recordings import detection_cache as findings
+from evaluation.pipeline import PipelineStep, lockstep, play
+from evaluation.recordings import detection_cache
 from people4d.errors import SourceError
 from people4d.messages import (
     CameraInfo,
@@ -41,20 +41,20 @@ from services.detector.models import load_model
 from services.reid.build import build as build_reid
 from services.reid.config import ReidConfig
 
-SPEED = "speed"  # note with the mean time that a stage took
-KEPT = (CameraInfo, StaticTransform, MovingTransform, Odometry, Detections)
+SPEED = "speed"  # note with the mean time of a stage
+TRACKER_INPUT = (CameraInfo, StaticTransform, MovingTransform, Odometry, Detections)
 
 
 @dataclass(frozen=True)
 class DetectionJob:
-    """One way to see one recording.
+    """Detection and embedding of the people in one recording.
 
     Args:
         source: Recording, bag or folder.
-        camera: How it is played.
-        detector: What finds people.
-        reids: What tells their appearance, each on its own.
-        folder: Where results are kept.
+        camera: Playback.
+        detector: Configuration of the detector.
+        reids: Configurations of re-identification, each on its own.
+        folder: Folder of the cache.
     """
 
     source: Path
@@ -65,22 +65,24 @@ class DetectionJob:
 
     @property
     def network(self) -> tuple[object, ...]:
-        """What the network finds depends on this and on the pictures."""
-        return tuple(getattr(self.detector, name) for name in ModelSettings.__struct_fields__)
+        """Settings of the network; its output depends on these and on the images."""
+        settings = msgspec.structs.asdict(self.detector)
+        return tuple(settings[name] for name in ModelSettings.__struct_fields__)
 
-    def findings_file(self) -> Path:
-        """Return where is kept what the network found; pictures are told apart in it."""
-        key = key_of(code_digest(findings.CODE), self.network, model_digest(self.detector))
-        return self.folder / "findings" / f"{self.source.stem}-{key}.npz"
+    def cache_file(self) -> Path:
+        """Return the file of the network's detections by image."""
+        code = code_digest(detection_cache.CODE)
+        key = key_of(code, self.network, model_digest(self.detector))
+        return self.folder / "network" / f"{self.source.stem}-{key}.npz"
 
     def file(self, content: str, reid: ReidConfig | None = None) -> Path:
-        """Return where detections are kept, or the embeddings of one of `reids`.
+        """Return the file of the detections, or of the embeddings of one of `reids`.
 
         Args:
             content: Digest of the source.
-            reid: What makes the embeddings; None: the detections are asked for.
+            reid: Configuration of the embeddings; None for the detections.
         """
-        digest = code_digest(CODE if reid is None else REID_CODE)
+        digest = code_digest(DETECTOR_CODE if reid is None else REID_CODE)
         parts = [content, digest, *map(msgspec.to_builtins, (self.camera, self.detector))]
         parts.append(model_digest(self.detector))
         if reid:
@@ -91,11 +93,11 @@ class DetectionJob:
 
 @dataclass(frozen=True)
 class DetectionFiles:
-    """Files that a detection job makes.
+    """Recordings that a detection job makes.
 
     Args:
         detections: Recording with calibration, transforms, odometry and detections.
-        embeddings: Recording with the embeddings, for each of the detect's `reids`.
+        embeddings: Recording with the embeddings, for each of the job's `reids`.
     """
 
     detections: Path
@@ -103,7 +105,7 @@ class DetectionFiles:
 
 
 def holds_detections(source: Path) -> bool:
-    """Tell whether a recording holds detections in place of frames."""
+    """Check that a recording holds detections in place of frames."""
     if kind_of(str(source)) != "recording":
         return False
     topics = open_recording(source).summary.topics
@@ -111,24 +113,24 @@ def holds_detections(source: Path) -> bool:
     return not frames and any(topic.startswith("detections/") for topic in topics)
 
 
-def detect(wanted: DetectionJob) -> DetectionFiles:
-    """See a recording, unless it was seen so before.
+def detect(job: DetectionJob) -> DetectionFiles:
+    """Detect and embed the people in a recording, unless the cache has the result.
 
     Raises:
-        SourceError: The recording cannot be read_tracker_input, or has more than one camera.
+        SourceError: The recording cannot be read, or has more than one camera.
         ModelError: A model is absent.
     """
-    if holds_detections(wanted.source):
-        return DetectionFiles(wanted.source, tuple(wanted.source for _ in wanted.reids))
-    content = content_digest(wanted.source)
-    files = [wanted.file(content), *(wanted.file(content, reid) for reid in wanted.reids)]
+    if holds_detections(job.source):
+        return DetectionFiles(job.source, tuple(job.source for _ in job.reids))
+    content = content_digest(job.source)
+    files = [job.file(content), *(job.file(content, reid) for reid in job.reids)]
     if not all(file.exists() for file in files):
-        _see(wanted, files)
+        _run(job, files)
     return DetectionFiles(files[0], tuple(files[1:]))
 
 
 def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Message]:
-    """Yield what a tracker takes, in order; the embeddings of a frame before its detections.
+    """Yield the input of a tracker in order; the embeddings of a frame before its detections.
 
     Args:
         detections: From `detect`.
@@ -139,7 +141,7 @@ def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Me
     """
     vectors = _embeddings(embeddings)
     cameras = set()
-    recorded = (message for _, message in open_recording(detections).messages(*KEPT))
+    recorded = (message for _, message in open_recording(detections).messages(*TRACKER_INPUT))
     for message in odometry_first(recorded):
         if isinstance(message, Detections):
             cameras.add(message.camera)
@@ -151,53 +153,45 @@ def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Me
 
 
 def mean_ms(path: Path) -> float | None:
-    """Return what a frame took, as noted when it was seen; None where that is not known."""
+    """Return the mean time of a frame, as noted when it was made; None where it is unknown."""
     text = open_recording(path).metadata.get(SPEED, {}).get("mean_ms", "")
     return float(text) if text else None
 
 
-def _see(wanted: DetectionJob, files: Sequence[Path]) -> None:
-    camera = msgspec.structs.replace(
-        wanted.camera,
-        source=str(wanted.source.absolute()),
-        playback="lockstep",
-        answer="detections",
-        window=1,
-        start_delay_s=0.0,
-        loop=False,
-    )
-    embedders = [build_reid(reid) for reid in wanted.reids]
+def _run(job: DetectionJob, files: Sequence[Path]) -> None:
+    camera = lockstep(msgspec.structs.replace(job.camera, source=str(job.source.absolute())))
+    embedders = [build_reid(reid) for reid in job.reids]
     new = [file.with_suffix(f".{os.getpid()}.new") for file in files]
     took_ms: list[list[float]] = [[] for _ in files]
-    known = findings.load(wanted.findings_file())
+    cache = detection_cache.load(job.cache_file())
     with ExitStack() as stack:
         writers = [stack.enter_context(RecordingWriter(path)) for path in new]
-        model = findings.CachingModel(load_model(wanted.detector), known)
-        for step in play(camera, [build_detector(wanted.detector, model)]):
+        model = detection_cache.CachingModel(load_model(job.detector), cache)
+        for step in play(camera, [build_detector(job.detector, model)]):
             for message in step.messages:
-                if isinstance(message, KEPT):
-                    writers[0].write(_untraced(message), message.stamp_ns)
+                if isinstance(message, TRACKER_INPUT):
+                    writers[0].write(_without_trace(message), message.stamp_ns)
                 if isinstance(message, RgbdFrame):
                     took_ms[0].append(_detector_ms(step) + model.saved_ms())
                 if not isinstance(message, Crops):
                     continue
                 for k, embedder in enumerate(embedders, 1):
                     start_ns = time.perf_counter_ns()
-                    told = embedder.handle(message, 0)
+                    answers = embedder.handle(message, 0)
                     took_ms[k].append((time.perf_counter_ns() - start_ns) / 1e6 + _crops_ms(step))
-                    for answer in told:
-                        writers[k].write(_untraced(answer), answer.stamp_ns)
+                    for answer in answers:
+                        writers[k].write(_without_trace(answer), answer.stamp_ns)
         for writer, times in zip(writers, took_ms, strict=True):
             if times:
                 writer.write_metadata(SPEED, {"mean_ms": f"{sum(times) / len(times):.4f}"})
-    if model.found_new:
-        findings.save(wanted.findings_file(), known)
+    if model.changed:
+        detection_cache.save(job.cache_file(), cache)
     for made, file in zip(new, files, strict=True):
         made.replace(file)
 
 
-def _untraced(message: Message) -> Message:
-    """Return the message without the times of its way, which differ from run to run."""
+def _without_trace(message: Message) -> Message:
+    """Return the message without the times of its stages, which differ from run to run."""
     return msgspec.structs.replace(message, trace=())
 
 

@@ -1,4 +1,4 @@
-"""What is true at the stamps of frames, and who of the people has to be found there."""
+"""Ground truth at the stamps of frames, and the people who have to be tracked there."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,9 +18,9 @@ from people4d.messages import F64, CameraInfo, Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 
-VISIBLE_MIN = 0.35  # visible share from which a person has to be found
-LOST_NS = 2_000_000_000  # so long a person whom motion capture has lost is still taken into account
-ALL = 2**40  # messages that are remembered: all
+VISIBLE_MIN = 0.35  # visible share from which a person has to be tracked
+LOST_NS = 2_000_000_000  # people whom motion capture has lost are interpolated so long
+UNBOUNDED = 2**40  # messages in a buffer
 
 
 @dataclass(frozen=True)
@@ -28,25 +28,25 @@ class TruthFrame:
     """The people at one stamp.
 
     Args:
-        people: All whose position is known, well or about.
-        sure: Whose position is known well; others need not be found.
-        shares: Part of each body that can be seen, 0 to 1; nobody in it: not known.
-        map_from_camera: 4x4, where truth knows it.
+        people: All whose position is known, exactly or interpolated over a long gap.
+        captured: Those whose position is known exactly; others need not be tracked.
+        shares: Visible share of each body, 0 to 1; empty if unknown.
+        map_from_camera: 4x4, if the truth contains it.
     """
 
     people: tuple[TruthPerson, ...]
-    sure: frozenset[str]
+    captured: frozenset[str]
     shares: Mapping[str, float] = field(default_factory=dict)
     map_from_camera: F64 | None = None
 
-    def true_people(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
-        """Return who was there and who had to be found.
+    def ground_truth(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
+        """Return the people, and those of them who have to be tracked.
 
         Args:
             info: Calibration.
-            map_from_camera: 4x4; None: the view is not known, everybody is in it.
+            map_from_camera: 4x4; None: the view is not known, and all are in it.
         """
-        away = np.array([person.id not in self.sure for person in self.people], np.bool_)
+        away = np.array([person.id not in self.captured for person in self.people], np.bool_)
         if map_from_camera is not None:
             positions_m = np.array([person.position_m for person in self.people])
             away |= ~in_view(positions_m, invert(map_from_camera), info)
@@ -56,134 +56,136 @@ class TruthFrame:
 
 @dataclass(frozen=True)
 class SampledTruth:
-    """The truth of a take at the stamps of its frames.
+    """The truth of a recording at the stamps of its frames.
 
     Args:
         frame_id: Frame that positions are in.
-        ids: Everyone who was there.
-        moments: One for each stamp; None where nothing is known.
+        ids: All people of the recording.
+        frames: One for each stamp; None where nothing is known.
     """
 
     frame_id: str
     ids: tuple[str, ...]
-    moments: tuple[TruthFrame | None, ...]
+    frames: tuple[TruthFrame | None, ...]
 
     @property
-    def visibility(self) -> bool:
-        """Whether it is known how much of each person could be seen."""
-        return any(moment is not None and moment.shares for moment in self.moments)
+    def has_visibility(self) -> bool:
+        """True if the visible share of people is known."""
+        return any(frame is not None and frame.shares for frame in self.frames)
+
+    def with_views(
+        self, shares: Iterable[Mapping[str, float]], poses: Iterable[F64]
+    ) -> "SampledTruth":
+        """Return it with visible shares and camera poses, one for each frame."""
+        frames = tuple(
+            TruthFrame(frame.people, frame.captured, share, pose) if frame else None
+            for frame, share, pose in zip(self.frames, shares, poses, strict=True)
+        )
+        return SampledTruth(self.frame_id, self.ids, frames)
 
 
-def read_truth(take: EvaluationRecording, stamps_ns: Sequence[int]) -> SampledTruth:
-    """Return what was true at the stamps of frames.
+def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> SampledTruth:
+    """Return the truth at the stamps of frames.
 
-    How much of each person could be seen is known in the virtual lab: to the pixel where the truth
-    of each frame lies beside the recording, else as far as people hide each other.
+    The visible share of people is known in the virtual lab: to the pixel where the truth of each
+    frame lies beside the recording, else from the outlines of the bodies.
 
     Raises:
-        SourceError: The take has no truth, or it cannot be read.
+        SourceError: The recording has no truth, or it cannot be read.
     """
-    for path, epoch_ns in ((take.truth_file, EPOCH_NS), (take.path / "gt.npz", 0)):
+    for path, epoch_ns in ((recording.truth_file, EPOCH_NS), (recording.path / "gt.npz", 0)):
         if path.is_file():
-            happening = sample_truth(_numbered(path, epoch_ns), stamps_ns, str(path))
-            return _with_frames(happening, path, [stamp - epoch_ns for stamp in stamps_ns])
-    happening = sample_truth(_told(take.path), stamps_ns, str(take.path))
-    if take.filmed is None:
-        return happening
-    views = _views(take, take.filmed, happening, stamps_ns)
+            sampled = sample_truth(_numbered(path, epoch_ns), stamps_ns, str(path))
+            return _with_rendered_views(sampled, path, [stamp - epoch_ns for stamp in stamps_ns])
+    sampled = sample_truth(_messages(recording.path), stamps_ns, str(recording.path))
+    if recording.simulation is None:
+        return sampled
+    views = _simulated_views(recording, recording.simulation, sampled, stamps_ns)
     if views is None:
-        return happening
-    poses = [view.map_from_camera for view in views]
-    return _replaced(happening, [view.shares for view in views], poses)
+        return sampled
+    return sampled.with_views([v.shares for v in views], [v.map_from_camera for v in views])
 
 
-def sample_truth(told: Iterable[Truth], stamps_ns: Sequence[int], where: str) -> SampledTruth:
+def sample_truth(messages: Iterable[Truth], stamps_ns: Sequence[int], source: str) -> SampledTruth:
     """Return the people of messages at other stamps.
 
     Args:
-        told: By rising stamp; one that is older than the last begins a second round, which ends it.
-        stamps_ns: Times that are wanted.
-        where: What the messages are from, for the error.
+        messages: By rising stamp; an older one begins a second round, which is left out.
+        stamps_ns: Stamps of the frames.
+        source: Name of the source, for the error.
 
     Raises:
         SourceError: There is no message, or they are in several frames.
     """
-    near, far = TruthBuffer(keep=ALL), TruthBuffer(max_gap_ns=LOST_NS, keep=ALL)
+    near = TruthBuffer(capacity=UNBOUNDED)
+    far = TruthBuffer(max_gap_ns=LOST_NS, capacity=UNBOUNDED)
     ids: dict[str, None] = {}
-    for message in told:
+    for message in messages:
         if near.newest_ns is not None and message.stamp_ns <= near.newest_ns:
             break
         ids |= dict.fromkeys(person.id for person in message.people)
         near.add(message)
         far.add(message)
-    frames = sorted({message.frame_id for message in near.messages})
-    if len(frames) != 1:
-        got = f"truth in the frames {', '.join(frames)}" if frames else "no truth"
-        raise SourceError(f"{where} has {got}", "One is needed to evaluate: record topic truth.")
-    moments = [_moment(near, far, stamp_ns, len(ids)) for stamp_ns in stamps_ns]
-    return SampledTruth(frames[0], tuple(ids), tuple(moments))
+    frame_ids = sorted({message.frame_id for message in near.messages})
+    if len(frame_ids) != 1:
+        got = f"truth in the frames {', '.join(frame_ids)}" if frame_ids else "no truth"
+        raise SourceError(f"{source} has {got}", "One is needed to evaluate: record topic truth.")
+    frames = tuple(_frame(near, far, stamp_ns, len(ids)) for stamp_ns in stamps_ns)
+    return SampledTruth(frame_ids[0], tuple(ids), frames)
 
 
-def _moment(near: TruthBuffer, far: TruthBuffer, stamp_ns: int, count: int) -> TruthFrame | None:
+def _frame(near: TruthBuffer, far: TruthBuffer, stamp_ns: int, count: int) -> TruthFrame | None:
     known = near.at(stamp_ns)
     if known is None:
         return None
-    sure = frozenset(person.id for person in known.people)
-    about = far.at(stamp_ns) if len(sure) < count else None
-    lost = tuple(p for p in about.people if p.id not in sure) if about else ()
-    return TruthFrame(known.people + lost, sure)
+    captured = frozenset(person.id for person in known.people)
+    bridged = far.at(stamp_ns) if len(captured) < count else None
+    lost = tuple(p for p in bridged.people if p.id not in captured) if bridged else ()
+    return TruthFrame(known.people + lost, captured)
 
 
-def _told(path: Path) -> Iterable[Truth]:
+def _messages(path: Path) -> Iterable[Truth]:
     return open_truth(GtBridgeConfig(truth=str(path)))
 
 
 def _numbered(path: Path, epoch_ns: int) -> Iterator[Truth]:
     """Yield the truth of a rendering under the identities of its motion capture, from 1 on."""
-    for message in _told(path):
+    for message in _messages(path):
         people = tuple(replace(p, id=str(k)) for k, p in enumerate(message.people, 1))
         yield replace(message, stamp_ns=message.stamp_ns + epoch_ns, people=people)
 
 
-def _views(
-    take: EvaluationRecording, scenario: Scenario, happening: SampledTruth, stamps_ns: Sequence[int]
+def _simulated_views(
+    recording: EvaluationRecording,
+    scenario: Scenario,
+    sampled: SampledTruth,
+    stamps_ns: Sequence[int],
 ) -> list[SimulatedView] | None:
-    """Return what the camera saw; it is kept beside what was filmed for an evaluation."""
-    kept = take.path.with_suffix(".views.npz") if take.order else None
-    views = load_views(kept, stamps_ns) if kept else None
+    """Return the camera's views, from the cache if they are of a rendered scenario."""
+    cache = recording.path.with_suffix(".views.npz") if recording.job else None
+    views = load_views(cache, stamps_ns) if cache else None
     if views is None:
-        views = simulated_views(scenario, take.seed, _places(happening), stamps_ns)
-        if views and kept:
-            save_views(kept, stamps_ns, views)
+        positions_m = [
+            {person.id: person.position_m for person in frame.people} if frame else {}
+            for frame in sampled.frames
+        ]
+        views = simulated_views(scenario, recording.seed, positions_m, stamps_ns)
+        if views and cache:
+            save_views(cache, stamps_ns, views)
     return views
 
 
-def _places(happening: SampledTruth) -> list[dict[str, F64]]:
-    return [
-        {person.id: person.position_m for person in moment.people} if moment else {}
-        for moment in happening.moments
-    ]
-
-
-def _with_frames(happening: SampledTruth, path: Path, times_ns: Sequence[int]) -> SampledTruth:
+def _with_rendered_views(
+    sampled: SampledTruth, path: Path, times_ns: Sequence[int]
+) -> SampledTruth:
     """Add visible shares and poses of the camera from a rendering's truth of each frame."""
     with np.load(path, allow_pickle=False) as file:
         if not {"t", "vis", "T_world_cam"} <= set(file):
-            return happening
-        kept_ns = np.round(file["t"] * 1e9)
-        rows = [int(np.argmin(np.abs(kept_ns - time_ns))) for time_ns in times_ns]
+            return sampled
+        stamps_ns = np.round(file["t"] * 1e9)
+        rows = [int(np.argmin(np.abs(stamps_ns - time_ns))) for time_ns in times_ns]
         shares = [
-            dict(zip(happening.ids, visible, strict=True))
+            dict(zip(sampled.ids, visible, strict=True))
             for visible in file["vis"][rows].astype(float).tolist()
         ]
-        return _replaced(happening, shares, list(file["T_world_cam"][rows]))
-
-
-def _replaced(
-    happening: SampledTruth, shares: Sequence[Mapping[str, float]], poses: Sequence[F64]
-) -> SampledTruth:
-    moments = tuple(
-        TruthFrame(moment.people, moment.sure, share, pose) if moment else None
-        for moment, share, pose in zip(happening.moments, shares, poses, strict=True)
-    )
-    return SampledTruth(happening.frame_id, happening.ids, moments)
+        return sampled.with_views(shares, list(file["T_world_cam"][rows]))

@@ -1,5 +1,6 @@
-"""What methods are judged on: recordings as they are, and scenarios filmed once."""
+"""Recordings with ground truth: as they are, or scenarios of the virtual lab, rendered once."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,88 +25,95 @@ OnProgress = Callable[[str, float], object]
 
 @dataclass(frozen=True)
 class EvaluationRecording:
-    """One recording with what is true in it.
+    """One recording with ground truth.
 
     Args:
-        name: Unique, fit for the name of a file.
+        name: Unique, and valid as the name of a file.
         scenario: Name that repetitions with other seeds share.
         path: Recording, bag or folder.
-        seed: Of the simulation; None: it is none, or the seed is not known.
-        filmed: The scenario; None: the recording is not of the virtual lab.
-        order: How it is filmed; None: it is there already.
+        seed: Seed of the simulation; None: it is none, or the seed is not known.
+        simulation: The scenario; None: the recording is not of the virtual lab.
+        job: Rendering to be done; None: it exists already.
     """
 
     name: str
     scenario: str
     path: Path
     seed: int | None = None
-    filmed: Scenario | None = field(default=None, repr=False)
-    order: RenderJob | None = field(default=None, repr=False)
+    simulation: Scenario | None = field(default=None, repr=False)
+    job: RenderJob | None = field(default=None, repr=False)
 
     @property
     def truth_file(self) -> Path:
-        """Where a rendering has the truth about each frame, if it was asked for."""
+        """File with the truth of each frame of a rendering, if it was jobed."""
         return self.path.with_suffix(".truth.npz")
 
 
 def plan_recordings(
-    names: Sequence[str], seeds: Sequence[int], speed: Fidelity, cache: Path
+    names: Sequence[str], seeds: Sequence[int], fidelity: Fidelity, cache: Path
 ) -> list[EvaluationRecording]:
-    """Return the takes of recordings and scenarios, in the order given.
+    """Return recordings and scenarios, in the order given.
 
     Args:
         names: Recordings, ROS bags, folders, lab:SCENARIO or lab:SCENARIO@SEED.
-        seeds: Of every scenario that names none; empty: its own.
-        speed: How scenarios are filmed.
-        cache: Folder that filmed scenarios are kept in.
+        seeds: Seeds of every scenario that names none; empty: its own.
+        fidelity: How much of a scenario is rendered.
+        cache: Folder of rendered scenarios.
 
     Raises:
-        ConfigError: There is no such scenario, or two takes have one name.
+        ConfigError: There is no such scenario, or two recordings have the same name.
         SourceError: There is no such recording.
     """
-    takes = []
+    recordings = []
     for name in names:
-        takes += _scenes(name, seeds, speed, cache) if is_scenario(name) else [_recorded(name)]
-    twice = sorted({t.name for t in takes if [other.name for other in takes].count(t.name) > 1})
+        recordings += (
+            _scenarios(name, seeds, fidelity, cache) if is_scenario(name) else [_recorded(name)]
+        )
+    counts = Counter(recording.name for recording in recordings)
+    twice = sorted(name for name, count in counts.items() if count > 1)
     if twice:
         raise ConfigError(f"recordings: {', '.join(twice)} comes twice", "Rename one of them.")
-    return takes
+    return recordings
 
 
-def render_recording(take: EvaluationRecording, jobs: int, report: OnProgress) -> None:
+def render_recording(recording: EvaluationRecording, jobs: int, on_progress: OnProgress) -> None:
     """Render a scenario, unless it was rendered before.
 
     Args:
-        take: What is wanted.
+        recording: The scenario.
         jobs: Processes that draw at once.
-        report: Called with what is being done and the share of it that is done.
+        on_progress: Called with the name of the stage and the share of it that is done.
 
     Raises:
         SourceError: The cache cannot be written.
     """
-    if take.order is None or take.path.exists():
+    if recording.job is None or recording.path.exists():
         return
-    truth = take.truth_file if take.order.truth_per_frame else None
+    truth = recording.truth_file if recording.job.truth_per_frame else None
     if truth:
         truth.unlink(missing_ok=True)  # left by an interrupted run
-    render(take.order, Outputs(recording=take.path, truth=truth), jobs, report)
+    render(recording.job, Outputs(recording=recording.path, truth=truth), jobs, on_progress)
 
 
-def _scenes(
-    name: str, seeds: Sequence[int], speed: Fidelity, cache: Path
+def _scenarios(
+    name: str, seeds: Sequence[int], fidelity: Fidelity, cache: Path
 ) -> list[EvaluationRecording]:
     scenario, own = split_seed(name.removeprefix(PREFIX))
     plan = load_scenario(scenario)
     wanted = [own] if own is not None else list(seeds) or [plan.seed]
-    return [_scene(plan, seed, speed, cache) for seed in wanted]
+    return [_scenario_recording(plan, seed, fidelity, cache) for seed in wanted]
 
 
-def _scene(plan: Scenario, seed: int, speed: Fidelity, cache: Path) -> EvaluationRecording:
-    order = RenderJob(scenario=plan, seed=seed, fidelity=speed, truth_per_frame=speed != "geometry")
+def _scenario_recording(
+    plan: Scenario, seed: int, fidelity: Fidelity, cache: Path
+) -> EvaluationRecording:
+    job = RenderJob(
+        scenario=plan, seed=seed, fidelity=fidelity, truth_per_frame=fidelity != "geometry"
+    )
     name = f"{plan.name}@{seed}"
-    key = key_of(msgspec.to_builtins(order), digest_of(LAB_CODE))
-    path = cache / "scenes" / f"{name}-{speed}-{key[:16]}.mcap"
-    return EvaluationRecording(name, plan.name, path, seed, plan, order)
+    key = key_of(msgspec.to_builtins(job), digest_of(LAB_CODE))
+    path = cache / "scenes" / f"{name}-{fidelity}-{key[:16]}.mcap"
+    return EvaluationRecording(name, plan.name, path, seed, plan, job)
 
 
 def _recorded(name: str) -> EvaluationRecording:

@@ -1,4 +1,4 @@
-"""How much of each person the camera of the virtual lab could see, without drawing anything."""
+"""Visible share of each person in the virtual lab, from outlines, without rendering."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -14,16 +14,16 @@ from lab.world import EPOCH_NS, World
 from people4d.errors import SourceError
 from people4d.messages import F64
 
-ALIKE_M = 0.1  # truth and simulation at most so far apart are of the same motion
-CHECKED = 5  # stamps at which that is looked at
+SAME_MOTION_M = 0.1  # truth and simulation at most so far apart are of the same motion
+CHECKS = 5  # stamps at which that is checked
 
 
 @dataclass(frozen=True)
 class SimulatedView:
-    """What the camera saw at one stamp.
+    """View of the camera at one stamp.
 
     Args:
-        shares: By identity, part of the body that is in the image and that nobody hides.
+        shares: By identity, part of the body that is in the image and not occluded.
         map_from_camera: 4x4.
     """
 
@@ -34,34 +34,34 @@ class SimulatedView:
 def simulated_views(
     scenario: Scenario,
     seed: int | None,
-    places: Sequence[Mapping[str, F64]],
+    positions_m: Sequence[Mapping[str, F64]],
     stamps_ns: Sequence[int],
 ) -> list[SimulatedView] | None:
-    """Return what the camera saw at some stamps.
+    """Return the camera's views at some stamps.
 
     Args:
-        scenario: What was filmed.
-        seed: Of its motion.
-        places: Where people were at each stamp, as recorded.
-        stamps_ns: Of the frames.
+        scenario: The scenario that was rendered.
+        seed: Seed of its motion.
+        positions_m: Positions of people at each stamp, as recorded.
+        stamps_ns: Stamps of the frames.
 
     Returns:
-        One for each stamp; None if people move otherwise in the scenario as it is today.
+        One for each stamp; None if people move differently in the scenario as it is today.
     """
     world = World(scenario, seed)
     number = {person_id(k): k for k in range(len(scenario.people))}
-    for row in np.linspace(0, len(stamps_ns) - 1, CHECKED).astype(int).tolist():
-        for name, position_m in places[row].items():
+    for row in np.linspace(0, len(stamps_ns) - 1, CHECKS).astype(int).tolist():
+        for name, position_m in positions_m[row].items():
             if name not in number:
                 return None
             now = capture(world, number[name], _seconds(stamps_ns[row])).position_m
-            if np.linalg.norm(now - position_m) > ALIKE_M:
+            if np.linalg.norm(now - position_m) > SAME_MOTION_M:
                 return None
     return [_view(world, _seconds(stamp_ns)) for stamp_ns in stamps_ns]
 
 
 def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[SimulatedView]) -> None:
-    """Keep what the camera saw at some stamps.
+    """Write views to a file.
 
     Raises:
         SourceError: The file cannot be written.
@@ -78,7 +78,7 @@ def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[SimulatedVi
 
 
 def load_views(path: Path, stamps_ns: Sequence[int]) -> list[SimulatedView] | None:
-    """Return what was kept; None if that is nothing, or of other stamps."""
+    """Return the views in a file; None if there is none, or it is of other stamps."""
     if not path.is_file():
         return None
     with np.load(path, allow_pickle=False) as file:

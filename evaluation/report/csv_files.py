@@ -1,4 +1,4 @@
-"""The figures as CSV files: the same bytes for the same recordings and methods."""
+"""Metrics as CSV files: the same bytes for the same recordings and methods."""
 
 import csv
 import io
@@ -40,30 +40,37 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def write_runs(
-    path: Path, results: Sequence[RunScores], rows: Sequence[Mapping[str, float | None]]
+    path: Path, scores: Sequence[RunScores], rows: Sequence[Mapping[str, float | None]]
 ) -> None:
-    """Write one line for each trial with all its figures."""
+    """Write one line for each run with all its metrics."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     header = ["method", "recording", "scenario", "seed", "people_in_truth", *names]
     write_csv(
         path,
         header,
         (
-            [r.method, r.take.name, r.take.scenario, r.take.seed, r.people, *map(row.get, names)]
-            for r, row in zip(results, rows, strict=True)
+            [
+                r.method,
+                r.recording.name,
+                r.recording.scenario,
+                r.recording.seed,
+                r.people,
+                *map(row.get, names),
+            ]
+            for r, row in zip(scores, rows, strict=True)
         ),
     )
 
 
 def write_summary(path: Path, groups: Sequence[RunGroup]) -> None:
-    """Write one line for each figure of each group of trials."""
+    """Write one line for each metric of each group of runs."""
     write_csv(
         path,
-        ["method", "people", "figure", "mean", "std", "least", "most", "runs"],
+        ["method", "people", "metric", "mean", "std", "least", "most", "runs"],
         (
             [g.method, g.people, name, s.mean, s.std, s.least, s.most, s.runs]
             for g in groups
-            for name, s in g.figures.items()
+            for name, s in g.metrics.items()
             if s is not None
         ),
     )
@@ -73,18 +80,18 @@ def write_table(folder: Path, table: ReportTable) -> None:
     """Write a table of the report as it is shown there."""
     header = ["method", "source", "people", *(column.title for column in table.columns)]
     rows = (
-        [line.method, "paper" if line.paper else "measured", line.people, *line.cells]
-        for line in table.lines
+        [line.method, "published" if line.published else "measured", line.people, *line.cells]
+        for line in table.rows
     )
     write_csv(folder / f"{table.name}.csv", header, rows)
 
 
-def switch_rows(method: str, take: str, done: RunOutput) -> list[tuple[object, ...]]:
+def switch_rows(method: str, recording: str, output: RunOutput) -> list[tuple[object, ...]]:
     """Return one row for each ID switch, see SWITCH_FIELDS."""
-    stamps_s = done.matching.sequence.stamps_s
+    stamps_s = output.matching.sequence.stamps_s
     return [
-        (method, take, s.person, s.before, s.after, stamps_s[s.last_frame], stamps_s[s.frame])
-        for s in done.matching.id_switches
+        (method, recording, s.person, s.before, s.after, stamps_s[s.last_frame], stamps_s[s.frame])
+        for s in output.matching.id_switches
     ]
 
 

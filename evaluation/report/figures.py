@@ -1,4 +1,4 @@
-"""Pictures of traces and errors, drawn with matplotlib, which is an extra of this package."""
+"""Figures of trajectories and errors, drawn with matplotlib, an extra of this package."""
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -15,7 +15,7 @@ from evaluation.report.trajectories import YAW, CameraCoverage, RunTrajectories,
 from people4d.messages import F64
 
 WINDOW_S = 8.0  # of a floor plan
-COURSE_S = 40.0  # of the course of a person over time
+SERIES_S = 40.0  # of a person over time
 METHODS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#e377c2", "#17becf")
 STRIPES = ("solid", (0, (6, 1.5)), (0, (1.5, 1.5)))
 ARROW_M = 0.35
@@ -23,51 +23,51 @@ BINS = 60
 DPI = 110
 
 
-def floor_plans(take: str, traces: Sequence[RunTrajectories]) -> bytes:
-    """Draw where people walked, a panel for each method, as a PNG file.
+def floor_plans(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
+    """Draw trajectories on the floor, a panel for each method, as a PNG file.
 
     Args:
-        take: Name of the recording.
-        traces: Of all methods.
+        recording: Name of the recording.
+        runs: Of all methods.
     """
-    start_s, end_s = _window(traces)
-    columns = min(3, len(traces))
-    rows = -(-len(traces) // columns)
+    start_s, end_s = _window(runs)
+    columns = min(3, len(runs))
+    rows = -(-len(runs) // columns)
     figure = Figure((4.2 * columns, 4.6 * rows + 0.4), layout="constrained")
-    figure.suptitle(f"{take}: {start_s:.1f} to {end_s:.1f} s", fontsize=11)
-    low, high = _extent(traces[0], start_s, end_s)
-    for k, trace in enumerate(traces):
+    figure.suptitle(f"{recording}: {start_s:.1f} to {end_s:.1f} s", fontsize=11)
+    low, high = _extent(runs[0], start_s, end_s)
+    for k, run in enumerate(runs):
         axes = figure.add_subplot(rows, columns, k + 1)
-        _floor_plan(axes, trace, start_s, end_s)
-        axes.set(title=trace.method, xlabel="y (m)", ylabel="x (m)", aspect="equal")
-        axes.set_xlim(high[1], low[1])  # y to the left, x up, as one looks with the camera
+        _floor_plan(axes, run, start_s, end_s)
+        axes.set(title=run.method, xlabel="y (m)", ylabel="x (m)", aspect="equal")
+        axes.set_xlim(high[1], low[1])  # y to the left, x up, as the camera sees it
         axes.set_ylim(low[0], high[0])
         axes.grid(alpha=0.3)
     return _png(figure)
 
 
-def courses(take: str, traces: Sequence[RunTrajectories]) -> bytes:
+def time_series(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
     """Draw position, velocity and yaw of one person over time, all methods together, as PNG.
 
-    The person is the one who had to be found in the most frames.
+    The person is the one who has to be tracked in the most frames.
 
     Args:
-        take: Name of the recording.
-        traces: Of all methods.
+        recording: Name of the recording.
+        runs: Of all methods.
     """
-    first = traces[0]
-    person = int(np.argmax(first.counted.sum(axis=0)))
+    first = runs[0]
+    person = int(np.argmax(first.required.sum(axis=0)))
     figure = Figure((11, 9.5), layout="constrained")
     panels = figure.subplots(5, 1, sharex=True)
-    figure.suptitle(f"{take}: person {first.persons[person]}", fontsize=11)
+    figure.suptitle(f"{recording}: person {first.persons[person]}", fontsize=11)
     titles = ("x (m)", "y (m)", "v$_x$ (m/s)", "v$_y$ (m/s)", "yaw (°)")
     for column, (axes, title) in enumerate(zip(panels, titles, strict=True)):
-        _course(axes, traces, person, column)
+        _series(axes, runs, person, column)
         axes.set_ylabel(title)
         axes.grid(alpha=0.3)
     panels[YAW].set(ylim=(-185, 185), yticks=(-180, -90, 0, 90, 180))
-    panels[-1].set_xlabel("time (s); grey: out of view or hidden")
-    panels[0].set_xlim(first.stamps_s[0], min(first.stamps_s[-1], first.stamps_s[0] + COURSE_S))
+    panels[-1].set_xlabel("time (s); grey: out of view or occluded")
+    panels[0].set_xlim(first.stamps_s[0], min(first.stamps_s[-1], first.stamps_s[0] + SERIES_S))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return _png(figure)
 
@@ -104,8 +104,8 @@ def histograms(pooled: Mapping[str, Scores]) -> bytes:
             known = np.clip(values[np.isfinite(values)], *limits)
             if len(known):
                 weights = np.full(len(known), 100 / len(known))
-                look = {"histtype": "step", "lw": 1.4, **_look(k, method)}
-                axes.hist(known, BINS, range=limits, weights=weights, **look)
+                style = {"histtype": "step", "lw": 1.4, **_style(k, method)}
+                axes.hist(known, BINS, range=limits, weights=weights, **style)
     for axes, title, limits in zip(panels, titles, ranges, strict=False):
         axes.set(xlabel=title, xlim=limits, ylabel="% of poses")
         axes.grid(alpha=0.3)
@@ -114,24 +114,24 @@ def histograms(pooled: Mapping[str, Scores]) -> bytes:
     return _png(figure)
 
 
-def _floor_plan(axes: Axes, trace: RunTrajectories, start_s: float, end_s: float) -> None:
-    if trace.camera:
-        _draw_camera(axes, trace.camera)
-    rows = (trace.stamps_s >= start_s) & (trace.stamps_s <= end_s)
-    for k in range(len(trace.persons)):
-        true = trace.true[rows, k]
+def _floor_plan(axes: Axes, run: RunTrajectories, start_s: float, end_s: float) -> None:
+    if run.camera:
+        _draw_camera(axes, run.camera)
+    rows = (run.stamps_s >= start_s) & (run.stamps_s <= end_s)
+    for k in range(len(run.persons)):
+        true = run.true[rows, k]
         axes.plot(true[:, Y], true[:, X], "k--", lw=1.2, zorder=3)
         _arrow(axes, true, "black")
-    for identity, path in trace.paths.items():
-        told = path[(path[:, 0] >= start_s) & (path[:, 0] <= end_s), 1:]
-        if len(told):
+    for identity, path in run.paths.items():
+        tracked = path[(path[:, 0] >= start_s) & (path[:, 0] <= end_s), 1:]
+        if len(tracked):
             colour = _hex(colour_of(identity))
-            dot = "o" if len(told) == 1 else None
-            axes.plot(told[:, Y], told[:, X], color=colour, lw=2, ms=3, marker=dot, zorder=2)
-            _arrow(axes, told, colour)
+            dot = "o" if len(tracked) == 1 else None
+            axes.plot(tracked[:, Y], tracked[:, X], color=colour, lw=2, ms=3, marker=dot, zorder=2)
+            _arrow(axes, tracked, colour)
             axes.annotate(
                 f"ID {identity}",
-                (told[-1, Y], told[-1, X]),
+                (tracked[-1, Y], tracked[-1, X]),
                 color=colour,
                 fontsize=8,
                 textcoords="offset points",
@@ -150,23 +150,23 @@ def _arrow(axes: Axes, path: F64, colour: str) -> None:
 
 def _draw_camera(axes: Axes, camera: CameraCoverage) -> None:
     x, y = camera.position_m
-    # On paper y points left and x up: an angle from x towards y is counted from the vertical.
+    # On paper y points left and x up: an angle from x towards y is required from the vertical.
     middle_deg, half_deg = np.degrees((np.pi / 2 - camera.axis_rad, camera.half_angle_rad))
     wedge = (y, x), camera.range_m, middle_deg - half_deg, middle_deg + half_deg
     axes.add_patch(Wedge(*wedge, color="0.5", alpha=0.13, lw=0, zorder=0))
     axes.plot([y], [x], "o", color="red", ms=6, zorder=4)
 
 
-def _course(axes: Axes, traces: Sequence[RunTrajectories], person: int, column: int) -> None:
-    first = traces[0]
+def _series(axes: Axes, runs: Sequence[RunTrajectories], person: int, column: int) -> None:
+    first = runs[0]
     truth = _degrees(first.true[:, person, column], column)
-    for start, end in _runs(~first.counted[:, person]):
+    for start, end in _runs(~first.required[:, person]):
         axes.axvspan(first.stamps_s[start], first.stamps_s[end], color="0.85", lw=0)
-    for k, trace in enumerate(traces):
-        told = _degrees(trace.told[:, person, column], column)
+    for k, run in enumerate(runs):
+        tracked = _degrees(run.tracked[:, person, column], column)
         # A line does not join two tracks, nor two sides of the circle.
-        breaks = np.flatnonzero(np.diff(trace.tracks[:, person]) != 0)
-        axes.plot(*_broken(trace.stamps_s, told, breaks, column), lw=1.2, **_look(k, trace.method))
+        breaks = np.flatnonzero(np.diff(run.tracks[:, person]) != 0)
+        axes.plot(*_broken(run.stamps_s, tracked, breaks, column), lw=1.2, **_style(k, run.method))
     none = np.zeros(0, np.int64)
     axes.plot(*_broken(first.stamps_s, truth, none, column), "k--", lw=1.1, label="truth")
 
@@ -189,12 +189,12 @@ def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 
 
-def _window(traces: Sequence[RunTrajectories]) -> tuple[float, float]:
+def _window(runs: Sequence[RunTrajectories]) -> tuple[float, float]:
     """Return the time with the most ID switches of all methods, else the middle."""
-    first_s, last_s = float(traces[0].stamps_s[0]), float(traces[0].stamps_s[-1])
+    first_s, last_s = float(runs[0].stamps_s[0]), float(runs[0].stamps_s[-1])
     if last_s - first_s <= WINDOW_S * 1.5:
         return first_s, last_s
-    switches_s = np.array([t for trace in traces for t in trace.switches_s])
+    switches_s = np.array([t for run in runs for t in run.switches_s])
     starts_s = np.arange(first_s, last_s - WINDOW_S + 1e-9, 0.5)
     inside = (switches_s >= starts_s[:, None] + 1) & (
         switches_s <= starts_s[:, None] + WINDOW_S - 1
@@ -205,12 +205,12 @@ def _window(traces: Sequence[RunTrajectories]) -> tuple[float, float]:
     return start_s, start_s + WINDOW_S
 
 
-def _extent(trace: RunTrajectories, start_s: float, end_s: float) -> tuple[F64, F64]:
-    rows = (trace.stamps_s >= start_s) & (trace.stamps_s <= end_s)
-    points = trace.true[rows][..., :2].reshape(-1, 2)
+def _extent(run: RunTrajectories, start_s: float, end_s: float) -> tuple[F64, F64]:
+    rows = (run.stamps_s >= start_s) & (run.stamps_s <= end_s)
+    points = run.true[rows][..., :2].reshape(-1, 2)
     points = points[np.isfinite(points).all(axis=1)]
-    if trace.camera:
-        c = trace.camera
+    if run.camera:
+        c = run.camera
         angles = c.axis_rad + np.linspace(-c.half_angle_rad, c.half_angle_rad, 9)
         rim = c.position_m + c.range_m * np.column_stack([np.cos(angles), np.sin(angles)])
         points = np.concatenate([points, rim, c.position_m[None]])
@@ -219,7 +219,7 @@ def _extent(trace: RunTrajectories, start_s: float, end_s: float) -> tuple[F64, 
     return points.min(axis=0) - 0.3, points.max(axis=0) + 0.3
 
 
-def _look(k: int, method: str) -> dict[str, Any]:
+def _style(k: int, method: str) -> dict[str, Any]:
     return {
         "color": METHODS[k % len(METHODS)],
         "ls": STRIPES[k // len(METHODS) % len(STRIPES)],

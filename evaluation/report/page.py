@@ -1,4 +1,4 @@
-"""The report: one HTML file with everything in it."""
+"""The report: one HTML file that contains everything."""
 
 import base64
 from collections.abc import Iterable, Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from html import escape
 
 from evaluation.report.filmstrips import Filmstrip
-from evaluation.report.published import WHERE
+from evaluation.report.published import SOURCE
 from evaluation.report.tables import ReportTable
 from evaluation.run.run import RunScores
 
@@ -20,13 +20,13 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .
 th, td { padding: .22em .7em; text-align: right; border-bottom: 1px solid #e0e2e4; }
 th:first-child, td:first-child { text-align: left; }
 th { font-weight: 600; vertical-align: bottom; } tr.all td { font-weight: 600; }
-tr.paper td { color: #6b7078; background: #f1f1ee; font-weight: 400; }
+tr.published td { color: #6b7078; background: #f1f1ee; font-weight: 400; }
 tr.label td { color: #6b7078; background: #f1f1ee; font-style: italic; text-align: left; }
 img { max-width: 100%; } .wide { overflow-x: auto; }
-.strip { display: flex; gap: 8px; overflow-x: auto; }
-.strip figure { margin: 0; flex: 0 0 172px; font-size: 12px; line-height: 1.35; }
-.strip img { width: 172px; height: 172px; background: #e0e2e4; display: block; }
-.strip b { display: block; margin-top: 3px; }
+.filmstrip { display: flex; gap: 8px; overflow-x: auto; }
+.filmstrip figure { margin: 0; flex: 0 0 172px; font-size: 12px; line-height: 1.35; }
+.filmstrip img { width: 172px; height: 172px; background: #e0e2e4; display: block; }
+.filmstrip b { display: block; margin-top: 3px; }
 .blank { width: 172px; height: 172px; background: #e0e2e4; }
 nav a { margin-right: 1.2em; } code { background: #eeeeea; padding: .1em .3em; }
 pre { background: #eeeeea; padding: .7em; white-space: pre-wrap; overflow-wrap: anywhere; }
@@ -39,9 +39,9 @@ class ReportFigure:
     """A figure of the report.
 
     Args:
-        name: Of its file, without the end.
-        title: Above it.
-        png: Its bytes.
+        name: Name of its file, without the ending.
+        title: Heading.
+        png: Content of the file.
     """
 
     name: str
@@ -51,30 +51,30 @@ class ReportFigure:
 
 @dataclass(frozen=True)
 class ReportContent:
-    """What the report shows.
+    """Content of the report.
 
     Args:
-        command: With which it is made again.
-        results: All trials.
+        command: Command that makes it again.
+        scores: Metrics of all runs.
         tables: In order.
-        pictures: In order.
-        strips: ID switches that are shown.
+        figures: In order.
+        filmstrips: ID switches that are shown.
         switches: Number of all ID switches.
-        settings: Of each method, as text, by its name.
+        settings: Settings of each method, as text, by its name.
     """
 
     command: str
-    results: Sequence[RunScores]
+    scores: Sequence[RunScores]
     tables: Sequence[ReportTable]
-    pictures: Sequence[ReportFigure]
-    strips: Sequence[Filmstrip]
+    figures: Sequence[ReportFigure]
+    filmstrips: Sequence[Filmstrip]
     switches: int
     settings: dict[str, str]
 
 
 def html_of(content: ReportContent) -> str:
     """Return the report; it needs no other file."""
-    methods = dict.fromkeys(result.method for result in content.results)
+    methods = dict.fromkeys(result.method for result in content.scores)
     parts = [
         f"<h1>{escape(', '.join(methods))}</h1>",
         f"<pre>{escape(content.command)}</pre>",
@@ -88,15 +88,15 @@ def html_of(content: ReportContent) -> str:
         NOTE,
         *map(_table, content.tables),
         '<h2 id="figures">Figures</h2>',
-        *map(_picture, content.pictures),
-        "" if content.pictures else "<p>None were drawn.</p>",
+        *map(_figure, content.figures),
+        "" if content.figures else "<p>None were drawn.</p>",
         '<h2 id="switches">ID switches</h2>',
-        f"<p>{len(content.strips)} of {content.switches} are shown; all are in "
-        "<code>switches.csv</code>. Each picture is centred on the true person; the lines below "
-        "tell which tracks and detections were near and how far from the true place.</p>",
-        *map(_strip, content.strips),
+        f"<p>{len(content.filmstrips)} of {content.switches} are shown; all are in "
+        "<code>switches.csv</code>. Each image is centred on the true person; the lines below "
+        "list the tracks and detections near by, and their distance from the true position.</p>",
+        *map(_strip, content.filmstrips),
         '<h2 id="recordings">Recordings</h2>',
-        _recordings(content.results),
+        _recordings(content.scores),
         '<h2 id="settings">Settings</h2>',
         *(
             f"<details><summary>{escape(name)}</summary><pre>{escape(text)}</pre></details>"
@@ -114,9 +114,9 @@ def html_of(content: ReportContent) -> str:
 
 NOTE = (
     "<p>Mean ± standard deviation over recordings, all and by number of people. Errors are of "
-    "people in view of whom at least 35 % can be seen, by tracks that saw or predicted them, at "
+    "people in view of whom at least 35 % are visible, by tracks that measure or predict them, at "
     "most 1 m away on the ground; <i>along</i> is the camera's axis on the ground, <i>across</i> "
-    f"its left. Grey rows are not measured here: they are what the paper reports ({WHERE}), "
+    f"its left. Grey rows are not measured here: they are published results ({SOURCE}), "
     "whose x axis lies across and whose y axis lies along the view.</p>"
 )
 
@@ -126,11 +126,11 @@ def _table(table: ReportTable) -> str:
     span = len(table.columns) + 2
     body = []
     labelled = False
-    for line in table.lines:
-        if line.paper and not labelled:
-            body.append(f'<tr class="label"><td colspan="{span}">{escape(WHERE)}</td></tr>')
+    for line in table.rows:
+        if line.published and not labelled:
+            body.append(f'<tr class="label"><td colspan="{span}">{escape(SOURCE)}</td></tr>')
             labelled = True
-        kind = "paper" if line.paper else "all" if line.people == "all" else ""
+        kind = "published" if line.published else "all" if line.people == "all" else ""
         cells = "".join(
             f"<td>{escape(text)}</td>" for text in (line.method, line.people, *line.cells)
         )
@@ -146,38 +146,38 @@ def _titles(table: ReportTable) -> Iterable[str]:
     return (column.title for column in table.columns)
 
 
-def _picture(picture: ReportFigure) -> str:
-    source = _data("image/png", picture.png)
-    title = escape(picture.title)
+def _figure(image: ReportFigure) -> str:
+    source = _data("image/png", image.png)
+    title = escape(image.title)
     return f'<h3>{title}</h3>\n<img alt="{title}" src="{source}">'
 
 
-def _strip(strip: Filmstrip) -> str:
+def _strip(filmstrip: Filmstrip) -> str:
     cells = []
-    for cell in strip.cells:
+    for cell in filmstrip.images:
         lines = "<br>".join(map(escape, cell.lines))
         image = '<div class="blank"></div>'
         if cell.jpeg:
             image = f'<img alt="{escape(cell.title)}" src="{_data("image/jpeg", cell.jpeg)}">'
         cells.append(f"<figure>{image}<b>{escape(cell.title)}</b>{lines}</figure>")
     return (
-        f"<h3>{escape(strip.method)} on {escape(strip.take)}</h3>\n"
-        f'<p>{escape(strip.sentence)}</p>\n<div class="strip">{"".join(cells)}</div>'
+        f"<h3>{escape(filmstrip.method)} on {escape(filmstrip.recording)}</h3>\n"
+        f'<p>{escape(filmstrip.sentence)}</p>\n<div class="filmstrip">{"".join(cells)}</div>'
     )
 
 
-def _recordings(results: Sequence[RunScores]) -> str:
+def _recordings(scores: Sequence[RunScores]) -> str:
     head = ("recording", "people", "seconds", "frames", "visible share")
-    takes = {result.take.name: result for result in reversed(results)}
+    recordings = {result.recording.name: result for result in reversed(scores)}
     rows = [
         (
             name,
             result.people,
             f"{result.scores.lifetimes.duration_s:.1f}",
             result.frames,
-            "known" if result.visibility else "not known: nobody counts as hidden",
+            "known" if result.has_visibility else "unknown: none counts as occluded",
         )
-        for name, result in reversed(takes.items())
+        for name, result in reversed(recordings.items())
     ]
     cells = "".join(f"<th>{name}</th>" for name in head)
     body = "".join(

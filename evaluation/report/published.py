@@ -1,4 +1,4 @@
-"""What the thesis on 4D pose reports: reference points, measured elsewhere on other data.
+"""Published results: reference points, measured elsewhere on other data.
 
 Intel NUC 11 (i5-1135G7), seven recordings of about one minute with 2 to 4 people in 3.5 x 5.5 m,
 motion capture as truth. Its x axis runs across the view of the camera, its y axis along it.
@@ -7,32 +7,32 @@ motion capture as truth. Its x axis runs across the view of the camera, its y ax
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-WHERE = "the paper: its own recordings of real people, Intel NUC 11"
+SOURCE = "published: other recordings, of real people, Intel NUC 11"
 
 
 @dataclass(frozen=True)
 class PublishedResult:
-    """One method of the paper.
+    """Published results of one method.
 
     Args:
-        method: As the paper names it.
-        figures: By our names; shares 0 to 1.
-        by_people: Figures that it gives by number of people.
+        method: Name in the publication.
+        metrics: By our names; shares 0 to 1.
+        by_people: Metrics by number of people, as far as they are published.
     """
 
     method: str
-    figures: Mapping[str, float]
+    metrics: Mapping[str, float]
     by_people: Mapping[int, Mapping[str, float]]
 
 
-def _reported(
+def _published(
     method: str,
     switches: tuple[float, ...],
     errors: tuple[tuple[float, ...], ...],
     rates_hz: tuple[float, ...],
 ) -> PublishedResult:
     position, velocity, yaw = errors
-    figures = {
+    metrics = {
         "id_switches_per_min": switches[0],
         "position_rmse_across_m": position[0],
         "position_rmse_along_m": position[1],
@@ -48,18 +48,18 @@ def _reported(
         ("yaw", (30, 45, 90), "deg", yaw[2:]),
     ):
         for limit, share in zip(limits, shares, strict=True):
-            figures[f"{name}_within_{limit}_{unit}"] = share / 100
+            metrics[f"{name}_within_{limit}_{unit}"] = share / 100
     by_people = {
         people: {"id_switches_per_min": switches[k], "rate_hz": rates_hz[k]}
         for k, people in enumerate((2, 3, 4), 1)
     }
-    return PublishedResult(method, figures, by_people)
+    return PublishedResult(method, metrics, by_people)
 
 
 # Switches and rates: all, 2, 3, 4 people. Errors: two axes, then success rates in percent; yaw:
 # error, correlation, success rates.
 PUBLISHED = (
-    _reported(
+    _published(
         "YOLOv8s-seg + SORT-3D",
         (8.6, 3.1, 6.5, 17.2),
         (
@@ -69,7 +69,7 @@ PUBLISHED = (
         ),
         (22.9, 23.1, 23.2, 22.4),
     ),
-    _reported(
+    _published(
         "YOLOv8s-seg + StrongSORT-3D",
         (2.5, 1.5, 0.7, 6.5),
         (
@@ -79,7 +79,7 @@ PUBLISHED = (
         ),
         (18.6, 19.8, 18.7, 17.3),
     ),
-    _reported(
+    _published(
         "YOLOv8s-pose + StrongSORT-3D",
         (2.1, 1.0, 0.3, 6.0),
         (

@@ -1,4 +1,4 @@
-"""Figures of all trials as tables: mean and spread by number of people, beside the paper's own."""
+"""Metrics of all runs as tables: mean and standard deviation, beside published results."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -12,22 +12,22 @@ PARTS = ("measured", "predicted", "occluded")  # of the poses, apart
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One figure.
+    """One metric.
 
     Args:
-        figure: Its name.
-        title: In the head of the table.
-        digits: Behind the point.
+        metric: Its name.
+        title: Heading of the column.
+        digits: Decimals.
         factor: 100 for percent.
     """
 
-    figure: str
+    metric: str
     title: str
     digits: int
     factor: float = 1.0
 
     def text(self, value: SummaryStatistics | float | None, spread: bool = True) -> str:
-        """Return a figure, or its mean and, if wanted, its spread as text."""
+        """Return a value, or its mean and, if wanted, its standard deviation as text."""
         if value is None:
             return "-"
         if not isinstance(value, SummaryStatistics):
@@ -41,16 +41,16 @@ class TableRow:
     """One row of a table.
 
     Args:
-        method: What was judged.
+        method: Name of the method.
         people: Number of people, "all" for all recordings.
         cells: One for each column, as text.
-        paper: Whether the figures are the paper's own.
+        published: True for published results.
     """
 
     method: str
     people: str
     cells: tuple[str, ...]
-    paper: bool = False
+    published: bool = False
 
 
 @dataclass(frozen=True)
@@ -59,24 +59,24 @@ class ReportTable:
 
     Args:
         name: Short, for a file.
-        title: Above it.
-        columns: Figures.
-        lines: Rows, the paper's last.
+        title: Heading.
+        columns: Metrics.
+        rows: Rows, published results last.
     """
 
     name: str
     title: str
     columns: tuple[TableColumn, ...]
-    lines: tuple[TableRow, ...] = field(default=())
+    rows: tuple[TableRow, ...] = field(default=())
 
 
 @dataclass(frozen=True)
 class RunGroup:
-    """A method's trials with one number of people, or all."""
+    """A method's runs with one number of people, or all."""
 
     method: str
     people: str
-    figures: dict[str, SummaryStatistics | None]
+    metrics: dict[str, SummaryStatistics | None]
 
 
 def _within(name: str, unit: str, limits: Sequence[float]) -> Iterator[TableColumn]:
@@ -99,7 +99,7 @@ OVERVIEW = ReportTable(
         TableColumn("coverage", "covered %", 1, 100),
     ),
 )
-SHAPES = (
+TABLES = (
     ReportTable(
         "6_1_id_switches",
         "Table 6.1: ID switches a minute",
@@ -130,18 +130,18 @@ SHAPES = (
             TableColumn("yaw_rmse_deg", "RMSE (°)", 1),
             TableColumn("yaw_correlation", "correlation", 3),
             *_within("yaw", "deg", (30, 45, 90)),
-            TableColumn("yaw_reported", "yaw told (%)", 1, 100),
+            TableColumn("yaw_reported", "yaw reported (%)", 1, 100),
         ),
     ),
     ReportTable(
         "tracking",
-        "Tracking: how long, how completely, how purely",
+        "Tracking: duration, completeness, purity",
         (
             TableColumn("coverage", "coverage (%)", 1, 100),
             TableColumn("coverage_measured", "measured (%)", 1, 100),
             TableColumn("mean_segment_s", "mean segment (s)", 1),
             TableColumn("mean_first_track_s", "first track after (s)", 2),
-            TableColumn("share_reidentified", "returned known (%)", 1, 100),
+            TableColumn("share_reidentified", "re-identified (%)", 1, 100),
             TableColumn("mota", "MOTA (%)", 1, 100),
             TableColumn("idf1", "IDF1 (%)", 1, 100),
             TableColumn("hota", "HOTA (%)", 1, 100),
@@ -164,15 +164,15 @@ SHAPES = (
         for part, title in zip(
             PARTS,
             (
-                "Only people in view whom the tracker saw in that frame",
+                "Only people in view with a measurement in that frame",
                 "Only people in view whom the tracker predicted",
-                "Only people hidden by others (in no other table)",
+                "Only people occluded by others (in no other table)",
             ),
             strict=True,
         )
     ),
 )
-SPEED = ReportTable(
+RATES = ReportTable(
     "6_5_speed",
     "Table 6.5: frames per second of the whole pipeline, on the machine that made the detections",
     (TableColumn("rate_hz", "FPS", 1),),
@@ -180,7 +180,7 @@ SPEED = ReportTable(
 
 
 def row_of(result: RunScores) -> Row:
-    """Return all figures of a trial that are the same on any machine."""
+    """Return all metrics of a run that are the same on any machine."""
     scores, row = result.scores, result.scores.row()
     for part in PARTS:
         poses = getattr(scores, f"pose_{part}").row()
@@ -188,27 +188,27 @@ def row_of(result: RunScores) -> Row:
     return row
 
 
-def speed_of(result: RunScores) -> Row:
-    """Return what a trial tells about speed."""
+def rate_of(result: RunScores) -> Row:
+    """Return the processing rate of a run."""
     rate_hz = 1000.0 / result.pipeline_ms if result.pipeline_ms else None
     return {"pipeline_ms": result.pipeline_ms, "rate_hz": rate_hz}
 
 
-def groups_of(results: Sequence[RunScores], rows: Sequence[Row]) -> list[RunGroup]:
-    """Summarise each method over all its trials and by number of people.
+def groups_of(scores: Sequence[RunScores], rows: Sequence[Row]) -> list[RunGroup]:
+    """Summarise each method over all its runs and by number of people.
 
     Args:
-        results: The trials.
-        rows: Figures of each.
+        scores: The runs.
+        rows: Metrics of each.
     """
-    methods = dict.fromkeys(result.method for result in results)
-    counts = sorted({result.people for result in results})
+    methods = dict.fromkeys(result.method for result in scores)
+    counts = sorted({result.people for result in scores})
     groups = []
     for method in methods:
         for people in (None, *counts):
             chosen = [
                 row
-                for result, row in zip(results, rows, strict=True)
+                for result, row in zip(scores, rows, strict=True)
                 if result.method == method and people in (None, result.people)
             ]
             if chosen:
@@ -218,30 +218,30 @@ def groups_of(results: Sequence[RunScores], rows: Sequence[Row]) -> list[RunGrou
     return groups
 
 
-def fill(shape: ReportTable, groups: Sequence[RunGroup], spread: bool = True) -> ReportTable:
-    """Return a table with its rows: ours, then those that the paper has.
+def fill(table: ReportTable, groups: Sequence[RunGroup], spread: bool = True) -> ReportTable:
+    """Return a table with its rows: those of groups, then published results.
 
     Args:
-        shape: Its columns.
-        groups: What its rows are about.
-        spread: Whether the spread is told beside the mean.
+        table: Its columns.
+        groups: Groups of runs, one for each row.
+        spread: True: show the standard deviation beside the mean.
     """
-    lines = [
+    rows = [
         TableRow(
             group.method,
             group.people,
-            tuple(c.text(group.figures.get(c.figure), spread) for c in shape.columns),
+            tuple(c.text(group.metrics.get(c.metric), spread) for c in table.columns),
         )
         for group in groups
     ]
-    return ReportTable(shape.name, shape.title, shape.columns, (*lines, *_paper_lines(shape)))
+    return ReportTable(table.name, table.title, table.columns, (*rows, *_published_rows(table)))
 
 
-def _paper_lines(shape: ReportTable) -> Iterator[TableRow]:
+def _published_rows(table: ReportTable) -> Iterator[TableRow]:
     for reported in PUBLISHED:
-        for people, figures in (("all", reported.figures), *reported.by_people.items()):
-            told = [figures.get(column.figure) for column in shape.columns]
-            # By number of people the paper gives few figures: only rows that are whole.
-            if all(v is not None for v in told) or (people == "all" and any(told)):
-                cells = tuple(c.text(v) for c, v in zip(shape.columns, told, strict=True))
-                yield TableRow(f"paper: {reported.method}", str(people), cells, paper=True)
+        for people, metrics in (("all", reported.metrics), *reported.by_people.items()):
+            values = [metrics.get(column.metric) for column in table.columns]
+            # By number of people few metrics are published: only complete rows are shown.
+            if all(v is not None for v in values) or (people == "all" and any(values)):
+                cells = tuple(c.text(v) for c, v in zip(table.columns, values, strict=True))
+                yield TableRow(f"published: {reported.method}", str(people), cells, published=True)

@@ -1,4 +1,4 @@
-"""What odometry does to tracks is no fault of the tracker."""
+"""Drift of odometry, which is taken out of tracks: it is no error of the tracker."""
 
 from collections.abc import Iterable
 
@@ -10,7 +10,7 @@ from services.tracker import camera_poses
 
 
 class OdometryDrift:
-    """How far a driving robot errs about its own place.
+    """Error of a driving robot's estimate of its own pose.
 
     Args:
         messages: Transforms and odometry of a recording.
@@ -20,26 +20,26 @@ class OdometryDrift:
 
     def __init__(self, messages: Iterable[Message], frame_id: str, camera: str) -> None:
         self._ends = frame_id, camera
-        self._frames = TransformBuffer(TransformBufferConfig(history_s=1e9))
+        self._transforms = TransformBuffer(TransformBufferConfig(history_s=1e9))
         for message in messages:
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
-                self._frames.add(message)
-        self.drives = self._frames.lookup_static(*self._ends) is None
+                self._transforms.add(message)
+        self.drives = self._transforms.lookup_static(*self._ends) is None
 
-    def true_from_told(self, stamp_ns: int, map_from_camera: F64 | None) -> F64 | None:
-        """Return what carries tracks to where they would be without drift.
+    def true_from_estimated(self, stamp_ns: int, map_from_camera: F64 | None) -> F64 | None:
+        """Return the transform of tracks to their positions without drift.
 
         Args:
             stamp_ns: Time of a frame.
-            map_from_camera: 4x4, where the camera truly is; None: not known.
+            map_from_camera: 4x4, true pose of the camera; None if unknown.
 
         Returns:
-            4x4; None if the camera stands, or it is not known where it is.
+            4x4; None if the camera stands, or its pose is unknown.
         """
         if not self.drives or map_from_camera is None:
             return None
-        told = self._frames.lookup(*self._ends, stamp_ns)
-        return None if told is None else map_from_camera @ invert(told.matrix)
+        estimated = self._transforms.lookup(*self._ends, stamp_ns)
+        return None if estimated is None else map_from_camera @ invert(estimated.matrix)
 
 
 def transform_track(track: Track, matrix: F64 | None) -> Track:

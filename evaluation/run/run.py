@@ -1,4 +1,4 @@
-"""One method on one take: its tracks beside the truth, and all figures of that."""
+"""One method on one recording: its tracks beside the ground truth, and all metrics of that."""
 
 import time
 from dataclasses import dataclass
@@ -29,18 +29,18 @@ from people4d.messages import F64, CameraInfo, Detections, Message, StaticTransf
 
 @dataclass(frozen=True)
 class EvaluationRun:
-    """What is done.
+    """One method on one recording.
 
     Args:
-        method: What is judged.
-        take: What it is judged on.
-        detections: What was found in the take.
-        embeddings: How those people look; None: the tracker does not ask.
-        truth: At the stamps of `detections`.
+        method: The method.
+        recording: The recording.
+        detections: Recording of its detections.
+        embeddings: Recording of its embeddings; None: the tracker takes none.
+        truth: Ground truth at the stamps of `detections`.
     """
 
     method: Method
-    take: EvaluationRecording
+    recording: EvaluationRecording
     detections: Path
     embeddings: Path | None
     truth: SampledTruth
@@ -48,12 +48,12 @@ class EvaluationRun:
 
 @dataclass(frozen=True)
 class RunOutput:
-    """All messages of a trial, and what they are worth.
+    """Messages of a run, matched with the truth.
 
     Args:
         info: Calibration of the camera.
-        detections: Of each frame.
-        tracks: Of each frame, by stamp.
+        detections: Detections of each frame.
+        tracks: Tracks of each frame, by stamp.
         matching: Tracks and truth.
         took_ms: Mean time of the tracker in a frame.
     """
@@ -67,30 +67,30 @@ class RunOutput:
 
 @dataclass(frozen=True)
 class RunScores:
-    """The figures of a trial.
+    """Metrics of a run.
 
     Args:
         method: Name of the method.
-        take: What it was judged on.
+        recording: The recording.
         people: Number of people in the truth.
-        scores: All figures.
-        visibility: Whether it is known how much of each person can be seen.
+        scores: All metrics.
+        has_visibility: True if the visible share of people is known.
         frames: Number of frames, with and without truth.
-        pipeline_ms: Mean time of the whole pipeline in a frame; None where it is not known.
+        pipeline_ms: Mean time of the pipeline in a frame; None where it is unknown.
     """
 
     method: str
-    take: EvaluationRecording
+    recording: EvaluationRecording
     people: int
     scores: Scores
-    visibility: bool
+    has_visibility: bool
     frames: int
     pipeline_ms: float | None
 
 
 @dataclass(frozen=True)
-class _SharedInput:
-    """What of a trial all frames share."""
+class _FrameInput:
+    """Data that all frames of a run share."""
 
     info: CameraInfo
     tracks: dict[int, Tracks]
@@ -98,67 +98,67 @@ class _SharedInput:
     drift: OdometryDrift
 
 
-def run(trial: EvaluationRun) -> RunOutput:
-    """Track the people of a take.
+def execute(run: EvaluationRun) -> RunOutput:
+    """Track the people of a recording.
 
     Raises:
         SourceError: The recording has no calibration, or truth and tracks are in different frames.
     """
-    messages = list(read_tracker_input(trial.detections, trial.embeddings))
+    messages = list(read_tracker_input(run.detections, run.embeddings))
     detections = tuple(m for m in messages if isinstance(m, Detections))
     info = next((m for m in messages if isinstance(m, CameraInfo)), None)
     if info is None or not detections:
-        raise SourceError(f"{trial.take.path} has no frame with a calibration")
-    # Embeddings come before their detections here: what has not come by then never comes.
-    config = msgspec.structs.replace(trial.method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
+        raise SourceError(f"{run.recording.path} has no frame with a calibration")
+    # Embeddings come before their detections here; later ones do not exist.
+    config = msgspec.structs.replace(run.method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     start_ns = time.perf_counter_ns()
     tracks = {message.stamp_ns: message for message in track_again(messages, config)}
     took_ms = (time.perf_counter_ns() - start_ns) / 1e6 / len(detections)
-    _check_frame(trial, tracks)
-    pose = _pose(messages, trial.truth.frame_id, info)
-    drift = OdometryDrift(messages, trial.truth.frame_id, info.frame_id)
-    told = _SharedInput(info, tracks, pose, drift)
+    _check_frame(run, tracks)
+    pose = _pose(messages, run.truth.frame_id, info)
+    drift = OdometryDrift(messages, run.truth.frame_id, info.frame_id)
+    shared = _FrameInput(info, tracks, pose, drift)
     frames = [
-        _frame(told, moment, found.stamp_ns)
-        for found, moment in zip(detections, trial.truth.moments, strict=True)
-        if moment is not None
+        _frame(shared, truth, message.stamp_ns)
+        for message, truth in zip(detections, run.truth.frames, strict=True)
+        if truth is not None
     ]
-    sequence = EvaluationSequence(f"{trial.method.name} {trial.take.name}", _in_order(frames))
+    sequence = EvaluationSequence(f"{run.method.name} {run.recording.name}", _in_order(frames))
     return RunOutput(info, detections, tracks, match(sequence, GroundDistance()), took_ms)
 
 
-def score_run(trial: EvaluationRun, done: RunOutput) -> RunScores:
-    """Return the figures of a run."""
-    stages = [mean_ms(trial.detections)]
-    if trial.embeddings:
-        stages.append(mean_ms(trial.embeddings))
+def score_run(run: EvaluationRun, output: RunOutput) -> RunScores:
+    """Return the metrics of a run."""
+    stages = [mean_ms(run.detections)]
+    if run.embeddings:
+        stages.append(mean_ms(run.embeddings))
     known = [stage for stage in stages if stage is not None]
     return RunScores(
-        method=trial.method.name,
-        take=trial.take,
-        people=len(trial.truth.ids),
-        scores=score_matching(done.matching),
-        visibility=trial.truth.visibility,
-        frames=len(done.detections),
-        pipeline_ms=sum(known) + done.took_ms if len(known) == len(stages) else None,
+        method=run.method.name,
+        recording=run.recording,
+        people=len(run.truth.ids),
+        scores=score_matching(output.matching),
+        has_visibility=run.truth.has_visibility,
+        frames=len(output.detections),
+        pipeline_ms=sum(known) + output.took_ms if len(known) == len(stages) else None,
     )
 
 
-def _frame(done: "_SharedInput", moment: TruthFrame, stamp_ns: int) -> EvaluationFrame:
-    pose = done.map_from_camera if moment.map_from_camera is None else moment.map_from_camera
-    tracks = done.tracks.get(stamp_ns)
-    matrix = done.drift.true_from_told(stamp_ns, pose)
-    people = tuple(transform_track(track, matrix) for track in tracks.tracks) if tracks else ()
+def _frame(shared: _FrameInput, truth: TruthFrame, stamp_ns: int) -> EvaluationFrame:
+    pose = shared.map_from_camera if truth.map_from_camera is None else truth.map_from_camera
+    tracks = shared.tracks.get(stamp_ns)
+    matrix = shared.drift.true_from_estimated(stamp_ns, pose)
+    people = [transform_track(track, matrix) for track in tracks.tracks] if tracks else []
     return EvaluationFrame(
         stamp_ns=stamp_ns,
-        truth=moment.true_people(done.info, pose),
+        truth=truth.ground_truth(shared.info, pose),
         hypotheses=hypotheses_of(people),
         map_from_camera=pose,
     )
 
 
 def _pose(messages: list[Message], frame_id: str, info: CameraInfo) -> F64 | None:
-    """Return map_from_camera as the recording says; None if it does not."""
+    """Return map_from_camera from the recording; None if it is not there."""
     pose = None
     for message in messages:
         if isinstance(message, StaticTransform) and message.child == info.frame_id:
@@ -168,17 +168,18 @@ def _pose(messages: list[Message], frame_id: str, info: CameraInfo) -> F64 | Non
 
 def _in_order(frames: list[EvaluationFrame]) -> tuple[EvaluationFrame, ...]:
     """Leave out frames whose stamp does not rise: no tracker takes them."""
-    kept: list[EvaluationFrame] = []
+    ordered: list[EvaluationFrame] = []
     for frame in frames:
-        if not kept or frame.stamp_ns > kept[-1].stamp_ns:
-            kept.append(frame)
-    return tuple(kept)
+        if not ordered or frame.stamp_ns > ordered[-1].stamp_ns:
+            ordered.append(frame)
+    return tuple(ordered)
 
 
-def _check_frame(trial: EvaluationRun, tracks: dict[int, Tracks]) -> None:
-    told = next((message.frame_id for message in tracks.values()), trial.truth.frame_id)
-    if told != trial.truth.frame_id:
+def _check_frame(run: EvaluationRun, tracks: dict[int, Tracks]) -> None:
+    expected = run.truth.frame_id
+    got = next((message.frame_id for message in tracks.values()), expected)
+    if got != expected:
         raise SourceError(
-            f"truth of {trial.take.path} is in frame {trial.truth.frame_id!r}, tracks in {told!r}",
-            f"Set tracker.frame_id={trial.truth.frame_id} if the recording has that transform.",
+            f"truth of {run.recording.path} is in frame {expected!r}, tracks in {got!r}",
+            f"Set tracker.frame_id={expected} if the recording has that transform.",
         )

@@ -44,11 +44,11 @@ class ReportFolder:
                 f"folder {path} cannot be written: {error.strerror}", "Set folder to another one."
             ) from error
 
-    def picture(self, picture: AnnotatedFrame) -> None:
+    def add_frame(self, frame: AnnotatedFrame) -> None:
         """Append a frame to the video of its camera."""
-        if picture.camera not in self._videos:
-            self._videos[picture.camera] = VideoFile(self._path / f"people_{picture.camera}.webm")
-        self._videos[picture.camera].write(picture)
+        if frame.camera not in self._videos:
+            self._videos[frame.camera] = VideoFile(self._path / f"people_{frame.camera}.webm")
+        self._videos[frame.camera].write(frame)
 
     def finish(self, sheet: U8, summary: RunSummary) -> None:
         """Write everything else.

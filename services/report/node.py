@@ -72,7 +72,7 @@ class ReportNode(Node):
 
     def status(self) -> Status:
         """Return state, reason and counters for the heartbeat."""
-        return Status(counters={"pictures": self._tiles.count})
+        return Status(counters={"frames": self._tiles.count})
 
     def close(self) -> None:
         """Finish the report."""
@@ -94,7 +94,7 @@ class ReportNode(Node):
             return
         image = annotate(frame.rgb, frame.detections, frame.tracks, self._view(frame.camera))
         if self._config.video:
-            self._output.picture(AnnotatedFrame(frame.camera, frame.stamp_ns, image))
+            self._output.add_frame(AnnotatedFrame(frame.camera, frame.stamp_ns, image))
         if self._tiles.takes_next:
             self._tiles.add(Tile(shrink(image, self._config.tile_width_px), self._caption(frame)))
         else:

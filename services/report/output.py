@@ -19,7 +19,7 @@ class AnnotatedFrame:
 class ReportOutput(Protocol):
     """Destination of the report."""
 
-    def picture(self, picture: AnnotatedFrame) -> None:
+    def add_frame(self, frame: AnnotatedFrame) -> None:
         """Take the next frame of the video."""
         ...
 

@@ -25,7 +25,7 @@ def judge(path: Path, folder: Path, *settings: str) -> EvaluationPlan:
     rules = ("tracker.sort3d.distance_gate=false", "tracker.sort3d.t_lost=10", *settings)
     return EvaluationPlan(
         methods=(read_method("seg-sort", rules),),
-        takes=tuple(plan_recordings([str(path)], [], "geometry", folder)),
+        recordings=tuple(plan_recordings([str(path)], [], "geometry", folder)),
         cache=folder,
         figures=False,
     )
@@ -44,8 +44,8 @@ def away(tmp_path: Path) -> Path:
 
 def only(plan: EvaluationPlan) -> tuple[RunReport, dict[str, float | None]]:
     done = evaluate(plan, quiet)
-    assert len(done.judged) == 1
-    return done.judged[0], dict(done.rows[0])
+    assert len(done.runs) == 1
+    return done.runs[0], dict(done.rows[0])
 
 
 def test_figures_by_hand(away: Path, tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_frames_without_any_truth_are_left_out(tmp_path: Path) -> None:
     judged, row = only(judge(stored.write(tmp_path / "late.mcap", [*told, *seen]), tmp_path))
     assert (row["truths"], row["misses"], row["false_alarms"]) == (10, 0, 0)
     assert row["duration_s"] == pytest.approx(1.0)
-    assert judged.result.frames == 30
+    assert judged.scores.frames == 30
 
 
 def test_the_switch_is_in_the_table_and_the_report(away: Path, tmp_path: Path) -> None:
@@ -108,12 +108,15 @@ def test_the_switch_is_in_the_table_and_the_report(away: Path, tmp_path: Path) -
     assert rows[0] == {
         "method": "seg-sort", "source": "measured", "people": "all", "ID switches/min": "10.00",
     }  # fmt: skip
-    assert {row["ID switches/min"] for row in rows if row["source"] == "paper"} >= {"8.60", "17.20"}
+    assert {row["ID switches/min"] for row in rows if row["source"] == "published"} >= {
+        "8.60",
+        "17.20",
+    }
     text = page.read_text()
     assert "Person ann was ID 1 until 1.90 s and is ID 2 from 5.20 s on." in text
     # Frames 20 to 51 are between; the person is detected in the two before they are confirmed.
     assert (
-        "Of the 32 frames between, the person was hidden or out of view in 0 and detected in 2."
+        "Of the 32 frames between, the person was occluded or out of view in 0 and detected in 2."
         in text
     )
     assert "people4d evaluate &lt;it&gt;" in text

@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two methods on two short scenarios, one with two seeds, with one job and with two."""
     folder = tmp_path_factory.mktemp("evaluate")
     walk, stroll = (f"lab:{write_scenario(folder, name=name)}" for name in ("walk", "stroll"))
-    flags = ["--speed", "geometry", "--seeds", "1,2", "--cache", folder / "cache"]
+    flags = ["--fidelity", "geometry", "--seeds", "1,2", "--cache", folder / "cache"]
     flags += ["--recordings", f"{walk},{stroll}@3"]
     for jobs, drawn in ((1, "--figures"), (2, "--no-figures")):
         out = folder / f"jobs{jobs}"
@@ -47,7 +47,7 @@ def test_the_number_of_jobs_changes_no_byte(folder: Path) -> None:
         assert (folder / "jobs1" / path).read_bytes() == (folder / "jobs2" / path).read_bytes()
 
 
-def test_every_trial_has_a_row(folder: Path) -> None:
+def test_every_run_has_a_row(folder: Path) -> None:
     with (folder / "jobs1" / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["method"], row["recording"], row["scenario"]) for row in rows] == [
@@ -58,7 +58,7 @@ def test_every_trial_has_a_row(folder: Path) -> None:
     assert {row["people_in_truth"] for row in rows} == {"2"}
     assert all(float(row["poses"]) > 0 for row in rows)
     with (folder / "jobs1" / "summary.csv").open() as file:
-        switches = [r for r in csv.DictReader(file) if r["figure"] == "id_switches_per_min"]
+        switches = [r for r in csv.DictReader(file) if r["metric"] == "id_switches_per_min"]
     assert [(row["method"], row["people"], row["runs"]) for row in switches] == [
         (method, people, "3") for method in METHODS for people in ("all", "2")
     ]
@@ -74,14 +74,14 @@ def test_the_report_needs_no_other_file_and_has_every_table(folder: Path) -> Non
     for table in TABLES:
         assert f'id="{table}"' in text
         assert (folder / "jobs1" / "tables" / f"{table}.csv").is_file()
-    # The paper's own numbers, in rows marked as such.
+    # Published results, in rows marked as such.
     assert re.search(
-        r'<tr class="paper"><td>paper: YOLOv8s-seg \+ SORT-3D</td><td>4</td><td>17.20', text
+        r'<tr class="published"><td>published: YOLOv8s-seg \+ SORT-3D</td><td>4</td><td>17.20', text
     )
     assert text.count("data:image/png") == 1 + 2 * 2  # errors; each scenario once
 
 
-def test_the_terminal_shows_the_most_telling_figures(folder: Path) -> None:
+def test_the_terminal_shows_the_overview(folder: Path) -> None:
     text = (folder / "jobs1" / "terminal.txt").read_text()
     assert "8.60" in text
     assert f"Wrote {folder / 'jobs1' / 'report.html'}" in text.replace("\n", "")
@@ -95,17 +95,17 @@ def test_people_are_found_once_for_all_trackers(tmp_path: Path) -> None:
     )
     assert status == 0, errors
     (found,) = (cache / "detections").glob("*.mcap")
-    (looks,) = (cache / "embeddings").glob("*.mcap")
+    (vectors,) = (cache / "embeddings").glob("*.mcap")
     assert open_recording(found).summary.topics["detections/front"] == 6
-    assert open_recording(looks).summary.topics["embeddings/front"] == 6
-    made = found.stat().st_mtime_ns, looks.stat().st_mtime_ns
+    assert open_recording(vectors).summary.topics["embeddings/front"] == 6
+    made = found.stat().st_mtime_ns, vectors.stat().st_mtime_ns
     other = tmp_path / "motion.toml"  # another tracker on the same detections and embeddings
     other.write_text('extends = "pose-strongsort-movenet"\n[tracker.strongsort3d]\nn_init = 1\n')
     status, _, errors = run(
         "pose-strongsort-movenet", other, *flags, "--out", tmp_path / "b", "--no-figures"
     )
     assert status == 0, errors
-    assert (found.stat().st_mtime_ns, looks.stat().st_mtime_ns) == made
+    assert (found.stat().st_mtime_ns, vectors.stat().st_mtime_ns) == made
     assert len(list(cache.rglob("*.mcap"))) == 2
     with (tmp_path / "b" / "runs.csv").open() as file:
         first, second = csv.DictReader(file)
@@ -136,20 +136,22 @@ def test_people_are_found_once_for_all_trackers(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_errors_are_one_sentence_with_the_mend(arguments: list[str], message: str) -> None:
+def test_errors_are_one_sentence_with_a_hint(arguments: list[str], message: str) -> None:
     status, _, errors = run(*arguments)
     assert status == 1
     assert message in errors
     assert "Traceback" not in errors
 
 
-def test_without_matplotlib_the_mend_is_told(
+def test_without_matplotlib_the_report_has_no_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)  # what Python does to hide a module
-    flags = ("--recordings", "lab:short_walk", "--out", tmp_path / "out")
-    status, _, errors = run("seg-sort", *flags)
-    assert status == 1
-    assert "matplotlib, which is not installed. Install it with: pip install" in errors
-    assert "--no-figures" in errors
-    assert not (tmp_path / "out").exists()
+    scenario = f"lab:{write_scenario(tmp_path, name='walk')}"
+    flags = ("--recordings", scenario, "--fidelity", "geometry", "--cache", tmp_path / "cache")
+    out = tmp_path / "out"
+    status, output, errors = run("seg-sort", *flags, "--jobs", 1, "--out", out)
+    assert status == 0, errors
+    assert "No figures: matplotlib is not installed" in output
+    assert (out / "report.html").is_file()
+    assert not (out / "figures").exists()

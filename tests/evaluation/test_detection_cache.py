@@ -1,4 +1,4 @@
-"""What a network found is kept exactly, and the network is asked once for each picture."""
+"""What a network found is kept exactly, and the network is asked once for each image."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from people4d.messages import U8
 from services.detector.models import DetectedPerson, InstanceMask
 
 
-def picture(value: int) -> U8:
+def image(value: int) -> U8:
     return np.full((4, 6, 3), value, np.uint8)
 
 
@@ -43,19 +43,19 @@ class Counting:
 def test_a_network_is_asked_once_for_each_picture() -> None:
     model, known = Counting(), DetectionCache()
     memory = CachingModel(model, known)
-    assert [len(memory.detect(picture(v))) for v in (1, 2, 1, 0, 0)] == [1, 2, 1, 0, 0]
+    assert [len(memory.detect(image(v))) for v in (1, 2, 1, 0, 0)] == [1, 2, 1, 0, 0]
     assert model.asked == 3  # the second 1 and the second 0 were known
-    assert memory.found_new
+    assert memory.changed
     again = CachingModel(model, known)
-    assert len(again.detect(picture(2))) == 2
+    assert len(again.detect(image(2))) == 2
     assert model.asked == 3
-    assert not again.found_new
+    assert not again.changed
 
 
 def test_time_saved_is_told_once() -> None:
-    known = DetectionCache("counting", {digest(picture(3)): CachedDetections((), 40.0)})
+    known = DetectionCache("counting", {digest(image(3)): CachedDetections((), 40.0)})
     memory = CachingModel(Counting(), known)
-    memory.detect(picture(3))
+    memory.detect(image(3))
     assert memory.saved_ms() == 40.0
     assert memory.saved_ms() == 0.0
 

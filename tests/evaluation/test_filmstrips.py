@@ -1,10 +1,10 @@
-"""What strips of ID switches tell."""
+"""Lines of filmstrips of ID switches."""
 
 from typing import Literal
 
 import numpy as np
 
-from evaluation.report.filmstrips import _told
+from evaluation.report.filmstrips import _tracks_near
 from people4d.messages import Track, Tracks
 
 
@@ -33,7 +33,7 @@ def track(
     )
 
 
-def test_tracks_are_told_with_who_they_were_taken_for() -> None:
+def test_tracks_are_tracks_near_with_who_they_were_taken_for() -> None:
     # At 0.5, 1 and 1.4 m from the person, nearest first; the last one, at 3 m, is not near.
     people = (
         track(4, 2.4),
@@ -44,7 +44,7 @@ def test_tracks_are_told_with_who_they_were_taken_for() -> None:
     tracks = Tracks(
         stamp_ns=0, sequence=0, frame_id="map", tracker="strongsort3d", camera="c", tracks=people
     )
-    assert _told(tracks, np.array([1.0, 0.0, 1.0])) == [
+    assert _tracks_near(tracks, np.array([1.0, 0.0, 1.0])) == [
         "ID 9: confirmed, 0.50 m",
         "reidentified 0.61: looks 0.12 from 9, 0.19 from 4",
         "ID 7: confirmed, 1.00 m",

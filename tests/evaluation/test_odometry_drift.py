@@ -54,7 +54,7 @@ def test_drift_of_place_and_direction_is_taken_out() -> None:
     drift = OdometryDrift(
         [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(0, 1.0, 0.0)], "map", CAMERA
     )
-    matrix = drift.true_from_told(0, base(2.0, 1.0, math.pi / 2) @ LINK_FROM_OPTICAL)
+    matrix = drift.true_from_estimated(0, base(2.0, 1.0, math.pi / 2) @ LINK_FROM_OPTICAL)
     track = transform_track(one(4.0, 0.0, math.pi * 0.75), matrix)
     np.testing.assert_allclose(track.position_m, [2.0, 4.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(track.velocity_mps, [0.0, 0.5, 0.0], atol=1e-12)
@@ -63,7 +63,7 @@ def test_drift_of_place_and_direction_is_taken_out() -> None:
 
 def test_a_camera_that_stands_does_not_drift() -> None:
     drift = OdometryDrift([fixed("map", CAMERA, LINK_FROM_OPTICAL)], "map", CAMERA)
-    assert drift.true_from_told(0, base(9.0, 0.0, 0.0) @ LINK_FROM_OPTICAL) is None
+    assert drift.true_from_estimated(0, base(9.0, 0.0, 0.0) @ LINK_FROM_OPTICAL) is None
     track = one(1.0, 2.0, 0.0)
     assert transform_track(track, None) is track
 
@@ -72,5 +72,5 @@ def test_where_the_robot_is_must_be_known() -> None:
     drift = OdometryDrift(
         [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(10, 1, 0)], "map", CAMERA
     )
-    assert drift.true_from_told(10, None) is None
-    assert drift.true_from_told(9, LINK_FROM_OPTICAL) is None  # before the first odometry
+    assert drift.true_from_estimated(10, None) is None
+    assert drift.true_from_estimated(9, LINK_FROM_OPTICAL) is None  # before the first odometry

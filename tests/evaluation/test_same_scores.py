@@ -9,7 +9,7 @@ from evaluation.methods import read_method
 from evaluation.recordings.detections import read_tracker_input
 from evaluation.recordings.ground_truth import read_truth
 from evaluation.recordings.recordings import EvaluationRecording
-from evaluation.run.run import EvaluationRun, run
+from evaluation.run.run import EvaluationRun, execute
 from people4d.messages import U8, Detections, Message, Score, Tally, Tracks, Truth, TruthPerson
 from services.gt_bridge.build import build as build_gt_bridge
 from services.gt_bridge.config import GtBridgeConfig
@@ -31,7 +31,7 @@ class SummaryOutput:
 
     summary: RunSummary
 
-    def picture(self, picture: AnnotatedFrame) -> None:
+    def add_frame(self, frame: AnnotatedFrame) -> None:
         pass
 
     def finish(self, sheet: U8, summary: RunSummary) -> None:
@@ -94,7 +94,7 @@ def test_every_shared_figure_is_equal_to_the_bit(tmp_path: Path) -> None:
     stamps_ns = [m.stamp_ns for _, m in open_recording(path).messages(Detections)]
     method = read_method("seg-sort", RULES)
     asked = EvaluationRun(method, recording, path, None, read_truth(recording, stamps_ns))
-    output = run(asked)
+    output = execute(asked)
     frames = output.matching.sequence.frames
     totals = [score.totals for score in output.matching.frame_scores]
     offline = sum(totals[1:], start=totals[0]).tally(frames[-1].stamp_ns - frames[0].stamp_ns)

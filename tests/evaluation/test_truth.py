@@ -25,31 +25,31 @@ MS = 1_000_000
 def test_truth_between_its_stamps() -> None:
     # ann walks from x = 2 to 3 between 100 and 200 ms: at 150 ms she is at 2.5.
     told = [stored.truth(1, ann=(2.0, 0.0)), stored.truth(2, ann=(3.0, 0.0))]
-    happening = sample_truth(told, [50 * MS, 150 * MS, 250 * MS], "it")
-    before, between, after = happening.moments
+    sampled = sample_truth(told, [50 * MS, 150 * MS, 250 * MS], "it")
+    before, between, after = sampled.frames
     assert before is None
     assert after is None
     assert between is not None
     np.testing.assert_allclose(between.people[0].position_m, [2.5, 0.0, 0.0])
-    assert happening.ids == ("ann",)
-    assert not happening.visibility
+    assert sampled.ids == ("ann",)
+    assert not sampled.has_visibility
 
 
 def test_a_second_round_of_a_recording_is_left_out() -> None:
     told = [stored.truth(k, ann=(2.0, 0.0)) for k in (0, 1, 2)]
     told += [stored.truth(k, ann=(9.0, 0.0)) for k in (0, 1, 2)]
-    (moment,) = sample_truth(told, [150 * MS], "it").moments
-    assert moment is not None
-    assert moment.people[0].position_m[0] == 2.0
+    (frame,) = sample_truth(told, [150 * MS], "it").frames
+    assert frame is not None
+    assert frame.people[0].position_m[0] == 2.0
 
 
 def test_whoever_is_mostly_hidden_is_occluded() -> None:
-    happening = sample_truth([stored.truth(0, ann=(3.0, 0.0), bea=(4.0, 0.0))], [0], "it")
-    (moment,) = happening.moments
-    assert moment is not None
+    sampled = sample_truth([stored.truth(0, ann=(3.0, 0.0), bea=(4.0, 0.0))], [0], "it")
+    (frame,) = sampled.frames
+    assert frame is not None
     for share, occluded in ((0.34, True), (0.36, False)):
-        seen = type(moment)(moment.people, moment.sure, {"ann": 1.0, "bea": share})
-        truth = seen.true_people(stored.INFO, LINK_FROM_OPTICAL)
+        seen = type(frame)(frame.people, frame.captured, {"ann": 1.0, "bea": share})
+        truth = seen.ground_truth(stored.INFO, LINK_FROM_OPTICAL)
         assert truth.required.tolist() == [True, not occluded]
         assert truth.in_view.tolist() == [True, True]
 
@@ -67,20 +67,20 @@ def _fields(message: object) -> dict[str, Any]:
 
 
 def test_truth_of_drawn_frames_has_the_visible_share_of_each_pixel(tmp_path: Path) -> None:
-    (take,) = plan_recordings([f"lab:{write_scenario(tmp_path)}"], [], "depth", tmp_path)
-    render_recording(take, 1, lambda *_: None)
+    (recording,) = plan_recordings([f"lab:{write_scenario(tmp_path)}"], [], "depth", tmp_path)
+    render_recording(recording, 1, lambda *_: None)
     world = World(load_scenario(str(tmp_path / "walk.toml")))
     stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
-    with np.load(take.truth_file) as file:
+    with np.load(recording.truth_file) as file:
         shares, places = file["vis"], file["pos"]
-    happening = read_truth(take, stamps_ns)
-    for row, moment in enumerate(happening.moments):
-        assert moment is not None
-        assert list(moment.shares.values()) == pytest.approx(shares[row].tolist())
-        told = [person.position_m for person in moment.people]
+    sampled = read_truth(recording, stamps_ns)
+    for row, frame in enumerate(sampled.frames):
+        assert frame is not None
+        assert list(frame.shares.values()) == pytest.approx(shares[row].tolist())
+        told = [person.position_m for person in frame.people]
         np.testing.assert_allclose(told, places[row], atol=1e-9)
-        assert moment.map_from_camera is not None
-        np.testing.assert_allclose(moment.map_from_camera, world.map_from_optical(row / 10))
+        assert frame.map_from_camera is not None
+        np.testing.assert_allclose(frame.map_from_camera, world.map_from_optical(row / 10))
 
 
 def test_truth_of_a_folder_of_images_lies_in_it(shared: Path) -> None:
@@ -88,10 +88,10 @@ def test_truth_of_a_folder_of_images_lies_in_it(shared: Path) -> None:
     with np.load(folder / "gt.npz") as file:
         times_s, places, shares = file["t"], file["pos"], file["vis"]
     stamps_ns = np.round(times_s * 1e9).astype(int).tolist()
-    moment = read_truth(EvaluationRecording("two", "two", folder), stamps_ns).moments[-1]
-    assert moment is not None
-    np.testing.assert_allclose([p.position_m for p in moment.people], places[-1], atol=1e-9)
-    assert list(moment.shares.values()) == pytest.approx(shares[-1].tolist())
+    frame = read_truth(EvaluationRecording("two", "two", folder), stamps_ns).frames[-1]
+    assert frame is not None
+    np.testing.assert_allclose([p.position_m for p in frame.people], places[-1], atol=1e-9)
+    assert list(frame.shares.values()) == pytest.approx(shares[-1].tolist())
 
 
 def test_who_hides_whom_is_known_without_drawing(tmp_path: Path) -> None:

@@ -40,8 +40,8 @@ class Kept:
         self.sheets: list[U8] = []
         self.summaries: list[RunSummary] = []
 
-    def picture(self, picture: AnnotatedFrame) -> None:
-        self.pictures.append(picture)
+    def add_frame(self, frame: AnnotatedFrame) -> None:
+        self.pictures.append(frame)
 
     def finish(self, sheet: U8, summary: RunSummary) -> None:
         self.sheets.append(sheet)

@@ -1,4 +1,4 @@
-"""Truth between its samples: positions along a line, angles along the shorter arc."""
+"""Truth interpolated between its samples: positions along a line, angles along the shorter arc."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
@@ -8,37 +8,37 @@ import msgspec
 from common.geometry.transforms import wrap
 from people4d.messages import F64, Truth, TruthPerson
 
-MAX_GAP_NS = 200_000_000  # people move 0.3 m in this time; what lies farther apart is not known
-KEEP = 2048  # messages that are remembered, 20 s at 100 Hz
+MAX_GAP_NS = 200_000_000  # people move 0.3 m in this time; wider gaps are not bridged
+CAPACITY = 2048  # messages, 20 s at 100 Hz
 
 
 class TruthBuffer:
-    """Truth of the last seconds, which can be asked for any stamp in between.
+    """Truth of the last seconds, interpolated to any stamp in between.
 
     A person who is absent for a few samples is filled in, too, as long as the gap is short.
 
     Args:
         max_gap_ns: Longest time between the samples of a person that is bridged.
-        keep: Messages that are remembered.
+        capacity: Messages that are stored.
     """
 
-    def __init__(self, max_gap_ns: int = MAX_GAP_NS, keep: int = KEEP) -> None:
+    def __init__(self, max_gap_ns: int = MAX_GAP_NS, capacity: int = CAPACITY) -> None:
         self._max_gap_ns = max_gap_ns
-        self._keep = keep
+        self._capacity = capacity
         self._stamps_ns: list[int] = []
         self._messages: list[Truth] = []
 
     def add(self, truth: Truth) -> None:
-        """Remember a message; one that is older than the last begins a new trail."""
+        """Add a message; one that is older than the last clears the buffer."""
         if self._stamps_ns and truth.stamp_ns < self._stamps_ns[-1]:
             self.clear()
         self._stamps_ns.append(truth.stamp_ns)
         self._messages.append(truth)
-        if len(self._messages) >= 2 * self._keep:  # now and then, since the front of a list is slow
-            del self._stamps_ns[: self._keep], self._messages[: self._keep]
+        if len(self._messages) >= 2 * self._capacity:  # rarely: the front of a list is slow
+            del self._stamps_ns[: self._capacity], self._messages[: self._capacity]
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all messages."""
         self._stamps_ns.clear()
         self._messages.clear()
 
@@ -49,7 +49,7 @@ class TruthBuffer:
 
     @property
     def messages(self) -> tuple[Truth, ...]:
-        """What is remembered, oldest first."""
+        """All messages, oldest first."""
         return tuple(self._messages)
 
     def at(self, stamp_ns: int) -> Truth | None:
@@ -59,12 +59,16 @@ class TruthBuffer:
             stamp_ns: Any time, on the clock of the truth.
 
         Returns:
-            Everyone who was captured shortly before and shortly after; None where no message lies
-            close enough on both sides, so that nothing is known.
+            All people captured shortly before and shortly after; None where no message lies close
+            enough on both sides.
         """
-        here, gap_ns = self._stamps_ns, self._max_gap_ns
-        before = self._messages[bisect_left(here, stamp_ns - gap_ns) : bisect_right(here, stamp_ns)]
-        after = self._messages[bisect_left(here, stamp_ns) : bisect_right(here, stamp_ns + gap_ns)]
+        stamps_ns, gap_ns = self._stamps_ns, self._max_gap_ns
+        before = self._messages[
+            bisect_left(stamps_ns, stamp_ns - gap_ns) : bisect_right(stamps_ns, stamp_ns)
+        ]
+        after = self._messages[
+            bisect_left(stamps_ns, stamp_ns) : bisect_right(stamps_ns, stamp_ns + gap_ns)
+        ]
         if not before or not after or after[0].stamp_ns - before[-1].stamp_ns > gap_ns:
             return None
         earlier, later = _nearest(reversed(before), before[-1]), _nearest(after, before[-1])
@@ -85,7 +89,7 @@ def interpolate(before: Truth, after: Truth, stamp_ns: int) -> Truth:
 
 
 def share_of(start_ns: int, stamp_ns: int, end_ns: int) -> float:
-    """Return how far a stamp is on the way from start to end, 0 to 1; 0 if there is no way."""
+    """Return the share of an interval that has passed at a stamp, 0 to 1; 0 if it is empty."""
     return (stamp_ns - start_ns) / (end_ns - start_ns) if end_ns > start_ns else 0.0
 
 

@@ -118,7 +118,7 @@ def test_a_stamp_that_goes_back_begins_anew() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    samples = TruthBuffer(keep=10)
+    samples = TruthBuffer(capacity=10)
     for stamp_ms in range(100):
         samples.add(truth(stamp_ms, person("a", stamp_ms)))
     assert 10 <= len(samples.messages) < 20
