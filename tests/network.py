@@ -40,7 +40,7 @@ class Network:
         self._router.close()
 
     def robot(self) -> str:
-        """Return a name that keeps the keys of one test apart from all others."""
+        """Return a name of a robot that no other test has."""
         return f"robot{next(_robots)}"
 
     def open(self, robot: str, mode: str = "client", timeout_s: float = 0.0) -> ZenohBus:
@@ -57,7 +57,7 @@ class Network:
 
 
 class Watcher:
-    """Keeps what comes on a bus, to be waited for."""
+    """Collects the messages on a bus, to be waited for."""
 
     def __init__(self, bus: ZenohBus, *kinds: type[Message]) -> None:
         kinds = kinds or tuple(topic.message for topic in TOPICS)
@@ -67,20 +67,20 @@ class Watcher:
             subscription = bus.subscribe(BY_MESSAGE[kind])
             threading.Thread(target=self._receive, args=(subscription, kind), daemon=True).start()
 
-    def wait(self, kind: type[M], want: Callable[[M], Any] = lambda _: True) -> M:
-        """Return the next message of a type that is wanted; TimeoutError if none comes."""
+    def wait(self, kind: type[M], condition: Callable[[M], Any] = lambda _: True) -> M:
+        """Return the next message of a type that meets a condition; TimeoutError if none does."""
         end, message = time.monotonic() + WAIT_S, None
         while True:
             try:
                 message = self._arrived[kind].get(timeout=max(end - time.monotonic(), 0.0))
             except queue.Empty:
                 raise TimeoutError(f"no such {kind.__name__}; the last was {message}") from None
-            if type(message) is kind and want(message):
+            if type(message) is kind and condition(message):
                 found: M = message
                 return found
 
     def wait_for_counters(self, **counters: int) -> Health:
-        """Return the first heartbeat that tells at least these counters."""
+        """Return the first heartbeat whose counters are at least these."""
         return self.wait(
             Health, lambda h: all(h.counters.get(n, -1) >= count for n, count in counters.items())
         )

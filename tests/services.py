@@ -1,4 +1,4 @@
-"""The node of every service, made from its configuration as its process makes it."""
+"""Nodes of all services, built from their configurations."""
 
 import importlib
 import itertools
@@ -16,8 +16,8 @@ from services.camera.source import Source, SourceFrame
 SIZE = (48, 64)
 
 
-class Blank(Source):
-    """A plug-in camera that sees nothing, for ever."""
+class BlankSource(Source):
+    """A plug-in camera of endless black images."""
 
     def __init__(self) -> None:
         self.info = camera_info(Intrinsics(fx=60, fy=60, cx=32, cy=24), SIZE)
@@ -30,7 +30,7 @@ class Blank(Source):
 
 SERVICES: dict[str, dict[str, Any]] = {
     "camera": {
-        "source": f"{__name__}:Blank",
+        "source": f"{__name__}:BlankSource",
         "playback": "lockstep",
         "answer_timeout_s": 1000.0,
         "start_delay_s": 0.0,
@@ -50,8 +50,8 @@ def node_of(name: str, folder: Path) -> Node:
     """Build a node.
 
     Args:
-        name: Key of SERVICES: a service, and after a dash what is special.
-        folder: Where it may write.
+        name: Key of SERVICES: a service, and after a dash its variant.
+        folder: Folder of its outputs.
     """
     service = name.partition("-")[0]
     build: Callable[[Any], Node] = importlib.import_module(f"services.{service}.build").build

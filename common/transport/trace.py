@@ -1,4 +1,4 @@
-"""Times of the stages that a message passes, and what each stage is."""
+"""Times of the stages that a message passes."""
 
 import contextvars
 import time
@@ -14,29 +14,29 @@ from people4d.messages.base import MAX_TRACE
 
 M = TypeVar("M", bound=Message)
 
-# Every stage below its service, in the order of a frame's way: "<service>.<stage>". Those marked
-# with * no process measures: they are what lies between two stages, see common.runtime.latency.
+# Stages in the order in which a frame passes them: "<service>.<stage>". Those marked with * are not
+# measured by a process: they lie between two stages, see common.runtime.latency.
 STAGES = {
     "capture": "a live camera's frame: from its acquisition until it is in memory",
     "release": "a frame that is due is taken from those read ahead and made a message",
-    "transport": "* a message's bytes: from the sender's hands to the receiver's, through Zenoh",
+    "transport": "* a message's bytes: from sender to receiver, through Zenoh",
     "decode": "bytes become a message, every field checked",
     "queue": "the message waits until the process is free for it",
-    "wait": "* the message waits inside the process for what belongs to it",
+    "wait": "* the message waits inside the process for others of its frame",
     "preprocess": "the image becomes the network's input",
     "inference_wait": "another thread runs the network",
     "inference": "the network runs",
     "postprocess": "the network's outputs become people",
     "hand_over": "the network is free, another thread begins with the next frame",
-    "crops": "people are cut out of the image",
+    "crops": "images of the people are cut out",
     "locate": "people get positions, headings and masks from depth",
-    "embedding": "pictures become appearance vectors without a network",
+    "embedding": "crops become appearance vectors without a network",
     "association": "detections are matched with the tracks, and tracks updated",
     "prediction": "tracks go on without a frame",
     "points": "heads, hands and feet are followed in depth",
-    "motion": "the base is followed in the picture",
+    "motion": "the motion of the base is estimated from images",
     "handle": "all the work of a process that measures no stages of its own",
-    "publish": "after the work: for its turn, for outputs sent before it, and encoding",
+    "publish": "after the work: waiting for its turn and for outputs sent before it, and encoding",
     "other": "* work of a process between its stages",
 }
 
@@ -104,7 +104,7 @@ def span(stage: str) -> _Measurement:
 
 
 def record(stage: str, start_ns: int, end_ns: int) -> None:
-    """Tell a stage that was measured elsewhere; outside of `collect` this does nothing.
+    """Record a stage that was measured elsewhere; outside of `collect` this does nothing.
 
     Args:
         stage: One of STAGES, or a stage of your own.
@@ -132,11 +132,11 @@ def collect(process_id: ProcessId) -> Iterator[list[Span]]:
 
 
 class Tracer:
-    """Writes into messages when they passed a process.
+    """Adds the stages of a process to the traces of messages.
 
     Args:
         process_id: The process.
-        on: False: messages pass without a mark, and spans cost next to nothing.
+        on: False: traces stay as they are, and spans cost next to nothing.
     """
 
     def __init__(self, process_id: ProcessId, on: bool = True) -> None:
@@ -159,7 +159,7 @@ class Tracer:
         one makes the node answer.
 
         Args:
-            message: As it came.
+            message: The message.
             received_ns: Wall clock when its bytes were there.
             decoded_ns: Wall clock when it was decoded.
             taken_ns: Wall clock when the process began with it.
@@ -171,7 +171,7 @@ class Tracer:
         )
 
     def worked(self, message: M, spans: list[Span]) -> M:
-        """Return an answer with the stages of the work that brought it about."""
+        """Return an answer with the stages of the work behind it."""
         return self._extended(message, *spans)
 
     def handled(self, start_ns: int, spans: list[Span]) -> list[Span]:
@@ -179,10 +179,10 @@ class Tracer:
         return spans or [_span(self._process_id, "handle", start_ns, time.time_ns())]
 
     def publishing(self, message: Message) -> Callable[[], Span] | None:
-        """Return what ends the stage `publish` when called, None if off.
+        """Return a function that ends the stage `publish`, None if off.
 
         Args:
-            message: What is about to be published; the stage begins with the end of its last one.
+            message: Message to be published; the stage begins with the end of its last one.
         """
         if not self.on:
             return None

@@ -45,7 +45,9 @@ def read_config(
     config = session.read_config(file, mode, environment, role)
     keys = environment.get("PEOPLE4D_KEYS")
     if keys and not json.loads(config.get_json("access_control"))["enabled"]:
-        local = [name for name in environment.get("PEOPLE4D_HERE", "").split(",") if name]
+        local = [
+            name for name in environment.get("PEOPLE4D_LOCAL_INTERFACES", "").split(",") if name
+        ]
         rules = _access_rules(Path(keys), mode, local or list(LOCAL_INTERFACES))
         if rules:
             config.insert_json5("access_control", json.dumps(rules))

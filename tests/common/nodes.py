@@ -10,7 +10,7 @@ from people4d.messages import Detections, Message, Tracks, Truth
 
 
 def detections(sequence: int, camera: str = "front") -> Detections:
-    """Make an empty message that is told apart by its number."""
+    """Return an empty message with a number."""
     return Detections(
         stamp_ns=1000 + sequence,
         sequence=sequence,
@@ -74,7 +74,7 @@ class Source(Node):
         self.closed = threading.Event()
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        raise AssertionError("it has no inputs")
+        raise AssertionError("a node without inputs got a message")
 
     def tick(self, now_ns: int) -> Sequence[Message]:
         if not self.left:

@@ -1,4 +1,4 @@
-"""A router that asks for credentials, and sessions with those of any role."""
+"""A router that requires credentials, and sessions with those of any role."""
 
 import contextlib
 import threading
@@ -19,15 +19,15 @@ WAIT_S = 10.0
 
 
 class Guarded:
-    """A router with access rules, and the folder with everybody's credentials.
+    """A router with access rules, and the folder with the credentials of all roles.
 
     Args:
-        folder: Where credentials are written.
+        folder: Folder of the credentials.
         passwords: Passwords in place of certificates.
-        here: Interfaces on which topics pass that do not leave the host.
+        local: Interfaces on which topics pass that do not leave the host.
     """
 
-    def __init__(self, folder: Path, passwords: bool = False, here: str = "lo") -> None:
+    def __init__(self, folder: Path, passwords: bool = False, local: str = "lo") -> None:
         hosts = {"all": roles()}
         if passwords:
             keys.write_passwords(folder, hosts)
@@ -35,7 +35,7 @@ class Guarded:
             keys.write_certificates(folder, hosts, ["127.0.0.1"], days=1)
         self.keys = folder / "all"
         self.port = free_port()
-        self.here = here
+        self.local = local
         self._open = contextlib.ExitStack()
         listen = {"PEOPLE4D_LISTEN": f"tcp/127.0.0.1:{self.port}"}
         router = read_config(None, "router", self.environment() | listen, "router")
@@ -46,7 +46,7 @@ class Guarded:
         return {
             "PEOPLE4D_CONNECT": f"tcp/127.0.0.1:{self.port}",
             "PEOPLE4D_KEYS": str(folder or self.keys),
-            "PEOPLE4D_HERE": self.here,
+            "PEOPLE4D_LOCAL_INTERFACES": self.local,
         }
 
     def bus(
@@ -59,7 +59,7 @@ class Guarded:
         return bus
 
     def session(self, role: str) -> zenoh.Session:
-        """Open a bare session with the credentials of a role: it may try anything."""
+        """Open a bare session with the credentials of a role, which may try anything."""
         config = read_config(None, "client", self.environment(), role)
         return self._open.enter_context(zenoh.open(config))
 
@@ -69,48 +69,50 @@ class Guarded:
 
 
 @contextlib.contextmanager
-def guarded(folder: Path, passwords: bool = False, here: str = "lo") -> Iterator[Guarded]:
+def guarded(folder: Path, passwords: bool = False, local: str = "lo") -> Iterator[Guarded]:
     """Run a guarded router until the block ends."""
-    network = Guarded(folder, passwords, here)
+    network = Guarded(folder, passwords, local)
     try:
         yield network
     finally:
         network.close()
 
 
-class Ear:
-    """Keeps what comes on a key expression, to be waited for.
+class Listener:
+    """Collects the messages of a key expression, to be waited for.
 
     Args:
-        session: Where to listen.
+        session: Session of the subscription.
         key: Key expression.
     """
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
-        self.heard: list[bytes] = []
+        self.received: list[bytes] = []
         self._changed = threading.Condition()
-        self._subscriber = session.declare_subscriber(key, self._hear)
+        self._subscriber = session.declare_subscriber(key, self._receive)
 
-    def _hear(self, sample: zenoh.Sample) -> None:
+    def _receive(self, sample: zenoh.Sample) -> None:
         with self._changed:
-            self.heard.append(sample.payload.to_bytes())
+            self.received.append(sample.payload.to_bytes())
             self._changed.notify_all()
 
     def wait(self, payload: bytes) -> None:
-        """Wait until something was heard."""
+        """Wait until a payload was received."""
         with self._changed:
-            assert self._changed.wait_for(lambda: payload in self.heard, WAIT_S), f"no {payload!r}"
+            assert self._changed.wait_for(lambda: payload in self.received, WAIT_S), (
+                f"no {payload!r}"
+            )
 
     def wait_briefly(self) -> None:
-        """Wait until something more is heard, a tenth of a second at most."""
+        """Wait until another message is received, a tenth of a second at most."""
         with self._changed:
             self._changed.wait(0.1)
 
 
 def settle(session: zenoh.Session) -> None:
-    """Wait until the router has seen all that a session said so far, by a question to it.
+    """Wait until the router has received all that a session sent so far, by a query to it.
 
-    Questions keep their place behind what was put before. Everybody may ask for health.
+    Queries stay behind messages sent before. All roles may query health.
     """
-    for _ in session.get(f"{PREFIX}/health/nobody/nobody"):
-        raise AssertionError("nobody answers for nobody")
+    for _ in session.get(f"{PREFIX}/health/none/none"):
+        raise AssertionError("a process that does not exist replied")

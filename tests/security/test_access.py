@@ -1,4 +1,4 @@
-"""Who may say and hear what, tried by everybody on every topic."""
+"""Access rules, tried by every role on every topic."""
 
 import itertools
 import time
@@ -12,11 +12,11 @@ from common.transport.access import access_control, may_publish, may_read, roles
 from people4d.codec import encode
 from people4d.topics import BY_MESSAGE, BY_NAME, TOPICS
 from tests.contract.examples import BY_NAME as EXAMPLES
-from tests.security.guarded import PREFIX, WAIT_S, Ear, Guarded, guarded, settle
+from tests.security.guarded import PREFIX, WAIT_S, Guarded, Listener, guarded, settle
 from tests.services import SERVICES, node_of
 
-# Written from what each service is for, not from the table.
-SPEAKERS = {
+# Written from the purpose of each service, not from the table.
+PUBLISHERS = {
     "frames": "camera",
     "compressed": "camera",
     "camera_info": "camera",
@@ -30,11 +30,11 @@ SPEAKERS = {
     "gait": "gait",
     "truth": "gt_bridge",
     "score": "gt_bridge",
-    "health": "tracker",  # the example is the tracker's, and nobody speaks for another
+    "health": "tracker",  # the example is the tracker's, and no process may publish another's
 }
-ALSO = {"odometry": "visual_odometry"}  # who may say it, too
-PLANNER_HEARS = {"camera_info", "static_transforms", "people", "boxes", "gait", "health"}
-PICTURES_GO_TO = {
+SECOND_PUBLISHERS = {"odometry": "visual_odometry"}
+PLANNER_READS = {"camera_info", "static_transforms", "people", "boxes", "gait", "health"}
+IMAGE_READERS = {
     "frames": {"detector", "gait", "visual_odometry", "report", "operator"},
     "compressed": {"detector", "report", "operator"},
     "crops": {"reid", "operator"},
@@ -55,72 +55,73 @@ def key_of(name: str) -> str:
     return topic.key_of(EXAMPLES[topic.message.__name__], "robot")
 
 
-def test_every_topic_takes_only_its_speaker_and_gives_only_to_its_readers(
+def test_topic_passes_only_from_its_publisher_to_its_readers(
     network: Guarded,
 ) -> None:
-    everybody = {role: network.session(role) for role in roles() if role != "router"}
-    ears = {
-        (role, name): Ear(session, key_of(name))
-        for (role, session), name in itertools.product(everybody.items(), SPEAKERS)
+    sessions = {role: network.session(role) for role in roles() if role != "router"}
+    listeners = {
+        (role, name): Listener(session, key_of(name))
+        for (role, session), name in itertools.product(sessions.items(), PUBLISHERS)
     }
-    for session in everybody.values():
+    for session in sessions.values():
         settle(session)
-    for name, speaker in SPEAKERS.items():
-        for role, session in everybody.items():
-            session.put(key_of(name), f"{role} says".encode())
+    for name, publisher in PUBLISHERS.items():
+        for role, session in sessions.items():
+            session.put(key_of(name), f"{role} sent".encode())
             settle(session)
-        everybody[speaker].put(key_of(name), b"the end")
-    # Who may not read a topic would hear it before this, which comes last and all may read.
-    everybody["tracker"].put(key_of("health"), b"all said")
-    for role in everybody:
-        ears[role, "health"].wait(b"all said")
-    for (role, name), ear in ears.items():
-        speaker = SPEAKERS[name]
-        says = {f"{one} says".encode() for one in {speaker, ALSO.get(name, speaker)} - {role}}
-        # What a session says it hears itself, whatever the router thinks of it.
-        from_others = set(ear.heard) - {f"{role} says".encode(), b"all said"}
-        if role == speaker:
+        sessions[publisher].put(key_of(name), b"the end")
+    # Comes last and all may read it: a forbidden message would be received before.
+    sessions["tracker"].put(key_of("health"), b"all sent")
+    for role in sessions:
+        listeners[role, "health"].wait(b"all sent")
+    for (role, name), listener in listeners.items():
+        publisher = PUBLISHERS[name]
+        sent = {
+            f"{one} sent".encode()
+            for one in {publisher, SECOND_PUBLISHERS.get(name, publisher)} - {role}
+        }
+        # A session receives its own messages, allowed by the router or not.
+        from_others = set(listener.received) - {f"{role} sent".encode(), b"all sent"}
+        if role == publisher:
             assert from_others <= {b"the end"}, (role, name)
         elif may_read(role, BY_NAME[name]):
-            assert from_others == {*says, b"the end"}, (role, name)
+            assert from_others == {*sent, b"the end"}, (role, name)
         else:
             assert from_others == set(), (role, name)
 
 
-def test_health_of_a_peer_reaches_those_who_listen_to_all_health(network: Guarded) -> None:
-    """A peer once was not told that somebody listens, and so said nothing."""
-    planner = Ear(network.session("planner"), f"{PREFIX}/health/*/*")
+def test_health_of_a_peer_reaches_subscribers_of_all_health(network: Guarded) -> None:
+    """A peer once did not receive the subscription, and so published nothing."""
+    planner = Listener(network.session("planner"), f"{PREFIX}/health/*/*")
     watchdog = network.bus("watchdog", "peer")
     health = msgspec.structs.replace(EXAMPLES["Health"], service="watchdog")
     end_s = time.monotonic() + WAIT_S
-    while encode(health) not in planner.heard and time.monotonic() < end_s:
+    while encode(health) not in planner.received and time.monotonic() < end_s:
         watchdog.publish(health)
         planner.wait_briefly()
-    assert encode(health) in planner.heard
+    assert encode(health) in planner.received
 
 
-def test_every_topic_says_who_publishes_it_and_somebody_may_read_it() -> None:
+def test_every_topic_has_a_publisher_and_a_reader() -> None:
     for topic in TOPICS:
         assert any(may_publish(role, topic) for role in roles()), topic.name
         assert any(may_read(role, topic) for role in roles()), topic.name
         assert set(topic.readers.split()) <= {*roles(), "*"}, topic.name
 
 
-def test_the_planner_hears_people_health_and_calibration_and_says_nothing() -> None:
-    assert {topic.name for topic in TOPICS if may_read("planner", topic)} == PLANNER_HEARS
+def test_planner_reads_tracks_health_and_calibration_and_publishes_nothing() -> None:
+    assert {topic.name for topic in TOPICS if may_read("planner", topic)} == PLANNER_READS
     assert not any(may_publish("planner", topic) for topic in TOPICS)
     assert not any(may_publish("operator", topic) for topic in TOPICS)
 
 
-def test_pictures_go_to_few() -> None:
-    for name, readers in PICTURES_GO_TO.items():
+def test_images_have_few_readers() -> None:
+    for name, readers in IMAGE_READERS.items():
         assert {role for role in roles() if may_read(role, BY_NAME[name])} == readers
 
 
 @pytest.mark.parametrize("service", SERVICES)
-def test_every_service_may_read_its_inputs_and_publish_what_is_its(
-    service: str, tmp_path: Path
-) -> None:
+def test_every_service_may_read_its_inputs(service: str, tmp_path: Path) -> None:
     role = service.partition("-")[0]
     node = node_of(service, tmp_path)
     for kind in node.inputs:
@@ -128,7 +129,7 @@ def test_every_service_may_read_its_inputs_and_publish_what_is_its(
     node.close()
 
 
-def test_raw_pictures_pass_only_where_they_do_not_leave_the_host() -> None:
+def test_raw_images_pass_only_on_local_interfaces() -> None:
     rules = access_control("cert_common_names")
     subjects = {subject["id"]: subject for subject in rules["subjects"]}
     for policy in rules["policies"]:

@@ -1,4 +1,4 @@
-"""Intruders: each of their ways in is shut, and those who may be there hear nothing of them."""
+"""Intruders: each of their attempts fails, and the others receive nothing of it."""
 
 import contextlib
 import json
@@ -19,11 +19,11 @@ from people4d.errors import ConfigError, People4dError
 from people4d.messages import CameraInfo, Tracks
 from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.network import Watcher
-from tests.security.guarded import PREFIX, ROBOT, WAIT_S, Ear, Guarded, guarded, settle
+from tests.security.guarded import PREFIX, ROBOT, WAIT_S, Guarded, Listener, guarded, settle
 
-PEOPLE = f"{PREFIX}/people"
+TRACKS = f"{PREFIX}/people"
 FRAMES = f"{PREFIX}/raw/front/rgbd"
-SHUT_S = 0.5  # for a way in that must not open; one that does takes 20 ms
+REFUSED_S = 0.5  # for a connection that must not open; one that does takes 20 ms
 
 
 @pytest.fixture(scope="module")
@@ -33,14 +33,14 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
 
 
 @pytest.fixture(scope="module")
-def words(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
-    with guarded(tmp_path_factory.mktemp("words"), passwords=True) as network:
+def passwords(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+    with guarded(tmp_path_factory.mktemp("passwords"), passwords=True) as network:
         yield network
 
 
 def refused(config: zenoh.Config) -> None:
     with pytest.raises(People4dError, match="no Zenoh session"):
-        ZenohBus(config, ROBOT, SHUT_S)
+        ZenohBus(config, ROBOT, REFUSED_S)
 
 
 def tls(config: zenoh.Config, **changes: Any) -> zenoh.Config:
@@ -53,19 +53,19 @@ def as_planner(network: Guarded) -> zenoh.Config:
     return read_config(None, "client", network.environment(), "planner")
 
 
-def test_with_the_right_keys_the_door_is_open(network: Guarded, words: Guarded) -> None:
-    # What the tests below change is the only reason why they are refused.
-    for guard in (network, words):
+def test_right_credentials_are_accepted(network: Guarded, passwords: Guarded) -> None:
+    # The changes of the tests below are the only reason for their refusal.
+    for guard in (network, passwords):
         ZenohBus(as_planner(guard), ROBOT, WAIT_S).close()
 
 
-def test_without_a_certificate(network: Guarded) -> None:
+def test_client_without_a_certificate_is_refused(network: Guarded) -> None:
     # With mTLS on, a client without one does not even try.
     nothing = {"enable_mtls": False, "connect_certificate": None, "connect_private_key": None}
     refused(tls(as_planner(network), **nothing))
 
 
-def test_with_a_certificate_of_another_authority(network: Guarded, tmp_path: Path) -> None:
+def test_certificate_of_another_authority_is_refused(network: Guarded, tmp_path: Path) -> None:
     keys.write_certificates(tmp_path, {"forged": ["tracker"]}, [], days=1)
     forged = tmp_path / "forged"
     refused(
@@ -77,7 +77,7 @@ def test_with_a_certificate_of_another_authority(network: Guarded, tmp_path: Pat
     )
 
 
-def test_with_a_certificate_that_ended(network: Guarded) -> None:
+def test_expired_certificate_is_refused(network: Guarded) -> None:
     authority = keys._read_authority(network.keys.parent)
     assert authority is not None
     old = keys._signed("tracker", authority, [], days=0)
@@ -87,19 +87,19 @@ def test_with_a_certificate_that_ended(network: Guarded) -> None:
     refused(tls(as_planner(network), connect_certificate=str(file), connect_private_key=str(key)))
 
 
-def test_without_encryption(network: Guarded) -> None:
+def test_client_without_encryption_is_refused(network: Guarded) -> None:
     open_text = {"PEOPLE4D_CONNECT": f"tcp/127.0.0.1:{network.port}"}
     refused(read_config(None, "client", open_text))
 
 
 @pytest.mark.parametrize("protocol", ["udp", "ws", "unixsock-stream"])
-def test_with_certificates_no_link_is_open(network: Guarded, protocol: str) -> None:
+def test_unencrypted_link_is_an_error_with_certificates(network: Guarded, protocol: str) -> None:
     environment = network.environment() | {"PEOPLE4D_CONNECT": f"tcp/a:1,{protocol}/b:2"}
     with pytest.raises(ConfigError, match=f"{protocol} is not encrypted, but PEOPLE4D_KEYS"):
         read_config(None, "client", environment, "planner")
 
 
-def test_rules_of_ones_own_win(network: Guarded, tmp_path: Path) -> None:
+def test_access_rules_in_the_file_replace_ours(network: Guarded, tmp_path: Path) -> None:
     own = '{mode: "router", access_control: {enabled: true, default_permission: "allow"}}'
     (tmp_path / "router.json5").write_text(own)
     config = read_config(tmp_path, "router", network.environment(), "router")
@@ -108,8 +108,8 @@ def test_rules_of_ones_own_win(network: Guarded, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("role", ["router", "planner"])
-def test_a_client_speaks_only_to_the_router(network: Guarded, role: str) -> None:
-    """The planner's certificate must not make it a router whom the others trust."""
+def test_client_connects_only_to_the_router(network: Guarded, role: str) -> None:
+    """The planner's certificate must not make it a router that the others trust."""
     endpoint = f"tls/127.0.0.1:{free_port()}"
     environment = network.environment() | {"PEOPLE4D_LISTEN": endpoint}
     second = ZenohBus(read_config(None, "router", environment, role), ROBOT)
@@ -126,74 +126,76 @@ def test_a_client_speaks_only_to_the_router(network: Guarded, role: str) -> None
 
 @pytest.mark.parametrize(
     ("user", "password"),
-    [("planner", "wrong"), ("nobody", "wrong"), ("tracker", None), (None, None)],
+    [("planner", "wrong"), ("unknown", "wrong"), ("tracker", None), (None, None)],
 )
-def test_with_wrong_passwords(words: Guarded, user: str | None, password: str | None) -> None:
-    config = as_planner(words)
+def test_wrong_password_is_refused(
+    passwords: Guarded, user: str | None, password: str | None
+) -> None:
+    config = as_planner(passwords)
     if user == "tracker":  # the planner's own password does not make it the tracker
-        password = (words.keys / "planner.password").read_text().strip()
+        password = (passwords.keys / "planner.password").read_text().strip()
     config.insert_json5("transport/auth/usrpwd/user", json.dumps(user))
     config.insert_json5("transport/auth/usrpwd/password", json.dumps(password))
     refused(config)
 
 
-def test_a_folder_without_the_keys_of_a_role_is_told(tmp_path: Path) -> None:
+def test_folder_without_the_keys_of_a_role_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"neither tracker.pem with ca.pem nor tracker.password"):
         read_config(None, "peer", {"PEOPLE4D_KEYS": str(tmp_path)}, "tracker")
 
 
-def test_the_planner_cannot_publish_people_or_frames(network: Guarded) -> None:
+def test_planner_cannot_publish_tracks_or_frames(network: Guarded) -> None:
     operator, planner = network.session("operator"), network.session("planner")
     tracker, camera = network.session("tracker"), network.session("camera")
-    people, frames = Ear(operator, PEOPLE), Ear(operator, FRAMES)
+    tracks, frames = Listener(operator, TRACKS), Listener(operator, FRAMES)
     settle(operator)
-    for key in (PEOPLE, FRAMES):
+    for key in (TRACKS, FRAMES):
         planner.put(key, b"false")
         planner.delete(key)
         planner.put(key, b"false", priority=zenoh.Priority.REAL_TIME)
     settle(planner)
-    tracker.put(PEOPLE, b"true")
+    tracker.put(TRACKS, b"true")
     camera.put(FRAMES, b"true")
-    people.wait(b"true")
+    tracks.wait(b"true")
     frames.wait(b"true")
-    assert people.heard == frames.heard == [b"true"]
+    assert tracks.received == frames.received == [b"true"]
 
 
 @pytest.mark.parametrize(
     "key", [FRAMES, f"{PREFIX}/raw/*/rgbd", f"{PREFIX}/raw/**", f"{PREFIX}/**", "**", "*/**/rgbd"]
 )
-def test_the_planner_never_sees_an_image(network: Guarded, key: str) -> None:
+def test_planner_never_receives_an_image(network: Guarded, key: str) -> None:
     planner, camera = network.session("planner"), network.session("camera")
     detector = network.session("detector")
-    spy, health = Ear(planner, key), Ear(planner, f"{PREFIX}/health/*/*")
-    rightful = Ear(detector, FRAMES)
+    spy, health = Listener(planner, key), Listener(planner, f"{PREFIX}/health/*/*")
+    permitted = Listener(detector, FRAMES)
     _answers = camera.declare_queryable(FRAMES, lambda query: query.reply(FRAMES, b"frame"))
     for session in (planner, detector, camera):
         settle(session)
-    for picture in ("rgbd", "compressed", "crops"):
-        camera.put(f"{PREFIX}/raw/front/{picture}", b"picture")
-    rightful.wait(b"picture")
-    answers = [answer for answer in planner.get(key, timeout=SHUT_S) if answer.ok]
+    for image in ("rgbd", "compressed", "crops"):
+        camera.put(f"{PREFIX}/raw/front/{image}", b"image")
+    permitted.wait(b"image")
+    answers = [answer for answer in planner.get(key, timeout=REFUSED_S) if answer.ok]
     camera.put(f"{PREFIX}/health/camera/camera-1", b"the end")
     health.wait(b"the end")
-    assert b"picture" not in spy.heard
+    assert b"image" not in spy.received
     assert answers == []
 
 
-def test_the_planner_cannot_answer_for_the_camera(network: Guarded) -> None:
-    """Late joiners ask for the calibration; nobody but the camera may answer."""
+def test_planner_cannot_reply_for_the_camera(network: Guarded) -> None:
+    """Late joiners query the calibration; only the camera may reply."""
     false = f"{PREFIX}/camera/false/info"
     planner, detector = network.session("planner"), network.session("detector")
     _false = planner.declare_queryable(
         f"{PREFIX}/camera/**", lambda query: query.reply(false, b"false")
     )
     settle(planner)
-    assert [a for a in detector.get(f"{PREFIX}/camera/*/info", timeout=SHUT_S) if a.ok] == []
+    assert [a for a in detector.get(f"{PREFIX}/camera/*/info", timeout=REFUSED_S) if a.ok] == []
     network.bus("camera").publish(EXAMPLES["CameraInfo"])
-    Watcher(network.bus("detector"), CameraInfo).wait(CameraInfo)  # the rightful answer passes
+    Watcher(network.bus("detector"), CameraInfo).wait(CameraInfo)  # the camera's own reply passes
 
 
-def test_the_planner_cannot_pass_as_a_living_detector(network: Guarded) -> None:
+def test_planner_cannot_announce_a_detector(network: Guarded) -> None:
     planner, tracker = network.session("planner"), network.session("tracker")
     _token = planner.liveliness().declare_token(f"{PREFIX}/alive/detector/detector-1")
     settle(planner)
@@ -205,63 +207,63 @@ def test_the_planner_cannot_pass_as_a_living_detector(network: Guarded) -> None:
     assert found == [f"{PREFIX}/alive/detector/detector-1"]
 
 
-def test_nobody_looks_into_the_router(network: Guarded) -> None:
+def test_state_of_the_router_cannot_be_read(network: Guarded) -> None:
     for role in ("planner", "operator"):
         session = network.session(role)
-        answers = session.get("@/**", timeout=SHUT_S)
-        told = {str(a.ok.key_expr).split("/")[1] for a in answers if a.ok}
-        assert told <= {str(session.info.zid())}  # of itself it knows all
+        answers = session.get("@/**", timeout=REFUSED_S)
+        routers = {str(a.ok.key_expr).split("/")[1] for a in answers if a.ok}
+        assert routers <= {str(session.info.zid())}  # its own state it may read
 
 
 def test_frames_do_not_leave_the_host(tmp_path: Path) -> None:
-    """Where loopback is not counted as the host's own, even the detector's certificate is none."""
-    with guarded(tmp_path, here="no-such-interface") as network:
+    """Loopback is not a local interface here, so the detector's certificate does not help."""
+    with guarded(tmp_path, local="no-such-interface") as network:
         camera, detector = network.session("camera"), network.session("detector")
-        frames, info = Ear(detector, FRAMES), Ear(detector, f"{PREFIX}/camera/*/info")
+        frames, info = Listener(detector, FRAMES), Listener(detector, f"{PREFIX}/camera/*/info")
         settle(detector)
         camera.put(FRAMES, b"frame")
         settle(camera)
         camera.put(f"{PREFIX}/camera/front/info", b"info")
         info.wait(b"info")
-        assert frames.heard == []
+        assert frames.received == []
 
 
-def test_a_replayed_connection_says_nothing(network: Guarded) -> None:
-    """What an eavesdropper recorded of the tracker's connection is worth nothing later."""
+def test_replayed_connection_publishes_nothing(network: Guarded) -> None:
+    """A recording of the tracker's connection is worth nothing later."""
     with Tap(network.port) as tap:
         environment = network.environment() | {"PEOPLE4D_CONNECT": f"tls/127.0.0.1:{tap.port}"}
         tracker = ZenohBus(read_config(None, "client", environment, "tracker"), ROBOT, WAIT_S)
         operator = network.session("operator")
-        people = Ear(operator, PEOPLE)
+        tracks = Listener(operator, TRACKS)
         settle(operator)
         tracker.publish(EXAMPLES["Tracks"])
-        people.wait(encode(EXAMPLES["Tracks"]))
+        tracks.wait(encode(EXAMPLES["Tracks"]))
         tracker.close()
         recorded = bytes(tap.recorded)
-    assert encode(EXAMPLES["Tracks"]) not in recorded, "people could be read on the way"
+    assert encode(EXAMPLES["Tracks"]) not in recorded, "tracks could be read in transit"
     again = socket.create_connection(("127.0.0.1", network.port))
     with again, contextlib.suppress(ConnectionError):  # the router may hang up at once
         again.sendall(recorded)
         again.shutdown(socket.SHUT_WR)
         while again.recv(65536):
             pass
-    network.session("tracker").put(PEOPLE, b"the end")
-    people.wait(b"the end")
-    assert people.heard == [encode(EXAMPLES["Tracks"]), b"the end"]
+    network.session("tracker").put(TRACKS, b"the end")
+    tracks.wait(b"the end")
+    assert tracks.received == [encode(EXAMPLES["Tracks"]), b"the end"]
 
 
-def test_malformed_bytes_at_the_door_do_not_disturb_those_inside(network: Guarded) -> None:
-    inside, tracker = Watcher(network.bus("planner"), Tracks), network.bus("tracker")
+def test_malformed_bytes_do_not_disturb_connected_sessions(network: Guarded) -> None:
+    connected, tracker = Watcher(network.bus("planner"), Tracks), network.bus("tracker")
     for noise in (b"", b"\x00" * 100_000, bytes(range(256)) * 40, b"\x16\x03\x01\xff\xff" * 1000):
-        with socket.create_connection(("127.0.0.1", network.port)) as stranger:
-            stranger.sendall(noise)
+        with socket.create_connection(("127.0.0.1", network.port)) as intruder:
+            intruder.sendall(noise)
     settle(network.session("planner"))
     tracker.publish(EXAMPLES["Tracks"])
-    assert inside.wait(Tracks).sequence == EXAMPLES["Tracks"].sequence
+    assert connected.wait(Tracks).sequence == EXAMPLES["Tracks"].sequence
 
 
-def test_peers_let_in_only_those_they_may_speak_to(network: Guarded) -> None:
-    """Camera and detector talk without the router, which is no way around it for others."""
+def test_peer_accepts_only_roles_that_may_read_it(network: Guarded) -> None:
+    """Camera and detector connect without the router, which others cannot exploit."""
     listen = {"PEOPLE4D_LISTEN": f"tls/127.0.0.1:{free_port()}"}
     config = read_config(None, "peer", network.environment() | listen, "camera")
     camera = ZenohBus(config, ROBOT, WAIT_S)
@@ -271,21 +273,21 @@ def test_peers_let_in_only_those_they_may_speak_to(network: Guarded) -> None:
             zenoh.open(read_config(None, "client", around, "planner")) as planner,
             zenoh.open(read_config(None, "client", around, "detector")) as detector,
         ):
-            spy, rightful = Ear(planner, FRAMES), Ear(detector, FRAMES)
-            info = Ear(planner, f"{PREFIX}/camera/*/info")
+            spy, permitted = Listener(planner, FRAMES), Listener(detector, FRAMES)
+            info = Listener(planner, f"{PREFIX}/camera/*/info")
             settle(planner)
             settle(detector)
             camera.publish(EXAMPLES["RgbdFrame"])
-            rightful.wait(encode(EXAMPLES["RgbdFrame"]))
+            permitted.wait(encode(EXAMPLES["RgbdFrame"]))
             camera.publish(EXAMPLES["CameraInfo"])
             info.wait(encode(EXAMPLES["CameraInfo"]))
-            assert spy.heard == []
+            assert spy.received == []
     finally:
         camera.close()
 
 
 class Tap:
-    """Passes a connection on to a port and keeps what its client says.
+    """Forwards a connection to a port and records the bytes of its client.
 
     Args:
         target: The port.
@@ -307,10 +309,10 @@ class Tap:
             self._pass(client, server, self.recorded)
             back.join()
 
-    def _pass(self, come: socket.socket, go: socket.socket, keep: bytearray) -> None:
+    def _pass(self, come: socket.socket, go: socket.socket, record: bytearray) -> None:
         with contextlib.suppress(OSError):  # one side has left
             while data := come.recv(65536):
-                keep += data
+                record += data
                 go.sendall(data)
             go.shutdown(socket.SHUT_WR)
 

@@ -47,7 +47,7 @@ def test_each_host_gets_its_own_roles_and_never_the_key_of_the_authority(folder:
 
 
 def test_only_the_owner_reads_private_keys(folder: Path) -> None:
-    before = os.umask(0)  # the most careless user there is
+    before = os.umask(0)  # the most permissive mask
     try:
         keys.write_certificates(folder, HOSTS, [], days=10)
         keys.write_passwords(folder, HOSTS)
@@ -57,11 +57,11 @@ def test_only_the_owner_reads_private_keys(folder: Path) -> None:
     assert len(secret) == 1 + 3 + 3 + 1  # authority, keys, passwords, the router's list
     for file in secret:
         assert stat.S_IMODE(file.stat().st_mode) == 0o600, file
-    for place in (folder / "nuc", folder / "planner"):
-        assert stat.S_IMODE(place.stat().st_mode) == 0o700
+    for subfolder in (folder / "nuc", folder / "planner"):
+        assert stat.S_IMODE(subfolder.stat().st_mode) == 0o700
 
 
-def test_names_and_uses(folder: Path) -> None:
+def test_certificates_hold_role_uses_and_addresses(folder: Path) -> None:
     for host, roles in HOSTS.items():
         for role in roles:
             found = certificate(folder / host / f"{role}.pem")
@@ -71,19 +71,19 @@ def test_names_and_uses(folder: Path) -> None:
             # Others connect to the router and, on their host, to services; never to the planner.
             assert (ExtendedKeyUsageOID.SERVER_AUTH in uses) == (role != "planner")
             names = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-            told = {str(name.value) for name in names}
+            alternatives = {str(name.value) for name in names}
             own = {"192.168.1.7", "nuc.local"} if role == "router" else set()
-            assert told == {"localhost", "127.0.0.1", "::1"} | own
+            assert alternatives == {"localhost", "127.0.0.1", "::1"} | own
 
 
-def test_the_end_is_seen(folder: Path) -> None:
+def test_expired_certificates_are_reported(folder: Path) -> None:
     assert problems(folder) == {"router": "", "camera": "", "planner": ""}
     assert set(problems(folder, NOW + timedelta(days=11)).values()) == {"ended"}
     early = problems(folder, NOW - timedelta(hours=2))
     assert set(early.values()) == {"not good yet; is the clock right?"}
 
 
-def test_what_is_wrong_with_files_is_told(folder: Path, tmp_path: Path) -> None:
+def test_faults_of_files_are_reported(folder: Path, tmp_path: Path) -> None:
     nuc = folder / "nuc"
     (nuc / "camera.key").chmod(0o644)
     assert problems(folder)["camera"] == "camera.key can be read by others: chmod 600"
@@ -109,7 +109,7 @@ def test_renewing_keeps_the_authority_so_that_hosts_can_follow_one_by_one(folder
     assert problems(folder) == {"router": "", "camera": "", "planner": ""}
 
 
-def test_only_the_routers_host_knows_all_passwords(tmp_path: Path) -> None:
+def test_only_the_routers_host_has_all_passwords(tmp_path: Path) -> None:
     keys.write_passwords(tmp_path, HOSTS)
     lines = (tmp_path / "nuc" / "passwords").read_text().splitlines()
     known = dict(line.split(":") for line in lines)
@@ -152,7 +152,7 @@ def test_the_command_makes_the_hosts_of_the_docs(tmp_path: Path) -> None:
         (["--host", "../nuc=router"], "is incomplete"),
     ],
 )
-def test_the_command_tells_what_is_missing(
+def test_command_reports_missing_arguments(
     tmp_path: Path, arguments: list[str], message: str
 ) -> None:
     status, _, error = run(str(tmp_path / "keys"), *arguments)

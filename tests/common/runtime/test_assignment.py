@@ -169,7 +169,7 @@ def test_single_replica_gets_every_frame() -> None:
     assert divide([assignment("a")], range(10)) == [list(range(10))]
 
 
-def test_replica_that_joins_takes_over_what_is_pending() -> None:
+def test_replica_that_joins_gets_pending_messages() -> None:
     one = Assignment("a", FRAMES)
     assert not one.is_ours(frame(0, lockstep=True))
     assert numbers(one.add_replica("a", 0.0)) == [0]

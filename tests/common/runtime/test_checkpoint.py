@@ -1,4 +1,4 @@
-"""What a node keeps in files, and goes on from."""
+"""Checkpoints of a node and its restart from them."""
 
 import time
 from collections.abc import Sequence
@@ -88,14 +88,14 @@ def test_processes_of_other_names_have_states_of_their_own(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("bad", [b"", b"none", b"9" * 30])
-def test_where_the_number_is_lost_no_one_has_had_the_next(tmp_path: Path, bad: bytes) -> None:
+def test_lost_number_is_replaced_by_one_that_was_never_given(tmp_path: Path, bad: bytes) -> None:
     before_s = int(time.time())
     Process(tmp_path).checkpoint.save_state()
     (tmp_path / "tracker-1.next.checkpoint").write_bytes(bad)
     assert Process(tmp_path).node.next >= before_s
 
 
-def test_where_only_the_state_is_left_no_one_has_had_the_next(tmp_path: Path) -> None:
+def test_state_without_its_number_is_restored_with_a_new_number(tmp_path: Path) -> None:
     before_s = int(time.time())
     process = Process(tmp_path)
     process.handle(0)
@@ -106,7 +106,7 @@ def test_where_only_the_state_is_left_no_one_has_had_the_next(tmp_path: Path) ->
     assert node.saved == b"last 1"
 
 
-def test_a_damaged_state_costs_what_was_known_but_no_number(tmp_path: Path) -> None:
+def test_damaged_state_is_lost_but_not_its_number(tmp_path: Path) -> None:
     process = Process(tmp_path)
     for number in range(3):
         process.handle(number)
@@ -117,7 +117,7 @@ def test_a_damaged_state_costs_what_was_known_but_no_number(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("cut", [0, 10, 21])
-def test_a_process_killed_while_it_writes_leaves_the_state_before(tmp_path: Path, cut: int) -> None:
+def test_process_killed_while_it_writes_leaves_the_earlier_state(tmp_path: Path, cut: int) -> None:
     store = CheckpointStore(tmp_path, "tracker-1")
     store.write_number(7)
     for state in (b"first, which is long", b"second", b"third"):
@@ -125,15 +125,15 @@ def test_a_process_killed_while_it_writes_leaves_the_state_before(tmp_path: Path
     assert CheckpointStore(tmp_path, "tracker-1").read().state == b"third"
     # The third one lies where the first did: only its beginning was written.
     file = tmp_path / "tracker-1.state1.checkpoint"
-    whole = file.read_bytes()
-    file.write_bytes(whole[:cut] + b"\0" * (len(whole) - cut))
+    content = file.read_bytes()
+    file.write_bytes(content[:cut] + b"\0" * (len(content) - cut))
     again = CheckpointStore(tmp_path, "tracker-1")
     assert again.read().state == b"second"
     again.write_state(b"fourth")
     assert CheckpointStore(tmp_path, "tracker-1").read().state == b"fourth"
 
 
-def test_a_folder_that_cannot_be_written_degrades_and_does_not_stop(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_written_is_a_problem_of_the_process(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     process = Process(tmp_path / "file")
     assert process.activity.problem.startswith(f"its state cannot be saved in {tmp_path / 'file'}")

@@ -1,4 +1,4 @@
-"""Health of a process, as it is heard on the bus."""
+"""Heartbeat of a process, received on the bus."""
 
 import importlib.metadata
 import threading
@@ -23,8 +23,8 @@ PROCESS_ID = ProcessId("detector", "detector-1", "robot")
 NO_CLOCK = {"clock_steps": 0, "bad_clock": 0}
 
 
-class Beating:
-    """A node whose heart beats, and a watcher on the same session."""
+class HeartbeatRun:
+    """A node with a heartbeat, and a watcher on the same session."""
 
     def __init__(self, bus: ZenohBus, node: Echo) -> None:
         self.bus, self.node, self.inbox, self.activity = bus, node, Inbox(), Activity()
@@ -36,16 +36,16 @@ class Beating:
 
 
 @pytest.fixture
-def beating(network: Network, monkeypatch: pytest.MonkeyPatch) -> Iterator[Beating]:
+def run(network: Network, monkeypatch: pytest.MonkeyPatch) -> Iterator[HeartbeatRun]:
     monkeypatch.setattr(heartbeat, "PERIOD_S", 0.05)
     monkeypatch.setattr(heartbeat, "STALLED_AFTER_S", 0.2)
-    beating = Beating(network.open(network.robot()), Echo())
-    yield beating
-    beating.heartbeat.close()
+    run = HeartbeatRun(network.open(network.robot()), Echo())
+    yield run
+    run.heartbeat.close()
 
 
-def test_a_heartbeat_tells_who_and_counts_up(beating: Beating) -> None:
-    first, second = beating.wait("ready"), beating.wait("ready")
+def test_heartbeat_names_its_process_and_counts_up(run: HeartbeatRun) -> None:
+    first, second = run.wait("ready"), run.wait("ready")
     assert (first.service, first.instance, first.host) == ("detector", "detector-1", "robot")
     assert second.sequence == first.sequence + 1
     assert second.stamp_ns > first.stamp_ns
@@ -53,138 +53,138 @@ def test_a_heartbeat_tells_who_and_counts_up(beating: Beating) -> None:
     assert first.reason == ""
 
 
-def test_the_state_of_the_node_is_told(beating: Beating) -> None:
-    beating.node.state = "starting"
-    beating.wait("starting")
-    beating.node.state = "finished"
-    beating.wait("stopping")
+def test_state_of_the_node_is_published(run: HeartbeatRun) -> None:
+    run.node.state = "starting"
+    run.wait("starting")
+    run.node.state = "finished"
+    run.wait("stopping")
 
 
-def test_a_reason_of_many_lines_is_told_in_one(beating: Beating) -> None:
-    beating.node.reason = "the model failed:\n\x1b[31mno memory"
-    beating.node.state = "degraded"
-    assert beating.wait("degraded").reason == "the model failed:  [31mno memory"
+def test_reason_of_many_lines_is_published_in_one(run: HeartbeatRun) -> None:
+    run.node.reason = "the model failed:\n\x1b[31mno memory"
+    run.node.state = "degraded"
+    assert run.wait("degraded").reason == "the model failed:  [31mno memory"
 
 
-def test_a_node_that_hangs_is_told_as_stalled_until_it_goes_on(beating: Beating) -> None:
+def test_node_that_hangs_is_stalled_until_it_goes_on(run: HeartbeatRun) -> None:
     release = threading.Event()
 
     def hang() -> None:
-        with beating.activity.busy():
+        with run.activity.busy():
             release.wait(WAIT_S)
 
     thread = threading.Thread(target=hang)
     thread.start()
-    assert beating.wait("stalled").reason == "busy with one message for 0 s"
+    assert run.wait("stalled").reason == "busy with one message for 0 s"
     release.set()
-    beating.wait("ready")
+    run.wait("ready")
     thread.join()
 
 
-def test_a_thread_that_hangs_is_told_though_another_works(beating: Beating) -> None:
+def test_thread_that_hangs_stalls_though_another_works(run: HeartbeatRun) -> None:
     release = threading.Event()
 
     def hang() -> None:
-        with beating.activity.busy():
+        with run.activity.busy():
             release.wait(WAIT_S)
 
     thread = threading.Thread(target=hang)
     thread.start()
     for _ in range(10):
-        with beating.activity.busy():
-            beating.watcher.wait(Health)
-    beating.wait("stalled")
+        with run.activity.busy():
+            run.watcher.wait(Health)
+    run.wait("stalled")
     release.set()
     thread.join()
 
 
-def test_bytes_that_do_not_decode_degrade_for_a_while(
-    beating: Beating, monkeypatch: pytest.MonkeyPatch
+def test_bytes_that_do_not_decode_degrade_the_process_for_a_while(
+    run: HeartbeatRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("people4d.queue.FRESH_S", 0.3)
-    beating.inbox.put(BY_NAME["detections"], "k", b"\xc1")
-    health = beating.wait("degraded")
+    run.inbox.put(BY_NAME["detections"], "k", b"\xc1")
+    health = run.wait("degraded")
     assert health.reason.startswith("message: expected MessagePack")
     assert health.counters["bad_detections"] == 1
-    assert beating.wait("ready").counters["bad_detections"] == 1
+    assert run.wait("ready").counters["bad_detections"] == 1
 
 
-def test_counters_of_node_inbox_and_loop_are_told_together(beating: Beating) -> None:
-    beating.node.handled = [1, 2, 3]
-    beating.activity.count("errors")
-    beating.activity.count("errors")
-    beating.inbox.put(BY_NAME["truth"], "k", b"")
-    told = beating.watcher.wait_for_counters(handled=3, errors=2, bad_truth=1).counters
-    # What never happened is told as 0: the reader sees that it is counted.
-    assert told == {"handled": 3, "skipped": 0, "errors": 2, "bad_truth": 1} | NO_CLOCK
+def test_counters_of_node_inbox_and_loop_are_published_together(run: HeartbeatRun) -> None:
+    run.node.handled = [1, 2, 3]
+    run.activity.count("errors")
+    run.activity.count("errors")
+    run.inbox.put(BY_NAME["truth"], "k", b"")
+    counters = run.watcher.wait_for_counters(handled=3, errors=2, bad_truth=1).counters
+    # Zeros are published: they show what is counted.
+    assert counters == {"handled": 3, "skipped": 0, "errors": 2, "bad_truth": 1} | NO_CLOCK
 
 
-def test_the_age_of_what_was_taken_last_is_told_and_grows(beating: Beating) -> None:
+def test_age_of_the_newest_input_is_published_and_grows(run: HeartbeatRun) -> None:
     received_ns = time.time_ns() - 500_000_000
-    beating.activity.note_taken("frames", received_ns)
-    first = beating.watcher.wait(Health, lambda health: "age_frames_ms" in health.gauges)
-    second = beating.watcher.wait(Health)
+    run.activity.note_taken("frames", received_ns)
+    first = run.watcher.wait(Health, lambda health: "age_frames_ms" in health.gauges)
+    second = run.watcher.wait(Health)
     assert 500 <= first.gauges["age_frames_ms"] < second.gauges["age_frames_ms"]
 
 
-def test_the_clock_is_compared_with_that_of_the_router(
+def test_clock_is_compared_with_that_of_the_router(
     network: Network, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(heartbeat, "PERIOD_S", 0.05)
     robot = network.robot()
     serve_time(network.open(robot), "router", lambda: time.time_ns() - 3_000_000_000)
-    beating = Beating(network.open(robot), Echo())
+    run = HeartbeatRun(network.open(robot), Echo())
     try:
-        told = beating.watcher.wait(Health, lambda health: "clock_offset_ms" in health.gauges)
+        health = run.watcher.wait(Health, lambda health: "clock_offset_ms" in health.gauges)
     finally:
-        beating.heartbeat.close()
+        run.heartbeat.close()
     # The router's clock is 3 s behind, so this one is 3 s ahead.
-    assert abs(told.gauges["clock_offset_ms"] - 3000) <= told.gauges["clock_error_ms"]
+    assert abs(health.gauges["clock_offset_ms"] - 3000) <= health.gauges["clock_error_ms"]
 
 
-def test_counters_of_one_name_add_up(beating: Beating) -> None:
-    beating.activity.count("handled")
-    beating.node.handled = [1, 2]
-    assert beating.watcher.wait_for_counters(handled=3).counters["handled"] == 3
+def test_counters_of_one_name_add_up(run: HeartbeatRun) -> None:
+    run.activity.count("handled")
+    run.node.handled = [1, 2]
+    assert run.watcher.wait_for_counters(handled=3).counters["handled"] == 3
 
 
-def test_rates_are_messages_per_second_of_the_last_period(beating: Beating) -> None:
+def test_rates_are_messages_per_second_of_the_last_period(run: HeartbeatRun) -> None:
     # 20 messages between two heartbeats: 20 / (their distance).
-    beating.activity.count("sent_people")
-    before = beating.watcher.wait_for_counters(sent_people=1)
+    run.activity.count("sent_people")
+    before = run.watcher.wait_for_counters(sent_people=1)
     for _ in range(20):
-        beating.activity.count("sent_people")
+        run.activity.count("sent_people")
     total = 0.0
     while total < 19.0:
-        health = beating.watcher.wait(Health)
+        health = run.watcher.wait(Health)
         total += health.gauges["sent_people_hz"] * (health.stamp_ns - before.stamp_ns) / 1e9
         before = health
     assert total == pytest.approx(20.0, rel=0.3)
-    assert beating.watcher.wait(Health).gauges["sent_people_hz"] == 0.0
-    assert beating.watcher.wait(Health).counters["sent_people"] == 21
+    assert run.watcher.wait(Health).gauges["sent_people_hz"] == 0.0
+    assert run.watcher.wait(Health).counters["sent_people"] == 21
 
 
-def test_the_last_heartbeat_says_stopping(beating: Beating) -> None:
-    beating.wait("ready")
-    beating.heartbeat.close()
-    assert beating.wait("stopping").pid > 0
+def test_the_last_heartbeat_says_stopping(run: HeartbeatRun) -> None:
+    run.wait("ready")
+    run.heartbeat.close()
+    assert run.wait("stopping").pid > 0
 
 
-def test_a_status_that_fails_does_not_stop_the_heart(beating: Beating) -> None:
+def test_status_that_raises_does_not_stop_the_heartbeat(run: HeartbeatRun) -> None:
     broken = threading.Event()
 
     def fail() -> Status:
         broken.set()
         raise RuntimeError("a bug in the node")
 
-    status = beating.node.status
-    beating.node.status = fail  # type: ignore[method-assign]
+    status = run.node.status
+    run.node.status = fail  # type: ignore[method-assign]
     assert broken.wait(WAIT_S)
-    beating.node.status = status  # type: ignore[method-assign]
-    beating.wait("ready")
+    run.node.status = status  # type: ignore[method-assign]
+    run.wait("ready")
 
 
-def test_the_longest_work_counts() -> None:
+def test_longest_busy_thread_counts() -> None:
     activity, started, release = Activity(), threading.Event(), threading.Event()
     assert activity.longest_busy_s() == 0.0
 
@@ -202,17 +202,17 @@ def test_the_longest_work_counts() -> None:
     assert activity.longest_busy_s() == 0.0
 
 
-def test_what_does_not_come_and_who_tells_it(
-    beating: Beating, monkeypatch: pytest.MonkeyPatch
+def test_missing_input_degrades_the_process_that_requires_it(
+    run: HeartbeatRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(throughput, "QUIET_S", 0.2)
     monkeypatch.setattr(Echo, "required_inputs", (Detections,))
-    bus = beating.bus
+    bus = run.bus
     watcher = Watcher(bus, Health)
     other = Heartbeat(Echo(), bus, ProcessId("tracker", "tracker-1", "robot"), Inbox(), Activity())
-    told = watcher.wait(Health, lambda h: (h.service, h.state) == ("tracker", "degraded"))
+    health = watcher.wait(Health, lambda h: (h.service, h.state) == ("tracker", "degraded"))
     other.close()
-    assert told.reason == "no detections have come yet, for 0 s"
-    assert told.release == importlib.metadata.version("people4d")
+    assert health.reason == "no detections have come yet, for 0 s"
+    assert health.release == importlib.metadata.version("people4d")
     last = watcher.wait(Health, lambda h: (h.service, h.state) == ("tracker", "stopping"))
     assert last.reason == ""

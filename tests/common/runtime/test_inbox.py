@@ -31,7 +31,7 @@ def taken(inbox: Inbox) -> list[int]:
     return sequences
 
 
-def test_of_live_frames_the_newest_wins_and_the_others_are_counted() -> None:
+def test_newest_live_frame_replaces_others_which_are_counted() -> None:
     inbox = Inbox()
     for sequence in (1, 2, 3):
         put(inbox, FRAMES, sequence)
@@ -39,7 +39,7 @@ def test_of_live_frames_the_newest_wins_and_the_others_are_counted() -> None:
     assert inbox.counters == {"received_frames": 3, "dropped_frames": 2}
 
 
-def test_each_camera_keeps_its_own_newest_frame() -> None:
+def test_newest_frame_of_each_camera_waits() -> None:
     inbox = Inbox()
     for key in ("left", "right"):
         put(inbox, FRAMES, 1, key)
@@ -47,7 +47,7 @@ def test_each_camera_keeps_its_own_newest_frame() -> None:
     assert inbox.counters["dropped_frames"] == 0
 
 
-def test_lockstep_frames_are_kept() -> None:
+def test_lockstep_frames_are_not_dropped() -> None:
     # The camera has at most two unanswered, and so many find room.
     inbox = Inbox()
     for sequence in (1, 2):
@@ -56,7 +56,7 @@ def test_lockstep_frames_are_kept() -> None:
     assert inbox.counters == {"received_frames": 2}
 
 
-def test_queued_messages_are_kept_in_order_up_to_the_depth() -> None:
+def test_queued_messages_wait_in_order_up_to_the_depth() -> None:
     inbox = Inbox()
     for sequence in range(DETECTIONS.depth + 3):
         put(inbox, DETECTIONS, sequence)
@@ -93,15 +93,15 @@ def test_gaps_are_counted_by_sequence() -> None:
     assert inbox.counters["gaps_frames"] == 2 + 1
 
 
-def test_gaps_of_two_cameras_are_told_apart() -> None:
+def test_gaps_are_counted_by_camera() -> None:
     inbox = Inbox()
     for sequence, key in ((1, "left"), (9, "right"), (2, "left"), (10, "right")):
         put(inbox, FRAMES, sequence, key)
     assert inbox.counters["gaps_frames"] == 0
 
 
-def test_frames_without_people_are_counted_for_each_camera() -> None:
-    # left: 3 and 4 never came; right: 11; both come on the key of all people.
+def test_gaps_of_tracks_are_counted_by_camera() -> None:
+    # left: 3 and 4 never came; right: 11; both come on the key of all tracks.
     inbox = Inbox()
     for sequence, camera in ((2, "left"), (10, "right"), (5, "left"), (12, "right"), (13, "right")):
         tracks = msgspec.structs.replace(EXAMPLES["Tracks"], sequence=sequence, camera=camera)
@@ -109,7 +109,7 @@ def test_frames_without_people_are_counted_for_each_camera() -> None:
     assert inbox.counters["gaps_people"] == 2 + 1
 
 
-def test_the_largest_gaps_can_still_be_told() -> None:
+def test_counters_of_the_largest_gaps_can_be_encoded() -> None:
     # Counters of 64 bits once overflowed after two such messages, which silenced the heartbeat.
     inbox = Inbox()
     for sequence in (0, 2**53 - 1) * 100:
@@ -118,7 +118,7 @@ def test_the_largest_gaps_can_still_be_told() -> None:
     assert encode(health)
 
 
-def test_bytes_that_do_not_decode_are_counted_and_told() -> None:
+def test_bytes_that_do_not_decode_are_counted_with_the_error() -> None:
     inbox = Inbox()
     assert not inbox.last_error_is_fresh()
     inbox.put(DETECTIONS, "k", b"\xc1")
@@ -128,7 +128,7 @@ def test_bytes_that_do_not_decode_are_counted_and_told() -> None:
     assert inbox.get(0.0) is None
 
 
-def test_a_message_on_a_foreign_topic_is_counted_and_told() -> None:
+def test_message_of_another_topic_is_counted_with_the_error() -> None:
     inbox = Inbox()
     inbox.put(DETECTIONS, "k", encode(EXAMPLES["Truth"]))
     assert inbox.counters == {"bad_detections": 1}
@@ -162,10 +162,10 @@ def test_a_message_ends_a_wait() -> None:
     assert got == [5]
 
 
-def test_many_threads_lose_and_repeat_nothing() -> None:
-    # Four keys of 50 messages each fit, whatever the takers do.
+def test_no_message_is_lost_or_repeated_among_many_threads() -> None:
+    # Four keys of 50 messages each fit, in any order of threads.
     inbox = Inbox()
-    lock, seen = threading.Lock(), []
+    lock, tickets = threading.Lock(), []
 
     def write(key: str) -> None:
         for sequence in range(50):
@@ -177,7 +177,7 @@ def test_many_threads_lose_and_repeat_nothing() -> None:
         while (arrival := inbox.get(0.05)) or not written.is_set():
             if arrival:
                 with lock:
-                    seen.append(arrival.ticket)
+                    tickets.append(arrival.ticket)
 
     readers = [threading.Thread(target=read) for _ in range(3)]
     writers = [threading.Thread(target=write, args=(key,)) for key in "abcd"]
@@ -188,11 +188,11 @@ def test_many_threads_lose_and_repeat_nothing() -> None:
     written.set()
     for thread in readers:
         thread.join(WAIT_S)
-    assert sorted(seen) == list(range(200))
+    assert sorted(tickets) == list(range(200))
     assert inbox.counters == {"received_detections": 200}
 
 
-def test_bytes_of_others_are_read_by_their_own_decoder() -> None:
+def test_foreign_topic_is_read_by_its_own_decoder() -> None:
     def read_count(payload: bytes) -> Message:
         if not payload.isdigit():
             raise DecodeError("count: expected digits, got other bytes")
@@ -211,7 +211,7 @@ def test_bytes_of_others_are_read_by_their_own_decoder() -> None:
     assert inbox.last_error == "count: expected digits, got other bytes"
 
 
-def test_who_joins_frames_with_later_messages_may_keep_some() -> None:
+def test_several_frames_wait_if_the_node_wants_them() -> None:
     inbox = Inbox(frames_waiting=3)
     for sequence in range(5):
         put(inbox, FRAMES, sequence)

@@ -35,7 +35,7 @@ def quick_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Running:
-    """A loop in a thread, and the session of somebody who feeds and watches it."""
+    """A loop in a thread, and a session that feeds and watches it."""
 
     def __init__(self, network: Network, node: Node, workers: int) -> None:
         robot = network.robot()
@@ -115,7 +115,7 @@ def test_an_error_in_the_node_is_counted_and_holds_up_nothing(
 
 
 class Unsendable(Truth, frozen=True, kw_only=True):
-    """A message that the topic table does not know."""
+    """A message that is not in the table of topics."""
 
 
 def test_an_answer_that_cannot_be_sent_is_counted_and_holds_up_nothing(network: Network) -> None:
@@ -154,7 +154,7 @@ def test_a_node_that_is_finished_ends_the_loop_after_its_outputs(network: Networ
     assert watcher.wait(Health, lambda h: h.state == "stopping").counters["sent_truth"] == 5
 
 
-def test_stop_lets_what_waits_be_handled(network: Network) -> None:
+def test_waiting_messages_are_handled_after_a_stop(network: Network) -> None:
     started, release = threading.Event(), threading.Event()
 
     def hook(message: Message) -> None:
@@ -173,9 +173,7 @@ def test_stop_lets_what_waits_be_handled(network: Network) -> None:
     assert node.closed
 
 
-def test_a_node_with_a_thread_of_its_own_can_make_tick_due(
-    network: Network, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_node_can_wake_the_loop(network: Network, monkeypatch: pytest.MonkeyPatch) -> None:
     class Fed(Echo):
         def attach(self, loop: LoopCallbacks) -> None:
             self.wake = loop.wake
@@ -188,9 +186,7 @@ def test_a_node_with_a_thread_of_its_own_can_make_tick_due(
         assert run.watcher.wait(Truth).sequence == 3
 
 
-def test_tick_is_asked_when_the_node_wants_it(
-    network: Network, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tick_is_called_at_wake_ns(network: Network, monkeypatch: pytest.MonkeyPatch) -> None:
     class Timed(Echo):
         at_ns: int | None = None
 
@@ -211,7 +207,7 @@ def test_tick_is_asked_when_the_node_wants_it(
         run.watcher.wait(Truth)
 
 
-def test_the_health_of_a_node_that_hangs_is_still_told(
+def test_node_that_hangs_still_has_a_heartbeat(
     network: Network, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("common.runtime.heartbeat.STALLED_AFTER_S", 0.2)
@@ -269,7 +265,7 @@ def test_a_failure_at_the_start_is_one_sentence_and_exit_code_1(
 
 
 class Holding(Echo):
-    """Keeps its answers back until it is asked for them at the end."""
+    """Holds its answers back until `flush`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -283,7 +279,7 @@ class Holding(Echo):
         return self.held
 
 
-def test_what_a_node_holds_back_is_published_at_the_end(network: Network) -> None:
+def test_outputs_held_back_are_published_at_the_end(network: Network) -> None:
     with running(network, Holding()) as run:
         run.send(*map(detections, range(3)))
         run.watcher.wait_for_counters(handled=3)
@@ -292,14 +288,12 @@ def test_what_a_node_holds_back_is_published_at_the_end(network: Network) -> Non
 
 
 @pytest.mark.parametrize("workers", [1, 3])
-def test_whatever_counts_as_received_is_answered_after_a_stop(
-    network: Network, workers: int
-) -> None:
+def test_received_messages_are_answered_after_a_stop(network: Network, workers: int) -> None:
     first = threading.Event()
     with running(network, Echo(lambda _: first.set()), workers) as run:
         run.send(*map(detections, range(60)))
         assert first.wait(WAIT_S)
         run.loop.stop()  # in the midst of them
-        told = run.watcher.wait(Health, lambda h: h.state == "stopping").counters
-        assert told["received_detections"] == told["sent_people"] > 0
-        assert run.tracks(told["sent_people"]) == list(range(told["sent_people"]))
+        counters = run.watcher.wait(Health, lambda h: h.state == "stopping").counters
+        assert counters["received_detections"] == counters["sent_people"] > 0
+        assert run.tracks(counters["sent_people"]) == list(range(counters["sent_people"]))

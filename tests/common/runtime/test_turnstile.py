@@ -1,4 +1,4 @@
-"""Of two threads none takes a frame that a newer one may still replace."""
+"""Turnstile between two threads: no frame is taken that a newer one may still replace."""
 
 import threading
 from collections.abc import Sequence
@@ -80,7 +80,7 @@ class Early(Heavy):
         return [Truth(stamp_ns=0, sequence=message.sequence, frame_id="map")]
 
 
-def test_what_is_ready_first_is_sent_first(network: Network) -> None:
+def test_output_that_is_ready_first_is_published_first(network: Network) -> None:
     node = Early()
     with running(network, node, workers=2) as run:
         run.send(frame(1, lockstep=True), frame(2, lockstep=True))

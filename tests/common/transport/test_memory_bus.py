@@ -16,20 +16,20 @@ class Evaluator(Node):
     inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
 
     def __init__(self) -> None:
-        self.asked: list[int] = []
+        self.ticks_ns: list[int] = []
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         return [Truth(stamp_ns=message.stamp_ns, sequence=message.sequence, frame_id="map")]
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        self.asked.append(now_ns)
+        self.ticks_ns.append(now_ns)
         return [BY_NAME["Odometry"]] if now_ns >= 100 else []
 
     def wake_ns(self) -> int | None:
         return 100
 
 
-def test_a_message_is_followed_by_all_that_follows_from_it() -> None:
+def test_message_is_followed_by_all_its_consequences() -> None:
     bus = MemoryBus([Echo(), Evaluator()])
     published = bus.publish(detections(1), detections(2))
     assert [(type(m), m.sequence) for m in published] == [
@@ -50,25 +50,25 @@ def test_order_of_the_nodes_does_not_matter_to_a_chain() -> None:
     assert [type(m) for m in one.publish(message)] == [type(m) for m in other.publish(message)]
 
 
-def test_what_no_node_wants_is_only_logged() -> None:
+def test_message_without_a_reader_is_only_logged() -> None:
     node = Echo()
     assert MemoryBus([node]).publish(BY_NAME["Health"]) == [BY_NAME["Health"]]
     assert node.handled == []
 
 
-def test_time_passes_only_when_told() -> None:
+def test_time_passes_only_in_advance() -> None:
     evaluator = Evaluator()
     bus = MemoryBus([evaluator, Source(1)])
     assert [type(m) for m in bus.advance(99)] == [Truth]
     assert bus.advance() == []
     assert [type(m) for m in bus.advance(1)] == [Odometry]
-    assert evaluator.asked == [99, 99, 100]
+    assert evaluator.ticks_ns == [99, 99, 100]
 
 
 def test_messages_pass_the_codec() -> None:
     # A node gets read-only arrays of its own, as it would from another process.
-    seen: list[Message] = []
+    received: list[Message] = []
     message = detections(1)
-    MemoryBus([Echo(seen.append)]).publish(message)
-    assert seen[0] == message
-    assert seen[0] is not message
+    MemoryBus([Echo(received.append)]).publish(message)
+    assert received[0] == message
+    assert received[0] is not message

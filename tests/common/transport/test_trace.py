@@ -53,36 +53,36 @@ def test_a_failed_stage_is_measured_too() -> None:
     assert [s.stage for s in spans] == ["a.broken", "a.next"]
 
 
-def test_threads_do_not_see_each_others_spans() -> None:
+def test_spans_of_threads_are_separate() -> None:
     both = threading.Barrier(2, timeout=10)
-    seen: dict[str, list[Span]] = {}
+    collected: dict[str, list[Span]] = {}
 
     def work(name: str) -> None:
         with collect(ProcessId(name, name, "h")) as spans:
             both.wait()
             with span(name):
                 both.wait()
-        seen[name] = spans
+        collected[name] = spans
 
     threads = [threading.Thread(target=work, args=(name,)) for name in ("a", "b")]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join(10)
-    assert {n: [s.stage for s in spans] for n, spans in seen.items()} == {
+    assert {n: [s.stage for s in spans] for n, spans in collected.items()} == {
         "a": ["a.a"],
         "b": ["b.b"],
     }
 
 
-def test_a_stage_measured_elsewhere_can_be_told() -> None:
+def test_stage_measured_elsewhere_is_recorded() -> None:
     record("nowhere", 1, 2)
     with collect(A) as spans:
         record("capture", 3, 9)
     assert spans == [Span(stage="a.capture", process="a@h", start_ns=3, end_ns=9)]
 
 
-def test_a_message_tells_its_arrival_the_work_and_its_leaving() -> None:
+def test_trace_holds_arrival_work_and_publishing() -> None:
     tracer = Tracer(A)
     taken = tracer.taken(message(BEFORE), 10, 12, 15)
     with tracer.working() as spans:
@@ -124,7 +124,7 @@ def test_a_full_trace_stays_valid() -> None:
 
 
 def test_every_stage_of_a_service_is_in_the_table() -> None:
-    """Parsed from the code, so that a name that is new must be told what it means."""
+    """The names are parsed from the code, so that each has a meaning."""
     names = set()
     for file in (ROOT / "services").rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):

@@ -67,7 +67,7 @@ def test_a_late_subscriber_gets_the_last_of_each_key(network: Network, mode: str
     watcher.wait(CameraInfo, lambda m: m.sequence == 2)
 
 
-def test_a_publisher_that_comes_late_is_heard_at_once(network: Network) -> None:
+def test_late_publisher_is_received_at_once(network: Network) -> None:
     # Its session is not linked yet when it publishes; the message must not be lost for that.
     robot = network.robot()
     watcher = Watcher(network.open(robot, "peer"), CameraInfo)
@@ -75,7 +75,7 @@ def test_a_publisher_that_comes_late_is_heard_at_once(network: Network) -> None:
     assert watcher.wait(CameraInfo).sequence == EXAMPLES["CameraInfo"].sequence
 
 
-def test_of_frames_a_busy_subscriber_gets_the_newest(network: Network) -> None:
+def test_busy_subscriber_gets_the_newest_frames(network: Network) -> None:
     robot = network.robot()
     camera, detector = network.open(robot), network.open(robot)
     frames, marks = detector.subscribe(BY_NAME["frames"]), Watcher(detector, Truth)
@@ -90,7 +90,7 @@ def test_of_frames_a_busy_subscriber_gets_the_newest(network: Network) -> None:
     assert got == list(range(20 - LOCKSTEP_MAX, 20))
 
 
-def test_a_frame_of_full_size_arrives_whole(network: Network) -> None:
+def test_frame_of_full_size_arrives_unchanged(network: Network) -> None:
     robot = network.robot()
     random = np.random.default_rng(0)
     frame = RgbdFrame(
@@ -109,7 +109,7 @@ def test_a_frame_of_full_size_arrives_whole(network: Network) -> None:
     np.testing.assert_array_equal(again.depth_mm, frame.depth_mm)
 
 
-def test_robots_do_not_hear_each_other(network: Network) -> None:
+def test_robots_do_not_receive_each_other(network: Network) -> None:
     one, other = network.robot(), network.robot()
     subscriber, publisher = network.open(one), network.open(other)
     watcher = Watcher(subscriber, Truth)
@@ -145,12 +145,12 @@ def test_subscriptions_are_back_after_a_restart_of_the_router() -> None:
     network.start_router()
     arrived.clear()
     assert publish_until(arrived, publisher, EXAMPLES["Tracks"]) < 8.0
-    # Who joins now still gets what was sent once, before the restart.
+    # A new subscriber still gets the latched message from before the restart.
     Watcher(network.open(robot), CameraInfo).wait(CameraInfo)
     network.close()
 
 
-def test_peers_talk_on_without_the_router() -> None:
+def test_peers_stay_connected_without_the_router() -> None:
     network = Network()
     robot = network.robot()
     arrived = arrival(network.open(robot, "peer"), "people")
@@ -166,21 +166,21 @@ def test_peers_talk_on_without_the_router() -> None:
 def test_an_instance_is_announced_until_its_session_ends(network: Network) -> None:
     robot = network.robot()
     bus = network.open(robot)
-    gone, there = threading.Event(), threading.Event()
+    left, joined = threading.Event(), threading.Event()
     with zenoh.open(read_config(None, "client", network.environment)) as session:
         _subscriber = session.liveliness().declare_subscriber(
             f"people4d/v1/{robot}/alive/**",
-            lambda sample: (there if sample.kind == zenoh.SampleKind.PUT else gone).set(),
+            lambda sample: (joined if sample.kind == zenoh.SampleKind.PUT else left).set(),
             history=True,  # the token may be there before the subscription is
         )
         bus.announce("detector", "detector-1")
-        assert there.wait(WAIT_S)
-        assert not gone.is_set()
+        assert joined.wait(WAIT_S)
+        assert not left.is_set()
         bus.close()
-        assert gone.wait(WAIT_S)
+        assert left.wait(WAIT_S)
 
 
-def test_nobody_at_the_endpoint_is_told_within_the_time_limit() -> None:
+def test_missing_router_is_an_error_within_the_time_limit() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     start = time.monotonic()
     with pytest.raises(People4dError) as caught:
@@ -192,7 +192,7 @@ def test_nobody_at_the_endpoint_is_told_within_the_time_limit() -> None:
     assert ".rs" not in text, "paths of the machine that built Zenoh"
 
 
-def test_a_second_router_is_told_that_the_endpoint_is_taken(network: Network) -> None:
+def test_second_router_at_one_endpoint_is_an_error(network: Network) -> None:
     config = read_config(None, "router", {"PEOPLE4D_LISTEN": network.endpoint})
     with pytest.raises(People4dError, match=r"cannot listen .*in use.* Does another router") as e:
         ZenohBus(config, "robot")
@@ -255,7 +255,7 @@ def test_a_folder_holds_one_file_for_each_role(tmp_path: Path) -> None:
         ("{connect: {endpoints: ['here']}}", "Endpoints must be of the form <protocol>/<address>"),
     ],
 )
-def test_a_bad_configuration_is_told_in_one_line(
+def test_bad_configuration_is_an_error_of_one_line(
     tmp_path: Path, content: str | None, problem: str
 ) -> None:
     path = tmp_path / "zenoh.json5"
