@@ -94,6 +94,7 @@ class Cluster:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+        self._state.cleanup()
 
 
 @contextlib.contextmanager
