@@ -59,7 +59,7 @@ BOXES = ("motion by", "MOTA", "IDF1", "IDsw")
 
 
 @dataclass(frozen=True)
-class FrameRenderer:
+class RecordedMotion:
     """One film, and what tells the motion in it.
 
     Args:
@@ -103,7 +103,7 @@ class FrameRenderer:
         return {"wheels": self.wheels, "pictures": self.pictures, "none": self.none}
 
 
-def watch(trial: EvaluationRun) -> FrameRenderer:
+def watch(trial: EvaluationRun) -> RecordedMotion:
     """Return what pictures tell of a film, people left out where the detector found them."""
     messages = list(read_tracker_input(trial.detections, None))
     visual = VisualMotion(
@@ -111,7 +111,7 @@ def watch(trial: EvaluationRun) -> FrameRenderer:
     )
     seen = tuple(visual)
     world = World(load_scenario(trial.recording.scenario), trial.recording.seed)
-    return FrameRenderer(
+    return RecordedMotion(
         trial,
         tuple(m for m in messages if isinstance(m, Odometry)),
         seen,
@@ -154,7 +154,7 @@ def stretches(travelled: F64, length: float) -> list[int]:
     return [int(np.searchsorted(travelled, start + length)) for start in travelled]
 
 
-def pose_row(name: str, way: str, film: FrameRenderer) -> list[str]:
+def pose_row(name: str, way: str, film: RecordedMotion) -> list[str]:
     """Return how far the motion that is told is off."""
     told, true = (
         at_frames(film.ways()[way], film.seen),
@@ -186,7 +186,7 @@ def pose_row(name: str, way: str, film: FrameRenderer) -> list[str]:
     ]
 
 
-def sure(samples: Sequence[Odometry], film: FrameRenderer) -> float:
+def sure(samples: Sequence[Odometry], film: RecordedMotion) -> float:
     """Return the share of frames whose heading is within two of its own standard deviations."""
     times = np.array([one.stamp_ns for one in film.seen])
     headings = np.arctan2(film.true[:, 1, 0], film.true[:, 0, 0])
@@ -200,7 +200,7 @@ def sure(samples: Sequence[Odometry], film: FrameRenderer) -> float:
     return float(np.mean(within)) if within else math.nan
 
 
-def matching(film: FrameRenderer, samples: Sequence[Odometry], folder: Path) -> Matching:
+def matching(film: RecordedMotion, samples: Sequence[Odometry], folder: Path) -> Matching:
     """Return what the tracker makes of a film with one odometry, beside the truth."""
     path = folder / "film.mcap"
     told = [FrameMotion(one.stamp_ns, one, 0.0) for one in samples]
@@ -226,7 +226,7 @@ def track_row(name: str, way: str, result: Matching) -> list[str]:
     ]
 
 
-def box_table(films: Iterable[FrameRenderer], cache: Path) -> str:
+def box_table(films: Iterable[RecordedMotion], cache: Path) -> str:
     """Return what an odometry does to SORT in the image, all films together."""
     settings = variants(OWN, DYNAMIC)
     rides: dict[str, list[Ride]] = {"wheels": [], "pictures": [], "none": []}

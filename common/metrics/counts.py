@@ -16,11 +16,11 @@ class Counts:
         return type(self)(*(getattr(self, name) + getattr(other, name) for name in names))
 
 
-def ratio(part: float, whole: float) -> float:
+def ratio(part: float, total: float) -> float:
     """Divide; 0 where there is nothing to divide by, as TrackEval has it."""
-    return float(part / whole) if whole else 0.0
+    return float(part / total) if total else 0.0
 
 
-def ratios(part: F64, whole: F64) -> F64:
+def ratios(part: F64, total: F64) -> F64:
     """Divide elementwise; 0 where there is nothing to divide by."""
-    return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)
+    return np.divide(part, total, out=np.zeros_like(part), where=total > 0)

@@ -1,4 +1,4 @@
-"""HOTA, higher order tracking accuracy (Luiten et al. 2020)."""
+"""HOTA, higher order tracking accuracy [Luiten 2020]."""
 
 from dataclasses import dataclass, field
 
@@ -19,7 +19,7 @@ def _zeros() -> F64:
 
 @dataclass(frozen=True)
 class HotaCounts(Counts):
-    """What HOTA counts, each for all thresholds of ALPHAS; each property is per threshold, too."""
+    """Counts of HOTA for all thresholds of ALPHAS; each property is per threshold, too."""
 
     tp: F64 = field(default_factory=_zeros)
     fn: F64 = field(default_factory=_zeros)

@@ -1,4 +1,4 @@
-"""Identity measures (Ristani et al. 2016): how long people are called by their right name."""
+"""Identity measures [Ristani 2016]: share of frames under one identity per person."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from common.metrics.matching import ROUNDING, Matching
 
 @dataclass(frozen=True)
 class IdentityCounts(Counts):
-    """What the identity measures count, under the best one-to-one naming of tracks."""
+    """Counts of the identity measures, under the best one-to-one assignment of tracks."""
 
     idtp: int = 0  # people in frames matched by their own track
     idfn: int = 0  # people in frames without it
@@ -24,12 +24,12 @@ class IdentityCounts(Counts):
 
     @property
     def idp(self) -> float:
-        """Precision: share of the tracks under the right name."""
+        """Precision: share of the tracks under their own person."""
         return ratio(self.idtp, self.idtp + self.idfp)
 
     @property
     def idr(self) -> float:
-        """Recall: share of the people under the right name."""
+        """Recall: share of the people under their own track."""
         return ratio(self.idtp, self.idtp + self.idfn)
 
 

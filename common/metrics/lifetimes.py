@@ -1,6 +1,6 @@
-"""How long people are tracked: coverage, segments, time to the first track, returns.
+"""Durations of tracks: coverage, segments, time to the first track, returns.
 
-A tracker that drops tracks looks accurate; these figures tell (method book section 9).
+A tracker that drops tracks has small errors; these metrics show it (docs/method.md, section 9).
 """
 
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from people4d.messages import F64
 
 @dataclass(frozen=True)
 class Lifetimes(Counts):
-    """Sums over people; in view means that the person had to be found."""
+    """Sums over people; in view means that the person has to be tracked."""
 
     duration_s: float = 0.0  # [s] of the sequence
     truths: int = 0  # people in view, over all frames
     tracked: int = 0  # of them with a track
-    measured: int = 0  # of them with a track that was seen in this frame, not only predicted
+    measured: int = 0  # of them with a track that has a measurement in the frame
     segments: int = 0  # runs of matches of one person to one track
     segments_s: float = 0.0  # [s] matched in them
     people: int = 0  # who were in view at all
@@ -36,7 +36,7 @@ class Lifetimes(Counts):
 
     @property
     def coverage_measured(self) -> float:
-        """Share of the people in view that have a track seen in this frame."""
+        """Share of the people in view whose track has a measurement in the frame."""
         return ratio(self.measured, self.truths)
 
     @property
@@ -46,12 +46,12 @@ class Lifetimes(Counts):
 
     @property
     def mean_first_track_s(self) -> float | None:
-        """Mean time to the first track of those who got one; None if nobody did."""
+        """Mean time to the first track of those who got one; None if none did."""
         return self.first_track_s / self.found if self.found else None
 
     @property
     def share_reidentified(self) -> float | None:
-        """Share of the returns under the same track; None if nobody came back."""
+        """Share of the returns under the same track; None if none came back."""
         return self.reidentified / self.returns if self.returns else None
 
 

@@ -83,18 +83,18 @@ def read_rows(path: Path) -> MotRows:
         DecodeError: A line is not as expected, or an identity comes twice in a frame.
     """
     rows: list[list[float]] = []
-    seen: dict[tuple[float, float], int] = {}
+    first_lines: dict[tuple[float, float], int] = {}
     for number, line in enumerate(_text(path).splitlines(), start=1):
         if not line.strip():
             continue
         row = _parse(line, f"{path}, line {number}")
         frame_id = (row[0], row[1])
-        if row[1] >= 0 and frame_id in seen:
+        if row[1] >= 0 and frame_id in first_lines:
             raise DecodeError(
                 f"{path}, line {number}: expected each id once in a frame, got id {row[1]:.0f} "
-                f"of frame {row[0]:.0f} again (first in line {seen[frame_id]})"
+                f"of frame {row[0]:.0f} again (first in line {first_lines[frame_id]})"
             )
-        seen[frame_id] = number
+        first_lines[frame_id] = number
         rows.append(row)
     table = np.array(rows).reshape(-1, 10)
     table = table[np.argsort(table[:, 0], kind="stable")]

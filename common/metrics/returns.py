@@ -1,4 +1,4 @@
-"""People who left the view and came back: are they known again?"""
+"""Re-identification of people who left the view and returned."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ class ReturnToView:
 
     @property
     def reidentified(self) -> bool:
-        """Whether the track is the same."""
+        """True if the track is the same."""
         return self.after == self.before
 
 
@@ -37,7 +37,7 @@ def find_returns(matching: Matching, away_s: float = AWAY_S) -> tuple[ReturnToVi
 
     Returns:
         One record for each return, in order of time; a visit in which the person never had to be
-        found is none.
+        tracked is none.
     """
     views = _frames_in_view(matching)
     found = [

@@ -1,4 +1,4 @@
-"""How alike a true person and a track are, 0 to 1; 0.5 is as little as a match may have."""
+"""Similarity of a person and a track, 0 to 1; matches have at least 0.5."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -42,7 +42,7 @@ def csv(
     if not rows:
         found = ", ".join(opened.summary.topics) or "nothing"
         raise SourceError(
-            f"{recording} holds nobody, neither truth nor tracks",
+            f"{recording} has neither truth nor tracks",
             f"It holds {found}. Record with --topics people,truth.",
         )
     typer.echo(f"Wrote {rows} rows to {table}.")
@@ -79,14 +79,14 @@ def interpolated(truths: Iterable[Truth], tracks: Iterable[Tracks]) -> Iterator[
         truths: By rising stamp.
         tracks: By rising stamp.
     """
-    trail, waiting = TruthBuffer(), iter(truths)
+    buffer, waiting = TruthBuffer(), iter(truths)
     for message in tracks:
-        while trail.newest_ns is None or trail.newest_ns < message.stamp_ns:
+        while buffer.newest_ns is None or buffer.newest_ns < message.stamp_ns:
             truth = next(waiting, None)
             if truth is None:
                 return
-            trail.add(truth)
-        found = trail.at(message.stamp_ns)
+            buffer.add(truth)
+        found = buffer.at(message.stamp_ns)
         if found is not None:
             yield found
 

@@ -14,7 +14,7 @@ from people4d.errors import People4dError
 from people4d.messages import Alignment, PersonScore, Score, Tally
 
 VIEWS = {"inside": "", "outside": "[dim]outside[/]", "unknown": "[yellow]unknown[/]"}
-UNSEEN = "where the camera is or how far it sees is not known: everyone counts, also out of view"
+NO_VIEW = "pose or calibration of the camera is unknown: all people count, also out of view"
 
 
 def score(
@@ -24,22 +24,22 @@ def score(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Show how far the tracks are from the truth, live; needs a system with --truth."""
+    """Score tracks against the truth, live; needs a system with --truth."""
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
         messages = client.messages(Score, timeout_s=timeout_s)
         waiting = "waiting for a score ..."
-        if not follow(messages, picture_of, once=once, json=json, waiting=waiting):
+        if not follow(messages, render_score, once=once, json=json, waiting=waiting):
             raise People4dError(
                 f"no score came within {timeout_s:g} s",
                 "It needs people and truth (people4d up --truth FILE); see people4d ps.",
             )
 
 
-def picture_of(message: Score) -> Group:
-    """Draw one message: everyone now, then lately and in all."""
+def render_score(message: Score) -> Group:
+    """Render one message: all people now, then the last seconds and all frames."""
     notes = [Text("") if message.alignment is None else _alignment(message.alignment)]
     if any(person.view == "unknown" for person in message.people):
-        notes.append(Text(UNSEEN, style="yellow"))
+        notes.append(Text(NO_VIEW, style="yellow"))
     return Group(_people(message), Text(""), _figures(message), *notes)
 
 
@@ -53,7 +53,7 @@ def _people(message: Score) -> Table:
     for person in sorted(message.people, key=lambda person: person.id):
         table.add_row(person.id, VIEWS[person.view], *_row(person))
     for track in message.false_alarms:
-        table.add_row("[red]nobody[/]", "", f"[red]{track}[/]")
+        table.add_row("[red]none[/]", "", f"[red]{track}[/]")
     return table
 
 
@@ -89,9 +89,9 @@ def _column(tally: Tally) -> dict[str, str]:
         "position rmse": f"{_number(tally.position_rmse_m)} m",
         "velocity rmse": f"{_number(tally.velocity_rmse_mps)} m/s",
         "yaw rmse": f"{_number(None if yaw is None else math.degrees(yaw), 1)} °",
-        "found": _share(tally.matched, tally.truths),
+        "matched": _share(tally.matched, tally.truths),
         "predicted of these": _share(tally.predicted, tally.matched),
-        "tracks of nobody": str(tally.false_alarms),
+        "false alarms": str(tally.false_alarms),
         "people out of view": str(tally.outside),
         "id switches": str(tally.id_switches),
         "a minute": _per_minute(tally),
@@ -99,8 +99,8 @@ def _column(tally: Tally) -> dict[str, str]:
     }
 
 
-def _share(part: int, whole: int) -> str:
-    return f"{100 * part / whole:.1f} %" if whole else "-"
+def _share(part: int, total: int) -> str:
+    return f"{100 * part / total:.1f} %" if total else "-"
 
 
 def _per_minute(tally: Tally) -> str:
@@ -118,7 +118,7 @@ def _alignment(found: Alignment) -> Text:
         parts.append(f"shift {x:+.2f} {y:+.2f} {z:+.2f} m, turn {turn_deg:+.1f}°")
         parts.append(f"rmse {_number(found.rmse_before_m)} -> {_number(found.rmse_after_m)} m")
     if len(parts) == 1:
-        parts.append("not found yet: people must walk different ways")
+        parts.append("not found yet: people must walk in different directions")
     return Text("\n" + " · ".join(parts))
 
 

@@ -120,7 +120,7 @@ class GaitReport:
         self._viewer = self._viewer or GaitViewer(info, self._run.gait.cascade.depth.spin)
         self._viewer.add(frame, results)
         # Stills show frames with people only.
-        wanted = bool(results) and self._stills.takes_next
+        wanted = bool(results) and self._stills.is_next
         if self._draws_all or wanted:
             image = self._viewer.draw(frame, results)
             self._record(info.camera, frame.stamp_ns, image)

@@ -94,7 +94,7 @@ def html_of(content: ReportContent) -> str:
         f"<p>{len(content.filmstrips)} of {content.switches} are shown; all are in "
         "<code>switches.csv</code>. Each image is centred on the true person; the lines below "
         "list the tracks and detections near by, and their distance from the true position.</p>",
-        *map(_strip, content.filmstrips),
+        *map(_filmstrip, content.filmstrips),
         '<h2 id="recordings">Recordings</h2>',
         _recordings(content.scores),
         '<h2 id="settings">Settings</h2>',
@@ -152,7 +152,7 @@ def _figure(image: ReportFigure) -> str:
     return f'<h3>{title}</h3>\n<img alt="{title}" src="{source}">'
 
 
-def _strip(filmstrip: Filmstrip) -> str:
+def _filmstrip(filmstrip: Filmstrip) -> str:
     cells = []
     for cell in filmstrip.images:
         lines = "<br>".join(map(escape, cell.lines))

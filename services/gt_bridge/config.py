@@ -37,7 +37,7 @@ class GtBridgeConfig(Config, frozen=True, kw_only=True):
     topic: str = ""  # ROS topic of people_msgs/People; empty: the only one in the bag
     rate_hz: NonNegative = 0.0  # [Hz] of the frames of MOT text; 0: as seqinfo.ini beside it says
     # time
-    pace: Literal["frames", "recorded"] = "frames"  # with the pipeline, or by its own clock
+    playback: Literal["frames", "recorded"] = "frames"  # with the pipeline, or by its own clock
     offset_s: float = 0.0  # [s] added to stamps of the truth: from its clock to the camera's
     loop_s: NonNegative = 0.0  # [s] what a looping camera adds to its stamps each round; 0: no loop
     # frames

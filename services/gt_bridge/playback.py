@@ -36,7 +36,7 @@ class TruthPlayback:
         prepare: Callable[[Truth], Truth],
     ) -> None:
         self._truth = truth
-        self._by_clock = config.pace == "recorded"
+        self._by_clock = config.playback == "recorded"
         self._offset_ns = round(config.offset_s * NS)
         self._loop_ns = round(config.loop_s * NS)
         self._counters = counters

@@ -19,13 +19,13 @@ class EvenSample(Generic[T]):
         self._stride = 1
 
     @property
-    def takes_next(self) -> bool:
+    def is_next(self) -> bool:
         """True if the next value is sampled."""
         return self.count % self._stride == 0
 
     def add(self, value: T) -> None:
         """Offer a value."""
-        if self.takes_next:
+        if self.is_next:
             self.values.append(value)
             if len(self.values) > 2 * self._capacity:
                 self.values = self.values[::2]

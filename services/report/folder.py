@@ -90,16 +90,16 @@ class VideoFile:
         self._size = (0, 0)
         self._failed = False
 
-    def write(self, picture: AnnotatedFrame) -> None:
+    def write(self, frame: AnnotatedFrame) -> None:
         """Append a frame; one of another size than the first is scaled to it."""
         if self._failed:
             return
         if self._writer is None:
-            self._first.append(picture)
+            self._first.append(frame)
             if len(self._first) >= RATE_FRAMES:
                 self._open()
             return
-        self._append(self._writer, picture.image)
+        self._append(self._writer, frame.image)
 
     def close(self) -> None:
         """Finish the file."""
@@ -111,7 +111,7 @@ class VideoFile:
     def _open(self) -> None:
         height, width = self._first[0].image.shape[:2]
         self._size = width, height
-        rate_hz = frame_rate_hz([picture.stamp_ns for picture in self._first])
+        rate_hz = frame_rate_hz([frame.stamp_ns for frame in self._first])
         first, self._first = self._first, []
         try:
             self._writer = open_video(self._path, rate_hz, self._size)
@@ -119,8 +119,8 @@ class VideoFile:
             log.warning("%s; the other files are", error.problem)
             self._failed = True
             return
-        for picture in first:
-            self._append(self._writer, picture.image)
+        for frame in first:
+            self._append(self._writer, frame.image)
 
     def _append(self, writer: cv2.VideoWriter, image: U8) -> None:
         bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)

@@ -8,9 +8,9 @@ from common.runtime.latency import end_to_end, merge_stages, percentiles, segmen
 from people4d.messages import Span
 from services.report.even_sample import EvenSample
 
-SAMPLES = 10_000  # kept of each stage
+SAMPLES = 10_000  # of each stage
 MAX_STAGES = 128
-WHOLE = "whole"
+END_TO_END = "end_to_end"
 
 
 class Percentiles(msgspec.Struct, frozen=True, kw_only=True):
@@ -23,7 +23,7 @@ class Percentiles(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Latency:
-    """Durations of all pieces of the way, and of the whole, which is their sum.
+    """Durations of all segments of the trace, and end to end, which is their sum.
 
     Between machines whose clocks differ, `transport` holds the difference of the clocks.
     """
@@ -32,18 +32,18 @@ class Latency:
         self._samples: dict[str, EvenSample[float]] = {}
 
     def add(self, trace: Sequence[Span]) -> None:
-        """Take the trace of one message, oldest stage first; pieces of one name are one."""
-        for part in merge_stages(segments(trace)):
-            self._take(part.name, part.ms)
+        """Take the trace of one message, oldest stage first; segments of one name are one."""
+        for segment in merge_stages(segments(trace)):
+            self._add(segment.name, segment.ms)
         if total := end_to_end(trace):
-            self._take(WHOLE, total.ms)
+            self._add(END_TO_END, total.ms)
 
     def percentiles(self) -> dict[str, Percentiles]:
-        """Return the distribution of each stage in the order of the way, the whole last."""
-        names = sorted(self._samples, key=lambda name: name == WHOLE)
+        """Return the distribution of each stage in the order of the trace, end to end last."""
+        names = sorted(self._samples, key=lambda name: name == END_TO_END)
         return {name: _percentiles(self._samples[name]) for name in names}
 
-    def _take(self, name: str, duration_ms: float) -> None:
+    def _add(self, name: str, duration_ms: float) -> None:
         if name in self._samples or len(self._samples) < MAX_STAGES:
             self._samples.setdefault(name, EvenSample(SAMPLES)).add(duration_ms)
 

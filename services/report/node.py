@@ -89,13 +89,13 @@ class ReportNode(Node):
         self._statistics.settle(frame)
         if frame.rgb is None or (frame.detections is None and frame.tracks is None):
             return
-        if not self._config.video and not self._tiles.takes_next:
+        if not self._config.video and not self._tiles.is_next:
             self._tiles.skip()
             return
         image = annotate(frame.rgb, frame.detections, frame.tracks, self._view(frame.camera))
         if self._config.video:
             self._output.add_frame(AnnotatedFrame(frame.camera, frame.stamp_ns, image))
-        if self._tiles.takes_next:
+        if self._tiles.is_next:
             self._tiles.add(Tile(shrink(image, self._config.tile_width_px), self._caption(frame)))
         else:
             self._tiles.skip()

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from services.report.latency import END_TO_END
 from services.report.statistics import RunSummary
 
 NONE = "none"
@@ -10,8 +11,8 @@ NONE = "none"
 def headline(summary: RunSummary) -> str:
     """Return the summary in one line."""
     words = f"{summary.frames_tracked} of {summary.frames} frames tracked, {summary.tracks} tracks"
-    whole = summary.latency.get("whole")
-    return f"{words}, latency {whole.p50_ms:.0f} ms" if whole else words
+    end_to_end = summary.latency.get(END_TO_END)
+    return f"{words}, latency {end_to_end.p50_ms:.0f} ms" if end_to_end else words
 
 
 def facts(summary: RunSummary) -> list[tuple[str, str]]:
@@ -38,7 +39,7 @@ def latency_table(summary: RunSummary) -> list[tuple[str, str, str, str]]:
 
 
 def text(summary: RunSummary) -> str:
-    """Return the whole summary as plain text."""
+    """Return the complete summary as plain text."""
     lines = [f"{name:<10} {sentence}" for name, sentence in facts(summary)]
     table = latency_table(summary)
     width = max((len(row[0]) for row in table), default=0)

@@ -103,10 +103,10 @@ def test_errors_are_one_sentence(name: str, message: str, tmp_path: Path) -> Non
     assert message in output
 
 
-def test_a_recording_of_nobody(tmp_path: Path) -> None:
+def test_a_recording_without_people(tmp_path: Path) -> None:
     status, output = run(record(tmp_path, tracks(0)), tmp_path / "x.csv")
     assert status == 1
-    assert "holds nobody, neither truth nor tracks. It holds people." in output
+    assert "has neither truth nor tracks. It holds people." in output
 
 
 def test_parquet_without_pyarrow_names_the_mend(

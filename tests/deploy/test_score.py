@@ -9,7 +9,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from deploy.cli import app
-from deploy.cli.score import picture_of
+from deploy.cli.score import render_score
 from people4d.messages import Alignment, PersonScore, Score
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network
@@ -27,23 +27,23 @@ FULL = example()
 def drawn(message: Score) -> list[list[str]]:
     console = Console(width=140)
     with console.capture() as capture:
-        console.print(picture_of(message))
+        console.print(render_score(message))
     return [line.split() for line in capture.get().splitlines() if line.split()]
 
 
-def test_everyone_now_and_the_figures() -> None:
+def test_people_now_and_the_totals() -> None:
     lines = drawn(FULL)
     # off sqrt(0.1^2 + 0.2^2) = 0.22 m, 0.50 m/s, -0.5 rad = -29 degrees
     assert ["anna", "7", "0.22", "0.50", "-29", "75", "%"] in lines
-    assert ["nobody", "9"] in lines
+    assert ["none", "9"] in lines
     # 0.125 rad = 7.2 degrees; 3 of 4 found; 1 of 3 predicted; 1 switch in 0.5 s = 120 a minute
     assert lines[5:-1] == [
         ["position", "rmse", "0.250", "m", "0.250", "m"],
         ["velocity", "rmse", "0.500", "m/s", "0.500", "m/s"],
         ["yaw", "rmse", "7.2", "°", "7.2", "°"],
-        ["found", "75.0", "%", "75.0", "%"],
+        ["matched", "75.0", "%", "75.0", "%"],
         ["predicted", "of", "these", "33.3", "%", "33.3", "%"],
-        ["tracks", "of", "nobody", "1", "1"],
+        ["false", "alarms", "1", "1"],
         ["people", "out", "of", "view", "2", "2"],
         ["id", "switches", "1", "1"],
         ["a", "minute", "120.0", "120.0"],
@@ -53,17 +53,17 @@ def test_everyone_now_and_the_figures() -> None:
     assert alignment.startswith("alignment applied · clock +80 ± 1 ms · shift +0.00 +0.00 +0.00 m")
 
 
-def test_it_is_said_where_the_view_is_not_known() -> None:
+def test_an_unknown_view_is_reported() -> None:
     people = (PersonScore(id="a", view="unknown"), PersonScore(id="b", view="outside"))
     lines = drawn(msgspec.structs.replace(FULL, people=people, alignment=None))
     assert ["a", "unknown", "none", "-", "-", "-", "-"] in lines
     assert ["b", "outside", "-", "-", "-", "-"] in lines
-    assert "everyone counts, also out of view" in " ".join(lines[-1])
+    assert "all people count, also out of view" in " ".join(lines[-1])
 
 
 def test_an_alignment_that_is_not_found_says_why() -> None:
     lines = drawn(msgspec.structs.replace(FULL, alignment=Alignment(applied=False)))
-    assert "people must walk different ways" in " ".join(lines[-1])
+    assert "people must walk in different directions" in " ".join(lines[-1])
     turned = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 0], [0, 0, 0, 1]])
     found = Alignment(applied=False, matrix=turned, rmse_before_m=1.0, rmse_after_m=0.5)
     lines = drawn(msgspec.structs.replace(FULL, alignment=found))

@@ -1,4 +1,4 @@
-"""A stored recording by hand: detections and truth, no pictures."""
+"""A stored recording by hand: detections and truth, no annotated."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -52,7 +52,7 @@ def detections(frame: int, *positions_m: Sequence[float]) -> Detections:
     )
 
 
-def truth(frame: int, **places: tuple[float, float]) -> Truth:
+def truth(frame: int, **positions: tuple[float, float]) -> Truth:
     """People who stand and face the camera, by x and y in the map."""
     people = tuple(
         TruthPerson(
@@ -61,7 +61,7 @@ def truth(frame: int, **places: tuple[float, float]) -> Truth:
             velocity_mps=np.zeros(3),
             yaw_rad=np.pi,
         )
-        for name, (x, y) in places.items()
+        for name, (x, y) in positions.items()
     )
     return Truth(stamp_ns=frame * STEP_NS, sequence=frame, frame_id="map", people=people)
 

@@ -1,4 +1,4 @@
-"""A recording small enough to be judged by hand."""
+"""A recording small enough to be run by hand."""
 
 import csv
 from pathlib import Path
@@ -10,7 +10,7 @@ from evaluation.methods import read_method
 from evaluation.recordings.recordings import plan_recordings
 from evaluation.run.preparation import EvaluationPlan
 from people4d.errors import SourceError
-from tests.evaluation import builders as stored
+from tests.evaluation import builders
 
 FRAMES = 60
 LEFT, BACK = 20, 50  # the person is not detected from frame 20 to 49
@@ -20,7 +20,7 @@ def quiet(what: str, share: float) -> None:
     pass
 
 
-def judge(path: Path, folder: Path, *settings: str) -> EvaluationPlan:
+def plan(path: Path, folder: Path, *settings: str) -> EvaluationPlan:
     """Plan the paper's first method, in which one person needs no distance gate."""
     rules = ("tracker.sort3d.distance_gate=false", "tracker.sort3d.t_lost=10", *settings)
     return EvaluationPlan(
@@ -34,26 +34,26 @@ def judge(path: Path, folder: Path, *settings: str) -> EvaluationPlan:
 @pytest.fixture
 def away(tmp_path: Path) -> Path:
     """One person who stands at (2, 0), is read 0.1 m too near, and is away for 3 s."""
-    seen = [
-        stored.detections(k, *([] if LEFT <= k < BACK else [(0.0, 0.0, 1.9)]))
+    detected = [
+        builders.detections(k, *([] if LEFT <= k < BACK else [(0.0, 0.0, 1.9)]))
         for k in range(FRAMES)
     ]
-    told = [stored.truth(k, ann=(2.0, 0.0)) for k in range(FRAMES)]
-    return stored.write(tmp_path / "away.mcap", [*told, *seen])
+    truths = [builders.truth(k, ann=(2.0, 0.0)) for k in range(FRAMES)]
+    return builders.write(tmp_path / "away.mcap", [*truths, *detected])
 
 
-def only(plan: EvaluationPlan) -> tuple[RunReport, dict[str, float | None]]:
-    done = evaluate(plan, quiet)
+def only(planned: EvaluationPlan) -> tuple[RunReport, dict[str, float | None]]:
+    done = evaluate(planned, quiet)
     assert len(done.runs) == 1
     return done.runs[0], dict(done.rows[0])
 
 
 def test_figures_by_hand(away: Path, tmp_path: Path) -> None:
-    # 60 frames at 10 Hz are 6 s. SORT-3D confirms with the third match, so ID 1 is told in frames
+    # 60 frames at 10 Hz are 6 s. SORT-3D confirms with the third match: ID 1 is in frames
     # 2 to 19 and ID 2 in 52 to 59: 18 + 8 = 26 of 60 frames, one ID switch in 6 s = 10 a minute,
-    # two segments of 2.6 s / 2 = 1.3 s. The person is first told at frame 2 = 0.2 s.
-    judged, row = only(judge(away, tmp_path))
-    assert judged.switches == (("seg-sort", "away", "ann", 1, 2, 1.9, 5.2),)
+    # two segments of 2.6 s / 2 = 1.3 s. The person is first tracked at frame 2 = 0.2 s.
+    run, row = only(plan(away, tmp_path))
+    assert run.switches == (("seg-sort", "away", "ann", 1, 2, 1.9, 5.2),)
     assert row["id_switches_per_min"] == pytest.approx(10.0)
     assert row["truths"] == 60
     assert row["coverage"] == pytest.approx(26 / 60)
@@ -68,41 +68,41 @@ def test_figures_by_hand(away: Path, tmp_path: Path) -> None:
     assert row["velocity_rmse_along_mps"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_who_is_out_of_the_view_is_no_miss(tmp_path: Path) -> None:
+def test_a_person_out_of_view_is_no_miss(tmp_path: Path) -> None:
     # 640 px of 600 px focal length: at 3 m the image reaches from -1.6 to 1.6 m; depth to 5 m.
-    told = [stored.truth(k, ann=(3.0, 0.0), bea=(3.0, 1.7), eve=(5.1, 0.0)) for k in range(10)]
-    seen = [stored.detections(k, (0.0, 0.0, 3.0)) for k in range(10)]
-    _, row = only(judge(stored.write(tmp_path / "view.mcap", [*told, *seen]), tmp_path))
+    truths = [builders.truth(k, ann=(3.0, 0.0), bea=(3.0, 1.7), eve=(5.1, 0.0)) for k in range(10)]
+    detected = [builders.detections(k, (0.0, 0.0, 3.0)) for k in range(10)]
+    _, row = only(plan(builders.write(tmp_path / "view.mcap", [*truths, *detected]), tmp_path))
     assert row["truths"] == 10
     assert row["misses"] == 2  # before ann is confirmed
     assert row["people"] == 1
 
 
-def test_who_is_not_captured_is_neither_miss_nor_false_alarm(tmp_path: Path) -> None:
+def test_a_person_not_captured_is_neither_miss_nor_false_alarm(tmp_path: Path) -> None:
     # Motion capture loses bea from frame 5 to 14; her track goes on.
-    told = [
-        stored.truth(k, ann=(3.0, 0.5), **({} if 5 <= k < 15 else {"bea": (3.0, -0.5)}))
+    truths = [
+        builders.truth(k, ann=(3.0, 0.5), **({} if 5 <= k < 15 else {"bea": (3.0, -0.5)}))
         for k in range(20)
     ]
-    seen = [stored.detections(k, (-0.5, 0.0, 3.0), (0.5, 0.0, 3.0)) for k in range(20)]
-    _, row = only(judge(stored.write(tmp_path / "gap.mcap", [*told, *seen]), tmp_path))
+    detected = [builders.detections(k, (-0.5, 0.0, 3.0), (0.5, 0.0, 3.0)) for k in range(20)]
+    _, row = only(plan(builders.write(tmp_path / "gap.mcap", [*truths, *detected]), tmp_path))
     assert row["truths"] == 20 + 10
     assert row["misses"] == 2 + 2
     assert row["false_alarms"] == 0
 
 
 def test_frames_without_any_truth_are_left_out(tmp_path: Path) -> None:
-    told = [stored.truth(k, ann=(3.0, 0.0)) for k in range(10, 20)]
-    seen = [stored.detections(k, (0.0, 0.0, 3.0)) for k in range(30)]
-    judged, row = only(judge(stored.write(tmp_path / "late.mcap", [*told, *seen]), tmp_path))
+    truths = [builders.truth(k, ann=(3.0, 0.0)) for k in range(10, 20)]
+    detected = [builders.detections(k, (0.0, 0.0, 3.0)) for k in range(30)]
+    run, row = only(plan(builders.write(tmp_path / "late.mcap", [*truths, *detected]), tmp_path))
     assert (row["truths"], row["misses"], row["false_alarms"]) == (10, 0, 0)
     assert row["duration_s"] == pytest.approx(1.0)
-    assert judged.scores.frames == 30
+    assert run.scores.frames == 30
 
 
 def test_the_switch_is_in_the_table_and_the_report(away: Path, tmp_path: Path) -> None:
-    plan = judge(away, tmp_path)
-    page = write(plan, evaluate(plan, quiet), tmp_path / "out", "people4d evaluate <it>")
+    planned = plan(away, tmp_path)
+    page = write(planned, evaluate(planned, quiet), tmp_path / "out", "people4d evaluate <it>")
     with (tmp_path / "out" / "tables" / "6_1_id_switches.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert rows[0] == {
@@ -124,16 +124,19 @@ def test_the_switch_is_in_the_table_and_the_report(away: Path, tmp_path: Path) -
 
 @pytest.mark.parametrize("frame_id", ["map", "hall"])
 def test_truth_and_tracks_must_share_a_frame(frame_id: str, tmp_path: Path) -> None:
-    told, seen = [stored.truth(0, ann=(2.0, 0.0))], [stored.detections(0, (0.0, 0.0, 2.0))]
-    path = stored.write(tmp_path / "frames.mcap", [*told, *seen], frame_id)
+    truths, detected = (
+        [builders.truth(0, ann=(2.0, 0.0))],
+        [builders.detections(0, (0.0, 0.0, 2.0))],
+    )
+    path = builders.write(tmp_path / "frames.mcap", [*truths, *detected], frame_id)
     if frame_id == "map":
-        evaluate(judge(path, tmp_path), quiet)
+        evaluate(plan(path, tmp_path), quiet)
     else:
         with pytest.raises(SourceError, match=r"truth of .* is in frame 'map', tracks in 'hall'"):
-            evaluate(judge(path, tmp_path, "tracker.frame_id=hall"), quiet)
+            evaluate(plan(path, tmp_path, "tracker.frame_id=hall"), quiet)
 
 
-def test_a_recording_without_truth_is_told(tmp_path: Path) -> None:
-    path = stored.write(tmp_path / "none.mcap", [stored.detections(0, (0.0, 0.0, 2.0))])
+def test_a_recording_without_truth_is_refused(tmp_path: Path) -> None:
+    path = builders.write(tmp_path / "none.mcap", [builders.detections(0, (0.0, 0.0, 2.0))])
     with pytest.raises(SourceError, match=r"none.mcap has no truth"):
-        evaluate(judge(path, tmp_path), quiet)
+        evaluate(plan(path, tmp_path), quiet)

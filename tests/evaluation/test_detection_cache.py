@@ -1,4 +1,4 @@
-"""What a network found is kept exactly, and the network is asked once for each image."""
+"""The cache stores detections exactly, and the network runs once for each image."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ class Counting:
         return [person(0.5)] * int(rgb[0, 0, 0])
 
 
-def test_a_network_is_asked_once_for_each_picture() -> None:
+def test_a_network_runs_once_for_each_image() -> None:
     model, known = Counting(), DetectionCache()
     memory = CachingModel(model, known)
     assert [len(memory.detect(image(v))) for v in (1, 2, 1, 0, 0)] == [1, 2, 1, 0, 0]
@@ -52,7 +52,7 @@ def test_a_network_is_asked_once_for_each_picture() -> None:
     assert not again.changed
 
 
-def test_time_saved_is_told_once() -> None:
+def test_saved_time_is_returned_once() -> None:
     known = DetectionCache("counting", {digest(image(3)): CachedDetections((), 40.0)})
     memory = CachingModel(Counting(), known)
     memory.detect(image(3))
@@ -60,7 +60,7 @@ def test_time_saved_is_told_once() -> None:
     assert memory.saved_ms() == 0.0
 
 
-def test_findings_come_back_from_a_file_as_they_were(tmp_path: Path) -> None:
+def test_a_cache_is_read_as_it_was_written(tmp_path: Path) -> None:
     # 3 x 5 = 15 pixels are two bytes, of which one bit is padding.
     window = (np.arange(15).reshape(3, 5) % 2).astype(np.uint8)
     people = (
@@ -68,10 +68,10 @@ def test_findings_come_back_from_a_file_as_they_were(tmp_path: Path) -> None:
         person(0.1, points=False),
         person(0.8, InstanceMask(np.ones((1, 8), np.uint8), 0, 0)),
     )
-    kept = DetectionCache(
+    stored = DetectionCache(
         "seg", {2**64 - 1: CachedDetections(people, 12.5), 5: CachedDetections((), 3.0)}
     )
-    save(tmp_path / "a" / "f.npz", kept)
+    save(tmp_path / "a" / "f.npz", stored)
     back = load(tmp_path / "a" / "f.npz")
     assert back.name == "seg"
     assert list(back.frames) == [2**64 - 1, 5]
@@ -90,7 +90,7 @@ def test_findings_come_back_from_a_file_as_they_were(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["absent", "empty", "cut"])
-def test_a_damaged_file_holds_no_findings(tmp_path: Path, damage: str) -> None:
+def test_a_damaged_file_gives_an_empty_cache(tmp_path: Path, damage: str) -> None:
     file = tmp_path / "f.npz"
     save(file, DetectionCache("seg", {5: CachedDetections((person(0.5),), 3.0)}))
     data = file.read_bytes()

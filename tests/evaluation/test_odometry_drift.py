@@ -20,7 +20,7 @@ def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
     return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
 
 
-def told(stamp_ns: int, x_m: float, theta_rad: float) -> Odometry:
+def odometry(stamp_ns: int, x_m: float, theta_rad: float) -> Odometry:
     return Odometry(
         stamp_ns=stamp_ns,
         sequence=0,
@@ -48,11 +48,11 @@ def one(x_m: float, y_m: float, yaw_rad: float) -> Track:
     )
 
 
-def test_drift_of_place_and_direction_is_taken_out() -> None:
-    # The robot believes to be at (1, 0), facing x; it is at (2, 1), facing y. A person told at
+def test_drift_of_position_and_yaw_is_removed() -> None:
+    # The robot believes to be at (1, 0), facing x; it is at (2, 1), facing y. A person tracked at
     # (4, 0) is 3 m before it: truly at (2, 4). What goes along x goes along y.
     drift = OdometryDrift(
-        [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(0, 1.0, 0.0)], "map", CAMERA
+        [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), odometry(0, 1.0, 0.0)], "map", CAMERA
     )
     matrix = drift.true_from_estimated(0, base(2.0, 1.0, math.pi / 2) @ LINK_FROM_OPTICAL)
     track = transform_track(one(4.0, 0.0, math.pi * 0.75), matrix)
@@ -70,7 +70,7 @@ def test_a_camera_that_stands_does_not_drift() -> None:
 
 def test_where_the_robot_is_must_be_known() -> None:
     drift = OdometryDrift(
-        [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), told(10, 1, 0)], "map", CAMERA
+        [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), odometry(10, 1, 0)], "map", CAMERA
     )
     assert drift.true_from_estimated(10, None) is None
     assert drift.true_from_estimated(9, LINK_FROM_OPTICAL) is None  # before the first odometry

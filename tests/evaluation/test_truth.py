@@ -16,7 +16,7 @@ from lab.scenario import load_scenario
 from lab.truth.frames import person_views
 from lab.world import World
 from people4d.errors import SourceError
-from tests.evaluation import builders as stored
+from tests.evaluation import builders
 from tests.lab.scenarios import DRIVE, FRAMES, write_scenario
 
 MS = 1_000_000
@@ -24,8 +24,8 @@ MS = 1_000_000
 
 def test_truth_between_its_stamps() -> None:
     # ann walks from x = 2 to 3 between 100 and 200 ms: at 150 ms she is at 2.5.
-    told = [stored.truth(1, ann=(2.0, 0.0)), stored.truth(2, ann=(3.0, 0.0))]
-    sampled = sample_truth(told, [50 * MS, 150 * MS, 250 * MS], "it")
+    truths = [builders.truth(1, ann=(2.0, 0.0)), builders.truth(2, ann=(3.0, 0.0))]
+    sampled = sample_truth(truths, [50 * MS, 150 * MS, 250 * MS], "it")
     before, between, after = sampled.frames
     assert before is None
     assert after is None
@@ -36,29 +36,29 @@ def test_truth_between_its_stamps() -> None:
 
 
 def test_a_second_round_of_a_recording_is_left_out() -> None:
-    told = [stored.truth(k, ann=(2.0, 0.0)) for k in (0, 1, 2)]
-    told += [stored.truth(k, ann=(9.0, 0.0)) for k in (0, 1, 2)]
-    (frame,) = sample_truth(told, [150 * MS], "it").frames
+    truths = [builders.truth(k, ann=(2.0, 0.0)) for k in (0, 1, 2)]
+    truths += [builders.truth(k, ann=(9.0, 0.0)) for k in (0, 1, 2)]
+    (frame,) = sample_truth(truths, [150 * MS], "it").frames
     assert frame is not None
     assert frame.people[0].position_m[0] == 2.0
 
 
-def test_whoever_is_mostly_hidden_is_occluded() -> None:
-    sampled = sample_truth([stored.truth(0, ann=(3.0, 0.0), bea=(4.0, 0.0))], [0], "it")
+def test_a_person_mostly_hidden_is_occluded() -> None:
+    sampled = sample_truth([builders.truth(0, ann=(3.0, 0.0), bea=(4.0, 0.0))], [0], "it")
     (frame,) = sampled.frames
     assert frame is not None
     for share, occluded in ((0.34, True), (0.36, False)):
-        seen = type(frame)(frame.people, frame.captured, {"ann": 1.0, "bea": share})
-        truth = seen.ground_truth(stored.INFO, LINK_FROM_OPTICAL)
+        detected = type(frame)(frame.people, frame.captured, {"ann": 1.0, "bea": share})
+        truth = detected.ground_truth(builders.INFO, LINK_FROM_OPTICAL)
         assert truth.required.tolist() == [True, not occluded]
         assert truth.in_view.tolist() == [True, True]
 
 
 def test_truth_in_two_frames_is_refused() -> None:
-    other = stored.truth(1, ann=(2.0, 0.0))
-    told = [stored.truth(0, ann=(2.0, 0.0)), type(other)(**_fields(other), frame_id="odom")]
+    other = builders.truth(1, ann=(2.0, 0.0))
+    truths = [builders.truth(0, ann=(2.0, 0.0)), type(other)(**_fields(other), frame_id="odom")]
     with pytest.raises(SourceError, match="it has truth in the frames map, odom"):
-        sample_truth(told, [0], "it")
+        sample_truth(truths, [0], "it")
 
 
 def _fields(message: object) -> dict[str, Any]:
@@ -72,13 +72,13 @@ def test_truth_of_drawn_frames_has_the_visible_share_of_each_pixel(tmp_path: Pat
     world = World(load_scenario(str(tmp_path / "walk.toml")))
     stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
     with np.load(recording.truth_file) as file:
-        shares, places = file["vis"], file["pos"]
+        shares, positions = file["vis"], file["pos"]
     sampled = read_truth(recording, stamps_ns)
     for row, frame in enumerate(sampled.frames):
         assert frame is not None
         assert list(frame.shares.values()) == pytest.approx(shares[row].tolist())
-        told = [person.position_m for person in frame.people]
-        np.testing.assert_allclose(told, places[row], atol=1e-9)
+        positions_m = [person.position_m for person in frame.people]
+        np.testing.assert_allclose(positions_m, positions[row], atol=1e-9)
         assert frame.map_from_camera is not None
         np.testing.assert_allclose(frame.map_from_camera, world.map_from_optical(row / 10))
 
@@ -86,33 +86,37 @@ def test_truth_of_drawn_frames_has_the_visible_share_of_each_pixel(tmp_path: Pat
 def test_truth_of_a_folder_of_images_lies_in_it(shared: Path) -> None:
     folder = shared / "data" / "lab" / "two"
     with np.load(folder / "gt.npz") as file:
-        times_s, places, shares = file["t"], file["pos"], file["vis"]
+        times_s, positions, shares = file["t"], file["pos"], file["vis"]
     stamps_ns = np.round(times_s * 1e9).astype(int).tolist()
     frame = read_truth(EvaluationRecording("two", "two", folder), stamps_ns).frames[-1]
     assert frame is not None
-    np.testing.assert_allclose([p.position_m for p in frame.people], places[-1], atol=1e-9)
+    np.testing.assert_allclose([p.position_m for p in frame.people], positions[-1], atol=1e-9)
     assert list(frame.shares.values()) == pytest.approx(shares[-1].tolist())
 
 
-def test_who_hides_whom_is_known_without_drawing(tmp_path: Path) -> None:
+def test_visible_shares_are_computed_without_rendering(tmp_path: Path) -> None:
     scenario = load_scenario(str(write_scenario(tmp_path, DRIVE)))
     world = World(scenario)
     stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
     views = [person_views(world, world.frame_s(k), None) for k in range(FRAMES)]
-    places = [{view.id: view.position_m for view in people} for people in views]
-    seen = simulated_views(scenario, None, places, stamps_ns)
-    assert seen is not None
-    for k, (told, people) in enumerate(zip(seen, views, strict=True)):
-        assert told.shares == {view.id: view.visible_share for view in people}
-        np.testing.assert_array_equal(told.map_from_camera, world.map_from_optical(k / 10))
-    assert min(told.shares["2"] for told in seen) < 0.8 < max(told.shares["2"] for told in seen)
-    save_views(tmp_path / "views.npz", stamps_ns, seen)
-    kept = load_views(tmp_path / "views.npz", stamps_ns)
-    assert kept is not None
-    assert [view.shares for view in kept] == [view.shares for view in seen]
-    np.testing.assert_array_equal(kept[-1].map_from_camera, seen[-1].map_from_camera)
+    positions = [{view.id: view.position_m for view in people} for people in views]
+    views_of_camera = simulated_views(scenario, None, positions, stamps_ns)
+    assert views_of_camera is not None
+    for k, (view, people) in enumerate(zip(views_of_camera, views, strict=True)):
+        assert view.shares == {person.id: person.visible_share for person in people}
+        np.testing.assert_array_equal(view.map_from_camera, world.map_from_optical(k / 10))
+    assert (
+        min(view.shares["2"] for view in views_of_camera)
+        < 0.8
+        < max(view.shares["2"] for view in views_of_camera)
+    )
+    save_views(tmp_path / "views.npz", stamps_ns, views_of_camera)
+    cached = load_views(tmp_path / "views.npz", stamps_ns)
+    assert cached is not None
+    assert [view.shares for view in cached] == [view.shares for view in views_of_camera]
+    np.testing.assert_array_equal(cached[-1].map_from_camera, views_of_camera[-1].map_from_camera)
     assert load_views(tmp_path / "views.npz", stamps_ns[1:]) is None
-    moved = [{name: place + 1.0 for name, place in row.items()} for row in places]
+    moved = [{name: position + 1.0 for name, position in row.items()} for row in positions]
     assert simulated_views(scenario, None, moved, stamps_ns) is None
 
 

@@ -94,13 +94,21 @@ def test_a_loop_with_rising_stamps_is_followed() -> None:
     assert last.people[0].position_m[0] == 1.0  # the person is where the first round began
 
 
+def test_a_round_shorter_by_a_rounded_nanosecond_begins_with_its_first_frame() -> None:
+    # 3 frames at 15 Hz: the camera adds 66 666 666 ns a frame and not a fifteenth of a second.
+    node = GtBridgeNode(truth(1.0, 1.1), GtBridgeConfig(loop_s=0.2))
+    node.handle(frame(1.0), 0)
+    node.handle(frame(1.2 - 1e-9), 0)
+    assert node.status().counters["restarts"] == 1
+
+
 def test_offset_moves_the_stamps() -> None:
     node = GtBridgeNode(truth(0.0), GtBridgeConfig(offset_s=1700.0))
     assert stamps_s(node.handle(frame(1700.0), 0)) == [1700.0]
 
 
-def test_recorded_pace_follows_its_clock_and_finishes() -> None:
-    node = GtBridgeNode(truth(100.0, 100.5, 101.0), GtBridgeConfig(pace="recorded"))
+def test_recorded_playback_follows_its_clock_and_finishes() -> None:
+    node = GtBridgeNode(truth(100.0, 100.5, 101.0), GtBridgeConfig(playback="recorded"))
     now = 5 * S
     assert stamps_s(node.tick(now)) == [100.0]
     assert node.wake_ns() == now + S // 2
@@ -119,7 +127,7 @@ def test_no_truth_is_a_calm_state() -> None:
     assert (node.status().state, node.status().reason) == ("ready", "there is no truth")
 
 
-def test_a_file_that_fails_half_way_degrades() -> None:
+def test_a_file_that_fails_half_through_degrades() -> None:
     class Torn:
         def __iter__(self) -> Iterator[Truth]:
             yield from truth(1.0)
@@ -149,7 +157,7 @@ def scores(messages: Sequence[Message]) -> list[Score]:
     return [m for m in messages if isinstance(m, Score)]
 
 
-def test_each_frame_is_judged_as_soon_as_its_tracks_are_there() -> None:
+def test_each_frame_is_scored_as_soon_as_its_tracks_arrive() -> None:
     node = GtBridgeNode(walking())
     for message in (INFO, POSE):
         assert node.handle(message, 0) == []
@@ -165,7 +173,7 @@ def test_each_frame_is_judged_as_soon_as_its_tracks_are_there() -> None:
     assert got.total.velocity_rmse_mps == pytest.approx(0.0)
 
 
-def test_a_round_of_a_looping_camera_is_judged_anew() -> None:
+def test_each_round_of_a_looping_camera_is_scored_anew() -> None:
     node = GtBridgeNode(walking(), GtBridgeConfig(loop_s=3.0))
     total = None
     for stamp_ms in range(500, 6001, 500):
@@ -179,7 +187,7 @@ def test_a_round_of_a_looping_camera_is_judged_anew() -> None:
     assert total.frames < 8  # of the last round
 
 
-def test_truth_in_a_frame_of_its_own_is_placed_by_the_configuration() -> None:
+def test_truth_in_its_own_frame_is_transformed_as_configured() -> None:
     there = [captured(0, person("a", 1.0, 0.0, vx=1.0), frame_id="mocap"), captured(100)]
     config = GtBridgeConfig(
         transforms=(FixedTransform(parent="map", child="mocap", xyz_m=(1.0, 2.0, 0.0)),)
@@ -189,7 +197,7 @@ def test_truth_in_a_frame_of_its_own_is_placed_by_the_configuration() -> None:
     assert (got.frame_id, got.people[0].position_m.tolist()) == ("map", [2.0, 2.0, 1.0])
 
 
-def test_truth_that_cannot_be_placed_keeps_its_frame_and_is_told() -> None:
+def test_truth_without_a_transform_stays_in_its_frame_and_degrades() -> None:
     node = GtBridgeNode([captured(0, frame_id="mocap")])
     (got,) = node.handle(frame(0.05), 0)
     assert isinstance(got, Truth)
@@ -198,13 +206,13 @@ def test_truth_that_cannot_be_placed_keeps_its_frame_and_is_told() -> None:
     assert "no transform map <- mocap" in node.status().reason
 
 
-def test_strange_messages_do_not_make_it_raise_while_it_judges() -> None:
+def test_odd_messages_raise_nothing_while_scoring() -> None:
     people = [person("a", 1.0, 2.0, vx=0.1, yaw_deg=20), person("far", 1e300, 0.0)]
     node = GtBridgeNode(
         [captured(k * 50, *people) for k in range(-40, 41)],
         GtBridgeConfig(align_clock_s=0.5, align_space="3d", apply_alignment=True),
     )
-    judged = 0
+    scored = 0
     for message in itertools.chain(in_order(), out_of_order(), in_order()):
         if isinstance(message, node.inputs):
             for answer in node.handle(decode(encode(message)), 0):
@@ -213,8 +221,8 @@ def test_strange_messages_do_not_make_it_raise_while_it_judges() -> None:
                 node.handle(frame(1.0), 0)
                 timely = msgspec.structs.replace(message, stamp_ns=S, frame_id="map")
                 for answer in node.handle(timely, 0):
-                    judged += isinstance(decode(encode(answer)), Score)
-    assert judged > 20
+                    scored += isinstance(decode(encode(answer)), Score)
+    assert scored > 20
     assert node.status().state != "finished"
 
 

@@ -1,4 +1,4 @@
-"""Tracks judged while they come in: numbers by hand, and equal to the metrics on the whole."""
+"""Tracks scored while they come in: numbers by hand, and equal to the metrics on the complete."""
 
 import itertools
 import math
@@ -100,7 +100,7 @@ def test_three_frames_by_hand() -> None:
     assert third.recent == total
 
 
-def test_whoever_is_outside_of_the_view_is_marked_and_never_a_miss() -> None:
+def test_a_person_out_of_view_is_marked_and_no_miss() -> None:
     far, behind, here = person("far", 5.5, 0.0), person("behind", -2.0, 0.0), person("a", 2.0, 0.0)
     (got,) = Bench().feed([*still(far, behind, here), tracks(0, track(3, 5.4, 0.0))])
     assert [(p.id, p.view) for p in got.people] == [
@@ -184,7 +184,7 @@ def walks(seed: int) -> tuple[list[Truth], list[Tracks]]:
     """Three people on random walks, with truth at 100 Hz and tracks that err, miss and swap."""
     rng = np.random.default_rng(seed)
     start, speed = rng.uniform((1.0, -2.0), (3.0, 2.0), (3, 2)), rng.uniform(-0.8, 0.8, (3, 2))
-    truths, told = [], []
+    truths, tracked = [], []
     for ms in range(0, 4001, 10):
         people = [
             TruthPerson(
@@ -209,16 +209,16 @@ def walks(seed: int) -> tuple[list[Truth], list[Tracks]]:
                 for k, p in enumerate(people)
                 if rng.random() < 0.8
             ]
-            found += [track(99, 4.0, 0.0)] * (ms % 300 == 0)  # nobody
-            told.append(tracks(ms, *found))
-    return truths, told
+            found += [track(99, 4.0, 0.0)] * (ms % 300 == 0)  # a false alarm
+            tracked.append(tracks(ms, *found))
+    return truths, tracked
 
 
-def as_sequence(truths: Sequence[Truth], told: Sequence[Tracks]) -> EvaluationSequence:
+def as_sequence(truths: Sequence[Truth], tracked: Sequence[Tracks]) -> EvaluationSequence:
     """The same as one sequence for `common.metrics`."""
     at = {message.stamp_ns: message for message in truths}
     frames = []
-    for message in told:
+    for message in tracked:
         people, found = at[message.stamp_ns].people, message.tracks
         positions = np.array([p.position_m for p in people])
         # 45 degrees to either side, up to 5 m: written out for this camera.
@@ -245,11 +245,11 @@ def as_sequence(truths: Sequence[Truth], told: Sequence[Tracks]) -> EvaluationSe
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_live_figures_are_those_of_the_metrics_on_the_whole(seed: int) -> None:
-    truths, told = walks(seed)
-    total = Bench().feed([*truths, *told[:60], *told[60:]])[-1].total
-    want = score(as_sequence(truths, told), GroundDistance(1.0))
-    assert total.frames == len(told)
+def test_live_totals_equal_the_offline_metrics(seed: int) -> None:
+    truths, tracked = walks(seed)
+    total = Bench().feed([*truths, *tracked[:60], *tracked[60:]])[-1].total
+    want = score(as_sequence(truths, tracked), GroundDistance(1.0))
+    assert total.frames == len(tracked)
     assert total.outside > 0
     assert total.false_alarms > 0
     assert total.truths == want.clear.truths
@@ -266,9 +266,9 @@ def test_live_figures_are_those_of_the_metrics_on_the_whole(seed: int) -> None:
 
 
 def test_either_stream_may_be_ahead() -> None:
-    truths, told = walks(0)
-    merged = sorted([*truths, *told], key=lambda message: message.stamp_ns)
-    truth_first, in_turn = Bench().feed([*truths, *told]), Bench().feed(merged)
+    truths, tracked = walks(0)
+    merged = sorted([*truths, *tracked], key=lambda message: message.stamp_ns)
+    truth_first, in_turn = Bench().feed([*truths, *tracked]), Bench().feed(merged)
     assert in_turn[-1].total == truth_first[-1].total
 
 
@@ -297,13 +297,22 @@ def test_tracks_from_before_begin_a_new_playback() -> None:
     assert again[-1].sequence > first[-1].sequence  # numbered on
 
 
+def test_tracks_of_the_round_before_are_not_scored() -> None:
+    bench = Bench()
+    bench.feed(still(person("a", 2.0, 0.0)))
+    bench.scorer.restart(200 * MS)
+    (got,) = bench.feed([tracks(100, track(1, 2.0, 0.0)), tracks(200, track(2, 2.0, 0.0))])
+    assert (got.total.frames, got.total.id_switches) == (1, 0)
+    assert bench.counters["late_tracks"] == 1
+
+
 def test_tracks_a_little_late_are_counted() -> None:
     bench = Bench()
     assert len(bench.feed([*still(), tracks(300), tracks(200)])) == 1
     assert bench.counters["late_tracks"] == 1
 
 
-def test_what_cannot_be_judged_is_counted() -> None:
+def test_tracks_that_cannot_be_scored_are_counted() -> None:
     bench = Bench()
     assert bench.feed([truth(0), truth(900), tracks(400)]) == []  # truth has a gap
     assert bench.counters["without_truth"] == 1
@@ -360,14 +369,14 @@ def late_truth(offset_ms: float, shift_m: float = 0.0) -> list[Message]:
         ]
         messages.append(truth(ms, *moved))
         if ms % 40 == 0 and ms >= 200:
-            told = [
+            tracked = [
                 track(k + 1, *(p.position_m[:2] - (0.1, 0.0))) for k, p in enumerate(crossing(ms))
             ]
-            messages.append(tracks(ms, *told))
+            messages.append(tracks(ms, *tracked))
     return messages
 
 
-def test_a_clock_offset_is_found_and_told_but_not_applied() -> None:
+def test_a_clock_offset_is_reported_but_not_applied() -> None:
     last = Bench(align_clock_s=0.5).feed(late_truth(80))[-1]
     assert last.alignment is not None
     assert last.alignment.clock_offset_s == pytest.approx(0.08, abs=0.005)

@@ -1,4 +1,4 @@
-"""The report as a whole, from messages to files."""
+"""The report as a complete, from messages to files."""
 
 import json
 from pathlib import Path
@@ -32,16 +32,16 @@ from tests.report.builders import (
 STEP = 100 * MS
 
 
-class Kept:
+class StoredOutput:
     """Keeps what the report puts out."""
 
     def __init__(self) -> None:
-        self.pictures: list[AnnotatedFrame] = []
+        self.annotated: list[AnnotatedFrame] = []
         self.sheets: list[U8] = []
         self.summaries: list[RunSummary] = []
 
     def add_frame(self, frame: AnnotatedFrame) -> None:
-        self.pictures.append(frame)
+        self.annotated.append(frame)
 
     def finish(self, sheet: U8, summary: RunSummary) -> None:
         self.sheets.append(sheet)
@@ -64,72 +64,72 @@ def stream(count: int, camera: str = "front") -> list[Message]:
     return messages
 
 
-def test_every_frame_becomes_a_picture_in_order() -> None:
-    kept = Kept()
-    run(ReportNode(ReportConfig(), kept), *stream(20))
-    assert [p.stamp_ns for p in kept.pictures] == [k * STEP for k in range(20)]
-    (summary,) = kept.summaries
+def test_every_frame_is_annotated_in_order() -> None:
+    stored = StoredOutput()
+    run(ReportNode(ReportConfig(), stored), *stream(20))
+    assert [p.stamp_ns for p in stored.annotated] == [k * STEP for k in range(20)]
+    (summary,) = stored.summaries
     assert (summary.frames, summary.frames_detected, summary.frames_tracked) == (20, 20, 20)
     assert summary.score is not None
     assert summary.score.matched == 11  # 2.0 to 3.0 m are within 1 m of the truth at 2.0 m
-    assert kept.sheets[0].shape[1] == 4 * 488 + 8
+    assert stored.sheets[0].shape[1] == 4 * 488 + 8
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_order_within_a_stamp_changes_nothing(seed: int) -> None:
-    kept = Kept()
+    stored = StoredOutput()
     messages = stream(10)
     calibration, rest = messages[:2], messages[2:]
     order = np.random.default_rng(seed)
     shuffled = [m for k in range(10) for m in order.permutation(np.array(rest[4 * k : 4 * k + 4]))]
-    run(ReportNode(ReportConfig(), kept), *calibration, *shuffled)
-    assert [p.stamp_ns for p in kept.pictures] == [k * STEP for k in range(10)]
-    assert kept.summaries[0].frames_tracked == 10
+    run(ReportNode(ReportConfig(), stored), *calibration, *shuffled)
+    assert [p.stamp_ns for p in stored.annotated] == [k * STEP for k in range(10)]
+    assert stored.summaries[0].frames_tracked == 10
 
 
 @pytest.mark.parametrize("missing", range(9))
-def test_a_missing_stream_is_told_and_breaks_nothing(missing: int) -> None:
+def test_a_missing_stream_is_listed_and_breaks_nothing(missing: int) -> None:
     kinds = ReportNode.inputs
-    kept = Kept()
+    stored = StoredOutput()
     messages = [m for m in [*stream(8), health(errors=1)] if type(m) is not kinds[missing]]
-    run(ReportNode(ReportConfig(), kept), *messages)
-    told = kept.summaries[0].missing
+    run(ReportNode(ReportConfig(), stored), *messages)
+    tracked = stored.summaries[0].missing
     name = kinds[missing].__name__
-    assert told == (
+    assert tracked == (
         (name,) if name in ("RgbdFrame", "Detections", "Tracks", "Truth", "Health") else ()
     )
 
 
 def test_nothing_at_all_still_gives_a_sheet() -> None:
-    kept = Kept()
-    run(ReportNode(ReportConfig(), kept))
-    assert kept.sheets[0].size > 0
+    stored = StoredOutput()
+    run(ReportNode(ReportConfig(), stored))
+    assert stored.sheets[0].size > 0
 
 
-def test_two_cameras_are_told_apart() -> None:
-    kept = Kept()
+def test_two_cameras_have_videos_of_their_own() -> None:
+    stored = StoredOutput()
     mixed = [m for pair in zip(stream(5), stream(5, "rear"), strict=True) for m in pair]
-    run(ReportNode(ReportConfig(), kept), *mixed)
-    assert kept.summaries[0].cameras == ("front", "rear")
-    assert kept.summaries[0].frames_tracked == 10
-    assert [p.stamp_ns // STEP for p in kept.pictures if p.camera == "rear"] == list(range(5))
+    run(ReportNode(ReportConfig(), stored), *mixed)
+    assert stored.summaries[0].cameras == ("front", "rear")
+    assert stored.summaries[0].frames_tracked == 10
+    assert [p.stamp_ns // STEP for p in stored.annotated if p.camera == "rear"] == list(range(5))
 
 
 def test_without_video_only_the_sheet_is_drawn() -> None:
-    kept = Kept()
-    run(ReportNode(ReportConfig(video=False, sheet_frames=2), kept), *stream(30))
-    assert kept.pictures == []
-    assert kept.sheets[0].shape[0] == 60 + 600 + 8 + 368  # one row of tiles 480x360
+    stored = StoredOutput()
+    run(ReportNode(ReportConfig(video=False, sheet_frames=2), stored), *stream(30))
+    assert stored.annotated == []
+    assert stored.sheets[0].shape[0] == 60 + 600 + 8 + 368  # one row of tiles 480x360
 
 
-def test_join_gives_up_the_oldest_when_full() -> None:
+def test_a_full_synchroniser_releases_the_oldest() -> None:
     join = Synchroniser(capacity=3)
     released = [m for k in range(10) for m in join.add(frame(k))]
     assert [m.stamp_ns for m in released] == [0, 1, 2, 3, 4, 5, 6]
     assert [m.stamp_ns for m in join.flush()] == [7, 8, 9]
 
 
-def test_join_releases_what_came_before_a_complete_moment() -> None:
+def test_a_complete_frame_releases_the_older_ones() -> None:
     join = Synchroniser()
     for message in (frame(1), frame(2), detections(2), frame(2, "rear")):
         assert join.add(message) == []
@@ -156,7 +156,7 @@ def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cv2.imread(str(out / "contact_sheet.png")) is not None
 
 
-def test_a_run_shorter_than_the_rate_takes_is_a_video_too(tmp_path: Path) -> None:
+def test_a_run_of_few_frames_gives_a_video(tmp_path: Path) -> None:
     run(ReportNode(ReportConfig(), ReportFolder(tmp_path)), *stream(3))
     video = cv2.VideoCapture(str(tmp_path / "people_front.webm"))
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 3
@@ -181,7 +181,7 @@ def test_settings_out_of_range(setting: dict[str, Any]) -> None:
         ReportConfig(**setting)
 
 
-def test_a_full_disk_ends_in_one_sentence_and_leaves_no_summary_that_looks_complete(
+def test_a_full_disk_gives_one_sentence_and_no_summary(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "summary.json").write_text("{}")  # of the run before

@@ -102,7 +102,7 @@ def test_colours_are_stable_and_readable() -> None:
 
 
 def test_the_map_has_x_up_and_y_left() -> None:
-    # From (0, 0) to (2, 0) the person walks up; the end dot is the highest point of the trail.
+    # From (0, 0) to (2, 0) the person walks up; the end dot is the highest point of the buffer.
     line = np.stack([np.linspace(0, 2, 20), np.zeros(20)], axis=1)
     image = draw_map(Trajectories(tracks={1: line}), 300, 300)
     rows, columns = np.nonzero(near(image, colour_of(1)))
@@ -147,7 +147,7 @@ def test_the_page_grows_with_the_latency_table() -> None:
     trace = tuple(span(f"service.stage{k}", k, k + 1) for k in range(60))
     statistics.settle(SynchronisedFrame("front", 0, frame(0).rgb, None, tracks(0, trace=trace)))
     summary = statistics.summary()
-    assert len(summary.latency) == 61  # 60 stages, whole
+    assert len(summary.latency) == 61  # 60 stages, complete
     page = contact_sheet([], Trajectories(), summary)
     lowest = np.flatnonzero(page.min(axis=(1, 2)) < 100).max()  # of the dark text
     assert 660 < lowest < page.shape[0] - 8

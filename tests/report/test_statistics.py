@@ -34,7 +34,7 @@ def test_percentiles() -> None:
     assert (got.p50_ms, got.p95_ms, got.p99_ms, got.count) == (50.0, 95.0, 99.0, 101)
 
 
-def test_latency_is_stages_and_ways_and_the_rest() -> None:
+def test_latency_is_stages_transport_and_the_rest() -> None:
     latency = Latency()
     latency.add(
         [
@@ -53,10 +53,10 @@ def test_latency_is_stages_and_ways_and_the_rest() -> None:
         "detector.other": 1,
         "tracker.transport": 5,
         "tracker.update": 2,
-        "whole": 47,
+        "end_to_end": 47,
     }
-    assert list(p50)[-1] == "whole"
-    assert sum(ms for name, ms in p50.items() if name != "whole") == p50["whole"]
+    assert list(p50)[-1] == "end_to_end"
+    assert sum(ms for name, ms in p50.items() if name != "end_to_end") == p50["end_to_end"]
 
 
 def test_pieces_of_one_name_are_one() -> None:
@@ -91,7 +91,7 @@ def scored(*messages: Message) -> RunSummary:
 
 def test_score_by_hand() -> None:
     people = [truth(k * 100 * MS, ("a", 0.0, 0.0), ("b", 5.0, 0.0)) for k in range(4)]
-    # Errors of a: 0.3, 0.4 and 0 m; b is matched once, 0.5 m off; the track at 9 m is nobody's.
+    # Errors of a: 0.3, 0.4 and 0 m; b is matched once, 0.5 m off; that at 9 m is a false alarm.
     got = scored(
         *people,
         tracks(0, [track(1, 0.3), track(2, 5.5)]),
@@ -123,8 +123,8 @@ def test_without_truth_there_is_no_score() -> None:
 def summary_of_a_run() -> RunSummary:
     """Four frames at 10 Hz, the last unanswered; 1, 2 and 0 people, one without a position."""
     statistics = RunStatistics()
-    placed, unplaced = detection(), detection(position=False)
-    people: tuple[list[Detection], ...] = ([placed], [placed, unplaced], [])
+    with_position, unplaced = detection(), detection(position=False)
+    people: tuple[list[Detection], ...] = ([with_position], [with_position, unplaced], [])
     for k in range(4):
         statistics.add(frame(k * 100 * MS), 0)
     for k in range(3):
@@ -153,7 +153,7 @@ def test_summary_by_hand() -> None:
     assert got.position_share == pytest.approx(2 / 3)
     assert got.tracks == 2
     assert (got.track_length_mean, got.track_length_median) == (2.0, 2.0)  # 3 frames and 1
-    assert got.latency["whole"].p50_ms == 7.0
+    assert got.latency["end_to_end"].p50_ms == 7.0
     assert got.drops == {"detector-1": {"dropped_frames": 1}}
     assert got.score is None
     assert got.missing == ("Truth",)
@@ -167,7 +167,7 @@ def test_summary_in_words_and_json() -> None:
     assert "detector-1: dropped_frames 1" in words
     assert ("truth", "none") in facts(summary)
     assert ("missing", "Truth") in facts(summary)
-    assert ("whole", "7.0", "7.0", "7.0") in latency_table(summary)
+    assert ("end_to_end", "7.0", "7.0", "7.0") in latency_table(summary)
     assert msgspec.json.decode(msgspec.json.encode(summary), type=RunSummary) == summary
 
 
@@ -189,7 +189,7 @@ def test_the_last_word_of_each_process_counts() -> None:
 def test_spread_is_bounded_and_even(count: int) -> None:
     spread: EvenSample[int] = EvenSample(4)
     for k in range(count):
-        if spread.takes_next:
+        if spread.is_next:
             spread.add(k)
         else:
             spread.skip()

@@ -19,8 +19,8 @@ from people4d.messages import F64, Truth, TruthPerson
 
 COARSE_S = 0.1  # [s] step of the first search for the clock
 MIN_SAMPLES = 20
-MIN_SPREAD_MPS = 0.15  # [m/s] rms by which velocities must differ to tell time from place
-MIN_SPREAD_M = 0.1  # [m] rms by which people must be spread to tell a turn from a shift
+MIN_SPREAD_MPS = 0.15  # [m/s] rms by which velocities must differ to separate time from position
+MIN_SPREAD_M = 0.1  # [m] rms by which people must be spread to separate a turn from a shift
 ROUNDS = 20
 SETTLED = 1e-12
 OUTLIER = 3.0  # residuals above so many times their median are left out
@@ -28,7 +28,7 @@ OUTLIER = 3.0  # residuals above so many times their median are left out
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """What to add to stamps of the truth."""
+    """Offset to be added to stamps of the truth."""
 
     offset_s: float  # [s]
     sigma_s: float  # [s] standard deviation if errors were independent
@@ -37,7 +37,7 @@ class ClockOffset:
 
 @dataclass(frozen=True)
 class SpaceAlignment:
-    """Where the truth lies in the frame of the tracks."""
+    """Motion that takes the truth to the frame of the tracks."""
 
     matrix: F64  # [m] 4x4, tracks' frame from truth's frame
     rmse_before_m: float  # [m] horizontal
@@ -109,8 +109,8 @@ def estimate_clock(
     search in steps of 0.1 s, d and b follow from least squares (Gauss-Newton).
 
     Args:
-        truth: Where people were, on their clock.
-        tracked: Where tracks were, on theirs.
+        truth: Trajectories of people, on their clock.
+        tracked: Trajectories of tracks, on theirs.
         widest_s: Largest offset that is searched.
 
     Returns:
@@ -136,13 +136,13 @@ def estimate_clock(
 def estimate_motion(
     truth: Trajectories, tracked: Trajectories, offset_s: float = 0.0, dimensions: Literal[2, 3] = 2
 ) -> SpaceAlignment | None:
-    """Estimate where the truth lies in the frame of the tracks, from less than a metre away.
+    """Estimate the motion of the truth to the frame of the tracks, of less than a metre.
 
     TrajectoryPairs and motion are found in turns, as in iterative closest points.
 
     Args:
-        truth: Where people were.
-        tracked: Where tracks were.
+        truth: Trajectories of people.
+        tracked: Trajectories of tracks.
         offset_s: What to add to stamps of the truth.
         dimensions: 2 for a turn about z and a shift, 3 for any rotation.
 
@@ -154,7 +154,7 @@ def estimate_motion(
     pairs = pair_up(truth, tracked, offset_s)
     before_m = pairs.rmse_m(matrix)
     for _ in range(ROUNDS):
-        if not _tells_rotation(pairs.true_m, dimensions):
+        if not _determines_rotation(pairs.true_m, dimensions):
             return None
         fit = fit_2d if dimensions == 2 else fit_3d
         last, matrix = matrix, fit(pairs.true_m, pairs.tracked_m)
@@ -164,8 +164,8 @@ def estimate_motion(
     return SpaceAlignment(matrix, before_m, pairs.rmse_m(matrix), len(pairs.true_m))
 
 
-def _tells_rotation(points_m: F64, dimensions: Literal[2, 3]) -> bool:
-    """Tell whether points lie far enough apart: in one direction, or for 3D in two."""
+def _determines_rotation(points_m: F64, dimensions: Literal[2, 3]) -> bool:
+    """Check that points lie far enough apart: in one direction, or for 3D in two."""
     if len(points_m) < MIN_SAMPLES:
         return False
     centred = (points_m - points_m.mean(axis=0))[:, :dimensions]
@@ -178,8 +178,8 @@ def _clock_step(pairs: TrajectoryPairs) -> ClockOffset | None:
     residual, velocity = (pairs.tracked_m - pairs.true_m)[:, :2], pairs.velocity_mps[:, :2]
     if len(residual) < MIN_SAMPLES:
         return None
-    keep = _inliers(residual)
-    residual, velocity = residual[keep], velocity[keep]
+    inliers = _inliers(residual)
+    residual, velocity = residual[inliers], velocity[inliers]
     # r = b - v d; without the means, b is gone.
     residual, velocity = residual - residual.mean(axis=0), velocity - velocity.mean(axis=0)
     information = float(np.sum(velocity**2))

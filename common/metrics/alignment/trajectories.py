@@ -1,4 +1,4 @@
-"""Where people and tracks were over time, and which track is near which person."""
+"""Trajectories of people and tracks, and pairs of tracks and the people nearest to them."""
 
 import math
 from collections.abc import Hashable, Iterable, Mapping
@@ -11,7 +11,7 @@ from common.geometry.transforms import apply
 from common.metrics.record import BOOL, I64
 from people4d.messages import F64
 
-GATE_M = 1.0  # [m] a track farther from everyone in the truth says nothing
+GATE_M = 1.0  # [m] a track farther from all people is not used
 CLEAR_M = 0.3  # [m] the second nearest person must be farther by so much
 MAX_GAP_S = 0.2  # [s] truth that is sparser is not interpolated
 HALF_STEP_S = 0.02  # [s] to both sides of the time at which a velocity is wanted
@@ -19,7 +19,7 @@ HALF_STEP_S = 0.02  # [s] to both sides of the time at which a velocity is wante
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Where one identity was."""
+    """Positions of one identity over time."""
 
     stamps_s: F64  # [s] N, rising
     positions_m: F64  # [m] Nx3
@@ -75,8 +75,8 @@ def pair_up(
     """Pair each position of a track with the nearest person at that time.
 
     Args:
-        truth: Where people were, on their clock.
-        tracked: Where tracks were, on theirs.
+        truth: Trajectories of people, on their clock.
+        tracked: Trajectories of tracks, on theirs.
         offset_s: What to add to stamps of the truth.
         matrix: 4x4, motion of the truth before it is compared; None for none.
 
@@ -88,9 +88,9 @@ def pair_up(
     near = _nearest(true_m if matrix is None else apply(matrix, true_m), tracked_m)
     earlier = _everyone(truth, times_s - HALF_STEP_S)
     later = _everyone(truth, times_s + HALF_STEP_S)
-    velocity = _pick((later - earlier) / (2 * HALF_STEP_S), near.who)
+    velocity = _pick((later - earlier) / (2 * HALF_STEP_S), near.index)
     good = near.clear & (near.distance_m < GATE_M) & np.isfinite(velocity).all(axis=1)
-    return TrajectoryPairs(_pick(true_m, near.who)[good], velocity[good], tracked_m[good])
+    return TrajectoryPairs(_pick(true_m, near.index)[good], velocity[good], tracked_m[good])
 
 
 def cost(truth: Trajectories, tracked: Trajectories, offset_s: float) -> float:
@@ -102,23 +102,23 @@ def cost(truth: Trajectories, tracked: Trajectories, offset_s: float) -> float:
 
 @dataclass(frozen=True)
 class _Near:
-    distance_m: F64  # N, to the nearest person; infinite if nobody is known
-    who: I64  # N, index of that person
+    distance_m: F64  # N, to the nearest person; infinite if there is none
+    index: I64  # N, index of that person
     clear: BOOL  # N, everyone else is clearly farther
 
 
 def _nearest(true_m: F64, tracked_m: F64) -> _Near:
     apart = np.linalg.norm((true_m - tracked_m)[..., :2], axis=-1)
-    nobody = np.full((2, len(tracked_m)), np.inf)
-    apart = np.vstack([np.where(np.isfinite(apart), apart, np.inf), nobody])
+    absent = np.full((2, len(tracked_m)), np.inf)
+    apart = np.vstack([np.where(np.isfinite(apart), apart, np.inf), absent])
     nearest, second = np.sort(apart, axis=0)[:2]
     return _Near(nearest, np.argmin(apart, axis=0), second >= nearest + CLEAR_M)
 
 
-def _pick(people: F64, who: I64) -> F64:
-    """Return the rows (Nx3) of one person each among PxNx3, NaN where there is nobody."""
+def _pick(people: F64, index: I64) -> F64:
+    """Return the rows (Nx3) of one person each among PxNx3, NaN where there is none."""
     padded = np.concatenate([people, np.full((2, *people.shape[1:]), np.nan)])
-    return np.asarray(padded[who, np.arange(len(who))])
+    return np.asarray(padded[index, np.arange(len(index))])
 
 
 def _samples(tracked: Trajectories) -> tuple[F64, F64]:

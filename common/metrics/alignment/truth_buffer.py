@@ -82,10 +82,10 @@ class TruthBuffer:
 
 def interpolate(before: Truth, after: Truth, stamp_ns: int) -> Truth:
     """Return the people who are in both messages at a stamp between them."""
-    trail = TruthBuffer(max_gap_ns=after.stamp_ns - before.stamp_ns)
-    trail.add(before)
-    trail.add(after)
-    return trail.at(stamp_ns) or msgspec.structs.replace(before, stamp_ns=stamp_ns, people=())
+    buffer = TruthBuffer(max_gap_ns=after.stamp_ns - before.stamp_ns)
+    buffer.add(before)
+    buffer.add(after)
+    return buffer.at(stamp_ns) or msgspec.structs.replace(before, stamp_ns=stamp_ns, people=())
 
 
 def share_of(start_ns: int, stamp_ns: int, end_ns: int) -> float:

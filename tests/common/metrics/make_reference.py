@@ -68,15 +68,15 @@ def drawn_inputs(sequence: EvaluationSequence) -> tuple[Ids, Ids, list[np.ndarra
 
 def trackeval_data(persons: Ids, tracks: Ids, alike: list[np.ndarray]) -> dict[str, Any]:
     """Put the inputs into the form of TrackEval's metrics."""
-    known, told = np.unique(np.concatenate(persons)), np.unique(np.concatenate(tracks))
+    known, tracked = np.unique(np.concatenate(persons)), np.unique(np.concatenate(tracks))
     return {
         "num_timesteps": len(persons),
         "num_gt_ids": len(known),
-        "num_tracker_ids": len(told),
+        "num_tracker_ids": len(tracked),
         "num_gt_dets": sum(map(len, persons)),
         "num_tracker_dets": sum(map(len, tracks)),
         "gt_ids": [np.searchsorted(known, ids) for ids in persons],
-        "tracker_ids": [np.searchsorted(told, ids) for ids in tracks],
+        "tracker_ids": [np.searchsorted(tracked, ids) for ids in tracks],
         "similarity_scores": alike,
     }
 
@@ -86,8 +86,8 @@ def motmetrics_row(persons: Ids, tracks: Ids, alike: list[np.ndarray]) -> dict[s
     import motmetrics  # type: ignore[import-not-found] # noqa: PLC0415
 
     accumulator = motmetrics.MOTAccumulator(auto_id=True)
-    for ids, told, similarity in zip(persons, tracks, alike, strict=True):
-        accumulator.update(ids, told, np.where(similarity >= 0.5, 1.0 - similarity, np.nan))
+    for ids, tracked, similarity in zip(persons, tracks, alike, strict=True):
+        accumulator.update(ids, tracked, np.where(similarity >= 0.5, 1.0 - similarity, np.nan))
     row = motmetrics.metrics.create().compute(accumulator, metrics=list(MOTMETRICS), name="x")
     return {name: float(row[name].iloc[0]) for name in MOTMETRICS}
 
@@ -100,17 +100,17 @@ def main() -> None:
     inputs = {name: mot15_inputs(folder / name) for name in MOT15}
     inputs |= {f"drawn {seed}": drawn_inputs(drawn(seed)) for seed in SEEDS}
     quiet = {"PRINT_CONFIG": False}
-    judges = (
+    metrics = (
         (metrics.CLEAR(quiet), CLEAR),
         (metrics.Identity(quiet), IDENTITY),
         (metrics.HOTA(), HOTA),
     )
     answers: dict[str, dict[str, Any]] = {name: {} for name in (*inputs, "MOT15", "drawn")}
-    for judge, names in judges:
-        parts = {name: judge.eval_sequence(trackeval_data(*x)) for name, x in inputs.items()}
+    for metric, names in metrics:
+        parts = {name: metric.eval_sequence(trackeval_data(*x)) for name, x in inputs.items()}
         pools = {"MOT15": MOT15, "drawn": tuple(f"drawn {seed}" for seed in SEEDS)}
         for pool, members in pools.items():
-            parts[pool] = judge.combine_sequences({name: parts[name] for name in members})
+            parts[pool] = metric.combine_sequences({name: parts[name] for name in members})
         for name, part in parts.items():
             answers[name] |= {key: np.asarray(part[key]).tolist() for key in names}
     for name, x in inputs.items():

@@ -51,10 +51,10 @@ def drawn(seed: int) -> EvaluationSequence:
             names[[a, b]] = names[[b, a]]
         if random.random_sample() < 0.2:  # a new name
             names[random.randint(5)] = 100 + index
-        told = random.random_sample(5) < (0.0 if index % 20 == 13 else 0.85)
+        found = random.random_sample(5) < (0.0 if index % 20 == 13 else 0.85)
         truth_m = start_m + index * step_m
         tracked_m = truth_m + random.normal(0, 0.25, (5, 3))
-        frames.append(_drawn_frame(index, truth_m[here], tracked_m[told], (here, names[told])))
+        frames.append(_drawn_frame(index, truth_m[here], tracked_m[found], (here, names[found])))
     return EvaluationSequence(f"drawn {seed}", tuple(frames))
 
 

@@ -15,7 +15,7 @@ RATE_HZ, FRAMES_HZ = 100.0, 30.0
 
 
 def path(position: Callable[[F64], list[F64]], rate_hz: float, late_s: float = 0.0) -> Trajectory:
-    """A walk of 5 s as seen by a clock that is late."""
+    """A walk of 5 s as detected by a clock that is late."""
     t = np.arange(0.0, 5.0, 1.0 / rate_hz)
     x, y = position(t)
     return Trajectory(t + late_s, np.column_stack([x, y, np.full(len(t), 1.0)]))
@@ -85,7 +85,7 @@ def test_tracks_that_swap_where_people_meet_do_not_mislead() -> None:
     assert got.offset_s == pytest.approx(0.08, abs=1e-6)
 
 
-def test_one_straight_walk_cannot_tell_time_from_place() -> None:
+def test_one_straight_walk_gives_no_offset() -> None:
     truth, tracked = {"a": path(left, RATE_HZ)}, {1: path(left, FRAMES_HZ)}
     assert estimate_clock(truth, tracked) is None  # later or farther to the left: the same tracks
 
@@ -150,7 +150,7 @@ def test_a_tilted_frame_needs_three_dimensions_and_people_off_one_line() -> None
     assert estimate_motion({"a": tilted["a"]}, {1: tracked[1]}, dimensions=2) is not None
 
 
-def test_people_who_stand_still_tell_no_turn() -> None:
+def test_people_who_stand_still_give_no_rotation() -> None:
     still = {"a": Trajectory(np.arange(0, 5, 0.01), np.ones((500, 3)))}
     tracked = {1: Trajectory(np.arange(0, 5, 0.1), np.ones((50, 3)))}
     assert estimate_motion(still, tracked) is None

@@ -1,4 +1,4 @@
-"""CLEAR-MOT worked on paper (method book section 9). A match is at most 0.5 m apart."""
+"""CLEAR-MOT worked on paper (docs/method.md, section 9). A match is at most 0.5 m apart."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def count(recording: EvaluationSequence) -> ClearCounts:
 def test_mota() -> None:
     # Two people in four frames: 8 truths. A is found in all four, by track 3 from the third on
     # (1 switch); B is found in the first only (3 misses); tracks 2 and 9 are at 20 and 30 m with
-    # nobody there (2 false alarms): MOTA = 1 - (3 + 2 + 1) / 8 = 1 - 6/8 = 0.25.
+    # no person (2 false alarms): MOTA = 1 - (3 + 2 + 1) / 8 = 1 - 6/8 = 0.25.
     counts = count(
         sequence(
             ({"A": 0, "B": 10}, {1: 0, 2: 10}),
@@ -77,11 +77,11 @@ def test_a_switch_counts_after_frames_without_a_track() -> None:
 def test_fragmentations_are_holes_not_ends() -> None:
     # Missed, found, missed twice, found, missed: one hole.
     found = (False, True, False, False, True, False)
-    counts = count(sequence(*(({"A": 0}, {1: 0} if told else {}) for told in found)))
+    counts = count(sequence(*(({"A": 0}, {1: 0} if tracked else {}) for tracked in found)))
     assert (counts.fragmentations, counts.id_switches, counts.misses) == (1, 0, 4)
 
 
-def test_no_fragmentation_while_nobody_has_to_be_found() -> None:
+def test_out_of_view_is_no_fragmentation() -> None:
     # A is out of view in the second frame and unknown to the truth in the third.
     counts = count(
         sequence(
@@ -98,7 +98,7 @@ def test_no_fragmentation_while_nobody_has_to_be_found() -> None:
     )
 
 
-def test_a_pair_is_kept_though_another_track_is_nearer() -> None:
+def test_a_pair_persists_though_another_track_is_nearer() -> None:
     # Track 2 at 0.1 m is nearer than track 1 at 0.3 m, which had A in the frame before.
     both = ({"A": 0}, {1: 0.3, 2: 0.1})
     assert count(sequence(({"A": 0}, {1: 0}), both)).id_switches == 0
@@ -106,7 +106,7 @@ def test_a_pair_is_kept_though_another_track_is_nearer() -> None:
     assert count(sequence(both)).motp == pytest.approx(0.9)
 
 
-def test_a_pair_is_not_kept_beyond_the_largest_distance() -> None:
+def test_a_pair_ends_beyond_the_largest_distance() -> None:
     counts = count(sequence(({"A": 0}, {1: 0}), ({"A": 0}, {1: 0.6, 2: 0.1})))
     assert (counts.id_switches, counts.false_alarms) == (1, 1)
 
@@ -179,7 +179,7 @@ def test_the_predicted_track_of_a_hidden_person_is_not_lent_to_another() -> None
     assert (counts.misses, counts.id_switches, counts.false_alarms) == (1, 0, 0)
 
 
-def test_a_swap_while_hidden_is_told_when_the_person_is_back() -> None:
+def test_a_swap_during_occlusion_counts_after_it() -> None:
     hidden = truth({"A": 0}, hidden="A")
     assert count(sequence(({"A": 0}, {1: 0}), (hidden, {2: 0}), ({"A": 0}, {1: 0}))).mota == 1.0
     assert count(sequence(({"A": 0}, {1: 0}), (hidden, {2: 0}), ({"A": 0}, {2: 0}))).mota == 0.5

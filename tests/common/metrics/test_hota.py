@@ -1,4 +1,4 @@
-"""HOTA worked on paper (Luiten et al. 2020; method book section 9)."""
+"""HOTA worked on paper [Luiten 2020]."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def test_a_name_changed_at_half_time() -> None:
 
 
 def test_misses_and_false_alarms() -> None:
-    # Four truths, three found by track 1; track 9 is with nobody: TP = 3, FN = 1, FP = 1:
+    # Four truths, three found by track 1; track 9 is with none: TP = 3, FN = 1, FP = 1:
     # DetA = 3/5, DetRe = DetPr = 3/4. TPA = 3, FNA = 1, FPA = 0: AssA = 3/4. HOTA = sqrt(0.45).
     counts = count(sequence(*[({"A": 0}, {1: 0})] * 3, ({"A": 0}, {9: 5})))
     assert counts.det_a == pytest.approx(np.full(19, 0.6))
@@ -37,7 +37,7 @@ def test_misses_and_false_alarms() -> None:
     assert counts.hota == pytest.approx(np.full(19, 0.45**0.5))
 
 
-def test_places_decide_up_to_which_threshold() -> None:
+def test_distance_decides_up_to_which_threshold_a_pair_matches() -> None:
     # 0.4 m apart: similarity 1 - 0.4 / 1 = 0.6, a match for alpha 0.05 to 0.60: 12 of 19.
     counts = count(sequence(({"A": 0}, {1: 0.4})))
     assert counts.tp.tolist() == [1.0] * 12 + [0.0] * 7
@@ -46,7 +46,7 @@ def test_places_decide_up_to_which_threshold() -> None:
     assert counts.loc_a == pytest.approx([0.6] * 12 + [1.0] * 7)
 
 
-def test_matches_follow_the_identities_of_the_whole_sequence() -> None:
+def test_matches_follow_the_identities_of_all_frames() -> None:
     # Track 1 is A's in three frames. In the fourth the similarities are 0.9 (1) and 0.95 (2): they
     # share A by 0.9/1.85 = 0.486 and 0.95/1.85 = 0.514. Alignment of A and 1: 3.486 frames together
     # of 4 + 4 - 3.486: 0.772; of A and 2: 0.514 of 4 + 1 - 0.514: 0.114. 0.772 x 0.9 wins.

@@ -1,4 +1,4 @@
-"""Identity measures worked on paper (Ristani et al. 2016; method book section 9)."""
+"""Identity measures worked on paper [Ristani 2016]."""
 
 from common.metrics import EvaluationSequence, GroundDistance, IdentityCounts, match
 from common.metrics.identity import count_identity
@@ -37,7 +37,7 @@ def test_precision_and_recall_differ() -> None:
     assert (counts.idr, counts.idp, counts.idf1) == (2 / 4, 2 / 3, 4 / 7)
 
 
-def test_the_whole_counts_not_the_best_pair() -> None:
+def test_all_pairs_count_not_the_best_pair() -> None:
     # Frames together: A-1 3, A-2 2, B-1 2, B-2 0. A-1 alone gives 3, A-2 and B-1 give 4.
     counts = count(
         sequence(

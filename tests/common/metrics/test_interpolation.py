@@ -24,14 +24,14 @@ def truth(stamp_ms: int, *people: TruthPerson, frame_id: str = "map") -> Truth:
     return Truth(stamp_ns=stamp_ms * MS, sequence=0, frame_id=frame_id, people=people)
 
 
-def trail(*messages: Truth) -> TruthBuffer:
+def buffer(*messages: Truth) -> TruthBuffer:
     made = TruthBuffer()
     for message in messages:
         made.add(message)
     return made
 
 
-def test_a_quarter_of_the_way() -> None:
+def test_interpolation_at_a_quarter_of_the_gap() -> None:
     (got,) = interpolate(truth(0, person("a", 1.0)), truth(100, person("a", 2.0)), 25 * MS).people
     assert got.position_m.tolist() == [1.25, 2.5, 1.0]
     assert got.velocity_mps is not None
@@ -49,7 +49,7 @@ def test_a_quarter_of_the_way() -> None:
         (179.0, -173.0, -179.0),  # a quarter of 8 degrees: 181 = -179
     ],
 )
-def test_yaw_takes_the_shorter_arc(
+def test_yaw_is_interpolated_along_the_shorter_arc(
     before_deg: float, after_deg: float, expected_deg: float
 ) -> None:
     before, after = truth(0, person("a", 0, before_deg)), truth(100, person("a", 0, after_deg))
@@ -59,16 +59,16 @@ def test_yaw_takes_the_shorter_arc(
 
 
 def test_at_a_sample_truth_is_that_sample() -> None:
-    samples = trail(truth(0, person("a", 1.0, 30)), truth(10, person("a", 3.0, 50)))
+    samples = buffer(truth(0, person("a", 1.0, 30)), truth(10, person("a", 3.0, 50)))
     got = samples.at(10 * MS)
     assert got is not None
     assert got.people[0].position_m.tolist() == [3.0, 6.0, 1.0]
     assert math.degrees(got.people[0].yaw_rad or 0) == pytest.approx(50)
 
 
-def test_a_person_missing_for_a_moment_is_filled_in() -> None:
-    # b is seen at 0 and 40 ms: at 15 ms b has gone 15/40 of the way from 1 to 5.
-    samples = trail(
+def test_a_person_missing_in_one_sample_is_interpolated() -> None:
+    # b is detected at 0 and 40 ms: at 15 ms b has gone 15/40 of the way from 1 to 5.
+    samples = buffer(
         truth(0, person("a", 0.0), person("b", 1.0)),
         truth(10, person("a", 1.0)),
         truth(20, person("a", 2.0)),
@@ -79,8 +79,8 @@ def test_a_person_missing_for_a_moment_is_filled_in() -> None:
     assert {p.id: p.position_m[0] for p in got.people} == {"a": 1.5, "b": 2.5}
 
 
-def test_nothing_is_told_of_people_beyond_the_gap() -> None:
-    samples = trail(
+def test_people_beyond_the_gap_are_absent() -> None:
+    samples = buffer(
         truth(0, person("a", 0.0), person("b", 1.0)),
         truth(150, person("a", 1.0)),
         truth(300, person("a", 2.0), person("b", 5.0)),
@@ -90,29 +90,29 @@ def test_nothing_is_told_of_people_beyond_the_gap() -> None:
     assert [p.id for p in got.people] == ["a"]  # b was away for 300 ms, more than 200
 
 
-def test_nothing_is_told_outside_of_the_trail_or_in_its_gaps() -> None:
-    samples = trail(truth(100, person("a", 0)), truth(200, person("a", 1)), truth(900))
+def test_no_truth_outside_of_the_buffer_or_in_its_gaps() -> None:
+    samples = buffer(truth(100, person("a", 0)), truth(200, person("a", 1)), truth(900))
     assert samples.at(99 * MS) is None
     assert samples.at(901 * MS) is None
     assert samples.at(300 * MS) is None
     assert TruthBuffer().at(0) is None
 
 
-def test_an_empty_sample_says_that_nobody_is_there() -> None:
-    got = trail(truth(0), truth(100)).at(50 * MS)
+def test_an_empty_sample_has_no_people() -> None:
+    got = buffer(truth(0), truth(100)).at(50 * MS)
     assert got is not None
     assert got.people == ()
 
 
 def test_samples_of_two_frames_are_not_mixed() -> None:
-    samples = trail(truth(0, person("a", 0)), truth(10, person("a", 9), frame_id="mocap"))
+    samples = buffer(truth(0, person("a", 0)), truth(10, person("a", 9), frame_id="mocap"))
     got = samples.at(5 * MS)
     assert got is not None
     assert got.people == ()
 
 
 def test_a_stamp_that_goes_back_begins_anew() -> None:
-    samples = trail(truth(100, person("a", 0)), truth(200, person("a", 1)), truth(50))
+    samples = buffer(truth(100, person("a", 0)), truth(200, person("a", 1)), truth(50))
     assert samples.newest_ns == 50 * MS
     assert samples.at(150 * MS) is None
 

@@ -1,4 +1,4 @@
-"""How long people are tracked, worked on paper (method book section 9). Frames are 0.5 s apart."""
+"""Lifetimes worked on paper (docs/method.md, section 9). Frames are 0.5 s apart."""
 
 import pytest
 
@@ -88,7 +88,7 @@ def test_the_track_of_most_frames_of_the_visit_counts() -> None:
     assert score(recording, NEAR).clear.id_switches == 2
 
 
-def test_each_visit_is_judged_for_itself() -> None:
+def test_each_visit_counts_as_a_return_of_its_own() -> None:
     # 1, away, 2, away, 2: the first return fails, the second is known.
     recording = sequence(
         ({"A": 0}, {1: 0}), *[GONE] * 4, ({"A": 0}, {2: 0}), *[GONE] * 4, ({"A": 0}, {2: 0})

@@ -80,8 +80,8 @@ def test_flagged_truth_is_dropped_and_frames_have_stamps(tmp_path: Path) -> None
     assert (counts.matches, counts.misses, counts.false_alarms) == (1, 1, 0)
 
 
-def test_positions_where_the_file_tells_them(tmp_path: Path) -> None:
-    # Ten columns with a place, ten without, nine (class and visibility of MOT16), seven.
+def test_positions_where_the_file_has_them(tmp_path: Path) -> None:
+    # Ten columns with a position, ten without, nine (class and visibility of MOT16), seven.
     text = "1,1,0,0,5,6,1,1.5,-2,0\n1,2,0,0,5,6,1,-1,-1,-1\n1,3,0,0,5,6,1,1,0.5\n1,4,0,0,5,6,1\n"
     rows = read_rows(written(tmp_path, text))
     assert rows.positions_m[0].tolist() == [1.5, -2.0, 0.0]

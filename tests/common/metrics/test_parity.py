@@ -94,7 +94,7 @@ def test_motmetrics_clear(name: str, matching: Matching) -> None:
     # motmetrics keeps a person's last track for ever, also after frames without a match and though
     # the track has been another person's since; TrackEval, and we, keep pairs of the previous frame
     # only. Given its pairs we count what it counts, to the last fragmentation.
-    matching = kept_for_ever(matching)
+    matching = persistent(matching)
     counts, theirs = count_clear(matching), REFERENCE[name]["motmetrics"]
     assert counts.matches == theirs["num_detections"]
     assert counts.misses == theirs["num_misses"]
@@ -109,25 +109,25 @@ def test_motmetrics_clear(name: str, matching: Matching) -> None:
     assert counts.mostly_lost == theirs["mostly_lost"]
 
 
-def kept_for_ever(matching: Matching) -> Matching:
+def persistent(matching: Matching) -> Matching:
     """Match again by the rule of motmetrics."""
     last = dict.fromkeys(range(len(matching.persons)), -1)
     steps = []
     for step in matching.frame_matches:
-        kept = np.zeros(step.similarity.shape, np.bool_)
+        stored = np.zeros(step.similarity.shape, np.bool_)
         for row, person in enumerate(step.persons.tolist()):
             for column in np.flatnonzero(step.tracks == last[person]):
-                kept[row, column] = (
-                    step.similarity[row, column] >= 0.5 and not kept[:, column].any()
+                stored[row, column] = (
+                    step.similarity[row, column] >= 0.5 and not stored[:, column].any()
                 )
-        steps.append(rematched(step, kept))
+        steps.append(rematched(step, stored))
         pairs = zip(steps[-1].rows, steps[-1].columns, strict=True)
         last |= {int(step.persons[i]): int(step.tracks[j]) for i, j in pairs}
     return replace(matching, frame_matches=tuple(steps))
 
 
-def rematched(step: FrameMatches, kept: np.ndarray) -> FrameMatches:
-    worth = np.where(step.similarity >= 0.5, 1000.0 * kept + 1.0 + step.similarity, 0.0)
+def rematched(step: FrameMatches, stored: np.ndarray) -> FrameMatches:
+    worth = np.where(step.similarity >= 0.5, 1000.0 * stored + 1.0 + step.similarity, 0.0)
     rows, columns = linear_sum_assignment(worth, maximize=True)
     valid = worth[rows, columns] > 0
     return replace(step, rows=rows[valid], columns=columns[valid])

@@ -1,4 +1,4 @@
-"""Errors of position, velocity and orientation worked on paper (method book section 9)."""
+"""Errors of position, velocity and orientation worked on paper (docs/method.md, section 9)."""
 
 import math
 
@@ -104,8 +104,8 @@ def test_orientation_error_wraps() -> None:
     assert errors(pair(yaws_rad=(PI, -PI))).yaw_error_rad == pytest.approx([0.0])
     assert errors(pair(yaws_rad=(-PI / 2, PI / 2))).yaw_error_rad == pytest.approx([PI])
     # Errors of 30 and 40 degrees: sqrt((900 + 1600) / 2) = 35.355 degrees.
-    told = errors(pair(yaws_rad=(3.0, 3.0 + PI / 6)), pair(yaws_rad=(-3.0, -3.0 - PI / 4.5)))
-    assert told.row()["yaw_rmse_deg"] == pytest.approx(35.355, abs=1e-3)
+    tracked = errors(pair(yaws_rad=(3.0, 3.0 + PI / 6)), pair(yaws_rad=(-3.0, -3.0 - PI / 4.5)))
+    assert tracked.row()["yaw_rmse_deg"] == pytest.approx(35.355, abs=1e-3)
 
 
 def test_circular_correlation() -> None:

@@ -1,4 +1,4 @@
-"""What the record of a sequence refuses, and how it tells time."""
+"""The record of a sequence: checks and time."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def test_columns_have_one_row_each() -> None:
         GroundTruth(ids=(1,), out_of_view=np.zeros(2, np.bool_))
 
 
-def test_a_place_is_known_or_absent() -> None:
+def test_a_position_is_known_or_absent() -> None:
     with pytest.raises(ValueError, match="positions_m: expected finite numbers"):
         GroundTruth(ids=("A",), positions_m=np.full((1, 3), np.nan))
 

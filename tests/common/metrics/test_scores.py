@@ -65,8 +65,8 @@ def test_pooling_minutes() -> None:
 def test_association_is_pooled_by_matches() -> None:
     # AssA 1/2 over four matches and 1 over two: (4 x 1/2 + 2 x 1) / 6 = 2/3.
     torn = sequence(*[({"A": 0}, {1: 0})] * 2, *[({"A": 0}, {2: 0})] * 2)
-    whole = sequence(*[({"A": 0}, {1: 0})] * 2)
-    both = combine([score(torn, NEAR), score(whole, NEAR)])
+    complete = sequence(*[({"A": 0}, {1: 0})] * 2)
+    both = combine([score(torn, NEAR), score(complete, NEAR)])
     assert both.hota.ass_a == pytest.approx(np.full(19, 2 / 3))
 
 
@@ -120,7 +120,7 @@ def test_order_within_a_frame_does_not_matter(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_tracker_that_tells_the_truth_is_perfect(seed: int) -> None:
+def test_a_tracker_equal_to_the_truth_is_perfect(seed: int) -> None:
     recording = drawn(seed)
     perfect = with_frames(
         recording,
@@ -154,7 +154,7 @@ def test_a_tracker_that_tells_the_truth_is_perfect(seed: int) -> None:
         (sequence(({}, {1: 0})), 0.0),
     ],
 )
-def test_nothing_there_or_nothing_told_has_defined_figures(
+def test_no_people_or_no_tracks_have_defined_metrics(
     recording: EvaluationSequence, expected: float
 ) -> None:
     result = score(recording, NEAR)

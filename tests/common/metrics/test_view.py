@@ -54,7 +54,7 @@ def test_a_lens_does_not_bend_the_far_side_into_the_image() -> None:
     assert in_view(points, invert(MAP_FROM_CAMERA), barrel).tolist() == [False, True]
 
 
-def test_nobody_and_absurd_lenses() -> None:
+def test_no_people_and_absurd_lenses() -> None:
     assert in_view(np.zeros((0, 3)), np.eye(4), INFO).tolist() == []
     absurd = msgspec.structs.replace(INFO, fx=1e300, fy=1e-300, max_depth_m=1e9)
     assert in_view(np.array([[1e5, 1e5, 1.0]]), np.eye(4), absurd).shape == (1,)

@@ -7,29 +7,29 @@ import numpy as np
 
 from common.metrics import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses, Id
 
-Places: TypeAlias = Mapping[Any, float]  # id -> x in metres
+Positions: TypeAlias = Mapping[Any, float]  # id -> x in metres
 
 
-def truth(places: Places, out: str = "", hidden: str = "") -> GroundTruth:
+def truth(positions: Positions, out: str = "", hidden: str = "") -> GroundTruth:
     """Put people to x; those named in `out` and `hidden` are out of view and occluded."""
     return GroundTruth(
-        ids=tuple(places),
-        positions_m=np.array([(x, 0.0, 0.0) for x in places.values()]).reshape(-1, 3),
-        out_of_view=np.array([str(i) in out for i in places], np.bool_),
-        occluded=np.array([str(i) in hidden for i in places], np.bool_),
+        ids=tuple(positions),
+        positions_m=np.array([(x, 0.0, 0.0) for x in positions.values()]).reshape(-1, 3),
+        out_of_view=np.array([str(i) in out for i in positions], np.bool_),
+        occluded=np.array([str(i) in hidden for i in positions], np.bool_),
     )
 
 
-def tracked(places: Places, predicted: tuple[Id, ...] = ()) -> Hypotheses:
+def tracked(positions: Positions, predicted: tuple[Id, ...] = ()) -> Hypotheses:
     """Put tracks to x; some of them only predicted."""
     return Hypotheses(
-        ids=tuple(places),
-        positions_m=np.array([(x, 0.0, 0.0) for x in places.values()]).reshape(-1, 3),
-        predicted=np.array([i in predicted for i in places], np.bool_),
+        ids=tuple(positions),
+        positions_m=np.array([(x, 0.0, 0.0) for x in positions.values()]).reshape(-1, 3),
+        predicted=np.array([i in predicted for i in positions], np.bool_),
     )
 
 
-def sequence(*frames: tuple[Places | GroundTruth, Places | Hypotheses]) -> EvaluationSequence:
+def sequence(*frames: tuple[Positions | GroundTruth, Positions | Hypotheses]) -> EvaluationSequence:
     """Put frames together at 2 Hz."""
     return EvaluationSequence(
         "hand-made",
@@ -37,8 +37,8 @@ def sequence(*frames: tuple[Places | GroundTruth, Places | Hypotheses]) -> Evalu
             EvaluationFrame(
                 stamp_ns=index * 500_000_000,
                 truth=people if isinstance(people, GroundTruth) else truth(people),
-                hypotheses=told if isinstance(told, Hypotheses) else tracked(told),
+                hypotheses=found if isinstance(found, Hypotheses) else tracked(found),
             )
-            for index, (people, told) in enumerate(frames)
+            for index, (people, found) in enumerate(frames)
         ),
     )

@@ -36,7 +36,7 @@ def mot(folder: Path, text: str, info: str = SEQINFO) -> Path:
 
 
 def test_mot_text_with_positions(tmp_path: Path) -> None:
-    # Frame 3 at 25 Hz is at 80 ms; frame 2 is empty; id 9 is not to be judged, id 4 has no place.
+    # Frame 3 at 25 Hz is at 80 ms; frame 2 is empty; id 9 is not evaluated, id 4 has no position.
     path = mot(
         tmp_path,
         "1,7,10,20,30,40,1,1.5,-2.5,0\n"
@@ -65,7 +65,7 @@ def test_mot_text_needs_a_rate(tmp_path: Path) -> None:
     assert read(path, rate_hz=10.0)[-1].stamp_ns == 10**9
 
 
-def test_damaged_mot_text_is_told_with_its_line(tmp_path: Path) -> None:
+def test_damaged_mot_text_is_reported_with_its_line(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="line 2: expected frame,id"):
         read(mot(tmp_path, "1,7,10,20,30,40,1,1,2,0\n1,8,x,20,30,40,1,1,2,0\n"))
 
@@ -123,7 +123,7 @@ def test_csv_needs_five_columns_only(tmp_path: Path) -> None:
         ("id,stamp_ns,x_m,y_m,z_m\na,99999999999999999999,1,2,3\n", "line 2: stamp_ns"),
     ],
 )
-def test_damaged_csv_is_told_with_its_line(text: str, message: str, tmp_path: Path) -> None:
+def test_damaged_csv_is_reported_with_its_line(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=message):
         read(csv(tmp_path, text))
 

@@ -1,4 +1,4 @@
-"""Live people_msgs/People: CDR bytes, good and bad, and the whole way over Zenoh."""
+"""Live people_msgs/People: CDR bytes, good and bad, and the complete way over Zenoh."""
 
 import os
 import random
@@ -47,7 +47,7 @@ def cdr(stamp_ns: int, x: float, name: str = "anna", frame_id: str = "map") -> b
 
 
 def test_cdr_by_hand() -> None:
-    # Encapsulation 0001 (little-endian), stamp 5 s + 7 ns, frame "map", nobody.
+    # Encapsulation 0001 (little-endian), stamp 5 s + 7 ns, frame "map", no people.
     payload = bytes.fromhex("00010000 05000000 07000000 04000000 6d617000 00000000")
     got = SOURCE.decode(payload)
     assert isinstance(got, Truth)
@@ -82,14 +82,14 @@ def test_bad_bytes_raise_nothing_but_decode_error() -> None:
         damaged = bytearray(good)
         damaged[rng.randrange(len(good))] = rng.randrange(256)
         bad.append(bytes(damaged))
-    told = []
+    tracked = []
     for payload in bad:
         try:
             assert isinstance(SOURCE.decode(payload), Truth)  # some damage is another number
         except DecodeError as error:
-            told.append(str(error))
-    assert len(told) > 500
-    assert max(map(len, told)) < 300
+            tracked.append(str(error))
+    assert len(tracked) > 500
+    assert max(map(len, tracked)) < 300
 
 
 def test_a_message_without_time_and_a_huge_one_are_refused() -> None:
@@ -135,7 +135,7 @@ def test_the_chain_from_mocap_over_the_camera_to_the_map() -> None:
     captured = LiveTruth(GtBridgeConfig(truth="zenoh:x")).decode(cdr(5, 5.0))
     (raw,) = live.handle(captured, 0)
     assert isinstance(raw, Truth)
-    assert raw.frame_id == "vicon"  # the camera has not told yet where it is
+    assert raw.frame_id == "vicon"  # the camera has not tracked yet where it is
     assert live.status().state == "degraded"
     assert "no transform map <- vicon" in live.status().reason
     assert live.status().counters["unlinked"] == 1

@@ -132,14 +132,14 @@ def test_truth_of_the_lab(tmp_path: Path) -> None:
     "changes",
     [{"pos": np.zeros((2, 3))}, {"t": np.array([0.0, np.nan])}, {"yaw": np.array([["a"]])}],
 )
-def test_a_wrong_array_is_told(changes: dict[str, Any], tmp_path: Path) -> None:
+def test_a_wrong_array_is_refused(changes: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="t, pos, vel, yaw"):
         read(write_lab(tmp_path / "gt.npz", **changes))
 
 
 @pytest.mark.parametrize("name", ["x.npz", "x.bag", "x.mcap", "x.db3"])
 @pytest.mark.parametrize("content", [b"", b"junk" * 100])
-def test_junk_is_told_in_one_sentence(name: str, content: bytes, tmp_path: Path) -> None:
+def test_junk_is_reported_in_one_sentence(name: str, content: bytes, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(SourceError):
         read(tmp_path / name)
