@@ -119,6 +119,27 @@ def find(model: ModelFile, searched: Sequence[Path]) -> Path:
     raise ModelError(f"model {model.name}: {model.file} is in none of {names}", model.get)
 
 
+def locate(model: str, folder: str = "") -> tuple[Path, ModelFile | None]:
+    """Return the file of a model, its checksum verified, and its entry in the manifest.
+
+    Args:
+        model: Name in the manifest, or path of an .onnx file, which has no entry.
+        folder: Folder named in a configuration; empty for none.
+
+    Raises:
+        ModelError: The model is unknown, absent or altered.
+    """
+    path = Path(model).expanduser()
+    if path.suffix == ".onnx":
+        if not path.is_file():
+            raise ModelError(f"model file {path} does not exist", "Check the path.")
+        return path, None
+    entry = choose(model, load_manifest())
+    path = find(entry, folders(folder))
+    verify(path, entry.sha256)
+    return path, entry
+
+
 def checksum(path: Path) -> str:
     """Return the SHA-256 of a file in hexadecimal.
 

@@ -23,7 +23,7 @@ from deploy.launcher.plan import (
     PORT,
     REPORT,
     LaunchRequest,
-    check_source,
+    check_settings,
     plan,
     router_of,
 )
@@ -152,8 +152,6 @@ def up(
         report=report,
         profiles=profiles,
     )
-    if compose == COMPOSE_FILE:
-        check_source(request)
     _launch(request, timeout_s, detach)
 
 
@@ -196,6 +194,7 @@ def _resolve(source: str) -> str:
 
 def _launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
     services = plan(request)
+    check_settings(services, request)
     connect = router_of(services, request)
     state = State.of_robot(request.robot)
     heartbeats = Heartbeats(connect, request.robot)

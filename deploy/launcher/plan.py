@@ -1,15 +1,15 @@
 """Plan of a run: from the options of the user to the services that are started."""
 
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 from common.config import setting
 from deploy import compose
 from deploy.compose import Service
-from deploy.launcher.settings import read_settings
+from deploy.launcher.settings import check, read_settings
 from people4d.errors import ConfigError
 
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
@@ -71,7 +71,6 @@ def plan(request: LaunchRequest) -> tuple[Service, ...]:
     services = compose.select(every, profiles)
     arguments = _arguments(settings, services, every)
     replicas = replicas_of(request.scale, services, every)
-    _check_settings(services, request, arguments)
     return tuple(_adapt(service, request, arguments, replicas) for service in services)
 
 
@@ -102,35 +101,20 @@ def variables(request: LaunchRequest) -> dict[str, str]:
     return local | dict(request.environment) | fixed
 
 
-def check_source(request: LaunchRequest) -> None:
-    """Check that a camera is named somewhere, before anything is started.
+def check_settings(services: Sequence[Service], request: LaunchRequest) -> None:
+    """Check the settings of services, and the sources, models and folders that they name.
 
     Raises:
-        ConfigError: Nowhere is a source.
+        People4dError: A setting is wrong, or what it names cannot be used.
     """
-    named = any(text.startswith(f"{CAMERA}.source=") for text in request.settings)
-    values = variables(request)
-    if named or values.get("PEOPLE4D_CAMERA_SOURCE"):
-        return
-    try:
-        tables = tomllib.loads(Path(values["PEOPLE4D_CONFIG_INSIDE"]).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"configuration {values['PEOPLE4D_CONFIG_INSIDE']}: {error}") from error
-    if not tables.get(CAMERA, {}).get("source"):
-        raise ConfigError(
-            "no camera is named",
-            "Add --source PATH (recording, ROS bag, image folder, lab:SCENARIO, or module:Class of "
-            "a camera), or see it work with: people4d demo",
-        )
-
-
-def _check_settings(
-    services: Sequence[Service], request: LaunchRequest, overrides: Mapping[str, list[str]]
-) -> None:
     file = Path(variables(request)["PEOPLE4D_CONFIG_INSIDE"])
     for service in services:
         environment = {**request.environment, **service.environment}
-        read_settings(service, file, environment, overrides[service.name])
+        words = service.command
+        overrides = [text for flag, text in pairwise(words) if flag == "--set"]
+        settings = read_settings(service, file, environment, overrides)
+        if settings and service.replicas:
+            check(service, settings)
 
 
 def _arguments(

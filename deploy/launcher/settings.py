@@ -1,8 +1,9 @@
 """Settings of the services of a run, checked before anything is started."""
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -35,6 +36,16 @@ def read_settings(
     return load(kind, name, file, overrides, environment)
 
 
+def check(service: Service, settings: msgspec.Struct) -> None:
+    """Check files, models and sources that the settings of a service name.
+
+    Raises:
+        People4dError: One is missing or unusable.
+    """
+    if location := service.labels.get("people4d.check"):
+        _find(location)(settings)
+
+
 def load_model(service: Service, settings: msgspec.Struct) -> str:
     """Load the model of a service and return its name; empty if the service has none.
 
@@ -44,7 +55,12 @@ def load_model(service: Service, settings: msgspec.Struct) -> str:
     location = service.labels.get("people4d.model")
     if not location:
         return ""
-    module, _, name = location.partition(":")
-    getattr(importlib.import_module(module), name)(settings)
+    _find(location)(settings)
     fields = msgspec.structs.asdict(settings)
     return str(fields.get("model") or fields.get("embedder"))
+
+
+def _find(location: str) -> Callable[[Any], object]:
+    module, _, name = location.partition(":")
+    found: Callable[[Any], object] = getattr(importlib.import_module(module), name)
+    return found

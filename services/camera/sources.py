@@ -11,6 +11,7 @@ from common import registry
 from common.config import Config
 from common.io.mcap_index import read_profile
 from people4d.errors import ConfigError, SourceError
+from services.camera.config import CameraConfig
 from services.camera.source import Source
 
 LAB = "lab:"  # before the name of a scenario
@@ -50,6 +51,24 @@ def open_source(
     argument = source.removeprefix(LAB) if kind == "lab" else Path(source)
     opened: Source = factory(argument, _read_options(factory.options_type, options))
     return opened
+
+
+def check_source(config: CameraConfig) -> None:
+    """Check that a source is named and can be opened; lab and plug-ins are opened by their process.
+
+    Raises:
+        ConfigError: No source is named, or an option is unknown or wrong.
+        SourceError: The source does not exist or cannot be read.
+    """
+    if not config.source:
+        raise ConfigError(
+            "no camera is named",
+            "Add --source PATH (recording, ROS bag, image folder, lab:SCENARIO, or module:Class of "
+            "a camera), or see it work with: people4d demo",
+        )
+    kind = kind_of(config.source) if config.kind == "auto" else config.kind
+    if kind not in ("lab", "plugin"):
+        open_source(config.source, kind, config.options)
 
 
 def kind_of(source: str) -> str:

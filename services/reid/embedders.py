@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from common import registry
+from common.io import weights
 from people4d.messages import F32, Crop
 from services.reid.config import ReidConfig
 
@@ -43,3 +44,15 @@ def load_embedder(config: ReidConfig) -> Embedder:
     """
     embedder: Embedder = registry.find("embedder", EMBEDDERS, config.embedder)(config)
     return embedder
+
+
+def check_embedder(config: ReidConfig) -> None:
+    """Check that the configured embedder can be made, without loading its network.
+
+    Raises:
+        ConfigError: The name is unknown, or the module or class cannot be found.
+        ModelError: The file of OSNet is absent or altered.
+    """
+    registry.find("embedder", EMBEDDERS, config.embedder)
+    if config.embedder == "osnet":
+        weights.locate(config.model, config.folder)

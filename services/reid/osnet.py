@@ -1,7 +1,6 @@
 """OSNet: a small network trained to tell people apart by their appearance."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -28,11 +27,7 @@ def load(config: ReidConfig) -> "OsnetEmbedder":
     Raises:
         ModelError: The file is absent, altered or not such a network.
     """
-    path = Path(config.model).expanduser()
-    if path.suffix != ".onnx":
-        model = weights.choose(config.model, weights.load_manifest())
-        path = weights.find(model, weights.folders(config.folder))
-        weights.verify(path, model.sha256)
+    path, _ = weights.locate(config.model, config.folder)
     return OsnetEmbedder(OnnxSession(path, config.threads))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from common.drawing.video import open_video
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8
+from services.report.config import ReportConfig
 from services.report.output import AnnotatedFrame
 from services.report.statistics import RunSummary
 from services.report.text import text
@@ -35,14 +36,7 @@ class ReportFolder:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._videos: dict[str, VideoFile] = {}
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            (path / "summary.txt").write_text("The run has not ended yet.\n", encoding="utf-8")
-            (path / COMPLETE).unlink(missing_ok=True)
-        except OSError as error:
-            raise ConfigError(
-                f"folder {path} cannot be written: {error.strerror}", "Set folder to another one."
-            ) from error
+        prepare_folder(path)
 
     def add_frame(self, frame: AnnotatedFrame) -> None:
         """Append a frame to the video of its camera."""
@@ -74,6 +68,31 @@ class ReportFolder:
             ) from error
         sys.stdout.write(words)
         sys.stdout.flush()
+
+
+def prepare_folder(path: Path) -> None:
+    """Make the folder of a report, marked as not complete.
+
+    Raises:
+        ConfigError: The folder cannot be made or written to.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        (path / "summary.txt").write_text("The run has not ended yet.\n", encoding="utf-8")
+        (path / COMPLETE).unlink(missing_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"folder {path} cannot be written: {error.strerror}", "Set folder to another one."
+        ) from error
+
+
+def check_folder(config: ReportConfig) -> None:
+    """Check that the folder of the report can be written.
+
+    Raises:
+        ConfigError: The folder cannot be made or written to.
+    """
+    prepare_folder(Path(config.folder))
 
 
 class VideoFile:

@@ -61,11 +61,26 @@ def test_every_container_can_run_and_be_watched(service: dict[str, Any]) -> None
     assert {"interval", "timeout", "retries", "start_period", "start_interval"} <= check.keys()
 
 
+STATE = "state:/home/people4d/.local/state/people4d"
+
+
 @pytest.mark.parametrize("service", ALL_SERVICES)
-def test_only_reports_are_written_to_the_host(service: dict[str, Any]) -> None:
+def test_only_reports_and_state_can_be_written(service: dict[str, Any]) -> None:
     for volume in service["volumes"]:
+        if volume == STATE:
+            continue
         _, inside, *mode = volume.rsplit(":", 2 if volume.endswith(":ro") else 1)
         assert mode == ["ro"] or inside == "/out", volume
+
+
+@pytest.mark.parametrize("service", ALL_SERVICES)
+def test_state_is_on_a_volume_that_the_user_of_the_image_may_write(service: dict[str, Any]) -> None:
+    assert STATE in service["volumes"]
+    folder = STATE.partition(":")[2]
+    assert service["environment"]["PEOPLE4D_STATE"] == folder
+    made = [text for name, text in instructions() if name == "RUN" and folder in text]
+    assert made
+    assert "--mode=1777" in made[0]
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)

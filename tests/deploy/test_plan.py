@@ -6,8 +6,8 @@ import pytest
 
 from common.config import setting
 from deploy.compose import Service
-from deploy.launcher.plan import LaunchRequest, check_source, plan
-from people4d.errors import ConfigError
+from deploy.launcher.plan import LaunchRequest, check_settings, plan
+from people4d.errors import ConfigError, People4dError
 
 
 def planned(launch: LaunchRequest) -> dict[str, Service]:
@@ -90,11 +90,43 @@ def test_a_bad_launch_request_is_refused(launch: LaunchRequest, message: str) ->
         plan(launch)
 
 
-def test_a_camera_must_be_named_somewhere(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"no camera is named.*--source"):
-        check_source(LaunchRequest(environment={}))
-    check_source(LaunchRequest(settings=["camera.source=x"], environment={}))
-    check_source(LaunchRequest(environment={"PEOPLE4D_CAMERA_SOURCE": "x"}))
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ([], "no camera is named.*--source"),
+        (["camera.source='none.bag'"], "source 'none.bag' does not exist"),
+        (["camera.source='a.txt'"], "a.txt is not a known kind of recording"),
+        (["camera.source='a:B'", "detector.model='mine'"], "model 'mine' is unknown"),
+        (["camera.source='a:B'", "detector.model='none.onnx'"], "none.onnx does not exist"),
+        (["camera.source='a:B'", "detector.score_min=2"], "score_min: expected"),
+        (["camera.source='a:B'", "detector.scoremin=0.2"], "scoremin"),
+        (["camera.source='a:B'", "reid.embedder='face'"], "embedder 'face' is unknown"),
+    ],
+)
+def test_wrong_settings_are_refused_before_anything_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: list[str], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.txt").write_text("no recording")
+    launch = LaunchRequest(settings=settings, environment={})
+    with pytest.raises(People4dError, match=message):
+        check_settings(plan(launch), launch)
+
+
+def test_a_report_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    launch = LaunchRequest(
+        settings=["camera.source='a:B'"], report=tmp_path / "file" / "out", environment={}
+    )
+    with pytest.raises(ConfigError, match="cannot be written"):
+        check_settings(plan(launch), launch)
+
+
+def test_a_camera_named_anywhere_is_enough(tmp_path: Path) -> None:
     file = tmp_path / "own.toml"
     file.write_text('[camera]\nsource = "my.camera:Camera"\n')
-    check_source(LaunchRequest(config=file, environment={}))
+    for launch in (
+        LaunchRequest(environment={"PEOPLE4D_CAMERA_SOURCE": "my.camera:Camera"}),
+        LaunchRequest(config=file, environment={}),
+    ):
+        check_settings(plan(launch), launch)

@@ -2,6 +2,14 @@
 
 from services.detector.config import ModelSettings
 from services.detector.models.base import DetectedPerson, InstanceMask, PersonModel
-from services.detector.models.registry import MODELS, load_model
+from services.detector.models.registry import MODELS, check_model, load_model
 
-__all__ = ["MODELS", "DetectedPerson", "InstanceMask", "ModelSettings", "PersonModel", "load_model"]
+__all__ = [
+    "MODELS",
+    "DetectedPerson",
+    "InstanceMask",
+    "ModelSettings",
+    "PersonModel",
+    "check_model",
+    "load_model",
+]

@@ -1,7 +1,6 @@
 """The people models by kind, and loading one as configured."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Protocol
 
 from common import registry
@@ -38,19 +37,28 @@ def load_model(settings: ModelSettings) -> PersonModel:
         ConfigError: The kind is unknown or cannot be loaded.
         ModelError: The file is absent, altered or not a people model of its kind.
     """
-    path = Path(settings.model).expanduser()
+    path, entry = weights.locate(settings.model, settings.folder)
     kind, name = settings.kind, ""
-    if path.suffix != ".onnx":
-        model = weights.choose(settings.model, weights.load_manifest())
-        path = weights.find(model, weights.folders(settings.folder))
-        weights.verify(path, model.sha256)
-        kind, name = settings.kind or model.kind, model.name
+    if entry:
+        kind, name = settings.kind or entry.kind, entry.name
     factory = find_factory(kind) if kind else None
     session = OnnxSession(path, settings.threads)
     if factory is None:
         kind = recognise(session, settings, str(path))
         factory = find_factory(kind)
     return factory(session, settings, name or f"{kind}:{path.stem}")
+
+
+def check_model(settings: ModelSettings) -> None:
+    """Check that the configured model can be loaded, without loading it.
+
+    Raises:
+        ConfigError: The kind is unknown or cannot be loaded.
+        ModelError: The file is absent or altered.
+    """
+    weights.locate(settings.model, settings.folder)
+    if settings.kind:
+        find_factory(settings.kind)
 
 
 def find_factory(kind: str) -> Factory:
