@@ -16,8 +16,8 @@ from benchmarks.lib.gait_recordings import GaitRecording, overlap
 from benchmarks.lib.table import markdown, spread
 from people4d.messages import F64, U8
 from services.gait.colour.colour_layer import ColourLayer
-from services.gait.colour.colour_ratio import ColourRatio, sample_grid
-from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch
+from services.gait.colour.colour_ratio import ColourRatio
+from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch, sample_grid
 from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
 from tests.gait.numpy_histogram import scores
 
@@ -202,7 +202,7 @@ def orderings(found: SuccessRates, counts: Sequence[int]) -> dict[str, dict[str,
         hundred = {**kind, "particles": 100}
         rates = [found.mean([scenario], hundred) for scenario in speeds]
         models = [found.mean(WALKS, {**hundred, **fields}) for fields, _ in MODELS.values()]
-        plain, placed = (
+        plain, hierarchical = (
             found.mean(WALKS, {**kind, "particles": 50, "sampling": sampling})
             for sampling in SAMPLING
         )
@@ -211,7 +211,7 @@ def orderings(found: SuccessRates, counts: Sequence[int]) -> dict[str, dict[str,
             "fast walks are harder than slow ones": rates[0] > rates[-1],
             "8-tuple of first order is the best model": models[0] >= max(models) - SAME_PERCENT,
             "8-tuple of second order is the worst model": models[3] <= min(models) + SAME_PERCENT,
-            "hierarchical sampling is better at 50 particles": placed > plain,
+            "hierarchical sampling is better at 50 particles": hierarchical > plain,
         }
         for claim, holds in claims.items():
             formatted.setdefault(claim, {})[name] = holds
@@ -271,7 +271,7 @@ def comparing_ms(recording: ColourSequence, rounds: int) -> dict[str, list[float
     bins = HueSaturationHistogram(config.hue_bins, config.saturation_bins, config.points)
     ratios = ColourRatio(config, bins)
     model = ratios.learn(hsv_patch(rgb, boxes[:1] * ratios.reach), boxes[0])
-    grid = sample_grid(config.points, (1.0, 1.0), config.bands)
+    grid = sample_grid(config.points)
     times: dict[str, list[float]] = {"numpy": [], "compiled": []}
     for _ in range(rounds + 1):
         begin_ns = time.perf_counter_ns()

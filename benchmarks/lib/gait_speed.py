@@ -44,14 +44,14 @@ ELSE_BEFORE_MS, CASCADE_BEFORE_MS = 6.88, 23.03
 RATES_BEFORE = {"one": "17, 41.3, 315.7", "three": "12, 66.1, 348.5"}
 
 
-def rates(takes: Mapping[str, GaitRecording], variant: PointVariant = SERVICE) -> str:
+def rates(recordings: Mapping[str, GaitRecording], variant: PointVariant = SERVICE) -> str:
     """Return frames a second of the entire cascade with five points each.
 
     The processor's time is reported, too: it does not depend on other load.
     """
     warm_up(GaitConfig(cascade=variant.config))
     rows = []
-    for name, recording in takes.items():
+    for name, recording in recordings.items():
         wall_ms, busy_ms = frame_times_ms(recording, list(recording.frames()), variant)
         p50, p99 = np.quantile(wall_ms, (0.5, 0.99))
         rows.append(

@@ -32,7 +32,7 @@ from services.gait.estimator import (
     GaitResult,
     OnFrame,
 )
-from services.gait.inputs import CameraPoses
+from services.gait.inputs import CameraTransforms
 
 BoxCorners = tuple[float, float, float, float]  # [px] left, top, right, bottom
 UNLIMITED_S = 1e9
@@ -41,19 +41,12 @@ FRAME_ID = "map"
 
 @dataclass(frozen=True)
 class GaitRun:
-    """A run of gait estimation on a recording.
+    """A run of gait estimation on a recording."""
 
-    Args:
-        source: Recording, bag, folder or lab:SCENARIO.
-        method: Detection and tracking; with `box` only playback.
-        gait: Configuration of the gait node.
-        box: Of one person in the first frame, tracked by colour alone; None: all people, detected
-            and tracked.
-    """
-
-    source: str
-    method: Method
+    source: str  # recording, bag, folder or lab:SCENARIO
+    method: Method  # detection and tracking; with `box` only playback
     gait: GaitConfig
+    # Of one person in the first frame, tracked by colour alone; None: all people, detected
     box: BoxCorners | None
 
 
@@ -91,7 +84,10 @@ def _estimate_all(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
 
 
 def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
-    poses, counters = CameraPoses(run.gait.base), Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0))
+    transforms, counters = (
+        CameraTransforms(run.gait.base),
+        Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0)),
+    )
     observation = PersonObservation(id=1, box_xyxy_px=np.array(run.box, np.float64))
     estimator: GaitEstimator | None = None
     info: CameraInfo | None = None
@@ -99,11 +95,11 @@ def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
     for step in play(camera, [_EmptyDetector()]):
         for message in step.messages:
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
-                poses.add(message)
+                transforms.add(message)
             elif isinstance(message, CameraInfo):
                 info, estimator = message, GaitEstimator(config, message, counters)
             elif isinstance(message, RgbdFrame) and info and estimator:
-                pose = poses.find(FRAME_ID, info.frame_id, message.stamp_ns)
+                pose = transforms.lookup(FRAME_ID, info.frame_id, message.stamp_ns)
                 if pose is None:
                     continue
                 rgb, depth_mm = message.rgb, message.depth_mm

@@ -26,17 +26,11 @@ STEP_FIELDS = ("person", "foot", "landed_s", "step_length_m", "stride_length_m",
 
 @dataclass(frozen=True)
 class PointTrajectory:
-    """Trajectory of one point of one person, N samples.
+    """Trajectory of one point of one person, N samples."""
 
-    Args:
-        times_s: N.
-        positions_m: Nx3.
-        measured: N, False where predicted.
-    """
-
-    times_s: F64
-    positions_m: F64
-    measured: npt.NDArray[np.bool_]
+    times_s: F64  # N
+    positions_m: F64  # Nx3
+    measured: npt.NDArray[np.bool_]  # N, False where predicted
 
 
 @dataclass(frozen=True)

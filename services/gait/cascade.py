@@ -9,7 +9,7 @@ from common.geometry.boxes import iou_xyxy
 from people4d.messages import F32, F64, U8, U16, CameraInfo
 from services.gait.colour.colour_layer import ColourLayer
 from services.gait.config import CascadeConfig
-from services.gait.points.depth_layer import BodyObservation, DepthLayer
+from services.gait.points.depth_layer import DepthLayer, MeshObservation
 from services.gait.points.point_filter import PointEstimate
 from services.gait.surface.floor import FloorDetector
 from services.gait.surface.mesh import BodyMesh, build_mesh
@@ -119,7 +119,7 @@ class Cascade:
         vertex = int(mesh.vertices_at(pixel)[0])
         if vertex < 0:
             return False
-        observation = BodyObservation(mesh, 0.0, floor=self._floor.floor)
+        observation = MeshObservation(mesh, 0.0, floor=self._floor.floor)
         return state.layer.start(name, mesh.points_m[vertex], observation)
 
     def _reset(self) -> None:
@@ -184,7 +184,7 @@ class Cascade:
         mesh = build_mesh(body, self._info, config.body) if body is not None else None
         state.processed, state.processed_ns = self._frame, self._stamp_ns
         points = state.layer.update(
-            BodyObservation(mesh, elapsed_s, one.keypoints, self._floor.floor)
+            MeshObservation(mesh, elapsed_s, one.keypoints, self._floor.floor)
         )
         if mesh is not None:
             state.depth_m = float(np.median(mesh.points_m[:, 2]))

@@ -20,21 +20,13 @@ ESTIMATOR_COUNTERS = ("over_budget", "wrong_size", "stale", "clock_resets")
 
 @dataclass(frozen=True)
 class GaitFrame:
-    """RGB-D frame with observations of people and the camera's pose.
-
-    Args:
-        stamp_ns: Time of the frame.
-        rgb: HxWx3, red first.
-        depth_mm: HxW; 0: no reading.
-        observations: Of people.
-        fixed_from_optical: 4x4, pose of the camera in a fixed frame, z up.
-    """
+    """RGB-D frame with observations of people and the camera's pose."""
 
     stamp_ns: int
-    rgb: U8
-    depth_mm: U16
+    rgb: U8  # HxWx3, red first
+    depth_mm: U16  # HxW; 0: no reading
     observations: Sequence[PersonObservation]
-    fixed_from_optical: F64
+    fixed_from_optical: F64  # 4x4, pose of the camera in a fixed frame, z up
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Inputs of the node: frames synchronised with detections and tracks, and poses of cameras."""
+"""Inputs of the node: frames joined with detections and tracks, and transforms of cameras."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ SYNCHRONISER_COUNTERS = ("without_frame", "frames_unused")
 
 
 @dataclass(frozen=True, slots=True)
-class SynchronisedFrame:
+class TrackedFrame:
     """A frame with the detections and tracks of its stamp."""
 
     frame: RgbdFrame
@@ -52,7 +52,7 @@ class FrameSynchroniser:
         self._frames = frames
         self._pending: dict[tuple[str, int], _PendingFrame] = {}
 
-    def add(self, message: RgbdFrame | Detections | Tracks) -> SynchronisedFrame | None:
+    def add(self, message: RgbdFrame | Detections | Tracks) -> TrackedFrame | None:
         """Add a message and return the frame that it completes, if it does."""
         key = message.camera, message.stamp_ns
         pending = self._pending.setdefault(key, _PendingFrame())
@@ -65,7 +65,7 @@ class FrameSynchroniser:
             pending.tracks = message
         if pending.frame and pending.detections and pending.tracks:
             self._drop_older(key)
-            return SynchronisedFrame(pending.frame, pending.detections, pending.tracks)
+            return TrackedFrame(pending.frame, pending.detections, pending.tracks)
         while len(self._pending) > PENDING_MAX:
             self._drop(next(iter(self._pending)))
         return None
@@ -92,7 +92,7 @@ class FrameSynchroniser:
             self.counters["without_frame"] += 1
 
 
-class CameraPoses:
+class CameraTransforms:
     """Poses of fixed cameras, and of cameras on a moving base.
 
     Args:
@@ -112,7 +112,7 @@ class CameraPoses:
         """Add a transform."""
         self._transforms.add(message)
 
-    def find(self, frame_id: str, optical_frame_id: str, stamp_ns: int) -> F64 | None:
+    def lookup(self, frame_id: str, optical_frame_id: str, stamp_ns: int) -> F64 | None:
         """Return the pose of a camera, 4x4, frame_from_optical.
 
         Args:

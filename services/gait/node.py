@@ -25,7 +25,7 @@ from people4d.messages import (
 from services.gait.cascade import PersonObservation
 from services.gait.config import GaitConfig
 from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame, OnFrame
-from services.gait.inputs import CameraPoses, FrameSynchroniser, SynchronisedFrame
+from services.gait.inputs import CameraTransforms, FrameSynchroniser, TrackedFrame
 
 NODE_COUNTERS = ("passed_over", "no_camera_info", "no_transform")
 SETTLE_MAX = 10  # times settle_s, after which a frame is processed in any case
@@ -55,10 +55,10 @@ class GaitNode(Node):
         self._config, self._on_frame = config, on_frame
         self.frames_waiting = config.frames
         self._synchroniser = FrameSynchroniser(config.frames)
-        self._poses = CameraPoses(config.base)
+        self._transforms = CameraTransforms(config.base)
         self._infos: dict[str, CameraInfo] = {}
         self._estimators: dict[str, GaitEstimator] = {}
-        self._ready: dict[str, SynchronisedFrame] = {}
+        self._ready: dict[str, TrackedFrame] = {}
         self._due_ns, self._first_ns = 0, 0
         self._counters = Counter(dict.fromkeys((*NODE_COUNTERS, *ESTIMATOR_COUNTERS), 0))
 
@@ -67,7 +67,7 @@ class GaitNode(Node):
         if isinstance(message, CameraInfo):
             self._calibrate(message)
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
-            self._poses.add(message)
+            self._transforms.add(message)
         elif isinstance(message, RgbdFrame | Detections | Tracks):
             complete = self._synchroniser.add(message)
             if complete and complete.frame.lockstep:
@@ -88,10 +88,10 @@ class GaitNode(Node):
 
     def status(self) -> Status:
         """Return the counters."""
-        others = {**self._synchroniser.counters, **self._poses.counters}
+        others = {**self._synchroniser.counters, **self._transforms.counters}
         return Status(counters={**self._counters, **others})
 
-    def _wait(self, complete: SynchronisedFrame, now_ns: int) -> None:
+    def _wait(self, complete: TrackedFrame, now_ns: int) -> None:
         """Let a frame wait for a newer one, within limits."""
         settle_ns = int(self._config.settle_s * 1e9)
         self._first_ns = self._first_ns if self._ready else now_ns
@@ -107,13 +107,15 @@ class GaitNode(Node):
         if before is None or _intrinsics(before) != _intrinsics(info):
             self._estimators.pop(info.camera, None)
 
-    def _process(self, complete: SynchronisedFrame) -> list[Message]:
+    def _process(self, complete: TrackedFrame) -> list[Message]:
         camera, tracks = complete.frame.camera, complete.tracks
         info = self._infos.get(camera)
         if info is None:
             self._counters["no_camera_info"] += 1
             return []
-        pose = self._poses.find(tracks.frame_id, complete.detections.frame_id, tracks.stamp_ns)
+        pose = self._transforms.lookup(
+            tracks.frame_id, complete.detections.frame_id, tracks.stamp_ns
+        )
         if pose is None:
             self._counters["no_transform"] += 1
             return []
@@ -148,7 +150,7 @@ def _intrinsics(info: CameraInfo) -> tuple[object, ...]:
     return (*numbers, info.distortion_model, tuple(info.distortion))
 
 
-def _observations(complete: SynchronisedFrame, pose: F64) -> list[PersonObservation]:
+def _observations(complete: TrackedFrame, pose: F64) -> list[PersonObservation]:
     """Return the observations of all confirmed or lost tracks."""
     optical_from_fixed = invert(pose)
     people = {t.id: t for t in complete.tracks.tracks if t.state != "tentative"}

@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 
 from people4d.messages import F64, U8
-from services.gait.colour.colour_ratio import ColourModel, SampleGrid, sample_grid
-from services.gait.colour.histogram import HueSaturationHistogram
+from services.gait.colour.colour_ratio import ColourModel, person_prior
+from services.gait.colour.histogram import HueSaturationHistogram, SampleGrid, sample_grid
 
 
 def histograms(rgb: U8, boxes: F64, points: tuple[int, int], bins: HueSaturationHistogram) -> F64:
     """Return the histograms of boxes, see `HueSaturationHistogram`."""
-    found, inside = _sampled_bins(rgb, boxes, sample_grid(points, (1.0, 1.0), 1), bins)
+    found, inside = _sampled_bins(rgb, boxes, sample_grid(points), bins)
     found = np.where(inside, found, bins.bins).reshape(len(boxes), -1)
     counts = np.stack([np.bincount(row, minlength=bins.bins + 1) for row in found])
     return np.asarray(counts[:, :-1] / (points[0] * points[1]), np.float64)
@@ -28,7 +28,8 @@ def scores(
     """Return the log-likelihood ratios of boxes, see `ColourRatio.scores`."""
     found, inside = _sampled_bins(rgb, boxes, grid, bins)
     logs = np.log1p(np.arange(10)[:, None] / 10 * (model.ratios[:, None] - 1))
-    values = logs[grid.bands[:, None], grid.tenths, found]
+    prior = person_prior(grid, len(model.person))
+    values = logs[prior.bands[:, None], prior.tenths, found]
     mean = (values * inside).mean(axis=(1, 2))
     return np.asarray(mean * boxes[:, 2] * boxes[:, 3])
 

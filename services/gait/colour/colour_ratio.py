@@ -7,7 +7,6 @@ fill that position, the person's colours at that height, and the background's pr
 Source: docs/method.md, section 19.
 """
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -16,9 +15,17 @@ import numpy as np
 import numpy.typing as npt
 
 from common.compiled import compiled
-from people4d.messages import F64, U8
-from services.gait.colour.histogram import I32, HsvPatch, HueSaturationHistogram
+from people4d.messages import F64
+from services.gait.colour.histogram import (
+    HsvPatch,
+    HueSaturationHistogram,
+    SampleGrid,
+    Tables,
+    sample_bins,
+    sample_grid,
+)
 from services.gait.config import ColourLayerConfig
+from services.gait.surface.segmentation import I32
 
 # Probability that a pixel of a box is the person's, in tenths: largest in the middle, falling
 # towards the sides; the head is half as wide as the rest.
@@ -44,33 +51,21 @@ class ColourModel:
         return np.asarray(np.clip(ratios, 1 / RATIO_MAX, RATIO_MAX))
 
 
-class SampleGrid(NamedTuple):
-    """Points at which boxes are sampled."""
+class PersonPrior(NamedTuple):
+    """Prior of the samples of a box."""
 
-    u: F64  # columns, in widths of the box from its middle
-    v: F64  # rows, in heights
     bands: npt.NDArray[np.int64]  # of the rows
     tenths: I32  # rows x columns: probability that the point is the person's; 0 off the box
 
 
-def sample_grid(points: tuple[int, int], scale: tuple[float, float], bands: int) -> SampleGrid:
-    """Return sample points, each in the middle of its cell.
-
-    Args:
-        points: Across and down.
-        scale: Sides of the sampled area, in those of the box.
-        bands: Into which the box's height is divided.
-    """
-    u, v = (
-        side * ((np.arange(count) + 0.5) / count - 0.5)
-        for count, side in zip(points, scale, strict=True)
-    )
-    height = v + 0.5
+def person_prior(grid: SampleGrid, bands: int) -> PersonPrior:
+    """Return the prior of samples, with the box's height divided into bands."""
+    height = grid.v + 0.5
     width = np.where(height < HEAD_RATIO, HEAD_WIDTH, BODY_WIDTH)[:, None]
-    inside = (np.abs(u) < 0.5) & (np.abs(v) < 0.5)[:, None]
-    probability = np.rint(MIDDLE_TENTHS * np.exp(-((u / width) ** 4)))
+    inside = (np.abs(grid.u) < 0.5) & (np.abs(grid.v) < 0.5)[:, None]
+    probability = np.rint(MIDDLE_TENTHS * np.exp(-((grid.u / width) ** 4)))
     tenths = np.where(inside, probability, 0).astype(np.int32)
-    return SampleGrid(u, v, np.clip(height * bands, 0, bands - 1).astype(np.int64), tenths)
+    return PersonPrior(np.clip(height * bands, 0, bands - 1).astype(np.int64), tenths)
 
 
 class ColourRatio:
@@ -85,8 +80,10 @@ class ColourRatio:
         self._histogram, self._bands = histogram, config.bands
         scale = config.background_scale, (1 + config.background_scale) / 2
         self.reach = np.array([1.0, 1.0, *scale])  # box times this covers the background
-        self._grid = sample_grid(config.points, (1.0, 1.0), config.bands)
-        self._learn_grid = sample_grid(LEARN_POINTS, scale, config.bands)
+        self._grid = sample_grid(config.points)
+        self._prior = person_prior(self._grid, config.bands)
+        self._learn_grid = sample_grid(LEARN_POINTS, scale)
+        self._learn_prior = person_prior(self._learn_grid, config.bands)
 
     def learn(self, patch: HsvPatch, box: F64) -> ColourModel:
         """Return the colours of the person in a box and of the background.
@@ -95,9 +92,11 @@ class ColourRatio:
             patch: Covers the box times `reach`.
             box: [px] 4: centre x, y, width, height.
         """
-        tables, bins = self._histogram.tables, self._histogram.bins
-        person, background = np.zeros((self._bands, bins)), np.zeros(bins)
-        _learn(patch.hsv, patch.origin, *tables, self._learn_grid, box, person, background)
+        count = self._histogram.bins
+        person, background = np.zeros((self._bands, count)), np.zeros(count)
+        bins = np.empty(self._learn_prior.tenths.shape, np.int32)
+        sample_bins(patch, self._histogram.tables, self._learn_grid, box, bins)
+        _learn(bins, self._learn_prior, person, background)
         return ColourModel(_normalised(person), _normalised(background))
 
     def scores(self, patch: HsvPatch, boxes: F64, model: ColourModel) -> F64:
@@ -114,7 +113,8 @@ class ColourRatio:
         tenths = np.arange(TENTHS)[:, None] / TENTHS
         logs = np.log1p(tenths * (model.ratios[:, None] - 1))
         found = np.empty(len(boxes))
-        _score(patch.hsv, patch.origin, *self._histogram.tables, self._grid, boxes, logs, found)
+        tables = self._histogram.tables
+        _score(patch, tables, self._grid, self._prior, boxes, logs, found)
         return found
 
 
@@ -123,55 +123,31 @@ def _normalised(counts: F64) -> F64:
 
 
 @compiled
-def _learn(
-    hsv: U8,
-    origin: tuple[int, int],
-    hue: I32,
-    saturation: I32,
-    grid: SampleGrid,
-    box: F64,
-    person: F64,
-    background: F64,
-) -> None:
-    """Count colours, each point in tenths for the person and for the background."""
-    height, width = hsv.shape[:2]
-    for j in range(len(grid.v)):
-        row = math.floor(box[1] + box[3] * grid.v[j]) - origin[1]
-        if row < 0 or row >= height:
-            continue
-        band = grid.bands[j]
-        for i in range(len(grid.u)):
-            column = math.floor(box[0] + box[2] * grid.u[i]) - origin[0]
-            if 0 <= column < width:
-                colour = hue[hsv[row, column, 0]] + saturation[hsv[row, column, 1]]
-                person[band, colour] += grid.tenths[j, i]
-                background[colour] += TENTHS - grid.tenths[j, i]
+def _learn(bins: I32, prior: PersonPrior, person: F64, background: F64) -> None:
+    """Count colours, each sample in tenths for the person and for the background."""
+    for j in range(bins.shape[0]):
+        for i in range(bins.shape[1]):
+            if bins[j, i] >= 0:
+                person[prior.bands[j], bins[j, i]] += prior.tenths[j, i]
+                background[bins[j, i]] += TENTHS - prior.tenths[j, i]
 
 
 @compiled
 def _score(
-    hsv: U8,
-    origin: tuple[int, int],
-    hue: I32,
-    saturation: I32,
+    patch: HsvPatch,
+    tables: Tables,
     grid: SampleGrid,
+    prior: PersonPrior,
     boxes: F64,
     logs: F64,
     found: F64,
 ) -> None:
-    height, width = hsv.shape[:2]
-    cells = len(grid.u) * len(grid.v)
+    bins = np.empty((len(grid.v), len(grid.u)), np.int32)
     for m in range(len(boxes)):
-        x, y, wide, high = boxes[m]
+        sample_bins(patch, tables, grid, boxes[m], bins)
         total = 0.0
-        for j in range(len(grid.v)):
-            row = math.floor(y + high * grid.v[j]) - origin[1]
-            if row < 0 or row >= height:
-                continue
-            band = grid.bands[j]
-            for i in range(len(grid.u)):
-                column = math.floor(x + wide * grid.u[i]) - origin[0]
-                if 0 <= column < width:
-                    colour = hue[hsv[row, column, 0]] + saturation[hsv[row, column, 1]]
-                    total += logs[band, grid.tenths[j, i], colour]
-        found[m] = total * wide * high / cells
+        for j in range(bins.shape[0]):
+            for i in range(bins.shape[1]):
+                if bins[j, i] >= 0:
+                    total += logs[prior.bands[j], prior.tenths[j, i], bins[j, i]]
+        found[m] = total * boxes[m, 2] * boxes[m, 3] / bins.size

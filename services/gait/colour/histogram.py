@@ -1,30 +1,45 @@
 """Hue-saturation histograms of boxes and their Bhattacharyya distance (docs/method.md, 8.1)."""
 
 import math
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from common.compiled import compiled
 from people4d.messages import F64, U8
+from services.gait.surface.segmentation import I32
 
-I32: TypeAlias = npt.NDArray[np.int32]
+Tables: TypeAlias = tuple[I32, I32]
 
 
-@dataclass(frozen=True)
-class HsvPatch:
-    """The part of an image that boxes cover, in HSV; the rest is not converted.
+class HsvPatch(NamedTuple):
+    """The part of an image that boxes cover, in HSV; the rest is not converted."""
+
+    hsv: U8  # hxwx3
+    left: int  # of the patch in the image, pixels
+    top: int
+
+
+class SampleGrid(NamedTuple):
+    """Points at which boxes are sampled, each in the middle of its cell."""
+
+    u: F64  # columns, in widths of the box from its middle
+    v: F64  # rows, in heights
+
+
+def sample_grid(points: tuple[int, int], scale: tuple[float, float] = (1.0, 1.0)) -> SampleGrid:
+    """Return sample points.
 
     Args:
-        hsv: hxwx3.
-        origin: Left and top of the patch in the image, pixels.
+        points: Across and down.
+        scale: Sides of the sampled area, in those of the box.
     """
-
-    hsv: U8
-    origin: tuple[int, int]
+    u, v = (
+        side * ((np.arange(count) + 0.5) / count - 0.5)
+        for count, side in zip(points, scale, strict=True)
+    )
+    return SampleGrid(u, v)
 
 
 class HueSaturationHistogram:
@@ -45,14 +60,11 @@ class HueSaturationHistogram:
         self.bins = hue_bins * saturation_bins
         levels = np.arange(256)
         # By the value of a pixel: what hue and saturation add to the number of its bin.
-        self.tables: tuple[I32, I32] = (
+        self.tables: Tables = (
             (levels * hue_bins // 256 * saturation_bins).astype(np.int32),
             (levels * saturation_bins // 256).astype(np.int32),
         )
-        across, down = points
-        # From -1/2 to 1/2 of the box, each point in the middle of its cell.
-        self._u = (np.arange(across) + 0.5) / across - 0.5
-        self._v = (np.arange(down) + 0.5) / down - 0.5
+        self._grid = sample_grid(points)
 
     def __call__(self, rgb: U8, boxes: F64) -> F64:
         """Return the histograms of boxes.
@@ -64,9 +76,8 @@ class HueSaturationHistogram:
         Returns:
             M x bins, ratio of the points; a row sums to the ratio inside of the image.
         """
-        patch = hsv_patch(rgb, boxes)
         found = np.empty((len(boxes), self.bins))
-        _histograms(patch.hsv, patch.origin, *self.tables, self._u, self._v, boxes, found)
+        _histograms(hsv_patch(rgb, boxes), self.tables, self._grid, boxes, found)
         return found
 
     def distances(self, patch: HsvPatch, boxes: F64, reference: F64) -> F64:
@@ -83,7 +94,7 @@ class HueSaturationHistogram:
         Source: docs/method.md, section 8.1 (G 3.7) [Bhattacharyya 1943].
         """
         found = np.empty(len(boxes))
-        _distances(patch.hsv, patch.origin, *self.tables, self._u, self._v, boxes, reference, found)
+        _distances(patch, self.tables, self._grid, boxes, reference, found)
         return found
 
 
@@ -101,72 +112,55 @@ def hsv_patch(rgb: U8, boxes: F64) -> HsvPatch:
     right, bottom = np.clip(np.ceil(high) + 1, (left, top), (width, height)).astype(int).tolist()
     covered = rgb[top:bottom, left:right]
     if not covered.size:
-        return HsvPatch(np.empty((0, 0, 3), np.uint8), (left, top))
+        return HsvPatch(np.empty((0, 0, 3), np.uint8), left, top)
     hsv = np.asarray(cv2.cvtColor(covered, cv2.COLOR_RGB2HSV_FULL), np.uint8)
-    return HsvPatch(hsv, (left, top))
+    return HsvPatch(hsv, left, top)
 
 
 @compiled
-def _count(
-    hsv: U8,
-    origin: tuple[int, int],
-    hue: I32,
-    saturation: I32,
-    u: F64,
-    v: F64,
-    box: F64,
-    counts: I32,
-) -> None:
-    """Count the points of a box in each bin."""
-    height, width = hsv.shape[:2]
-    counts[:] = 0
-    for j in range(len(v)):
-        row = math.floor(box[1] + box[3] * v[j]) - origin[1]
+def sample_bins(patch: HsvPatch, tables: Tables, grid: SampleGrid, box: F64, bins: I32) -> None:
+    """Set the bin of each sample of a box, rows x columns; -1 outside of the image."""
+    height, width = patch.hsv.shape[:2]
+    bins[:] = -1
+    for j in range(len(grid.v)):
+        row = math.floor(box[1] + box[3] * grid.v[j]) - patch.top
         if row < 0 or row >= height:
             continue
-        for i in range(len(u)):
-            column = math.floor(box[0] + box[2] * u[i]) - origin[0]
+        for i in range(len(grid.u)):
+            column = math.floor(box[0] + box[2] * grid.u[i]) - patch.left
             if 0 <= column < width:
-                counts[hue[hsv[row, column, 0]] + saturation[hsv[row, column, 1]]] += 1
+                pixel = patch.hsv[row, column]
+                bins[j, i] = tables[0][pixel[0]] + tables[1][pixel[1]]
 
 
 @compiled
-def _histograms(
-    hsv: U8,
-    origin: tuple[int, int],
-    hue: I32,
-    saturation: I32,
-    u: F64,
-    v: F64,
-    boxes: F64,
-    found: F64,
-) -> None:
-    counts = np.empty(found.shape[1], np.int32)
+def _histograms(patch: HsvPatch, tables: Tables, grid: SampleGrid, boxes: F64, found: F64) -> None:
+    bins = np.empty((len(grid.v), len(grid.u)), np.int32)
     for m in range(len(boxes)):
-        _count(hsv, origin, hue, saturation, u, v, boxes[m], counts)
-        found[m] = counts / (len(u) * len(v))
+        sample_bins(patch, tables, grid, boxes[m], bins)
+        counts = np.zeros(found.shape[1], np.int32)
+        for b in bins.flat:
+            if b >= 0:
+                counts[b] += 1
+        found[m] = counts / bins.size
 
 
 @compiled
 def _distances(
-    hsv: U8,
-    origin: tuple[int, int],
-    hue: I32,
-    saturation: I32,
-    u: F64,
-    v: F64,
-    boxes: F64,
-    reference: F64,
-    found: F64,
+    patch: HsvPatch, tables: Tables, grid: SampleGrid, boxes: F64, reference: F64, found: F64
 ) -> None:
-    ratio = 1.0 / (len(u) * len(v))
-    bins = np.flatnonzero(reference)  # others add nothing
-    counts = np.empty(len(reference), np.int32)
+    bins = np.empty((len(grid.v), len(grid.u)), np.int32)
+    ratio = 1.0 / bins.size
+    filled = np.flatnonzero(reference)  # others add 0
     for m in range(len(boxes)):
-        _count(hsv, origin, hue, saturation, u, v, boxes[m], counts)
+        sample_bins(patch, tables, grid, boxes[m], bins)
+        counts = np.zeros(len(reference), np.int32)
+        for b in bins.flat:
+            if b >= 0:
+                counts[b] += 1
         coefficient = 0.0
-        for b in bins:
-            coefficient += math.sqrt(counts[b] * ratio * reference[b])
+        for k in filled:
+            coefficient += math.sqrt(counts[k] * ratio * reference[k])
         found[m] = math.sqrt(min(max(1.0 - coefficient, 0.0), 1.0))
 
 

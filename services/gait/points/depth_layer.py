@@ -52,7 +52,7 @@ MARKED_TIP_MAX_M = 0.4  # [m] of a marked point to the end of its limb
 
 
 @dataclass(frozen=True)
-class BodyObservation:
+class MeshObservation:
     """Observation of one person in a frame."""
 
     mesh: BodyMesh | None  # None: not visible
@@ -90,7 +90,7 @@ class DepthLayer:
         """The particle filters by the names of their points."""
         return self._points
 
-    def start(self, name: str, point_m: F64, observation: BodyObservation) -> bool:
+    def start(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
         """Track a point from this position on, again if already tracked.
 
         Args:
@@ -113,7 +113,7 @@ class DepthLayer:
             point.tip_distance_m = tip_distance if own_limb else np.nan
         return True
 
-    def update(self, observation: BodyObservation) -> Mapping[str, PointEstimate]:
+    def update(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
         body = self._measure(observation)
         if body is None:
@@ -157,7 +157,7 @@ class DepthLayer:
             point.motion.predict(dt_s)
         point.mark_missed(dt_s)
 
-    def _measure(self, observation: BodyObservation) -> MeasuredBody | None:
+    def _measure(self, observation: MeshObservation) -> MeasuredBody | None:
         """Measure what all points need: heights, geodesic distances, extrema."""
         mesh, config = observation.mesh, self._config
         if mesh is None or len(mesh.points_m) < VERTICES_MIN:
@@ -182,7 +182,7 @@ class DepthLayer:
         inside = np.all((pixels > margin) & (pixels < last), axis=1)
         return [one for one in find_extremities(body, self._config) if inside[one.basin]]
 
-    def _anchors(self, observation: BodyObservation, body: MeasuredBody) -> Mapping[str, Anchor]:
+    def _anchors(self, observation: MeshObservation, body: MeasuredBody) -> Mapping[str, Anchor]:
         """Return the expected pixels of points by keypoints."""
         if not (self._combined and self._config.keypoints):
             return {}
@@ -254,7 +254,7 @@ class DepthLayer:
 
     def _start_points(
         self,
-        observation: BodyObservation,
+        observation: MeshObservation,
         body: MeasuredBody,
         expected: Mapping[str, Anchor],
         extremities: Sequence[Extremity],

@@ -27,47 +27,29 @@ Indices: TypeAlias = npt.NDArray[np.intp]
 
 @dataclass(frozen=True)
 class FootTrajectory:
-    """Measured positions of one foot.
+    """Measured positions of one foot."""
 
-    Args:
-        times_s: N, rising.
-        points_m: Nx3, in a fixed frame.
-    """
-
-    times_s: F64
-    points_m: F64
+    times_s: F64  # N, rising
+    points_m: F64  # Nx3, in a fixed frame
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """Samples of both feet, N, in the order of time.
+    """Samples of both feet, in the order of time."""
 
-    Args:
-        times_s: N.
-        ground_m: Nx2, on the ground.
-        sides: N, 1: assigned to the left foot, -1: to the right one.
-    """
-
-    times_s: F64
-    ground_m: F64
-    sides: F64
+    times_s: F64  # N
+    ground_m: F64  # Nx2, on the ground
+    sides: F64  # N, 1: assigned to the left foot, -1: to the right one
 
 
 @dataclass(frozen=True)
 class Footprint:
-    """Position where a foot stood.
+    """Position where a foot stood."""
 
-    Args:
-        ground_m: 2, on the ground.
-        landed_s: When it came down.
-        lifted_s: When it left.
-        samples: Of the foot there.
-    """
-
-    ground_m: F64
+    ground_m: F64  # 2, on the ground
     landed_s: float
     lifted_s: float
-    samples: _Samples
+    samples: _Samples  # of the foot there
 
     @property
     def side(self) -> float:

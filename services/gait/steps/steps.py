@@ -30,34 +30,21 @@ FEET: tuple[Side, Side] = ("left", "right")
 
 @dataclass(frozen=True)
 class Stride:
-    """Motion of a foot from one footprint to its next.
+    """Motion of a foot from one footprint to its next."""
 
-    Args:
-        length_m: Between the footprints.
-        time_s: Between the landings.
-        step_time_s: Since the landing of the other foot.
-    """
-
-    length_m: float
-    time_s: float
-    step_time_s: float
+    length_m: float  # between the footprints
+    time_s: float  # between the landings
+    step_time_s: float  # since the landing of the other foot
 
 
 @dataclass(frozen=True)
 class FootStep:
-    """Landing of a foot.
-
-    Args:
-        foot: Left or right.
-        landed_s: Time.
-        length_m: From the other foot, in walking direction.
-        stride: That ended here; None if its begin was not detected.
-    """
+    """Landing of a foot."""
 
     foot: Side
     landed_s: float
-    length_m: float
-    stride: Stride | None
+    length_m: float  # from the other foot, in walking direction
+    stride: Stride | None  # that ended here; None if its begin was not detected
 
 
 def find_steps(

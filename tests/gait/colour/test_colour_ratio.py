@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64, U8
-from services.gait.colour.colour_ratio import ColourModel, ColourRatio, sample_grid
-from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch
+from services.gait.colour.colour_ratio import ColourModel, ColourRatio, person_prior
+from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch, sample_grid
 from services.gait.config import ColourLayerConfig
 from tests.gait.numpy_histogram import scores
 
@@ -36,15 +36,16 @@ def test_ratios_by_hand() -> None:
 def test_sample_probability_falls_from_the_middle_to_the_sides() -> None:
     # tenths of 8 exp(-(u / wide)^4): 8 in the middle; at the side of the body, 0.5 of the width,
     # exp(-(0.5 / 0.4)^4) = 0.087: 1 in 10; beside the head (0.2) 0. Outside of the box 0.
-    grid = sample_grid((41, 41), (2.0, 1.5), 4)
-    assert grid.tenths[20, 20] == 8
+    grid = sample_grid((41, 41), (2.0, 1.5))
+    prior = person_prior(grid, 4)
+    assert prior.tenths[20, 20] == 8
     body, head = 20, int(np.argmin(np.abs(grid.v + 0.4)))
     side = int(np.argmin(np.abs(grid.u - 0.49)))
-    assert grid.tenths[body, side] == 1
-    assert grid.tenths[head, side] == 0
-    assert not grid.tenths[np.abs(grid.v) > 0.5].any()
-    assert not grid.tenths[:, np.abs(grid.u) > 0.5].any()
-    assert [int(grid.bands[np.argmin(np.abs(grid.v - v))]) for v in (-0.45, -0.1, 0.1, 0.45)] == [
+    assert prior.tenths[body, side] == 1
+    assert prior.tenths[head, side] == 0
+    assert not prior.tenths[np.abs(grid.v) > 0.5].any()
+    assert not prior.tenths[:, np.abs(grid.u) > 0.5].any()
+    assert [int(prior.bands[np.argmin(np.abs(grid.v - v))]) for v in (-0.45, -0.1, 0.1, 0.45)] == [
         *range(4)
     ]
 
@@ -97,7 +98,5 @@ def test_compiled_scores_equal_numpy() -> None:
     ratios = ColourRatio(config, histogram)
     box = np.array([55.0, 65.0, 70.0, 90.0])
     model = ratios.learn(hsv_patch(rgb, (box * ratios.reach)[None]), box)
-    plain = scores(
-        rgb, boxes, model, sample_grid(config.points, (1.0, 1.0), config.bands), histogram
-    )
+    plain = scores(rgb, boxes, model, sample_grid(config.points), histogram)
     np.testing.assert_allclose(ratios.scores(hsv_patch(rgb, boxes), boxes, model), plain, atol=1e-6)

@@ -86,7 +86,7 @@ def test_a_limp_of_unlike_lengths_by_hand() -> None:
 
 
 def test_exchanged_feet_give_the_same_measures() -> None:
-    """Whoever follows feet takes one for the other now and then, most of all where they pass."""
+    """Point filters exchange feet at times, most of all where they pass."""
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
     taken = (np.random.default_rng(2).random(len(times_s)) < 0.4)[:, None]

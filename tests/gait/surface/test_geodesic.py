@@ -12,8 +12,8 @@ from tests.gait.builders import INFO, PUBLISHED, body_of, mesh_of
 LOOSE = msgspec.structs.replace(PUBLISHED, edge_m=0.05)
 
 
-def strip() -> BodyMesh:
-    """A strip of paper folded by 90 degrees at x = 0: z = 2 m + |x|, the fold towards the sensor.
+def band() -> BodyMesh:
+    """A band of paper folded by 90 degrees at x = 0: z = 2 m + |x|, the fold towards the sensor.
 
     With x = z k and k = (u - cx) / fx: z = 2 / (1 - |k|).
     """
@@ -29,10 +29,10 @@ def flat(holes: tuple[slice, slice] | None = None) -> BodyMesh:
     return build_mesh(body_of(depth, 300, 220), INFO, LOOSE)
 
 
-def test_geodesic_distance_of_a_folded_strip_is_its_length() -> None:
+def test_geodesic_distance_of_a_folded_band_is_its_length() -> None:
     # Its ends, 50 pixels from the fold: k = 0.1, z = 2.2222 m, x = 0.2222 m. Each half is
     # 0.2222 sqrt(2) long, together 0.6285 m; through the air it is 0.4444 m.
-    mesh = strip()
+    mesh = band()
     ends = mesh.vertices_at([(270, 240), (370, 240)])
     assert geodesic_m(mesh, ends[0])[ends[1]] == pytest.approx(0.62854, abs=1e-4)
     air = np.linalg.norm(np.diff(mesh.points_m[ends], axis=0))

@@ -51,7 +51,7 @@ def test_vertices_have_eight_neighbours() -> None:
     assert mesh.resolution_m == pytest.approx(0.004, abs=1e-6)
 
 
-def test_edges_lead_both_ways() -> None:
+def test_edges_are_symmetric() -> None:
     mesh = build_mesh(body_of(sphere()), INFO, BodyConfig(vertices=500))
     starts = np.repeat(np.arange(len(mesh.points_m)), np.diff(mesh.indptr))
     there = dict(zip(zip(starts, mesh.indices, strict=True), mesh.lengths_m, strict=True))
