@@ -16,24 +16,16 @@ NOSE, EYE, EAR = 0, 1, 3  # COCO; of the pairs the left
 
 @dataclass(frozen=True)
 class Figure:
-    """A body in the neutral pose, pelvis frame, and the helper meshes that clothes follow.
+    """A body in the neutral pose, pelvis frame, and the helper meshes that clothes follow."""
 
-    Args:
-        vertices_m: Vx3.
-        weights: VxB shares of the bones, rows sum to 1.
-        bones: B names.
-        faces: Triangles of each part: body, tights, skirt, hair, eyes.
-        masks: How far vertices belong to regions of the skin, 0 to 1: lips, ears, eyelids.
-        joints_m: Joint -> 2x3 (left, right) or 3.
-        keypoint_forms: 17xBx4; a keypoint is the sum over bones of map_from_rest (3x4) @ form (4).
-    """
-
-    vertices_m: F64
-    weights: F64
-    bones: tuple[str, ...]
-    faces: dict[str, I32]
+    vertices_m: F64  # Vx3
+    weights: F64  # VxB shares of the bones, rows sum to 1
+    bones: tuple[str, ...]  # B names
+    faces: dict[str, I32]  # triangles of each part: body, tights, skirt, hair, eyes
+    # how far vertices belong to regions of the skin, 0 to 1: lips, ears, eyelids
     masks: dict[str, F64]
-    joints_m: dict[str, F64]
+    joints_m: dict[str, F64]  # joint -> 2x3 (left, right) or 3
+    # 17xBx4; a keypoint is the sum over bones of map_from_rest (3x4) @ form (4)
     keypoint_forms: F64
 
 
@@ -85,21 +77,13 @@ def load_figure(name: str) -> Figure:
 
 @dataclass(frozen=True)
 class HeadLandmarks:
-    """Landmarks of a head in the neutral pose, pelvis frame.
+    """Landmarks of a head in the neutral pose, pelvis frame."""
 
-    Args:
-        nose: 3, its tip, in metres.
-        eye: 3, the left one.
-        ear: 3, the left one.
-        mouth: 3, middle of the lips.
-        unit_m: From the eyes' height to the crown.
-    """
-
-    nose: F64
-    eye: F64
-    ear: F64
-    mouth: F64
-    unit_m: float
+    nose: F64  # 3, its tip, in metres
+    eye: F64  # 3, the left one
+    ear: F64  # 3, the left one
+    mouth: F64  # 3, middle of the lips
+    unit_m: float  # from the eyes' height to the crown
 
     def coordinates(self, vertices_m: F64) -> tuple[F64, F64, F64]:
         """Return how far vertices lie before the ears, beside the middle, above the eyes; units."""

@@ -24,27 +24,16 @@ FALL = 0.22  # by how much cloth comes back to the body per length that it hangs
 
 @dataclass(frozen=True)
 class HemLevels:
-    """Heights at which clothes end, pelvis frame, in metres.
+    """Heights at which clothes end, pelvis frame, in metres."""
 
-    Args:
-        collar: Neckline behind.
-        sleeve: End of the sleeves when the arms hang.
-        hem: Lower end of the shirt.
-        waist: Upper end of what the legs wear.
-        legs: Its lower end.
-        shoe: Upper end of the shoes.
-        floor: Bare soles.
-        tucked: Whether the shirt is worn inside what the legs wear.
-    """
-
-    collar: float
-    sleeve: float
-    hem: float
-    waist: float
-    legs: float
-    shoe: float
-    floor: float
-    tucked: bool
+    collar: float  # neckline behind
+    sleeve: float  # end of the sleeves when the arms hang
+    hem: float  # lower end of the shirt
+    waist: float  # upper end of what the legs wear
+    legs: float  # its lower end
+    shoe: float  # upper end of the shoes
+    floor: float  # bare soles
+    tucked: bool  # whether the shirt is worn inside what the legs wear
 
 
 def measure(figure: Figure, person: CastMember) -> HemLevels:

@@ -18,21 +18,13 @@ FLEX_M = 0.03  # length over which a shoe bends
 
 @dataclass(frozen=True)
 class Bone:
-    """A bone turns about a joint with one segment, or partly with another.
+    """A bone turns about a joint with one segment, or partly with another."""
 
-    Args:
-        parent: The bone that carries its joint; empty for the pelvis.
-        joint: Name of the joint it turns about; left and right are chosen by the bone's side.
-        segment: With which it turns.
-        other: With which it turns in part.
-        share: Of the other, 0 to 1.
-    """
-
-    parent: str
-    joint: str
-    segment: str
-    other: str = ""
-    share: float = 0.0
+    parent: str  # the bone that carries its joint; empty for the pelvis
+    joint: str  # name of the joint it turns about; left and right are chosen by the bone's side
+    segment: str  # with which it turns
+    other: str = ""  # with which it turns in part
+    share: float = 0.0  # of the other, 0 to 1
 
 
 def _sided(side: str) -> dict[str, Bone]:

@@ -32,14 +32,11 @@ class BodyPose:
 
     In the neutral pose (all rotations identity) a person stands upright, arms hanging, legs
     straight, toes forward, and the axes of all segments are parallel: x forward, y left, z up.
-
-    Args:
-        map_from_pelvis: 4x4, origin midway between the hip joints.
-        rotations: 13x3x3 in the order of SEGMENTS, each parent_from_segment; the pelvis' own is
-            identity, since its rotation is in map_from_pelvis.
     """
 
-    map_from_pelvis: F64
+    map_from_pelvis: F64  # 4x4, origin midway between the hip joints
+    # 13x3x3 in the order of SEGMENTS, each parent_from_segment; the pelvis' own is identity, since
+    # its rotation is in map_from_pelvis
     rotations: F64
 
 
@@ -57,29 +54,16 @@ class Skeleton:
     """Where the joints of one person are in the neutral pose.
 
     All points are in metres in the pelvis frame; 2x3 arrays hold the left side first.
-
-    Args:
-        hip: 2x3; their mean is the origin.
-        knee: 2x3, exactly below the hip but for the leg's own small forward angle.
-        ankle: 2x3.
-        heel: 2x3, hindmost point of the shoe's sole that touches the floor.
-        ball: 2x3, point of the sole below the ball of the foot, about which it rolls.
-        toe: 2x3, foremost point of the sole.
-        waist: 3, where the chest turns on the pelvis.
-        shoulder: 2x3.
-        elbow: 2x3.
-        wrist: 2x3.
-        stature_m: Height from sole to crown.
     """
 
-    hip: F64
-    knee: F64
-    ankle: F64
-    heel: F64
-    ball: F64
-    toe: F64
-    waist: F64
-    shoulder: F64
-    elbow: F64
-    wrist: F64
-    stature_m: float
+    hip: F64  # 2x3; their mean is the origin
+    knee: F64  # 2x3, exactly below the hip but for the leg's own small forward angle
+    ankle: F64  # 2x3
+    heel: F64  # 2x3, hindmost point of the shoe's sole that touches the floor
+    ball: F64  # 2x3, point of the sole below the ball of the foot, about which it rolls
+    toe: F64  # 2x3, foremost point of the sole
+    waist: F64  # 3, where the chest turns on the pelvis
+    shoulder: F64  # 2x3
+    elbow: F64  # 2x3
+    wrist: F64  # 2x3
+    stature_m: float  # height from sole to crown

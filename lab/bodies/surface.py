@@ -15,23 +15,14 @@ SIDES = 5
 
 @dataclass(frozen=True)
 class BodySurface:
-    """Coloured triangles of one material that bones will move.
+    """Coloured triangles of one material that bones will move."""
 
-    Args:
-        vertices_m: Vx3, pelvis frame, neutral pose.
-        weights: VxB shares of the bones.
-        colour: Vx3 linear reflectance.
-        faces: Fx3 indices of vertices.
-        material: Of all triangles.
-        pattern: Of all triangles.
-    """
-
-    vertices_m: F64
-    weights: F64
-    colour: F64
-    faces: I32
-    material: Material
-    pattern: Pattern = Pattern.PLAIN
+    vertices_m: F64  # Vx3, pelvis frame, neutral pose
+    weights: F64  # VxB shares of the bones
+    colour: F64  # Vx3 linear reflectance
+    faces: I32  # Fx3 indices of vertices
+    material: Material  # of all triangles
+    pattern: Pattern = Pattern.PLAIN  # of all triangles
 
     def compact(self) -> "BodySurface":
         """Return it without the vertices that no triangle uses."""

@@ -30,19 +30,12 @@ MARGIN_S = 2.0  # before the start and after the end that poses are known
 
 @dataclass(frozen=True)
 class SpeedProfile:
-    """A speed over time: a first value and ramps to others; distances are its exact integral.
+    """A speed over time: a first value and ramps to others; distances are its exact integral."""
 
-    Args:
-        first: Before all ramps.
-        steps: N, what each ramp adds.
-        middles_s: N, when each is half done.
-        lengths_s: N, how long each takes, > 0.
-    """
-
-    first: float
-    steps: F64
-    middles_s: F64
-    lengths_s: F64
+    first: float  # before all ramps
+    steps: F64  # N, what each ramp adds
+    middles_s: F64  # N, when each is half done
+    lengths_s: F64  # N, how long each takes, > 0
 
     def speed(self, t_s: F64) -> F64:
         """Return the speed at times."""

@@ -31,15 +31,10 @@ SLIP_S = 1.0  # that a slip lasts
 
 @dataclass(frozen=True)
 class WheelTicks:
-    """Readings of the wheel encoders.
+    """Readings of the wheel encoders."""
 
-    Args:
-        time_s: N, when each was read.
-        ticks: Nx2, left and right, counted from the first reading.
-    """
-
-    time_s: F64
-    ticks: I64
+    time_s: F64  # N, when each was read
+    ticks: I64  # Nx2, left and right, counted from the first reading
 
 
 def wheel_ticks(plan: CameraPlan, path: BasePath, duration_s: float, seed: int) -> WheelTicks:

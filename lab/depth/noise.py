@@ -30,15 +30,11 @@ def blend(position: float) -> tuple[int, float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Persistence:
-    """How long noise lasts.
+    """How long noise lasts."""
 
-    Args:
-        frozen_share: Part of the variance that never changes, 0 to 1.
-        correlation_s: Time between the knots of the other part: after as long its correlation has
-            fallen to 1/pi, after twice as long to 0.
-    """
-
-    frozen_share: float
+    frozen_share: float  # part of the variance that never changes, 0 to 1
+    # time between the knots of the other part: after as long its correlation has fallen to 1/pi,
+    # after twice as long to 0
     correlation_s: float
 
     def correlation(self, lag_s: float) -> float:

@@ -46,28 +46,18 @@ class Pattern(IntEnum):
 
 @dataclass(frozen=True)
 class Mesh:
-    """Coloured triangles.
+    """Coloured triangles."""
 
-    Args:
-        vertices_m: Vx3, frame: map.
-        normals: Vx3, unit length, outward.
-        texture_m: Vx3 where solid textures are evaluated: the rest position of a body, the place
-            in a room. It moves with the surface.
-        colour: Vx3 linear reflectance, red first, 0 to 1.
-        faces: Fx3 indices of vertices.
-        material: F numbers of the material, see `materials.Material`.
-        pattern: F numbers of the cloth's pattern, see `materials.Pattern`; 0 = plain.
-        owner: F, 0 = the room, k + 1 = person k.
-    """
-
-    vertices_m: F64
-    normals: F64
+    vertices_m: F64  # Vx3, frame: map
+    normals: F64  # Vx3, unit length, outward
+    # Vx3 where solid textures are evaluated: the rest position of a body, the place in a room. It
+    # moves with the surface
     texture_m: F32
-    colour: F32
-    faces: I32
-    material: I32
-    pattern: I32
-    owner: I32
+    colour: F32  # Vx3 linear reflectance, red first, 0 to 1
+    faces: I32  # Fx3 indices of vertices
+    material: I32  # F numbers of the material, see `materials.Material`
+    pattern: I32  # F numbers of the cloth's pattern, see `materials.Pattern`; 0 = plain
+    owner: I32  # F, 0 = the room, k + 1 = person k
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:

@@ -31,15 +31,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Raster:
-    """What each pixel sees.
+    """What each pixel sees."""
 
-    Args:
-        inverse_depth: HxW, 1/m along the optical axis; 0 where nothing is.
-        triangle: HxW index of the face; -1 where nothing is.
-    """
-
-    inverse_depth: F32
-    triangle: I32
+    inverse_depth: F32  # HxW, 1/m along the optical axis; 0 where nothing is
+    triangle: I32  # HxW index of the face; -1 where nothing is
 
     def depth_m(self) -> F32:
         """Return HxW depth; inf where nothing is."""

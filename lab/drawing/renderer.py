@@ -21,30 +21,19 @@ WHITE = 0.9  # reflectance of a sheet that an exposure of 1 makes white
 
 @dataclass(frozen=True)
 class DepthView:
-    """Geometry seen by the camera, without any error.
+    """Geometry seen by the camera, without any error."""
 
-    Args:
-        depth_m: HxW along the optical axis, inf where nothing is.
-        owners: HxW, 0 = room or nothing, k + 1 = person k.
-        right_depth_m: HxW as the right imager of the stereo pair sees it.
-    """
-
-    depth_m: F32
-    owners: U8
-    right_depth_m: F32
+    depth_m: F32  # HxW along the optical axis, inf where nothing is
+    owners: U8  # HxW, 0 = room or nothing, k + 1 = person k
+    right_depth_m: F32  # HxW as the right imager of the stereo pair sees it
 
 
 @dataclass(frozen=True)
 class Extent:
-    """How much of the image a body would cover if nothing hid it.
+    """How much of the image a body would cover if nothing hid it."""
 
-    Args:
-        pixels: Number of pixels inside the image.
-        box_xyxy_px: 4, just around them, right and lower edge exclusive; NaN if there are none.
-    """
-
-    pixels: int
-    box_xyxy_px: F64
+    pixels: int  # number of pixels inside the image
+    box_xyxy_px: F64  # 4, just around them, right and lower edge exclusive; NaN if there are none
 
 
 def draw_depth(
@@ -92,15 +81,10 @@ def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
 
 @dataclass(frozen=True)
 class Instant:
-    """The scene at one instant.
+    """The scene at one instant."""
 
-    Args:
-        people: Their meshes; the room is the renderer's own.
-        optical_from_map: 4x4 of the camera.
-    """
-
-    people: Sequence[Mesh]
-    optical_from_map: F64
+    people: Sequence[Mesh]  # their meshes; the room is the renderer's own
+    optical_from_map: F64  # 4x4 of the camera
 
 
 class Renderer:

@@ -23,40 +23,25 @@ FLOORS = {
 
 @dataclass(frozen=True)
 class Light:
-    """A lamp or a window, small against its distance.
+    """A lamp or a window, small against its distance."""
 
-    Args:
-        position_m: 3, frame: map.
-        towards: 3, unit vector it shines along; nothing behind it is lit.
-        intensity: 3, red first; irradiance at 1 m straight ahead.
-        radius_m: Of its surface: the larger, the softer the shadows.
-    """
-
-    position_m: F64
-    towards: F64
-    intensity: F64
-    radius_m: float
+    position_m: F64  # 3, frame: map
+    towards: F64  # 3, unit vector it shines along; nothing behind it is lit
+    intensity: F64  # 3, red first; irradiance at 1 m straight ahead
+    radius_m: float  # of its surface: the larger, the softer the shadows
 
 
 @dataclass(frozen=True)
 class Room:
-    """A room without people.
+    """A room without people."""
 
-    Args:
-        mesh: All its surfaces, frame: map.
-        lights: What lights it.
-        low_m: 3, corner of the room.
-        high_m: 3, opposite corner.
-        walls: 6x3 linear reflectance of the walls at low x, high x, low y, high y, the floor and
-            the ceiling.
-        exposure: Brightness of the image; 1 makes a white sheet in the middle of the room white.
-    """
-
-    mesh: Mesh
-    lights: tuple[Light, ...]
-    low_m: F64
-    high_m: F64
+    mesh: Mesh  # all its surfaces, frame: map
+    lights: tuple[Light, ...]  # what lights it
+    low_m: F64  # 3, corner of the room
+    high_m: F64  # 3, opposite corner
+    # 6x3 linear reflectance of the walls at low x, high x, low y, high y, the floor and the ceiling
     walls: F64
+    # brightness of the image; 1 makes a white sheet in the middle of the room white
     exposure: float
 
 

@@ -15,16 +15,12 @@ SIDES = 20  # of a cylinder
 
 @dataclass(frozen=True)
 class Finish:
-    """What a solid is made of.
+    """What a solid is made of."""
 
-    Args:
-        material: Of its surface.
-        colour: Linear reflectance, red first, 0 to 1; of a lamp, its radiance.
-        shift_m: Where in the solid texture it is cut from, so that no two boards look alike.
-    """
-
-    material: Material
+    material: Material  # of its surface
+    # linear reflectance, red first, 0 to 1; of a lamp, its radiance
     colour: tuple[float, float, float]
+    # where in the solid texture it is cut from, so that no two boards look alike
     shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 

@@ -37,22 +37,14 @@ class WalkingBout:
     """Steps between two rests, alternately left and right.
 
     Step k begins, with the lift of a foot, when the progress is k, and ends when it is k + swing.
-
-    Args:
-        begin: Index of its first time in the track.
-        times_s: N.
-        progress: N, from 0 to count - 1 + swing: the last step ends with the bout.
-        count: Number of steps.
-        swing: How long a foot is in the air, in steps.
-        foot: That steps first, 0 left or 1 right.
     """
 
-    begin: int
-    times_s: F64
-    progress: F64
-    count: int
-    swing: float
-    foot: int
+    begin: int  # Index of its first time in the track
+    times_s: F64  # N
+    progress: F64  # N, from 0 to count - 1 + swing: the last step ends with the bout
+    count: int  # number of steps
+    swing: float  # how long a foot is in the air, in steps
+    foot: int  # that steps first, 0 left or 1 right
 
     def when_s(self, progress: float) -> float:
         """Return the time of a progress."""

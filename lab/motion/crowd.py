@@ -36,36 +36,23 @@ NEAR_COST, PERSONAL_COST, BOUND_COST, CHANGE_COST = 2.5, 6.0, 4.0, 0.15
 
 @dataclass(frozen=True)
 class CrowdPaths:
-    """The ways of all people; arrays are NxT in steps of STEP_S.
+    """The ways of all people; arrays are NxT in steps of STEP_S."""
 
-    Args:
-        times_s: T.
-        x_m: Frame: map; with y_m.
-        yaw_rad: Not wrapped.
-        seated: 0 standing to 1 seated.
-        looking: 1 while looking around.
-    """
-
-    times_s: F64
-    x_m: F64
+    times_s: F64  # T
+    x_m: F64  # frame: map; with y_m
     y_m: F64
-    yaw_rad: F64
-    seated: F64
-    looking: F64
+    yaw_rad: F64  # not wrapped
+    seated: F64  # 0 standing to 1 seated
+    looking: F64  # 1 while looking around
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Where people walk.
+    """Where people walk."""
 
-    Args:
-        bounds_m: 2x2, lower and upper corner of where people go, frame: map.
-        stools_m: Places of stools, x and y in the map.
-        obstacle: Place of a moving thing, such as a robot, at a time: x, y and maybe more.
-    """
-
-    bounds_m: F64
-    stools_m: Sequence[tuple[float, float]] = ()
+    bounds_m: F64  # 2x2, lower and upper corner of where people go, frame: map
+    stools_m: Sequence[tuple[float, float]] = ()  # places of stools, x and y in the map
+    # place of a moving thing, such as a robot, at a time: x, y and maybe more
     obstacle: Place | None = None
 
 

@@ -25,17 +25,11 @@ ROUNDNESS_M = 0.03
 
 @dataclass(frozen=True)
 class Shoe:
-    """Points of a foot in the neutral pose, 3 each, metres.
+    """Points of a foot in the neutral pose, 3 each, metres."""
 
-    Args:
-        heel: From the ankle.
-        ball: From the ankle.
-        toes: Their tip from the ball, along the floor.
-    """
-
-    heel: F64
-    ball: F64
-    toes: F64
+    heel: F64  # from the ankle
+    ball: F64  # from the ankle
+    toes: F64  # their tip from the ball, along the floor
 
     @classmethod
     def of(cls, skeleton: Skeleton, side: int) -> "Shoe":
@@ -84,32 +78,21 @@ def _toe_roll(pitch_rad: F64) -> F64:
 
 @dataclass(frozen=True)
 class FootPath:
-    """One foot over time.
+    """One foot over time."""
 
-    Args:
-        ankle_m: Tx3, frame: map.
-        map_from_foot: Tx3x3.
-    """
-
-    ankle_m: F64
-    map_from_foot: F64
+    ankle_m: F64  # Tx3, frame: map
+    map_from_foot: F64  # Tx3x3
 
 
 @dataclass(frozen=True)
 class FootPhases:
-    """Where in its stances and swings a foot is; arrays are T long.
+    """Where in its stances and swings a foot is; arrays are T long."""
 
-    Args:
-        stance: Number of the present stance, or of the one before the present swing.
-        swing: Part of the swing that is over, 0 while standing.
-        contact: Phase since heel contact, up to FLAT.
-        push: Phase towards lift-off, from FLAT.
-    """
-
+    # number of the present stance, or of the one before the present swing
     stance: npt.NDArray[np.intp]
-    swing: F64
-    contact: F64
-    push: F64
+    swing: F64  # part of the swing that is over, 0 while standing
+    contact: F64  # phase since heel contact, up to FLAT
+    push: F64  # phase towards lift-off, from FLAT
 
 
 def foot_path(
@@ -173,19 +156,12 @@ def _clearance_m(part: F64) -> F64:
 
 @dataclass(frozen=True)
 class SwingEnds:
-    """How the swings begin and end, one row for each; x and y, frame: map.
+    """How the swings begin and end, one row for each; x and y, frame: map."""
 
-    Args:
-        leave: Sx2, ankle at lift-off.
-        leave_rate: Sx2, its change over a whole swing if it went on like that.
-        meet: Sx2, ankle at heel contact.
-        meet_rate: Sx2.
-    """
-
-    leave: F64
-    leave_rate: F64
-    meet: F64
-    meet_rate: F64
+    leave: F64  # Sx2, ankle at lift-off
+    leave_rate: F64  # Sx2, its change over a whole swing if it went on like that
+    meet: F64  # Sx2, ankle at heel contact
+    meet_rate: F64  # Sx2
 
     def between(self, number: npt.NDArray[np.intp], part: F64) -> F64:
         """Return the ankle in swings at a part of each: cubics with these ends."""

@@ -22,51 +22,31 @@ TOE_OUT_RAD = math.radians(7.0)
 
 @dataclass(frozen=True)
 class FootStances:
-    """The stances of one foot, K of them; stance k lasts from down_s[k] to up_s[k].
+    """The stances of one foot, K of them; stance k lasts from down_s[k] to up_s[k]."""
 
-    Args:
-        down_s: The first is -inf.
-        up_s: The last is inf.
-        place: Kx3: x and y of the ankle and yaw of the foot while it is flat, frame: map.
-    """
-
-    down_s: F64
-    up_s: F64
-    place: F64
+    down_s: F64  # the first is -inf
+    up_s: F64  # the last is inf
+    place: F64  # Kx3: x and y of the ankle and yaw of the foot while it is flat, frame: map
 
 
 @dataclass(frozen=True)
 class StepPlan:
-    """All steps of one person.
+    """All steps of one person."""
 
-    Args:
-        feet: Left and right.
-        phase: T, cycles of the left leg: whole at left heel contact; creeps while standing.
-        stepping: T, 1 while stepping, else 0.
-    """
-
-    feet: tuple[FootStances, FootStances]
-    phase: F64
-    stepping: F64
+    feet: tuple[FootStances, FootStances]  # left and right
+    phase: F64  # T, cycles of the left leg: whole at left heel contact; creeps while standing
+    stepping: F64  # T, 1 while stepping, else 0
 
 
 @dataclass(frozen=True)
 class BodyProportions:
-    """What of a person the steps depend on.
+    """What of a person the steps depend on."""
 
-    Args:
-        stature_m: Metres.
-        ankle_ahead_m: Of the ankles before the hips, standing.
-        half_stance_m: Ankle to the middle, standing.
-        quickness: Cadence over that of the average person.
-        first_foot: That likes to step first, 0 left or 1 right.
-    """
-
-    stature_m: float
-    ankle_ahead_m: float
-    half_stance_m: float
-    quickness: float = 1.0
-    first_foot: int = 0
+    stature_m: float  # metres
+    ankle_ahead_m: float  # of the ankles before the hips, standing
+    half_stance_m: float  # ankle to the middle, standing
+    quickness: float = 1.0  # cadence over that of the average person
+    first_foot: int = 0  # that likes to step first, 0 left or 1 right
 
 
 def plan_steps(track: WalkPath, build: BodyProportions) -> StepPlan:

@@ -36,25 +36,15 @@ HANGING_ELBOW_DEG, HANGING_SHOULDER_DEG = 14.0, 0.0
 
 @dataclass(frozen=True)
 class Individual:
-    """A skeleton and the small ways in which its owner differs from others.
+    """A skeleton and the small ways in which its owner differs from others."""
 
-    Args:
-        skeleton: Of the person.
-        seed: Of the scenario.
-        index: Of the person in it.
-        quickness: Cadence over that of the average person.
-        arm_swing: Amplitude over that of the average person.
-        first_foot: That likes to step first, 0 left or 1 right.
-        gestures: That the person makes.
-    """
-
-    skeleton: Skeleton
-    seed: int
-    index: int
-    quickness: float
-    arm_swing: float
-    first_foot: int
-    gestures: tuple[Gesture, ...] = ()
+    skeleton: Skeleton  # of the person
+    seed: int  # of the scenario
+    index: int  # of the person in it
+    quickness: float  # cadence over that of the average person
+    arm_swing: float  # amplitude over that of the average person
+    first_foot: int  # that likes to step first, 0 left or 1 right
+    gestures: tuple[Gesture, ...] = ()  # that the person makes
 
     @classmethod
     def draw(
@@ -87,21 +77,13 @@ class Individual:
 
 @dataclass(frozen=True)
 class GaitScaling:
-    """How much of the gait table applies; arrays are T long.
+    """How much of the gait table applies; arrays are T long."""
 
-    Args:
-        times_s: As of the way.
-        phase: Cycles of the left leg.
-        stepping: 0 standing to 1 stepping.
-        stride: Step length over the table's.
-        speed: Fidelity over the table's.
-    """
-
-    times_s: F64
-    phase: F64
-    stepping: F64
-    stride: F64
-    speed: F64
+    times_s: F64  # as of the way
+    phase: F64  # cycles of the left leg
+    stepping: F64  # 0 standing to 1 stepping
+    stride: F64  # step length over the table's
+    speed: F64  # fidelity over the table's
 
 
 @dataclass(frozen=True)

@@ -22,18 +22,12 @@ SMOOTH_STEPS = 4  # over which the pelvis is lowered when a foot is out of reach
 
 @dataclass(frozen=True)
 class ArmAngles:
-    """The joints of one arm, T long or the same at all times.
+    """The joints of one arm, T long or the same at all times."""
 
-    Args:
-        shoulder_deg: Forward from hanging.
-        elbow_deg: Bent from straight.
-        aside_rad: Of the upper arm, away from the body.
-        inward_rad: By which the upper arm is turned about itself, so that the elbow bends inward.
-    """
-
-    shoulder_deg: float | F64
-    elbow_deg: float | F64
-    aside_rad: float | F64 = ABDUCTION_RAD
+    shoulder_deg: float | F64  # forward from hanging
+    elbow_deg: float | F64  # bent from straight
+    aside_rad: float | F64 = ABDUCTION_RAD  # of the upper arm, away from the body
+    # by which the upper arm is turned about itself, so that the elbow bends inward
     inward_rad: float | F64 = ELBOW_INWARD_RAD
 
 

@@ -23,21 +23,13 @@ HIP_ABOVE_SEAT = 0.050  # of the stature: from the seat to the hip joints of a s
 
 @dataclass(frozen=True)
 class Sitting:
-    """A person between standing (all 0) and sitting; arrays are T long.
+    """A person between standing (all 0) and sitting; arrays are T long."""
 
-    Args:
-        back_m: Of the pelvis, behind where the person stands.
-        low: 0 hips at standing height, 1 on the seat.
-        pelvis_rad: Forward tilt of the pelvis.
-        chest_rad: Forward lean of the chest in the room.
-        rest: 0 arms hang, 1 hands on the thighs.
-    """
-
-    back_m: F64
-    low: F64
-    pelvis_rad: F64
-    chest_rad: F64
-    rest: F64
+    back_m: F64  # of the pelvis, behind where the person stands
+    low: F64  # 0 hips at standing height, 1 on the seat
+    pelvis_rad: F64  # forward tilt of the pelvis
+    chest_rad: F64  # forward lean of the chest in the room
+    rest: F64  # 0 arms hang, 1 hands on the thighs
 
 
 def ease(part: F64) -> F64:

@@ -23,17 +23,11 @@ PIECE_FRAMES: dict[Fidelity, int] = {"geometry": 300, "depth": 60, "colour": 10}
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """What is written; None: not.
+    """What is written; None: not."""
 
-    Args:
-        recording: File of ours.
-        bag: Folder of a ROS 2 bag.
-        truth: NPZ file with the truth about each person in each frame.
-    """
-
-    recording: Path | None = None
-    bag: Path | None = None
-    truth: Path | None = None
+    recording: Path | None = None  # file of ours
+    bag: Path | None = None  # folder of a ROS 2 bag
+    truth: Path | None = None  # NPZ file with the truth about each person in each frame
 
     @property
     def paths(self) -> list[Path]:

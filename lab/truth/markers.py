@@ -21,17 +21,11 @@ BEFORE_M = 0.02  # what is nearer than a mark by more than this hides it
 
 @dataclass(frozen=True)
 class Footfall:
-    """A foot that came down.
+    """A foot that came down."""
 
-    Args:
-        time_s: Since the beginning of the scenario.
-        side: 0 left, 1 right.
-        place_m: 2, x and y of the ankle while the foot stands, frame: map.
-    """
-
-    time_s: float
-    side: int
-    place_m: F64
+    time_s: float  # since the beginning of the scenario
+    side: int  # 0 left, 1 right
+    place_m: F64  # 2, x and y of the ankle while the foot stands, frame: map
 
 
 def mark(world: World, person: int, t_s: float, points_m: F64) -> Vertices:

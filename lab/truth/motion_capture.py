@@ -19,17 +19,11 @@ STEP_S = 0.01  # to both sides of the time at which a velocity is wanted
 
 @dataclass(frozen=True)
 class Capture:
-    """One person at one time, without error; frame: map.
+    """One person at one time, without error; frame: map."""
 
-    Args:
-        position_m: 3, torso = mean of both shoulders and both hips.
-        yaw_rad: Of the chest.
-        path_yaw_rad: Of the way.
-    """
-
-    position_m: F64
-    yaw_rad: float
-    path_yaw_rad: float
+    position_m: F64  # 3, torso = mean of both shoulders and both hips
+    yaw_rad: float  # of the chest
+    path_yaw_rad: float  # of the way
 
 
 def capture(world: World, person: int, t_s: float) -> Capture:

@@ -47,21 +47,13 @@ REACH_M: F64 = np.array([*BY_KEYPOINT, *[HIP] * 2, *[KNEE] * 2, *[FOOT] * 2])
 
 @dataclass(frozen=True)
 class Silhouette:
-    """One person in the image.
+    """One person in the image."""
 
-    Args:
-        keypoints_m: 17x3, frame: optical.
-        keypoints_px: 17x2.
-        visible: 17, True: in the image and hidden by nobody, nor by the person's own body.
-        box_xyxy_px: 4, of the whole body, not cut to the image.
-        visible_share: Part of the body that is seen, 0 to 1.
-    """
-
-    keypoints_m: F64
-    keypoints_px: F64
-    visible: BOOL
-    box_xyxy_px: F64
-    visible_share: float
+    keypoints_m: F64  # 17x3, frame: optical
+    keypoints_px: F64  # 17x2
+    visible: BOOL  # 17, True: in the image and hidden by nobody, nor by the person's own body
+    box_xyxy_px: F64  # 4, of the whole body, not cut to the image
+    visible_share: float  # part of the body that is seen, 0 to 1
 
 
 def silhouettes(
