@@ -1,43 +1,44 @@
-"""The virtual lab as a camera: frames are drawn when they are wanted."""
+"""The virtual lab as a camera and as a source of ground truth, which services load by name."""
 
 import heapq
 import os
 from collections.abc import Iterator
-from typing import Any, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
-import msgspec
+from msgspec import Meta, field
 
 from common.config import Config
 from lab.camera.frames import FrameRenderer, RenderSettings, odometry, transforms
 from lab.depth.config import DepthSensorConfig
-from lab.depth.metadata import with_errors
+from lab.depth.metadata import change_sensor
 from lab.scenario import load_scenario, split_seed
 from lab.truth.motion_capture import capture_truth
 from lab.world import World
 from people4d.messages import Truth
+from people4d.messages.base import Count
 from services.camera.source import Source, SourceItem
 
 MAX_NS = 2**63 - 1  # later than any stamp
 
 
 class LabOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What can be chosen in a scenario."""
+    """Options of a scenario that is played as a camera."""
 
-    mode: Literal["colour", "depth"] = (
-        "colour"  # depth: people in one colour each, ten times as fast
-    )
-    threads: int = 0  # that draw; 0: one for each core
-    samples: int = 2  # along each side of a pixel, 1 or 2; 1 is quicker, with ragged edges
+    # depth: people in one colour each, ten times as fast
+    mode: Literal["colour", "depth"] = "colour"
+    threads: Count = 0  # that draw; 0: one for each core
+    # along each side of a pixel; 1 is quicker, with ragged edges
+    samples: Annotated[int, Meta(ge=1, le=2)] = 2
     depth_sensor: Literal["auto", "off"] = "auto"  # off: depth without the errors of a sensor
-    sensor: dict[str, Any] = msgspec.field(default_factory=dict)  # changes of DepthSensorConfig
+    sensor: dict[str, Any] = field(default_factory=dict)  # changes of DepthSensorConfig
 
 
 class LabSource(Source):
-    """Films a scenario. It is a recording in nature: the same frames every time, at any speed.
+    """A scenario as a camera: like a recording, it gives the same frames every time.
 
     Args:
-        name: Scenario that ships or path of a scenario's file, with @SEED for a seed of one's own.
-        options: How it is filmed.
+        name: Scenario that ships or path of a scenario's file, with @SEED for another seed.
+        options: Fidelity and depth sensor.
 
     Raises:
         ConfigError: There is no such scenario, or an option is out of range.
@@ -48,7 +49,7 @@ class LabSource(Source):
     def __init__(self, name: str, options: LabOptions) -> None:
         scenario, seed = split_seed(name)
         self._world = World(load_scenario(scenario), seed)
-        self._film = FrameRenderer(self._world, _settings(options))
+        self._renderer = FrameRenderer(self._world, _settings(options))
         self.info = self._world.info
         self.transforms = transforms(self._world)
 
@@ -57,7 +58,7 @@ class LabSource(Source):
         return self.part(0.0, 0.0)
 
     def part(self, start_s: float, duration_s: float) -> Iterator[SourceItem]:
-        """Yield frames and odometry of some time; what is left out is not drawn."""
+        """Yield frames and odometry of a period; only its frames are drawn."""
         world = self._world
         first_ns = world.stamp_ns(0) + int(start_s * 1e9)
         last_ns = first_ns + int(duration_s * 1e9) if duration_s else MAX_NS
@@ -66,13 +67,13 @@ class LabSource(Source):
             for index in range(world.frame_count)
             if first_ns <= world.stamp_ns(index) <= last_ns
         ]
-        frames: Iterator[SourceItem] = map(self._film.capture, indices)
-        told = [m for m in odometry(world) if first_ns <= m.stamp_ns <= last_ns]
-        return heapq.merge(told, frames, key=lambda item: item.stamp_ns)
+        frames: Iterator[SourceItem] = map(self._renderer.capture, indices)
+        wheels = [m for m in odometry(world) if first_ns <= m.stamp_ns <= last_ns]
+        return heapq.merge(wheels, frames, key=lambda item: item.stamp_ns)
 
 
 def _settings(options: LabOptions) -> RenderSettings:
-    sensor = with_errors(DepthSensorConfig(), options.sensor)
+    sensor = change_sensor(DepthSensorConfig(), options.sensor)
     return RenderSettings(
         colour="drawn" if options.mode == "colour" else "flat",
         sensor=sensor if options.depth_sensor == "auto" else None,
@@ -82,7 +83,7 @@ def _settings(options: LabOptions) -> RenderSettings:
 
 
 class LabConfig(Protocol):
-    """What `LabTruth` reads of the configuration of the ground-truth bridge."""
+    """Configuration of the ground-truth bridge, as far as `LabTruth` needs it."""
 
     @property
     def truth(self) -> str:
@@ -90,9 +91,7 @@ class LabConfig(Protocol):
 
 
 class LabTruth:
-    """Truth of a scenario, as a source of the ground-truth bridge.
-
-    Its name there is "lab.source:LabTruth".
+    """Truth of a scenario, as the source "lab.source:LabTruth" of the ground-truth bridge.
 
     Args:
         config: Its `truth` names the scenario as the camera's `source` does.

@@ -14,14 +14,14 @@ from deploy.cli.progress import cores, interruptible, progress
 from lab.scenario import Scenario, load_scenario, scenario_names
 from people4d.errors import ConfigError
 
-# What draws is imported on use: compiled code takes a second to load.
+# Modules that draw are imported on use: compiled code takes a second to load.
 
 ScenarioName = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="Name from people4d lab list, or a .toml file.")
 ]
 Seed = Annotated[
     int | None,
-    typer.Option(min=0, help="Another light, motion and noise; else the scenario's own."),
+    typer.Option(min=0, help="Seed of light, motion and noise; else the scenario's own."),
 ]
 
 
@@ -40,8 +40,8 @@ def list_() -> None:
         table.add_row(name, *_row(load_scenario(name)))
     console.print(table)
     console.print(f"\n[bold]people[/]  {', '.join(cast_names())}")
-    console.print("\nLook at one: people4d lab preview SCENARIO")
-    console.print("Let the pipeline see it: people4d up --source lab:SCENARIO")
+    console.print("\nPreview one: people4d lab preview SCENARIO")
+    console.print("Run the pipeline on it: people4d up --source lab:SCENARIO")
 
 
 def _row(scenario: Scenario) -> tuple[str, str, str, str, str]:
@@ -99,8 +99,8 @@ def render(
         ),
     ] = [],  # noqa: B006 (typer copies it)
 ) -> None:
-    """Render a scenario into a recording; interrupted and called again, it goes on."""
-    from lab.output import render as job  # noqa: PLC0415
+    """Render a scenario into a recording; the same command continues an interrupted one."""
+    from lab.output import render as rendering  # noqa: PLC0415
     from lab.output.sequence import ErrorModels, RenderJob  # noqa: PLC0415
 
     if fidelity == "geometry" and format_ != "recording":
@@ -108,7 +108,7 @@ def render(
             "--fidelity geometry: there are no images for a ROS bag", "Leave --format on recording."
         )
     plan = load_scenario(scenario)
-    order = RenderJob(
+    job = RenderJob(
         scenario=plan,
         seed=plan.seed if seed is None else seed,
         fidelity=fidelity,
@@ -120,17 +120,17 @@ def render(
     )
     stem = _stem(plan, seed)
     file = out if out and out.suffix == ".mcap" else (out or Path()) / f"{stem}.mcap"
-    outputs = job.Outputs(
+    outputs = rendering.Outputs(
         recording=None if format_ == "ros2" else file,
         bag=None if format_ == "recording" else file.with_name(f"{file.stem}_ros2"),
         truth=file.with_suffix(".truth.npz") if truth_per_frame else None,
     )
-    hint = f"What is done is kept in {outputs.shelf}: the same command goes on."
+    hint = f"Finished frames are in {outputs.chunks}: the same command continues."
     with interruptible(hint), progress() as report:
-        job.render(order, outputs, jobs or cores(), report)
+        rendering.render(job, outputs, jobs or cores(), report)
     for path in outputs.paths:
         typer.echo(f"Wrote {path}")
-    typer.echo(f"Look at it: people4d info {outputs.paths[0]}")
+    typer.echo(f"Its contents: people4d info {outputs.paths[0]}")
 
 
 def preview(

@@ -96,16 +96,16 @@ def check_publishers(bus: ZenohBus, robot: str, kinds: set[type[Message]]) -> No
 
 
 def clean_cameras(recording: Recording) -> dict[str, CleanDepthSensor]:
-    """Return what reads the clean depth of each camera; none if depth is not clean.
+    """Return the depth sensor of each camera; none if depth is not clean.
 
     Raises:
-        SourceError: The recording's note of its simulation is damaged.
+        SourceError: The recording's metadata of its simulation are damaged.
     """
-    note = read_metadata(recording)
-    if note is None or note.depth != "clean":
+    metadata = read_metadata(recording)
+    if metadata is None or metadata.depth != "clean":
         return {}
     infos = [info for _, info in recording.messages(CameraInfo) if isinstance(info, CameraInfo)]
-    return {info.camera: CleanDepthSensor(note, info) for info in infos}
+    return {info.camera: CleanDepthSensor(metadata, info, {}) for info in infos}
 
 
 def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixels: bool) -> Message:

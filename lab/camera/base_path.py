@@ -26,6 +26,7 @@ ACCELERATION_MPS2 = 0.5  # largest, of an indoor robot that does not topple what
 TURN_ACCELERATION_RADPS2 = 1.5
 GRID_S = 0.005  # of the integration
 MARGIN_S = 2.0  # before the start and after the end that poses are known
+FOREVER_S = 1e9  # longer than any scenario
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def base_path(plan: CameraPlan, duration_s: float) -> BasePath:
 def _stops(drives: tuple[Drive, ...], duration_s: float) -> tuple[Drive, ...]:
     """Let the base stand after its last stretch, if the scenario goes on."""
     end_s = sum(drive.for_s for drive in drives)
-    return drives if drives and end_s >= duration_s else (*drives, Drive(for_s=math.inf))
+    return drives if drives and end_s >= duration_s else (*drives, Drive(for_s=FOREVER_S))
 
 
 def _profile(drives: tuple[Drive, ...], speeds: list[float], limit: float) -> SpeedProfile:

@@ -1,8 +1,8 @@
-"""What a recording of the virtual lab says of itself, and clean depth read as a camera would.
+"""Metadata of simulated recordings, and clean depth read as a camera would.
 
-Noise is most of what depth takes on disk. So a recording may hold the true depth of each pixel,
-with a note of the sensor whose errors are to be added: whoever plays it gets what the camera would
-have read, the same bytes every time.
+Noise is most of what depth takes on disk. So a recording may hold the true depth of each pixel and
+name the sensor whose errors are to be added: every player gets what the camera would have read, the
+same bytes every time.
 """
 
 from collections.abc import Mapping
@@ -11,23 +11,25 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from common.config import Config
 from common.io.recording import Recording
 from lab.depth.config import DepthSensorConfig
 from people4d.errors import ConfigError, DecodeError, SourceError
 from people4d.messages import F32, U16, CameraInfo
+from people4d.messages.base import Count
 
-NAME = "lab"  # of the note in the recording
+NAME = "lab"  # of the metadata in the recording
 
 
-class SimulationMetadata(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a simulated recording comes from."""
+class SimulationMetadata(Config, frozen=True, kw_only=True):
+    """Origin of a simulated recording."""
 
     scenario: str  # name of the scenario
-    seed: int  # of the scenario, and of the sensor's noise
+    seed: Count  # of the scenario, and of the sensor's noise
     depth: Literal["clean", "measured"]  # clean: the sensor is applied on playing
     sensor: DepthSensorConfig = DepthSensorConfig()  # that is, or was, applied
 
-    def values(self) -> dict[str, str]:
+    def texts(self) -> dict[str, str]:
         """Return the texts for `RecordingWriter.write_metadata`."""
         return {
             "scenario": self.scenario,
@@ -38,10 +40,10 @@ class SimulationMetadata(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_metadata(recording: Recording) -> SimulationMetadata | None:
-    """Return what a recording says of itself; None if it is not of the virtual lab.
+    """Return the origin of a recording; None if it is not of the virtual lab.
 
     Raises:
-        SourceError: The note is damaged, or of a later version.
+        SourceError: The metadata are damaged, or of a later version.
     """
     if NAME not in recording.metadata:
         return None
@@ -49,18 +51,15 @@ def read_metadata(recording: Recording) -> SimulationMetadata | None:
     try:
         if "sensor" in values:
             values["sensor"] = msgspec.json.decode(values["sensor"])
-        note = msgspec.convert(values, SimulationMetadata, strict=False)
+        return msgspec.convert(values, SimulationMetadata, strict=False)
     except (msgspec.DecodeError, msgspec.ValidationError) as error:
         raise SourceError(
-            f"the recording's note of the virtual lab cannot be read: {error}",
-            "It may be of a later version; with depth_sensor=off depth is played as stored.",
+            f"the recording's metadata of the virtual lab cannot be read: {error}",
+            "They may be of a later version; with depth_sensor=off depth is played as stored.",
         ) from error
-    if note.seed < 0:
-        raise SourceError(f"the recording's note of the virtual lab has a seed of {note.seed}")
-    return note
 
 
-def with_errors(config: DepthSensorConfig, changes: Mapping[str, Any]) -> DepthSensorConfig:
+def change_sensor(config: DepthSensorConfig, changes: Mapping[str, Any]) -> DepthSensorConfig:
     """Return the errors of a sensor with some of them changed.
 
     Raises:
@@ -79,18 +78,20 @@ def depth_sensor_of(
     """Return the sensor to apply to a camera of a recording; None if its depth has the errors.
 
     Raises:
-        SourceError: The note is damaged, or of a later version.
+        SourceError: The metadata are damaged, or of a later version.
         ConfigError: A change is unknown or out of range.
     """
-    note = read_metadata(recording)
-    return CleanDepthSensor(note, info, changes) if note and note.depth == "clean" else None
+    metadata = read_metadata(recording)
+    if metadata is None or metadata.depth != "clean":
+        return None
+    return CleanDepthSensor(metadata, info, changes)
 
 
 class CleanDepthSensor:
-    """Reads the clean depth of one camera as a depth sensor would.
+    """A depth sensor that reads the clean depth of one camera.
 
     Args:
-        note: Of the recording.
+        metadata: Of the recording.
         info: Calibration of the camera.
         changes: Of the sensor's errors, by name.
 
@@ -99,17 +100,17 @@ class CleanDepthSensor:
     """
 
     def __init__(
-        self, note: SimulationMetadata, info: CameraInfo, changes: Mapping[str, Any] | None = None
+        self, metadata: SimulationMetadata, info: CameraInfo, changes: Mapping[str, Any]
     ) -> None:
         # Compiled code is loaded only for recordings that need it.
         from lab.depth.sensor import DepthSensor  # noqa: PLC0415
 
-        config = with_errors(note.sensor, changes or {})
+        config = change_sensor(metadata.sensor, changes)
         self._shape = (info.height, info.width)
-        self._sensor = DepthSensor(config, info, note.seed)
+        self._sensor = DepthSensor(config, info, metadata.seed)
 
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
-        """Return what the sensor reads.
+        """Return the readings of the sensor.
 
         Args:
             depth_mm: HxW, true depth in millimetres, 0 where nothing is.

@@ -1,4 +1,4 @@
-"""Long work in pieces: done by all cores, and kept when it is interrupted."""
+"""Long work in chunks, by all cores; finished chunks survive an interruption."""
 
 import hashlib
 import shutil
@@ -11,15 +11,15 @@ from pathlib import Path
 
 from people4d.errors import People4dError, SourceError
 
-KEY = "key"  # file that says what the pieces are of
+KEY = "key"  # file that identifies the work
 
 
 class ChunkStore:
-    """A folder of finished pieces; they stay until they are of other work.
+    """A folder of finished chunks; those of other work are removed.
 
     Args:
         folder: Made if it is not there.
-        key: Tells this work from any other. Pieces with another key are removed.
+        key: Identifies the work.
 
     Raises:
         SourceError: The folder cannot be written, or holds something else.
@@ -37,54 +37,54 @@ class ChunkStore:
         except OSError as error:
             raise SourceError(f"folder {folder} cannot be written: {error.strerror}") from error
 
-    def path(self, piece: int) -> Path:
-        """Return where a piece is, or will be."""
-        return self._folder / f"{piece:06d}"
+    def path(self, chunk: int) -> Path:
+        """Return the file of a chunk, finished or not."""
+        return self._folder / f"{chunk:06d}"
 
     def missing(self, count: int) -> list[int]:
-        """Return those of so many pieces that are not there."""
-        return [piece for piece in range(count) if not self.path(piece).exists()]
+        """Return those of so many chunks that are not finished."""
+        return [chunk for chunk in range(count) if not self.path(chunk).exists()]
 
     def remove(self) -> None:
         """Remove all."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def run_chunks(work: Callable[[int], None], pieces: Sequence[int], jobs: int) -> Iterator[int]:
-    """Do pieces of work, and yield each once it is done.
+def run_chunks(work: Callable[[int], None], chunks: Sequence[int], jobs: int) -> Iterator[int]:
+    """Run chunks of work, and yield each once it is done.
 
     Args:
-        work: Does one piece; with more than one job it must be picklable.
-        pieces: What is to be done.
+        work: Runs one chunk; with more than one job it must be picklable.
+        chunks: Numbers of the chunks.
         jobs: Processes that work at once; with one it is done in this process.
 
     Raises:
-        People4dError: A process was killed. What a piece raises is raised here.
+        People4dError: A process was killed. Errors of a chunk are raised, too.
     """
-    if jobs == 1 or len(pieces) < 2:
-        for piece in pieces:
-            work(piece)
-            yield piece
+    if jobs == 1 or len(chunks) < 2:
+        for chunk in chunks:
+            work(chunk)
+            yield chunk
         return
     # Forked, a process would have locks of threads that it has not.
     context = get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, len(pieces)), context, _leave_interrupts_to_the_parent)
+    pool = ProcessPoolExecutor(min(jobs, len(chunks)), context, _leave_interrupts_to_the_parent)
     try:
-        futures = {pool.submit(work, piece): piece for piece in pieces}
+        futures = {pool.submit(work, chunk): chunk for chunk in chunks}
         for future in as_completed(futures):
             future.result()
             yield futures[future]
     except BrokenProcessPool as error:
         raise People4dError(
             "a process that renders was killed, perhaps for want of memory",
-            "Render with fewer --jobs; what is done is kept.",
+            "Render with fewer --jobs; finished frames stay.",
         ) from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
 def digest_of(folder: Path) -> str:
-    """Return what tells the contents of a folder of code and data from any other version."""
+    """Return a fingerprint of the code and data in a folder."""
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
         if path.is_file() and path.suffix in (".py", ".npz", ".toml"):

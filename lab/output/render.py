@@ -17,13 +17,13 @@ from people4d.errors import SourceError
 from people4d.messages import Message
 from services.camera.ros.export import export
 
-# Frames in a piece: a few seconds of work, which is what an interruption costs.
-PIECE_FRAMES: dict[Fidelity, int] = {"geometry": 300, "depth": 60, "colour": 10}
+# Frames in a chunk: a few seconds of work, which is what an interruption costs.
+CHUNK_FRAMES: dict[Fidelity, int] = {"geometry": 300, "depth": 60, "colour": 10}
 
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """What is written; None: not."""
+    """Files to write; None: not."""
 
     recording: Path | None = None  # file of ours
     bag: Path | None = None  # folder of a ROS 2 bag
@@ -31,25 +31,25 @@ class Outputs:
 
     @property
     def paths(self) -> list[Path]:
-        """All that is written."""
+        """All files and folders to write."""
         return [path for path in (self.recording, self.bag, self.truth) if path]
 
     @property
-    def shelf(self) -> Path:
-        """Folder of what is done so far, beside the first output."""
+    def chunks(self) -> Path:
+        """Folder of finished chunks, beside the first output."""
         return self.paths[0].with_name(f"{self.paths[0].name}.part")
 
 
 def render(
-    order: RenderJob, outputs: Outputs, jobs: int, progress: Callable[[str, float], object]
+    job: RenderJob, outputs: Outputs, jobs: int, on_progress: Callable[[str, float], object]
 ) -> None:
-    """Render a scenario; what an interrupted rendering has done is not done again.
+    """Render a scenario; an interrupted rendering is continued.
 
     Args:
-        order: What is rendered.
-        outputs: What is written.
+        job: Scenario, fidelity and errors.
+        outputs: Files to write.
         jobs: Processes that draw at once; the result does not depend on it.
-        progress: Called with what is being done and the share of it that is done, 0 to 1.
+        on_progress: Called with the present step and the share of it that is done, 0 to 1.
 
     Raises:
         SourceError: An output exists or cannot be written.
@@ -57,59 +57,52 @@ def render(
     for path in outputs.paths:
         if path.exists():
             raise SourceError(f"{path} exists already", "Remove it, or give another --out.")
-    shelf, size = ChunkStore(outputs.shelf, _key(order)), PIECE_FRAMES[order.fidelity]
-    count = -(-sequence_renderer(order).world.frame_count // size)
-    missing = shelf.missing(count)
-    progress("drawing", 1 - len(missing) / count)
-    for done, _ in enumerate(run_chunks(partial(make_piece, order, shelf, size), missing, jobs), 1):
-        progress("drawing", 1 - (len(missing) - done) / count)
-    pieces = [shelf.path(piece) for piece in range(count)]
-    recording = shelf.path(count)
-    _write_recording(order, pieces, recording)
+    store, size = ChunkStore(outputs.chunks, _key(job)), CHUNK_FRAMES[job.fidelity]
+    count = -(-sequence_renderer(job).world.frame_count // size)
+    missing = store.missing(count)
+    on_progress("drawing", 1 - len(missing) / count)
+    finished = run_chunks(partial(render_chunk, job, store, size), missing, jobs)
+    for done, _ in enumerate(finished, 1):
+        on_progress("drawing", 1 - (len(missing) - done) / count)
+    chunks = [store.path(chunk) for chunk in range(count)]
+    recording = store.path(count)
+    with RecordingWriter(recording) as writer:
+        writer.write_metadata(NAME, job.metadata.texts())
+        for message in sequence_renderer(job).timeline(_messages(chunks)):
+            writer.write(message, message.stamp_ns)
     if outputs.bag:
-        export(recording, outputs.bag, on_progress=partial(progress, "writing the bag"))
+        export(recording, outputs.bag, on_progress=partial(on_progress, "writing the bag"))
     if outputs.truth:
-        join_frames(outputs.truth, [_truth_of(piece) for piece in pieces])
+        join_frames(outputs.truth, [chunk.with_suffix(".npz") for chunk in chunks])
     if outputs.recording:
         recording.replace(outputs.recording)
-    shelf.remove()
+    store.remove()
 
 
-def make_piece(order: RenderJob, shelf: ChunkStore, size: int, piece: int) -> None:
-    """Make the messages of a piece of so many frames and put them on the shelf."""
-    studio, path = sequence_renderer(order), shelf.path(piece)
-    last = min((piece + 1) * size, studio.world.frame_count)
+def render_chunk(job: RenderJob, store: ChunkStore, size: int, chunk: int) -> None:
+    """Render the messages of a chunk of so many frames into the store."""
+    renderer, path = sequence_renderer(job), store.path(chunk)
+    last = min((chunk + 1) * size, renderer.world.frame_count)
     unfinished = path.with_suffix(".new")
     truth = []
     with RecordingWriter(unfinished) as writer:
-        for index in range(piece * size, last):
-            message, arrays = studio.frame(index)
+        for index in range(chunk * size, last):
+            message, arrays = renderer.frame(index)
             writer.write(message, message.stamp_ns)
             if arrays:
                 truth.append(arrays)
     if truth:
-        save_frames(_truth_of(path), studio.world.info, truth)
-    unfinished.replace(path)  # last: from now on the piece counts as done
+        save_frames(path.with_suffix(".npz"), renderer.world.info, truth)
+    unfinished.replace(path)  # last: from now on the chunk counts as done
 
 
-def _write_recording(order: RenderJob, pieces: list[Path], path: Path) -> None:
-    with RecordingWriter(path) as writer:
-        writer.write_metadata(NAME, order.note.values())
-        for message in sequence_renderer(order).timeline(_messages(pieces)):
-            writer.write(message, message.stamp_ns)
-
-
-def _messages(pieces: list[Path]) -> Iterator[Message]:
-    for piece in pieces:
-        for _, message in open_recording(piece).messages():
+def _messages(chunks: list[Path]) -> Iterator[Message]:
+    for chunk in chunks:
+        for _, message in open_recording(chunk).messages():
             yield message
 
 
-def _truth_of(piece: Path) -> Path:
-    return piece.with_suffix(".npz")
-
-
-def _key(order: RenderJob) -> str:
-    """Return what tells this rendering from any other, the lab's own code included."""
-    text = msgspec.json.encode(order) + digest_of(Path(__file__).parents[1]).encode()
+def _key(job: RenderJob) -> str:
+    """Return a fingerprint of the rendering, the lab's own code included."""
+    text = msgspec.json.encode(job) + digest_of(Path(__file__).parents[1]).encode()
     return hashlib.sha256(text).hexdigest()

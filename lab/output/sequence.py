@@ -1,13 +1,14 @@
-"""What a rendering is made of: the messages of each frame and of the whole scenario."""
+"""The messages of a rendered scenario: of each frame, and of all of it in order."""
 
 import heapq
 from collections.abc import Iterable, Iterator
 from functools import cached_property, lru_cache
 from itertools import chain
-from typing import Literal
+from typing import Annotated, Literal
 
-import msgspec
+from msgspec import Meta
 
+from common.config import Config
 from common.io.images import encode_jpeg, encode_png16
 from lab.camera.frames import FrameRenderer, RenderSettings, odometry, transforms
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
@@ -26,61 +27,60 @@ Fidelity = Literal["geometry", "depth", "colour"]
 PNG_LEVEL = 6  # a seventh smaller than 3; 9 gains a tenth more and takes eight times as long
 
 
-class ErrorModels(msgspec.Struct, frozen=True, kw_only=True):
-    """How what is simulated errs."""
+class ErrorModels(Config, frozen=True, kw_only=True):
+    """Errors of what is simulated."""
 
     sensor: DepthSensorConfig = DepthSensorConfig()  # of depth, applied now or on playing
-    detector: SyntheticDetectionsConfig = SyntheticDetectionsConfig()  # of the fidelity geometry
+    # of the fidelity geometry
+    detector: SyntheticDetectionsConfig = SyntheticDetectionsConfig()
 
 
-class RenderJob(msgspec.Struct, frozen=True, kw_only=True):
-    """What is rendered; the result depends on nothing else."""
+class RenderJob(Config, frozen=True, kw_only=True):
+    """A scenario to render; the result depends on nothing else."""
 
     scenario: Scenario
     seed: int
-    fidelity: Fidelity = "colour"  # geometry: detections in place of frames; depth: flat colours
+    # geometry: detections in place of frames; depth: flat colours
+    fidelity: Fidelity = "colour"
     depth: Literal["clean", "measured"] = "clean"  # clean: the sensor is applied on playing
     errors: ErrorModels = ErrorModels()
-    quality: int = 90  # of JPEG
-    samples: int = 2  # see RenderSettings
+    quality: Annotated[int, Meta(ge=1, le=100)] = 90  # of JPEG
+    samples: Annotated[int, Meta(ge=1, le=2)] = 2  # see RenderSettings
     truth_per_frame: bool = False
 
     @property
-    def note(self) -> SimulationMetadata:
-        """What a recording says of its origin."""
+    def metadata(self) -> SimulationMetadata:
+        """Origin of the recording."""
         return SimulationMetadata(
             scenario=self.scenario.name, seed=self.seed, depth=self.depth, sensor=self.errors.sensor
         )
 
 
 class SequenceRenderer:
-    """Makes the frames of an order.
+    """Renders the messages of a job."""
 
-    Args:
-        order: What is rendered.
-    """
-
-    def __init__(self, order: RenderJob) -> None:
-        self.world = World(order.scenario, order.seed)
-        self._order = order
+    def __init__(self, job: RenderJob) -> None:
+        self.world = World(job.scenario, job.seed)
+        self._job = job
         settings = RenderSettings(
-            colour="drawn" if order.fidelity == "colour" else "flat",
-            sensor=order.errors.sensor if order.depth == "measured" else None,
-            samples=order.samples,
+            colour="drawn" if job.fidelity == "colour" else "flat",
+            sensor=job.errors.sensor if job.depth == "measured" else None,
+            samples=job.samples,
         )
-        self._film = FrameRenderer(self.world, settings)
+        self._frames = FrameRenderer(self.world, settings)
 
     def frame(self, index: int) -> tuple[Message, Arrays | None]:
-        """Return the message of a frame, and what is true in it if that was ordered."""
-        order = self._order
-        if order.fidelity == "geometry" and not order.truth_per_frame:
-            return self._sighting(index), None
-        view = self._film.view(index)
-        seen = self._sighting(index) if order.fidelity == "geometry" else self._picture(index, view)
-        return seen, self._truth(index, view) if order.truth_per_frame else None
+        """Return the message of a frame, and its truth if the job asks for it."""
+        job = self._job
+        if job.fidelity == "geometry" and not job.truth_per_frame:
+            return self._detections(index), None
+        view = self._frames.view(index)
+        geometry = job.fidelity == "geometry"
+        message = self._detections(index) if geometry else self._image(index, view)
+        return message, self._truth(index, view) if job.truth_per_frame else None
 
     def timeline(self, frames: Iterable[Message]) -> Iterator[Message]:
-        """Return calibration and transforms, then all that happens by its stamp."""
+        """Return calibration and transforms, then all messages by their stamps."""
         world = self.world
         # Of equal stamps what the frame may need comes first.
         timed = heapq.merge(
@@ -88,34 +88,32 @@ class SequenceRenderer:
         )
         return chain([world.info], transforms(world), timed)
 
-    def _picture(self, index: int, view: DepthView) -> CompressedRgbdFrame:
-        world, film, order = self.world, self._film, self._order
-        depth_mm = film.depth_mm(index, view)
+    def _image(self, index: int, view: DepthView) -> CompressedRgbdFrame:
+        world, job = self.world, self._job
+        depth_mm = self._frames.depth_mm(index, view)
         return CompressedRgbdFrame(
             stamp_ns=world.stamp_ns(index),
             sequence=index,
             camera=world.info.camera,
-            rgb_jpeg=encode_jpeg(film.rgb(index, view), order.quality),
-            depth_png=encode_png16(depth_mm, PNG_LEVEL, smooth=order.depth == "clean"),
+            rgb_jpeg=encode_jpeg(self._frames.rgb(index, view), job.quality),
+            depth_png=encode_png16(depth_mm, PNG_LEVEL, smooth=job.depth == "clean"),
         )
 
-    def _sighting(self, index: int) -> Detections:
-        """Return what a detector would have found."""
-        world = self.world
-        t_s = world.frame_s(index)
-        people = world.keypoints_m(t_s)
-        return self._sightings.at(people, world.optical_from_map(t_s), world.stamp_ns(index), index)
+    def _detections(self, index: int) -> Detections:
+        world, t_s = self.world, self.world.frame_s(index)
+        people, pose = world.keypoints_m(t_s), world.optical_from_map(t_s)
+        return self._detector.at(people, pose, world.stamp_ns(index), index)
 
     def _truth(self, index: int, view: DepthView) -> Arrays:
         people = person_views(self.world, self.world.frame_s(index), view)
         return frame_arrays(self.world, index, people, view)
 
     @cached_property
-    def _sightings(self) -> SyntheticDetections:
-        return SyntheticDetections(self._order.errors.detector, self.world.info, self._order.seed)
+    def _detector(self) -> SyntheticDetections:
+        return SyntheticDetections(self._job.errors.detector, self.world.info, self._job.seed)
 
 
 @lru_cache(maxsize=1)
-def sequence_renderer(order: RenderJob) -> SequenceRenderer:
-    """Return the studio of an order; a process makes it once for all pieces it works on."""
-    return SequenceRenderer(order)
+def sequence_renderer(job: RenderJob) -> SequenceRenderer:
+    """Return the renderer of a job; a process makes it once for all chunks it works on."""
+    return SequenceRenderer(job)

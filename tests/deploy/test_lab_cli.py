@@ -97,7 +97,7 @@ def test_errors_can_be_chosen(tmp_path: Path) -> None:
             "no images for a ROS",
         ),
         (["render", "two_easy", "--set", "sensor.noize_px=1"], "Did you mean noise_px?"),
-        (["render", "two_easy", "--set", "sensor.noise_px=-1"], "noise_px: expected >= 0"),
+        (["render", "two_easy", "--set", "sensor.noise_px=-1"], "noise_px: expected `float` >= 0"),
         (["export", "/none.mcap", "/tmp/none"], "recording /none.mcap cannot be read"),
     ],
 )
@@ -125,17 +125,17 @@ def test_a_stopped_rendering_tells_how_to_go_on(tmp_path: Path) -> None:
     process = subprocess.Popen(
         command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
     )
-    shelf = tmp_path / "walk.mcap.part"
-    while process.poll() is None and not any(shelf.glob("*.new")):
+    chunks = tmp_path / "walk.mcap.part"
+    while process.poll() is None and not any(chunks.glob("*.new")):
         with suppress(subprocess.TimeoutExpired):
             process.wait(0.05)
     process.send_signal(signal.SIGTERM)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert f"What is done is kept in {shelf}" in errors
-    assert (shelf / "key").is_file()
+    assert f"Finished frames are in {chunks}" in errors
+    assert (chunks / "key").is_file()
     assert run("render", scenario, "--out", tmp_path, "--jobs", 1, "--samples", 1)[0] == 0
-    assert not shelf.exists()
+    assert not chunks.exists()
 
 
 def test_up_takes_scenarios_and_knows_their_truth(

@@ -41,7 +41,7 @@ from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     """Five frames in a piece, so that a short scenario has three of them."""
     pieces: dict[Fidelity, int] = {"geometry": 5, "depth": 5, "colour": 5}
-    monkeypatch.setattr(job, "PIECE_FRAMES", pieces)
+    monkeypatch.setattr(job, "CHUNK_FRAMES", pieces)
 
 
 def order(
@@ -137,8 +137,8 @@ def test_an_interrupted_rendering_goes_on_where_it_was(tmp_path: Path) -> None:
 def test_what_was_done_for_another_order_is_not_used(tmp_path: Path) -> None:
     wanted, other = order(tmp_path), order(tmp_path, quality=50)
     outputs = Outputs(recording=tmp_path / "out.mcap")
-    job.make_piece(other, ChunkStore(outputs.shelf, job._key(other)), 5, 0)
-    before = outputs.shelf / "000000"
+    job.render_chunk(other, ChunkStore(outputs.chunks, job._key(other)), 5, 0)
+    before = outputs.chunks / "000000"
     assert before.exists()
     render(wanted, outputs, 1, lambda *_: None)
     fresh = rendered(tmp_path, wanted, "fresh.mcap")
