@@ -13,13 +13,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.lib.by_eye import TORSO_MM, compare, match
 from benchmarks.lib.published import published_tracker
 from benchmarks.lib.table import markdown, write
 from common.drawing.people import annotate
 from common.drawing.tiles import shrink
 from common.runtime.node import Node
 from evaluation.pipeline import PipelineStep, pipeline, play, track_again
+from evaluation.recordings.hand_annotations import TORSO_MM, compare, crossing_camera, match
 from people4d.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Tracks
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
@@ -33,13 +33,6 @@ ROOT = Path(__file__).parents[1]
 OUT = ROOT / "out" / "real_inputs"
 TRACKERS = ("strongsort3d", "sort3d")
 SHEET_FRAMES = 24
-
-# Pose of the camera over the floor of filinha, from a plane through the free floor of its first
-# frame: 88 % of the points there lie within 3 cm of it. People's ears are then 1.67 m above the
-# floor (median; half of them within 5 cm), wherever they walk.
-MOUNT_XYZ_M = (0.0, 0.0, 2.345)
-MOUNT_RPY_RAD = (-0.227, 0.464, 0.0)
-FPS = 10.0  # the pairs come without times
 
 
 @dataclass
@@ -96,21 +89,6 @@ def lockstep(source: Path) -> CameraConfig:
     return CameraConfig(source=str(source), playback="lockstep", window=1, start_delay_s=0.0)
 
 
-def filinha(shared: Path, start_s: float = 0.0, max_frames: int = 0) -> CameraConfig:
-    """Return how the crossing people are played, in all or from a time on."""
-    return CameraConfig(
-        source=str(shared / "data" / "rgbd" / "filinha"),
-        options={"fps": FPS},
-        mount_xyz_m=MOUNT_XYZ_M,
-        mount_rpy_rad=MOUNT_RPY_RAD,
-        playback="lockstep",
-        window=1,
-        start_delay_s=0.0,
-        start_s=start_s,
-        max_frames=max_frames,
-    )
-
-
 def gather(
     steps: Iterable[PipelineStep], watch: Callable[[Message], object] = lambda _: None
 ) -> Played:
@@ -145,7 +123,7 @@ def crossing_rows(shared: Path) -> Iterator[list[str]]:
     runs = [(name, ReidConfig()) for name in models(shared)]
     for name, reid in [*runs, ("yolov8n-pose", osnet(shared))]:
         path = OUT / f"filinha_{name}_{reid.embedder}.png"
-        played = play_with_sheet(filinha(shared), models(shared)[name], reid, path)
+        played = play_with_sheet(crossing_camera(shared), models(shared)[name], reid, path)
         for tracker in TRACKERS if reid == ReidConfig() else TRACKERS[:1]:
             again = track_again(played.messages, published_tracker(tracker))
             yield [name, reid.embedder, tracker, *_figures(played, again)]

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from benchmarks.lib.by_eye import compare
 from benchmarks.lib.published import published_tracker
 from benchmarks.lib.table import markdown, write
-from benchmarks.real_inputs import ROOT, Played, filinha, gather, lockstep, models
+from benchmarks.real_inputs import ROOT, Played, gather, lockstep, models
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import wrap
@@ -29,6 +28,7 @@ from common.metrics import (
 )
 from common.metrics.live.scorer import LiveScorer
 from evaluation.pipeline import pipeline, play, track_again
+from evaluation.recordings.hand_annotations import compare, crossing_camera
 from people4d.messages import Track, Tracks, Truth, TruthPerson
 from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
@@ -122,7 +122,7 @@ def main() -> None:
     truth = list(open_truth(GtBridgeConfig(truth=str(DEMO))))
     demo = gather(play(lockstep(DEMO), pipeline(DetectorConfig())))
     crossing = [
-        gather(play(filinha(shared), pipeline(DetectorConfig(model=model))))
+        gather(play(crossing_camera(shared), pipeline(DetectorConfig(model=model))))
         for model in models(shared).values()
     ]
     rows = []

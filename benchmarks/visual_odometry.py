@@ -20,7 +20,6 @@ from benchmarks.lib.rides import Ride, Sample, film_ride
 from benchmarks.lib.table import markdown, write
 from benchmarks.moving_base import STANDING_MPS, WALKING_MPS, velocities
 from benchmarks.odometry import OWN, figures, run, variants
-from benchmarks.real_inputs import filinha
 from common.geometry.transform_buffer import transform_from_odometry
 from common.geometry.transform_history import TransformBufferConfig, TransformHistory
 from common.geometry.transforms import invert, wrap
@@ -29,6 +28,7 @@ from evaluation.cache import default_folder
 from evaluation.methods import read_method
 from evaluation.pool import Pool
 from evaluation.recordings.detections import read_tracker_input
+from evaluation.recordings.hand_annotations import crossing_camera
 from evaluation.recordings.recordings import plan_recordings, render_recording
 from evaluation.recordings.visual_motion import FrameMotion, VisualMotion, write_with_motion
 from evaluation.run.preparation import EvaluationPlan, WorkQueue, runs_of
@@ -245,7 +245,7 @@ def box_table(films: Iterable[RecordedMotion], cache: Path) -> str:
 
 def standing_camera(shared: Path) -> str:
     """Return what is told of a real camera that stands before up to six people who walk."""
-    camera = filinha(shared)
+    camera = crossing_camera(shared)
     if not Path(camera.source).exists():
         return "Without the reference data (`--shared`) no real camera was judged."
     visual = VisualMotion(camera, VisualOdometryConfig())

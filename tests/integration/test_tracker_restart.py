@@ -78,6 +78,7 @@ def test_stopped_tracker_answers_all_received_detections(network: Network, tmp_p
         feeding.see(range(5))
         for k in range(5, 45):  # their embeddings do not come, so all of them wait
             feeding.bus.publish(detected(k, [person()]))
+        feeding.watcher.wait_for_counters(received_detections=6)
         tracker.send_signal(signal.SIGTERM)
         counters = feeding.watcher.wait(Health, lambda h: h.state == "stopping").counters
         assert tracker.wait(10) == 0

@@ -1,50 +1,72 @@
 """Recordings of real people through all nodes; the bounds leave room for other machines.
 
-What each model does on the whole recordings is in benchmarks/real_inputs.md.
+Scores of each model on the entire recordings are in benchmarks/real_inputs.md.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.lib.by_eye import CROSSING, TORSO_MM, match
-from benchmarks.real_inputs import Played, filinha, gather, man_in_front, models
 from common.geometry.transforms import apply
 from evaluation.pipeline import pipeline, play
-from people4d.messages import StaticTransform
+from evaluation.recordings.hand_annotations import CROSSING, TORSO_MM, crossing_camera, match
+from people4d.messages import Detections, RgbdFrame, StaticTransform, Tracks
+from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 
-MODELS = ("movenet-multipose", "yolov8n-pose", "yolov8n-seg")
+MODELS = ("movenet-multipose", "yolov8n-pose_640.onnx", "yolov8n-seg_640.onnx")
 FIRST, FRAMES = 60, 17  # of filinha: four people, some of them half hidden
 
 
+@dataclass(frozen=True)
+class Run:
+    """Messages of a recording played through all nodes."""
+
+    transforms: list[StaticTransform]
+    frames: list[RgbdFrame]
+    detections: list[Detections]
+    tracks: list[Tracks]
+
+
+def run(camera: CameraConfig, model: str, shared: Path) -> Run:
+    file = str(shared / "data" / "models" / model) if model.endswith(".onnx") else model
+    steps = play(camera, pipeline(DetectorConfig(model=file)))
+    messages = [message for step in steps for message in step.messages]
+    kinds = (StaticTransform, RgbdFrame, Detections, Tracks)
+    return Run(*([m for m in messages if isinstance(m, kind)] for kind in kinds))
+
+
 @pytest.fixture(scope="module", params=MODELS)
-def crossing(shared: Path, request: pytest.FixtureRequest) -> Played:
-    nodes = pipeline(DetectorConfig(model=models(shared)[request.param]))
-    return gather(play(filinha(shared, start_s=FIRST / 10, max_frames=FRAMES), nodes))
+def crossing(shared: Path, request: pytest.FixtureRequest) -> Run:
+    return run(crossing_camera(shared, FIRST / 10, FRAMES), request.param, shared)
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_man_in_front_is_where_the_depth_image_shows_him(shared: Path, model: str) -> None:
-    nodes = pipeline(DetectorConfig(model=models(shared)[model]))
+def test_distance_of_the_man_in_front_is_that_of_the_depth_image(shared: Path, model: str) -> None:
     for stem, by_hand_mm in TORSO_MM.items():
-        man, _, torso_mm = man_in_front(shared / "data" / "rgbd" / "tue" / f"{stem}.bag", nodes)
-        assert torso_mm == by_hand_mm  # the bag gives the depth that was read by hand
-        assert man is not None
-        assert man.position_m is not None
+        bag = shared / "data" / "rgbd" / "tue" / f"{stem}.bag"
+        config = CameraConfig(source=str(bag), playback="lockstep", window=1, start_delay_s=0.0)
+        found = run(config, model, shared)
+        (frame,), (detections,) = found.frames, found.detections
+        # The bag has the depth that was read by hand.
+        assert {(u, v): frame.depth_mm[v, u] for u, v in by_hand_mm} == by_hand_mm
+        ((_, index),) = match(list(by_hand_mm)[1:2], detections.detections)
+        position_m = detections.detections[index].position_m
+        assert position_m is not None
         by_hand_m = np.median(list(by_hand_mm.values())) / 1000
-        assert man.position_m[2] == pytest.approx(by_hand_m, abs=0.25)
+        assert position_m[2] == pytest.approx(by_hand_m, abs=0.25)
 
 
-def test_each_frame_of_real_people_is_answered(crossing: Played) -> None:
+def test_every_frame_has_detections_and_tracks(crossing: Run) -> None:
     stamps = [m.stamp_ns for m in crossing.detections]
     assert len(set(stamps)) == len(stamps) == FRAMES
     assert [m.stamp_ns for m in crossing.tracks] == stamps
 
 
-def test_people_are_found(crossing: Played) -> None:
-    """Of 12 people seen by eye in frames 60, 68 and 76, those half hidden may be missed."""
+def test_annotated_people_are_detected(crossing: Run) -> None:
+    """Of 12 people annotated in frames 60, 68 and 76, those half hidden may be missed."""
     found = false = 0
     for frame in (60, 68, 76):
         people = crossing.detections[frame - FIRST].detections
@@ -54,12 +76,12 @@ def test_people_are_found(crossing: Played) -> None:
     assert false <= 1
 
 
-def test_people_walk_on_one_floor_inside_the_room(crossing: Played) -> None:
+def test_people_walk_on_one_floor_inside_the_room(crossing: Run) -> None:
     """Depth is registered to colour, and the mount is right: else they would float or sink."""
-    (transform,) = (m for m in crossing.messages if isinstance(m, StaticTransform))
-    placed = [d.position_m for m in crossing.detections for d in m.detections]
-    known = [p for p in placed if p is not None]
-    assert len(known) >= 0.9 * len(placed)
+    (transform,) = crossing.transforms
+    positions = [d.position_m for m in crossing.detections for d in m.detections]
+    known = [p for p in positions if p is not None]
+    assert len(known) >= 0.9 * len(positions)
     points = apply(transform.matrix, np.array(known))
     # Middle of the visible body: at about 1.2 m, higher where desks and people hide the legs.
     assert np.median(points[:, 2]) == pytest.approx(1.2, abs=0.2)
@@ -69,7 +91,7 @@ def test_people_walk_on_one_floor_inside_the_room(crossing: Played) -> None:
     assert points[:, 0].max() < 5.0
 
 
-def test_people_are_tracked_and_walk_at_human_speed(crossing: Played) -> None:
+def test_people_are_tracked_and_walk_at_human_speed(crossing: Run) -> None:
     confirmed = [t for m in crossing.tracks for t in m.tracks if t.state == "confirmed"]
     assert 3 <= len({t.id for t in confirmed}) <= 8
     assert len(confirmed) >= 2 * FRAMES
