@@ -34,8 +34,12 @@ def run(camera: CameraConfig, model: str, shared: Path) -> Run:
     file = str(shared / "data" / "models" / model) if model.endswith(".onnx") else model
     steps = play(camera, pipeline(DetectorConfig(model=file)))
     messages = [message for step in steps for message in step.messages]
-    kinds = (StaticTransform, RgbdFrame, Detections, Tracks)
-    return Run(*([m for m in messages if isinstance(m, kind)] for kind in kinds))
+    return Run(
+        transforms=[m for m in messages if isinstance(m, StaticTransform)],
+        frames=[m for m in messages if isinstance(m, RgbdFrame)],
+        detections=[m for m in messages if isinstance(m, Detections)],
+        tracks=[m for m in messages if isinstance(m, Tracks)],
+    )
 
 
 @pytest.fixture(scope="module", params=MODELS)
