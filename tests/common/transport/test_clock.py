@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.transport.clock import (
@@ -70,6 +70,7 @@ def test_exchange_during_which_a_clock_was_set_back_is_ignored() -> None:
 DELAYS = st.integers(0, 50 * MS)
 
 
+@settings(deadline=None)
 @given(
     ahead_ns=st.integers(-(10**15), 10**15),
     ppm=st.floats(-99, 99),
