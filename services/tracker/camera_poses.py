@@ -16,7 +16,7 @@ from common.geometry.transforms import LINK_FROM_OPTICAL, apply, wrap
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, Track
 
 
-class CameraPoses:
+class CameraPoseLookup:
     """Poses of fixed cameras, and of cameras on a base that moves.
 
     Args:

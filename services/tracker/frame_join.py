@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from people4d.messages import Detections, Embeddings
+from services.tracker.config import TrackerConfig
 from services.tracker.detection_stream import DetectionStream
 
 ACTIVE_NS = 1_000_000_000
@@ -23,29 +24,21 @@ class PendingFrame:
     embeddings: Embeddings | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class JoinTimeouts:
-    """Limits of the time that frames wait.
+class FrameJoin:
+    """Release frames by stamp, with their embeddings where these came in time.
 
     Args:
-        embedding_ns: Longest wait for embeddings; 0 if the tracker uses none.
-        embedding_count: Consecutive timeouts after which waiting stops, until embeddings come
-            again: a dead re-identification must not delay every frame.
-        reorder_ns: Longest wait for frames of other cameras, and for earlier ones of this camera
-            of another detector; None: as long as from one frame to the next.
+        config: Longest waits. After some timeouts in a row embeddings are not waited for until they
+            come again: a dead re-identification must not delay every frame.
+        uses_embeddings: The tracker uses embeddings.
     """
 
-    embedding_ns: int
-    embedding_count: int
-    reorder_ns: int | None
-
-
-class FrameJoin:
-    """Release frames by stamp, with their embeddings where these came in time."""
-
-    def __init__(self, timeouts: JoinTimeouts) -> None:
+    def __init__(self, config: TrackerConfig, uses_embeddings: bool) -> None:
         self.counters = Counter(dict.fromkeys(COUNTERS, 0))
-        self._timeouts = timeouts
+        self._embedding_ns = int(config.embedding_wait_s * 1e9) if uses_embeddings else 0
+        self._timeouts_max = config.embedding_timeouts_max
+        reorder_s = config.reorder_wait_s
+        self._reorder_ns = None if reorder_s is None else int(reorder_s * 1e9)
         self._frames: list[PendingFrame] = []
         self._early: dict[tuple[str, int], Embeddings] = {}
         self._newest: dict[str, tuple[int, int]] = {}  # camera: newest stamp, monotonic arrival
@@ -55,7 +48,7 @@ class FrameJoin:
     @property
     def ignores_embeddings(self) -> bool:
         """Frames no longer wait for embeddings."""
-        return self._timeouts_in_row >= self._timeouts.embedding_count
+        return self._timeouts_in_row >= self._timeouts_max
 
     @property
     def waiting(self) -> bool:
@@ -142,15 +135,15 @@ class FrameJoin:
         self._early = {key: e for key, e in self._early.items() if e.stamp_ns <= stamp_ns}
 
     def _lacks_embeddings(self, frame: PendingFrame) -> bool:
-        wanted = self._timeouts.embedding_ns > 0 and len(frame.detections.detections) > 0
+        wanted = self._embedding_ns > 0 and len(frame.detections.detections) > 0
         return wanted and frame.embeddings is None
 
     def _due_ns(self, frame: PendingFrame) -> int:
         lacks = self._lacks_embeddings(frame) and not self.ignores_embeddings
-        wait_ns = self._timeouts.embedding_ns if lacks else 0
+        wait_ns = self._embedding_ns if lacks else 0
         stream = self._stream(frame.detections)
         if self._is_ahead(frame) or stream.may_lack(frame.detections):
-            reorder_ns = self._timeouts.reorder_ns
+            reorder_ns = self._reorder_ns
             wait_ns = max(wait_ns, stream.period_ns if reorder_ns is None else reorder_ns)
         return frame.arrived_ns + wait_ns
 

@@ -48,14 +48,31 @@ class Observation:
     turn_sigma_rad: float = 0.0  # [rad] of the camera's direction where it is extrapolated
 
 
+class IdCounter:
+    """Identities, each given once."""
+
+    def __init__(self) -> None:
+        self.next = 1
+
+    def new(self) -> int:
+        """Return an unused identity."""
+        self.next += 1
+        return self.next - 1
+
+    def raise_to(self, next_: int) -> None:
+        """Mark all identities below a number as used."""
+        self.next = max(self.next, next_)
+
+
 class Tracker(ABC):
     """Tracks over time, from one observation to the next.
 
     A tracker owns its identities: they start at 1 and are never used again, not even after `reset`,
-    nor, if it is `Stateful`, after a restart of its process.
+    nor, if it saves its state, after a restart of its process.
     """
 
     uses_embeddings: ClassVar[bool] = False
+    ids: IdCounter | None = None  # None: the state is not saved
 
     @abstractmethod
     def update(self, observation: Observation) -> list[Track]:
@@ -84,42 +101,18 @@ class Tracker(ABC):
         """Return the tracks in the image of the last update by id; None: there are none ever."""
         return None
 
-
-class IdCounter:
-    """Identities, each given once."""
-
-    def __init__(self) -> None:
-        self.next = 1
-
-    def new(self) -> int:
-        """Return an unused identity."""
-        self.next += 1
-        return self.next - 1
-
-    def raise_to(self, next_: int) -> None:
-        """Mark all identities below a number as used."""
-        self.next = max(self.next, next_)
-
-
-class Stateful(Tracker):
-    """A tracker whose tracks and identities outlive its process."""
-
-    ids: IdCounter
-
-    @abstractmethod
     def save(self) -> bytes:
-        """Return a checkpoint of the state."""
+        """Return a checkpoint of the state; empty if it is not saved."""
+        return b""
 
-    @abstractmethod
-    def restore(self, saved: bytes) -> None:
+    def restore(self, saved: bytes) -> None:  # noqa: B027
         """Continue from a checkpoint.
 
         Raises:
             DecodeError: It is of another method, or damaged; nothing has changed then.
         """
 
-    @abstractmethod
-    def postpone(self, duration_ns: int) -> None:
+    def postpone(self, duration_ns: int) -> None:  # noqa: B027
         """Skip a time without frames: all stamps of the state become so much later."""
 
 

@@ -2,7 +2,7 @@
 
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from statistics import median
 from typing import ClassVar
 
@@ -26,10 +26,10 @@ from people4d.messages import (
     Track,
     Tracks,
 )
-from services.tracker.camera_poses import CameraPoses
+from services.tracker.camera_poses import CameraPoseLookup
 from services.tracker.config import TrackerConfig
-from services.tracker.frame_join import FrameJoin, JoinTimeouts, PendingFrame
-from services.tracker.interface import Stateful, Tracker
+from services.tracker.frame_join import FrameJoin, PendingFrame
+from services.tracker.interface import Tracker
 from services.tracker.observe import edges, observe
 from services.tracker.stateful import pack, unpack
 
@@ -39,14 +39,6 @@ COUNTERS = (
     *("no_transform", "predicted_base", "clock_resets", "transform_changes", "predictions"),
     *("without_position", "out_of_range", "empty_boxes", "bad_embeddings"),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class _TrackedFrame:
-    """The last frame tracked, from which predictions continue."""
-
-    detections: Detections
-    arrived_ns: int  # [ns] monotonic
 
 
 class NodeCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -80,18 +72,11 @@ class TrackerNode(StatefulNode):
     def __init__(self, config: TrackerConfig, tracker: Tracker) -> None:
         self._config = config
         self._tracker = tracker
-        reorder_s = config.reorder_wait_s
-        self._join = FrameJoin(
-            JoinTimeouts(
-                embedding_ns=int(config.embedding_wait_s * 1e9) if tracker.uses_embeddings else 0,
-                embedding_count=config.embedding_timeouts_max,
-                reorder_ns=None if reorder_s is None else int(reorder_s * 1e9),
-            )
-        )
-        self._poses = CameraPoses(config.frame_id, config.base, config.require_transform)
+        self._join = FrameJoin(config, tracker.uses_embeddings)
+        self._poses = CameraPoseLookup(config.frame_id, config.base, config.require_transform)
         self._edges: dict[str, tuple[float, float]] = {}  # by camera, see Observation
         self._held: PendingFrame | None = None  # waits for the odometry of its time
-        self._last: _TrackedFrame | None = None
+        self._last: PendingFrame | None = None  # the last frame tracked
         self._last_of_camera: dict[str, int] = {}
         self._intervals_ns: deque[int] = deque(maxlen=9)
         self._restored_ns: int | None = None  # stamp of the last frame of another process
@@ -145,13 +130,13 @@ class TrackerNode(StatefulNode):
         )
 
     def next_number(self) -> int:
-        """Return the next identity to be given; 0 if the tracker is not stateful."""
-        return self._tracker.ids.next if isinstance(self._tracker, Stateful) else 0
+        """Return the next identity to be given; 0 if the tracker does not save its state."""
+        return self._tracker.ids.next if self._tracker.ids else 0
 
     def save(self) -> bytes:
         """Return tracks, identities and poses of cameras; empty before the first frame."""
-        stamp_ns = self._last.detections.stamp_ns if self._last else self._restored_ns
-        if stamp_ns is None or not isinstance(self._tracker, Stateful):
+        stamp_ns = self._last_ns()
+        if stamp_ns is None or not self._tracker.ids:
             return b""
         checkpoint = NodeCheckpoint(
             frame_id=self._config.frame_id,
@@ -163,7 +148,7 @@ class TrackerNode(StatefulNode):
 
     def restore(self, saved: bytes, next_number: int) -> None:
         """Continue from a checkpoint; its identities are not given again."""
-        if not isinstance(self._tracker, Stateful):
+        if not self._tracker.ids:
             return
         self._tracker.ids.raise_to(next_number)
         if not saved:
@@ -194,8 +179,12 @@ class TrackerNode(StatefulNode):
         self._last_of_camera.clear()
         self._intervals_ns.clear()
 
+    def _last_ns(self) -> int | None:
+        """Return the stamp of the last frame tracked, by this process or the one before."""
+        return self._last.detections.stamp_ns if self._last else self._restored_ns
+
     def _is_stale(self, detections: Detections) -> bool:
-        newest_ns = self._last.detections.stamp_ns if self._last else self._restored_ns
+        newest_ns = self._last_ns()
         if newest_ns is not None and detections.stamp_ns < newest_ns:
             return True
         last_ns = self._last_of_camera.get(detections.camera)
@@ -254,8 +243,8 @@ class TrackerNode(StatefulNode):
 
         After a short one people are found where they were going, after a long one where they were.
         """
-        last_ns = self._last.detections.stamp_ns if self._last else self._restored_ns
-        if last_ns is None or not isinstance(self._tracker, Stateful):
+        last_ns = self._last_ns()
+        if last_ns is None:
             return
         config, absent_s = self._config, (stamp_ns - last_ns) / 1e9
         if config.max_lost_s < absent_s <= config.absence_max_s:
@@ -264,7 +253,7 @@ class TrackerNode(StatefulNode):
     def _record(self, frame: PendingFrame) -> None:
         if self._last:
             self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
-        self._last, self._restored_ns = _TrackedFrame(frame.detections, frame.arrived_ns), None
+        self._last, self._restored_ns = frame, None
         self._last_of_camera[frame.detections.camera] = frame.detections.stamp_ns
         # A playback slower than real time is no outage: wait longer where frames are slow.
         period_ns = median(self._intervals_ns) if self._intervals_ns else 0

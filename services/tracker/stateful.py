@@ -8,7 +8,7 @@ import numpy as np
 from people4d.errors import DecodeError
 from people4d.messages import F64, Track
 from services.tracker.identity.gallery import GalleryEntry
-from services.tracker.interface import Stateful
+from services.tracker.interface import IdCounter, Tracker
 from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.track_set import TrackSet
 
@@ -26,13 +26,15 @@ class TrackerCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     gallery: list[tuple[int, GalleryEntry]] = []  # by identity, longest unseen first
 
 
-class TrackSetTracker(Stateful):
+class TrackSetTracker(Tracker):
     """A tracker whose state is a set of tracks.
 
     Args:
         method: Name of the tracker.
         tracks: No tracks yet.
     """
+
+    ids: IdCounter
 
     def __init__(self, method: str, tracks: TrackSet) -> None:
         self._method = method

@@ -6,7 +6,7 @@ import pytest
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import F64, Odometry, StaticTransform
-from services.tracker.camera_poses import CameraPoses
+from services.tracker.camera_poses import CameraPoseLookup
 
 CAMERA = "front_optical_frame"
 MS = 1_000_000
@@ -29,14 +29,14 @@ def odometry(stamp_ns: int, x_m: float) -> Odometry:
     )
 
 
-def positions(*messages: StaticTransform | Odometry, frame_id: str = "map") -> CameraPoses:
-    made = CameraPoses(frame_id, TransformBufferConfig(), required=False)
+def positions(*messages: StaticTransform | Odometry, frame_id: str = "map") -> CameraPoseLookup:
+    made = CameraPoseLookup(frame_id, TransformBufferConfig(), required=False)
     for message in messages:
         assert not made.add(message)
     return made
 
 
-def matrix_of(made: CameraPoses, stamp_ns: int = 0) -> F64:
+def matrix_of(made: CameraPoseLookup, stamp_ns: int = 0) -> F64:
     placement = made.lookup(CAMERA, stamp_ns)
     assert placement is not None
     return placement.matrix
@@ -46,7 +46,7 @@ def test_a_camera_without_a_transform_is_the_origin_unless_one_is_required() -> 
     made = positions()
     np.testing.assert_array_equal(matrix_of(made), LINK_FROM_OPTICAL)
     assert made.without_transform == {CAMERA}
-    strict = CameraPoses("map", TransformBufferConfig(), required=True)
+    strict = CameraPoseLookup("map", TransformBufferConfig(), required=True)
     assert strict.lookup(CAMERA, 0) is None
     assert strict.without_transform == {CAMERA}
 

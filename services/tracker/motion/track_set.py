@@ -11,7 +11,7 @@ from services.tracker.interface import IdCounter, Measurement, Observation
 from services.tracker.motion.motion import Motion
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter
 from services.tracker.motion.track_record import TrackRecord
-from services.tracker.motion.yaw import YawEstimator
+from services.tracker.motion.yaw import VelocityYaw
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class TrackSet:
         self,
         motion: Motion,
         lifecycle: LifecyclePolicy,
-        yaw: YawEstimator,
+        yaw: VelocityYaw,
         state_filter: StateFilter | None = None,
     ) -> None:
         self.records: list[TrackRecord] = []

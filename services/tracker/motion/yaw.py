@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -34,39 +33,8 @@ class YawMeasurement:
 States = Sequence[YawState | None]  # one for each track, None: unknown
 
 
-class YawEstimator(Protocol):
-    """Yaw of tracks over time."""
-
-    def predict(self, states: States, dt_s: float) -> list[YawState | None]:
-        """Move states ahead by dt_s seconds."""
-        ...
-
-    def update(
-        self, states: States, measurements: Sequence[Measurement], velocities_mps: F64
-    ) -> list[YawState | None]:
-        """Update each state with one measurement, which may have no yaw.
-
-        Args:
-            states: N states.
-            measurements: N measurements.
-            velocities_mps: Nx3, of the tracks.
-        """
-        ...
-
-    def read(self, state: YawState | None, velocity_mps: F64) -> float | None:
-        """Return the yaw (radians) of a track; None if unknown."""
-        ...
-
-
-def make_yaw(config: TrackerConfig) -> YawEstimator:
-    """Build the configured estimator."""
-    if config.yaw == "keypoints":
-        return KeypointYaw(config.yaw_filter)
-    return VelocityYaw(config.yaw_speed_min_mps if config.yaw == "velocity" else math.inf)
-
-
 class VelocityYaw:
-    """The direction of the velocity: yaw = atan2(v_y, v_x) [PIC4SeR].
+    """Yaw of tracks without a state: atan2(v_y, v_x), the direction of the velocity [PIC4SeR].
 
     Args:
         speed_min_mps: A slower person has no yaw.
@@ -76,7 +44,7 @@ class VelocityYaw:
         self._speed_min_mps = speed_min_mps
 
     def predict(self, states: States, dt_s: float) -> list[YawState | None]:  # noqa: ARG002
-        """Keep the states: the yaw depends on the velocity only."""
+        """Move states ahead by dt_s seconds."""
         return list(states)
 
     def update(
@@ -85,18 +53,24 @@ class VelocityYaw:
         measurements: Sequence[Measurement],  # noqa: ARG002
         velocities_mps: F64,  # noqa: ARG002
     ) -> list[YawState | None]:
-        """Keep the states: the yaw depends on the velocity only."""
+        """Update each state with one measurement, which may have no yaw.
+
+        Args:
+            states: N states.
+            measurements: N measurements.
+            velocities_mps: Nx3, of the tracks.
+        """
         return list(states)
 
     def read(self, state: YawState | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
-        """Return the direction of the velocity; None if it is too slow."""
+        """Return the yaw (radians) of a track; None if unknown."""
         v_x, v_y = float(velocity_mps[0]), float(velocity_mps[1])
         speed_mps = math.hypot(v_x, v_y)
         slow = speed_mps == 0 or speed_mps < self._speed_min_mps
         return None if slow else wrap(math.atan2(v_y, v_x))
 
 
-class KeypointYaw:
+class KeypointYaw(VelocityYaw):
     """A Kalman filter on psi and dpsi, constant velocity, wrapped innovation.
 
     The first measurement begins the state; without one the state is predicted. Where so configured,
@@ -185,6 +159,13 @@ class KeypointYaw:
         """Return R: one constant, or the variance of the measurement."""
         own_rad = measurement.yaw_sigma_rad if self._config.measured_sigma else None
         return (own_rad or self._config.sigma_measurement_rad) ** 2
+
+
+def make_yaw(config: TrackerConfig) -> VelocityYaw:
+    """Build the configured estimator."""
+    if config.yaw == "keypoints":
+        return KeypointYaw(config.yaw_filter)
+    return VelocityYaw(config.yaw_speed_min_mps if config.yaw == "velocity" else math.inf)
 
 
 def _wrap(angles_rad: F64) -> F64:

@@ -34,7 +34,7 @@ def state(x_m: float, vx_mps: float) -> F64:
 def test_mixing_of_modes_by_hand() -> None:
     # Shares 0.5 and 0.5; of those who stand 0.2 begin to walk, of those who walk 0.4 stop. After:
     # 0.5 * 0.8 + 0.5 * 0.4 = 0.6 stand, of which 0.4 / 0.6 = 2/3 stood before; 0.4 walk, of which
-    # 0.1 / 0.4 = 1/4 stood. CameraPoses 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
+    # 0.1 / 0.4 = 1/4 stood. CameraPoseLookup 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
     # 1/4 * 0 + 3/4 * 3 = 2.25. Variances 1 and 1, and between the places
     # 2/3 * 1 + 1/3 * 4 = 2 and 1/4 * 5.0625 + 3/4 * 0.5625 = 1.6875.
     x = np.array([[state(0.0, 0.0), state(3.0, 0.0)]])
