@@ -129,8 +129,8 @@ def sample_bins(patch: HsvPatch, tables: Tables, grid: SampleGrid, box: F64, bin
         for i in range(len(grid.u)):
             column = math.floor(box[0] + box[2] * grid.u[i]) - patch.left
             if 0 <= column < width:
-                pixel = patch.hsv[row, column]
-                bins[j, i] = tables[0][pixel[0]] + tables[1][pixel[1]]
+                hue, saturation = patch.hsv[row, column, 0], patch.hsv[row, column, 1]
+                bins[j, i] = tables[0][hue] + tables[1][saturation]
 
 
 @compiled
@@ -152,9 +152,10 @@ def _distances(
     bins = np.empty((len(grid.v), len(grid.u)), np.int32)
     ratio = 1.0 / bins.size
     filled = np.flatnonzero(reference)  # others add 0
+    counts = np.empty(len(reference), np.int32)
     for m in range(len(boxes)):
         sample_bins(patch, tables, grid, boxes[m], bins)
-        counts = np.zeros(len(reference), np.int32)
+        counts[:] = 0
         for b in bins.flat:
             if b >= 0:
                 counts[b] += 1
