@@ -1,6 +1,8 @@
 # make demo    set up and run the whole pipeline on the shipped recording
 # make test    set up and run the tests
-# make check   format, lint, types, import rules, spelling
+# make quick   the tests that start no process and draw nothing
+# make check   format, lint, types, import rules, conventions, spelling
+# make docs    build the documentation as a site, out/site
 # make fuzz    feed every decoder and file reader with hostile bytes, half an hour
 # make lock    renew the pinned dependencies
 
@@ -9,14 +11,21 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 
-.PHONY: demo test check format fuzz lock clean
+.PHONY: demo test quick check docs format fuzz lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
 	$(BIN)/people4d demo --report out/demo
 
 test: $(VENV)/.dev
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadgroup
+
+quick: $(VENV)/.dev
+	$(BIN)/pytest -n 2 -m "not processes and not network and not render and not slow"
+
+docs: $(VENV)/.docs
+	$(BIN)/mkdocs build -q
+	@echo "Open out/site/index.html"
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .
@@ -25,6 +34,7 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/codespell
 	$(BIN)/python -m scripts.message_docs --check
+	$(BIN)/python -m scripts.conventions
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
@@ -51,12 +61,19 @@ $(VENV)/.dev: $(VENV)/.run requirements-dev.lock
 	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements-dev.lock
 	@touch $@
 
+$(VENV)/.docs: $(VENV)/.run requirements-docs.lock
+	@echo "Setting up the tools of the documentation ..."
+	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	@touch $@
+
 lock: $(VENV)/.run
 	$(BIN)/pip install uv
 	$(BIN)/uv pip compile pyproject.toml --extra robot --extra build --generate-hashes --universal --upgrade --python-version 3.11 \
 		--no-header --no-annotate -o requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --extra robot --extra build --extra dev -c requirements.lock \
 		--generate-hashes --universal --upgrade --python-version 3.11 --no-header --no-annotate -o requirements-dev.lock
+	$(BIN)/uv pip compile pyproject.toml --extra docs -c requirements-dev.lock --generate-hashes --universal --upgrade \
+		--python-version 3.11 --no-header --no-annotate -o requirements-docs.lock
 
 clean:
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info

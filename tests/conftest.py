@@ -23,3 +23,10 @@ def network() -> Iterator[Network]:
     network = Network()
     yield network
     network.close()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let one worker run all tests that start processes: they share the processors."""
+    for item in items:
+        if item.get_closest_marker("processes"):
+            item.add_marker(pytest.mark.xdist_group("processes"))
