@@ -1,1 +1,1 @@
-"""Methods judged against motion capture: offline, frame by frame, the same figures every time."""
+"""Evaluation of methods against ground truth: offline, frame by frame, reproducible."""

@@ -35,38 +35,25 @@ from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
 
 @dataclass(frozen=True)
 class RunReport:
-    """Results of one run.
-
-    Args:
-        scores: Its metrics.
-        switches: One row for each ID switch, see `csv_files.SWITCH_FIELDS`.
-        filmstrips: Images of the first of them, if the recording is shown.
-        trajectories: Paths of people and tracks, if the recording is shown.
-    """
+    """Results of one run."""
 
     scores: RunScores
+    # one row for each ID switch, see `csv_files.SWITCH_FIELDS`
     switches: tuple[tuple[object, ...], ...]
-    filmstrips: tuple[Filmstrip, ...] = ()
+    filmstrips: tuple[Filmstrip, ...] = ()  # images of the first of them, if the recording is shown
+    # paths of people and tracks, if the recording is shown
     trajectories: RunTrajectories | None = None
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All runs, method by method.
+    """All runs, method by method."""
 
-    Args:
-        runs: One for each method and recording.
-        rows: Metrics of each.
-        overview: The most important metrics.
-        tables: All tables of the report.
-        figures: Of the first recording of each scenario, and of the errors.
-    """
-
-    runs: tuple[RunReport, ...]
-    rows: tuple[Row, ...]
-    overview: ReportTable
-    tables: tuple[ReportTable, ...]
-    figures: tuple[ReportFigure, ...]
+    runs: tuple[RunReport, ...]  # one for each method and recording
+    rows: tuple[Row, ...]  # metrics of each
+    overview: ReportTable  # the most important metrics
+    tables: tuple[ReportTable, ...]  # all tables of the report
+    figures: tuple[ReportFigure, ...]  # of the first recording of each scenario, and of the errors
 
 
 def evaluate(plan: EvaluationPlan, on_progress: OnProgress) -> Evaluation:

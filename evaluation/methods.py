@@ -24,21 +24,14 @@ SERVICES = ("camera", "detector", "reid", "tracker")
 
 @dataclass(frozen=True)
 class Method:
-    """Configuration of the services of one method.
+    """Configuration of the services of one method."""
 
-    Args:
-        name: Name of the preset.
-        camera: Playback of recordings, without a source.
-        detector: Configuration of the detector.
-        reid: Configuration of re-identification; None if the tracker takes no embeddings.
-        tracker: Configuration of the tracker.
-    """
-
-    name: str
-    camera: CameraConfig
-    detector: DetectorConfig
+    name: str  # name of the preset
+    camera: CameraConfig  # playback of recordings, without a source
+    detector: DetectorConfig  # configuration of the detector
+    # configuration of re-identification; None if the tracker takes no embeddings
     reid: ReidConfig | None
-    tracker: TrackerConfig
+    tracker: TrackerConfig  # configuration of the tracker
 
     def text(self) -> str:
         """Return all settings, a line each."""

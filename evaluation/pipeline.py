@@ -26,15 +26,10 @@ PROCESS = ProcessId("node", "chain", "")
 
 @dataclass(frozen=True)
 class PipelineStep:
-    """Messages and times of one frame.
+    """Messages and times of one frame."""
 
-    Args:
-        messages: All that was published, the frame first.
-        spans: Time of each stage, transport and codec left out.
-    """
-
-    messages: list[Message]
-    spans: list[Span]
+    messages: list[Message]  # all that was published, the frame first
+    spans: list[Span]  # time of each stage, transport and codec left out
 
     @property
     def duration_ms(self) -> float:

@@ -15,7 +15,7 @@ from common.metrics.alignment.alignment import (
     transform_truth,
 )
 from common.metrics.alignment.trajectories import trajectories_of
-from common.metrics.alignment.truth_buffer import TruthBuffer, interpolate
+from common.metrics.alignment.truth_buffer import TruthBuffer
 from common.metrics.clear import ClearCounts
 from common.metrics.field_of_view import in_view
 from common.metrics.frame_scores import IdSwitch, ScoreTotals
@@ -75,7 +75,6 @@ __all__ = [
     "ground_truth_of",
     "hypotheses_of",
     "in_view",
-    "interpolate",
     "match",
     "score",
     "score_matching",

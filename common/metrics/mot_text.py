@@ -138,25 +138,6 @@ def read_info(path: Path) -> MotInfo:
     return info
 
 
-def tracks_by_frame(rows: MotRows) -> dict[int, Hypotheses]:
-    """Return the people that a tracker's result file tells of, by frame number.
-
-    Args:
-        rows: Lines with identities.
-
-    Returns:
-        Tracked people of each frame that has any.
-
-    Raises:
-        ValueError: An identity comes twice in a frame; detections have none.
-    """
-    frames = {int(number): rows.of(int(number)) for number in np.unique(rows.frames)}
-    return {
-        number: Hypotheses(ids=tuple(part.ids.tolist()), boxes_xyxy_px=part.boxes_xyxy_px)
-        for number, part in frames.items()
-    }
-
-
 def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, Hypotheses]) -> EvaluationSequence:
     """Put ground truth and tracks together; boxes flagged 0 are dropped, as TrackEval does.
 

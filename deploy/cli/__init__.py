@@ -26,7 +26,7 @@ COMMANDS = (
     ("score", "score", "Show how far the people are from the truth, live."),
     ("info", "info", "Tell what a recording, bag or folder holds."),
     ("lab", "lab", "Film simulated people: list scenarios, render, preview, export to ROS 2."),
-    ("evaluate", "evaluate", "Judge methods on recordings with truth; writes a report."),
+    ("evaluate", "evaluate", "Score methods on recordings with truth; writes a report."),
     ("gait", "gait", "Follow heads, hands and feet in a recording; tells how people walk."),
     ("models", "models", "List models: present, verified, licence, how to get them."),
     ("record", "record", "Record messages to a file."),

@@ -21,27 +21,18 @@ KEYPOINTS = (17, 3)
 
 @dataclass(frozen=True)
 class CachedDetections:
-    """The people in one image.
+    """The people in one image."""
 
-    Args:
-        people: Output of the model.
-        took_ms: Time of the inference.
-    """
-
-    people: tuple[DetectedPerson, ...]
-    took_ms: float
+    people: tuple[DetectedPerson, ...]  # output of the model
+    took_ms: float  # time of the inference
 
 
 @dataclass
 class DetectionCache:
-    """Detections of one model by image.
+    """Detections of one model by image."""
 
-    Args:
-        name: Name of the model.
-        frames: Detections by `digest` of the image.
-    """
-
-    name: str = ""
+    name: str = ""  # name of the model
+    # detections by `digest` of the image
     frames: dict[int, CachedDetections] = field(default_factory=dict)
 
 

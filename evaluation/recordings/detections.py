@@ -47,21 +47,13 @@ TRACKER_INPUT = (CameraInfo, StaticTransform, MovingTransform, Odometry, Detecti
 
 @dataclass(frozen=True)
 class DetectionJob:
-    """Detection and embedding of the people in one recording.
+    """Detection and embedding of the people in one recording."""
 
-    Args:
-        source: Recording, bag or folder.
-        camera: Playback.
-        detector: Configuration of the detector.
-        reids: Configurations of re-identification, each on its own.
-        folder: Folder of the cache.
-    """
-
-    source: Path
-    camera: CameraConfig
-    detector: DetectorConfig
-    reids: tuple[ReidConfig, ...]
-    folder: Path
+    source: Path  # recording, bag or folder
+    camera: CameraConfig  # playback
+    detector: DetectorConfig  # configuration of the detector
+    reids: tuple[ReidConfig, ...]  # configurations of re-identification, each on its own
+    folder: Path  # folder of the cache
 
     @property
     def network(self) -> tuple[object, ...]:
@@ -93,15 +85,10 @@ class DetectionJob:
 
 @dataclass(frozen=True)
 class DetectionFiles:
-    """Recordings that a detection job makes.
+    """Recordings that a detection job makes."""
 
-    Args:
-        detections: Recording with calibration, transforms, odometry and detections.
-        embeddings: Recording with the embeddings, for each of the job's `reids`.
-    """
-
-    detections: Path
-    embeddings: tuple[Path, ...]
+    detections: Path  # recording with calibration, transforms, odometry and detections
+    embeddings: tuple[Path, ...]  # recording with the embeddings, for each of the job's `reids`
 
 
 def holds_detections(source: Path) -> bool:

@@ -25,19 +25,14 @@ UNBOUNDED = 2**40  # messages in a buffer
 
 @dataclass(frozen=True)
 class TruthFrame:
-    """The people at one stamp.
+    """The people at one stamp."""
 
-    Args:
-        people: All whose position is known, exactly or interpolated over a long gap.
-        captured: Those whose position is known exactly; others need not be tracked.
-        shares: Visible share of each body, 0 to 1; empty if unknown.
-        map_from_camera: 4x4, if the truth contains it.
-    """
-
+    # all whose position is known, exactly or interpolated over a long gap
     people: tuple[TruthPerson, ...]
-    captured: frozenset[str]
+    captured: frozenset[str]  # those whose position is known exactly; others need not be tracked
+    # visible share of each body, 0 to 1; empty if unknown
     shares: Mapping[str, float] = field(default_factory=dict)
-    map_from_camera: F64 | None = None
+    map_from_camera: F64 | None = None  # 4x4, if the truth contains it
 
     def ground_truth(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
         """Return the people, and those of them who have to be tracked.
@@ -56,17 +51,11 @@ class TruthFrame:
 
 @dataclass(frozen=True)
 class SampledTruth:
-    """The truth of a recording at the stamps of its frames.
+    """The truth of a recording at the stamps of its frames."""
 
-    Args:
-        frame_id: Frame that positions are in.
-        ids: All people of the recording.
-        frames: One for each stamp; None where nothing is known.
-    """
-
-    frame_id: str
-    ids: tuple[str, ...]
-    frames: tuple[TruthFrame | None, ...]
+    frame_id: str  # frame that positions are in
+    ids: tuple[str, ...]  # all people of the recording
+    frames: tuple[TruthFrame | None, ...]  # one for each stamp; None where nothing is known
 
     @property
     def has_visibility(self) -> bool:

@@ -25,22 +25,15 @@ OnProgress = Callable[[str, float], object]
 
 @dataclass(frozen=True)
 class EvaluationRecording:
-    """One recording with ground truth.
+    """One recording with ground truth."""
 
-    Args:
-        name: Unique, and valid as the name of a file.
-        scenario: Name that repetitions with other seeds share.
-        path: Recording, bag or folder.
-        seed: Seed of the simulation; None: it is none, or the seed is not known.
-        simulation: The scenario; None: the recording is not of the virtual lab.
-        job: Rendering to be done; None: it exists already.
-    """
-
-    name: str
-    scenario: str
-    path: Path
-    seed: int | None = None
+    name: str  # unique, and valid as the name of a file
+    scenario: str  # name that repetitions with other seeds share
+    path: Path  # recording, bag or folder
+    seed: int | None = None  # seed of the simulation; None: it is none, or the seed is not known
+    # the scenario; None: the recording is not of the virtual lab
     simulation: Scenario | None = field(default=None, repr=False)
+    # rendering to be done; None: it exists already
     job: RenderJob | None = field(default=None, repr=False)
 
     @property

@@ -20,15 +20,11 @@ CHECKS = 5  # stamps at which that is checked
 
 @dataclass(frozen=True)
 class SimulatedView:
-    """View of the camera at one stamp.
+    """View of the camera at one stamp."""
 
-    Args:
-        shares: By identity, part of the body that is in the image and not occluded.
-        map_from_camera: 4x4.
-    """
-
+    # by identity, part of the body that is in the image and not occluded
     shares: Mapping[str, float]
-    map_from_camera: F64
+    map_from_camera: F64  # 4x4
 
 
 def simulated_views(

@@ -34,17 +34,11 @@ NO_NOTES: Notes = MappingProxyType({})
 
 @dataclass(frozen=True)
 class FrameMotion:
-    """Motion estimated at one frame.
+    """Motion estimated at one frame."""
 
-    Args:
-        stamp_ns: Stamp of the frame.
-        motion: The estimate, if there is one.
-        took_ms: Processor time.
-    """
-
-    stamp_ns: int
-    motion: Odometry | MovingTransform | None
-    took_ms: float
+    stamp_ns: int  # stamp of the frame
+    motion: Odometry | MovingTransform | None  # the estimate, if there is one
+    took_ms: float  # processor time
 
 
 class VisualMotion:
@@ -104,19 +98,12 @@ class VisualMotion:
 
 @dataclass(frozen=True)
 class VisualMotionJob:
-    """Visual odometry of one recording.
+    """Visual odometry of one recording."""
 
-    Args:
-        camera: Source and playback.
-        config: Configuration of the visual odometry.
-        detections: Recording of its detections.
-        folder: Folder of the cache.
-    """
-
-    camera: CameraConfig
-    config: VisualOdometryConfig
-    detections: Path
-    folder: Path
+    camera: CameraConfig  # source and playback
+    config: VisualOdometryConfig  # configuration of the visual odometry
+    detections: Path  # recording of its detections
+    folder: Path  # folder of the cache
 
 
 def estimate_motion(job: VisualMotionJob) -> Path:

@@ -28,34 +28,21 @@ QUALITY = 82
 
 @dataclass(frozen=True)
 class FilmstripImage:
-    """One frame.
+    """One frame."""
 
-    Args:
-        jpeg: Image of the person and others near by; empty if behind the camera.
-        title: Time.
-        lines: Tracks and detections near by.
-    """
-
-    jpeg: bytes
-    title: str
-    lines: tuple[str, ...]
+    jpeg: bytes  # image of the person and others near by; empty if behind the camera
+    title: str  # time
+    lines: tuple[str, ...]  # tracks and detections near by
 
 
 @dataclass(frozen=True)
 class Filmstrip:
-    """One ID switch.
-
-    Args:
-        method: Name of the method.
-        recording: Name of the recording.
-        sentence: Description of the switch.
-        images: Frames, in order of time.
-    """
+    """One ID switch."""
 
     method: str
     recording: str
-    sentence: str
-    images: tuple[FilmstripImage, ...]
+    sentence: str  # description of the switch
+    images: tuple[FilmstripImage, ...]  # frames, in order of time
 
     def png(self) -> bytes:
         """Return the images side by side."""

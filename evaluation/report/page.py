@@ -36,40 +36,24 @@ pre { background: #eeeeea; padding: .7em; white-space: pre-wrap; overflow-wrap: 
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A figure of the report.
+    """A figure of the report."""
 
-    Args:
-        name: Name of its file, without the ending.
-        title: Heading.
-        png: Content of the file.
-    """
-
-    name: str
+    name: str  # name of its file, without the ending
     title: str
-    png: bytes
+    png: bytes  # content of the file
 
 
 @dataclass(frozen=True)
 class ReportContent:
-    """Content of the report.
+    """Content of the report."""
 
-    Args:
-        command: Command that makes it again.
-        scores: Metrics of all runs.
-        tables: In order.
-        figures: In order.
-        filmstrips: ID switches that are shown.
-        switches: Number of all ID switches.
-        settings: Settings of each method, as text, by its name.
-    """
-
-    command: str
-    scores: Sequence[RunScores]
-    tables: Sequence[ReportTable]
-    figures: Sequence[ReportFigure]
-    filmstrips: Sequence[Filmstrip]
-    switches: int
-    settings: dict[str, str]
+    command: str  # command that makes it again
+    scores: Sequence[RunScores]  # metrics of all runs
+    tables: Sequence[ReportTable]  # in order
+    figures: Sequence[ReportFigure]  # in order
+    filmstrips: Sequence[Filmstrip]  # ID switches that are shown
+    switches: int  # number of all ID switches
+    settings: dict[str, str]  # settings of each method, as text, by its name
 
 
 def html_of(content: ReportContent) -> str:

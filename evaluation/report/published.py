@@ -12,16 +12,11 @@ SOURCE = "published: other recordings, of real people, Intel NUC 11"
 
 @dataclass(frozen=True)
 class PublishedResult:
-    """Published results of one method.
+    """Published results of one method."""
 
-    Args:
-        method: Name in the publication.
-        metrics: By our names; shares 0 to 1.
-        by_people: Metrics by number of people, as far as they are published.
-    """
-
-    method: str
-    metrics: Mapping[str, float]
+    method: str  # name in the publication
+    metrics: Mapping[str, float]  # by our names; shares 0 to 1
+    # metrics by number of people, as far as they are published
     by_people: Mapping[int, Mapping[str, float]]
 
 

@@ -12,19 +12,12 @@ PARTS = ("measured", "predicted", "occluded")  # of the poses, apart
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One metric.
-
-    Args:
-        metric: Its name.
-        title: Heading of the column.
-        digits: Decimals.
-        factor: 100 for percent.
-    """
+    """One metric."""
 
     metric: str
-    title: str
-    digits: int
-    factor: float = 1.0
+    title: str  # heading of the column
+    digits: int  # decimals
+    factor: float = 1.0  # 100 for percent
 
     def text(self, value: SummaryStatistics | float | None, spread: bool = True) -> str:
         """Return a value, or its mean and, if wanted, its standard deviation as text."""
@@ -38,36 +31,22 @@ class TableColumn:
 
 @dataclass(frozen=True)
 class TableRow:
-    """One row of a table.
-
-    Args:
-        method: Name of the method.
-        people: Number of people, "all" for all recordings.
-        cells: One for each column, as text.
-        published: True for published results.
-    """
+    """One row of a table."""
 
     method: str
-    people: str
-    cells: tuple[str, ...]
-    published: bool = False
+    people: str  # number of people, "all" for all recordings
+    cells: tuple[str, ...]  # one for each column, as text
+    published: bool = False  # True for published results
 
 
 @dataclass(frozen=True)
 class ReportTable:
-    """One table of the report.
+    """One table of the report."""
 
-    Args:
-        name: Short, for a file.
-        title: Heading.
-        columns: Metrics.
-        rows: Rows, published results last.
-    """
-
-    name: str
+    name: str  # short, for a file
     title: str
     columns: tuple[TableColumn, ...]
-    rows: tuple[TableRow, ...] = field(default=())
+    rows: tuple[TableRow, ...] = field(default=())  # rows, published results last
 
 
 @dataclass(frozen=True)
@@ -174,7 +153,7 @@ TABLES = (
 )
 RATES = ReportTable(
     "6_5_speed",
-    "Table 6.5: frames per second of the whole pipeline, on the machine that made the detections",
+    "Table 6.5: frames per second of the pipeline, on the machine that made the detections",
     (TableColumn("rate_hz", "FPS", 1),),
 )
 

@@ -14,48 +14,28 @@ X, Y, VX, VY, YAW = range(5)  # columns
 
 @dataclass(frozen=True)
 class CameraCoverage:
-    """Field of view of the camera from above, in the frame of the truth.
+    """Field of view of the camera from above, in the frame of the truth."""
 
-    Args:
-        position_m: 2.
-        axis_rad: Direction of its optical axis.
-        half_angle_rad: Half of its horizontal field of view.
-        range_m: Depth range.
-    """
-
-    position_m: F64
-    axis_rad: float
-    half_angle_rad: float
-    range_m: float
+    position_m: F64  # 2
+    axis_rad: float  # direction of its optical axis
+    half_angle_rad: float  # half of its horizontal field of view
+    range_m: float  # depth range
 
 
 @dataclass(frozen=True)
 class RunTrajectories:
-    """One method on one recording: N frames, K people.
-
-    Args:
-        method: Name of the method.
-        stamps_s: N, since the first frame.
-        persons: K identities.
-        true: NxKx5, see the columns X to YAW; NaN where unknown.
-        required: NxK, people who have to be tracked.
-        tracked: NxKx5, the same of the track that each person is matched to; NaN where none is.
-        tracks: NxK, its identity; 0: none.
-        paths: By identity of a track, Lx6: time [s], then the columns.
-        switches_s: Times of ID switches.
-        camera: At the first frame; None: unknown, or it moves.
-    """
+    """One method on one recording: N frames, K people."""
 
     method: str
-    stamps_s: F64
-    persons: tuple[str, ...]
-    true: F64
-    required: BOOL
-    tracked: F64
-    tracks: I64
-    paths: Mapping[int, F64]
-    switches_s: tuple[float, ...]
-    camera: CameraCoverage | None
+    stamps_s: F64  # N, since the first frame
+    persons: tuple[str, ...]  # k identities
+    true: F64  # NxKx5, see the columns X to YAW; NaN where unknown
+    required: BOOL  # NxK, people who have to be tracked
+    tracked: F64  # NxKx5, the same of the track that each person is matched to; NaN where none is
+    tracks: I64  # NxK, its identity; 0: none
+    paths: Mapping[int, F64]  # by identity of a track, Lx6: time [s], then the columns
+    switches_s: tuple[float, ...]  # times of ID switches
+    camera: CameraCoverage | None  # at the first frame; None: unknown, or it moves
 
 
 def trajectories_of(method: str, output: RunOutput) -> RunTrajectories:

@@ -33,36 +33,23 @@ Key: TypeAlias = tuple[str, bytes]  # recording, and the configuration of its de
 
 @dataclass(frozen=True)
 class EvaluationPlan:
-    """Methods and recordings of an evaluation.
+    """Methods and recordings of an evaluation."""
 
-    Args:
-        methods: Methods, each under a name of its own.
-        recordings: Recordings with ground truth.
-        cache: Folder of renderings and detections, which are made once.
-        jobs: Processes at once; the result does not depend on it.
-        figures: True: draw figures, which takes matplotlib.
-        motion: Visual odometry of the base; None: odometry is as recorded.
-    """
-
-    methods: tuple[Method, ...]
+    methods: tuple[Method, ...]  # methods, each under a name of its own
     recordings: tuple[EvaluationRecording, ...]
-    cache: Path
-    jobs: int = 1
-    figures: bool = True
+    cache: Path  # folder of renderings and detections, which are made once
+    jobs: int = 1  # processes at once; the result does not depend on it
+    figures: bool = True  # True: draw figures, which takes matplotlib
+    # visual odometry of the base; None: odometry is as recorded
     motion: VisualOdometryConfig | None = None
 
 
 @dataclass(frozen=True)
 class WorkQueue:
-    """Pieces of work in a pool of processes, with their progress.
-
-    Args:
-        pool: The processes.
-        on_progress: Called with the name of the stage and the share of it that is done.
-    """
+    """Pieces of work in a pool of processes, with their progress."""
 
     pool: Pool
-    on_progress: OnProgress
+    on_progress: OnProgress  # called with the name of the stage and the share of it that is done
 
     def do(self, stage: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
         """Return the results of all pieces, in their order."""

@@ -29,63 +29,37 @@ from people4d.messages import F64, CameraInfo, Detections, Message, StaticTransf
 
 @dataclass(frozen=True)
 class EvaluationRun:
-    """One method on one recording.
-
-    Args:
-        method: The method.
-        recording: The recording.
-        detections: Recording of its detections.
-        embeddings: Recording of its embeddings; None: the tracker takes none.
-        truth: Ground truth at the stamps of `detections`.
-    """
+    """One method on one recording."""
 
     method: Method
     recording: EvaluationRecording
-    detections: Path
-    embeddings: Path | None
-    truth: SampledTruth
+    detections: Path  # recording of its detections
+    embeddings: Path | None  # recording of its embeddings; None: the tracker takes none
+    truth: SampledTruth  # ground truth at the stamps of `detections`
 
 
 @dataclass(frozen=True)
 class RunOutput:
-    """Messages of a run, matched with the truth.
+    """Messages of a run, matched with the truth."""
 
-    Args:
-        info: Calibration of the camera.
-        detections: Detections of each frame.
-        tracks: Tracks of each frame, by stamp.
-        matching: Tracks and truth.
-        took_ms: Mean time of the tracker in a frame.
-    """
-
-    info: CameraInfo
-    detections: tuple[Detections, ...]
-    tracks: dict[int, Tracks]
+    info: CameraInfo  # calibration of the camera
+    detections: tuple[Detections, ...]  # detections of each frame
+    tracks: dict[int, Tracks]  # tracks of each frame, by stamp
     matching: Matching
-    took_ms: float
+    took_ms: float  # mean time of the tracker in a frame
 
 
 @dataclass(frozen=True)
 class RunScores:
-    """Metrics of a run.
-
-    Args:
-        method: Name of the method.
-        recording: The recording.
-        people: Number of people in the truth.
-        scores: All metrics.
-        has_visibility: True if the visible share of people is known.
-        frames: Number of frames, with and without truth.
-        pipeline_ms: Mean time of the pipeline in a frame; None where it is unknown.
-    """
+    """Metrics of a run."""
 
     method: str
     recording: EvaluationRecording
-    people: int
+    people: int  # number of people in the truth
     scores: Scores
-    has_visibility: bool
-    frames: int
-    pipeline_ms: float | None
+    has_visibility: bool  # True if the visible share of people is known
+    frames: int  # number of frames, with and without truth
+    pipeline_ms: float | None  # mean time of the pipeline in a frame; None where it is unknown
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ class TruthPlayback:
         self._advance()
 
     def _advance(self) -> None:
-        """Fetch the next message; a file that fails half-way ends the truth."""
+        """Fetch the next message; a file that fails half through ends the truth."""
         self._next: Truth | None = None
         try:
             message = next(self._messages, None)

@@ -147,7 +147,7 @@ def estimate_motion(
         dimensions: 2 for a turn about z and a shift, 3 for any rotation.
 
     Returns:
-        The motion; None if there are too few samples, or they do not tell the rotation: people
+        The motion; None if there are too few samples, or they do not fix the rotation: people
         hardly transform_truth, or (in 3D) all along one line.
     """
     matrix = np.eye(4)

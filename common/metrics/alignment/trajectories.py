@@ -14,7 +14,7 @@ from people4d.messages import F64
 GATE_M = 1.0  # [m] a track farther from all people is not used
 CLEAR_M = 0.3  # [m] the second nearest person must be farther by so much
 MAX_GAP_S = 0.2  # [s] truth that is sparser is not interpolated
-HALF_STEP_S = 0.02  # [s] to both sides of the time at which a velocity is wanted
+HALF_STEP_S = 0.02  # [s] to both sides of the time of a velocity
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def cost(truth: Trajectories, tracked: Trajectories, offset_s: float) -> float:
 class _Near:
     distance_m: F64  # N, to the nearest person; infinite if there is none
     index: I64  # N, index of that person
-    clear: BOOL  # N, everyone else is clearly farther
+    clear: BOOL  # N, all others are clearly farther
 
 
 def _nearest(true_m: F64, tracked_m: F64) -> _Near:

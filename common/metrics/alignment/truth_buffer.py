@@ -73,22 +73,14 @@ class TruthBuffer:
             return None
         earlier, later = _nearest(reversed(before), before[-1]), _nearest(after, before[-1])
         people = tuple(
-            _between(person, later[name][1], share_of(start_ns, stamp_ns, later[name][0]))
+            _between(person, later[name][1], _share_of(start_ns, stamp_ns, later[name][0]))
             for name, (start_ns, person) in earlier.items()
             if name in later and later[name][0] - start_ns <= gap_ns
         )
         return msgspec.structs.replace(before[-1], stamp_ns=stamp_ns, people=people)
 
 
-def interpolate(before: Truth, after: Truth, stamp_ns: int) -> Truth:
-    """Return the people who are in both messages at a stamp between them."""
-    buffer = TruthBuffer(max_gap_ns=after.stamp_ns - before.stamp_ns)
-    buffer.add(before)
-    buffer.add(after)
-    return buffer.at(stamp_ns) or msgspec.structs.replace(before, stamp_ns=stamp_ns, people=())
-
-
-def share_of(start_ns: int, stamp_ns: int, end_ns: int) -> float:
+def _share_of(start_ns: int, stamp_ns: int, end_ns: int) -> float:
     """Return the share of an interval that has passed at a stamp, 0 to 1; 0 if it is empty."""
     return (stamp_ns - start_ns) / (end_ns - start_ns) if end_ns > start_ns else 0.0
 

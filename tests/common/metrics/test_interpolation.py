@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from common.metrics import TruthBuffer, interpolate
+from common.metrics import TruthBuffer
 from people4d.messages import Truth, TruthPerson
 
 MS = 1_000_000
@@ -29,6 +29,15 @@ def buffer(*messages: Truth) -> TruthBuffer:
     for message in messages:
         made.add(message)
     return made
+
+
+def interpolate(before: Truth, after: Truth, stamp_ns: int) -> Truth:
+    buffer = TruthBuffer(max_gap_ns=after.stamp_ns - before.stamp_ns)
+    buffer.add(before)
+    buffer.add(after)
+    found = buffer.at(stamp_ns)
+    assert found is not None
+    return found
 
 
 def test_interpolation_at_a_quarter_of_the_gap() -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.metrics import box_overlap, score
-from common.metrics.mot_text import MotInfo, read_info, read_rows, sequence, tracks_by_frame
+from common.metrics import Hypotheses, box_overlap, score
+from common.metrics.mot_text import MotInfo, read_info, read_rows, sequence
 from people4d.errors import DecodeError
 
 
@@ -72,7 +72,7 @@ def test_a_rate_must_be_positive(tmp_path: Path) -> None:
 
 def test_flagged_truth_is_dropped_and_frames_have_stamps(tmp_path: Path) -> None:
     truth = read_rows(written(tmp_path, "1,7,0,0,10,10,1\n1,8,50,0,10,10,0\n3,7,0,0,10,10,1\n"))
-    tracks = tracks_by_frame(read_rows(written(tmp_path, "1,1,0,0,10,10,0.9,-1,-1,-1\n")))
+    tracks = {1: Hypotheses(ids=(1,), boxes_xyxy_px=np.array([[0.0, 0.0, 10.0, 10.0]]))}
     recording = sequence(MotInfo("walk", 25.0, 3, 640, 480), truth, tracks)
     assert [frame.stamp_ns for frame in recording.frames] == [0, 40_000_000, 80_000_000]
     assert [frame.truth.ids for frame in recording.frames] == [(7,), (), (7,)]
