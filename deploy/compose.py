@@ -43,63 +43,38 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Dependency:
-    """Condition that another service must meet before a service is started.
+    """Condition that another service must meet before a service is started."""
 
-    Args:
-        service: Name of the other service.
-        condition: One of CONDITIONS.
-        required: False: without effect where the other service is not part of the run.
-    """
-
-    service: str
-    condition: str
-    required: bool
+    service: str  # name of the other service
+    condition: str  # one of CONDITIONS
+    required: bool  # false: without effect where the other service is not part of the run
 
 
 @dataclass(frozen=True)
 class Healthcheck:
-    """A command that exits 0 while its service is healthy.
+    """A command that exits 0 while its service is healthy."""
 
-    Args:
-        test: The command, one string per argument.
-        interval_s: Pause between two checks.
-        timeout_s: Longest time that one check may take.
-    """
-
-    test: tuple[str, ...]
-    interval_s: float
-    timeout_s: float
+    test: tuple[str, ...]  # the command, one string per argument
+    interval_s: float  # pause between two checks
+    timeout_s: float  # longest time that one check may take
 
 
 @dataclass(frozen=True)
 class Service:
-    """One service of the system.
+    """One service of the system."""
 
-    Args:
-        name: Its name.
-        command: Command, one string per argument.
-        environment: Environment variables beside the caller's own.
-        depends_on: What it waits for.
-        healthcheck: How to know that it is healthy, None if running is enough.
-        restart: One of RESTARTS.
-        retries: Failed starts in a row after which it is given up.
-        replicas: Number of equal processes.
-        stop_grace_s: Time between SIGTERM and SIGKILL.
-        profiles: It runs only with one of these profiles; empty: always.
-        labels: Further facts: `people4d.scalable` (its replicas share their work),
-            `people4d.option` (how it is asked for), `people4d.model` (loader of its model).
-    """
-
-    name: str
-    command: tuple[str, ...]
-    environment: Mapping[str, str]
-    depends_on: tuple[Dependency, ...]
-    healthcheck: Healthcheck | None
-    restart: str
-    retries: int
-    replicas: int
-    stop_grace_s: float
-    profiles: frozenset[str]
+    name: str  # its name
+    command: tuple[str, ...]  # command, one string per argument
+    environment: Mapping[str, str]  # environment variables beside the caller's own
+    depends_on: tuple[Dependency, ...]  # what it waits for
+    healthcheck: Healthcheck | None  # how to know that it is healthy, None if running is enough
+    restart: str  # one of RESTARTS
+    retries: int  # failed starts in a row after which it is given up
+    replicas: int  # number of equal processes
+    stop_grace_s: float  # time between SIGTERM and SIGKILL
+    profiles: frozenset[str]  # it runs only with one of these profiles; empty: always
+    # further facts: `people4d.scalable` (its replicas share their work), `people4d.option` (how it
+    # is asked for), `people4d.model` (loader of its model)
     labels: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -43,19 +43,12 @@ class Pair:
 
 @dataclass(frozen=True)
 class CredentialCheck:
-    """State of one certificate or password.
+    """State of one certificate or password."""
 
-    Args:
-        file: The file.
-        role: Role that it proves.
-        ends: When it ends; None for a password.
-        problem: What is wrong with it; empty if nothing.
-    """
-
-    file: Path
-    role: str
-    ends: datetime | None
-    problem: str
+    file: Path  # the file
+    role: str  # role that it proves
+    ends: datetime | None  # when it ends; None for a password
+    problem: str  # what is wrong with it; empty if nothing
 
 
 def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], days: int) -> None:

@@ -89,19 +89,12 @@ class SystemSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class FramePath:
-    """The path of one frame.
+    """The path of one frame."""
 
-    Args:
-        tracks: What it ended in.
-        parts: Its pieces, to the one who listens.
-        beside: What was done for the frame while its path went on elsewhere.
-        end_to_end: From the first stage to the last.
-    """
-
-    tracks: Tracks
-    parts: list[TraceSegment]
-    beside: list[TraceSegment]
-    end_to_end: TraceSegment
+    tracks: Tracks  # what it ended in
+    parts: list[TraceSegment]  # its pieces, to the one who listens
+    beside: list[TraceSegment]  # what was done for the frame while its path went on elsewhere
+    end_to_end: TraceSegment  # from the first stage to the last
 
 
 class Monitor:

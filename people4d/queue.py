@@ -17,19 +17,12 @@ FRESH_S = 3.0
 
 @dataclass(frozen=True)
 class Arrival:
-    """A decoded message and when it came.
+    """A decoded message and when it came."""
 
-    Args:
-        message: The message.
-        received_ns: Wall clock when its bytes were there.
-        decoded_ns: Wall clock when it was decoded.
-        ticket: Order in which messages were taken out.
-    """
-
-    message: Message
-    received_ns: int
-    decoded_ns: int
-    ticket: int = -1
+    message: Message  # the message
+    received_ns: int  # wall clock when its bytes were there
+    decoded_ns: int  # wall clock when it was decoded
+    ticket: int = -1  # order in which messages were taken out
 
 
 class MessageQueue:

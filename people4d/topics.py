@@ -31,32 +31,25 @@ LOCKSTEP_MAX = 8  # frames in flight at once where none may be skipped
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic.
+    """One topic."""
 
-    Args:
-        name: Name on the command line and in the documentation.
-        key: Key below people4d/v1/<robot>/; names in braces are fields of the message.
-        message: Type of its messages.
-        rate_hz: Expected rate of one publisher; 0 if sent once.
-        delivery: "newest": the newest message wins, older ones are dropped and counted;
-            "queue": queued in order up to depth; "latched": sent once, late joiners get the last.
-        depth: Length of a subscriber's queue; of "newest" only for messages that must not be
-            skipped (lock-step), else one.
-        producer: Service that publishes it, or several with spaces between; no other may where
-            access is restricted.
-        readers: Roles that may read it where access is restricted, separated by spaces, "*": all:
-            services, "planner", and "operator" (the command line). See common/transport/access.py.
-        leaves_host: It may leave the host that it was made on, where access is restricted.
-    """
-
-    name: str
-    key: str
-    message: type[Message]
-    rate_hz: float
+    name: str  # name on the command line and in the documentation
+    key: str  # key below people4d/v1/<robot>/; names in braces are fields of the message
+    message: type[Message]  # type of its messages
+    rate_hz: float  # expected rate of one publisher; 0 if sent once
+    # "newest": the newest message wins, older ones are dropped and counted; "queue": queued in
+    # order up to depth; "latched": sent once, late joiners get the last
     delivery: Literal["newest", "queue", "latched"]
+    # length of a subscriber's queue; of "newest" only for messages that must not be skipped (lock-
+    # step), else one
     depth: int
+    # service that publishes it, or several with spaces between; no other may where access is
+    # restricted
     producer: str
+    # roles that may read it where access is restricted, separated by spaces, "*": all: services,
+    # "planner", and "operator" (the command line). See common/transport/access.py
     readers: str = field(default="", kw_only=True)
+    # it may leave the host that it was made on, where access is restricted
     leaves_host: bool = field(default=True, kw_only=True)
 
     @property
@@ -79,12 +72,9 @@ class ForeignTopic(Topic):
     """A topic of another system: its key has no prefix and its bytes are not our messages.
 
     A node lists those that it reads in `foreign_inputs` and gets them decoded, as `message`.
-
-    Args:
-        decode: Decodes untrusted bytes; raises DecodeError.
     """
 
-    decode: Callable[[bytes], Message]
+    decode: Callable[[bytes], Message]  # decodes untrusted bytes; raises DecodeError
 
     def key_expression(self, robot: str) -> str:  # noqa: ARG002
         """Return the key, which has no robot's prefix."""

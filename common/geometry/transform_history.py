@@ -36,17 +36,11 @@ class TransformBufferConfig(Config, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class TransformEstimate:
-    """A transform at one time, with the uncertainty of extrapolation.
+    """A transform at one time, with the uncertainty of extrapolation."""
 
-    Args:
-        matrix: 4x4, parent_from_child.
-        sigma_m: Standard deviation of the translation; 0 at and between samples.
-        sigma_rad: Standard deviation of the rotation, likewise.
-    """
-
-    matrix: F64
-    sigma_m: float = 0.0
-    sigma_rad: float = 0.0
+    matrix: F64  # 4x4, parent_from_child
+    sigma_m: float = 0.0  # standard deviation of the translation; 0 at and between samples
+    sigma_rad: float = 0.0  # standard deviation of the rotation, likewise
 
     @property
     def is_uncertain(self) -> bool:

@@ -11,19 +11,12 @@ Cell: TypeAlias = str | int | float | None  # None: unknown, or not of this kind
 
 @dataclass(frozen=True)
 class Column:
-    """One column.
+    """One column."""
 
-    Args:
-        name: Its name, unit at the end.
-        kind: Type of its cells; an empty cell is possible where `optional`.
-        meaning: Its content.
-        optional: A cell may be empty.
-    """
-
-    name: str
-    kind: type[str | int | float]
-    meaning: str
-    optional: bool = False
+    name: str  # its name, unit at the end
+    kind: type[str | int | float]  # type of its cells; an empty cell is possible where `optional`
+    meaning: str  # its content
+    optional: bool = False  # A cell may be empty
 
 
 COLUMNS = (

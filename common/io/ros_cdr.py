@@ -39,19 +39,12 @@ def parse_key(field: str, text: str, example: str) -> str:
 
 @dataclass(frozen=True)
 class CdrDecoder(Generic[T]):
-    """Decoder of one type of message in CDR.
+    """Decoder of one type of message in CDR."""
 
-    Args:
-        subject: Its content, for errors.
-        store: Types of ROS.
-        kind: Name of its type.
-        make: Makes the result; raises if the message cannot be used.
-    """
-
-    subject: str
-    store: Typestore
-    kind: str
-    make: Callable[[Any], T]
+    subject: str  # its content, for errors
+    store: Typestore  # types of ROS
+    kind: str  # name of its type
+    make: Callable[[Any], T]  # makes the result; raises if the message cannot be used
 
     def decode(self, payload: bytes) -> T:
         """Read one message.

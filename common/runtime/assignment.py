@@ -40,19 +40,12 @@ def read_header(payload: bytes) -> MessageHeader | None:
 
 @dataclass(frozen=True)
 class PendingMessage:
-    """A message that another replica handles.
+    """A message that another replica handles."""
 
-    Args:
-        key: Full key that it came on.
-        payload: Its bytes.
-        received_ns: Wall clock when they came.
-        header: Fields by which it is assigned.
-    """
-
-    key: str
-    payload: bytes
-    received_ns: int
-    header: MessageHeader
+    key: str  # full key that it came on
+    payload: bytes  # its bytes
+    received_ns: int  # wall clock when they came
+    header: MessageHeader  # fields by which it is assigned
 
 
 def assigned_replica(replicas: Sequence[str], camera: str, sequence: int) -> str | None:

@@ -36,15 +36,10 @@ def state_folder(robot: str, environment: Mapping[str, str] = os.environ) -> Pat
 
 @dataclass(frozen=True)
 class SavedState:
-    """Content of a checkpoint.
+    """Content of a checkpoint."""
 
-    Args:
-        state: Empty if there was none.
-        next_number: 0 if there was none.
-    """
-
-    state: bytes
-    next_number: int
+    state: bytes  # empty if there was none
+    next_number: int  # 0 if there was none
 
 
 class CheckpointStore:

@@ -15,23 +15,15 @@ ARRIVALS = ("queue", "capture")  # after these a message may wait for others, or
 
 @dataclass(frozen=True, slots=True)
 class TraceSegment:
-    """One segment of a message's path, on the reference clock where the clocks are known.
+    """One segment of a message's path, on the reference clock where the clocks are known."""
 
-    Args:
-        service: Service that did the work, or that received the message.
-        process: Its process, "<instance>@<host>".
-        stage: One of `common.transport.trace.STAGES`, or a service's own.
-        start_ns: When it began.
-        end_ns: When it ended; before `start_ns` if the offset of the clocks is wrong.
-        error_ns: Bound of the error that clocks bring into its duration: 0 on one host; None:
-            between hosts whose clocks were not compared.
-    """
-
-    service: str
-    process: str
-    stage: str
-    start_ns: int
-    end_ns: int
+    service: str  # service that did the work, or that received the message
+    process: str  # its process, "<instance>@<host>"
+    stage: str  # one of `common.transport.trace.STAGES`, or a service's own
+    start_ns: int  # when it began
+    end_ns: int  # when it ended; before `start_ns` if the offset of the clocks is wrong
+    # bound of the error that clocks bring into its duration: 0 on one host; None: between hosts
+    # whose clocks were not compared
     error_ns: float | None = 0.0
 
     @property

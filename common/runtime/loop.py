@@ -26,16 +26,11 @@ log = logging.getLogger("people4d")
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """Settings of a run loop.
+    """Settings of a run loop."""
 
-    Args:
-        workers: Threads that call `handle` at once; outputs keep the order of the inputs.
-        traced: Messages are marked with the times of their stages.
-        state_folder: Folder of the checkpoints of a stateful node; None: none are saved.
-    """
-
-    workers: int = 1
-    traced: bool = True
+    workers: int = 1  # threads that call `handle` at once; outputs keep the order of the inputs
+    traced: bool = True  # messages are marked with the times of their stages
+    # folder of the checkpoints of a stateful node; None: none are saved
     state_folder: Path | None = None
 
 

@@ -21,32 +21,24 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Sharing:
-    """Work that the replicas of a service share.
+    """Work that the replicas of a service share."""
 
-    Args:
-        work: Type of message of which each is handled by one replica.
-        answer: Type that they publish for it, with the same camera and sequence.
-    """
-
-    work: type[Message]
-    answer: type[Message]
+    work: type[Message]  # type of message of which each is handled by one replica
+    answer: type[Message]  # type that they publish for it, with the same camera and sequence
 
 
 @dataclass(frozen=True)
 class LoopCallbacks:
-    """Callbacks of the run loop for its node.
+    """Callbacks of the run loop for its node."""
 
-    Args:
-        wake: Makes `tick` due at once; may be called from any thread.
-        release: Lets another worker take the next message before `handle` returns.
-        publish: Publishes one output before the others that `handle` returns; None: only what
-            `handle` returns is published.
-        replicas: Returns the name of this process, and those of all that share its work.
-    """
-
+    # makes `tick` due at once; may be called from any thread
     wake: Callable[[], None] = lambda: None
+    # lets another worker take the next message before `handle` returns
     release: Callable[[], None] = lambda: None
+    # publishes one output before the others that `handle` returns; None: only what `handle` returns
+    # is published
     publish: Callable[[Message], None] | None = None
+    # returns the name of this process, and those of all that share its work
     replicas: Callable[[], tuple[str, tuple[str, ...]]] = lambda: ("", ())
 
 

@@ -26,15 +26,10 @@ class Subscription(Protocol):
 
 @dataclass(frozen=True)
 class Member:
-    """A process of a service that joined or left.
+    """A process of a service that joined or left."""
 
-    Args:
-        instance: Its name.
-        present: True if it joined.
-    """
-
-    instance: str
-    present: bool
+    instance: str  # its name
+    present: bool  # True if it joined
 
 
 class Members(Protocol):

@@ -26,15 +26,10 @@ QUERY_PERIOD_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class HostOffset:
-    """Offset of a host's clock.
+    """Offset of a host's clock."""
 
-    Args:
-        offset_ns: Its time minus that of the reference.
-        error_ns: Bound of the error of that.
-    """
-
-    offset_ns: float
-    error_ns: float
+    offset_ns: float  # its time minus that of the reference
+    error_ns: float  # bound of the error of that
 
 
 NO_OFFSET = HostOffset(0.0, 0.0)
@@ -45,18 +40,12 @@ class TimeExchange:
     """One query and its reply.
 
     Source: RFC 5905, section 8: offset and round-trip delay.
-
-    Args:
-        query_sent_ns: Own clock.
-        query_received_ns: The other's clock.
-        reply_sent_ns: The other's clock.
-        reply_received_ns: Own clock.
     """
 
-    query_sent_ns: int
-    query_received_ns: int
-    reply_sent_ns: int
-    reply_received_ns: int
+    query_sent_ns: int  # own clock
+    query_received_ns: int  # the other's clock
+    reply_sent_ns: int  # the other's clock
+    reply_received_ns: int  # own clock
 
     @property
     def offset_ns(self) -> float:

@@ -43,17 +43,11 @@ STAGES = {
 
 @dataclass(frozen=True)
 class ProcessId:
-    """Identity of a process.
+    """Identity of a process."""
 
-    Args:
-        service: Name of the service.
-        instance: Name of the process, unique on a robot.
-        host: Name of the machine.
-    """
-
-    service: str
-    instance: str
-    host: str
+    service: str  # name of the service
+    instance: str  # name of the process, unique on a robot
+    host: str  # name of the machine
 
     @property
     def process(self) -> str:

@@ -14,18 +14,12 @@ HEARD = (Health, CameraInfo, StaticTransform, Detections, Tracks)
 
 @dataclass(slots=True)
 class Vitals:
-    """The heartbeats of one process.
+    """The heartbeats of one process."""
 
-    Args:
-        first: The first one heard.
-        last: The last one heard.
-        late_ns: Least time from the stamp of a heartbeat to its arrival, by this machine's clock.
-        pids: Process numbers and hosts that used its name.
-    """
-
-    first: Health
-    last: Health
-    late_ns: int
+    first: Health  # the first one heard
+    last: Health  # the last one heard
+    late_ns: int  # least time from the stamp of a heartbeat to its arrival, by this machine's clock
+    # process numbers and hosts that used its name
     pids: set[tuple[str, int]] = field(default_factory=set)
 
     @property
@@ -44,33 +38,22 @@ class Vitals:
 
 @dataclass(slots=True)
 class Evidence:
-    """All that was heard.
+    """All that was heard."""
 
-    Args:
-        robot: Name of the robot listened to.
-        release: Release of people4d here.
-        elapsed_s: How long was listened.
-        vitals: Processes by name.
-        present: Robot, service and process of everyone whose token is there, of all robots.
-        infos: Calibrations by camera.
-        transforms: Transforms by their child.
-        detections: Detections by camera.
-        tracks: People messages.
-        refused: Messages that could not be read, by topic.
-        refusal: Why the last of these could not be read.
-    """
-
-    robot: str
-    release: str = field(default_factory=release)
-    elapsed_s: float = 0.0
-    vitals: dict[str, Vitals] = field(default_factory=dict)
+    robot: str  # name of the robot listened to
+    release: str = field(default_factory=release)  # release of people4d here
+    elapsed_s: float = 0.0  # how long was listened
+    vitals: dict[str, Vitals] = field(default_factory=dict)  # processes by name
+    # robot, service and process of everyone whose token is there, of all robots
     present: list[tuple[str, str, str]] = field(default_factory=list)
-    infos: dict[str, CameraInfo] = field(default_factory=dict)
+    infos: dict[str, CameraInfo] = field(default_factory=dict)  # calibrations by camera
+    # transforms by their child
     transforms: dict[str, StaticTransform] = field(default_factory=dict)
-    detections: list[Detections] = field(default_factory=list)
-    tracks: list[Tracks] = field(default_factory=list)
+    detections: list[Detections] = field(default_factory=list)  # detections by camera
+    tracks: list[Tracks] = field(default_factory=list)  # people messages
+    # messages that could not be read, by topic
     refused: Counter[str] = field(default_factory=Counter)
-    refusal: str = ""
+    refusal: str = ""  # why the last of these could not be read
 
     def of(self, service: str) -> list[Vitals]:
         """Return the processes of a service."""

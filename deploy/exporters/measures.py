@@ -15,17 +15,11 @@ BUCKETS_S = (1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 0.01, 0.025, 0.05, 0.1, 0.2
 
 @dataclass(frozen=True)
 class Measure:
-    """Something that is measured.
+    """Something that is measured."""
 
-    Args:
-        kind: Whether it only grows.
-        unit: Of its values: "s", "By" (bytes), or "1".
-        text: What it is.
-    """
-
-    kind: Literal["counter", "gauge"]
-    unit: str
-    text: str
+    kind: Literal["counter", "gauge"]  # whether it only grows
+    unit: str  # of its values: "s", "By" (bytes), or "1"
+    text: str  # what it is
 
 
 MEASURES = {
@@ -42,17 +36,11 @@ MEASURES = {
 
 @dataclass(frozen=True)
 class Sample:
-    """One value.
+    """One value."""
 
-    Args:
-        name: Key of MEASURES.
-        value: In the unit of the measure.
-        labels: What it belongs to; the same names for all samples of a measure.
-    """
-
-    name: str
-    value: float
-    labels: Mapping[str, str]
+    name: str  # key of MEASURES
+    value: float  # in the unit of the measure
+    labels: Mapping[str, str]  # what it belongs to; the same names for all samples of a measure
 
 
 class Exporter(Protocol):

@@ -24,30 +24,19 @@ PORT = 7447
 
 @dataclass(frozen=True)
 class LaunchRequest:
-    """Launch request: options of `people4d up`.
+    """Launch request: options of `people4d up`."""
 
-    Args:
-        robot: Name of the robot.
-        host: Address at which the router listens; 0.0.0.0 lets other machines connect.
-        port: TCP port at which it listens.
-        config: TOML file with one table for each service; None for the shipped one.
-        compose: Compose file.
-        settings: "service.field=value", the last one of a field wins.
-        scale: "service=number".
-        report: Folder for a report, None for none.
-        profiles: Profiles of the compose file, for example "gait".
-        environment: The caller's environment variables.
-    """
-
-    robot: str = "robot"
-    host: str = HOST
-    port: int = PORT
+    robot: str = "robot"  # name of the robot
+    host: str = HOST  # address at which the router listens; 0.0.0.0 lets other machines connect
+    port: int = PORT  # TCP port at which it listens
+    # TOML file with one table for each service; None for the shipped one
     config: Path | None = None
-    compose: Path = COMPOSE_FILE
-    settings: Sequence[str] = ()
-    scale: Sequence[str] = ()
-    report: Path | None = None
-    profiles: Sequence[str] = ()
+    compose: Path = COMPOSE_FILE  # compose file
+    settings: Sequence[str] = ()  # "service.field=value", the last one of a field wins
+    scale: Sequence[str] = ()  # "service=number"
+    report: Path | None = None  # folder for a report, None for none
+    profiles: Sequence[str] = ()  # profiles of the compose file, for example "gait"
+    # the caller's environment variables
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
 
     @property

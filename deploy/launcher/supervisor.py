@@ -67,23 +67,14 @@ AUTORESTART = {
 
 @dataclass(frozen=True)
 class Process:
-    """One process as supervisord reports it.
+    """One process as supervisord reports it."""
 
-    Args:
-        name: Instance, for example detector-1.
-        state: STOPPED, STARTING, RUNNING, BACKOFF, STOPPING, EXITED, FATAL or UNKNOWN.
-        pid: Process number, 0 if it does not run.
-        uptime_s: Seconds since its start, 0 if it does not run.
-        exit_status: Of the last end; -1 for a signal.
-        problem: Why it could not be started, empty if it could.
-    """
-
-    name: str
-    state: str
-    pid: int
-    uptime_s: float
-    exit_status: int
-    problem: str
+    name: str  # instance, for example detector-1
+    state: str  # STOPPED, STARTING, RUNNING, BACKOFF, STOPPING, EXITED, FATAL or UNKNOWN
+    pid: int  # process number, 0 if it does not run
+    uptime_s: float  # seconds since its start, 0 if it does not run
+    exit_status: int  # of the last end; -1 for a signal
+    problem: str  # why it could not be started, empty if it could
 
     @property
     def finished(self) -> bool:

@@ -61,19 +61,13 @@ def crossing_camera(shared: Path, start_s: float = 0.0, max_frames: int = 0) -> 
 
 @dataclass(frozen=True)
 class AnnotationScores:
-    """Detections and tracks in the frames of CROSSING.
+    """Detections and tracks in the frames of CROSSING."""
 
-    Args:
-        people: Annotated people over all frames.
-        found: Those that were detected.
-        false: Boxes without a person, or on a person with another box.
-        identified: Annotated people tracked under their own identity, for the best one-to-one
-            assignment of people and identities.
-    """
-
-    people: int
-    found: int
-    false: int
+    people: int  # annotated people over all frames
+    found: int  # those that were detected
+    false: int  # boxes without a person, or on a person with another box
+    # annotated people tracked under their own identity, for the best one-to-one assignment of
+    # people and identities
     identified: int
 
 

@@ -14,21 +14,13 @@ ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there i
 
 @dataclass(frozen=True)
 class Selection:
-    """The part of a source that is played.
+    """The part of a source that is played."""
 
-    Args:
-        start_s: Seconds left out at the beginning.
-        duration_s: Seconds played; 0 plays all.
-        max_frames: Frames played in all; 0 plays all.
-        stride: Every n-th frame is played.
-        loop: Repeat from the start.
-    """
-
-    start_s: float = 0.0
-    duration_s: float = 0.0
-    max_frames: int = 0
-    stride: int = 1
-    loop: bool = False
+    start_s: float = 0.0  # seconds left out at the beginning
+    duration_s: float = 0.0  # seconds played; 0 plays all
+    max_frames: int = 0  # frames played in all; 0 plays all
+    stride: int = 1  # every n-th frame is played
+    loop: bool = False  # repeat from the start
 
 
 def play(source: Source, selection: Selection) -> Iterator[SourceItem]:

@@ -14,17 +14,11 @@ RETRY_S = 1.0
 
 @dataclass(frozen=True)
 class PrefetchedItem:
-    """An item with the times of its reading.
+    """An item with the times of its reading."""
 
-    Args:
-        item: A frame or a motion.
-        start_ns: Wall clock when its reading began.
-        end_ns: Wall clock when it was ready.
-    """
-
-    item: SourceItem
-    start_ns: int
-    end_ns: int
+    item: SourceItem  # A frame or a motion
+    start_ns: int  # wall clock when its reading began
+    end_ns: int  # wall clock when it was ready
 
 
 class Prefetch:

@@ -15,17 +15,11 @@ MotionMessage: TypeAlias = Odometry | MovingTransform  # of the base, or of the 
 
 @dataclass(frozen=True)
 class SourceFrame:
-    """One RGB-D image pair.
+    """One RGB-D image pair."""
 
-    Args:
-        rgb: HxWx3, red first.
-        depth_mm: HxW in millimetres, aligned to rgb, 0 = no reading.
-        stamp_ns: Acquisition time in nanoseconds.
-    """
-
-    rgb: U8
-    depth_mm: U16
-    stamp_ns: int
+    rgb: U8  # HxWx3, red first
+    depth_mm: U16  # HxW in millimetres, aligned to rgb, 0 = no reading
+    stamp_ns: int  # acquisition time in nanoseconds
 
 
 SourceItem: TypeAlias = SourceFrame | MotionMessage

@@ -54,29 +54,19 @@ class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 @dataclass(frozen=True)
 class CameraMount:
-    """Mount of a camera in the map or on the base.
+    """Mount of a camera in the map or on the base."""
 
-    Args:
-        transforms: Static ones.
-        moving: Parent and child of the moving ones in /tf.
-    """
-
-    transforms: list[StaticTransform]
-    moving: tuple[tuple[str, str], ...] = ()
+    transforms: list[StaticTransform]  # static ones
+    moving: tuple[tuple[str, str], ...] = ()  # parent and child of the moving ones in /tf
 
 
 @dataclass(frozen=True)
 class RosCamera:
-    """The camera of a bag.
+    """The camera of a bag."""
 
-    Args:
-        info: Calibration of colour.
-        mount: Its mount.
-        registration: Moves depth into the view of colour; None if it is there already.
-    """
-
-    info: CameraInfo
-    mount: CameraMount
+    info: CameraInfo  # calibration of colour
+    mount: CameraMount  # its mount
+    # moves depth into the view of colour; None if it is there already
     registration: Registration | None
 
 

@@ -53,17 +53,11 @@ LATCHED = VOLATILE._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 
 @dataclass(frozen=True, slots=True)
 class BagFormat:
-    """Format of a bag.
+    """Format of a bag."""
 
-    Args:
-        storage: Name in STORAGES.
-        compressed: Colour as JPEG and depth as PNG instead of raw pixels.
-        namespace: First part of the image topics, the `camera_name` of a driver.
-    """
-
-    storage: str = "mcap"
-    compressed: bool = False
-    namespace: str = "camera"
+    storage: str = "mcap"  # name in STORAGES
+    compressed: bool = False  # colour as JPEG and depth as PNG instead of raw pixels
+    namespace: str = "camera"  # first part of the image topics, the `camera_name` of a driver
 
 
 ExportItem = SourceFrame | MotionMessage | Truth | Tracks

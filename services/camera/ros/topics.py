@@ -15,21 +15,13 @@ OTHER_WORDS = ("infra", "/ir/", "confidence", "mask", "label", "debug")
 
 @dataclass(frozen=True)
 class Topics:
-    """Topics to play; empty for none.
+    """Topics to play; empty for none."""
 
-    Args:
-        colour: Colour images, or RGBD messages.
-        depth: Depth images; the same as colour for RGBD messages.
-        colour_info: Calibration of colour; may be empty, and is for RGBD, which carries it.
-        depth_info: Calibration of depth; may be empty.
-        odometry: Odometry; may be empty.
-    """
-
-    colour: str
-    depth: str
-    colour_info: str
-    depth_info: str
-    odometry: str
+    colour: str  # colour images, or RGBD messages
+    depth: str  # depth images; the same as colour for RGBD messages
+    colour_info: str  # calibration of colour; may be empty, and is for RGBD, which carries it
+    depth_info: str  # calibration of depth; may be empty
+    odometry: str  # odometry; may be empty
 
 
 def find_topics(types: Mapping[str, str], wanted: Topics) -> Topics:

@@ -16,19 +16,12 @@ from services.tracker.motion.yaw import VelocityYaw
 
 @dataclass(frozen=True, slots=True)
 class LifecyclePolicy:
-    """Rules by which a track is confirmed and deleted.
+    """Rules by which a track is confirmed and deleted."""
 
-    Args:
-        confirm_hits: Matches in a row, the first included, that confirm a track.
-        tentative_frames: Unmatched frames after which a tentative track is deleted.
-        lost_frames: Unmatched frames after which a confirmed track is deleted.
-        lost_s: Seconds without a match after which any track is deleted.
-    """
-
-    confirm_hits: int
-    tentative_frames: int
-    lost_frames: int
-    lost_s: float
+    confirm_hits: int  # matches in a row, the first included, that confirm a track
+    tentative_frames: int  # unmatched frames after which a tentative track is deleted
+    lost_frames: int  # unmatched frames after which a confirmed track is deleted
+    lost_s: float  # seconds without a match after which any track is deleted
 
     def ended(self, record: TrackRecord) -> bool:
         """Check for too many unmatched frames; occluded and out of view ones do not count."""
