@@ -1,7 +1,7 @@
 """Methods as named settings: one TOML file each, with a table for each service.
 
-A file may name another one with `extends = "name"`, whose settings it then adds to and changes: one
-that is shipped, or one in its own folder. A preset says how people are found and followed; it names
+A file may name another one with `extends = "name"`, whose settings it then extends and changes: one
+that is shipped, or one in its own folder. A preset configures detection and tracking; it names
 no recording, no folder to write to and nothing outside of these services.
 """
 
@@ -24,16 +24,16 @@ MAX_CHAIN = 16  # presets that extend one another
 FOLDER = Path(__file__).parent
 PRESETS = {
     "best": "the defaults: everything beyond the published methods, on the shipped models",
-    "seg-sort": "the first method of [PIC4SeR]: YOLOv8-seg, SORT-3D, yaw as people walk",
+    "seg-sort": "the first method of PIC4SeR: YOLOv8-seg, SORT-3D, yaw as people walk",
     "seg-strongsort": "its second: YOLOv8-seg, StrongSORT-3D with OSNet, yaw as people walk",
     "pose-strongsort": "its third: YOLOv8-pose, StrongSORT-3D with OSNet, yaw from keypoints",
     "seg-sort-movenet": "the first on the shipped model: masks grown in depth from its keypoints",
     "seg-strongsort-movenet": "the second on the shipped models: grown masks, colour histograms",
     "pose-strongsort-movenet": "the third on the shipped models: keypoints, colour histograms",
-    "image-sort": "boxes alone: SORT in the image, the base of [Park 2021]",
+    "image-sort": "boxes alone: SORT in the image, the base of Park (2021)",
     "image-sort-dynamic": "with dynamic survival: long tracks survive more unmatched frames",
     "image-sort-odom": "with the robot's turns corrected by odometry",
-    "image-sort-odom-dynamic": "with both: the method of [Park 2021]",
+    "image-sort-odom-dynamic": "with both: the method of Park (2021)",
 }
 
 
