@@ -25,8 +25,8 @@ MODELS = Path(__file__).resolve().parents[2] / "shared" / "data" / "models"
 SPEED_SCENARIOS = ("short_walk", "crossing", "four_dense")
 SPEED_FRAMES = 12
 ROUNDS = 5
-PICTURES = ("two_crossing", "three_crossing", "four_dense", "pmrm2", "crossing")
-SHOTS = 40  # of each scenario
+SCENARIOS = ("two_crossing", "three_crossing", "four_dense", "pmrm2", "crossing")
+FRAMES = 40  # of each scenario
 IOU_MIN = 0.5  # overlap of a box found with a person's
 INSIDE_MIN = 0.5  # share of a box that lies on somebody, from which it is no false alarm
 MIRRORED = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]  # COCO: left and right
@@ -55,7 +55,7 @@ class Tally:
     facing: int = 0  # people whose shoulders are seen far apart
 
 
-def judge(frame: LabFrame, found: Sequence[DetectedPerson], tally: Tally) -> None:
+def score_frame(frame: LabFrame, found: Sequence[DetectedPerson], tally: Tally) -> None:
     """Compare what a model found in a picture with the truth.
 
     Greedy by score. A box that lies on somebody but fits badly, as on what is seen of a person
@@ -204,12 +204,12 @@ def speed_rows() -> list[list[str]]:
 
 def speeds(world: World) -> list[Callable[[int], object]]:
     """Return what takes a frame at each speed, one and two threads where it can use them."""
-    sightings = SyntheticDetections(SyntheticDetectionsConfig(), world.info, world.seed)
+    detections = SyntheticDetections(SyntheticDetectionsConfig(), world.info, world.seed)
 
     def seen(index: int) -> object:
         t_s = world.frame_s(index)
         people = world.keypoints_m(t_s)
-        return sightings.at(people, world.optical_from_map(t_s), world.stamp_ns(index))
+        return detections.at(people, world.optical_from_map(t_s), world.stamp_ns(index))
 
     settings = [
         replace(setting, threads=threads)
@@ -235,12 +235,12 @@ def main() -> None:
     """Measure and write the tables."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     speed = speed_rows()
-    pictures = [frame for name in PICTURES for frame in lab_frames(name, SHOTS)]
+    frames = [frame for name in SCENARIOS for frame in lab_frames(name, FRAMES)]
     rows = []
     for name, model in models().items():
         tally = Tally(DetectorConfig().keypoints_for(model.name).confidence_min)
-        for frame in pictures:
-            judge(frame, model.detect(frame.rgb), tally)
+        for frame in frames:
+            score_frame(frame, model.detect(frame.rgb), tally)
         rows.append(model_row(name, tally))
     write(
         __file__,
@@ -250,7 +250,7 @@ def main() -> None:
         f"median (least to most) of {ROUNDS} rounds; depth and colour include the depth sensor.",
         markdown(SPEED_HEADER, speed),
         "## Do networks see people?",
-        f"{len(pictures)} pictures ({SHOTS} each of {', '.join(PICTURES)}). A person has to be "
+        f"{len(frames)} pictures ({FRAMES} each of {', '.join(SCENARIOS)}). A person has to be "
         "found where face and trunk lie inside the image and at least 35 % of the body is seen; "
         "in full view: at least 90 %. Found: IoU >= 0.5 with the true box. False alarm: a box of "
         "which less than half lies on a person not found before. Keypoints: those that are seen, "

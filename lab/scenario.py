@@ -42,7 +42,7 @@ class Waypoint(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     stop_s: NonNegative = 0.0  # [s] to stay there; 0: walk on without stopping
     face_deg: float | None = None  # [deg] to face while there, 0 = +x; None: as arrived
     sit: bool = False  # sit down while there (on a stool, which the scenario adds there)
-    look_around: bool = False  # turn the head while there
+    turn_head: bool = False  # turn the head while there
 
 
 class Gesture(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):

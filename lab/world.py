@@ -48,7 +48,7 @@ class World:
             [body.skeleton for body in self.bodies],
             scenario.duration_s,
             self.seed,
-            obstacle=self.path.place,
+            obstacle=self.path.position,
             area_m=np.array(WALKABLE_M[scenario.room]),
         )
 

@@ -26,7 +26,7 @@ SCENARIOS = (  # share of the scenario's time
 
 
 def main() -> None:
-    """Draw all pictures."""
+    """Draw all images."""
     write("lab-cast", [still("cast", 0.0)], 1, 1200)
     write("lab-rooms", [still(name, 0.5, seed) for name in ROOMS for seed in (1, 2, 3)], 3, 480)
     write("lab-truth", [explained("crossing", share) for share in (0.2, 0.85)], 2, 800)
@@ -35,25 +35,25 @@ def main() -> None:
 
 def still(name: str, share: float, seed: int | None = None) -> Tile:
     """Return the colour image at a share of a scenario's time."""
-    film, index = prepare(name, share, seed)
-    caption = name if seed is None else f"{film.world.scenario.room}, seed {seed}"
-    return Tile(film.rgb(index, film.view(index)), caption)
+    renderer, index = prepare(name, share, seed)
+    caption = name if seed is None else f"{renderer.world.scenario.room}, seed {seed}"
+    return Tile(renderer.rgb(index, renderer.view(index)), caption)
 
 
 def explained(name: str, share: float) -> Tile:
     """Return an image with its truth beside depth, masks and map."""
-    film, index = prepare(name, share, None)
-    return Tile(Preview(film).picture(index), f"{film.world.frame_s(index):.1f} s")
+    renderer, index = prepare(name, share, None)
+    return Tile(Preview(renderer).image(index), f"{renderer.world.frame_s(index):.1f} s")
 
 
 def prepare(name: str, share: float, seed: int | None) -> tuple[FrameRenderer, int]:
     """Return a film and the index of a frame at a share of its time."""
-    film = FrameRenderer(World(load_scenario(name), seed), RenderSettings(samples=2, threads=2))
-    return film, int(share * (film.world.frame_count - 1))
+    renderer = FrameRenderer(World(load_scenario(name), seed), RenderSettings(samples=2, threads=2))
+    return renderer, int(share * (renderer.world.frame_count - 1))
 
 
 def write(name: str, tiles: Sequence[Tile], columns: int, width: int) -> None:
-    """Write pictures side by side, each so many pixels wide."""
+    """Write images side by side, each so many pixels wide."""
     page: U8 = grid([Tile(shrink(t.image, width), t.caption) for t in tiles], columns)
     path = FOLDER / f"{name}.jpg"
     path.parent.mkdir(exist_ok=True)

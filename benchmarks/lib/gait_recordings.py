@@ -25,8 +25,8 @@ from lab.output.chunks import digest_of
 from lab.output.render import Outputs, render
 from lab.output.sequence import RenderJob
 from lab.scenario import FOLDER, load_scenario
-from lab.truth.frames import person_views
-from lab.truth.markers import Footfall, Vertices, footfalls, seen
+from lab.truth.frames import person_views, visible_points
+from lab.truth.motion_capture import Footfall, footfalls
 from lab.world import World
 from people4d.messages import (
     F64,
@@ -49,6 +49,7 @@ BASELINE_M = 0.05  # of the right imager, which is not used
 TRUTH = ("boxes_px", "points_m", "visible")
 
 Flags = npt.NDArray[np.bool_]
+Vertices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -225,7 +226,7 @@ def _visible(
         ray = middle / np.linalg.norm(middle)
         offsets = points_m - middle
         aside = np.linalg.norm(offsets - (offsets @ ray)[:, None] * ray, axis=1)
-        unoccluded = seen(world, points_m, view.depth_m, view.owners, person).astype(bool)
+        unoccluded = visible_points(world, points_m, view.depth_m, view.owners, person).astype(bool)
         aside[~unoccluded] = np.inf
         best = int(aside.argmin())
         if aside[best] < NEAR_M:

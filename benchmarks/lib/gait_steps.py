@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.lib.gait_points import PointResults, in_map
 from benchmarks.lib.gait_recordings import POINTS, GaitRecording
 from benchmarks.lib.table import markdown
-from lab.truth.markers import Footfall
+from lab.truth.motion_capture import Footfall
 from people4d.messages import F64
 from services.gait.config import StepConfig
 from services.gait.steps.steps import FEET, FootStep, StepMeter, Stride, even_strides
@@ -135,9 +135,9 @@ def _match(step: FootStep, falls: Sequence[Footfall]) -> int | None:
 
 def _length_m(falls: Sequence[Footfall], k: int) -> float:
     """Return the length of a true step along the displacement of the other foot about it."""
-    displacement = falls[k + 1].place_m - falls[k - 1].place_m
+    displacement = falls[k + 1].position_m - falls[k - 1].position_m
     displacement = displacement / max(float(np.linalg.norm(displacement)), 1e-9)
-    return float((falls[k].place_m - falls[k - 1].place_m) @ displacement)
+    return float((falls[k].position_m - falls[k - 1].position_m) @ displacement)
 
 
 def _true(
@@ -158,7 +158,9 @@ def _true(
     if not spans:
         return None
     count = sum(steps for *_, steps in spans)
-    gone_m = sum(float(np.linalg.norm(last.place_m - first.place_m)) for first, _, last, _ in spans)
+    gone_m = sum(
+        float(np.linalg.norm(last.position_m - first.position_m)) for first, _, last, _ in spans
+    )
     time_s = sum(last.time_s - first.time_s for first, _, last, _ in spans)
     left, right = (
         [last.time_s - other.time_s for _, other, last, _ in spans if last.side == side]

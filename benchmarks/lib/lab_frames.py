@@ -13,8 +13,8 @@ from lab.world import World
 from people4d.messages import U8
 
 ALONE_MIN = 0.9  # visible share from which nothing hides a person
-SEEN_MIN = 0.35  # visible share below which nobody has to be found
-FACE_AND_TRUNK = [0, 5, 6, 11, 12]  # COCO: nose, shoulders, hips
+VISIBLE_MIN = 0.35  # visible share below which nobody has to be found
+FACE_AND_TORSO = [0, 5, 6, 11, 12]  # COCO: nose, shoulders, hips
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,19 @@ class LabFrame:
 def lab_frames(name: str, count: int, seed: int | None = None) -> Iterator[LabFrame]:
     """Draw frames of a scenario, spread evenly over its time."""
     world = World(load_scenario(name), seed)
-    film = FrameRenderer(world, RenderSettings())
+    renderer = FrameRenderer(world, RenderSettings())
     bodies = [person.body for person in world.scenario.people]
     for index in np.linspace(0, world.frame_count - 1, count).astype(int).tolist():
-        view = film.view(index)
+        view = renderer.view(index)
         people = person_views(world, world.frame_s(index), view)
-        yield LabFrame(name, world.frame_s(index), film.rgb(index, view), view, people, bodies)
+        yield LabFrame(name, world.frame_s(index), renderer.rgb(index, view), view, people, bodies)
 
 
 def has_to_be_found(person: PersonView, size: tuple[int, int]) -> bool:
     """Tell whether enough of a person is seen, face and trunk inside the image."""
-    return person.visible_share >= SEEN_MIN and bool(np.all(inside(person, size)[FACE_AND_TRUNK]))
+    return person.visible_share >= VISIBLE_MIN and bool(
+        np.all(inside(person, size)[FACE_AND_TORSO])
+    )
 
 
 def is_alone(person: PersonView, size: tuple[int, int]) -> bool:

@@ -149,8 +149,8 @@ def make_skin(figure: Figure, person: CastMember, levels: HemLevels) -> BodySurf
     """Return the skin that clothes leave bare, and a little more."""
     z = figure.vertices_m[:, 2]
     above_collar = UNDER_M - collar_field(figure, levels.collar)
-    trunk = np.maximum(above_collar, levels.legs + UNDER_M - z)
-    bare = np.where(on_arm(figure), levels.sleeve + UNDER_M - z, trunk) > 0
+    torso = np.maximum(above_collar, levels.legs + UNDER_M - z)
+    bare = np.where(on_arm(figure), levels.sleeve + UNDER_M - z, torso) > 0
     faces = figure.faces["body"]
     skin = BodySurface(
         vertices_m=figure.vertices_m,

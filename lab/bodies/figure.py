@@ -94,11 +94,11 @@ class HeadLandmarks:
             (z - self.eye[2]) / self.unit_m,
         )
 
-    def place_m(self, before: npt.ArrayLike, left: npt.ArrayLike, above: npt.ArrayLike) -> F64:
+    def position_m(self, before: npt.ArrayLike, left: npt.ArrayLike, above: npt.ArrayLike) -> F64:
         """Return the vertices at these coordinates, left positive; Nx3."""
         units = np.stack(np.broadcast_arrays(before, left, above), axis=-1) * self.unit_m
-        places: F64 = units + np.array([self.ear[0], 0.0, self.eye[2]])
-        return places
+        positions: F64 = units + np.array([self.ear[0], 0.0, self.eye[2]])
+        return positions
 
 
 def find_head(figure: Figure) -> HeadLandmarks:

@@ -101,26 +101,26 @@ def loosened(piece: BodySurface, distance_m: F64, rounds: int) -> BodySurface:
     """
     outward = normals(piece.vertices_m, piece.faces)
     loose = smoothed(piece.moved(outward * distance_m[:, None]), rounds)
-    return kept_off(loose, piece, 0.7 * distance_m)
+    return no_closer(loose, piece, 0.7 * distance_m)
 
 
-def kept_off(loose: BodySurface, piece: BodySurface, distance_m: F64) -> BodySurface:
+def no_closer(loose: BodySurface, piece: BodySurface, distance_m: F64) -> BodySurface:
     """Return loose cloth moved to be nowhere closer to the close-fitting piece than V distances."""
     outward = normals(piece.vertices_m, piece.faces)
     gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
-    places = loose.vertices_m + outward * np.maximum(distance_m - gap, 0.0)[:, None]
+    positions = loose.vertices_m + outward * np.maximum(distance_m - gap, 0.0)[:, None]
     # Hems stay at the height at which they were cut.
     rim = np.unique(border(piece.faces))
-    places[rim, 2] = piece.vertices_m[rim, 2]
-    return replace(loose, vertices_m=places)
+    positions[rim, 2] = piece.vertices_m[rim, 2]
+    return replace(loose, vertices_m=positions)
 
 
 def make_shirt(figure: Figure, shirt: Shirt, levels: HemLevels) -> BodySurface:
     """Return the shirt."""
     z = figure.vertices_m[:, 2]
-    trunk = np.minimum(z - levels.hem, collar_field(figure, levels.collar))
-    whole = cloth(figure, "tights", shirt.colour, Material.SHIRT)
-    piece = cut(whole, np.where(on_arm(figure), z - levels.sleeve, trunk))
+    torso = np.minimum(z - levels.hem, collar_field(figure, levels.collar))
+    sheet = cloth(figure, "tights", shirt.colour, Material.SHIRT)
+    piece = cut(sheet, np.where(on_arm(figure), z - levels.sleeve, torso))
     height = piece.vertices_m[:, 2]
     below = np.clip((levels.collar - 0.05 - height) / 0.3, 0, 1)
     # Sleeves are narrower than the trunk.
@@ -132,7 +132,7 @@ def make_shirt(figure: Figure, shirt: Shirt, levels: HemLevels) -> BodySurface:
         armpit = figure.joints_m["shoulder"][0, 2] - 0.13
         free = np.clip((armpit - height) / 0.06, 0, 1) * (arm_share(figure, piece.weights) < 0.3)
         hanging = smoothed(hung(loose, figure.joints_m["waist"][0], free), 2)
-        loose = kept_off(hanging, piece, 0.8 * distance)
+        loose = no_closer(hanging, piece, 0.8 * distance)
     return replace(loose, pattern=Pattern[shirt.pattern.upper()])
 
 
@@ -141,8 +141,8 @@ def make_legwear(figure: Figure, legs: Legwear, levels: HemLevels) -> BodySurfac
     z = figure.vertices_m[:, 2]
     part = "skirt" if legs.kind == "skirt" else "tights"
     field = np.minimum(levels.waist - z, z - levels.legs)
-    whole = cloth(figure, part, legs.colour, Material.TROUSERS)
-    piece = cut(whole, np.where(on_arm(figure), -1.0, field))
+    sheet = cloth(figure, part, legs.colour, Material.TROUSERS)
+    piece = cut(sheet, np.where(on_arm(figure), -1.0, field))
     below = np.clip((levels.waist - piece.vertices_m[:, 2]) / 0.7, 0, 1)
     least = 0.009 if levels.tucked else 0.001
     loose = loosened(piece, least + legs.loose_m * below, 4)
@@ -172,9 +172,9 @@ def lengthened(piece: BodySurface, end_m: float, by_m: float) -> BodySurface:
 def make_socks(figure: Figure, shoes: Shoes, levels: HemLevels) -> BodySurface:
     """Return short socks."""
     z = figure.vertices_m[:, 2]
-    whole = cloth(figure, "tights", shoes.socks, Material.TROUSERS)
+    sheet = cloth(figure, "tights", shoes.socks, Material.TROUSERS)
     field = np.minimum(levels.shoe + SOCK_M - z, z - levels.floor - 0.02)
-    return cut(whole, field).inflated(0.0015)
+    return cut(sheet, field).inflated(0.0015)
 
 
 def make_shoes(figure: Figure, shoes: Shoes, levels: HemLevels) -> list[BodySurface]:
@@ -225,8 +225,8 @@ def hung(piece: BodySurface, axis_x_m: float, free: F64) -> BodySurface:
     outline = hanging_outline(around[free > 0], row[free > 0], radius[free > 0])
     wanted = map_coordinates(outline, [row, around], order=1, mode="grid-wrap")
     grown = 1 + free * np.maximum(wanted - radius, 0.0) / np.maximum(radius, 1e-3)
-    places = np.stack([axis_x_m + (x - axis_x_m) * grown, y * grown, z], axis=1)
-    return replace(piece, vertices_m=places)
+    positions = np.stack([axis_x_m + (x - axis_x_m) * grown, y * grown, z], axis=1)
+    return replace(piece, vertices_m=positions)
 
 
 def hanging_outline(around: F64, row: F64, radius: F64) -> F64:
@@ -239,8 +239,11 @@ def hanging_outline(around: F64, row: F64, radius: F64) -> F64:
     """
     rows = int(row.max()) + 2
     outline = np.zeros((rows, SECTORS))
-    places = (np.clip(np.rint(row), 0, rows - 1).astype(int), np.rint(around).astype(int) % SECTORS)
-    np.maximum.at(outline, places, radius)
+    positions = (
+        np.clip(np.rint(row), 0, rows - 1).astype(int),
+        np.rint(around).astype(int) % SECTORS,
+    )
+    np.maximum.at(outline, positions, radius)
     # Cloth is taut between its neighbours on both sides.
     beside = (np.roll(outline, 1, axis=1) + np.roll(outline, -1, axis=1)) / 2
     outline = np.maximum(outline, beside)

@@ -104,9 +104,9 @@ def curtain(figure: Figure, hair: Hair) -> BodySurface:
     edge = np.clip((from_front - CURTAIN_FROM_DEG) / 14, 0, 1)
     inward = 0.08 * (1 - edge) ** 2 + 0.10 * np.clip((down - 0.88) / 0.12, 0, 1) ** 2
     radius = radius * (1 - inward) + 0.022 * down * np.sin(11 * angle + 3 * down) * edge
-    places = head.place_m(radius * np.cos(angle) + AXIS, radius * np.sin(angle), above)
+    positions = head.position_m(radius * np.cos(angle) + AXIS, radius * np.sin(angle), above)
     behind = np.broadcast_to(from_front > BACK_DEG, above.shape).ravel()
-    vertices = clear_of_back(figure, places.reshape(-1, 3), behind)
+    vertices = clear_of_back(figure, positions.reshape(-1, 3), behind)
     return BodySurface(
         vertices_m=vertices,
         weights=hanging(figure, vertices),
@@ -168,7 +168,7 @@ def bun(figure: Figure, hair: Hair) -> BodySurface:
         ),
         axis=-1,
     ).reshape(-1, 3)
-    vertices = head.place_m(ball[:, 0] - 0.98, ball[:, 1], ball[:, 2] + 0.42)
+    vertices = head.position_m(ball[:, 0] - 0.98, ball[:, 1], ball[:, 2] + 0.42)
     weights = np.zeros((len(vertices), len(figure.bones)))
     weights[:, figure.bones.index("head")] = 1.0
     return BodySurface(

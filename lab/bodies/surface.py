@@ -58,7 +58,7 @@ def cut(surface: BodySurface, field: F64) -> BodySurface:
     """
     inside = field > 0
     corners = inside[surface.faces].sum(axis=1)
-    whole = surface.faces[corners == 3]
+    inner_faces = surface.faces[corners == 3]
     # Turn the corner that differs from both others to the front.
     mixed = surface.faces[(corners == 1) | (corners == 2)]
     odd = inside[mixed] == (inside[mixed].sum(axis=1) == 1)[:, None]
@@ -72,7 +72,7 @@ def cut(surface: BodySurface, field: F64) -> BodySurface:
     pointed = inside[tip]
     faces = np.concatenate(
         [
-            whole,
+            inner_faces,
             np.c_[tip, crossing[0], crossing[1]][pointed],
             np.c_[crossing[0], left, right][~pointed],
             np.c_[crossing[0], right, crossing[1]][~pointed],
@@ -119,10 +119,10 @@ def stack(surfaces: Sequence[BodySurface]) -> tuple[F64, F64, F64, I32, I32, I32
 def border(faces: I32) -> I32:
     """Return the edges that only one triangle has, Ex2, in the direction of that triangle."""
     directed = np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)])
-    _, place, count = np.unique(
+    _, edge_index, count = np.unique(
         np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
     )
-    single: I32 = directed[count[place.reshape(-1)] == 1]
+    single: I32 = directed[count[edge_index.reshape(-1)] == 1]
     return single
 
 
@@ -193,11 +193,11 @@ def tubes(lines: Sequence[F64], radius_m: float, weights: F64, material: Materia
         vertices.append((line[:, None] + radius_m * ring).reshape(-1, 3))
         faces.append(grid_faces(len(line), SIDES, closed=True) + np.int32(start))
         start += len(line) * SIDES
-    places = np.concatenate(vertices)
+    positions = np.concatenate(vertices)
     return BodySurface(
-        vertices_m=places,
-        weights=np.tile(weights, (len(places), 1)),
-        colour=np.full(places.shape, 0.02),
+        vertices_m=positions,
+        weights=np.tile(weights, (len(positions), 1)),
+        colour=np.full(positions.shape, 0.02),
         faces=np.concatenate(faces),
         material=material,
     )

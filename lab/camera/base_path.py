@@ -82,20 +82,20 @@ class BasePath:
         turns = [math.radians(d.turn_dps) for d in drives]
         self._turn = _profile(drives, turns, TURN_ACCELERATION_RADPS2)
         self._yaw_rad = math.radians(plan.yaw_deg)
-        self._place = _integrate(self._forward, self._turn, self._yaw_rad, duration_s)
-        self._start_m = np.array(plan.at[:2]) - self._place(0.0)
+        self._position = _integrate(self._forward, self._turn, self._yaw_rad, duration_s)
+        self._start_m = np.array(plan.at[:2]) - self._position(0.0)
         pitch = rotation_from_rpy(0.0, math.radians(plan.pitch_deg), 0.0)
         mount = transform_from((0.0, 0.0, plan.at[2]), pitch)
         self.base_from_optical: F64 = mount @ LINK_FROM_OPTICAL  # 4x4, the camera on the base
 
-    def place(self, t_s: float) -> F64:
+    def position(self, t_s: float) -> F64:
         """Return x and y in metres, frame: map; quicker than the whole pose."""
-        place: F64 = self._start_m + self._place(t_s)
-        return place
+        position: F64 = self._start_m + self._position(t_s)
+        return position
 
     def pose(self, t_s: float) -> tuple[float, float, float]:
         """Return x and y in metres and the heading in (-pi, pi], frame: map."""
-        x, y = self.place(t_s)
+        x, y = self.position(t_s)
         turned_rad = float(self.travel(np.array([t_s]))[0, 1])
         return float(x), float(y), wrap(self._yaw_rad + turned_rad)
 
@@ -156,6 +156,6 @@ def _integrate(
     # The chord of an arc is shorter than the arc by sin(half the turn) / half the turn.
     chord = np.diff(forward.distance(t_s)) * np.sinc(half_turn / np.pi)
     steps = chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1)
-    places = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    positions = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    return CubicHermiteSpline(t_s, places, forward.speed(t_s)[:, None] * direction)
+    return CubicHermiteSpline(t_s, positions, forward.speed(t_s)[:, None] * direction)

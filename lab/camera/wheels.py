@@ -56,9 +56,9 @@ def wheel_ticks(plan: CameraPlan, path: BasePath, duration_s: float, seed: int) 
     second = (time_s[:-1] / SLIP_S + 1e-9).astype(np.int64)
     slips = np.random.default_rng([seed, KEY]).standard_normal((int(duration_s / SLIP_S) + 1, 2))
     turned_m = rolled_m * (1 + wheels.slip * slips[second])
-    way_m = np.concatenate([np.zeros((1, 2)), np.cumsum(turned_m, axis=0)])
+    distance_m = np.concatenate([np.zeros((1, 2)), np.cumsum(turned_m, axis=0)])
     true_tick_m = tick_m(wheels) / (1 + wheels.scale_error)
-    return WheelTicks(time_s, np.floor(way_m / true_tick_m + 0.5).astype(np.int64))
+    return WheelTicks(time_s, np.floor(distance_m / true_tick_m + 0.5).astype(np.int64))
 
 
 def tick_m(wheels: WheelPlan) -> float:

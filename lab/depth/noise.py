@@ -88,8 +88,8 @@ class NoiseProcess:
         values = self._knots.get(knot)
         if values is None:
             values = self._draw(RUNNING, knot % 2**64)
-            kept = sorted(self._knots.items(), key=lambda item: abs(item[0] - knot))
-            self._knots = {**dict(kept[: CACHED_KNOTS - 1]), knot: values}
+            nearest = sorted(self._knots.items(), key=lambda item: abs(item[0] - knot))
+            self._knots = {**dict(nearest[: CACHED_KNOTS - 1]), knot: values}
         return values
 
     def _draw(self, part: int, knot: int) -> F32:

@@ -33,7 +33,9 @@ class DepthSensor:
             left_px=0.0 if config.left_band else -math.inf,
         )
         shape = (info.height, info.width)
-        lasting = Persistence(frozen_share=config.frozen_share, correlation_s=config.correlation_s)
+        persistence = Persistence(
+            frozen_share=config.frozen_share, correlation_s=config.correlation_s
+        )
         cells_px = {
             "warp_u": config.ragged_cell_px,
             "warp_v": config.ragged_cell_px,
@@ -44,7 +46,7 @@ class DepthSensor:
             "hole": config.hole_px,
         }
         self._fields = {
-            name: NoiseField(shape, cell_px, (seed, KEY, number), lasting)
+            name: NoiseField(shape, cell_px, (seed, KEY, number), persistence)
             for number, (name, cell_px) in enumerate(cells_px.items())
         }
 
@@ -137,8 +139,8 @@ def _right(depth_m: F32, right_depth_m: F32 | None, stereo: StereoGeometry) -> F
     if right_depth_m is None:
         _reproject(depth_m, stereo.focal_baseline, disparity)
     else:
-        seen = np.isfinite(right_depth_m) & (right_depth_m > 0)
-        np.divide(stereo.focal_baseline, right_depth_m, out=disparity, where=seen)
+        valid = np.isfinite(right_depth_m) & (right_depth_m > 0)
+        np.divide(stereo.focal_baseline, right_depth_m, out=disparity, where=valid)
     return disparity
 
 

@@ -26,15 +26,17 @@ def bounce_light(room: Room) -> F64:
     Returns:
         6x3xTERMS: direction (-x +x -y +y -z +z), colour, coefficient; see `polynomial`.
     """
-    places, inward, areas, albedo = _patches(room)
-    lit = sum((_from_light(room, index, places, inward) for index in range(len(room.lights))), 0.0)
+    positions, inward, areas, albedo = _patches(room)
+    lit = sum(
+        (_from_light(room, index, positions, inward) for index in range(len(room.lights))), 0.0
+    )
     mean_lit = np.average(lit * albedo, axis=0, weights=areas)
     mean_albedo = np.average(albedo, axis=0, weights=areas)
     sent = albedo * (lit + mean_lit / (1.0 - mean_albedo))
     shares = np.linspace(-0.85, 0.85, 5)
     probes = np.stack(np.meshgrid(shares, shares, shares, indexing="ij"), axis=-1).reshape(-1, 3)
     middle, half = (room.low_m + room.high_m) / 2, (room.high_m - room.low_m) / 2
-    away = places - (middle + probes * half)[:, None]
+    away = positions - (middle + probes * half)[:, None]
     squared = (away**2).sum(axis=-1)
     away /= np.sqrt(squared)[..., None]
     falling = np.maximum(-(away * inward).sum(axis=-1), 0.0) * areas / (math.pi * squared)
@@ -47,18 +49,18 @@ def bounce_light(room: Room) -> F64:
     return result
 
 
-def direct_light(room: Room, place_m: F64, normal: F64) -> F64:
+def direct_light(room: Room, position_m: F64, normal: F64) -> F64:
     """Return the irradiance (3) at a point from all lights, shadows not considered."""
     total = np.zeros(3)
     for index in range(len(room.lights)):
-        total += _from_light(room, index, place_m[None], normal[None])[0]
+        total += _from_light(room, index, position_m[None], normal[None])[0]
     return total
 
 
-def _from_light(room: Room, index: int, places: F64, normals: F64) -> F64:
+def _from_light(room: Room, index: int, positions: F64, normals: F64) -> F64:
     """Return Nx3 irradiance from one light."""
     light = room.lights[index]
-    away = light.position_m - places
+    away = light.position_m - positions
     squared = (away**2).sum(axis=1)
     falling = np.maximum((away * normals).sum(axis=1), 0.0)
     emitted = np.maximum(-(away @ light.towards), 0.0)
@@ -70,7 +72,7 @@ def _patches(room: Room) -> tuple[F64, F64, F64, F64]:
     """Return centre, inward normal, area and reflectance of the patches of all walls."""
     steps = (np.arange(PATCHES) + 0.5) / PATCHES
     size = room.high_m - room.low_m
-    places, inward, areas, albedo = [], [], [], []
+    positions, inward, areas, albedo = [], [], [], []
     for wall, direction in enumerate(DIRECTIONS):
         axis = wall // 2
         first, second = (axis + 1) % 3, (axis + 2) % 3
@@ -78,11 +80,11 @@ def _patches(room: Room) -> tuple[F64, F64, F64, F64]:
         grid[..., axis] = wall % 2
         grid[..., first], grid[..., second] = steps[:, None], steps[None, :]
         count = PATCHES**2
-        places.append(room.low_m + grid.reshape(-1, 3) * size)
+        positions.append(room.low_m + grid.reshape(-1, 3) * size)
         inward.append(np.tile(-direction, (count, 1)))
         areas.append(np.full(count, size[first] * size[second] / count))
         albedo.append(np.tile(room.walls[wall], (count, 1)))
-    return np.vstack(places), np.vstack(inward), np.concatenate(areas), np.vstack(albedo)
+    return np.vstack(positions), np.vstack(inward), np.concatenate(areas), np.vstack(albedo)
 
 
 # Offsets of the readings on a half disc; each is read on both sides of the pixel.

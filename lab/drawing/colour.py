@@ -9,10 +9,10 @@ from common.compiled import compiled
 from lab.drawing.raster import in_bands
 from people4d.messages import F32, U8
 
-KEY_GRAIN, KEY_PLACE = 311, 312  # of the random numbers
+KEY_GRAIN, KEY_SHIFT = 311, 312  # of the random numbers
 GRAIN_PX = 1024  # of the pattern that all frames' noise is cut from
 READ_NOISE = 0.005  # of the sensor, in parts of the picture's range
-SHOT_NOISE = 0.008  # more where it is dark, since gamma spreads what is dark
+PHOTON_NOISE = 0.008  # more where it is dark, since gamma spreads what is dark
 VIGNETTE = 0.22  # loss of light in the corners
 SATURATION = 0.86
 STRAY = 0.002  # light that strays in the lens, in parts of white
@@ -23,7 +23,7 @@ TONES = 4096  # of the film curve
 TOP = 8.0  # brightest radiance of the film curve
 
 
-def film_curve() -> F32:
+def tone_curve() -> F32:
     """Return the picture's brightness (0 to 1, gamma applied) for TONES radiances from 0 to TOP.
 
     A straight middle with a soft shoulder, so that windows are bright but not burnt out at once,
@@ -31,10 +31,10 @@ def film_curve() -> F32:
     """
     # Radiances are spaced by their root, since the eye sees differences of what is dark.
     x = TOP * np.linspace(0, 1, TONES) ** 2
-    film = STRAY + (1 - STRAY) * x * (1 + x / WHITE_POINT**2) / (1 + x)
-    film = np.clip(film, 0.0, 1.0) ** CONTRAST
-    low = film <= 0.0031308
-    curve = np.where(low, 12.92 * film, 1.055 * film ** (1 / 2.4) - 0.055)
+    response = STRAY + (1 - STRAY) * x * (1 + x / WHITE_POINT**2) / (1 + x)
+    response = np.clip(response, 0.0, 1.0) ** CONTRAST
+    low = response <= 0.0031308
+    curve = np.where(low, 12.92 * response, 1.055 * response ** (1 / 2.4) - 0.055)
     return curve.astype(np.float32)
 
 
@@ -57,17 +57,17 @@ def develop(
         key: Seed and frame; the noise is a function of both.
         threads: Number of threads.
     """
-    places = np.random.default_rng([*key, KEY_PLACE]).integers(0, GRAIN_PX, (3, 2))
-    picture = np.empty(radiance.shape, np.uint8)
-    curve = film_curve()
+    shifts = np.random.default_rng([*key, KEY_SHIFT]).integers(0, GRAIN_PX, (3, 2))
+    image = np.empty(radiance.shape, np.uint8)
+    curve = tone_curve()
     in_bands(
         lambda first, last: _develop(
-            radiance, exposure, curve, pattern, places, first, last, picture
+            radiance, exposure, curve, pattern, shifts, first, last, image
         ),
         radiance.shape[0],
         threads,
     )
-    return picture
+    return image
 
 
 @compiled
@@ -76,10 +76,10 @@ def _develop(
     exposure: float,
     curve: F32,
     pattern: F32,
-    places: npt.NDArray[np.int64],
+    shifts: npt.NDArray[np.int64],
     first: int,
     last: int,
-    picture: U8,
+    image: U8,
 ) -> None:
     """Write rows of the picture."""
     height, width = radiance.shape[:2]
@@ -100,9 +100,9 @@ def _develop(
             grey = 0.3 * pixel[0] + 0.6 * pixel[1] + 0.1 * pixel[2]
             for k in range(3):
                 value = max(grey + SATURATION * (pixel[k] - grey), 0.0)
-                place = min(math.sqrt(value) * scale, TONES - 1.001)
-                index = int(place)
-                tone = curve[index] + (place - index) * (curve[index + 1] - curve[index])
-                noise = pattern[(row + places[k, 0]) % GRAIN_PX, (column + places[k, 1]) % GRAIN_PX]
-                tone += noise * (READ_NOISE + SHOT_NOISE * (1.0 - tone))
-                picture[row, column, k] = np.uint8(min(max(tone, 0.0), 1.0) * 255.0 + 0.5)
+                at = min(math.sqrt(value) * scale, TONES - 1.001)
+                index = int(at)
+                tone = curve[index] + (at - index) * (curve[index + 1] - curve[index])
+                noise = pattern[(row + shifts[k, 0]) % GRAIN_PX, (column + shifts[k, 1]) % GRAIN_PX]
+                tone += noise * (READ_NOISE + PHOTON_NOISE * (1.0 - tone))
+                image[row, column, k] = np.uint8(min(max(tone, 0.0), 1.0) * 255.0 + 0.5)

@@ -71,12 +71,12 @@ def draw_depth(
 def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
     """Return how much of the image a body would cover if nothing hid it."""
     corners = homogeneous(mesh.vertices_m, camera_matrix(info) @ optical_from_map[:3])
-    seen = rasterise(corners, mesh.faces, (info.height, info.width)).triangle >= 0
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    raster = rasterise(corners, mesh.faces, (info.height, info.width)).triangle >= 0
+    rows, columns = np.flatnonzero(raster.any(axis=1)), np.flatnonzero(raster.any(axis=0))
     if not len(rows):
         return Extent(0, np.full(4, np.nan))
     box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
-    return Extent(int(seen.sum()), box)
+    return Extent(int(raster.sum()), box)
 
 
 @dataclass(frozen=True)
@@ -127,23 +127,23 @@ class Renderer:
         """
         return self.exposed([Instant(people, optical_from_map)], frame)
 
-    def exposed(self, moments: Sequence[Instant], frame: int) -> U8:
+    def exposed(self, instants: Sequence[Instant], frame: int) -> U8:
         """Return the picture of a shutter that is open over some moments: motion is blurred."""
-        radiance = self.radiance(moments[0])
-        for moment in moments[1:]:
-            radiance += self.radiance(moment)
-        radiance /= np.float32(len(moments))
+        radiance = self.radiance(instants[0])
+        for instant in instants[1:]:
+            radiance += self.radiance(instant)
+        radiance /= np.float32(len(instants))
         key = (self.seed, frame)
         return develop(radiance, self._exposure, self._grain, key, self.threads)
 
-    def radiance(self, moment: Instant) -> F32:
+    def radiance(self, instant: Instant) -> F32:
         """Return the light that reaches each pixel, HxWx3, linear."""
-        mesh = join([*moment.people, self.room.mesh])
-        corners = homogeneous(mesh.vertices_m, self._samples_from_map(moment.optical_from_map))
+        mesh = join([*instant.people, self.room.mesh])
+        corners = homogeneous(mesh.vertices_m, self._samples_from_map(instant.optical_from_map))
         size = (self.info.height * self.samples, self.info.width * self.samples)
-        seen = rasterise(corners, mesh.faces, size, self.threads)
+        raster = rasterise(corners, mesh.faces, size, self.threads)
         image = np.empty((self.info.height, self.info.width, 3), np.float32)
-        eye = invert(moment.optical_from_map)[:3, 3]
+        eye = invert(instant.optical_from_map)[:3, 3]
         scene = SceneArrays(
             corners,
             mesh.vertices_m,
@@ -156,13 +156,13 @@ class Renderer:
             np.ascontiguousarray(eye),
         )
         samples = SampleArrays(
-            seen.inverse_depth,
-            seen.triangle,
+            raster.inverse_depth,
+            raster.triangle,
             self.samples,
             self.info.fx * self.samples,
             self.samples * COARSE,
         )
-        light = self._lighting(moment.people, seen)
+        light = self._lighting(instant.people, raster)
         in_bands(
             lambda first, last: shade_rows(scene, light, samples, first, last, image),
             self.info.height,
@@ -178,7 +178,7 @@ class Renderer:
         projection: F64 = camera @ optical_from_map[:3]
         return projection
 
-    def _lighting(self, people: Sequence[Mesh], seen: Raster) -> SceneLighting:
+    def _lighting(self, people: Sequence[Mesh], raster: Raster) -> SceneLighting:
         """Return the light of a moment: the room's, less what people hide."""
         maps = self._maps
         if people:
@@ -186,11 +186,13 @@ class Renderer:
             jobs = [partial(shadow_map, crowd, matrix) for matrix in self._projections]
             maps = np.maximum(maps, np.stack(at_once(jobs, self.threads)))
         step = self.samples * COARSE
-        height, width = seen.triangle.shape
+        height, width = raster.triangle.shape
         corners = np.empty((height // step, width // step), np.float32)
         focal = self.info.fx * self.samples
         in_bands(
-            lambda first, last: corner_light(seen.inverse_depth, step, focal, first, last, corners),
+            lambda first, last: corner_light(
+                raster.inverse_depth, step, focal, first, last, corners
+            ),
             len(corners),
             self.threads,
         )

@@ -140,8 +140,8 @@ def _foyer_furniture(rng: np.random.Generator, wall: Vector, wood: Vector) -> li
     return parts
 
 
-def _stools(places: Seats, wood: Vector) -> list[Mesh]:
-    return [part for x, y in places for part in furniture.stool(x, y, wood)]
+def _stools(positions: Seats, wood: Vector) -> list[Mesh]:
+    return [part for x, y in positions for part in furniture.stool(x, y, wood)]
 
 
 KINDS: dict[str, Callable[[np.random.Generator, Seats], Room]] = {"lab": _lab, "hall": _hall}

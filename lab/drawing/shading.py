@@ -177,12 +177,12 @@ def _mixed(
 
 @compiled
 def _from_walls(
-    light: SceneLighting, place: tuple[float, float, float], normal: tuple[float, float, float]
+    light: SceneLighting, point: tuple[float, float, float], normal: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Return the irradiance that comes from the walls, see `ambient.bounce_light`."""
-    x = (place[0] - light.room[0, 0]) / light.room[1, 0]
-    y = (place[1] - light.room[0, 1]) / light.room[1, 1]
-    z = (place[2] - light.room[0, 2]) / light.room[1, 2]
+    x = (point[0] - light.room[0, 0]) / light.room[1, 0]
+    y = (point[1] - light.room[0, 1]) / light.room[1, 1]
+    z = (point[2] - light.room[0, 2]) / light.room[1, 2]
     red, green, blue = 0.0, 0.0, 0.0
     for axis in range(3):
         c, n = light.bounce, 2 * axis + (1 if normal[axis] > 0 else 0)
@@ -201,7 +201,7 @@ def _from_walls(
 @compiled
 def _from_lights(
     light: SceneLighting,
-    place: tuple[float, float, float],
+    point: tuple[float, float, float],
     normal: tuple[float, float, float],
     eye: tuple[float, float, float],
     surface: tuple[float, float, float, float],
@@ -216,7 +216,7 @@ def _from_lights(
     red, green, blue, shine = 0.0, 0.0, 0.0, 0.0
     for index in range(len(light.lights)):
         lamp = light.lights
-        x, y, z = lamp[index, 0] - place[0], lamp[index, 1] - place[1], lamp[index, 2] - place[2]
+        x, y, z = lamp[index, 0] - point[0], lamp[index, 1] - point[1], lamp[index, 2] - point[2]
         squared = x * x + y * y + z * z
         distance = math.sqrt(squared)
         near = 1.0 / distance
@@ -230,9 +230,9 @@ def _from_lights(
         q = light.projections
         # The point is moved off its surface, so that it does not shadow itself.
         sx, sy, sz = (
-            place[0] + 0.01 * normal[0],
-            place[1] + 0.01 * normal[1],
-            place[2] + 0.01 * normal[2],
+            point[0] + 0.01 * normal[0],
+            point[1] + 0.01 * normal[1],
+            point[2] + 0.01 * normal[2],
         )
         depth = q[index, 2, 0] * sx + q[index, 2, 1] * sy + q[index, 2, 2] * sz + q[index, 2, 3]
         if depth > 0.05:

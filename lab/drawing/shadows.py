@@ -52,14 +52,14 @@ def room_shadow_maps(room: Room) -> F32:
 
 @compiled
 def lit_share(
-    maps: F32, light: int, place: tuple[float, float], limit: float, turn: tuple[float, float]
+    maps: F32, light: int, pixel: tuple[float, float], limit: float, turn: tuple[float, float]
 ) -> float:
     """Return how much of a light a point sees, 0 to 1.
 
     Args:
         maps: LxSxS maps.
         light: Index of the light.
-        place: Column and row of the point in the map.
+        pixel: Column and row of the point in the map.
         limit: Inverse distance [1/m] along the light's axis; what is nearer hides the light.
         turn: Cosine and sine of the turn of the readings, times the radius [px] of a shadow's
             soft rim; neighbours take different turns, so that they do not make the same error.
@@ -69,8 +69,8 @@ def lit_share(
     hidden, count = 0, 0
     for i in range(TAPS):
         x, y = SPIRAL[i, 0], SPIRAL[i, 1]
-        column = int(place[0] + ca * x - sa * y + 0.5)
-        row = int(place[1] + sa * x + ca * y + 0.5)
+        column = int(pixel[0] + ca * x - sa * y + 0.5)
+        row = int(pixel[1] + sa * x + ca * y + 0.5)
         if 0 <= column < size and 0 <= row < size:
             count += 1
             if maps[light, row, column] > limit:

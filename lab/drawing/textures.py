@@ -173,7 +173,7 @@ def room_texel(
         k *= 0.72 if joint * 2.0 < max(0.004, 0.5 * blur_m) else 1.0
         gloss, sharpness = 0.08, 18.0
     elif material == POSTER:
-        r, g, b = _picture(x, y, z)
+        r, g, b = _poster_image(x, y, z)
         gloss, sharpness = 0.03, 40.0
     elif material == BOOKS:
         r, g, b = _spine(x, y)
@@ -205,7 +205,7 @@ def _planks(x: float, y: float, blur_m: float) -> float:
 
 
 @compiled
-def _picture(u: float, v: float, number: float) -> tuple[float, float, float]:
+def _poster_image(u: float, v: float, number: float) -> tuple[float, float, float]:
     """Return the colour of a printed picture; u and v from 0 to 1, the number picks one."""
     pick = int(number + 0.5)
     if u < 0.05 or u > 0.95 or v < 0.04 or v > 0.96:

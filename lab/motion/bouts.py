@@ -60,40 +60,40 @@ class WalkingBout:
 
 
 def find_walking_bouts(
-    track: WalkPath, stature_m: float, quickness: float, liked_foot: int
+    path: WalkPath, stature_m: float, cadence_factor: float, preferred_foot: int
 ) -> list[WalkingBout]:
     """Return the bouts of a way, cut into whole steps.
 
     Args:
-        track: The way.
+        path: The way.
         stature_m: Metres.
-        quickness: Cadence over that of the average person.
-        liked_foot: That steps first where a turn does not say otherwise.
+        cadence_factor: Cadence over that of the average person.
+        preferred_foot: That steps first where a turn does not say otherwise.
     """
-    rate_hz = np.maximum(_step_rate(track, stature_m, quickness), SLOWEST_STEPS_HZ)
+    rate_hz = np.maximum(_step_rate(path, stature_m, cadence_factor), SLOWEST_STEPS_HZ)
     bouts = []
-    for part in _stretches(track):
+    for part in _stretches(path):
         progress = np.concatenate([[0.0], np.cumsum(rate_hz[part][1:] * STEP_S)])
-        swing = _swing(track, part)
+        swing = _swing(path, part)
         count = max(2, round(float(progress[-1]) + 1.0 - swing))
         progress *= (count - 1 + swing) / progress[-1]
-        foot = _first_foot(track, part, liked_foot)
-        bouts.append(WalkingBout(part.start, track.times_s[part], progress, count, swing, foot))
+        foot = _first_foot(path, part, preferred_foot)
+        bouts.append(WalkingBout(part.start, path.times_s[part], progress, count, swing, foot))
     return bouts
 
 
-def _step_rate(track: WalkPath, stature_m: float, quickness: float) -> F64:
+def _step_rate(path: WalkPath, stature_m: float, cadence_factor: float) -> F64:
     """Return steps per second from speed and turn rate."""
-    speed = np.maximum(track.speed_mps, 1e-3)
-    walking = speed / step_length_m(speed, stature_m) * quickness
-    turning = np.abs(track.turn_radps) / TURN_STEP_RAD
+    speed = np.maximum(path.speed_mps, 1e-3)
+    walking = speed / step_length_m(speed, stature_m) * cadence_factor
+    turning = np.abs(path.turn_radps) / TURN_STEP_RAD
     # The larger of both, smoothly: who walks fast turns without more steps.
     return np.asarray((walking**4 + turning**4) ** 0.25)
 
 
-def _stretches(track: WalkPath) -> list[slice]:
+def _stretches(path: WalkPath) -> list[slice]:
     """Return the parts of a track in which the feet must step."""
-    moving = (track.speed_mps > MOVING_MPS) | (np.abs(track.turn_radps) > TURNING_RADPS)
+    moving = (path.speed_mps > MOVING_MPS) | (np.abs(path.turn_radps) > TURNING_RADPS)
     for pause in _runs(~moving):
         at_edge = pause.start == 0 or pause.stop == len(moving)
         if (pause.stop - pause.start) * STEP_S < PAUSE_S and not at_edge:
@@ -107,24 +107,24 @@ def _stretches(track: WalkPath) -> list[slice]:
     return stretches
 
 
-def _runs(marks: npt.NDArray[np.bool_]) -> list[slice]:
+def _runs(flags: npt.NDArray[np.bool_]) -> list[slice]:
     """Return where marks are true without a break."""
-    numbers, count = label(marks)
+    numbers, count = label(flags)
     inside = [np.flatnonzero(numbers == number) for number in range(1, count + 1)]
     return [slice(int(indices[0]), int(indices[-1]) + 1) for indices in inside]
 
 
-def _swing(track: WalkPath, part: slice) -> float:
+def _swing(path: WalkPath, part: slice) -> float:
     """Return the mean duration of a swing in steps: two steps are a cycle."""
-    speed = float(np.mean(track.speed_mps[part]))
-    turning = float(np.mean(np.abs(track.turn_radps[part])))
+    speed = float(np.mean(path.speed_mps[part]))
+    turning = float(np.mean(np.abs(path.turn_radps[part])))
     return 2.0 * float(swing_share(speed + 0.4 * turning))
 
 
-def _first_foot(track: WalkPath, part: slice, liked: int) -> int:
+def _first_foot(path: WalkPath, part: slice, preferred: int) -> int:
     """Return the foot that steps first: the inner one of a turn."""
-    turned = track.yaw_rad[part][: round(TURNING_TO_STEP_S / STEP_S)]
+    turned = path.yaw_rad[part][: round(TURNING_TO_STEP_S / STEP_S)]
     angle = float(turned[-1] - turned[0])
     if abs(angle) < 0.25:
-        return liked
+        return preferred
     return 0 if angle > 0 else 1

@@ -15,7 +15,7 @@ import numpy as np
 from lab.motion.walker import Walker
 from people4d.messages import F64
 
-Place = Callable[[float], F64]
+PositionFunction = Callable[[float], F64]
 
 DECIDE_EVERY = 10  # steps of the simulation
 HORIZON_S = 3.0
@@ -53,7 +53,7 @@ class Surroundings:
     bounds_m: F64  # 2x2, lower and upper corner of where people go, frame: map
     stools_m: Sequence[tuple[float, float]] = ()  # places of stools, x and y in the map
     # place of a moving thing, such as a robot, at a time: x, y and maybe more
-    obstacle: Place | None = None
+    obstacle: PositionFunction | None = None
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,9 @@ def simulate_paths(walkers: Sequence[Walker], times_s: F64, around: Surroundings
     return CrowdPaths(times_s, x, y, yaw, seated, looking)
 
 
-def _moving(place: Place, time_s: float) -> tuple[F64, F64]:
+def _moving(position: PositionFunction, time_s: float) -> tuple[F64, F64]:
     """Return position and velocity, x and y, of a thing."""
-    before, now = place(time_s - 0.1)[:2], place(time_s)[:2]
+    before, now = position(time_s - 0.1)[:2], position(time_s)[:2]
     return now, (now - before) / 0.1
 
 
@@ -160,14 +160,14 @@ def _nearness(here: F64, velocities: F64, around: Obstacles, horizon_s: float) -
 
 def _safe_speed(walker: Walker, walkers: Sequence[Walker], robot: tuple[F64, F64] | None) -> float:
     """Return the speed at which a walker can still stop before whatever is right ahead."""
-    places = [(other.x_m, other.y_m, PERSONAL_M) for other in walkers if other is not walker]
+    obstacles = [(other.x_m, other.y_m, PERSONAL_M) for other in walkers if other is not walker]
     if robot is not None:
-        places.append((*robot[0].tolist(), PERSONAL_M + ROBOT_EXTRA_M))
+        obstacles.append((*robot[0].tolist(), PERSONAL_M + ROBOT_EXTRA_M))
     ahead_x, ahead_y = math.cos(walker.yaw_rad), math.sin(walker.yaw_rad)
     safe = math.inf
-    for x, y, keep in places:
+    for x, y, clearance in obstacles:
         away_x, away_y = x - walker.x_m, y - walker.y_m
         distance = math.hypot(away_x, away_y)
         if distance < 1.5 and away_x * ahead_x + away_y * ahead_y > 0.5 * distance:
-            safe = min(safe, math.sqrt(2.0 * max(distance - keep, 0.0)))
+            safe = min(safe, math.sqrt(2.0 * max(distance - clearance, 0.0)))
     return safe

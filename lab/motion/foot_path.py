@@ -38,11 +38,11 @@ class Shoe:
         toes = (skeleton.toe[side] - ball) * (1.0, 0.0, 0.0)
         return cls(skeleton.heel[side] - ankle, ball - ankle, np.asarray(toes))
 
-    def standing_ankle(self, place: F64, pitch_rad: F64) -> F64:
+    def standing_ankle(self, footprint: F64, pitch_rad: F64) -> F64:
         """Return the ankle of a foot that rolls where it stands.
 
         Args:
-            place: Tx3, x and y of the ankle and yaw of the flat foot, frame: map.
+            footprint: Tx3, x and y of the ankle and yaw of the flat foot, frame: map.
             pitch_rad: T, toes up.
 
         Returns:
@@ -51,8 +51,8 @@ class Shoe:
         pivot = np.where((pitch_rad > 0.0)[:, None], self.heel, self.ball)
         rise = self.toes - turn(about_y(_toe_roll(pitch_rad)), self.toes)  # of the ball
         moved = pivot - turn(about_y(-pitch_rad), pivot) + rise
-        ankle = turn(about_z(place[:, 2]), moved)
-        ankle[:, :2] += place[:, :2]
+        ankle = turn(about_z(footprint[:, 2]), moved)
+        ankle[:, :2] += footprint[:, :2]
         ankle[:, 2] -= pivot[:, 2]
         return ankle
 
@@ -108,18 +108,18 @@ def foot_path(
         times_s: T, ascending.
     """
     shoe, rhythm = Shoe.of(skeleton, side), _rhythm(feet, times_s)
-    stride = np.linalg.norm(np.diff(feet.place[:, :2], axis=0), axis=-1)
+    stride = np.linalg.norm(np.diff(feet.footprint[:, :2], axis=0), axis=-1)
     share = np.clip(stride / REFERENCE_STRIDE_M, *PITCH_SHARES)
     pitch = _pitch(rhythm, share, gait)
-    ankle = shoe.standing_ankle(feet.place[rhythm.stance], pitch)
-    yaw = feet.place[rhythm.stance, 2]
+    ankle = shoe.standing_ankle(feet.footprint[rhythm.stance], pitch)
+    yaw = feet.footprint[rhythm.stance, 2]
     swinging = rhythm.swing > 0.0
     if swinging.any():
         number, part = rhythm.stance[swinging], rhythm.swing[swinging]
         ankle[swinging, :2] = _swing_ends(feet, shoe, gait, share).between(number, part)
         height = shoe.ankle_height(pitch[swinging], np.sin(np.pi * part) ** 2)
         ankle[swinging, 2] = height + _clearance_m(part) * np.minimum(share[number], 1.0)
-        turned = np.diff(feet.place[:, 2])[number]
+        turned = np.diff(feet.footprint[:, 2])[number]
         yaw[swinging] += part * part * (3.0 - 2.0 * part) * turned
     return FootPath(ankle, about_z(yaw) @ about_y(-pitch))
 
@@ -177,12 +177,12 @@ class SwingEnds:
 def _swing_ends(feet: FootStances, shoe: Shoe, gait: GaitCurves, share: F64) -> SwingEnds:
     """Return ends of swings that leave and meet the rolling foot with its velocities."""
 
-    def ankles(place: F64, phase: float) -> F64:
+    def ankles(footprint: F64, phase: float) -> F64:
         pitch = np.radians(share * gait.curve("foot.pitch_deg", phase))
-        return shoe.standing_ankle(place, pitch)[:, :2]
+        return shoe.standing_ankle(footprint, pitch)[:, :2]
 
     step = 0.005  # of the phase, into the stance
-    before, after = feet.place[:-1], feet.place[1:]
+    before, after = feet.footprint[:-1], feet.footprint[1:]
     leave, meet = ankles(before, LIFT_OFF), ankles(after, 0.0)
     leave_rate = (leave - ankles(before, LIFT_OFF - step)) * (IN_AIR / step)
     meet_rate = (ankles(after, step) - meet) * (IN_AIR / step)

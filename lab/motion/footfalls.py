@@ -26,7 +26,7 @@ class FootStances:
 
     down_s: F64  # the first is -inf
     up_s: F64  # the last is inf
-    place: F64  # Kx3: x and y of the ankle and yaw of the foot while it is flat, frame: map
+    footprint: F64  # Kx3: x and y of the ankle and yaw of the foot while it is flat, frame: map
 
 
 @dataclass(frozen=True)
@@ -49,21 +49,21 @@ class BodyProportions:
     first_foot: int = 0  # that likes to step first, 0 left or 1 right
 
 
-def plan_steps(track: WalkPath, build: BodyProportions) -> StepPlan:
+def plan_steps(path: WalkPath, body: BodyProportions) -> StepPlan:
     """Plan all steps of a person on their way."""
-    bouts = find_walking_bouts(track, build.stature_m, build.quickness, build.first_foot)
-    stepping = np.zeros(len(track.times_s))
+    bouts = find_walking_bouts(path, body.stature_m, body.quickness, body.first_foot)
+    stepping = np.zeros(len(path.times_s))
     for bout in bouts:
         stepping[bout.begin : bout.begin + len(bout.times_s)] = 1.0
-    left, right = (_feet(track, build, bouts, side) for side in (0, 1))
-    return StepPlan((left, right), _phase(track, bouts), stepping)
+    left, right = (_feet(path, body, bouts, side) for side in (0, 1))
+    return StepPlan((left, right), _phase(path, bouts), stepping)
 
 
 def _feet(
-    track: WalkPath, build: BodyProportions, bouts: list[WalkingBout], side: int
+    path: WalkPath, body: BodyProportions, bouts: list[WalkingBout], side: int
 ) -> FootStances:
     """Return the stances of a foot: one before all bouts, and one after each of its steps."""
-    down, up, above = [-math.inf], [], [float(track.times_s[0])]
+    down, up, above = [-math.inf], [], [float(path.times_s[0])]
     for bout in bouts:
         for step in range((side - bout.foot) % 2, bout.count, 2):
             up.append(bout.when_s(step))
@@ -71,30 +71,30 @@ def _feet(
             last = step + 2 >= bout.count  # so the foot stands when the bout ends
             middle = step + bout.swing + MIDSTANCE * (2.0 - bout.swing)
             above.append(float(bout.times_s[-1]) if last else bout.when_s(middle))
-    places = _places(track, build, np.array(above), side)
-    return FootStances(np.array(down), np.array([*up, math.inf]), places)
+    footprints = _footprints(path, body, np.array(above), side)
+    return FootStances(np.array(down), np.array([*up, math.inf]), footprints)
 
 
-def _places(track: WalkPath, build: BodyProportions, above_s: F64, side: int) -> F64:
+def _footprints(path: WalkPath, body: BodyProportions, above_s: F64, side: int) -> F64:
     """Return where a foot stands, from the times at which the body is above it."""
     x, y, yaw, speed = (
-        np.interp(above_s, track.times_s, values)
-        for values in (track.x_m, track.y_m, track.yaw_rad, track.speed_mps)
+        np.interp(above_s, path.times_s, values)
+        for values in (path.x_m, path.y_m, path.yaw_rad, path.speed_mps)
     )
     slow = np.clip(1.0 - speed / WALKING_MPS, 0.0, 1.0)
-    width = WALKING_HALF_WIDTH_M + (build.half_stance_m - WALKING_HALF_WIDTH_M) * slow
-    left, ahead = SIDES[side] * width, build.ankle_ahead_m
+    width = WALKING_HALF_WIDTH_M + (body.half_stance_m - WALKING_HALF_WIDTH_M) * slow
+    left, ahead = SIDES[side] * width, body.ankle_ahead_m
     cos, sin = np.cos(yaw), np.sin(yaw)
     turned = yaw + SIDES[side] * TOE_OUT_RAD
     return np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left, turned], axis=-1)
 
 
-def _phase(track: WalkPath, bouts: list[WalkingBout]) -> F64:
+def _phase(path: WalkPath, bouts: list[WalkingBout]) -> F64:
     """Return the cycles of the left leg at all times, creeping from one bout to the next."""
     if not bouts:
-        return np.zeros_like(track.times_s)
+        return np.zeros_like(path.times_s)
     cycles: list[F64] = []
     for bout in bouts:
         cycles.append(bout.cycles(float(cycles[-1][-1]) if cycles else 0.0))
     known_s = np.concatenate([bout.times_s for bout in bouts])
-    return np.asarray(np.interp(track.times_s, known_s, np.concatenate(cycles)))
+    return np.asarray(np.interp(path.times_s, known_s, np.concatenate(cycles)))

@@ -41,7 +41,7 @@ class Individual:
     skeleton: Skeleton  # of the person
     seed: int  # of the scenario
     index: int  # of the person in it
-    quickness: float  # cadence over that of the average person
+    cadence_factor: float  # cadence over that of the average person
     arm_swing: float  # amplitude over that of the average person
     first_foot: int  # that likes to step first, 0 left or 1 right
     gestures: tuple[Gesture, ...] = ()  # that the person makes
@@ -56,13 +56,13 @@ class Individual:
             skeleton,
             seed,
             index,
-            quickness=float(rng.uniform(0.95, 1.05)),
+            cadence_factor=float(rng.uniform(0.95, 1.05)),
             arm_swing=float(rng.uniform(0.75, 1.2)),
             first_foot=int(rng.integers(2)),
             gestures=gestures,
         )
 
-    def build(self) -> BodyProportions:
+    def proportions(self) -> BodyProportions:
         """Return what the steps depend on."""
         ankle = self.skeleton.ankle
         half_m = float(abs(ankle[0, 1] - ankle[1, 1])) / 2.0
@@ -70,7 +70,7 @@ class Individual:
             self.skeleton.stature_m,
             float(ankle[:, 0].mean()),
             half_m,
-            self.quickness,
+            self.cadence_factor,
             self.first_foot,
         )
 
@@ -97,13 +97,13 @@ class TorsoMotion:
 
 
 def pose_arrays(
-    person: Individual, track: WalkPath, seated: F64, looking: F64
+    person: Individual, path: WalkPath, seated: F64, looking: F64
 ) -> tuple[F64, F64, StepPlan]:
     """Return a person's pose at all times of a way.
 
     Args:
         person: Who.
-        track: The way.
+        path: The way.
         seated: T, progress of sitting down, 0 to 1.
         looking: T, 1 while looking around.
 
@@ -112,104 +112,106 @@ def pose_arrays(
         map_from_pelvis; the steps.
     """
     gait = load_gait_curves()
-    steps = plan_steps(track, person.build())
-    pace = _pace(track, steps, person)
+    steps = plan_steps(path, person.proportions())
+    scaling = _gait_scaling(path, steps, person)
     sitting = stance.sit(seated, person.skeleton.stature_m)
     feet = [
-        foot_path(steps.feet[side], person.skeleton, side, gait, track.times_s) for side in (0, 1)
+        foot_path(steps.feet[side], person.skeleton, side, gait, path.times_s) for side in (0, 1)
     ]
-    trunk = _trunk(person, track, pace, sitting, looking)
-    trunk.pelvis_m[:, 2] -= smooth_cover(_lacking(person.skeleton, trunk, feet))
-    rotations = np.empty((len(track.times_s), len(SEGMENTS), 3, 3))
-    for name, rotation in (("pelvis", trunk.pelvis), ("chest", trunk.chest), ("head", trunk.head)):
+    torso = _torso_motion(person, path, scaling, sitting, looking)
+    torso.pelvis_m[:, 2] -= smooth_cover(_lacking(person.skeleton, torso, feet))
+    rotations = np.empty((len(path.times_s), len(SEGMENTS), 3, 3))
+    for name, rotation in (("pelvis", torso.pelvis), ("chest", torso.chest), ("head", torso.head)):
         rotations[:, INDEX[name]] = rotation
     for side, end in enumerate("lr"):
-        arm = _arm(person, pace, sitting, trunk, side)
+        arm = _arm(person, scaling, sitting, torso, side)
         rotations[:, INDEX[f"upper_arm_{end}"]], rotations[:, INDEX[f"forearm_{end}"]] = arm
-        leg = _leg(person.skeleton, track, trunk, feet[side], side)
+        leg = _leg(person.skeleton, path, torso, feet[side], side)
         rotations[:, INDEX[f"thigh_{end}"]], rotations[:, INDEX[f"shank_{end}"]] = leg
         rotations[:, INDEX[f"foot_{end}"]] = feet[side].map_from_foot
-    return trunk.pelvis_m, _from_parents(rotations), steps
+    return torso.pelvis_m, _from_parents(rotations), steps
 
 
-def _pace(track: WalkPath, steps: StepPlan, person: Individual) -> GaitScaling:
+def _gait_scaling(path: WalkPath, steps: StepPlan, person: Individual) -> GaitScaling:
     """Return how much of the table applies."""
     soft = BLEND_S / STEP_S
-    speed = gaussian_filter1d(track.speed_mps, soft, mode="nearest")
+    speed = gaussian_filter1d(path.speed_mps, soft, mode="nearest")
     stature_m = person.skeleton.stature_m
     stepping = gaussian_filter1d(steps.stepping, soft, mode="nearest")
     stride = step_length_m(speed, stature_m) / step_length_m(REFERENCE_MPS, stature_m)
     phase = gaussian_filter1d(steps.phase, soft / 2, mode="nearest")
     return GaitScaling(
-        track.times_s, phase, stepping, stride * stepping, speed / REFERENCE_MPS * stepping
+        path.times_s, phase, stepping, stride * stepping, speed / REFERENCE_MPS * stepping
     )
 
 
-def _trunk(
-    person: Individual, track: WalkPath, pace: GaitScaling, sitting: stance.Sitting, looking: F64
+def _torso_motion(
+    person: Individual, path: WalkPath, scaling: GaitScaling, sitting: stance.Sitting, looking: F64
 ) -> TorsoMotion:
     """Return pelvis, chest and head before the pelvis is lowered to let the feet be reached."""
-    lean = _curve("chest.pitch", pace) * np.minimum(pace.stride, 1.0) + sitting.chest_rad
-    lean += stance.breath(track.times_s) * (1.0 - pace.stepping)
-    gaze = _gaze(person, track, looking)
+    lean = _curve("chest.pitch", scaling) * np.minimum(scaling.stride, 1.0) + sitting.chest_rad
+    lean += stance.breath(path.times_s) * (1.0 - scaling.stepping)
+    gaze = _gaze(person, path, looking)
     pelvis = (
-        about_z(track.yaw_rad + _curve("pelvis.turn", pace) * pace.stride)
-        @ about_y(_curve("pelvis.tilt", pace) * pace.stride + sitting.pelvis_rad)
-        @ about_x(_curve("pelvis.list", pace) * pace.stride)
+        about_z(path.yaw_rad + _curve("pelvis.turn", scaling) * scaling.stride)
+        @ about_y(_curve("pelvis.tilt", scaling) * scaling.stride + sitting.pelvis_rad)
+        @ about_x(_curve("pelvis.list", scaling) * scaling.stride)
     )
     chest = (
-        about_z(track.yaw_rad + _curve("chest.turn", pace) * pace.stride + GAZE_OF_CHEST * gaze)
+        about_z(
+            path.yaw_rad + _curve("chest.turn", scaling) * scaling.stride + GAZE_OF_CHEST * gaze
+        )
         @ about_y(lean)
-        @ about_x(_curve("chest.list", pace) * pace.stride)
+        @ about_x(_curve("chest.list", scaling) * scaling.stride)
     )
-    head = about_z(track.yaw_rad + gaze) @ about_y(0.3 * lean + 0.03)
-    return TorsoMotion(_pelvis_place(person, track, pace, sitting), pelvis, chest, head)
+    head = about_z(path.yaw_rad + gaze) @ about_y(0.3 * lean + 0.03)
+    return TorsoMotion(_pelvis_position(person, path, scaling, sitting), pelvis, chest, head)
 
 
-def _curve(name: str, pace: GaitScaling) -> F64:
+def _curve(name: str, scaling: GaitScaling) -> F64:
     """Return a curve of angles, radians."""
-    return np.asarray(np.radians(load_gait_curves().curve(f"{name}_deg", pace.phase)))
+    return np.asarray(np.radians(load_gait_curves().curve(f"{name}_deg", scaling.phase)))
 
 
-def _pelvis_place(
-    person: Individual, track: WalkPath, pace: GaitScaling, sitting: stance.Sitting
+def _pelvis_position(
+    person: Individual, path: WalkPath, scaling: GaitScaling, sitting: stance.Sitting
 ) -> F64:
     """Return the middle of the hips, Tx3, frame: map."""
     gait, skeleton = load_gait_curves(), person.skeleton
-    still = (1.0 - pace.stepping) * (1.0 - sitting.low)
-    sway = stance.sway(track.times_s, person.seed, person.index) * still[:, None]
-    bounce = pace.stride**2  # as the height of an arc grows with its chord
-    ahead = gait.curve("pelvis.ahead_m", pace.phase) * bounce + sway[:, 0] - sitting.back_m
-    left = gait.curve("pelvis.left_m", pace.phase) * pace.stepping + sway[:, 1]
+    still = (1.0 - scaling.stepping) * (1.0 - sitting.low)
+    sway = stance.sway(path.times_s, person.seed, person.index) * still[:, None]
+    bounce = scaling.stride**2  # as the height of an arc grows with its chord
+    ahead = gait.curve("pelvis.ahead_m", scaling.phase) * bounce + sway[:, 0] - sitting.back_m
+    left = gait.curve("pelvis.left_m", scaling.phase) * scaling.stepping + sway[:, 1]
     sole_m = float(np.min([skeleton.heel[:, 2], skeleton.ball[:, 2]]))
-    upright = gait.curve("pelvis.up_m", pace.phase) * bounce
+    upright = gait.curve("pelvis.up_m", scaling.phase) * bounce
     upright += -sole_m - STAND_LOW_M - WALK_LOW_M * bounce
     seat_m = stance.seated_height_m(skeleton.stature_m)
-    cos, sin = np.cos(track.yaw_rad), np.sin(track.yaw_rad)
+    cos, sin = np.cos(path.yaw_rad), np.sin(path.yaw_rad)
     return np.stack(
         [
-            track.x_m + cos * ahead - sin * left,
-            track.y_m + sin * ahead + cos * left,
+            path.x_m + cos * ahead - sin * left,
+            path.y_m + sin * ahead + cos * left,
             upright + (seat_m - upright) * sitting.low,
         ],
         axis=-1,
     )
 
 
-def _gaze(person: Individual, track: WalkPath, looking: F64) -> F64:
+def _gaze(person: Individual, path: WalkPath, looking: F64) -> F64:
     """Return where the head turns to, from the way: T, radians to the left."""
-    later = np.interp(track.times_s + ANTICIPATION_S, track.times_s, track.yaw_rad)
-    ahead = MOST_GAZE_RAD * np.tanh((later - track.yaw_rad) / MOST_GAZE_RAD)
-    around = stance.look_around(track.times_s, person.seed, person.index)
+    later = np.interp(path.times_s + ANTICIPATION_S, path.times_s, path.yaw_rad)
+    ahead = MOST_GAZE_RAD * np.tanh((later - path.yaw_rad) / MOST_GAZE_RAD)
+    around = stance.gaze_around(path.times_s, person.seed, person.index)
     around *= gaussian_filter1d(looking, 0.3 / STEP_S, mode="nearest")
     return np.asarray(gaussian_filter1d(ahead, 0.1 / STEP_S, mode="nearest") + around)
 
 
-def _lacking(skeleton: Skeleton, trunk: TorsoMotion, feet: list[FootPath]) -> F64:
+def _lacking(skeleton: Skeleton, torso: TorsoMotion, feet: list[FootPath]) -> F64:
     """Return how far the pelvis must come down so that both legs reach their feet, T."""
     lacks = [
         lacking_height_m(
-            trunk.pelvis_m + turn(trunk.pelvis, skeleton.hip[side]),
+            torso.pelvis_m + turn(torso.pelvis, skeleton.hip[side]),
             feet[side].ankle_m,
             skeleton,
             side,
@@ -220,32 +222,32 @@ def _lacking(skeleton: Skeleton, trunk: TorsoMotion, feet: list[FootPath]) -> F6
 
 
 def _arm(
-    person: Individual, pace: GaitScaling, sitting: stance.Sitting, trunk: TorsoMotion, side: int
+    person: Individual, scaling: GaitScaling, sitting: stance.Sitting, torso: TorsoMotion, side: int
 ) -> tuple[F64, F64]:
     """Return the rotations of upper arm and forearm, map_from_segment."""
     gait: GaitCurves = load_gait_curves()
-    phase = pace.phase + 0.5 * side
-    swing = pace.speed * person.arm_swing
+    phase = scaling.phase + 0.5 * side
+    swing = scaling.speed * person.arm_swing
     # The arm swings about where it hangs, and bends more the faster its owner walks.
     shoulder = HANGING_SHOULDER_DEG + gait.curve("arm.shoulder_deg", phase) * swing
     elbow = gait.curve("arm.elbow_deg", phase) - HANGING_ELBOW_DEG
     elbow = HANGING_ELBOW_DEG + elbow * np.minimum(swing, 1.2)
     shoulder = shoulder + (stance.RESTING_SHOULDER_DEG - shoulder) * sitting.rest
     elbow = elbow + (stance.RESTING_ELBOW_DEG - elbow) * sitting.rest
-    angles = with_gestures(ArmAngles(shoulder, elbow), person.gestures, side, pace.times_s)
+    angles = with_gestures(ArmAngles(shoulder, elbow), person.gestures, side, scaling.times_s)
     # Leaning forward leaves the arms hanging.
-    lean = np.arctan2(-trunk.chest[:, 2, 0], trunk.chest[:, 2, 2])
-    return arm_rotations(angles, trunk.chest, lean, side)
+    lean = np.arctan2(-torso.chest[:, 2, 0], torso.chest[:, 2, 2])
+    return arm_rotations(angles, torso.chest, lean, side)
 
 
-def _leg(skeleton: Skeleton, track: WalkPath, trunk: TorsoMotion, foot: FootPath, side: int) -> F64:
+def _leg(skeleton: Skeleton, path: WalkPath, torso: TorsoMotion, foot: FootPath, side: int) -> F64:
     """Return the rotations of thigh and shank, map_from_segment."""
     toes = foot.map_from_foot[:, :, 0] * (1.0, 1.0, 0.0)
     toes /= np.linalg.norm(toes, axis=-1, keepdims=True)
     ahead = np.stack(
-        [np.cos(track.yaw_rad), np.sin(track.yaw_rad), np.zeros_like(track.yaw_rad)], axis=-1
+        [np.cos(path.yaw_rad), np.sin(path.yaw_rad), np.zeros_like(path.yaw_rad)], axis=-1
     )
-    hip_m = trunk.pelvis_m + turn(trunk.pelvis, skeleton.hip[side])
+    hip_m = torso.pelvis_m + turn(torso.pelvis, skeleton.hip[side])
     return bend_leg(hip_m, foot, toes + ahead, skeleton, side)
 
 

@@ -15,7 +15,7 @@ from lab.motion.bouts import WalkPath
 from lab.motion.crowd import (
     BOUND_MARGIN_M,
     CrowdPaths,
-    Place,
+    PositionFunction,
     Surroundings,
     simulate_paths,
 )
@@ -32,9 +32,9 @@ SMOOTH_S = 0.08  # nobody's body follows its plan without inertia
 class PersonMotion:
     """One person's motion."""
 
-    def __init__(self, track: WalkPath, pelvis_m: F64, rotations: F64, steps: StepPlan):
-        self._begin_s = float(track.times_s[0])
-        self._path = np.stack([track.x_m, track.y_m, track.yaw_rad], axis=-1)
+    def __init__(self, path: WalkPath, pelvis_m: F64, rotations: F64, steps: StepPlan):
+        self._begin_s = float(path.times_s[0])
+        self._path = np.stack([path.x_m, path.y_m, path.yaw_rad], axis=-1)
         # Two columns make a rotation; the third is their cross product.
         axes = rotations[..., :2].reshape(len(pelvis_m), -1)
         self._samples = np.concatenate([pelvis_m, axes], axis=-1)
@@ -109,7 +109,7 @@ def simulate(
     skeletons: Sequence[Skeleton],
     duration_s: float,
     seed: int,
-    obstacle: Place | None = None,
+    obstacle: PositionFunction | None = None,
     area_m: F64 | None = None,
 ) -> tuple[PersonMotion, ...]:
     """Return the motions of people who go their ways and avoid each other.
@@ -141,11 +141,15 @@ def simulate(
 
 def _bounds(people: Sequence[PersonPlan]) -> F64:
     """Return the area in which people stay: around all their places."""
-    places = np.array([place for p in people for place in (p.start, *(w.to for w in p.path))])
-    places = places.reshape(-1, 2)
-    if not len(places):
+    positions = np.array(
+        [position for p in people for position in (p.start, *(w.to for w in p.path))]
+    )
+    positions = positions.reshape(-1, 2)
+    if not len(positions):
         return np.zeros((2, 2))
-    return np.stack([places.min(axis=0) - BOUND_MARGIN_M, places.max(axis=0) + BOUND_MARGIN_M])
+    return np.stack(
+        [positions.min(axis=0) - BOUND_MARGIN_M, positions.max(axis=0) + BOUND_MARGIN_M]
+    )
 
 
 def _motion(paths: CrowdPaths, index: int, person: Individual) -> PersonMotion:
@@ -155,8 +159,8 @@ def _motion(paths: CrowdPaths, index: int, person: Individual) -> PersonMotion:
         for values in (paths.x_m, paths.y_m, paths.yaw_rad)
     )
     speed = np.hypot(np.gradient(x, STEP_S), np.gradient(y, STEP_S))
-    track = WalkPath(paths.times_s, x, y, yaw, speed, np.gradient(yaw, STEP_S))
+    path = WalkPath(paths.times_s, x, y, yaw, speed, np.gradient(yaw, STEP_S))
     pelvis_m, rotations, steps = pose_arrays(
-        person, track, paths.seated[index], paths.looking[index]
+        person, path, paths.seated[index], paths.looking[index]
     )
-    return PersonMotion(track, pelvis_m, rotations, steps)
+    return PersonMotion(path, pelvis_m, rotations, steps)

@@ -7,7 +7,7 @@ import numpy as np
 from lab.motion.walker import SEAT_BEHIND, SEAT_HEIGHT_M
 from people4d.messages import F64
 
-SWAY_KEY, LOOK_KEY = 7101, 7102
+SWAY_KEY, GAZE_KEY = 7101, 7102
 
 # Postural sway of quiet standing: slow, mostly below 0.5 Hz, about 5 mm forward and backward and
 # 3 mm sideways (D. A. Winter, Human balance and posture control, Gait & Posture 3 (1995) 193-214).
@@ -17,7 +17,7 @@ SIDEWAYS = 0.6
 BREATH_HZ, BREATH_RAD = 0.25, 0.006
 
 RESTING_SHOULDER_DEG, RESTING_ELBOW_DEG = 14.0, 48.0  # hands on the thighs
-LOOK_RAD = 0.95
+GAZE_RAD = 0.95
 HIP_ABOVE_SEAT = 0.050  # of the stature: from the seat to the hip joints of a seated person
 
 
@@ -78,9 +78,9 @@ def breath(times_s: F64) -> F64:
     return np.asarray(BREATH_RAD * np.sin(2 * np.pi * BREATH_HZ * times_s))
 
 
-def look_around(times_s: F64, seed: int, index: int) -> F64:
+def gaze_around(times_s: F64, seed: int, index: int) -> F64:
     """Return where somebody looks who looks around: T, radians to the left."""
-    phase = np.random.default_rng([seed, LOOK_KEY, index]).uniform(0, 2 * np.pi, 3)
+    phase = np.random.default_rng([seed, GAZE_KEY, index]).uniform(0, 2 * np.pi, 3)
     # Three slow waves, flattened: the gaze rests at either side.
     angle = 2 * np.pi * np.array([0.11, 0.19, 0.31]) * times_s[:, None] + phase
-    return np.asarray(LOOK_RAD * np.tanh(1.6 * np.sin(angle) @ np.array([0.6, 0.5, 0.3])))
+    return np.asarray(GAZE_RAD * np.tanh(1.6 * np.sin(angle) @ np.array([0.6, 0.5, 0.3])))

@@ -18,7 +18,7 @@ TURN_GAIN_HZ = 3.0  # turn rate for each radian still to turn
 ARRIVED_M = 0.06  # at a place to stop
 PASSED_M = 0.35  # by a place on the way
 FACED_RAD = math.radians(3.0)
-PATIENCE_S = 4.0  # without coming nearer, until a place that others hold is given up
+GIVE_UP_S = 4.0  # without coming nearer, until a place that others hold is given up
 
 SIT_S = 1.9  # to sit down or to stand up
 SEAT_HEIGHT_M = 0.45
@@ -106,29 +106,29 @@ class Walker:
     def _visit(self, waypoint: Waypoint, last: bool) -> Iterator[None]:
         """Go to a place and stay there as long as it says, for good at the last one."""
         face_rad = None if waypoint.face_deg is None else math.radians(waypoint.face_deg)
-        place = waypoint.to
+        target = waypoint.to
         if waypoint.sit:
             if face_rad is None:
-                face_rad = math.atan2(self.y_m - place[1], self.x_m - place[0])
-            self.stool_m, place = place, seat_front(place, face_rad, self._stature_m)
+                face_rad = math.atan2(self.y_m - target[1], self.x_m - target[0])
+            self.stool_m, target = target, seat_front(target, face_rad, self._stature_m)
         self.cruise_mps = waypoint.speed_mps or self._plan.speed_mps
         self.stopping = last or waypoint.stop_s > 0 or waypoint.sit
-        reached = yield from self._go(place)
+        reached = yield from self._go(target)
         if self.stopping:
             seconds = math.inf if last and waypoint.stop_s == 0 else waypoint.stop_s
             sit = waypoint.sit and reached
-            yield from self._stay(seconds, face_rad, sit, waypoint.look_around)
+            yield from self._stay(seconds, face_rad, sit, waypoint.turn_head)
         self.stool_m = None
 
-    def _go(self, place: tuple[float, float]) -> Generator[None, None, bool]:
+    def _go(self, target: tuple[float, float]) -> Generator[None, None, bool]:
         """Go to a place; return whether it was reached and not given up."""
-        self.goal_m, self.face_rad = place, None
+        self.goal_m, self.face_rad = target, None
         nearest, nearest_s = math.inf, self._time_s
         while not self._arrived():
             distance = self.goal_distance_m()
             if distance < nearest - 0.1:
                 nearest, nearest_s = distance, self._time_s
-            if self._time_s - nearest_s > PATIENCE_S:
+            if self._time_s - nearest_s > GIVE_UP_S:
                 return False
             yield
         yield  # so that a path whose places are all here already ends no step too late
@@ -143,14 +143,14 @@ class Walker:
         return distance < PASSED_M or (behind and distance < 1.5 * PASSED_M)
 
     def _stay(
-        self, seconds: float, face_rad: float | None, sit: bool, look_around: bool
+        self, seconds: float, face_rad: float | None, sit: bool, turn_head: bool
     ) -> Iterator[None]:
         """Stop, turn to the wanted side, stay (and sit) until it is time to go on."""
         self.goal_m, self.face_rad = None, face_rad
         leave_s = self._time_s + seconds
         while self.speed_mps > 0.01 or abs(wrap(self.bearing_rad() - self.yaw_rad)) > FACED_RAD:
             yield
-        self.looking = look_around
+        self.looking = turn_head
         rise_s = leave_s - (SIT_S if sit else 0.0)
         while self._time_s < rise_s:
             self.seated = min(1.0, self.seated + STEP_S / SIT_S) if sit else 0.0

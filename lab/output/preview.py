@@ -21,22 +21,22 @@ from people4d.messages import F64, U8, U16, Detection, Detections, Track, Tracks
 COLUMNS = 3
 TILES = 9  # of a sheet, if not said otherwise
 TILE_PX = 640
-TRAIL_S = 0.1  # between points of a person's way on the map
-NOT_KNOWN = np.zeros((6, 6))  # covariance, of which pictures show nothing
+PATH_STEP_S = 0.1  # between points of a person's way on the map
+UNKNOWN = np.zeros((6, 6))  # covariance, of which pictures show nothing
 
 
 class Preview:
     """Draws frames of a film beside their depth, masks and a map.
 
     Args:
-        film: What is shown.
+        renderer: What is shown.
     """
 
-    def __init__(self, film: FrameRenderer) -> None:
-        self._film = film
-        self._world = film.world
-        self._trails = _trails(film.world)
-        self._way = _camera_trail(film.world)
+    def __init__(self, renderer: FrameRenderer) -> None:
+        self._renderer = renderer
+        self._world = renderer.world
+        self._person_paths = _person_paths(renderer.world)
+        self._camera_path = _path_of_camera(renderer.world)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -59,18 +59,21 @@ class Preview:
         last = self._world.frame_count - 1
         return sorted({round(last * (k + 1) / (TILES + 1)) for k in range(TILES)})
 
-    def picture(self, index: int) -> U8:
+    def image(self, index: int) -> U8:
         """Return a frame: colour with people, depth, masks and a map, two by two."""
-        world, film = self._world, self._film
+        world, renderer = self._world, self._renderer
         t_s, info = world.frame_s(index), world.info
-        view = film.view(index)
+        view = renderer.view(index)
         people = person_views(world, t_s, view)
-        seen = CameraView(info, world.optical_from_map(t_s))
-        colour = annotate(film.rgb(index, view), *_messages(world, index, people), seen)
-        depth = depth_picture(film.depth_mm(index, view), info.max_depth_m)
+        visible = CameraView(info, world.optical_from_map(t_s))
+        colour = annotate(renderer.rgb(index, view), *_messages(world, index, people), visible)
+        depth = depth_image(renderer.depth_mm(index, view), info.max_depth_m)
         walks = Trajectories(
-            tracks={k + 1: way[: 1 + round(t_s / TRAIL_S)] for k, way in enumerate(self._trails)},
-            truth={str(k): way for k, way in enumerate([*self._trails, self._way])},
+            tracks={
+                k + 1: path[: 1 + round(t_s / PATH_STEP_S)]
+                for k, path in enumerate(self._person_paths)
+            },
+            truth={str(k): path for k, path in enumerate([*self._person_paths, self._camera_path])},
             cameras=[world.map_from_optical(t_s)],
         )
         panels = [colour, depth, flat(view), draw_map(walks, info.width, info.height)]
@@ -80,7 +83,7 @@ class Preview:
         return np.vstack([np.hstack(panels[:2]), np.hstack(panels[2:])])
 
 
-def depth_picture(depth_mm: U16, most_m: float) -> U8:
+def depth_image(depth_mm: U16, most_m: float) -> U8:
     """Return depth in colours from near (red) to far (blue), black where there is no reading."""
     share = np.clip(depth_mm / (1000 * most_m), 0, 1)
     bgr = cv2.applyColorMap((255 * (1 - share)).astype(np.uint8), cv2.COLORMAP_TURBO)
@@ -105,7 +108,7 @@ def write_sheet(
     tiles = []
     for done, index in enumerate(frames, 1):
         caption = f"{preview.time_s(index):.1f} s"
-        tiles.append(Tile(shrink(preview.picture(index), TILE_PX), caption))
+        tiles.append(Tile(shrink(preview.image(index), TILE_PX), caption))
         progress(done / len(frames))
     _, data = cv2.imencode(".png", cv2.cvtColor(grid(tiles, COLUMNS), cv2.COLOR_RGB2BGR))
     try:
@@ -122,7 +125,7 @@ def write_video(
     width, height = preview.size
     writer = open_video(path, rate_hz, (width, height))
     for done, index in enumerate(frames, 1):
-        writer.write(cv2.cvtColor(preview.picture(index), cv2.COLOR_RGB2BGR))
+        writer.write(cv2.cvtColor(preview.image(index), cv2.COLOR_RGB2BGR))
         progress(done / len(frames))
     writer.release()
 
@@ -130,7 +133,7 @@ def write_video(
 def _messages(world: World, index: int, people: Sequence[PersonView]) -> tuple[Detections, Tracks]:
     """Return what is true of people as a detector and a tracker would tell it."""
     info, stamp_ns = world.info, world.stamp_ns(index)
-    seen = [k for k, person in enumerate(people) if person.visible_share > 0]
+    visible = [k for k, person in enumerate(people) if person.visible_share > 0]
     detections = Detections(
         stamp_ns=stamp_ns,
         sequence=index,
@@ -139,7 +142,7 @@ def _messages(world: World, index: int, people: Sequence[PersonView]) -> tuple[D
         model="truth",
         width=info.width,
         height=info.height,
-        detections=tuple(_detection(people[k]) for k in seen),
+        detections=tuple(_detection(people[k]) for k in visible),
     )
     tracks = Tracks(
         stamp_ns=stamp_ns,
@@ -148,7 +151,7 @@ def _messages(world: World, index: int, people: Sequence[PersonView]) -> tuple[D
         tracker="truth",
         camera=info.camera,
         tracks=tuple(
-            _track(k + 1, person, seen.index(k) if k in seen else None)
+            _track(k + 1, person, visible.index(k) if k in visible else None)
             for k, person in enumerate(people)
         ),
     )
@@ -170,7 +173,7 @@ def _track(number: int, person: PersonView, detection: int | None) -> Track:
         state="confirmed",
         position_m=person.position_m,
         velocity_mps=person.velocity_mps,
-        covariance=NOT_KNOWN,
+        covariance=UNKNOWN,
         yaw_rad=person.yaw_rad,
         hits=1,
         age=1,
@@ -180,16 +183,16 @@ def _track(number: int, person: PersonView, detection: int | None) -> Track:
     )
 
 
-def _trails(world: World) -> list[F64]:
+def _person_paths(world: World) -> list[F64]:
     """Return the way of each person, Nx2, a point every TRAIL_S."""
-    times = np.arange(0, world.scenario.duration_s + TRAIL_S, TRAIL_S)
+    times = np.arange(0, world.scenario.duration_s + PATH_STEP_S, PATH_STEP_S)
     return [
         np.array([motion.at(t_s).map_from_pelvis[:2, 3] for t_s in times])
         for motion in world.motions
     ]
 
 
-def _camera_trail(world: World) -> F64:
+def _path_of_camera(world: World) -> F64:
     """Return the way of the camera, Nx2; with it the map keeps its scale all the time."""
-    times = np.arange(0, world.scenario.duration_s + TRAIL_S, TRAIL_S)
+    times = np.arange(0, world.scenario.duration_s + PATH_STEP_S, PATH_STEP_S)
     return np.array([world.map_from_optical(t_s)[:2, 3] for t_s in times])

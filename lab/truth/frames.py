@@ -12,7 +12,7 @@ from lab.drawing.renderer import DepthView, body_extents
 from lab.truth.motion_capture import capture, person_id, velocity_mps
 from lab.truth.silhouette import Silhouette, silhouettes
 from lab.world import World
-from people4d.messages import F64, U8, CameraInfo
+from people4d.messages import F32, F64, U8, CameraInfo
 
 NEAR_M = 0.1  # points nearer to the camera's plane have no pixel
 # [m] how deep keypoints (COCO order) may lie behind the skin or cloth in front of them: a little
@@ -66,16 +66,20 @@ def person_views(
     keypoints = world.keypoints_m(t_s)
     if view is None:
         found = silhouettes(keypoints, optical_from_map, world.info)
-        seen = [_outlined(found.get(k), world.info) for k in range(len(keypoints))]
+        visibility = [_outlined(found.get(k), world.info) for k in range(len(keypoints))]
     else:
         meshes = world.meshes(t_s) if meshes is None else meshes
         pairs = zip(keypoints, meshes, strict=True)
-        seen = [_drawn(points, mesh, view, optical_from_map, world.info) for points, mesh in pairs]
-    return tuple(_person_view(world, t_s, k, points, seen[k]) for k, points in enumerate(keypoints))
+        visibility = [
+            _drawn(points, mesh, view, optical_from_map, world.info) for points, mesh in pairs
+        ]
+    return tuple(
+        _person_view(world, t_s, k, points, visibility[k]) for k, points in enumerate(keypoints)
+    )
 
 
 def _person_view(
-    world: World, t_s: float, k: int, keypoints_m: F64, seen: _Visibility
+    world: World, t_s: float, k: int, keypoints_m: F64, visibility: _Visibility
 ) -> PersonView:
     now = capture(world, k, t_s)
     points_m = apply(world.optical_from_map(t_s), keypoints_m)
@@ -87,9 +91,9 @@ def _person_view(
         path_yaw_rad=now.path_yaw_rad,
         keypoints_m=keypoints_m,
         keypoints_px=project_visible(points_m, world.info),
-        visible=seen.visible.astype(np.uint8),
-        box_xyxy_px=seen.box_xyxy_px,
-        visible_share=seen.share,
+        visible=visibility.visible.astype(np.uint8),
+        box_xyxy_px=visibility.box_xyxy_px,
+        visible_share=visibility.share,
     )
 
 
@@ -105,8 +109,8 @@ def _drawn(
         pixels[visible], points_m[visible, 2], view, owner, INSIDE_M[visible]
     )
     extent = body_extents(mesh, optical_from_map, info)
-    pixels_seen = int(np.count_nonzero(view.owners == owner))
-    share = min(1.0, pixels_seen / extent.pixels) if extent.pixels else 0.0
+    visible_pixels = int(np.count_nonzero(view.owners == owner))
+    share = min(1.0, visible_pixels / extent.pixels) if extent.pixels else 0.0
     return _Visibility(visible, extent.box_xyxy_px, share)
 
 
@@ -150,3 +154,21 @@ def hidden(
     column, row = np.rint(pixels).astype(int).T
     allowed_m = np.where(view.owners[row, column] == owner, inside_m, BEFORE_M)
     return np.asarray(view.depth_m[row, column] < depth_m - allowed_m)
+
+
+def visible_points(world: World, points_m: F64, depth_m: F32, owners: U8, person: int) -> U8:
+    """Return which points of a person's surface the camera sees, 1 or 0 each.
+
+    Args:
+        world: Simulated world.
+        points_m: Mx3, optical frame.
+        depth_m: HxW, true depth.
+        owners: HxW, as in `DepthView`.
+        person: Number of the person in the scenario.
+    """
+    pixels = project_visible(points_m, world.info)
+    visible = in_image(pixels, world.info)
+    column, row = np.rint(pixels[visible]).astype(int).T
+    own = owners[row, column] == person + 1
+    visible[visible] = own & (depth_m[row, column] > points_m[visible, 2] - BEFORE_M)
+    return visible.astype(np.uint8)

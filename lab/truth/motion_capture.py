@@ -55,7 +55,9 @@ def capture_truth(world: World) -> Iterator[Truth]:
     """
     plan, people = world.scenario.capture, len(world.scenario.people)
     errors = [np.random.default_rng([world.seed, NOISE_KEY, k]) for k in range(people)]
-    seen = [captured(plan, world.scenario.duration_s, world.seed, k) for k in range(people)]
+    present = [
+        captured_samples(plan, world.scenario.duration_s, world.seed, k) for k in range(people)
+    ]
     recent = [deque[Capture](maxlen=3) for _ in range(people)]
     for sequence in range(-2, sample_count(plan, world.scenario.duration_s)):
         for k, samples in enumerate(recent):
@@ -70,7 +72,7 @@ def capture_truth(world: World) -> Iterator[Truth]:
             people=tuple(
                 _measure(person_id(k), recent[k], plan, errors[k])
                 for k in range(people)
-                if seen[k][sequence]
+                if present[k][sequence]
             ),
         )
 
@@ -80,22 +82,22 @@ def sample_count(plan: CapturePlan, duration_s: float) -> int:
     return int(duration_s * plan.rate_hz + 1e-9) + 1
 
 
-def captured(plan: CapturePlan, duration_s: float, seed: int, person: int) -> list[bool]:
+def captured_samples(plan: CapturePlan, duration_s: float, seed: int, person: int) -> list[bool]:
     """Return for each sample whether a person is captured.
 
     Gaps and the times between them have exponential lengths, whose means give the share of gaps.
     """
-    seen = np.ones(sample_count(plan, duration_s), np.bool_)
+    present = np.ones(sample_count(plan, duration_s), np.bool_)
     if plan.dropout <= 0:
-        return seen.tolist()
+        return present.tolist()
     rng = np.random.default_rng([seed, GAP_KEY, person])
     means_s = plan.dropout_s * np.array([1 / plan.dropout - 1, 1.0])
     rounds = int(2 * duration_s / means_s.sum()) + 20
     lengths_s = rng.exponential(np.tile(means_s, rounds))
     edges = np.ceil(np.cumsum(lengths_s) * plan.rate_hz).astype(int).reshape(-1, 2)
     for begin, end in edges.tolist():
-        seen[begin:end] = False
-    return seen.tolist()
+        present[begin:end] = False
+    return present.tolist()
 
 
 def _measure(
@@ -110,3 +112,24 @@ def _measure(
         yaw_rad=wrap(now.yaw_rad + math.radians(plan.yaw_noise_deg) * rng.standard_normal()),
         path_yaw_rad=now.path_yaw_rad,
     )
+
+
+@dataclass(frozen=True)
+class Footfall:
+    """A foot that came down."""
+
+    time_s: float  # since the beginning of the scenario
+    side: int  # 0 left, 1 right
+    position_m: F64  # 2, x and y of the ankle while the foot stands, frame: map
+
+
+def footfalls(world: World, person: int) -> list[Footfall]:
+    """Return when and where a person's feet came down in the time of the scenario, in order."""
+    duration_s = world.scenario.duration_s
+    found = [
+        Footfall(float(down_s), side, footprint[:2])
+        for side, foot in enumerate(world.motions[person].feet)
+        for down_s, footprint in zip(foot.down_s, foot.footprint, strict=True)
+        if 0 <= down_s <= duration_s
+    ]
+    return sorted(found, key=lambda footfall: footfall.time_s)

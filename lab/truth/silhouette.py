@@ -66,8 +66,8 @@ def silhouettes(
         optical_from_map: 4x4.
         info: Calibration.
     """
-    placed = {k: apply(optical_from_map, person) for k, person in enumerate(people)}
-    ahead = {k: points for k, points in placed.items() if points[:, 2].min() > NEAREST_M}
+    in_camera = {k: apply(optical_from_map, person) for k, person in enumerate(people)}
+    ahead = {k: points for k, points in in_camera.items() if points[:, 2].min() > NEAREST_M}
     return {
         k: _outline(points, [other for j, other in ahead.items() if j != k], info)
         for k, points in ahead.items()
@@ -78,17 +78,17 @@ def _outline(keypoints_m: F64, others_m: list[F64], info: CameraInfo) -> Silhoue
     middles_m = (keypoints_m[BEGIN] + keypoints_m[END]) / 2
     points_m = np.concatenate([keypoints_m, middles_m])
     pixels = project(points_m, info)
-    seen = np.all((pixels >= 0) & (pixels <= (info.width - 1, info.height - 1)), axis=1)
+    unoccluded = np.all((pixels >= 0) & (pixels <= (info.width - 1, info.height - 1)), axis=1)
     for other_m in others_m:
-        seen &= ~hidden(points_m, pixels, other_m, info)
+        unoccluded &= ~hidden(points_m, pixels, other_m, info)
     keypoints_px = pixels[:17]
     reach_px = REACH_M * (info.fx, info.fy) / keypoints_m[:, 2:]
     box = np.concatenate(
         [(keypoints_px - reach_px).min(axis=0), (keypoints_px + reach_px).max(axis=0)]
     )
-    visible = seen[:17] & _faces_camera(keypoints_m)
+    visible = unoccluded[:17] & _faces_camera(keypoints_m)
     visible &= ~hidden(keypoints_m, keypoints_px, keypoints_m, info)
-    return Silhouette(keypoints_m, keypoints_px, visible, box, float(seen.mean()))
+    return Silhouette(keypoints_m, keypoints_px, visible, box, float(unoccluded.mean()))
 
 
 def hidden(points_m: F64, pixels: F64, other_m: F64, info: CameraInfo) -> BOOL:

@@ -47,20 +47,20 @@ def read_masks(mesh: Path, textures: Path, names: tuple[str, ...]) -> dict[str, 
         textures: Folder of the masks, images in texture coordinates.
         names: Of the masks.
     """
-    places = texture_places(mesh)
+    positions = texture_positions(mesh)
     masks = {}
     for name in names:
         read = cv2.imread(str(textures / f"mpfb_{name}.jpg"), cv2.IMREAD_GRAYSCALE)
         if read is None:
             raise FileNotFoundError(f"there is no mask {name} in {textures}")
         image = read / 255
-        rows = np.clip((1 - places[:, 1]) * len(image), 0, len(image) - 1).astype(int)
-        columns = np.clip(places[:, 0] * image.shape[1], 0, image.shape[1] - 1).astype(int)
+        rows = np.clip((1 - positions[:, 1]) * len(image), 0, len(image) - 1).astype(int)
+        columns = np.clip(positions[:, 0] * image.shape[1], 0, image.shape[1] - 1).astype(int)
         masks[name] = image[rows, columns]
     return masks
 
 
-def texture_places(mesh: Path) -> F64:
+def texture_positions(mesh: Path) -> F64:
     """Return one texture coordinate of each vertex, Vx2; 0 where there is none."""
     coordinates: list[list[float]] = []
     corners: set[tuple[int, int]] = set()
@@ -73,7 +73,7 @@ def texture_places(mesh: Path) -> F64:
             coordinates.append([float(rest[0]), float(rest[1])])
         elif word == "f":
             corners |= {tuple(int(i) - 1 for i in corner.split("/")[:2]) for corner in rest}  # type: ignore[misc]
-    places = np.zeros((vertices, 2))
-    for vertex, place in sorted(corners):
-        places[vertex] = coordinates[place]
-    return places
+    positions = np.zeros((vertices, 2))
+    for vertex, position in sorted(corners):
+        positions[vertex] = coordinates[position]
+    return positions

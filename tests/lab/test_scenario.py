@@ -196,7 +196,7 @@ def test_nobody_walks_into_walls_or_another(name: str) -> None:
         assert np.all((way > np.array(low) - 0.1) & (way < np.array(high) + 0.1))
     for one, other in combinations(ways, 2):
         assert np.linalg.norm(one - other, axis=1).min() > 0.5
-    camera = np.array([of.path.place(t) for t in times.tolist()])
+    camera = np.array([of.path.position(t) for t in times.tolist()])
     for way in ways:
         assert np.linalg.norm(way - camera, axis=1).min() > 1.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.lib.gait_steps import compare, table
-from lab.truth.markers import Footfall
+from lab.truth.motion_capture import Footfall
 from tests.gait.steps.test_steps import feet
 
 TIMES_S = np.arange(0, 8, 1 / 30)

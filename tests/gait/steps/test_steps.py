@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lab.scenario import Waypoint, load_scenario
-from lab.truth.markers import footfalls
+from lab.truth.motion_capture import footfalls
 from lab.world import World
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
@@ -271,7 +271,7 @@ def test_steps_of_the_lab(noise_m: float, rate_hz: float, occluded: float) -> No
         for step, _ in even_strides(steps, CONFIG)
     ]
     assert len(set(ends)) == len(ends) >= 3
-    lengths_m = [np.linalg.norm(falls[k].place_m - falls[k - 2].place_m) / 2 for k in ends]
+    lengths_m = [np.linalg.norm(falls[k].position_m - falls[k - 2].position_m) / 2 for k in ends]
     times = [(falls[k].time_s - falls[k - 2].time_s) / 2 for k in ends]
     found = gait_measures(steps, CONFIG)
     assert found.step_length_m == pytest.approx(float(np.mean(lengths_m)), abs=0.02)

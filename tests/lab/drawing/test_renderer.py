@@ -49,11 +49,11 @@ def renderer(room: Room) -> Renderer:
 
 
 def test_a_picture_is_neither_black_nor_white(renderer: Renderer) -> None:
-    picture = renderer.colour([block(3.5, 0.0)], pose(), 0)
-    assert picture.shape == (60, 80, 3)
-    assert picture.dtype == np.uint8
-    assert 60 < picture.mean() < 190
-    assert picture.std() > 20
+    image = renderer.colour([block(3.5, 0.0)], pose(), 0)
+    assert image.shape == (60, 80, 3)
+    assert image.dtype == np.uint8
+    assert 60 < image.mean() < 190
+    assert image.std() > 20
 
 
 def test_any_order_of_frames_and_any_threads_give_the_same_bytes(room: Room) -> None:

@@ -20,7 +20,7 @@ PEOPLE = [
         start=(0, 0),
         face_deg=0,
         speed_mps=1.3,
-        path=(Waypoint(to=(8, 0)), Waypoint(to=(8, 2), stop_s=3, face_deg=180, look_around=True)),
+        path=(Waypoint(to=(8, 0)), Waypoint(to=(8, 2), stop_s=3, face_deg=180, turn_head=True)),
     ),
     PersonPlan(
         body="bea",

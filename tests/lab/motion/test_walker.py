@@ -64,7 +64,7 @@ def test_stays_as_long_as_told_and_goes_on() -> None:
         body="adam",
         start=(0, 0),
         face_deg=0,
-        path=(Waypoint(to=(1, 0), stop_s=5.0, look_around=True), Waypoint(to=(3, 0))),
+        path=(Waypoint(to=(1, 0), stop_s=5.0, turn_head=True), Waypoint(to=(3, 0))),
     )
     looking: list[bool] = []
     places: list[float] = []

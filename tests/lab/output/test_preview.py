@@ -8,7 +8,7 @@ import pytest
 
 from common.drawing.palette import PEOPLE
 from lab.camera.frames import FrameRenderer, RenderSettings
-from lab.output.preview import Preview, depth_picture, write_sheet, write_video
+from lab.output.preview import Preview, depth_image, write_sheet, write_video
 from lab.scenario import load_scenario
 from lab.world import World
 from people4d.errors import SourceError
@@ -24,7 +24,7 @@ def preview(tmp_path: Path) -> Preview:
 
 
 def test_depth_goes_from_red_to_blue_and_is_black_without_a_reading() -> None:
-    near, middle, far, none = depth_picture(np.array([[600, 2500, 4800, 0]], np.uint16), 5.0)[0]
+    near, middle, far, none = depth_image(np.array([[600, 2500, 4800, 0]], np.uint16), 5.0)[0]
     assert near[0] > 2 * near[2]
     assert far[2] > 2 * far[0]
     assert middle[1] > max(middle[0], middle[2])
@@ -32,16 +32,16 @@ def test_depth_goes_from_red_to_blue_and_is_black_without_a_reading() -> None:
 
 
 def test_a_picture_shows_truth_depth_masks_and_a_map(preview: Preview) -> None:
-    picture = preview.picture(6)
-    assert picture.shape == (2 * HEIGHT, 2 * WIDTH, 3) == (*preview.size[::-1], 3)
-    truth, masks = picture[:HEIGHT, :WIDTH], picture[HEIGHT:, :WIDTH]
+    image = preview.image(6)
+    assert image.shape == (2 * HEIGHT, 2 * WIDTH, 3) == (*preview.size[::-1], 3)
+    truth, masks = image[:HEIGHT, :WIDTH], image[HEIGHT:, :WIDTH]
     # The boxes are drawn in the colours of the two people, where the masks have none.
     for colour in PEOPLE[:2]:
         assert (truth == colour).all(axis=2).sum() > 20
     assert not (masks == PEOPLE[0]).all(axis=2).any()  # there people are shaded
     blue = (masks[..., 2].astype(int) - masks[..., 0]) > 60
     assert blue.sum() > 50
-    assert (picture[HEIGHT:, WIDTH:] > 240).all(axis=2).mean() > 0.5  # paper of the map
+    assert (image[HEIGHT:, WIDTH:] > 240).all(axis=2).mean() > 0.5  # paper of the map
 
 
 def test_frames_of_a_video_and_of_a_page(preview: Preview) -> None:

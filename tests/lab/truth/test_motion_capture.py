@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from common.geometry.transforms import wrap
 from lab.scenario import CapturePlan, Scenario, load_scenario
 from lab.source import LabTruth
-from lab.truth.motion_capture import capture, capture_truth, captured, velocity_mps
+from lab.truth.motion_capture import capture, capture_truth, captured_samples, velocity_mps
 from lab.world import EPOCH_NS, World
 from people4d.errors import ConfigError
 from people4d.messages import Truth
@@ -96,12 +96,12 @@ def test_noise_has_the_size_that_is_asked_for() -> None:
 
 def test_dropouts_have_the_share_and_length_that_are_asked_for() -> None:
     # An hour with gaps of 0.5 s, a fifth of the time: one gap in 2.5 s, 1440 gaps, 3 % each way.
-    seen = np.array(captured(CapturePlan(dropout=0.2, dropout_s=0.5), 3600, 5, 0))
+    seen = np.array(captured_samples(CapturePlan(dropout=0.2, dropout_s=0.5), 3600, 5, 0))
     assert len(seen) == 360_001
     assert 1 - seen.mean() == pytest.approx(0.2, rel=0.1)
     gaps = np.count_nonzero(np.diff(seen.astype(int)) < 0)
     assert (~seen).sum() / gaps * 0.01 == pytest.approx(0.5, rel=0.1)
-    assert not np.array_equal(seen, captured(CapturePlan(dropout=0.2), 3600, 5, 1))
+    assert not np.array_equal(seen, captured_samples(CapturePlan(dropout=0.2), 3600, 5, 1))
 
 
 def test_who_drops_out_is_missing_and_the_others_stay() -> None:

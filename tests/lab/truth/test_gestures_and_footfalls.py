@@ -10,10 +10,10 @@ from common.geometry.transforms import apply
 from lab.drawing.renderer import draw_depth
 from lab.motion.gait import step_length_m
 from lab.scenario import Gesture, PersonPlan, Scenario, Waypoint
-from lab.truth.markers import footfalls, mark, places_m, seen
+from lab.truth.frames import visible_points
+from lab.truth.motion_capture import footfalls
 from lab.world import World
 from people4d.messages import F64
-from tests.lab.worlds import world
 
 WRISTS = (9, 10)  # left, right, COCO
 STANDING = Scenario(
@@ -70,26 +70,16 @@ def test_a_gesture_leaves_the_rest_of_the_body_as_it_is() -> None:
     np.testing.assert_allclose(now[0], now[1], atol=0.02)
 
 
-def test_a_mark_stays_on_the_body() -> None:
-    of = world("short_walk")
-    wrist_m = of.keypoints_m(0.5)[0][[9]]
-    marks = mark(of, 0, 0.5, wrist_m)
-    for t_s in (0.5, 1.0, 2.5):
-        place = places_m(of, t_s, [marks])[0][0]
-        true = apply(of.optical_from_map(t_s), of.keypoints_m(t_s)[0][[9]])[0]
-        assert np.linalg.norm(place - true) < 0.06
-
-
-def test_a_mark_is_seen_from_its_side_only() -> None:
+def test_point_is_visible_from_its_side_only() -> None:
     of = standing()
     (mesh,) = of.meshes(0.0)
     chest_m = of.keypoints_m(0.0)[0][[5, 6]].mean(axis=0) - (0, 0, 0.1)
-    sides_m = np.array([[-0.3, 0, 0], [0.3, 0, 0]])
-    marks = mark(of, 0, 0.0, chest_m + sides_m)
+    sides_m = chest_m + np.array([[-0.3, 0, 0], [0.3, 0, 0]])
+    nearest = [np.linalg.norm(mesh.vertices_m - side_m, axis=1).argmin() for side_m in sides_m]
     view = draw_depth([of.room.mesh, mesh], of.optical_from_map(0.0), of.info, 0.05)
-    points_m = places_m(of, 0.0, [marks])[0]
-    assert seen(of, points_m, view.depth_m, view.owners, 0).tolist() == [1, 0]
-    assert seen(of, points_m, view.depth_m, view.owners, 1).tolist() == [0, 0]
+    points_m = apply(of.optical_from_map(0.0), mesh.vertices_m[nearest])
+    assert visible_points(of, points_m, view.depth_m, view.owners, 0).tolist() == [1, 0]
+    assert visible_points(of, points_m, view.depth_m, view.owners, 1).tolist() == [0, 0]
 
 
 def test_footfalls_alternate_at_the_length_of_the_gait_table() -> None:
@@ -99,6 +89,6 @@ def test_footfalls_alternate_at_the_length_of_the_gait_table() -> None:
     assert all(a.side != b.side and a.time_s < b.time_s for a, b in pairwise(found))
     # In the middle of the way he walks at 1 m/s; his own cadence is up to 5 % off the table's.
     steady = [fall for fall in found if 2.0 < fall.time_s < 6.0]
-    lengths = [b.place_m[0] - a.place_m[0] for a, b in pairwise(steady)]
+    lengths = [b.position_m[0] - a.position_m[0] for a, b in pairwise(steady)]
     expected = float(step_length_m(1.0, of.bodies[0].skeleton.stature_m))
     np.testing.assert_allclose(lengths, expected, rtol=0.07)
