@@ -1,4 +1,4 @@
-"""What each part beyond the papers is worth: the preset `best`, and `best` less one part.
+"""What each part beyond the source works is worth: the preset `best`, and `best` less one part.
 
 Films and detections are kept in the cache of `people4d evaluate`: the same command goes on.
 """
@@ -55,7 +55,7 @@ COLUMNS = (
 
 
 def methods() -> list[Method]:
-    """Return `best`, `best` less each part, and the paper's method on the same model."""
+    """Return `best`, `best` less each part, and the method of [PIC4SeR] on the same model."""
     less = [
         replace(read_method("best", settings), name=f"- {part}") for part, settings in PARTS.items()
     ]
@@ -119,12 +119,12 @@ def main() -> None:
         return
     names = ", ".join(take.name for take in takes)
     note = (
-        f"`best`, `best` less one part in each line, and the paper's third method as it states it, "
+        f"`best`, `best` less one part in each line, and [PIC4SeR]'s third method as it states it, "
         f"on {names} of the virtual lab ({asked.fidelity}). All scenes together, over all "
         f"frames in which a person is in view and at least 35 % of them is visible, measured or "
         f"predicted; re-identified are those who come back after two seconds or more."
     )
-    write(__file__, "What each part beyond the papers is worth", note, table)
+    write(__file__, "What each part beyond the source works is worth", note, table)
 
 
 def tell(what: str, share: float) -> None:

@@ -1,6 +1,6 @@
 """People from a robot that drives: 3D tracking with its odometry and without, and standing still.
 
-The six scenarios of the odometry paper in the virtual lab, detections from geometry in place of
+The six scenarios of [Park 2021] in the virtual lab, detections from geometry in place of
 pictures, so that only the motion differs. "stands": the same people before a robot that does not
 drive. "no odometry": the robot drives and the tracker believes that it stands.
 """

@@ -1,4 +1,4 @@
-"""Odometry correction and dynamic survival: the odometry paper's tables on our own data.
+"""Odometry correction and dynamic survival: [Park 2021]'s tables on our own data.
 
 The parts on MOT15, KITTI and YOLOv8n need the reference data (`--shared`). Mostly the virtual lab's
 sightings are tracked, which take no pictures. `--films N` adds what networks see in the pictures of
@@ -27,14 +27,14 @@ from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
 
 ROOT = Path(__file__).resolve().parents[1]
 CACHE = Path.home() / ".cache" / "people4d" / "evaluation"
-SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2", "port1", "port2")  # as the paper's sequences
+SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2", "port1", "port2")  # as [Park 2021]'s sequences
 SEEDS = (101, 102, 103)
 SORT = ImageSortConfig()
-# Beyond the papers: confirmed once and for all, weak detections only go on with who is there.
+# Beyond [Park 2021]: confirmed once and for all, weak detections only go on with who is there.
 OWN = ImageSortConfig(
     confirm="once", min_hits=1, score_high=0.6, score_new=0.6, projection="pinhole"
 )
-# The lab's detector finds nearly everybody; the paper's, small and blurred, only about half.
+# The lab's detector finds nearly everybody; [Park 2021]'s, small and blurred, only about half.
 WEAK = SyntheticDetectionsConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
 LASTING = msgspec.structs.replace(WEAK, miss_s=1.0)
 STATED = 0.5  # [points of MOTA and IDF1] that broken odometry may be worse than no correction
@@ -55,7 +55,7 @@ WHY = """Three things differ; the table has what was measured of the first two, 
 - **How often people are lost from sight.** A tracker that errs nowhere, but knows nobody again who
   was out of the image or hidden for more than five frames, has the IDF1 of the last row. No tracker
   without re-identification gets far beyond it, so IDF1 is to be compared by rows, not with the
-  paper's.
+  [Park 2021]'s.
 - **Turns.** The robot turns by up to 69 °/s, and there are 15 or 20 frames a second."""
 GONE = 5  # frames out of sight after which nobody is known again
 Settings = dict[str, ImageSortConfig]
@@ -72,7 +72,7 @@ class Run:
 
 
 def variants(base: ImageSortConfig, dynamic: ImageSortConfig) -> Settings:
-    """Return the paper's four variants of a tracker.
+    """Return [Park 2021]'s four variants of a tracker.
 
     Args:
         base: Without both settings.
@@ -114,7 +114,7 @@ def figures(runs: Sequence[Run]) -> list[float]:
 
 
 def table4(rides: dict[int, list[Ride]], settings: Settings) -> str:
-    """Return the paper's Table 4: all rides of a seed together, mean and spread over seeds."""
+    """Return [Park 2021]'s Table 4: all rides of a seed together, mean and spread over seeds."""
     names = ["MOTA", "MOTP", "FP", "FN", "IDF1", "IDP", "IDR", "IDsw", "Hz"]
     forms = [
         "{:.1f}",
@@ -139,7 +139,7 @@ def table4(rides: dict[int, list[Ride]], settings: Settings) -> str:
 
 
 def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
-    """Return the paper's Table 2: how long the lost are waited for, without odometry and with."""
+    """Return [Park 2021]'s Table 2: how long the lost are waited for, without odometry and with."""
     waits = {f"T_lost {n}": msgspec.structs.replace(SORT, t_lost=float(n)) for n in (1, 2, 3, 4)}
     waits["Dynamic"] = variants(SORT, dynamic)["SORT+Dynamic"]
     rows = []
@@ -339,7 +339,7 @@ def main() -> None:
         "all sequences of a seed together, mean ± standard deviation over the seeds. R "
         f"{dynamic.r:g} and max_age {dynamic.max_age:g} were chosen on MOT15 (below). Hz counts "
         "the tracker's update only.",
-        "## Table 4, detector as weak as the paper's (70 % of the people found, boxes off by 2 %)",
+        "## Table 4, detector as weak as in [Park 2021] (70 % of people found, boxes off by 2 %)",
         table4(weak, settings),
         "## Table 4, detector as good as the embedded one was measured on the lab",
         table4(good, settings),
@@ -347,12 +347,12 @@ def main() -> None:
         table4(weak, own),
         "## The same, good detector",
         table4(good, own),
-        "The paper's own, on its own robot and detector:",
+        "[Park 2021]'s own, on its own robot and detector:",
         markdown(
             ["method", "MOTA", "MOTP", "FP", "FN", "IDF1", "IDP", "IDR", "IDsw", "Hz"],
             [[name, *cells.split(" | ")] for name, cells in PAPER.items()],
         ),
-        "## Why these are not the paper's figures\n\n" + WHY,
+        "## Why these are not [Park 2021]'s figures\n\n" + WHY,
         easier(scenarios, seeds[0], dynamic),
         "## Table 2, weak detector",
         table2(weak, dynamic),

@@ -1,4 +1,4 @@
-"""The paper's methods, their twins on the shipped model, and `best`, on its seven scenarios.
+"""The methods of [PIC4SeR], their twins on the shipped model, and `best`, on its seven scenarios.
 
 One constant of `best` was chosen on these films (see the table's note). They are drawn once, which
 takes half an hour on two cores, and kept; people are found in them once for each model, which takes
@@ -54,7 +54,7 @@ def main() -> None:
     with progress() as report:
         evaluation = evaluate(plan, report)
     write_report(plan, evaluation, arguments.out, "python -m benchmarks.thesis")
-    write(__file__, "The paper's methods on its scenarios", *_parts(evaluation, arguments.scenes))
+    write(__file__, "[PIC4SeR]'s methods on its scenarios", *_parts(evaluation, arguments.scenes))
 
 
 def _others(folder: Path) -> list[Method]:
@@ -78,7 +78,7 @@ def _parts(evaluation: Evaluation, scenes: Sequence[str]) -> list[str]:
     parts = [
         f"Scenes: {', '.join(scenes)}; 60 s at 30 frames a second each, colour and measured depth; "
         "no frame is skipped, but methods with YOLOv8n are given every second one. Mean and spread "
-        "(standard deviation) over recordings, for all and by number of people. Rows of the paper "
+        "(standard deviation) over recordings, for all and by number of people. Rows of [PIC4SeR] "
         "come from its own recordings of real people. What the columns mean: "
         "docs/methods/evaluation.md.",
         "Not held out for `best`: its noise_factor was raised from 2 to 8 after a first run on "

@@ -1,4 +1,4 @@
-"""Noise constants of the trackers: the paper's beside others, on a simulation and on real people.
+"""Noise constants of the trackers: [PIC4SeR]'s beside others, on a simulation and on real people.
 
 Detections and embeddings are made once; only the tracker runs again for each row. The recordings of
 people are not part of the repository; `--shared` names the folder that holds them.
@@ -53,7 +53,7 @@ class Setting:
 
 
 def settings() -> Iterator[Setting]:
-    """Yield what is compared, the paper's constants first."""
+    """Yield what is compared, [PIC4SeR]'s constants first."""
     for sigma_a, sigma_m in NOISES:
         words = f"strongsort3d, {sigma_a:g} m/s², {sigma_m:g} m"
         config = published_tracker(
@@ -138,7 +138,7 @@ def main() -> None:
         "First columns: the shipped recording (three people, movenet-multipose) against its truth; "
         "positions lie on the surface that faces the camera, about 0.13 m before the truth. Then "
         "six people who walk a loop and hide each other, see [real_inputs.md](real_inputs.md). "
-        "Embedder: histogram. The first row has the paper's constants (acceleration, measurement)."
+        "Embedder: histogram. The first row has [PIC4SeR]'s constants (acceleration, measurement)."
     )
     write(__file__, "Trackers: constants of the noise", note, markdown(header, rows))
 

@@ -161,7 +161,7 @@ def follow(config: ImageSortConfig, sequences: dict[str, MotSequence]) -> Result
 
 
 def told_settings(config: ImageSortConfig) -> str:
-    """Return what differs from the papers' values, as text."""
+    """Return what differs from the source works' values, as text."""
     names = config.__struct_fields__
     changed = [name for name in names if getattr(config, name) != getattr(FAITHFUL, name)]
     return ", ".join(f"{name} {getattr(config, name)}" for name in changed) or "SORT's"

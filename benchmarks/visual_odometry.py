@@ -1,6 +1,6 @@
 """Motion from pictures beside that from wheels: how far off it is, and what it does to tracks.
 
-Scenarios of the odometry paper in the virtual lab, filmed in colour; what is not filmed yet is,
+Scenarios of [Park 2021] in the virtual lab, filmed in colour; what is not filmed yet is,
 which takes some minutes each. Pictures of people who walk before a real camera that stands
 (`--shared`) show what is told of a motion that is none.
 """

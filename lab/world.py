@@ -15,7 +15,7 @@ from lab.scenario import WALKABLE_M, CameraPlan, Scenario
 from people4d.messages import F64, CameraInfo
 
 EPOCH_NS = 1_767_225_600 * 10**9  # 2026-01-01 00:00 UTC: scenarios begin then, so runs are alike
-MAX_DEPTH_M = 5.0  # method book 1
+MAX_DEPTH_M = 5.0  # docs/method.md section 1
 
 
 class World:

@@ -1,4 +1,4 @@
-"""HOTA, higher order tracking accuracy [Luiten 2020]."""
+"""HOTA, higher order tracking accuracy [Luiten 2021]."""
 
 from dataclasses import dataclass, field
 

@@ -39,7 +39,7 @@ NO_OFFSET = HostOffset(0.0, 0.0)
 class TimeExchange:
     """One query and its reply.
 
-    Source: RFC 5905, section 8: offset and round-trip delay.
+    Source: docs/method.md section 24 [Mills 2010]: offset and round-trip delay.
     """
 
     query_sent_ns: int  # own clock

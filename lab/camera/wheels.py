@@ -1,7 +1,7 @@
 """Wheel odometry: what a robot with two driven wheels believes of its way.
 
 The wheels count ticks. From the ticks, the radius and the track that it was told, the robot works
-out its pose (method book section 7: dtheta = (right - left) / track). Told and true differ:
+out its pose (docs/method.md section 7: dtheta = (right - left) / track). Told and true differ:
 
 - true radius = told radius / (1 + scale_error): distances come out larger by scale_error;
 - true track = told track * (1 + track_error): turns come out larger by track_error, too;
@@ -97,7 +97,7 @@ class DeadReckoning:
         wheels: As the robot was told, and the size of their errors.
 
     Source:
-        Method book section 7.
+        docs/method.md section 7 [Park 2021].
     """
 
     def __init__(self, wheels: WheelPlan) -> None:

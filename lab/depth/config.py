@@ -2,9 +2,9 @@
 
 Such a camera matches the pictures of two imagers a baseline b apart. What it measures is the
 disparity d = f b / z, so an error of s pixels in d is one of z^2 s / (f b) in z: the RMS error
-grows with the square of the distance. Intel's guide to tuning the D400 series states this law, with
+grows with the square of the distance. [Grunnet-Jepsen] states this law, with
 s below 0.1 px on well textured surfaces; the data sheet promises at most 2 % at 2 m, and a user who
-put a D435 before a wall at 2.2 m reports s = 0.06 to 0.07 (librealsense, question 3139). The
+put a D435 before a wall at 2.2 m reports s = 0.06 to 0.07 [librealsense 3139]. The
 defaults, s = 0.07 px, f = 385 px and b = 50 mm, give 3.6 mm at 1 m, 15 mm (0.7 %) at 2 m, 33 mm at
 3 m and 58 mm (1.5 %) at 4 m.
 

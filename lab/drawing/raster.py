@@ -8,7 +8,7 @@ sees the points z (u, v, 1) = q. For a triangle with corners q0, q1, q2 the numb
 are all positive where the pixel sees it; their sum is 1 / z, and e z are its barycentric
 coordinates with perspective. e is linear in u and v, and nothing is divided by the z of a corner,
 so triangles that reach behind the camera need no clipping, only a bounding box that is right
-(Olano and Greer, Triangle scan conversion using 2D homogeneous coordinates, 1997).
+[Olano 1997].
 """
 
 import math

@@ -261,7 +261,7 @@ def _from_lights(
             length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
             peak = (normal[0] * hx + normal[1] * hy + normal[2] * hz) / length
             if peak > 0.7:
-                # Schlick's stand-in for peak ** sharpness (A customizable reflectance model, 1993).
+                # Schlick's stand-in for peak ** sharpness [Schlick 1993].
                 peak /= sharpness - (sharpness - 1.0) * peak
                 shine += power * lamp[index, 7] * peak * (sharpness + 8.0) / 12.0
     return red, green, blue, shine

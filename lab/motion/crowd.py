@@ -2,7 +2,7 @@
 
 Each person picks, ten times a second, the heading and speed that lead to the goal and past the
 others: every candidate is extrapolated with the others' present velocities and pays for coming
-near (after Moussaid, Helbing, Theraulaz, PNAS 108 (2011) 6884-6888, who choose the heading that
+near (after [Moussaïd 2011], where the heading is chosen that
 way from what people see).
 """
 

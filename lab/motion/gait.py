@@ -15,7 +15,7 @@ REFERENCE_STATURE_M = 1.70
 LIFT_OFF = 0.62  # phase at which the table's foot leaves the floor
 
 # Step length over cadence of adults, the same at all speeds above 1 m/s and little more below
-# (Sekiya & Nagasaki, Gait & Posture 7 (1998) 225-227).
+# [Sekiya 1998].
 WALK_RATIO_M_MIN = 0.0064
 
 
@@ -24,7 +24,7 @@ def step_length_m(speed_mps: npt.ArrayLike, stature_m: float) -> F64:
 
     From speed = step length x cadence and step length = walk ratio x cadence. People of other
     stature move alike at the same Froude number v^2 / (g h), so that the step grows with h^0.75
-    (Grieve & Gear, Ergonomics 5 (1966) 379-399, use the speed in statures per second likewise).
+    ([Grieve 1966] use the speed in statures per second likewise).
 
     Args:
         speed_mps: Any shape, m/s.
@@ -41,7 +41,7 @@ def step_length_m(speed_mps: npt.ArrayLike, stature_m: float) -> F64:
 def swing_share(speed_mps: npt.ArrayLike) -> F64:
     """Return the part of the gait cycle for which a foot is in the air.
 
-    0.39 at 1.3 m/s, less in slow walking (Murray et al., Am. J. Phys. Med. 45 (1966) 8-24).
+    0.39 at 1.3 m/s, less in slow walking [Murray 1966].
     """
     return np.asarray(np.clip(0.295 + 0.077 * np.asarray(speed_mps, np.float64), 0.3, 0.41))
 

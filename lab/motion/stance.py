@@ -10,7 +10,7 @@ from people4d.messages import F64
 SWAY_KEY, GAZE_KEY = 7101, 7102
 
 # Postural sway of quiet standing: slow, mostly below 0.5 Hz, about 5 mm forward and backward and
-# 3 mm sideways (D. A. Winter, Human balance and posture control, Gait & Posture 3 (1995) 193-214).
+# 3 mm sideways [Winter 1995].
 SWAY_HZ = np.array([0.07, 0.13, 0.23, 0.37, 0.61])
 SWAY_M = np.array([0.0040, 0.0030, 0.0022, 0.0014, 0.0008])
 SIDEWAYS = 0.6
@@ -47,7 +47,7 @@ def sit(seated: F64, stature_m: float) -> Sitting:
     """Return how a person sits down or stands up.
 
     The trunk leans forward first, so that the body's weight stays above the feet, and most at
-    seat-off (Schenkman et al., Physical Therapy 70 (1990) 638-648).
+    seat-off [Schenkman 1990].
 
     Args:
         seated: T, progress, 0 standing to 1 seated.

@@ -1,4 +1,4 @@
-"""Presets: every one loads, says what the method book says, and gives way to flags."""
+"""Presets: every one loads, says what docs/method.md says, and gives way to flags."""
 
 from pathlib import Path
 from typing import TypeVar

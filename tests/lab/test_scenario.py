@@ -31,7 +31,7 @@ THESIS = {  # people in it; rising in occlusion
     "four_dense": 4,
 }
 
-# Table 1 of the odometry paper: fps, frames, boxes, mean turn in degrees a frame.
+# Table 1 of [Park 2021]: fps, frames, boxes, mean turn in degrees a frame.
 ODOMETRY = {
     "pmrr": (15, 266, 899, 3.076),
     "psrm": (15, 366, 1169, 2.420),

@@ -68,7 +68,7 @@ def fit_2d(source_m: F64, target_m: F64) -> F64:
         4x4, target from source.
 
     Source:
-        Umeyama 1991, in the plane and without scale.
+        docs/method.md section 24 [Umeyama 1991], in the plane and without scale.
     """
     centre_a, centre_b = source_m.mean(axis=0), target_m.mean(axis=0)
     a, b = source_m - centre_a, target_m - centre_b
@@ -91,7 +91,7 @@ def fit_3d(source_m: F64, target_m: F64) -> F64:
         4x4, target from source.
 
     Source:
-        Umeyama 1991, without scale.
+        docs/method.md section 24 [Umeyama 1991], without scale.
     """
     centre_a, centre_b = source_m.mean(axis=0), target_m.mean(axis=0)
     U, _, Vt = np.linalg.svd((target_m - centre_b).T @ (source_m - centre_a))

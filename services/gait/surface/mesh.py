@@ -274,7 +274,7 @@ def _normal(points: F64, here: int, near: I32, long: F64, normals: F64) -> None:
 
 @compiled
 def _angle(cosine: float) -> float:
-    """Return an angle by its cosine, in radians, to 0.0001 (Abramowitz and Stegun 4.4.45)."""
+    """Return an angle by its cosine, in radians, to 0.0001 [Abramowitz 1964]."""
     c = min(abs(cosine), 1.0)
     angle = np.sqrt(1 - c) * (1.5707288 + c * (-0.2121144 + c * (0.0742610 - 0.0187293 * c)))
     return float(np.pi - angle if cosine < 0 else angle)

@@ -105,7 +105,7 @@ def min_max(values: F64) -> F64:
 
 
 def adaptive_gate(previous_m: F64, sigmas: float = 1.6) -> float:
-    """Return tau = mu + 1.6 sigma of the distances of the previous frame (section 4).
+    """Return tau = mu + 1.6 sigma of distances in the previous frame (section 4).
 
     Args:
         previous_m: All track-to-detection distances of the previous frame, metres.

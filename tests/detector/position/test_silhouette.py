@@ -10,7 +10,7 @@ from services.detector.position.silhouette import fill_holes, grow_mask
 from services.detector.position.surface import DepthImage
 from tests.detector.cameras import INFO
 
-FIXED = GrowthConfig(step_per_m2=0.0)  # the paper's 10 mm at any distance
+FIXED = GrowthConfig(step_per_m2=0.0)  # [Liu 2018]'s 10 mm at any distance
 
 
 def person_at(left: int, right: int, box: tuple[float, ...] = (0, 0, 40, 60)) -> DetectedPerson:

@@ -32,7 +32,7 @@ def triangle_distance_m(points: F64, mesh: Mesh) -> F64:
 
 @pytest.mark.parametrize(("name", "t_s"), [("short_crossing", 1.3), ("short_robot", 2.6)])
 def test_deprojected_pixels_of_a_mask_lie_on_the_body(name: str, t_s: float) -> None:
-    # Method book 1: X = (u - cx) Z / fx, Y = (v - cy) Z / fy, and map_from_optical.
+    # docs/method.md section 1: X = (u - cx) Z / fx, Y = (v - cy) Z / fy, and map_from_optical.
     of = world(name)
     meshes = of.meshes(t_s)
     view = draw_depth([of.room.mesh, *meshes], of.optical_from_map(t_s), of.info, 0.05)

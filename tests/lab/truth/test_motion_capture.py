@@ -62,7 +62,7 @@ def test_velocity_does_not_depend_on_the_step() -> None:
 
 
 def test_yaw_is_pi_for_who_faces_the_camera() -> None:
-    # Method book 1: seen from a camera that looks along +x, pi faces it, +pi/2 image-left.
+    # docs/method.md section 1: to a camera that looks along +x, pi faces it, +pi/2 image-left.
     one, other = next(capture_truth(world("facing"))).people
     assert one.yaw_rad is not None
     assert other.yaw_rad is not None
