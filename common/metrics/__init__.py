@@ -22,7 +22,7 @@ from common.metrics.frame_scores import IdSwitch, ScoreTotals
 from common.metrics.from_messages import ground_truth_of, hypotheses_of
 from common.metrics.hota import ALPHAS, HotaCounts
 from common.metrics.identity import IdentityCounts
-from common.metrics.lifetimes import Lifetimes
+from common.metrics.lifetimes import Lifetimes, ReturnToView, find_returns
 from common.metrics.matching import Matcher, Matching, PersonHistory, match
 from common.metrics.pose import PoseErrors
 from common.metrics.record import (
@@ -33,10 +33,16 @@ from common.metrics.record import (
     Hypotheses,
     Id,
 )
-from common.metrics.returns import ReturnToView, find_returns
-from common.metrics.scores import Row, Scores, combine, score, score_matching
+from common.metrics.scores import (
+    Row,
+    Scores,
+    SummaryStatistics,
+    combine,
+    score,
+    score_matching,
+    summarise,
+)
 from common.metrics.similarity import GroundDistance, Similarity, box_overlap
-from common.metrics.summary import SummaryStatistics, summarise
 
 __all__ = [
     "ALPHAS",

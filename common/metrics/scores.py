@@ -1,10 +1,12 @@
 """All metrics of one sequence, or of several together."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
 from typing import TypeAlias
+
+import numpy as np
 
 from common.metrics.clear import ClearCounts, count_clear
 from common.metrics.counts import ratio
@@ -138,3 +140,37 @@ def combine(scores: Iterable[Scores]) -> Scores:
     """Pool sequences: counts and errors are put together before any ratio is taken."""
     empty = Scores(ClearCounts(), IdentityCounts(), HotaCounts(), Lifetimes(), pool([]))
     return reduce(add, scores, empty)
+
+
+@dataclass(frozen=True)
+class SummaryStatistics:
+    """One figure over several runs."""
+
+    mean: float
+    std: float  # of the sample (n - 1); 0 for a single run
+    least: float
+    most: float
+    runs: int  # in which the figure was defined
+
+
+def summarise(rows: Sequence[Row]) -> dict[str, SummaryStatistics | None]:
+    """Summarise each figure over the runs that have it.
+
+    Args:
+        rows: One table row for each run, as `Scores.row` gives them.
+
+    Returns:
+        Mean and spread of every figure; None where no run has it.
+    """
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: _spread([row.get(name) for row in rows]) for name in names}
+
+
+def _spread(values: Sequence[float | None]) -> SummaryStatistics | None:
+    known = np.array([value for value in values if value is not None], np.float64)
+    if not len(known):
+        return None
+    std = float(known.std(ddof=1)) if len(known) > 1 else 0.0
+    return SummaryStatistics(
+        float(known.mean()), std, float(known.min()), float(known.max()), len(known)
+    )
