@@ -7,6 +7,7 @@ import numpy as np
 from people4d.messages import Odometry
 from services.camera.calibration import Intrinsics, camera_info
 from services.camera.source import Source, SourceFrame
+from tests import builders
 
 SIZE = (6, 8)
 
@@ -19,15 +20,7 @@ def capture(
 
 
 def odometry(stamp_ms: int) -> Odometry:
-    return Odometry(
-        stamp_ns=stamp_ms * 1_000_000,
-        sequence=0,
-        frame_id="odom",
-        child_frame_id="base_link",
-        x_m=0.0,
-        y_m=0.0,
-        theta_rad=0.0,
-    )
+    return builders.odometry(stamp_ns=stamp_ms * 1_000_000)
 
 
 class MemorySource(Source):

@@ -18,7 +18,6 @@ from people4d.errors import ConfigError, SourceError
 from people4d.messages import (
     CameraInfo,
     CompressedRgbdFrame,
-    Detections,
     Message,
     Odometry,
     RgbdFrame,
@@ -29,6 +28,7 @@ from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
 from services.camera.source import Source, SourceFrame
+from tests import builders
 from tests.camera.memory import MemorySource, capture, odometry
 
 MS = 1_000_000
@@ -85,7 +85,7 @@ def with_(**settings: object) -> CameraConfig:
 
 
 def answer(stamp_ns: int, camera: str = "camera") -> Tracks:
-    return Tracks(stamp_ns=stamp_ns, sequence=0, frame_id="map", tracker="t", camera=camera)
+    return builders.tracks(stamp_ns=stamp_ns, camera=camera)
 
 
 def test_calibration_then_frames_then_the_end() -> None:
@@ -203,9 +203,7 @@ def test_lockstep_may_be_answered_by_detections() -> None:
         p.node.handle(answer(0), 0)
         p.tick()
         assert len(p.frames()) == 1
-        detections = Detections(
-            stamp_ns=0, sequence=0, camera="camera", frame_id="f", model="m", width=8, height=6
-        )
+        detections = builders.detections(camera="camera", frame_id="f", width=8, height=6)
         p.node.handle(detections, 0)
         p.until(lambda: len(p.frames()) == 2)
 

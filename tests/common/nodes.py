@@ -6,19 +6,14 @@ from typing import ClassVar, Literal
 
 from common.runtime.node import Node, Status
 from common.transport.trace import span
-from people4d.messages import Detections, Message, Tracks, Truth
+from people4d.messages import Detections, Message, Tracks
+from tests import builders
 
 
 def detections(sequence: int, camera: str = "front") -> Detections:
     """Return an empty message with a number."""
-    return Detections(
-        stamp_ns=1000 + sequence,
-        sequence=sequence,
-        camera=camera,
-        frame_id="optical",
-        model="none",
-        width=640,
-        height=480,
+    return builders.detections(
+        stamp_ns=1000 + sequence, sequence=sequence, camera=camera, frame_id="optical"
     )
 
 
@@ -81,7 +76,7 @@ class Source(Node):
             return []
         self.left -= 1
         self.sent += 1
-        return [Truth(stamp_ns=now_ns, sequence=self.sent - 1, frame_id="map")]
+        return [builders.truth(stamp_ns=now_ns, sequence=self.sent - 1)]
 
     def wake_ns(self) -> int | None:
         return 0 if self.left else None

@@ -20,7 +20,8 @@ from deploy.cli.record import kinds_of
 from deploy.launcher.health import works
 from deploy.launcher.launcher import tail
 from people4d.errors import ConfigError
-from people4d.messages import Health, Span, Track, Tracks
+from people4d.messages import Health, Span, Tracks
+from tests import builders
 
 
 def run(*arguments: str, state: Path | None = None) -> tuple[int, str, str]:
@@ -121,7 +122,7 @@ def test_models_tell_what_is_present(tmp_path: Path) -> None:
 
 def test_latency_is_counted_from_the_first_stage() -> None:
     span = Span(stage="camera.capture", process="c@h", start_ns=1_000_000, end_ns=2_000_000)
-    tracks = Tracks(stamp_ns=0, sequence=0, frame_id="map", tracker="t", camera="c", trace=(span,))
+    tracks = builders.tracks(camera="c", trace=(span,))
     assert latency_ms(tracks, 31_000_000) == 30.0  # (31 - 1) ms
     assert latency_ms(msgspec.structs.replace(tracks, trace=()), 31_000_000) is None
 
@@ -132,9 +133,7 @@ def test_kinds_of_topics() -> None:
 
 
 def test_which_health_works() -> None:
-    health = Health(
-        stamp_ns=0, sequence=0, service="s", instance="s-1", host="h", pid=1, state="ready"
-    )
+    health = builders.health("s", host="h")
     assert works(health)
     assert works(msgspec.structs.replace(health, state="degraded"))
     assert not works(msgspec.structs.replace(health, state="starting"))
@@ -172,22 +171,10 @@ def test_completion_names_commands() -> None:
 
 
 def test_a_table_of_people_can_be_drawn() -> None:
-    person = Track(
-        id=7,
-        state="confirmed",
-        position_m=np.array([1.0, -2.0, 0.5]),
-        velocity_mps=np.array([0.3, 0.4, 0.0]),
-        covariance=np.eye(6),
-        yaw_rad=None,
-        hits=3,
-        age=4,
-        time_since_update_s=0.0,
-        detection=0,
-        score=0.9,
+    person = builders.track(
+        id=7, position_m=np.array([1.0, -2.0, 0.5]), velocity_mps=np.array([0.3, 0.4, 0.0]), age=4
     )
-    tracks = Tracks(
-        stamp_ns=0, sequence=9, frame_id="map", tracker="sort3d", camera="front", tracks=(person,)
-    )
+    tracks = builders.tracks(person, sequence=9, tracker="sort3d")
     console = Console(width=100)
     with console.capture() as capture:
         console.print(table_of(tracks, 0))

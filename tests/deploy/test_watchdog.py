@@ -9,6 +9,7 @@ from deploy.launcher.supervisor import Process, SupervisorGoneError
 from deploy.launcher.watchdog import HangDetector, WatchdogConfig, WatchdogNode
 from people4d.messages import Health
 from people4d.messages.status import State
+from tests import builders
 
 CONFIG = WatchdogConfig(
     silent_s=4.0, stalled_s=8.0, start_s=60.0, restarts_max=2, restarts_window_s=100.0
@@ -18,9 +19,7 @@ S = 10**9
 
 def health(name: str, pid: int = 1, state: State = "ready", host: str = "here") -> Health:
     service = name.partition("-")[0]
-    return Health(
-        stamp_ns=0, sequence=0, service=service, instance=name, host=host, pid=pid, state=state
-    )
+    return builders.health(service, instance=name, host=host, pid=pid, state=state)
 
 
 def process(name: str, pid: int = 1, state: str = "RUNNING", uptime_s: float = 99.0) -> Process:

@@ -5,6 +5,7 @@ import msgspec
 from people4d.messages import Detections, Health, Message, Span, Tracks
 from people4d.messages.status import State
 from people4d.queue import Arrival
+from tests import builders
 from tests.contract.examples import BY_NAME
 
 MS = 1_000_000
@@ -57,13 +58,9 @@ def detections(number: int) -> Detections:
 def health(
     service: str, host: str, gauges: dict[str, float] | None = None, state: State = "ready"
 ) -> Health:
-    return Health(
-        stamp_ns=0,
-        sequence=0,
-        service=service,
-        instance=f"{service}-1",
+    return builders.health(
+        service,
         host=host,
-        pid=1,
         state=state,
         reason="" if state == "ready" else "no frames come",
         counters={

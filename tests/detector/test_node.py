@@ -17,6 +17,7 @@ from services.detector.build import build
 from services.detector.config import DetectorConfig, KeypointConfig
 from services.detector.models import DetectedPerson, InstanceMask
 from services.detector.node import DetectorNode
+from tests import builders
 from tests.detector.cameras import INFO, lab_info
 
 M = TypeVar("M", bound=Message)
@@ -190,12 +191,8 @@ def test_frames_before_the_calibration_are_dropped_and_reported() -> None:
 
 def test_frames_of_another_size_are_dropped_and_reported() -> None:
     detector = node(person())
-    small = RgbdFrame(
-        stamp_ns=0,
-        sequence=0,
-        camera="front",
-        rgb=np.zeros((30, 20, 3), np.uint8),
-        depth_mm=np.zeros((30, 20), np.uint16),
+    small = builders.rgbd_frame(
+        rgb=np.zeros((30, 20, 3), np.uint8), depth_mm=np.zeros((30, 20), np.uint16)
     )
     assert len(MemoryBus([detector]).publish(INFO, small)) == 2
     status = detector.status()
@@ -234,9 +231,7 @@ def test_each_camera_has_its_own_calibration() -> None:
     detector = node(person())
     bus = MemoryBus([detector])
     bus.publish(INFO)
-    other = RgbdFrame(
-        stamp_ns=0, sequence=0, camera="rear", rgb=frame().rgb, depth_mm=frame().depth_mm
-    )
+    other = builders.rgbd_frame(camera="rear", rgb=frame().rgb, depth_mm=frame().depth_mm)
     assert len(bus.publish(other)) == 1
     bus.publish(frame())
     assert detector.status().reason.startswith("camera rear: no CameraInfo")

@@ -8,28 +8,16 @@ import numpy as np
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from common.io.recording import RecordingWriter
 from people4d.messages import (
-    CameraInfo,
     Detection,
     Detections,
     Message,
-    StaticTransform,
     Truth,
     TruthPerson,
 )
+from tests import builders
 
 STEP_NS = 100_000_000  # 10 frames a second
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=640,
-    height=480,
-    fx=600.0,
-    fy=600.0,
-    cx=319.5,
-    cy=239.5,
-)
+INFO = builders.camera_info(cx=319.5, cy=239.5)
 
 
 def detections(frame: int, *positions_m: Sequence[float]) -> Detections:
@@ -40,15 +28,8 @@ def detections(frame: int, *positions_m: Sequence[float]) -> Detections:
         box = np.array([u - half / 2, v - half, u + half / 2, v + half], np.float32)
         position_m = np.array([x, y, z], np.float64)
         people.append(Detection(box_xyxy_px=box, score=0.9, position_m=position_m))
-    return Detections(
-        stamp_ns=frame * STEP_NS,
-        sequence=frame,
-        camera="front",
-        frame_id=INFO.frame_id,
-        model="hand",
-        width=640,
-        height=480,
-        detections=tuple(people),
+    return builders.detections(
+        *people, stamp_ns=frame * STEP_NS, sequence=frame, frame_id=INFO.frame_id
     )
 
 
@@ -63,14 +44,12 @@ def truth(frame: int, **positions: tuple[float, float]) -> Truth:
         )
         for name, (x, y) in positions.items()
     )
-    return Truth(stamp_ns=frame * STEP_NS, sequence=frame, frame_id="map", people=people)
+    return builders.truth(*people, stamp_ns=frame * STEP_NS, sequence=frame)
 
 
 def write(path: Path, messages: Sequence[Message], frame_id: str = "map") -> Path:
     """Write a recording of a camera at the origin of the map that looks along +x."""
-    pose = StaticTransform(
-        stamp_ns=0, sequence=0, parent=frame_id, child=INFO.frame_id, matrix=LINK_FROM_OPTICAL
-    )
+    pose = builders.static_transform(LINK_FROM_OPTICAL, parent=frame_id, child=INFO.frame_id)
     with RecordingWriter(path) as writer:
         for message in (INFO, pose, *messages):
             writer.write(message, message.stamp_ns)

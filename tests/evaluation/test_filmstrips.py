@@ -5,7 +5,8 @@ from typing import Literal
 import numpy as np
 
 from evaluation.report.filmstrips import _tracks_near
-from people4d.messages import Track, Tracks
+from people4d.messages import Track
+from tests import builders
 
 
 def track(
@@ -15,18 +16,9 @@ def track(
     confidence: float | None = None,
     reason: str = "",
 ) -> Track:
-    return Track(
+    return builders.track(
         id=number,
-        state="confirmed",
         position_m=np.array([x, 0.0, 1.0]),
-        velocity_mps=np.zeros(3),
-        covariance=np.eye(6),
-        yaw_rad=None,
-        hits=3,
-        age=3,
-        time_since_update_s=0.0,
-        detection=0,
-        score=0.9,
         identity=identity,
         identity_confidence=confidence,
         identity_reason=reason,
@@ -41,9 +33,7 @@ def test_tracks_are_tracks_near_with_who_they_were_taken_for() -> None:
         track(9, 1.5, "reidentified", 0.61, "looks 0.12 from 9, 0.19 from 4"),
         track(2, 4.0),
     )
-    tracks = Tracks(
-        stamp_ns=0, sequence=0, frame_id="map", tracker="strongsort3d", camera="c", tracks=people
-    )
+    tracks = builders.tracks(*people, tracker="strongsort3d", camera="c")
     assert _tracks_near(tracks, np.array([1.0, 0.0, 1.0])) == [
         "ID 9: confirmed, 0.50 m",
         "reidentified 0.61: looks 0.12 from 9, 0.19 from 4",

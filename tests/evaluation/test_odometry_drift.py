@@ -8,6 +8,7 @@ import pytest
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from evaluation.run.odometry_drift import OdometryDrift, transform_track
 from people4d.messages import F64, Odometry, StaticTransform, Track
+from tests import builders
 
 CAMERA = "front_optical_frame"
 
@@ -17,33 +18,19 @@ def base(x_m: float, y_m: float, yaw_rad: float) -> F64:
 
 
 def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
-    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+    return builders.static_transform(matrix, parent=parent, child=child)
 
 
 def odometry(stamp_ns: int, x_m: float, theta_rad: float) -> Odometry:
-    return Odometry(
-        stamp_ns=stamp_ns,
-        sequence=0,
-        frame_id="map",
-        child_frame_id="base_link",
-        x_m=x_m,
-        y_m=0.0,
-        theta_rad=theta_rad,
-    )
+    return builders.odometry(stamp_ns=stamp_ns, frame_id="map", x_m=x_m, theta_rad=theta_rad)
 
 
 def one(x_m: float, y_m: float, yaw_rad: float) -> Track:
-    return Track(
-        id=1,
-        state="confirmed",
-        score=0.9,
+    return builders.track(
         hits=1,
         age=1,
-        time_since_update_s=0.0,
-        detection=0,
         position_m=np.array([x_m, y_m, 1.0]),
         velocity_mps=np.array([0.5, 0.0, 0.0]),
-        covariance=np.eye(6),
         yaw_rad=yaw_rad,
     )
 

@@ -5,23 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from people4d.messages import CameraInfo
 from services.gait.config import BodyConfig
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import BodySegment
+from tests import builders
 
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front",
-    width=640,
-    height=480,
-    fx=500.0,
-    fy=500.0,
-    cx=320.0,
-    cy=240.0,
-)
+INFO = builders.camera_info(fx=500.0)
 
 # As published: fixed thresholds, each pixel a vertex, nothing smoothed or joined.
 PUBLISHED = BodyConfig(

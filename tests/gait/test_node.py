@@ -9,14 +9,11 @@ import pytest
 
 from people4d.codec import decode, encode
 from people4d.messages import (
-    CameraInfo,
     Detection,
     Detections,
     Gait,
     Message,
-    Odometry,
     RgbdFrame,
-    StaticTransform,
     Track,
     Tracks,
 )
@@ -26,6 +23,7 @@ from services.gait.estimator import to_fixed_frame
 from services.gait.node import GaitNode
 from services.gait.points.point_filter import PointEstimate
 from services.gait.warm_up import warm_up
+from tests import builders
 
 HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0
 DEPTH_M = 2.5
@@ -33,17 +31,8 @@ PERIOD_NS = 33_000_000
 BOX = (68.0, 18.0, 92.0, 112.0)
 OPTICAL = "front_optical_frame"
 
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id=OPTICAL,
-    width=WIDTH,
-    height=HEIGHT,
-    fx=FOCAL_PX,
-    fy=FOCAL_PX,
-    cx=80.0,
-    cy=60.0,
+INFO = builders.camera_info(
+    frame_id=OPTICAL, width=WIDTH, height=HEIGHT, fx=FOCAL_PX, cx=80.0, cy=60.0
 )
 
 
@@ -74,12 +63,10 @@ def detections(number: int, people: int = 1) -> Detections:
     one = Detection(
         box_xyxy_px=np.array(BOX, np.float32), score=0.9, position_m=np.array([0.0, 0.0, DEPTH_M])
     )
-    return Detections(
+    return builders.detections(
         stamp_ns=number * PERIOD_NS,
         sequence=number,
-        camera="front",
         frame_id=OPTICAL,
-        model="test",
         width=WIDTH,
         height=HEIGHT,
         detections=(one,) * people,
@@ -87,30 +74,18 @@ def detections(number: int, people: int = 1) -> Detections:
 
 
 def track(key: int = 1, detection: int | None = 0, x_m: float = DEPTH_M) -> Track:
-    return Track(
+    return builders.track(
         id=key,
         state="lost" if detection is None else "confirmed",
         position_m=np.array([x_m, 0.0, 0.0]),
-        velocity_mps=np.zeros(3),
-        covariance=np.eye(6),
-        yaw_rad=None,
         hits=5,
         age=5,
-        time_since_update_s=0.0,
         detection=detection,
-        score=0.9,
     )
 
 
 def tracks(number: int, *people: Track) -> Tracks:
-    return Tracks(
-        stamp_ns=number * PERIOD_NS,
-        sequence=number,
-        frame_id="map",
-        tracker="test",
-        camera="front",
-        tracks=people,
-    )
+    return builders.tracks(*people, stamp_ns=number * PERIOD_NS, sequence=number)
 
 
 def synchronised(number: int, *people: Track, lockstep: bool = True) -> list[Message]:
@@ -162,7 +137,7 @@ def test_points_are_in_the_frame_of_the_tracks() -> None:
     # The camera is a metre up and looks along y: optical x, y, z are map x, -z, y.
     pose = np.array([[1.0, 0, 0, 5], [0, 0, 1, 0], [0, -1, 0, 1], [0, 0, 0, 1]])
     node = calibrated()
-    transform = StaticTransform(stamp_ns=0, sequence=0, parent="map", child=OPTICAL, matrix=pose)
+    transform = builders.static_transform(pose, child=OPTICAL)
     (gait,) = feed(node, [transform, *synchronised(1)])
     head = next(point for point in gait.people[0].points if point.name == "head")
     assert head.position_m == pytest.approx([5.0, DEPTH_M, 1.71], abs=0.2)
@@ -257,17 +232,11 @@ def test_points_move_with_a_moving_camera() -> None:
     node = calibrated()
     feed(
         node,
-        [StaticTransform(stamp_ns=0, sequence=0, parent="base", child=OPTICAL, matrix=mounted)],
+        [builders.static_transform(mounted, parent="base", child=OPTICAL)],
     )
     for k in (0, 1, 2):
-        odometry = Odometry(
-            stamp_ns=k * PERIOD_NS,
-            sequence=k,
-            frame_id="map",
-            child_frame_id="base",
-            x_m=0.1 * k,
-            y_m=0.0,
-            theta_rad=0.0,
+        odometry = builders.odometry(
+            stamp_ns=k * PERIOD_NS, sequence=k, frame_id="map", child_frame_id="base", x_m=0.1 * k
         )
         feed(node, [odometry])
     gait = feed(node, [*synchronised(0), *synchronised(1), *synchronised(2)])

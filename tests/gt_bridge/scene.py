@@ -5,32 +5,19 @@ import math
 import numpy as np
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
-from people4d.messages import CameraInfo, StaticTransform, Track, Tracks, Truth, TruthPerson
+from people4d.messages import Track, Tracks, Truth, TruthPerson
+from tests import builders
 
 MS = 1_000_000
 OPTICAL = "front_optical_frame"
 
 # f = 100 px, 200 x 100 px: 45 degrees to either side, 26.6 up and down; 5 m far.
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id=OPTICAL,
-    width=200,
-    height=100,
-    fx=100.0,
-    fy=100.0,
-    cx=99.5,
-    cy=49.5,
-    max_depth_m=5.0,
+INFO = builders.camera_info(
+    frame_id=OPTICAL, width=200, height=100, fx=100.0, cx=99.5, cy=49.5, max_depth_m=5.0
 )
 # The camera stands 1 m above the origin of the map and looks along +x.
-POSE = StaticTransform(
-    stamp_ns=0,
-    sequence=0,
-    parent="map",
-    child=OPTICAL,
-    matrix=transform_from([0, 0, 1.0], np.eye(3)) @ LINK_FROM_OPTICAL,
+POSE = builders.static_transform(
+    transform_from([0, 0, 1.0], np.eye(3)) @ LINK_FROM_OPTICAL, child=OPTICAL
 )
 
 
@@ -46,7 +33,7 @@ def person(
 
 
 def truth(stamp_ms: float, *people: TruthPerson, frame_id: str = "map") -> Truth:
-    return Truth(stamp_ns=round(stamp_ms * MS), sequence=0, frame_id=frame_id, people=people)
+    return builders.truth(*people, stamp_ns=round(stamp_ms * MS), frame_id=frame_id)
 
 
 def track(
@@ -73,11 +60,4 @@ def track(
 
 
 def tracks(stamp_ms: float, *people: Track, frame_id: str = "map") -> Tracks:
-    return Tracks(
-        stamp_ns=round(stamp_ms * MS),
-        sequence=0,
-        frame_id=frame_id,
-        tracker="none",
-        camera="front",
-        tracks=people,
-    )
+    return builders.tracks(*people, stamp_ns=round(stamp_ms * MS), frame_id=frame_id)

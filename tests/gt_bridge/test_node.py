@@ -12,6 +12,7 @@ from people4d.errors import SourceError
 from people4d.messages import Detections, Message, Score, Tracks, Truth, TruthPerson
 from services.gt_bridge.config import FixedTransform, GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
+from tests import builders
 from tests.contract.odd import in_order, out_of_order
 from tests.gt_bridge.scene import INFO, POSE, person, track, tracks
 from tests.gt_bridge.scene import truth as captured
@@ -22,26 +23,17 @@ S = 10**9
 def truth(*stamps_s: float) -> list[Truth]:
     """One person who is at x = stamp."""
     return [
-        Truth(
+        builders.truth(
+            TruthPerson(id="a", position_m=np.array([s, 0.0, 1.0])),
             stamp_ns=round(s * S),
             sequence=7,
-            frame_id="map",
-            people=(TruthPerson(id="a", position_m=np.array([s, 0.0, 1.0])),),
         )
         for s in stamps_s
     ]
 
 
 def frame(stamp_s: float) -> Detections:
-    return Detections(
-        stamp_ns=round(stamp_s * S),
-        sequence=0,
-        camera="front",
-        frame_id="front_optical_frame",
-        model="none",
-        width=640,
-        height=480,
-    )
+    return builders.detections(stamp_ns=round(stamp_s * S))
 
 
 def stamps_s(messages: Sequence[Message]) -> list[float]:

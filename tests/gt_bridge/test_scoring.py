@@ -33,6 +33,7 @@ from people4d.messages import (
 )
 from services.gt_bridge.alignment import EstimatedAlignment
 from services.gt_bridge.config import GtBridgeConfig
+from tests import builders
 from tests.gt_bridge.scene import INFO, MS, POSE, person, track, tracks, truth
 
 
@@ -155,15 +156,7 @@ def test_truth_is_brought_to_a_frame_that_moves() -> None:
 
 
 def drive(ms: int, x_m: float, theta_rad: float) -> Odometry:
-    return Odometry(
-        stamp_ns=ms * MS,
-        sequence=0,
-        frame_id="map",
-        child_frame_id="base_link",
-        x_m=x_m,
-        y_m=0.0,
-        theta_rad=theta_rad,
-    )
+    return builders.odometry(stamp_ns=ms * MS, frame_id="map", x_m=x_m, theta_rad=theta_rad)
 
 
 def test_without_a_camera_everyone_counts_and_the_score_says_so() -> None:

@@ -5,8 +5,8 @@ import sys
 
 import numpy as np
 
-from people4d.messages import Track, Tracks
-from tests import ROOT
+from people4d.messages import Tracks
+from tests import ROOT, builders
 from tests.network import Network
 
 EXAMPLE = ROOT / "docs" / "examples" / "planner.py"
@@ -14,27 +14,13 @@ EXAMPLE = ROOT / "docs" / "examples" / "planner.py"
 
 def people(sequence: int) -> Tracks:
     """One person 3 m ahead who comes at 2 m/s: 1 m away in a second."""
-    track = Track(
+    track = builders.track(
         id=7,
-        state="confirmed",
         position_m=np.array([3.0, 0.0, 1.0]),
         velocity_mps=np.array([-2.0, 0.0, 0.0]),
-        covariance=np.eye(6),
         yaw_rad=np.pi,
-        hits=3,
-        age=3,
-        time_since_update_s=0.0,
-        detection=0,
-        score=0.9,
     )
-    return Tracks(
-        stamp_ns=sequence,
-        sequence=sequence,
-        frame_id="map",
-        tracker="test",
-        camera="front",
-        tracks=(track,),
-    )
+    return builders.tracks(track, stamp_ns=sequence, sequence=sequence)
 
 
 def test_planner_slows_down_for_who_will_be_close(network: Network) -> None:

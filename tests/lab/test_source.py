@@ -28,6 +28,7 @@ from services.camera.playback import Selection
 from services.camera.playback import play as play_source
 from services.camera.source import SourceFrame
 from services.camera.sources import kind_of, open_source
+from tests import builders
 from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 
 S = 10**9
@@ -155,12 +156,10 @@ class Detector(Node):
         assert isinstance(message, RgbdFrame)
         self.frames.append(message)
         return [
-            Detections(
+            builders.detections(
                 stamp_ns=message.stamp_ns,
                 sequence=message.sequence,
                 camera=message.camera,
-                frame_id="front_optical_frame",
-                model="none",
                 width=SIZE[1],
                 height=SIZE[0],
             )

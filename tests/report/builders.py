@@ -19,6 +19,7 @@ from people4d.messages import (
     Truth,
     TruthPerson,
 )
+from tests import builders
 
 MS = 10**6
 MAP_FROM_OPTICAL = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1]], np.float64)
@@ -46,15 +47,8 @@ def detection(position: bool = True) -> Detection:
 def detections(
     stamp_ns: int, people: Sequence[Detection] = (), camera: str = "front"
 ) -> Detections:
-    return Detections(
-        stamp_ns=stamp_ns,
-        sequence=0,
-        camera=camera,
-        frame_id="optical",
-        model="tiny",
-        width=160,
-        height=120,
-        detections=tuple(people),
+    return builders.detections(
+        *people, stamp_ns=stamp_ns, camera=camera, model="tiny", width=160, height=120
     )
 
 
@@ -65,16 +59,12 @@ def track(
     state: Literal["tentative", "confirmed", "lost"] = "confirmed",
     detection_index: int | None = None,
 ) -> Track:
-    return Track(
+    return builders.track(
         id=track_id,
         state=state,
         position_m=np.array([x_m, y_m, 1.0]),
         velocity_mps=np.array([1.0, 0.0, 0.0]),
-        covariance=np.eye(6),
         yaw_rad=0.5,
-        hits=3,
-        age=3,
-        time_since_update_s=0.0,
         detection=detection_index,
         score=0.8,
     )
@@ -86,24 +76,13 @@ def tracks(
     camera: str = "front",
     trace: tuple[Span, ...] = (),
 ) -> Tracks:
-    return Tracks(
-        stamp_ns=stamp_ns,
-        sequence=0,
-        frame_id="map",
-        tracker="tiny",
-        camera=camera,
-        tracks=tuple(people),
-        trace=trace,
-    )
+    return builders.tracks(*people, stamp_ns=stamp_ns, tracker="tiny", camera=camera, trace=trace)
 
 
 def truth(stamp_ns: int, *people: tuple[str, float, float]) -> Truth:
     """People as (id, x, y), walking at (1, 0, 0) m/s."""
-    return Truth(
-        stamp_ns=stamp_ns,
-        sequence=0,
-        frame_id="map",
-        people=tuple(
+    return builders.truth(
+        *(
             TruthPerson(
                 id=name,
                 position_m=np.array([x, y, 1.0]),
@@ -111,28 +90,16 @@ def truth(stamp_ns: int, *people: tuple[str, float, float]) -> Truth:
             )
             for name, x, y in people
         ),
+        stamp_ns=stamp_ns,
     )
 
 
 def info(camera: str = "front") -> CameraInfo:
-    return CameraInfo(
-        stamp_ns=0,
-        sequence=0,
-        camera=camera,
-        frame_id="optical",
-        width=160,
-        height=120,
-        fx=150.0,
-        fy=150.0,
-        cx=80.0,
-        cy=60.0,
-    )
+    return builders.camera_info(camera=camera, width=160, height=120, fx=150.0)
 
 
 def pose() -> StaticTransform:
-    return StaticTransform(
-        stamp_ns=0, sequence=0, parent="map", child="optical", matrix=MAP_FROM_OPTICAL
-    )
+    return builders.static_transform(MAP_FROM_OPTICAL)
 
 
 def span(stage: str, start_ms: float, end_ms: float, process: str = "") -> Span:
@@ -145,13 +112,4 @@ def span(stage: str, start_ms: float, end_ms: float, process: str = "") -> Span:
 
 
 def health(**counters: int) -> Health:
-    return Health(
-        stamp_ns=0,
-        sequence=0,
-        service="detector",
-        instance="detector-1",
-        host="host",
-        pid=1,
-        state="ready",
-        counters=counters,
-    )
+    return builders.health(counters=counters)

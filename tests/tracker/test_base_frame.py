@@ -21,12 +21,12 @@ from people4d.messages import (
     Message,
     Odometry,
     StaticTransform,
-    Track,
     Tracks,
 )
 from services.tracker.build import make_tracker
 from services.tracker.camera_poses import transform_track
 from services.tracker.node import TrackerNode
+from tests import builders
 from tests.tracker.scene import published_config
 
 CAMERA = "front_optical_frame"
@@ -36,17 +36,15 @@ STANDING, WALKING = np.array([4.0, 0.5, 1.0]), np.array([3.5, -1.0, 1.0])
 
 
 def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
-    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+    return builders.static_transform(matrix, parent=parent, child=child)
 
 
 def driven(number: int) -> Odometry:
     """A robot that weaves: 0.3 m/s forward, up to 50 degrees a second to either side."""
     t = number / 10
-    return Odometry(
+    return builders.odometry(
         stamp_ns=number * STEP_NS,
         sequence=number,
-        frame_id="odom",
-        child_frame_id="base_link",
         x_m=0.3 * t,
         y_m=0.05 * math.sin(t),
         theta_rad=0.35 * math.sin(2.5 * t),
@@ -62,16 +60,7 @@ def detected(number: int) -> Detections:
         u = 320 + 500 * x / z
         box = np.array([u - 60, 100.0, u + 60, 400.0], np.float32)
         people.append(Detection(box_xyxy_px=box, score=0.9, position_m=np.array([x, y, z])))
-    return Detections(
-        stamp_ns=number * STEP_NS,
-        sequence=number,
-        camera="front",
-        frame_id=CAMERA,
-        model="fixed",
-        width=640,
-        height=480,
-        detections=tuple(people),
-    )
+    return builders.detections(*people, stamp_ns=number * STEP_NS, sequence=number, frame_id=CAMERA)
 
 
 def run(frame_id: str, *transforms: Message) -> list[Tracks]:
@@ -116,18 +105,14 @@ def test_track_in_the_frame_of_a_turned_base() -> None:
     # along x is 2 m to its right, (0, -2), and walks along its -y. The variance of the way along x
     # becomes that along y; where the base is a guess by 0.1 m and 0.05 rad, 0.01 each way and
     # (0.05 * 2)^2 = 0.01 at right angles to the way there, along x.
-    track = Track(
-        id=1,
-        state="confirmed",
+    track = builders.track(
         position_m=np.array([3.0, 0.0, 1.0]),
         velocity_mps=np.array([1.0, 0.0, 0.0]),
         covariance=np.diag([0.04, 0.01, 0.01, 0.2, 0.1, 0.1]),
         yaw_rad=0.5,
         hits=1,
         age=1,
-        time_since_update_s=0.0,
         detection=None,
-        score=0.9,
     )
     base = transform_from([1.0, 0.0, 0.0], rotation_from_rpy(0.0, 0.0, math.pi / 2))
     results = transform_track(track, TransformEstimate(invert(base), 0.1, 0.05))

@@ -7,6 +7,7 @@ from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import F64, Odometry, StaticTransform
 from services.tracker.camera_poses import CameraPoseLookup
+from tests import builders
 
 CAMERA = "front_optical_frame"
 MS = 1_000_000
@@ -14,19 +15,11 @@ MS = 1_000_000
 
 def fixed(parent: str, child: str, x_m: float) -> StaticTransform:
     matrix = transform_from([x_m, 0.0, 1.0], LINK_FROM_OPTICAL[:3, :3])
-    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+    return builders.static_transform(matrix, parent=parent, child=child)
 
 
 def odometry(stamp_ns: int, x_m: float) -> Odometry:
-    return Odometry(
-        stamp_ns=stamp_ns,
-        sequence=0,
-        frame_id="odom",
-        child_frame_id="base_link",
-        x_m=x_m,
-        y_m=0.0,
-        theta_rad=0.0,
-    )
+    return builders.odometry(stamp_ns=stamp_ns, x_m=x_m)
 
 
 def positions(*messages: StaticTransform | Odometry, frame_id: str = "map") -> CameraPoseLookup:

@@ -16,11 +16,11 @@ from people4d.messages import (
     Message,
     Odometry,
     Span,
-    StaticTransform,
     Tracks,
 )
 from services.tracker.build import make_tracker
 from services.tracker.node import TrackerNode
+from tests import builders
 from tests.tracker.scene import published_config
 
 MS = 1_000_000
@@ -30,9 +30,7 @@ SPAN = Span(stage="detector.inference", process="detector-1@robot", start_ns=1, 
 REID = Span(stage="reid.inference", process="reid-1@robot", start_ns=3, end_ns=4)
 
 MAP_FROM_CAMERA = transform_from([10.0, 0.0, 1.0], LINK_FROM_OPTICAL[:3, :3])
-TRANSFORM = StaticTransform(
-    stamp_ns=0, sequence=0, parent="map", child="camera_optical", matrix=MAP_FROM_CAMERA
-)
+TRANSFORM = builders.static_transform(MAP_FROM_CAMERA, child="camera_optical")
 
 
 def node(**fields: Any) -> TrackerNode:
@@ -52,16 +50,14 @@ def person(x: float = 0.0, forward: float = 3.0) -> Detection:
 def detected(
     number: int, people: Sequence[Detection] = (person(),), camera: str = "front", late_ms: int = 0
 ) -> Detections:
-    return Detections(
+    return builders.detections(
+        *people,
         stamp_ns=START_NS + (number * FRAME_MS + late_ms) * MS,
         sequence=max(number, 0),
         trace=(SPAN,),
         camera=camera,
         frame_id=f"{camera}_optical" if camera != "front" else "camera_optical",
         model="movenet",
-        width=640,
-        height=480,
-        detections=tuple(people),
     )
 
 
@@ -397,21 +393,11 @@ def _wild_person(rng: np.random.Generator) -> Detection:
     )
 
 
-MOUNT = StaticTransform(
-    stamp_ns=0, sequence=0, parent="base_link", child="camera_optical", matrix=LINK_FROM_OPTICAL
-)
+MOUNT = builders.static_transform(LINK_FROM_OPTICAL, parent="base_link", child="camera_optical")
 
 
 def driven(number: float, x_m: float) -> Odometry:
-    return Odometry(
-        stamp_ns=START_NS + int(number * FRAME_MS) * MS,
-        sequence=0,
-        frame_id="odom",
-        child_frame_id="base_link",
-        x_m=x_m,
-        y_m=0.0,
-        theta_rad=0.0,
-    )
+    return builders.odometry(stamp_ns=START_NS + int(number * FRAME_MS) * MS, x_m=x_m)
 
 
 def test_standing_person_has_no_velocity_before_a_driving_robot() -> None:

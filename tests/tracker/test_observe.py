@@ -9,21 +9,13 @@ from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, tra
 from people4d.messages import Detection, Detections
 from services.tracker.camera_poses import pose_covariance
 from services.tracker.observe import observe, rotated
+from tests import builders
 
 BOX = np.array([0.0, 0.0, 10.0, 20.0], np.float32)
 
 
 def detections(*people: Detection) -> Detections:
-    return Detections(
-        stamp_ns=1,
-        sequence=0,
-        camera="front",
-        frame_id="front_optical_frame",
-        model="fixed",
-        width=640,
-        height=480,
-        detections=people,
-    )
+    return builders.detections(*people, stamp_ns=1)
 
 
 def test_covariances_turn_with_the_camera() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from people4d.errors import DecodeError
-from people4d.messages import Message, StaticTransform, Tracks
+from people4d.messages import Message, Tracks
 from services.tracker.node import TrackerNode
+from tests import builders
 from tests.tracker.test_node import TRANSFORM, detected, embeddings_of, feed, node, person, tracks
 
 TWO = ([1.0, 0.0], [0.0, 1.0])
@@ -88,9 +89,7 @@ def test_camera_pose_is_restored_until_transforms_come() -> None:
     assert [p.id for p in first[-1].tracks] == [p.id for p in same.tracks] == [1, 2]
     moved = np.array(TRANSFORM.matrix)
     moved[0, 3] += 1.0
-    other = StaticTransform(
-        stamp_ns=0, sequence=1, parent="map", child="camera_optical", matrix=moved
-    )
+    other = builders.static_transform(moved, sequence=1, child="camera_optical")
     shown = results(after, [other, *frames(12, 16)])
     assert [p.id for p in shown[-1].tracks] == [3, 4]
     assert after.status().counters["transform_changes"] == 1

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from people4d.messages import Detection, Detections, Embeddings, ImageTracks, Message, Tracks
+from people4d.messages import Detection, Embeddings, ImageTracks, Message, Tracks
 from services.tracker.build import TRACKERS, make_tracker
 from services.tracker.config import (
     ContactConfig,
@@ -15,6 +15,7 @@ from services.tracker.config import (
     YawFilterConfig,
 )
 from services.tracker.node import TrackerNode
+from tests import builders
 from tests.tracker.scene import published, published_config
 
 MS = 1_000_000
@@ -70,14 +71,10 @@ def stream(seed: int, frames: int = 120, people: int = 4) -> list[Message]:
         fate = rng.random()
         if fate < 0.05:
             stamp_ns += 2_000 * MS
-        found = Detections(
+        found = builders.detections(
             stamp_ns=stamp_ns - (150 * MS if 0.05 < fate < 0.1 else 0),
             sequence=number,
-            camera="front",
             frame_id="optical",
-            model="m",
-            width=640,
-            height=480,
             detections=tuple(
                 detection(rng, x[k], z[k]) for k in range(people) if rng.random() < 0.9
             )
@@ -150,15 +147,11 @@ def test_two_hundred_people(config: TrackerConfig) -> None:
 @every_tracker
 def test_tracks_without_any_depth(config: TrackerConfig) -> None:
     blind = [
-        Detections(
+        builders.detections(
+            Detection(box_xyxy_px=np.array([10, 10, 90, 200], np.float32), score=0.9),
             stamp_ns=(1_000 + 33 * number) * MS,
             sequence=number,
-            camera="front",
             frame_id="optical",
-            model="m",
-            width=640,
-            height=480,
-            detections=(Detection(box_xyxy_px=np.array([10, 10, 90, 200], np.float32), score=0.9),),
         )
         for number in range(5)
     ]

@@ -6,21 +6,13 @@ import cv2
 import numpy as np
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from people4d.messages import F32, F64, U8, U16, CameraInfo
+from people4d.messages import F32, F64, U8, U16
 from services.visual_odometry.corners import OdometryFrame
+from tests import builders
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=WIDTH,
-    height=HEIGHT,
-    fx=FOCAL,
-    fy=FOCAL,
-    cx=(WIDTH - 1) / 2,
-    cy=(HEIGHT - 1) / 2,
+INFO = builders.camera_info(
+    width=WIDTH, height=HEIGHT, fx=FOCAL, cx=(WIDTH - 1) / 2, cy=(HEIGHT - 1) / 2
 )
 LOW, HIGH = np.array([-3.0, -3.0, 0.0]), np.array([4.0, 3.0, 2.5])  # [m] of the room
 BASE_FROM_OPTICAL = (

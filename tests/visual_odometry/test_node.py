@@ -17,7 +17,6 @@ from people4d.messages import (
     MovingTransform,
     Odometry,
     RgbdFrame,
-    StaticTransform,
     Tracks,
 )
 from services.tracker.build import build as build_tracker
@@ -25,11 +24,10 @@ from services.tracker.config import TrackerConfig
 from services.visual_odometry.build import build
 from services.visual_odometry.config import VisualOdometryConfig
 from services.visual_odometry.node import VisualOdometryNode
+from tests import builders
 from tests.visual_odometry.room import BASE_FROM_OPTICAL, FRAME_NS, INFO, base, view
 
-MOUNT = StaticTransform(
-    stamp_ns=0, sequence=0, parent="base_link", child=INFO.frame_id, matrix=BASE_FROM_OPTICAL
-)
+MOUNT = builders.static_transform(BASE_FROM_OPTICAL, parent="base_link", child=INFO.frame_id)
 
 
 def frame(pose: F64, number: int, **changed: object) -> RgbdFrame:
@@ -71,9 +69,7 @@ def test_every_frame_is_answered_by_odometry_of_its_stamp() -> None:
 
 def test_where_a_map_knows_odom_the_base_moves_in_odom() -> None:
     one = node()
-    one.handle(
-        StaticTransform(stamp_ns=0, sequence=0, parent="map", child="odom", matrix=base(1.0)), 0
-    )
+    one.handle(builders.static_transform(base(1.0), child="odom"), 0)
     odometry = odometry_of(one, frame(base(), 0))
     assert odometry is not None
     assert odometry.frame_id == "odom"
@@ -202,13 +198,11 @@ def found(position_m: F64, number: int) -> Detections:
     u = INFO.fx * position_m[0] / position_m[2] + INFO.cx
     box = np.array([u - 20, 20, u + 20, 230], np.float32)
     person = Detection(box_xyxy_px=box, score=0.9, position_m=position_m)
-    return Detections(
+    return builders.detections(
+        person,
         stamp_ns=number * FRAME_NS,
         sequence=number,
-        camera="front",
         frame_id=INFO.frame_id,
         width=INFO.width,
         height=INFO.height,
-        model="hand",
-        detections=(person,),
     )

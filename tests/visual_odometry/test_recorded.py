@@ -20,6 +20,7 @@ from evaluation.recordings.visual_motion import (
 from people4d.messages import Detections, Message, Odometry, RgbdFrame
 from services.camera.config import CameraConfig
 from services.visual_odometry.config import VisualOdometryConfig
+from tests import builders
 from tests.deploy.test_alone import (  # noqa: F401  # a fixture is one by its name
     environment,
     people,
@@ -31,15 +32,7 @@ from tests.visual_odometry.room import BASE_FROM_OPTICAL, INFO, base
 from tests.visual_odometry.test_node import MOUNT, found, frame
 
 FRAMES = 10
-WRONG = Odometry(
-    stamp_ns=1,
-    sequence=0,
-    frame_id="odom",
-    child_frame_id="base_link",
-    x_m=9.0,
-    y_m=0.0,
-    theta_rad=1.0,
-)
+WRONG = builders.odometry(stamp_ns=1, x_m=9.0, theta_rad=1.0)
 
 
 def heading(number: int) -> float:

@@ -11,12 +11,9 @@ from rosbags.highlevel import AnyReader
 from common.io.recording import RecordingWriter
 from people4d.errors import SourceError
 from people4d.messages import (
-    CameraInfo,
     Message,
     Odometry,
     RgbdFrame,
-    StaticTransform,
-    Track,
     Tracks,
     Truth,
     TruthPerson,
@@ -28,6 +25,7 @@ from services.camera.ros.source import RosbagSource
 from services.camera.source import SourceFrame
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.rosbag import RosbagTruth
+from tests import builders
 
 S = 10**9
 START_NS = 1_700_000_000 * S
@@ -58,11 +56,9 @@ def frame(k: int) -> RgbdFrame:
 
 
 def odometry(k: int) -> Odometry:
-    return Odometry(
+    return builders.odometry(
         stamp_ns=START_NS + k * S // 10 + 5,
         sequence=k,
-        frame_id="odom",
-        child_frame_id="base_link",
         x_m=0.25 * k,
         y_m=-0.5,
         theta_rad=-2.5,
@@ -79,50 +75,29 @@ def truth(k: int) -> Truth:
         yaw_rad=1.0 / 3.0,
         path_yaw_rad=-0.1,
     )
-    return Truth(stamp_ns=START_NS + k * S // 100, sequence=k, frame_id="map", people=(walker,))
+    return builders.truth(walker, stamp_ns=START_NS + k * S // 100, sequence=k)
 
 
 def tracks() -> Tracks:
-    person = Track(
+    person = builders.track(
         id=7,
         state="lost",
         position_m=np.array([3.0, 0.0, 1.0]),
-        velocity_mps=np.zeros(3),
-        covariance=np.eye(6),
-        yaw_rad=None,
-        hits=3,
         age=4,
         time_since_update_s=0.1,
         detection=None,
         score=0.75,
     )
-    return Tracks(
-        stamp_ns=START_NS + 7, sequence=0, frame_id="map", tracker="t", camera="c", tracks=(person,)
-    )
+    return builders.tracks(person, stamp_ns=START_NS + 7, camera="c")
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "walk.mcap"
-    info = CameraInfo(
-        stamp_ns=START_NS,
-        sequence=0,
-        camera="front",
-        frame_id="front_optical_frame",
-        width=SIZE[1],
-        height=SIZE[0],
-        fx=20.0,
-        fy=21.0,
-        cx=7.5,
-        cy=5.5,
+    info = builders.camera_info(
+        stamp_ns=START_NS, width=SIZE[1], height=SIZE[0], fx=20.0, fy=21.0, cx=7.5, cy=5.5
     )
-    mount = StaticTransform(
-        stamp_ns=START_NS,
-        sequence=0,
-        parent="base_link",
-        child="front_optical_frame",
-        matrix=BASE_FROM_OPTICAL,
-    )
+    mount = builders.static_transform(BASE_FROM_OPTICAL, stamp_ns=START_NS, parent="base_link")
     messages: list[Message] = [info, mount, *map(frame, range(3)), tracks()]
     messages += [*map(odometry, range(2)), *map(truth, range(2))]
     with RecordingWriter(path) as writer:

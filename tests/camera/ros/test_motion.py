@@ -23,6 +23,7 @@ from services.camera.ros.export import BagWriter, ExportItem
 from services.camera.ros.motion import FrameParents, JointConfig, WheelReader, edges_of
 from services.camera.ros.source import RosbagSource
 from services.camera.source import SourceFrame
+from tests import builders
 from tests.camera.memory import SIZE, capture, odometry
 from tests.camera.ros.bags import FRAME, ODOMETRY, TF, Entry, Ros, frames
 
@@ -158,13 +159,8 @@ def test_a_camera_that_only_moves_gets_no_mount(tmp_path: Path) -> None:
 
 def test_our_own_bags_give_back_what_moves(tmp_path: Path) -> None:
     matrix = transform_from((1, 2, 3), rotation_from_rpy(0, 0.3, 0.5))
-    moved = [
-        MovingTransform(stamp_ns=k, sequence=k - S, parent="base_link", child="head", matrix=matrix)
-        for k in (S, S + 1)
-    ]
-    fixed = StaticTransform(
-        stamp_ns=0, sequence=0, parent="head", child=INFO.frame_id, matrix=np.eye(4)
-    )
+    moved = [builders.moving_transform(matrix, stamp_ns=k, sequence=k - S) for k in (S, S + 1)]
+    fixed = builders.static_transform(np.eye(4), parent="head", child=INFO.frame_id)
     with BagWriter(tmp_path / "bag", INFO) as bag:
         bag.write_transforms([fixed], S)
         items: list[ExportItem] = [capture(1000), odometry(1000), *moved, capture(1001)]

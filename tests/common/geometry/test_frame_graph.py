@@ -8,10 +8,11 @@ import pytest
 from common.geometry.frame_graph import FrameGraph
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
 from people4d.messages import F64, StaticTransform
+from tests import builders
 
 
 def transform(parent: str, child: str, matrix: F64) -> StaticTransform:
-    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+    return builders.static_transform(matrix, parent=parent, child=child)
 
 
 def shift(x: float, y: float = 0.0, z: float = 0.0) -> F64:

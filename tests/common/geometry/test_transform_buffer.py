@@ -9,12 +9,13 @@ from common.geometry.transform_buffer import TransformBuffer, transform_from_odo
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
+from tests import builders
 
 CAMERA = "front_optical_frame"
 
 
 def fixed(parent: str, child: str, matrix: F64) -> StaticTransform:
-    return StaticTransform(stamp_ns=0, sequence=0, parent=parent, child=child, matrix=matrix)
+    return builders.static_transform(matrix, parent=parent, child=child)
 
 
 def shift(x: float, y: float = 0.0, z: float = 0.0) -> F64:
@@ -22,14 +23,8 @@ def shift(x: float, y: float = 0.0, z: float = 0.0) -> F64:
 
 
 def odometry(at_ms: int, x_m: float, theta_deg: float = 0.0) -> Odometry:
-    return Odometry(
-        stamp_ns=at_ms * 1_000_000,
-        sequence=at_ms,
-        frame_id="odom",
-        child_frame_id="base_link",
-        x_m=x_m,
-        y_m=0.0,
-        theta_rad=math.radians(theta_deg),
+    return builders.odometry(
+        stamp_ns=at_ms * 1_000_000, sequence=at_ms, x_m=x_m, theta_rad=math.radians(theta_deg)
     )
 
 
@@ -83,9 +78,7 @@ def test_awaits_sample_only_if_the_path_moves() -> None:
 
 
 def head(at_ms: int, matrix: F64) -> MovingTransform:
-    return MovingTransform(
-        stamp_ns=at_ms * 1_000_000, sequence=0, parent="base_link", child="head", matrix=matrix
-    )
+    return builders.moving_transform(matrix, stamp_ns=at_ms * 1_000_000)
 
 
 def turned(yaw_deg: float, pitch_deg: float) -> F64:

@@ -21,20 +21,9 @@ from common.geometry.transforms import (
     transform_from,
     wrap,
 )
-from people4d.messages import CameraInfo
+from tests import builders
 
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="c",
-    frame_id="c_optical_frame",
-    width=640,
-    height=480,
-    fx=500.0,
-    fy=400.0,
-    cx=320.0,
-    cy=240.0,
-)
+INFO = builders.camera_info(camera="c", frame_id="c_optical_frame", fx=500.0, fy=400.0)
 LENSES = {
     "webcam": ("plumb_bob", (0.1, -0.25, 0.001, -0.0005)),
     "kinect": ("plumb_bob", (0.26, -0.92, -0.003, 0.003, 1.15)),

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from common.io.odometry_order import odometry_first
 from people4d.messages import Odometry
+from tests import builders
 
 
 @dataclass(frozen=True)
@@ -16,15 +17,7 @@ def ms(value: int) -> int:
 
 
 def odometry(at_ms: int) -> Odometry:
-    return Odometry(
-        stamp_ns=ms(at_ms),
-        sequence=0,
-        frame_id="odom",
-        child_frame_id="base_link",
-        x_m=0.0,
-        y_m=0.0,
-        theta_rad=0.0,
-    )
+    return builders.odometry(stamp_ns=ms(at_ms))
 
 
 def order(*items: Odometry | Frame) -> list[str]:

@@ -21,26 +21,18 @@ from people4d.messages import (
     StaticTransform,
     Truth,
 )
-from tests import ROOT
+from tests import ROOT, builders
 
 S = 10**9
 DEMO = ROOT / "deploy/demo/crossing.mcap"
 
 
 def odometry(second: int) -> Odometry:
-    return Odometry(
-        stamp_ns=second * S,
-        sequence=second,
-        frame_id="odom",
-        child_frame_id="base_link",
-        x_m=float(second),
-        y_m=0.0,
-        theta_rad=0.0,
-    )
+    return builders.odometry(stamp_ns=second * S, sequence=second, x_m=float(second))
 
 
 def transform() -> StaticTransform:
-    return StaticTransform(stamp_ns=0, sequence=0, parent="map", child="cam", matrix=np.eye(4))
+    return builders.static_transform(np.eye(4), child="cam")
 
 
 def write(path: Path, *messages: tuple[int, Message]) -> Path:

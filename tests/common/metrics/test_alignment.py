@@ -10,6 +10,7 @@ from common.geometry.transforms import apply, invert, rotation_from_rpy, transfo
 from common.metrics import estimate_clock, estimate_motion, fit_2d, fit_3d, transform_truth
 from common.metrics.alignment.trajectories import Trajectory
 from people4d.messages import F64, Truth, TruthPerson
+from tests import builders
 
 RATE_HZ, FRAMES_HZ = 100.0, 30.0
 
@@ -178,6 +179,6 @@ def test_moved_by_hand() -> None:
 def test_mocap_with_another_axis_up_turns_yaw_rightly() -> None:
     # A frame upside down (half a turn about x): facing +y there is facing -y here.
     over = transform_from([0.0, 0.0, 0.0], rotation_from_rpy(math.pi, 0.0, 0.0))
-    person = TruthPerson(id="a", position_m=np.zeros(3), yaw_rad=math.pi / 2)
-    truth = Truth(stamp_ns=0, sequence=0, frame_id="mocap", people=(person,))
+    person = builders.truth_person(yaw_rad=math.pi / 2)
+    truth = builders.truth(person, frame_id="mocap")
     assert transform_truth(truth, over, "map").people[0].yaw_rad == pytest.approx(-math.pi / 2)

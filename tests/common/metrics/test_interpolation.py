@@ -7,6 +7,7 @@ import pytest
 
 from common.metrics import TruthBuffer
 from people4d.messages import Truth, TruthPerson
+from tests import builders
 
 MS = 1_000_000
 
@@ -21,7 +22,7 @@ def person(name: str, x: float, yaw_deg: float | None = None) -> TruthPerson:
 
 
 def truth(stamp_ms: int, *people: TruthPerson, frame_id: str = "map") -> Truth:
-    return Truth(stamp_ns=stamp_ms * MS, sequence=0, frame_id=frame_id, people=people)
+    return builders.truth(*people, stamp_ns=stamp_ms * MS, frame_id=frame_id)
 
 
 def buffer(*messages: Truth) -> TruthBuffer:

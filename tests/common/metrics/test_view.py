@@ -6,22 +6,10 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert, transform_from
 from common.metrics import in_view
-from people4d.messages import CameraInfo
+from tests import builders
 
 # f = 100 px, 200 x 100 px, axis in the middle: 45 degrees to either side, 26.6 up and down.
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=200,
-    height=100,
-    fx=100.0,
-    fy=100.0,
-    cx=99.5,
-    cy=49.5,
-    max_depth_m=5.0,
-)
+INFO = builders.camera_info(width=200, height=100, fx=100.0, cx=99.5, cy=49.5, max_depth_m=5.0)
 # The camera stands 1 m above the origin and looks along +x.
 MAP_FROM_CAMERA = transform_from([0, 0, 1.0], np.eye(3)) @ LINK_FROM_OPTICAL
 

@@ -10,6 +10,7 @@ from people4d.errors import DecodeError
 from people4d.messages import Message, Truth
 from people4d.queue import Arrival
 from people4d.topics import BY_NAME, ForeignTopic, Topic
+from tests import builders
 from tests.contract.examples import BY_NAME as EXAMPLES
 
 FRAMES, DETECTIONS, ODOMETRY = BY_NAME["frames"], BY_NAME["detections"], BY_NAME["odometry"]
@@ -196,7 +197,7 @@ def test_foreign_topic_is_read_by_its_own_decoder() -> None:
     def read_count(payload: bytes) -> Message:
         if not payload.isdigit():
             raise DecodeError("count: expected digits, got other bytes")
-        return Truth(stamp_ns=int(payload), sequence=0, frame_id="map")
+        return builders.truth(stamp_ns=int(payload))
 
     topic = ForeignTopic("counts", "their/key", Truth, 10, "queue", 8, "they", read_count)
     assert topic.key_expression("robot") == "their/key"  # below no robot's prefix

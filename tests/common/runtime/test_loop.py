@@ -22,6 +22,7 @@ from people4d.messages import Health, Message, Tracks, Truth
 from people4d.messages.base import MAX_TRACE
 from services.router.build import build
 from services.router.config import RouterConfig
+from tests import builders
 from tests.common.nodes import Echo, Source, detections
 from tests.contract.examples import SPAN
 from tests.network import WAIT_S, Network, Watcher
@@ -181,7 +182,7 @@ def test_node_can_wake_the_loop(network: Network, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(loop_module, "LONGEST_WAIT_S", 10 * WAIT_S)
     node = Fed()
     with running(network, node) as run:
-        node.due.append(Truth(stamp_ns=0, sequence=3, frame_id="map"))
+        node.due.append(builders.truth(sequence=3))
         node.wake()
         assert run.watcher.wait(Truth).sequence == 3
 
@@ -198,7 +199,7 @@ def test_tick_is_called_at_wake_ns(network: Network, monkeypatch: pytest.MonkeyP
                 self.at_ns = now_ns + 50_000_000
             elif now_ns >= self.at_ns:
                 self.at_ns = None
-                return [Truth(stamp_ns=0, sequence=0, frame_id="map")]
+                return [builders.truth()]
             return ()
 
     monkeypatch.setattr(loop_module, "LONGEST_WAIT_S", 1.0)

@@ -8,6 +8,7 @@ import msgspec
 
 from common.runtime.node import LoopCallbacks
 from people4d.messages import Message, RgbdFrame, Truth
+from tests import builders
 from tests.common.nodes import Echo
 from tests.common.runtime.test_loop import running
 from tests.contract.examples import BY_NAME
@@ -32,7 +33,7 @@ class Heavy(Echo):
         assert self.heavy_done.wait(WAIT_S)
         self.loop.release()
         assert message.sequence > 1 or self.light_done.wait(WAIT_S)
-        return [Truth(stamp_ns=0, sequence=message.sequence, frame_id="map")]
+        return [builders.truth(sequence=message.sequence)]
 
 
 def frame(sequence: int, lockstep: bool) -> Message:
@@ -77,7 +78,7 @@ class Early(Heavy):
         assert self.loop.publish
         self.loop.publish(tracks)
         assert self.heavy_done.wait(WAIT_S)
-        return [Truth(stamp_ns=0, sequence=message.sequence, frame_id="map")]
+        return [builders.truth(sequence=message.sequence)]
 
 
 def test_output_that_is_ready_first_is_published_first(network: Network) -> None:

@@ -6,6 +6,7 @@ from typing import ClassVar
 from common.runtime.node import Node
 from common.transport.bus import MemoryBus
 from people4d.messages import Detections, Message, Odometry, Tracks, Truth
+from tests import builders
 from tests.common.nodes import Echo, Source, detections
 from tests.contract.examples import BY_NAME
 
@@ -19,7 +20,7 @@ class Evaluator(Node):
         self.ticks_ns: list[int] = []
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        return [Truth(stamp_ns=message.stamp_ns, sequence=message.sequence, frame_id="map")]
+        return [builders.truth(stamp_ns=message.stamp_ns, sequence=message.sequence)]
 
     def tick(self, now_ns: int) -> Sequence[Message]:
         self.ticks_ns.append(now_ns)

@@ -27,15 +27,14 @@ from services.detector.node import DetectorNode
 from services.tracker.build import make_tracker
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
+from tests import builders
 from tests.detector.cameras import INFO
 from tests.detector.test_node import FixedModel, frame, person
 from tests.network import WAIT_S, Network
 
 PERIOD_NS = 40_000_000
 LISTEN_S = 0.6  # six heartbeats
-PLACED = StaticTransform(
-    stamp_ns=0, sequence=0, parent="map", child=INFO.frame_id, matrix=np.eye(4)
-)
+PLACED = builders.static_transform(np.eye(4), child=INFO.frame_id)
 
 
 @dataclass

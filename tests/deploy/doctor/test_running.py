@@ -8,7 +8,8 @@ import pytest
 from deploy.doctor.diagnostic import Diagnostic
 from deploy.doctor.evidence import Evidence
 from deploy.doctor.running import examine
-from people4d.messages import Detection, Detections, Health, Track, Tracks
+from people4d.messages import Detection, Detections, Health, Track
+from tests import builders
 
 S = 10**9
 
@@ -21,15 +22,8 @@ def health(instance: str, **fields: Any) -> Health:
 
 
 def detections(*people: Detection, sequence: int = 0) -> Detections:
-    return Detections(
-        stamp_ns=sequence,
-        sequence=sequence,
-        camera="front",
-        frame_id="optical",
-        model="m",
-        width=64,
-        height=48,
-        detections=people,
+    return builders.detections(
+        *people, stamp_ns=sequence, sequence=sequence, frame_id="optical", width=64, height=48
     )
 
 
@@ -37,19 +31,7 @@ PERSON = Detection(
     box_xyxy_px=np.array([1, 1, 9, 9], np.float32), score=0.9, position_m=np.array([0.0, 0.0, 2.0])
 )
 NOWHERE = Detection(box_xyxy_px=np.array([1, 1, 9, 9], np.float32), score=0.9)
-TRACK = Track(
-    id=1,
-    state="confirmed",
-    position_m=np.zeros(3),
-    velocity_mps=np.zeros(3),
-    covariance=np.eye(6),
-    yaw_rad=None,
-    hits=3,
-    age=3,
-    time_since_update_s=0.0,
-    detection=0,
-    score=0.9,
-)
+TRACK = builders.track()
 
 # One second of a system that works, by service: counters at its begin and at its end.
 WORKS: dict[str, tuple[dict[str, int], dict[str, int]]] = {
@@ -90,14 +72,7 @@ class Heard:
         for number in range(30):
             self.evidence.hear(detections(*self.people, sequence=number), 0)
             self.evidence.hear(
-                Tracks(
-                    stamp_ns=number,
-                    sequence=number,
-                    frame_id="map",
-                    tracker="t",
-                    camera="front",
-                    tracks=self.tracks,
-                ),
+                builders.tracks(stamp_ns=number, sequence=number, tracks=self.tracks),
                 0,
             )
         present = [("robot", name.partition("-")[0], name) for name in self.counters]

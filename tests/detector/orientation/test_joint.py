@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from common.geometry.transforms import wrap
-from people4d.messages import F32, F64, U16, CameraInfo
+from people4d.messages import F32, F64, U16
 from services.detector.config import HIPS, SHOULDERS, BodyModelConfig
 from services.detector.orientation.joint import (
     ANGLES,
@@ -21,21 +21,11 @@ from services.detector.orientation.joint import (
 )
 from services.detector.orientation.observation import JointOffset, YawObservation, observe_body
 from services.detector.position.surface import DepthImage
+from tests import builders
 
 CONFIG = BodyModelConfig()
 FX = 600.0
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=641,
-    height=481,
-    fx=FX,
-    fy=FX,
-    cx=320.0,
-    cy=240.0,
-)
+INFO = builders.camera_info(width=641, height=481, fx=FX, cx=320.0, cy=240.0)
 UNKNOWN = JointOffset(math.nan, math.nan)
 NOTHING = YawObservation(3.0, {"shoulders": UNKNOWN, "hips": UNKNOWN}, math.nan, math.nan)
 MIRRORED = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]

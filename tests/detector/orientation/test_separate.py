@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, project, rotation_from_rpy, wrap
-from people4d.messages import F32, F64, U16, CameraInfo
+from people4d.messages import F32, F64, U16
 from services.detector.config import DetectorConfig, FaceConfig, KeypointConfig, OrientationConfig
 from services.detector.orientation.angle import YawEstimate, bearing, heading_vector
 from services.detector.orientation.separate import (
@@ -20,20 +20,10 @@ from services.detector.orientation.separate import (
     vector_yaw,
 )
 from services.detector.position.surface import DepthImage
+from tests import builders
 
 CONFIG = OrientationConfig()
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=641,
-    height=481,
-    fx=600.0,
-    fy=600.0,
-    cx=320.0,
-    cy=240.0,
-)
+INFO = builders.camera_info(width=641, height=481, cx=320.0, cy=240.0)
 NOSE, L_EYE, R_EYE, L_EAR, R_EAR, L_SHOULDER, R_SHOULDER, L_HIP, R_HIP = (*range(7), 11, 12)
 MIRRORED = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
 

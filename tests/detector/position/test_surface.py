@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import apply, invert
-from people4d.messages import F32, F64, U8, CameraInfo
+from people4d.messages import F32, F64, U8
 from services.detector.config import KeypointConfig
 from services.detector.models import InstanceMask
 from services.detector.position.surface import (
@@ -14,21 +14,11 @@ from services.detector.position.surface import (
     mask_centroid,
     read_depth,
 )
+from tests import builders
 from tests.detector.cameras import lab_info
 
 # X = (u - 2) Z / 2, Y = (v - 2) Z / 2
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=5,
-    height=5,
-    fx=2.0,
-    fy=2.0,
-    cx=2.0,
-    cy=2.0,
-)
+INFO = builders.camera_info(width=5, height=5, fx=2.0, cx=2.0, cy=2.0)
 
 
 TWO_M = DepthImage(np.full((5, 5), 2000, np.uint16), INFO)

@@ -6,24 +6,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from people4d.messages import F64, CameraInfo
+from people4d.messages import F64
 from services.gait.config import SpinConfig
 from services.gait.surface.mesh import BodyMesh, build_mesh
 from services.gait.surface.spin_image import similarity, spin_images
+from tests import builders
 from tests.gait.builders import INFO, PUBLISHED, body_of
 
-FINE = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front",
-    width=201,
-    height=201,
-    fx=1000.0,
-    fy=1000.0,
-    cx=100.0,
-    cy=100.0,
-)
+FINE = builders.camera_info(width=201, height=201, fx=1000.0, cx=100.0, cy=100.0)
 V, U = np.mgrid[:201, :201].astype(np.float64)
 ALL = SpinConfig(bin_m=0.004, points=0)
 

@@ -15,7 +15,7 @@ from people4d.messages import Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.people_msgs import PEOPLE, people_typestore
 from services.gt_bridge.sources.registry import open_truth
-from tests import ROOT
+from tests import ROOT, builders
 
 
 def read(path: Path, **settings: Any) -> list[Truth]:
@@ -100,7 +100,7 @@ def test_a_bag_without_people_holds_no_truth(tmp_path: Path) -> None:
 
 def test_truth_of_a_recording(tmp_path: Path) -> None:
     person = TruthPerson(id="0", position_m=np.array([1.0, 2.0, 3.0]), yaw_rad=0.5)
-    sent = Truth(stamp_ns=5, sequence=0, frame_id="map", people=(person,))
+    sent = builders.truth(person, stamp_ns=5)
     with RecordingWriter(tmp_path / "x.mcap") as writer:
         writer.write(sent, 5)
     (got,) = read(tmp_path / "x.mcap")

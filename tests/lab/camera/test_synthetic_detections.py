@@ -21,20 +21,10 @@ from lab.camera.synthetic_detections import (
 )
 from lab.depth.config import DepthSensorConfig
 from lab.truth.silhouette import silhouettes
-from people4d.messages import F64, CameraInfo, Detection
+from people4d.messages import F64, Detection
+from tests import builders
 
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=640,
-    height=480,
-    fx=615.0,
-    fy=615.0,
-    cx=319.5,
-    cy=239.5,
-)
+INFO = builders.camera_info(fx=615.0, cx=319.5, cy=239.5)
 OPTICAL_FROM_MAP = invert(transform_from((0, 0, 1.15), np.eye(3)) @ LINK_FROM_OPTICAL)
 NOSE, LEFT_EAR, RIGHT_EAR = 0, 3, 4
 

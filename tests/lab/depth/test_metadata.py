@@ -19,26 +19,16 @@ from lab.depth.config import DepthSensorConfig
 from lab.depth.metadata import SimulationMetadata, read_metadata
 from lab.depth.sensor import DepthSensor
 from people4d.errors import ConfigError, SourceError
-from people4d.messages import U16, CameraInfo, CompressedRgbdFrame, RgbdFrame
+from people4d.messages import U16, CompressedRgbdFrame, RgbdFrame
 from services.camera.describe import describe
 from services.camera.source import SourceFrame
 from services.camera.sources import open_source
+from tests import builders
 from tests.camera.test_node import player, with_
 
 SENSOR = DepthSensorConfig(noise_px=0.1, holes=0.02)
 METADATA = SimulationMetadata(scenario="crossing", seed=4, depth="clean", sensor=SENSOR)
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical_frame",
-    width=80,
-    height=60,
-    fx=77.0,
-    fy=77.0,
-    cx=39.5,
-    cy=29.5,
-)
+INFO = builders.camera_info(width=80, height=60, fx=77.0, cx=39.5, cy=29.5)
 
 
 def clean(frame: int) -> U16:

@@ -8,23 +8,13 @@ from lab.depth.config import EXACT, DepthSensorConfig
 from lab.depth.noise import Persistence
 from lab.depth.sensor import DepthSensor
 from people4d.messages import F32, U16, CameraInfo
+from tests import builders
 
 NOISY = msgspec.structs.replace(EXACT, noise_px=0.07)
 
 
 def info(width: int = 160, height: int = 120) -> CameraInfo:
-    return CameraInfo(
-        stamp_ns=0,
-        sequence=0,
-        camera="front",
-        frame_id="front_optical_frame",
-        width=width,
-        height=height,
-        fx=600.0,
-        fy=600.0,
-        cx=80.0,
-        cy=60.0,
-    )
+    return builders.camera_info(width=width, height=height, cx=80.0, cy=60.0)
 
 
 def wall(depth_m: float, calibration: CameraInfo | None = None) -> F32:

@@ -7,20 +7,10 @@ from common.geometry.transforms import camera_matrix, deproject, project
 from lab.drawing.mesh import Mesh
 from lab.drawing.raster import barycentrics, homogeneous, rasterise
 from lab.drawing.renderer import body_extents, draw_depth
-from people4d.messages import F64, CameraInfo
+from people4d.messages import F64
+from tests import builders
 
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical",
-    width=80,
-    height=60,
-    fx=70.0,
-    fy=75.0,
-    cx=38.5,
-    cy=31.0,
-)
+INFO = builders.camera_info(width=80, height=60, fx=70.0, fy=75.0, cx=38.5, cy=31.0)
 SIZE = (INFO.height, INFO.width)
 
 

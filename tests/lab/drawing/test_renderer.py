@@ -11,20 +11,10 @@ from lab.drawing.mesh import Material, Mesh, join
 from lab.drawing.renderer import Instant, Renderer
 from lab.drawing.rooms import Room, room_mesh
 from lab.drawing.solids import Finish, box, panel
-from people4d.messages import F32, F64, CameraInfo
+from people4d.messages import F32, F64
+from tests import builders
 
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical",
-    width=80,
-    height=60,
-    fx=77.0,
-    fy=77.0,
-    cx=39.5,
-    cy=29.5,
-)
+INFO = builders.camera_info(width=80, height=60, fx=77.0, cx=39.5, cy=29.5)
 PLASTER = Finish(Material.FABRIC, (0.5, 0.5, 0.5))
 
 

@@ -10,20 +10,10 @@ from lab.drawing.furniture import SEAT_M
 from lab.drawing.renderer import draw_depth
 from lab.drawing.rooms import room_mesh
 from lab.scenario import WALKABLE_M
-from people4d.messages import F64, CameraInfo
+from people4d.messages import F64
+from tests import builders
 
-INFO = CameraInfo(
-    stamp_ns=0,
-    sequence=0,
-    camera="front",
-    frame_id="front_optical",
-    width=80,
-    height=60,
-    fx=40.0,
-    fy=40.0,
-    cx=39.5,
-    cy=29.5,
-)
+INFO = builders.camera_info(width=80, height=60, fx=40.0, cx=39.5, cy=29.5)
 
 
 def optical_from_map(x_m: float, y_m: float, z_m: float, pitch_deg: float, yaw_deg: float) -> F64:

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import project, rotation_from_rpy
-from people4d.messages import F64, CameraInfo
+from people4d.messages import F64
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.box_kalman import TRACK, begin
 from services.tracker.image_sort.camera_turn import Lens, Turn, turn_track
 from services.tracker.image_sort.image_sort import BoxFrame, ImageSort
+from tests import builders
 
 FRAME_NS = 50_000_000
 
@@ -49,18 +50,7 @@ def test_turning_up_moves_the_image_down() -> None:
 
 def detected(points_m: F64, turned_rad: float, up_rad: float = 0.0) -> F64:
     """Return the pixels of points by a pinhole camera that has turned to the left, or up."""
-    info = CameraInfo(
-        stamp_ns=0,
-        sequence=0,
-        camera="c",
-        frame_id="o",
-        width=640,
-        height=480,
-        fx=400.0,
-        fy=400.0,
-        cx=320.0,
-        cy=240.0,
-    )
+    info = builders.camera_info(camera="c", frame_id="o", fx=400.0)
     link = points_m @ rotation_from_rpy(0, -up_rad, turned_rad)  # the inverse of the turn
     return project(np.column_stack([-link[:, 1], -link[:, 2], link[:, 0]]), info)
 

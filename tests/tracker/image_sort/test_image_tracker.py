@@ -23,6 +23,7 @@ from people4d.messages import (
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.camera_turn import camera_direction
 from services.tracker.node import TrackerNode
+from tests import builders
 from tests.tracker.test_node import FRAME_MS, MS, START_NS, TRANSFORM, detected, node, person
 
 ONCE = {"confirm": "once", "min_hits": 0}
@@ -117,22 +118,17 @@ def test_speed_is_that_of_the_person() -> None:
 
 
 def odometry(number: int, theta_rad: float) -> Odometry:
-    return Odometry(
+    return builders.odometry(
         stamp_ns=START_NS + number * FRAME_MS * MS,
         sequence=number,
         frame_id="map",
-        child_frame_id="base_link",
-        x_m=0.0,
-        y_m=0.0,
         theta_rad=theta_rad,
     )
 
 
 def on(parent: str) -> StaticTransform:
     """The camera, level and looking ahead."""
-    return StaticTransform(
-        stamp_ns=0, sequence=0, parent=parent, child="camera_optical", matrix=LINK_FROM_OPTICAL
-    )
+    return builders.static_transform(LINK_FROM_OPTICAL, parent=parent, child="camera_optical")
 
 
 def ids_while_turning(target: TrackerNode, moved: Sequence[Message], step_px: float) -> list[int]:
@@ -205,9 +201,7 @@ def test_directions_of_cameras() -> None:
 
 def test_cameras_share_identities_but_not_images() -> None:
     # The same box in two images is two people.
-    other = StaticTransform(
-        stamp_ns=0, sequence=0, parent="map", child="side_optical", matrix=LINK_FROM_OPTICAL
-    )
+    other = builders.static_transform(LINK_FROM_OPTICAL, child="side_optical")
     target = image_node(reorder_wait_s=0.0)
     answers(target, TRANSFORM, other)
     results = []

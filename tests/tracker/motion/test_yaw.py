@@ -10,13 +10,14 @@ import pytest
 from common.config import load
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from, wrap
 from people4d.errors import ConfigError
-from people4d.messages import F64, Detection, Detections, Message, StaticTransform, Track, Tracks
+from people4d.messages import F64, Detection, Message, Track, Tracks
 from services.tracker.build import make_tracker
 from services.tracker.config import TrackerConfig, YawFilterConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw import KeypointYaw, VelocityYaw, YawState, make_yaw
 from services.tracker.node import TrackerNode
 from services.tracker.observe import yaw_of
+from tests import builders
 from tests.tracker.scene import FRAME_NS, frame, person, published, published_config
 
 CONFIG = YawFilterConfig(
@@ -269,19 +270,8 @@ def tracks_of(map_from_camera: Any, heading: Any, **fields: Any) -> list[Track]:
         heading_sigma_rad=None if heading is None else 0.2,
     )
     sent: list[Message] = [
-        StaticTransform(
-            stamp_ns=0, sequence=0, parent="map", child="optical", matrix=map_from_camera
-        ),
-        Detections(
-            stamp_ns=1,
-            sequence=0,
-            camera="front",
-            frame_id="optical",
-            model="m",
-            width=640,
-            height=480,
-            detections=(detection,),
-        ),
+        builders.static_transform(map_from_camera, child="optical"),
+        builders.detections(detection, stamp_ns=1, frame_id="optical"),
     ]
     (results,) = [answer for message in sent for answer in node.handle(message, 0)]
     assert isinstance(results, Tracks)
