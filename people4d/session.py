@@ -157,7 +157,9 @@ class ZenohSession:
         self.robot = robot
         self._subscriptions: list[ZenohSubscription] = []
         self._threads: list[threading.Thread] = []
-        zenoh.init_log_from_env_or("error")
+        # A command reports errors itself; raw lines of Zenoh belong into the logs of services.
+        is_client = "client" in config.get_json("mode")
+        zenoh.init_log_from_env_or("off" if is_client else "error")
         if connect_timeout_s:
             config.insert_json5("connect/timeout_ms", str(int(connect_timeout_s * 1000)))
             config.insert_json5("connect/exit_on_failure", "true")

@@ -1,6 +1,5 @@
 """people4d evaluate."""
 
-import importlib.util
 import shlex
 import sys
 from pathlib import Path
@@ -10,13 +9,12 @@ import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from deploy.cli.progress import cores, interruptible, progress
+from deploy.cli.progress import can_draw_figures, cores, interruptible, progress
 from people4d.errors import ConfigError
 from services.presets import PRESETS
 
 # Most modules are imported on use: compiled code takes a second to load.
 
-NO_FIGURES = "No figures: matplotlib is not installed (pip install 'people4d[evaluate]')."
 
 if TYPE_CHECKING:
     from evaluation.report.tables import ReportTable
@@ -77,9 +75,7 @@ def evaluate(
 
     if visual_odometry and fidelity == "geometry":
         raise ConfigError("--fidelity geometry has no images", "Render them: --fidelity colour.")
-    if figures and importlib.util.find_spec("matplotlib") is None:
-        typer.echo(NO_FIGURES)
-        figures = False
+    figures = figures and can_draw_figures()
     folder = (cache or default_folder()).absolute()
     plan = EvaluationPlan(
         methods=tuple(read_methods(presets, set_)),

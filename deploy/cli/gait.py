@@ -1,6 +1,5 @@
 """people4d gait."""
 
-import importlib.util
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from deploy.cli.progress import interruptible, progress
+from deploy.cli.progress import can_draw_figures, interruptible, progress
 from lab import scenario as scenarios
 from people4d.errors import ConfigError
 from services.presets import PRESETS
@@ -52,17 +51,13 @@ def gait(
     ] = [],  # noqa: B006 (typer copies it)
     video: Annotated[bool, typer.Option(help="Draw gait.webm, which takes longest.")] = True,
     figures: Annotated[
-        bool, typer.Option(help="Draw figures; that takes matplotlib, the extra 'evaluate'.")
+        bool, typer.Option(help="Draw figures, if matplotlib is installed, the extra 'evaluate'.")
     ] = True,
 ) -> None:
     """Track heads, hands and feet in a recording; write tables, plots and a video."""
     from evaluation.gait.report import GaitReport, read_run  # noqa: PLC0415
 
-    if figures and importlib.util.find_spec("matplotlib") is None:
-        raise ConfigError(
-            "figures are drawn with matplotlib, which is not installed",
-            "Install it with: pip install 'people4d[evaluate]', or add --no-figures.",
-        )
+    figures = figures and can_draw_figures()
     source = scenarios.resolve(recording) if scenarios.is_scenario(recording) else recording
     run = read_run(source, _box(person), preset, set_)
     report = GaitReport(run, out, video=video, figures=figures)

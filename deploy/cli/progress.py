@@ -1,5 +1,6 @@
 """Bars for work that takes long, and its end on Ctrl-C."""
 
+import importlib.util
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -62,3 +63,11 @@ def interruptible(message: str) -> Iterator[None]:
     finally:
         for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler)
+
+
+def can_draw_figures() -> bool:
+    """Return True if matplotlib is installed; say so otherwise."""
+    if importlib.util.find_spec("matplotlib"):
+        return True
+    typer.echo("No figures: matplotlib is not installed (pip install 'people4d[evaluate]').")
+    return False
