@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import msgspec
 
 from common.runtime.node import LoopCallbacks, Node
-from common.transport.bus import MemoryBus
+from common.transport.memory_bus import MemoryBus
 from common.transport.trace import ProcessId, collect
 from people4d.errors import SourceError
 from people4d.messages import Message, Span, Tracks

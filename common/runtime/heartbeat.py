@@ -16,9 +16,9 @@ import psutil
 from common.runtime.inbox import Inbox
 from common.runtime.node import Node, Status
 from common.runtime.throughput import Throughput
-from common.transport.bus import Bus
 from common.transport.clock import ClockMonitor
 from common.transport.trace import ProcessId
+from common.transport.zenoh_bus import ZenohBus
 from people4d.messages import Health
 from people4d.messages.status import State
 from people4d.topics import BY_MESSAGE
@@ -88,14 +88,14 @@ class Heartbeat:
 
     Args:
         node: Node of the process.
-        bus: Bus to publish on.
+        bus: ZenohBus to publish on.
         process_id: Identity of the process.
         inbox: Gives counters.
         activity: Gives counters, and shows that the process hangs.
     """
 
     def __init__(
-        self, node: Node, bus: Bus, process_id: ProcessId, inbox: Inbox, activity: Activity
+        self, node: Node, bus: ZenohBus, process_id: ProcessId, inbox: Inbox, activity: Activity
     ) -> None:
         self._node, self._bus, self._process_id = node, bus, process_id
         self._inbox, self._activity = inbox, activity

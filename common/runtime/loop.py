@@ -12,10 +12,11 @@ from common.runtime.heartbeat import Activity, Heartbeat
 from common.runtime.inbox import Inbox
 from common.runtime.node import LoopCallbacks, Node, StatefulNode
 from common.runtime.replicas import Replica
-from common.transport.bus import Bus, Subscription
 from common.transport.trace import ProcessId, Tracer, span
+from common.transport.zenoh_bus import ZenohBus
 from people4d.messages import Message, RgbdFrame, Span
 from people4d.queue import Arrival
+from people4d.session import ZenohSubscription
 from people4d.topics import BY_MESSAGE, Topic
 
 LONGEST_WAIT_S = 0.25
@@ -68,13 +69,13 @@ class Loop:
 
     Args:
         node: The node.
-        bus: Bus of its messages.
+        bus: ZenohBus of its messages.
         process_id: Identity of this process.
         settings: Settings of the loop.
     """
 
     def __init__(
-        self, node: Node, bus: Bus, process_id: ProcessId, settings: LoopSettings = DEFAULT
+        self, node: Node, bus: ZenohBus, process_id: ProcessId, settings: LoopSettings = DEFAULT
     ) -> None:
         self._activity = Activity()
         self._replica = (
@@ -156,7 +157,7 @@ class Loop:
         else:
             self._bus.withdraw()
 
-    def _subscribe(self, topic: Topic) -> Subscription:
+    def _subscribe(self, topic: Topic) -> ZenohSubscription:
         subscription = self._bus.subscribe(topic)
         self._readers.append(self.inbox.follow(subscription, topic))
         return subscription

@@ -11,9 +11,10 @@ from common.runtime.assignment import Assignment, PendingMessage, read_header
 from common.runtime.heartbeat import Activity
 from common.runtime.inbox import Inbox
 from common.runtime.node import Sharing
-from common.transport.bus import Bus, Members, Subscription
 from common.transport.trace import ProcessId
+from common.transport.zenoh_bus import ZenohBus, ZenohMembers
 from people4d.messages import Health
+from people4d.session import ZenohSubscription
 from people4d.topics import BY_MESSAGE, Topic
 
 SETTLE_S = 0.2  # [s] between subscribing and joining: the others must not count on us too early
@@ -37,19 +38,19 @@ class Replica:
     """Joins the replicas of a service, and takes over the work of those that fail.
 
     Args:
-        bus: Bus to the others.
+        bus: ZenohBus to the others.
         process_id: Identity of this process.
         sharing: Types of messages that are shared.
         activity: Shows that this process is stuck.
     """
 
     def __init__(
-        self, bus: Bus, process_id: ProcessId, sharing: Sharing, activity: Activity
+        self, bus: ZenohBus, process_id: ProcessId, sharing: Sharing, activity: Activity
     ) -> None:
         self.assignment = Assignment(process_id.instance, sharing)
         self._bus, self._sharing, self._activity = bus, sharing, activity
         self._service, self._name = process_id.service, process_id.instance
-        self._subscriptions: list[Subscription | Members] = []
+        self._subscriptions: list[ZenohSubscription | ZenohMembers] = []
         self._left = threading.Event()
         self._changing = threading.Lock()
         self._joined = False
@@ -104,7 +105,7 @@ class Replica:
             self._bus.withdraw()
             self.assignment.remove_replica(self._name, time.monotonic())
 
-    def _watch(self, members: Members) -> None:
+    def _watch(self, members: ZenohMembers) -> None:
         for member in members:
             if member.instance != self._name:
                 assignment = self.assignment

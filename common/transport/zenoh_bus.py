@@ -5,6 +5,7 @@ import os
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ import zenoh
 import zenoh.ext
 
 from common.transport.access import LOCAL_INTERFACES, access_control, downsampling
-from common.transport.bus import Member
 from people4d import session
 from people4d.codec import encode
 from people4d.credentials import uses_certificates
@@ -67,6 +67,14 @@ def _access_rules(keys: Path, mode: str, local: list[str]) -> dict[str, Any] | N
         return access_control("cert_common_names", local) if mode != "client" else None
     # Only the end that connects proves its role by a password, so only the router can enforce.
     return access_control("usernames", local) if mode == "router" else None
+
+
+@dataclass(frozen=True)
+class Member:
+    """A process of a service that joined or left."""
+
+    instance: str  # its name
+    present: bool  # True if it joined
 
 
 class ZenohMembers:

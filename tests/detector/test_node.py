@@ -10,7 +10,7 @@ import pytest
 
 from common.config import load
 from common.geometry.transforms import apply, invert
-from common.transport.bus import MemoryBus
+from common.transport.memory_bus import MemoryBus
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Span
 from services.detector.build import build

@@ -2,7 +2,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from common.transport.bus import MemoryBus
+from common.transport.memory_bus import MemoryBus
 from people4d.messages import F32, Crop, Crops, Embeddings, Span
 from services.reid.build import build
 from services.reid.config import ReidConfig

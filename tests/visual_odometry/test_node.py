@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from common.geometry.transforms import invert
-from common.transport.bus import MemoryBus
+from common.transport.memory_bus import MemoryBus
 from people4d.messages import (
     F64,
     CameraInfo,

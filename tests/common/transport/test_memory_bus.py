@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from common.runtime.node import Node
-from common.transport.bus import MemoryBus
+from common.transport.memory_bus import MemoryBus
 from people4d.messages import Detections, Message, Odometry, Tracks, Truth
 from tests import builders
 from tests.common.nodes import Echo, Source, detections

@@ -1,0 +1,53 @@
+"""Bus of nodes in one thread, without a network: for tests and deterministic replay."""
+
+from collections import deque
+from collections.abc import Sequence
+
+from common.runtime.node import Node
+from people4d.codec import decode, encode
+from people4d.messages import Message
+
+
+class MemoryBus:
+    """Delivers messages to nodes at once; every message passes the codec, as between processes.
+
+    Args:
+        nodes: The nodes, called in this order.
+    """
+
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        self.nodes = nodes
+        self.log: list[Message] = []
+        self.now_ns = 0
+
+    def publish(self, *messages: Message) -> list[Message]:
+        """Deliver messages and all that follows from them.
+
+        Args:
+            messages: Messages in order.
+
+        Returns:
+            All messages published, these first.
+        """
+        start = len(self.log)
+        waiting = deque(messages)
+        while waiting:
+            message = waiting.popleft()
+            self.log.append(message)
+            payload = encode(message)
+            for node in self.nodes:
+                if isinstance(message, node.inputs):
+                    waiting.extend(node.handle(decode(payload), self.now_ns))
+        return self.log[start:]
+
+    def advance(self, duration_ns: int = 0) -> list[Message]:
+        """Let time pass, then tick every node.
+
+        Args:
+            duration_ns: Time that passes.
+
+        Returns:
+            All messages published.
+        """
+        self.now_ns += duration_ns
+        return self.publish(*(m for node in self.nodes for m in node.tick(self.now_ns)))
