@@ -170,7 +170,7 @@ def test_the_camera_and_the_bridge_alone(
 ) -> None:
     played = tmp_path / "played.mcap"
     with ExitStack() as stack:
-        bridge = ["--set", f'truth="{demo}"', "--set", "pace=recorded"]
+        bridge = ["--set", f'truth="{demo}"', "--set", "playback=recorded"]
         stack.enter_context(recording(played, "frames,truth", environment))
         stack.enter_context(service("gt_bridge", environment, *bridge))
         # Slowly: on a busy machine the recorder, like any reader, misses frames.
