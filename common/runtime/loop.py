@@ -69,7 +69,7 @@ class Loop:
 
     Args:
         node: The node.
-        bus: ZenohBus of its messages.
+        bus: Bus of its messages.
         process_id: Identity of this process.
         settings: Settings of the loop.
     """

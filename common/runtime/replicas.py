@@ -38,7 +38,7 @@ class Replica:
     """Joins the replicas of a service, and takes over the work of those that fail.
 
     Args:
-        bus: ZenohBus to the others.
+        bus: Bus to the others.
         process_id: Identity of this process.
         sharing: Types of messages that are shared.
         activity: Shows that this process is stuck.
