@@ -1,9 +1,5 @@
 """The format in docs/development/messages.md, decoded without our codec."""
 
-import re
-import subprocess
-import sys
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -17,22 +13,18 @@ from people4d.messages import Message
 from people4d.topics import TOPICS
 from tests import ROOT
 from tests.contract.examples import BY_NAME, FULL, SPARSE, TRACK
-from tests.network import Network
+from tests.docs.pages import blocks
 
 DOCS = ROOT / "docs" / "development" / "messages.md"
 PARAMETERS = [pytest.param(m, id=type(m).__name__) for m in (*FULL, *SPARSE)]
 
 
-def documented_programs() -> list[str]:
-    return re.findall(r"```python\n(.*?)```", DOCS.read_text("utf-8"), re.DOTALL)
-
-
 @pytest.fixture(scope="module")
 def documented_decode() -> Callable[[bytes], dict[str, Any]]:
-    """The Python example of the documentation."""
-    block = documented_programs()[0]
+    """Decoder of the documentation, its first Python block."""
+    block, *_ = (b for b in blocks("python") if b.page == DOCS)
     names: dict[str, Any] = {}
-    exec(block, names)
+    exec(block.code, names)
     decode: Callable[[bytes], dict[str, Any]] = names["decode"]
     return decode
 
@@ -87,29 +79,6 @@ def test_numbers_on_the_wire_by_hand() -> None:
     assert b"\xa5shape\x92\x02\x03" in payload
     assert b"\xa5dtype\xa6uint16" in payload
     assert payload[1:].startswith(b"\xa7message\xa9RgbdFrame\xa7version\x01")
-
-
-def test_documented_consumer_prints_tracks_of_a_running_system() -> None:
-    # Its subscriber was once deleted at once, so that nothing came.
-    network, stop = Network(), threading.Event()
-    bus = network.open("robot")
-
-    def publish() -> None:
-        while not stop.wait(0.02):
-            bus.publish(BY_NAME["Tracks"])
-
-    publisher = threading.Thread(target=publish)
-    publisher.start()
-    program = "\n".join(documented_programs()).replace("tcp/127.0.0.1:7447", network.endpoint)
-    with subprocess.Popen([sys.executable, "-uc", program], stdout=subprocess.PIPE) as consumer:
-        try:
-            assert consumer.stdout
-            assert consumer.stdout.readline().startswith(b"7 [")
-        finally:
-            consumer.kill()
-            stop.set()
-            publisher.join()
-            network.close()
 
 
 @pytest.mark.parametrize("message", FULL, ids=lambda message: type(message).__name__)
