@@ -96,25 +96,6 @@ def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> F64:
     )
 
 
-def rotation_from_quaternion(x: float, y: float, z: float, w: float) -> F64:
-    """Return the rotation matrix of a unit quaternion; it is normalised first.
-
-    Raises:
-        ValueError: The quaternion is zero.
-    """
-    norm = math.sqrt(x * x + y * y + z * z + w * w)
-    if norm < 1e-9:
-        raise ValueError("quaternion: expected unit length, got zero")
-    x, y, z, w = x / norm, y / norm, z / norm, w / norm
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
 def apply(matrix: F64, points_m: npt.ArrayLike) -> F64:
     """Transform points.
 

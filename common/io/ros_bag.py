@@ -19,6 +19,13 @@ from common.io.ros_bag_guard import guarded, unzstd
 from people4d.codec import MAX_BYTES
 from people4d.errors import SourceError
 
+PEOPLE = "people_msgs/msg/People"
+PEOPLE_DEFINITIONS = {
+    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\n"
+    "geometry_msgs/Point velocity\nfloat64 reliability\nstring[] tagnames\nstring[] tags\n",
+    PEOPLE: "std_msgs/Header header\npeople_msgs/Person[] people\n",
+}
+
 
 def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
     """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), and further ones.

@@ -2,8 +2,7 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from rosbags.typesys.store import Typestore
 
@@ -37,34 +36,27 @@ def parse_key(field: str, text: str, example: str) -> str:
     return key
 
 
-@dataclass(frozen=True)
-class CdrDecoder(Generic[T]):
-    """Decoder of one type of message in CDR."""
+def cdr_decoder(store: Typestore, kind: str, make: Callable[[Any], T]) -> Callable[[bytes], T]:
+    """Return the decoder of one type of message in CDR (header of 4 bytes included, untrusted).
 
-    subject: str  # its content, for errors
-    store: Typestore  # types of ROS
-    kind: str  # name of its type
-    make: Callable[[Any], T]  # makes the result; raises if the message cannot be used
+    Args:
+        store: Types of ROS.
+        kind: Name of the type.
+        make: Makes the result; raises if the message cannot be used.
 
-    def decode(self, payload: bytes) -> T:
-        """Read one message.
+    Returns:
+        Function that raises DecodeError if the bytes are no such message, or it cannot be used.
+    """
 
-        Args:
-            payload: CDR with its header of 4 bytes, untrusted.
-
-        Raises:
-            DecodeError: The bytes are no such message, or it cannot be used.
-        """
+    def decode(payload: bytes) -> T:
         if len(payload) > MAX_BYTES:
-            raise DecodeError(
-                f"{self.subject}: expected at most {MAX_BYTES} bytes, got {len(payload)}"
-            )
+            raise DecodeError(f"{kind}: expected at most {MAX_BYTES} bytes, got {len(payload)}")
         try:
-            return self.make(self.store.deserialize_cdr(payload, self.kind))
+            return make(store.deserialize_cdr(payload, kind))
         except DecodeError:
             raise
         except Exception as error:  # damaged bytes make rosbags raise almost anything
             reason = f"{type(error).__name__} {error}"[:80].strip()
-            raise DecodeError(
-                f"{self.subject}: expected {self.kind} in CDR, got {reason}"
-            ) from error
+            raise DecodeError(f"expected {kind} in CDR, got {reason}") from error
+
+    return decode

@@ -7,6 +7,7 @@ from typing import TypeVar
 import msgspec
 
 from common.io.recording import open_recording
+from common.io.ros_bag import PEOPLE
 from people4d.errors import SourceError
 from people4d.messages import CameraInfo
 from people4d.topics import prefix, topic_of_key
@@ -14,7 +15,7 @@ from services.camera.folder.source import TRACK, FolderOptions, FolderSource
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.source import RosbagSource
-from services.camera.ros.types import ODOMETRY, PEOPLE, open_bag
+from services.camera.ros.types import ODOMETRY, open_bag
 from services.camera.source import Source
 from services.camera.sources import kind_of
 

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 from common.io.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
-from common.io.ros_bag import make_typestore
+from common.io.ros_bag import PEOPLE, make_typestore
 from people4d.codec import MESSAGES, decode, encode
 from people4d.errors import DecodeError
 from people4d.messages import CompressedRgbdFrame, Detections, Message
 from services.camera.config import MotionConfig
-from services.camera.ros.calibration import TransformTree, intrinsics_of
+from services.camera.ros.camera import intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
-from services.camera.ros.motion import JointConfig, odometry_of
+from services.camera.ros.motion import FrameTree, JointConfig, edges_of, odometry_of
 from services.camera.ros.types import RGBD, RGBD_DEFINITION
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.live import LiveTruth
-from services.gt_bridge.sources.people_msgs import PEOPLE, people_typestore, truth_of
+from services.gt_bridge.sources.people_msgs import people_typestore, truth_of
 from tests.camera.ros.bags import Ros, compressed_depth, depth_mm, rgb
 from tests.contract.examples import FULL, SPARSE
 from tests.fuzz.target import Target
@@ -41,8 +41,9 @@ def _image(message: Any) -> None:
 
 
 def _tree(message: Any) -> None:
-    tree = TransformTree()
-    tree.add(message)
+    tree = FrameTree()
+    for edge in edges_of(message):
+        tree.add(edge.parent, edge.child, edge.matrix)
     tree.find("map", "camera_color_optical_frame")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from common.config import Config
 from common.io.ros_bag import Bag
 from people4d.errors import DecodeError, SourceError
-from people4d.messages import U8, U16, CameraInfo, StaticTransform
+from people4d.messages import F64, U8, U16, CameraInfo, StaticTransform
 from services.camera.calibration import (
     Calibration,
     Intrinsics,
@@ -20,16 +20,17 @@ from services.camera.calibration import (
     read_calibration,
     registration,
     static_transform,
+    to_intrinsics,
 )
 from services.camera.folder.registration import Registration
-from services.camera.ros.calibration import TransformTree, intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
-from services.camera.ros.motion import JointConfig
+from services.camera.ros.motion import FrameTree, JointConfig, edges_of
 from services.camera.ros.topics import Topics
 from services.camera.ros.types import OLD_TF, TF
 
 TF_HEADS = 2000  # messages of /tf that are searched for moving transforms: some ten seconds
 MAX_BAD_HEADS = 30  # corrupt images after which a topic is unusable: one second
+DISTORTIONS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "none": (0,), "": (0, 4, 5)}
 
 
 class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -53,21 +54,13 @@ class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 @dataclass(frozen=True)
-class CameraMount:
-    """Mount of a camera in the map or on the base."""
-
-    transforms: list[StaticTransform]  # static ones
-    moving: tuple[tuple[str, str], ...] = ()  # parent and child of the moving ones in /tf
-
-
-@dataclass(frozen=True)
 class RosCamera:
-    """The camera of a bag."""
+    """The camera of a bag, and its mount in the map or on the base."""
 
     info: CameraInfo  # calibration of colour
-    mount: CameraMount  # its mount
-    # moves depth into the view of colour; None if it is there already
-    registration: Registration | None
+    registration: Registration | None  # of depth to colour; None if it is aligned
+    transforms: list[StaticTransform]
+    moving: frozenset[tuple[str, str]]  # parent and child of the moving transforms in /tf
 
 
 @dataclass(frozen=True)
@@ -95,13 +88,19 @@ def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
     register = registration(calibration, info, depth.size)
     if register is None and depth.size != colour.size:
         raise SourceError(f"depth is {depth.size}, colour {colour.size}: it cannot be aligned")
-    if not options.tf_as_static:
-        _add_moving(bag, tree)
     base = _base(bag, topics, options)
-    mount = _moving_mount(tree, colour.frame, base, options) or _static_mount(
-        tree, colour.frame, base, options
-    )
-    return RosCamera(info, mount, register)
+    path = _path(tree, colour.frame, base, options)
+    moving = frozenset((parent, child) for parent, child, matrix in path if matrix is None)
+    moving -= {base}
+    if not moving:
+        mount = _static_mount(tree, colour.frame, base, options)
+        return RosCamera(info, register, mount, moving)
+    transforms = [
+        static_transform("map" if parent == options.map_frame else parent, child, matrix)
+        for parent, child, matrix in path
+        if matrix is not None
+    ]
+    return RosCamera(info, register, transforms, moving)
 
 
 def _heads(bag: Bag, topics: Topics) -> tuple[_Head, _Head]:
@@ -138,20 +137,21 @@ def _frame(message: Any) -> str:
     return str(message.header.frame_id).strip("/")
 
 
-def _tree(bag: Bag, tf_as_static: bool) -> TransformTree:
-    tree = TransformTree()
-    wanted = [
-        topic
-        for topic, kind in bag.types.items()
-        if kind in (TF, OLD_TF) and (tf_as_static or topic.endswith("tf_static"))
-    ]
-    for _, _, message in bag.messages(wanted):
-        tree.add(message)
+def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
+    tree = FrameTree()
+    topics = {topic for topic, kind in bag.types.items() if kind in (TF, OLD_TF)}
+    static = {topic for topic in topics if tf_as_static or topic.endswith("tf_static")}
+    for _, _, message in bag.messages(static):
+        for edge in edges_of(message):
+            tree.add(edge.parent, edge.child, edge.matrix)
+    for _, _, message in islice(bag.messages(topics - static), TF_HEADS):
+        for edge in edges_of(message):
+            tree.add(edge.parent, edge.child)
     return tree
 
 
 def _calibration(
-    topics: Topics, options: RosbagOptions, tree: TransformTree, heads: tuple[_Head, _Head]
+    topics: Topics, options: RosbagOptions, tree: FrameTree, heads: tuple[_Head, _Head]
 ) -> Calibration:
     """Gather the calibration, with that of depth only where depth has to be registered."""
     if options.calibration:
@@ -205,16 +205,6 @@ def _aligned(
     return colour.frame == depth.frame or bool(np.allclose(ours, theirs, atol=0.01, rtol=0))
 
 
-def _add_moving(bag: Bag, tree: TransformTree) -> None:
-    wanted = [
-        topic
-        for topic, kind in bag.types.items()
-        if kind in (TF, OLD_TF) and not topic.endswith("tf_static")
-    ]
-    for _, _, message in islice(bag.messages(wanted), TF_HEADS):
-        tree.add_moving(message)
-
-
 def _base(bag: Bag, topics: Topics, options: RosbagOptions) -> tuple[str, str] | None:
     """Return the frames of odometry: that of the pose and that of the base."""
     if options.wheel_topics:
@@ -225,36 +215,32 @@ def _base(bag: Bag, topics: Topics, options: RosbagOptions) -> tuple[str, str] |
     return odometry.header.frame_id.strip("/"), odometry.child_frame_id.strip("/")
 
 
-def _moving_mount(
-    tree: TransformTree, optical: str, base: tuple[str, str] | None, options: RosbagOptions
-) -> CameraMount | None:
+def _path(
+    tree: FrameTree, optical: str, base: tuple[str, str] | None, options: RosbagOptions
+) -> list[tuple[str, str, F64 | None]]:
     """Return the path from the camera to the map, else to the base, else to the root of /tf.
 
     Returns:
-        None if nothing on that path moves beside odometry.
+        Parent, child and matrix of each transform, None for a moving one; static ones in a row are
+        one.
     """
-    path = tree.climb(optical)
+    path: list[tuple[str, str, F64 | None]] = []
+    for parent, child, matrix in tree.path(optical):
+        _, first, below = path[-1] if path else ("", "", None)
+        if matrix is not None and below is not None:
+            path[-1] = parent, first, matrix @ below
+        else:
+            path.append((parent, child, matrix))
     frames = [parent for parent, _, _ in path]
-    if options.map_frame in frames:
-        path = path[: frames.index(options.map_frame) + 1]
-    elif base and base[1] in frames:
-        path = path[: frames.index(base[1]) + 1]
-    moving = [(parent, child) for parent, child, matrix in path if matrix is None]
-    moving = [edge for edge in moving if edge != base]
-    if not moving:
-        return None
-    names = {options.map_frame: "map"}
-    static = [
-        static_transform(names.get(parent, parent), child, matrix)
-        for parent, child, matrix in path
-        if matrix is not None
-    ]
-    return CameraMount(static, tuple(moving))
+    for end in (options.map_frame, base[1] if base else ""):
+        if end in frames:
+            return path[: frames.index(end) + 1]
+    return path
 
 
 def _static_mount(
-    tree: TransformTree, optical: str, base: tuple[str, str] | None, options: RosbagOptions
-) -> CameraMount:
+    tree: FrameTree, optical: str, base: tuple[str, str] | None, options: RosbagOptions
+) -> list[StaticTransform]:
     """Return the mount in the map, else on the base of odometry."""
     parents = {options.map_frame: "map"}
     if base:
@@ -262,5 +248,35 @@ def _static_mount(
     for frame, name in parents.items():
         matrix = tree.find(frame, optical)
         if matrix is not None:
-            return CameraMount([static_transform(name, optical, matrix)])
-    return CameraMount([])
+            return [static_transform(name, optical, matrix)]
+    return []
+
+
+def intrinsics_of(message: Any, rectified: bool = False) -> Intrinsics:
+    """Read a sensor_msgs CameraInfo.
+
+    Args:
+        message: Of ROS 1 (fields K, D, P) or ROS 2 (k, d, p).
+        rectified: The images are rectified: P holds and there is no distortion.
+
+    Raises:
+        SourceError: Its numbers cannot be used, or its distortion model is not supported.
+    """
+    k, d, p = (
+        np.asarray(getattr(message, name, getattr(message, name.upper(), ())), np.float64)
+        for name in ("k", "d", "p")
+    )
+    fx, fy, cx, cy = p[[0, 5, 2, 6]] if rectified and p.size == 12 and p[0] else k[[0, 4, 2, 5]]
+    if not (np.all(np.isfinite([fx, fy, cx, cy, *d])) and fx > 0 and fy > 0):
+        raise SourceError(
+            f"CameraInfo: expected focal lengths > 0, got fx {fx}, fy {fy}, cx {cx}, cy {cy}",
+            "Give the camera's calibration with options.calibration.",
+        )
+    coefficients = () if rectified or not np.any(d) else tuple(d.tolist())
+    model = message.distortion_model.lower()
+    if coefficients and len(coefficients) not in DISTORTIONS.get(model, ()):
+        raise SourceError(
+            f"CameraInfo: expected distortion plumb_bob or rational_polynomial, got "
+            f"{len(coefficients)} numbers for {message.distortion_model!r:.40}"
+        )
+    return to_intrinsics(np.array([fx, fy, cx, cy]), coefficients, message.width, message.height)

@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 from rosbags.interfaces import (
     Connection,
@@ -22,17 +21,17 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
-from common.io.images import encode_jpeg, encode_png16
+from common.geometry.transform_buffer import transform_from_odometry
 from common.io.recording import open_recording
+from common.io.ros_bag import PEOPLE, PEOPLE_DEFINITIONS, make_typestore
 from people4d.errors import SourceError
-from people4d.messages import CameraInfo, MovingTransform, Odometry, StaticTransform, Tracks, Truth
+from people4d.messages import CameraInfo, MovingTransform, StaticTransform, Tracks, Truth
 from services.camera.recording import RecordingOptions, RecordingSource
-from services.camera.ros.messages import RosMessages, export_types
-from services.camera.ros.types import CAMERA_INFO, COMPRESSED, IMAGE, ODOMETRY, PEOPLE, TF
+from services.camera.ros import messages as ros
+from services.camera.ros.types import CAMERA_INFO, COMPRESSED, DEFINITIONS, IMAGE, ODOMETRY, TF
 from services.camera.source import MotionMessage, SourceFrame
 
 VERSION: Literal[8] = 8  # of the bag's metadata: what ROS 2 from Humble on reads
-QUALITY = 95  # of JPEG colour, so that coding it a second time adds little
 
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 
@@ -61,7 +60,7 @@ class BagFormat:
 
 
 ExportItem = SourceFrame | MotionMessage | Truth | Tracks
-BagEntry = tuple[str, str, Any]  # topic, type and message
+BagEntry = tuple[str, str, ros.Fields]  # topic, type and fields of a message
 
 
 def export(
@@ -106,14 +105,7 @@ def export(
 
 
 class BagWriter:
-    """Writes a new ROS 2 bag; use it in a `with` block.
-
-    If the block ends with an error, nothing of the bag is left.
-
-    Args:
-        path: Folder of the bag; must not exist.
-        info: Calibration of colour.
-        bag_format: Its format.
+    """Writes a new ROS 2 bag; use it in a `with` block, which leaves nothing after an error.
 
     Raises:
         SourceError: The folder exists or cannot be written.
@@ -124,8 +116,7 @@ class BagWriter:
         self._path = path
         self._info = info
         self._format = bag_format
-        self._store = export_types()
-        self._ros = RosMessages(self._store)
+        self._store = make_typestore(2, DEFINITIONS | PEOPLE_DEFINITIONS)
         self._connections: dict[str, Connection] = {}
         try:
             plugin = STORAGES[bag_format.storage]
@@ -135,30 +126,21 @@ class BagWriter:
             raise SourceError(f"bag {path} cannot be written: {error}") from error
 
     def write(self, item: ExportItem) -> None:
-        """Append an item at the time of its stamp.
-
-        Raises:
-            SourceError: The bag cannot be written, for example because the disk is full.
-        """
+        """Append an item at the time of its stamp; SourceError if that fails."""
         for entry in self._entries(item):
             self._append(entry, item.stamp_ns)
 
     def write_transforms(self, transforms: Sequence[StaticTransform], time_ns: int) -> None:
         """Append static transforms, for late subscribers too."""
         if transforms:
-            message = self._ros.transforms(transforms, time_ns)
-            self._append(("/tf_static", TF, message), time_ns)
+            edges = ((one.parent, one.child, one.matrix) for one in transforms)
+            self._append(("/tf_static", TF, ros.transforms(edges, time_ns)), time_ns)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
             with self._source_errors():
                 self._writer.close()
         else:
@@ -166,48 +148,46 @@ class BagWriter:
             shutil.rmtree(self._path, ignore_errors=True)
 
     def _entries(self, item: ExportItem) -> list[BagEntry]:
-        ros = self._ros
-        if isinstance(item, Odometry):
-            return [
-                ("/odom", ODOMETRY, ros.odometry(item)),
-                ("/tf", TF, ros.base_transform(item)),
-            ]
+        if isinstance(item, SourceFrame):
+            return self._frame(item)
+        if isinstance(item, Truth | Tracks):
+            topic = "/truth" if isinstance(item, Truth) else "/people"
+            return [(topic, PEOPLE, ros.people(item))]
         if isinstance(item, MovingTransform):
-            return [("/tf", TF, ros.transforms([item], item.stamp_ns))]
-        if isinstance(item, Truth):
-            return [("/truth", PEOPLE, ros.truth(item))]
-        if isinstance(item, Tracks):
-            return [("/people", PEOPLE, ros.tracks(item))]
-        return self._frame(item)
+            edge = item.parent, item.child, item.matrix
+            return [("/tf", TF, ros.transforms([edge], item.stamp_ns))]
+        base = item.frame_id, item.child_frame_id, transform_from_odometry(item)
+        return [
+            ("/odom", ODOMETRY, ros.odometry(item)),
+            ("/tf", TF, ros.transforms([base], item.stamp_ns)),
+        ]
 
-    def _frame(self, capture: SourceFrame) -> list[BagEntry]:
-        ros, stamp_ns, frame = self._ros, capture.stamp_ns, self._info.frame_id
+    def _frame(self, frame: SourceFrame) -> list[BagEntry]:
+        head = ros.header(frame.stamp_ns, self._info.frame_id)
         colour, depth = (
             f"/{self._format.namespace}/{stream}" for stream in ("color", "aligned_depth_to_color")
         )
-        info = ros.camera_info(self._info, stamp_ns)
-        infos: list[BagEntry] = [
-            (f"{name}/camera_info", CAMERA_INFO, info) for name in (colour, depth)
-        ]
+        info = ros.camera_info(self._info, head)
+        entries = [(f"{name}/camera_info", CAMERA_INFO, info) for name in (colour, depth)]
+        colour, depth = f"{colour}/image_raw", f"{depth}/image_raw"
         if self._format.compressed:
-            jpeg, png = encode_jpeg(capture.rgb, QUALITY), encode_png16(capture.depth_mm)
             return [
-                *infos,
-                (f"{colour}/image_raw/compressed", COMPRESSED, ros.jpeg(jpeg, stamp_ns, frame)),
+                *entries,
+                (f"{colour}/compressed", COMPRESSED, ros.compressed_image(frame.rgb, head)),
                 (
-                    f"{depth}/image_raw/compressedDepth",
+                    f"{depth}/compressedDepth",
                     COMPRESSED,
-                    ros.depth_png(png, stamp_ns, frame),
+                    ros.compressed_image(frame.depth_mm, head),
                 ),
             ]
         return [
-            *infos,
-            (f"{colour}/image_raw", IMAGE, ros.image(capture.rgb, "rgb8", stamp_ns, frame)),
-            (f"{depth}/image_raw", IMAGE, ros.image(capture.depth_mm, "16UC1", stamp_ns, frame)),
+            *entries,
+            (colour, IMAGE, ros.image(frame.rgb, head)),
+            (depth, IMAGE, ros.image(frame.depth_mm, head)),
         ]
 
     def _append(self, entry: BagEntry, time_ns: int) -> None:
-        topic, kind, message = entry
+        topic, kind, fields = entry
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
                 topic,
@@ -216,7 +196,7 @@ class BagWriter:
                 offered_qos_profiles=[LATCHED if topic == "/tf_static" else VOLATILE],
             )
         with self._source_errors():
-            data = self._store.serialize_cdr(message, kind)
+            data = self._store.serialize_cdr(ros.make(self._store, kind, fields), kind)
             self._writer.write(self._connections[topic], max(time_ns, 0), data)
         self.counts[topic] = self.counts.get(topic, 0) + 1
 

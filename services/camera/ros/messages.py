@@ -1,236 +1,153 @@
-"""Messages of ours as ROS 2 messages; images.py and calibration.py convert the other way."""
+"""Messages of ours as ROS 2 messages; images.py and camera.py convert the other way.
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+The functions return the fields of a message as nested mappings, from which `make` builds it.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.typesys import get_types_from_msg
+from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 from scipy.spatial.transform import Rotation
 
-from common.geometry.transform_buffer import transform_from_odometry
 from common.geometry.transforms import rotation_from_rpy
-from people4d.messages import (
-    F64,
-    CameraInfo,
-    MovingTransform,
-    Odometry,
-    StaticTransform,
-    Tracks,
-    Truth,
-)
+from common.io.images import encode_jpeg, encode_png16
+from people4d.messages import F64, CameraInfo, Odometry, Track, Tracks, Truth, TruthPerson
 from services.camera.ros.images import COMPRESSED_DEPTH_HEADER
-from services.camera.ros.types import PEOPLE, ros2_types
+from services.camera.ros.motion import PLANAR
 
-PERSON_DEFINITION = """
-string name
-geometry_msgs/Point position
-geometry_msgs/Point velocity
-float64 reliability
-string[] tagnames
-string[] tags
-"""
-PEOPLE_DEFINITION = "std_msgs/Header header\npeople_msgs/Person[] people\n"
+QUALITY = 95  # of JPEG colour, so that coding it a second time adds little
 
-PLANAR = np.ix_((0, 1, 5), (0, 1, 5))  # x, y and yaw in the 6x6 covariance of ROS
+Fields: TypeAlias = Mapping[str, Any]
 
 
-def export_types() -> Typestore:
-    """Return the types of ROS 2 with people_msgs."""
-    store = ros2_types()
-    store.register(get_types_from_msg(PERSON_DEFINITION, "people_msgs/msg/Person"))
-    store.register(get_types_from_msg(PEOPLE_DEFINITION, PEOPLE))
-    return store
+def make(store: Typestore, kind: str, fields: Fields) -> Any:
+    """Return a message; fields left out are zero."""
+    values: dict[str, Any] = {}
+    for name, (node, detail) in store.fielddefs[kind][1]:
+        if node is Nodetype.NAME:
+            values[name] = make(store, str(detail), fields.get(name, {}))
+        elif node is Nodetype.SEQUENCE and detail[0][0] is Nodetype.NAME:
+            values[name] = [make(store, str(detail[0][1]), item) for item in fields[name]]
+        else:
+            values[name] = fields.get(name, 0)
+    return store.types[kind](**values)
 
 
-class RosMessages:
-    """Makes messages of ROS 2.
+def header(stamp_ns: int, frame_id: str) -> Fields:
+    """Return a std_msgs/Header."""
+    seconds, nanoseconds = divmod(stamp_ns, 10**9)
+    return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": frame_id}
 
-    Args:
-        store: Types, see `export_types`.
+
+def image(pixels: npt.NDArray[Any], head: Fields) -> Fields:
+    """Return a sensor_msgs/Image of colour (HxWx3) or of depth (HxW, millimetres)."""
+    rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
+    return {
+        "header": head,
+        "height": pixels.shape[0],
+        "width": pixels.shape[1],
+        "encoding": "rgb8" if pixels.ndim == 3 else "16UC1",
+        "step": rows.shape[1],
+        "data": rows.reshape(-1),
+    }
+
+
+def compressed_image(pixels: npt.NDArray[Any], head: Fields) -> Fields:
+    """Return a sensor_msgs/CompressedImage of colour (HxWx3) or of depth (HxW, millimetres).
+
+    Depth is as compressed_depth_image_transport writes it.
     """
-
-    def __init__(self, store: Typestore) -> None:
-        self._store = store
-
-    def image(self, pixels: npt.NDArray[Any], encoding: str, stamp_ns: int, frame: str) -> Any:
-        """Return a sensor_msgs/Image; HxWx3 for rgb8, HxW of 16 bits for 16UC1."""
-        rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
-        return self._make(
-            "sensor_msgs/msg/Image",
-            header=self._header(stamp_ns, frame),
-            height=pixels.shape[0],
-            width=pixels.shape[1],
-            encoding=encoding,
-            is_bigendian=0,
-            step=rows.shape[1],
-            data=rows.reshape(-1),
-        )
-
-    def jpeg(self, data: bytes, stamp_ns: int, frame: str) -> Any:
-        """Return a sensor_msgs/CompressedImage of colour."""
-        return self._compressed(data, "rgb8; jpeg compressed bgr8", stamp_ns, frame)
-
-    def depth_png(self, data: bytes, stamp_ns: int, frame: str) -> Any:
-        """Return a sensor_msgs/CompressedImage as compressed_depth_image_transport writes it."""
-        head = COMPRESSED_DEPTH_HEADER.pack(0, 0.0, 0.0)
-        return self._compressed(head + data, "16UC1; compressedDepth png", stamp_ns, frame)
-
-    def camera_info(self, info: CameraInfo, stamp_ns: int) -> Any:
-        """Return a sensor_msgs/CameraInfo."""
-        k = np.array([info.fx, 0, info.cx, 0, info.fy, info.cy, 0, 0, 1], np.float64)
-        p = np.insert(k.reshape(3, 3), 3, 0.0, axis=1).ravel()
-        none = info.distortion_model == "none"
-        roi = self._make(
-            "sensor_msgs/msg/RegionOfInterest",
-            **dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0),
-            do_rectify=False,
-        )
-        return self._make(
-            "sensor_msgs/msg/CameraInfo",
-            header=self._header(stamp_ns, info.frame_id),
-            height=info.height,
-            width=info.width,
-            distortion_model="plumb_bob" if none else info.distortion_model,
-            d=np.zeros(5) if none else np.array(info.distortion, np.float64),
-            k=k,
-            r=np.eye(3).ravel(),
-            p=p,
-            binning_x=0,
-            binning_y=0,
-            roi=roi,
-        )
-
-    def odometry(self, odometry: Odometry) -> Any:
-        """Return a nav_msgs/Odometry; unknown numbers are 0, as in ROS."""
-        covariance = np.zeros((6, 6))
-        if odometry.covariance is not None:
-            covariance[PLANAR] = odometry.covariance
-        vx, vy, omega = odometry.twist.tolist() if odometry.twist is not None else (0.0, 0.0, 0.0)
-        pose = self._make(
-            "geometry_msgs/msg/Pose",
-            position=self._vector("Point", (odometry.x_m, odometry.y_m, 0.0)),
-            orientation=self._quaternion(rotation_from_rpy(0.0, 0.0, odometry.theta_rad)),
-        )
-        twist = self._make(
-            "geometry_msgs/msg/Twist",
-            linear=self._vector("Vector3", (vx, vy, 0.0)),
-            angular=self._vector("Vector3", (0.0, 0.0, omega)),
-        )
-        return self._make(
-            "nav_msgs/msg/Odometry",
-            header=self._header(odometry.stamp_ns, odometry.frame_id),
-            child_frame_id=odometry.child_frame_id,
-            pose=self._make(
-                "geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=covariance.ravel()
-            ),
-            twist=self._make(
-                "geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)
-            ),
-        )
-
-    def transforms(
-        self, transforms: Sequence[StaticTransform | MovingTransform], stamp_ns: int
-    ) -> Any:
-        """Return a tf2_msgs/TFMessage."""
-        stamped = [
-            self._make(
-                "geometry_msgs/msg/TransformStamped",
-                header=self._header(stamp_ns, transform.parent),
-                child_frame_id=transform.child,
-                transform=self._transform(transform.matrix),
-            )
-            for transform in transforms
-        ]
-        return self._make("tf2_msgs/msg/TFMessage", transforms=stamped)
-
-    def base_transform(self, odometry: Odometry) -> Any:
-        """Return odometry as a tf2_msgs/TFMessage."""
-        moved = StaticTransform(
-            stamp_ns=odometry.stamp_ns,
-            sequence=0,
-            parent=odometry.frame_id,
-            child=odometry.child_frame_id,
-            matrix=transform_from_odometry(odometry),
-        )
-        return self.transforms([moved], odometry.stamp_ns)
-
-    def truth(self, truth: Truth) -> Any:
-        """Return ground truth as people_msgs/People; tags hold the yaw of chest and of walking."""
-        people = [
-            self._person(
-                person.id,
-                (person.position_m, person.velocity_mps),
-                1.0,
-                _tags(yaw_rad=person.yaw_rad, path_yaw_rad=person.path_yaw_rad),
-            )
-            for person in truth.people
-        ]
-        return self._people(truth.stamp_ns, truth.frame_id, people)
-
-    def tracks(self, tracks: Tracks) -> Any:
-        """Return tracked people as people_msgs/People; tags hold state and yaw."""
-        people = [
-            self._person(
-                str(track.id),
-                (track.position_m, track.velocity_mps),
-                track.score,
-                {"state": track.state} | _tags(yaw_rad=track.yaw_rad),
-            )
-            for track in tracks.tracks
-        ]
-        return self._people(tracks.stamp_ns, tracks.frame_id, people)
-
-    def _people(self, stamp_ns: int, frame: str, people: list[Any]) -> Any:
-        return self._make(PEOPLE, header=self._header(stamp_ns, frame), people=people)
-
-    def _person(
-        self, name: str, motion: tuple[F64, F64 | None], score: float, tags: Mapping[str, str]
-    ) -> Any:
-        position_m, velocity_mps = motion
-        return self._make(
-            "people_msgs/msg/Person",
-            name=name,
-            position=self._vector("Point", position_m),
-            velocity=self._vector("Point", (0, 0, 0) if velocity_mps is None else velocity_mps),
-            reliability=score,
-            tagnames=list(tags),
-            tags=list(tags.values()),
-        )
-
-    def _make(self, kind: str, **fields: Any) -> Any:
-        return self._store.types[kind](**fields)
-
-    def _header(self, stamp_ns: int, frame: str) -> Any:
-        seconds, nanoseconds = divmod(stamp_ns, 10**9)
-        stamp = self._make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
-        return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
-
-    def _compressed(self, data: bytes, layout: str, stamp_ns: int, frame: str) -> Any:
-        return self._make(
-            "sensor_msgs/msg/CompressedImage",
-            header=self._header(stamp_ns, frame),
-            format=layout,
-            data=np.frombuffer(data, np.uint8),
-        )
-
-    def _transform(self, matrix: F64) -> Any:
-        return self._make(
-            "geometry_msgs/msg/Transform",
-            translation=self._vector("Vector3", matrix[:3, 3]),
-            rotation=self._quaternion(matrix[:3, :3]),
-        )
-
-    def _quaternion(self, rotation: F64) -> Any:
-        x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
-        return self._make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-
-    def _vector(self, kind: str, values: npt.ArrayLike) -> Any:
-        x, y, z = np.asarray(values, np.float64).tolist()
-        return self._make(f"geometry_msgs/msg/{kind}", x=x, y=y, z=z)
+    if pixels.ndim == 3:
+        layout, data = "rgb8; jpeg compressed bgr8", encode_jpeg(pixels, QUALITY)
+    else:
+        layout = "16UC1; compressedDepth png"
+        data = COMPRESSED_DEPTH_HEADER.pack(0, 0.0, 0.0) + encode_png16(pixels)
+    return {"header": head, "format": layout, "data": np.frombuffer(data, np.uint8)}
 
 
-def _tags(**numbers: float | None) -> dict[str, str]:
-    """Format the known numbers exactly."""
-    return {name: repr(float(value)) for name, value in numbers.items() if value is not None}
+def camera_info(info: CameraInfo, head: Fields) -> Fields:
+    """Return a sensor_msgs/CameraInfo."""
+    k = np.array([info.fx, 0, info.cx, 0, info.fy, info.cy, 0, 0, 1], np.float64)
+    none = info.distortion_model == "none"
+    return {
+        "header": head,
+        "height": info.height,
+        "width": info.width,
+        "distortion_model": "plumb_bob" if none else info.distortion_model,
+        "d": np.zeros(5) if none else np.array(info.distortion, np.float64),
+        "k": k,
+        "r": np.eye(3).ravel(),
+        "p": np.insert(k.reshape(3, 3), 3, 0.0, axis=1).ravel(),
+    }
+
+
+def odometry(message: Odometry) -> Fields:
+    """Return a nav_msgs/Odometry; unknown numbers are 0, as in ROS."""
+    covariance = np.zeros((6, 6))
+    if message.covariance is not None:
+        covariance[PLANAR] = message.covariance
+    vx, vy, omega = message.twist.tolist() if message.twist is not None else (0.0, 0.0, 0.0)
+    rotation = rotation_from_rpy(0.0, 0.0, message.theta_rad)
+    pose = {
+        "position": _xyz((message.x_m, message.y_m, 0.0)),
+        "orientation": _quaternion(rotation),
+    }
+    twist = {"linear": _xyz((vx, vy, 0.0)), "angular": _xyz((0.0, 0.0, omega))}
+    return {
+        "header": header(message.stamp_ns, message.frame_id),
+        "child_frame_id": message.child_frame_id,
+        "pose": {"pose": pose, "covariance": covariance.ravel()},
+        "twist": {"twist": twist, "covariance": np.zeros(36)},
+    }
+
+
+def transforms(edges: Iterable[tuple[str, str, F64]], stamp_ns: int) -> Fields:
+    """Return a tf2_msgs/TFMessage of parents, children and 4x4 parent_from_child."""
+    stamped = [
+        {
+            "header": header(stamp_ns, parent),
+            "child_frame_id": child,
+            "transform": {
+                "translation": _xyz(matrix[:3, 3]),
+                "rotation": _quaternion(matrix[:3, :3]),
+            },
+        }
+        for parent, child, matrix in edges
+    ]
+    return {"transforms": stamped}
+
+
+def people(message: Truth | Tracks) -> Fields:
+    """Return people_msgs/People; tags hold yaw, direction of walking, and state of a track."""
+    persons = message.people if isinstance(message, Truth) else message.tracks
+    head = header(message.stamp_ns, message.frame_id)
+    return {"header": head, "people": [_person(person) for person in persons]}
+
+
+def _person(person: TruthPerson | Track) -> Fields:
+    tags: dict[str, str] = {}
+    angles = {"yaw_rad": person.yaw_rad}
+    if isinstance(person, Track):
+        tags["state"] = person.state
+    else:
+        angles["path_yaw_rad"] = person.path_yaw_rad
+    tags |= {name: repr(float(angle)) for name, angle in angles.items() if angle is not None}
+    return {
+        "name": str(person.id),
+        "position": _xyz(person.position_m),
+        "velocity": _xyz((0, 0, 0) if person.velocity_mps is None else person.velocity_mps),
+        "reliability": person.score if isinstance(person, Track) else 1.0,
+        "tagnames": list(tags),
+        "tags": list(tags.values()),
+    }
+
+
+def _quaternion(rotation: F64) -> Fields:
+    return dict(zip("xyzw", Rotation.from_matrix(rotation).as_quat().tolist(), strict=True))
+
+
+def _xyz(values: npt.ArrayLike) -> Fields:
+    return dict(zip("xyz", np.asarray(values, np.float64).tolist(), strict=True))

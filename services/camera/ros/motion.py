@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from common.geometry.transforms import rotation_from_quaternion, transform_from
+from common.geometry.transforms import invert, transform_from
 from common.geometry.wheel_odometry import WheelConfig, WheelOdometry
 from people4d.errors import DecodeError
 from people4d.messages import F64, MovingTransform, Odometry
@@ -15,6 +16,7 @@ from services.camera.calibration import frame_name
 
 CLIMB_MAX = 32  # transforms between a camera and the root of its tree
 FRAMES_MAX = 4096  # bounds the memory that made-up names take
+PLANAR = np.ix_((0, 1, 5), (0, 1, 5))  # x, y and yaw in the 6x6 covariance of ROS
 
 
 class JointConfig(WheelConfig, frozen=True, kw_only=True):
@@ -35,11 +37,7 @@ class StampedTransform:
     matrix: F64  # 4x4, parent_from_child
 
     def moving(self, stamp_ns: int, sequence: int) -> MovingTransform:
-        """Return it as a message of ours.
-
-        Raises:
-            DecodeError: It is not rigid, or its stamp is out of range.
-        """
+        """Return it as a message; DecodeError if it is not rigid or its stamp is out of range."""
         try:
             return MovingTransform(
                 stamp_ns=stamp_ns,
@@ -55,52 +53,75 @@ class StampedTransform:
 def edges_of(message: Any) -> Iterator[StampedTransform]:
     """Yield the transforms of a tf2_msgs/TFMessage that are valid."""
     for item in message.transforms:
-        t, q, stamp = item.transform.translation, item.transform.rotation, item.header.stamp
+        t, q = item.transform.translation, item.transform.rotation
         try:
-            rotation = rotation_from_quaternion(q.x, q.y, q.z, q.w)
-        except ValueError:
+            rotation = Rotation.from_quat((q.x, q.y, q.z, q.w)).as_matrix()
+        except ValueError:  # zero
             continue
         matrix = transform_from((t.x, t.y, t.z), rotation)
         if np.all(np.isfinite(matrix)):
             parent, child = item.header.frame_id.strip("/"), item.child_frame_id.strip("/")
-            yield StampedTransform(
-                parent, child, int(stamp.sec) * 10**9 + int(stamp.nanosec), matrix
-            )
+            yield StampedTransform(parent, child, stamp_of(item), matrix)
 
 
-class FrameParents:
-    """Parents of coordinate frames, from the transforms so far."""
+def stamp_of(message: Any) -> int:
+    """Return the stamp in a header [ns], 0 if a driver leaves it empty."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+class FrameTree:
+    """Coordinate frames with their parents and the static transforms to them."""
 
     def __init__(self) -> None:
-        self._parents: dict[str, str] = {}
+        self._parents: dict[str, tuple[str, F64 | None]] = {}
 
-    def add(self, parent: str, child: str) -> None:
-        """Add a frame and its parent."""
+    def add(self, parent: str, child: str, matrix: F64 | None = None) -> None:
+        """Add a static transform (4x4, parent_from_child), or None for a moving one.
+
+        A moving one does not replace a static one.
+        """
+        _, known = self._parents.get(child, ("", None))
+        if matrix is None and known is not None:
+            return
         if len(self._parents) < FRAMES_MAX or child in self._parents:
-            self._parents[child] = parent
+            self._parents[child] = parent, matrix
 
-    def ancestors(self, frame: str) -> list[str]:
-        """Return a frame and its ancestors, nearest first."""
-        found = [frame]
-        while frame in self._parents and len(found) <= CLIMB_MAX:
-            frame = self._parents[frame]
-            if frame in found:  # a loop: not a tree
+    def path(self, frame: str) -> Iterator[tuple[str, str, F64 | None]]:
+        """Yield parent, child and matrix of each transform from a frame to the root of its tree."""
+        visited = {frame}
+        while frame in self._parents and len(visited) <= CLIMB_MAX:
+            parent, matrix = self._parents[frame]
+            if parent in visited:  # a loop: not a tree
+                return
+            yield parent, frame, matrix
+            visited.add(parent)
+            frame = parent
+
+    def find(self, target: str, source: str) -> F64 | None:
+        """Return target_from_source, None without a static path between them."""
+        of_source, of_target = (self._static(name.strip("/")) for name in (source, target))
+        for frame, ancestor_from_source in of_source.items():
+            if frame in of_target:
+                return invert(of_target[frame]) @ ancestor_from_source
+        return None
+
+    def _static(self, frame: str) -> dict[str, F64]:
+        """Return ancestor_from_frame of a frame and its static ancestors, nearest first."""
+        found = {frame: np.eye(4)}
+        for parent, child, matrix in self.path(frame):
+            if matrix is None:
                 break
-            found.append(frame)
+            found[parent] = matrix @ found[child]
         return found
 
 
 def odometry_of(message: Any, stamp_ns: int, sequence: int) -> Odometry:
-    """Read a nav_msgs Odometry.
-
-    Raises:
-        DecodeError: Its numbers cannot be used.
-    """
+    """Read a nav_msgs Odometry; DecodeError if its numbers cannot be used."""
     pose, twist = message.pose.pose, message.twist.twist
     q = pose.orientation
     yaw_rad = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
-    planar = np.ix_((0, 1, 5), (0, 1, 5))
-    covariance = np.array(message.pose.covariance, np.float64).reshape(6, 6)[planar]
+    covariance = np.array(message.pose.covariance, np.float64).reshape(6, 6)[PLANAR]
     try:
         return Odometry(
             stamp_ns=stamp_ns,
@@ -118,11 +139,7 @@ def odometry_of(message: Any, stamp_ns: int, sequence: int) -> Odometry:
 
 
 class WheelReader:
-    """Odometry of a base from its wheels, which are joints or two numbers.
-
-    Args:
-        config: The base and the names of its joints.
-    """
+    """Odometry of a base from its wheels, which are joints or two numbers."""
 
     def __init__(self, config: JointConfig) -> None:
         self._config = config
@@ -130,11 +147,7 @@ class WheelReader:
         self._left: float | None = None
 
     def joints(self, message: Any, stamp_ns: int) -> Odometry:
-        """Read a sensor_msgs/JointState.
-
-        Raises:
-            DecodeError: It lacks a wheel, or a number cannot be used.
-        """
+        """Read a sensor_msgs/JointState; DecodeError if it lacks a wheel or a valid number."""
         found = dict(zip(message.name, message.position.tolist(), strict=False))
         left, right = (found.get(name) for name in self._config.joints)
         if left is None or right is None:
@@ -145,11 +158,7 @@ class WheelReader:
         return self._add(stamp_ns, left, right)
 
     def side(self, is_left: bool, message: Any, stamp_ns: int) -> Odometry | None:
-        """Read a number of std_msgs; one of the right wheel follows the left wheel's.
-
-        Raises:
-            DecodeError: The number cannot be used.
-        """
+        """Read a number of std_msgs; one of the right wheel follows the left wheel's."""
         value = float(message.data)
         if is_left:
             self._left = value

@@ -13,7 +13,7 @@ from people4d.messages import Odometry
 from services.camera.folder.pairing import Pairing
 from services.camera.ros.camera import RosbagOptions, read_camera
 from services.camera.ros.images import colour_image, depth_image
-from services.camera.ros.motion import WheelReader, edges_of, odometry_of
+from services.camera.ros.motion import WheelReader, edges_of, odometry_of, stamp_of
 from services.camera.ros.topics import Topics, find_topics
 from services.camera.ros.types import JOINTS, OLD_TF, TF, open_bag
 from services.camera.source import MotionMessage, Source, SourceFrame
@@ -25,11 +25,7 @@ StampedImage = tuple[int, Any]  # stamp in nanoseconds and an image message
 
 
 class RosbagSource(Source):
-    """Plays the colour and depth images of a bag.
-
-    Args:
-        path: .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
-        options: Topics and the like.
+    """Plays the colour and depth images of a .bag, .db3 or .mcap file or folder of a ROS 2 bag.
 
     Raises:
         SourceError: The bag cannot be read, or lacks colour, depth or calibration.
@@ -43,14 +39,21 @@ class RosbagSource(Source):
         self._slop_ns = int(options.sync_slop_s * 1e9)
         self._options = options
         with open_bag(path) as bag:
-            self.topics = find_topics(bag.types, _wanted(options))
+            wanted = Topics(
+                options.colour_topic,
+                options.depth_topic,
+                options.colour_info_topic,
+                options.depth_info_topic,
+                options.odometry_topic,
+            )
+            self.topics = find_topics(bag.types, wanted)
             camera = read_camera(bag, self.topics, options)
             self._joints = _reads_joints(bag, options.wheel_topics)
             self._tf = {topic for topic, kind in bag.types.items() if kind in (TF, OLD_TF)}
         self.info = camera.info
-        self.transforms = camera.mount.transforms
+        self.transforms = camera.transforms
         self.registration = camera.registration
-        self._moving = frozenset(camera.mount.moving)
+        self._moving = camera.moving
         self.moves = bool(self._moving)
         if not self.moves:
             self._tf = set()
@@ -58,8 +61,8 @@ class RosbagSource(Source):
     def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
         """Yield pairs of colour and depth, and motion, in the order of the bag."""
         pairing = Pairing[StampedImage](self._slop_ns)
-        wheels, wheel_topics = WheelReader(self._options.wheels), self._options.wheel_topics
-        motion_topics = wheel_topics or (self.topics.odometry,)
+        wheels = WheelReader(self._options.wheels)
+        motion_topics = self._options.wheel_topics or (self.topics.odometry,)
         wanted = {self.topics.colour, self.topics.depth, *motion_topics, *self._tf} - {""}
         before = Counter(self.counters)
         # Opened here, by the thread that reads: SQLite insists.
@@ -67,11 +70,8 @@ class RosbagSource(Source):
             for topic, time_ns, message in bag.messages(wanted):
                 if topic in self._tf:
                     yield from self._transforms(message, time_ns)
-                elif topic in wheel_topics:
-                    is_left = topic == wheel_topics[0]
-                    yield from self._wheels(wheels, message, time_ns, is_left)
-                elif topic == self.topics.odometry:
-                    yield from self._odometry(message, self._stamp(message, time_ns))
+                elif topic in motion_topics:
+                    yield from self._odometry(wheels, topic, time_ns, message)
                 else:
                     stamp_ns = self._stamp(message, time_ns)
                     yield from self._frames(self._pair(pairing, topic, (stamp_ns, message)))
@@ -101,29 +101,28 @@ class RosbagSource(Source):
                 self.counters["loose_pairs"] += 1
             yield SourceFrame(rgb, depth_mm, stamp_ns)
 
-    def _odometry(self, message: Any, stamp_ns: int) -> Iterator[Odometry]:
-        try:
-            odometry = odometry_of(message, stamp_ns, self.counters["odometry"])
-        except DecodeError:
-            self.counters["bad_odometry"] += 1
-            return
-        self.counters["odometry"] += 1
-        yield odometry
-
-    def _wheels(
-        self, wheels: WheelReader, message: Any, time_ns: int, is_left: bool
+    def _odometry(
+        self, wheels: WheelReader, topic: str, time_ns: int, message: Any
     ) -> Iterator[Odometry]:
         try:
-            if self._joints:
-                odometry: Odometry | None = wheels.joints(message, self._stamp(message, time_ns))
-            else:  # a number has no stamp
-                odometry = wheels.side(is_left, message, time_ns)
+            odometry = self._read_odometry(wheels, topic, time_ns, message)
         except DecodeError:
             self.counters["bad_odometry"] += 1
             return
         if odometry:
             self.counters["odometry"] += 1
             yield odometry
+
+    def _read_odometry(
+        self, wheels: WheelReader, topic: str, time_ns: int, message: Any
+    ) -> Odometry | None:
+        topics = self._options.wheel_topics
+        if not topics:
+            stamp_ns = self._stamp(message, time_ns)
+            return odometry_of(message, stamp_ns, self.counters["odometry"])
+        if self._joints:
+            return wheels.joints(message, self._stamp(message, time_ns))
+        return wheels.side(topic == topics[0], message, time_ns)  # a number has no stamp
 
     def _transforms(self, message: Any, time_ns: int) -> Iterator[MotionMessage]:
         for edge in edges_of(message):
@@ -141,10 +140,8 @@ class RosbagSource(Source):
 
     def _stamp(self, message: Any, time_ns: int) -> int:
         """Return the stamp of the header, or the time of the bag if a driver leaves it empty."""
-        stamp = message.header.stamp
-        stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-        if stamp_ns == 0:
-            self.counters["zero_stamps"] += 1
+        stamp_ns = stamp_of(message)
+        self.counters["zero_stamps"] += stamp_ns == 0
         return stamp_ns or time_ns
 
 
@@ -163,13 +160,3 @@ def _reads_joints(bag: Bag, topics: tuple[str, ...]) -> bool:
             "Numbers are of std_msgs, such as Int32; the left wheel comes first.",
         )
     return kinds == [JOINTS]
-
-
-def _wanted(options: RosbagOptions) -> Topics:
-    return Topics(
-        options.colour_topic,
-        options.depth_topic,
-        options.colour_info_topic,
-        options.depth_info_topic,
-        options.odometry_topic,
-    )

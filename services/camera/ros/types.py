@@ -13,7 +13,6 @@ COMPRESSED = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 ODOMETRY = "nav_msgs/msg/Odometry"
 JOINTS = "sensor_msgs/msg/JointState"
-PEOPLE = "people_msgs/msg/People"
 TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # the latter in old ROS 1
 RGBD = "realsense2_camera_msgs/msg/RGBD"
 TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"

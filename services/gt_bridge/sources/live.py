@@ -3,12 +3,13 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from common.io.ros_cdr import CdrDecoder, parse_key
+from common.io.ros_bag import PEOPLE
+from common.io.ros_cdr import cdr_decoder, parse_key
 from people4d.errors import DecodeError
 from people4d.messages import Truth
 from people4d.topics import ForeignTopic
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources.people_msgs import PEOPLE, people_typestore, truth_of
+from services.gt_bridge.sources.people_msgs import people_typestore, truth_of
 
 
 class LiveTruth:
@@ -20,7 +21,7 @@ class LiveTruth:
 
     def __init__(self, config: GtBridgeConfig) -> None:
         key = parse_key("truth", config.truth, "vicon/people")
-        self.decode = CdrDecoder("people", people_typestore(), PEOPLE, _stamped).decode
+        self.decode = cdr_decoder(people_typestore(), PEOPLE, _stamped)
         self.topics: Sequence[ForeignTopic] = (
             ForeignTopic("captured", key, Truth, 100, "queue", 256, "motion capture", self.decode),
         )

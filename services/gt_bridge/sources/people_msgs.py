@@ -6,20 +6,13 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from common.io.ros_bag import make_typestore
+from common.io.ros_bag import PEOPLE_DEFINITIONS, make_typestore
 from people4d.messages import F64, Truth, TruthPerson
-
-PEOPLE = "people_msgs/msg/People"
-DEFINITIONS = {
-    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\n"
-    "geometry_msgs/Point velocity\nfloat64 reliability\nstring[] tagnames\nstring[] tags\n",
-    PEOPLE: "std_msgs/Header header\npeople_msgs/Person[] people\n",
-}
 
 
 def people_typestore(version: int = 2) -> Typestore:
     """Return the message types of ROS 1 or 2, people_msgs among them."""
-    return make_typestore(version, DEFINITIONS)
+    return make_typestore(version, PEOPLE_DEFINITIONS)
 
 
 def truth_of(message: Any, sequence: int) -> Truth:

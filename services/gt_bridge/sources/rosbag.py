@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from common.io.ros_bag import open_bag
+from common.io.ros_bag import PEOPLE, PEOPLE_DEFINITIONS, open_bag
 from people4d.errors import SourceError
 from people4d.messages import Truth
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources.people_msgs import DEFINITIONS, PEOPLE, truth_of
+from services.gt_bridge.sources.people_msgs import truth_of
 
 
 class RosbagTruth:
@@ -19,7 +19,7 @@ class RosbagTruth:
 
     def __init__(self, config: GtBridgeConfig) -> None:
         self._path = Path(config.truth)
-        with open_bag(self._path, DEFINITIONS) as bag:
+        with open_bag(self._path, PEOPLE_DEFINITIONS) as bag:
             self._topic = self._choose(config.topic, bag.types)
 
     def __iter__(self) -> Iterator[Truth]:
@@ -28,7 +28,7 @@ class RosbagTruth:
         Raises:
             SourceError: The bag is damaged, or its frame has a name that cannot be used.
         """
-        with open_bag(self._path, DEFINITIONS) as bag:
+        with open_bag(self._path, PEOPLE_DEFINITIONS) as bag:
             for sequence, (_, _, message) in enumerate(bag.messages([self._topic])):
                 try:
                     truth = truth_of(message, sequence)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from services.camera.ros.calibration import TransformTree
+from services.camera.ros.motion import FrameTree, edges_of
 from tests.camera.ros.bags import Ros
 
 ROS = Ros(2)
@@ -12,10 +12,11 @@ NO_TURN = (0, 0, 0, 1)
 LEFT_90 = (0, 0, math.sqrt(0.5), math.sqrt(0.5))
 
 
-def tree(*items: tuple[str, str, tuple[float, float, float], tuple[float, ...]]) -> TransformTree:
-    transforms = TransformTree()
+def tree(*items: tuple[str, str, tuple[float, float, float], tuple[float, ...]]) -> FrameTree:
+    transforms = FrameTree()
     for item in items:
-        transforms.add(ROS.transform(*item))
+        for edge in edges_of(ROS.transform(*item)):
+            transforms.add(edge.parent, edge.child, edge.matrix)
     return transforms
 
 

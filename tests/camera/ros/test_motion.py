@@ -20,7 +20,7 @@ from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
 from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.export import BagWriter, ExportItem
-from services.camera.ros.motion import FrameParents, JointConfig, WheelReader, edges_of
+from services.camera.ros.motion import FrameTree, JointConfig, WheelReader, edges_of
 from services.camera.ros.source import RosbagSource
 from services.camera.source import SourceFrame
 from tests import builders
@@ -192,13 +192,17 @@ def test_transforms_that_are_none_are_left_out() -> None:
 
 
 def test_lineage() -> None:
-    tree = FrameParents()
+    tree = FrameTree()
+
+    def ancestors(frame: str) -> list[str]:
+        return [frame, *(parent for parent, _, _ in tree.path(frame))]
+
     for parent, child in (("map", "odom"), ("odom", "base"), ("base", "pan"), ("base", "arm")):
         tree.add(parent, child)
-    assert tree.ancestors("pan") == ["pan", "base", "odom", "map"]
-    assert tree.ancestors("alone") == ["alone"]
+    assert ancestors("pan") == ["pan", "base", "odom", "map"]
+    assert ancestors("alone") == ["alone"]
     tree.add("pan", "map")  # a loop ends
-    assert tree.ancestors("base") == ["base", "odom", "map", "pan"]
+    assert ancestors("base") == ["base", "odom", "map", "pan"]
 
 
 def joints(ros: Ros, stamp_ns: int, left: float, right: float) -> Any:

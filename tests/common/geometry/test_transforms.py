@@ -16,7 +16,6 @@ from common.geometry.transforms import (
     deproject,
     invert,
     project,
-    rotation_from_quaternion,
     rotation_from_rpy,
     transform_from,
     wrap,
@@ -127,21 +126,6 @@ def test_yaw_turns_forward_to_the_left() -> None:
     np.testing.assert_allclose(
         rotation_from_rpy(0, 0, math.pi / 2) @ [1, 0, 0], [0, 1, 0], atol=1e-15
     )
-
-
-COMPONENTS = st.floats(-10, 10)
-
-
-@settings(deadline=None)
-@given(COMPONENTS, COMPONENTS, COMPONENTS, st.floats(0.1, 10))
-def test_quaternion_agrees_with_scipy(x: float, y: float, z: float, w: float) -> None:
-    expected = Rotation.from_quat([x, y, z, w]).as_matrix()
-    np.testing.assert_allclose(rotation_from_quaternion(x, y, z, w), expected, atol=1e-12)
-
-
-def test_a_zero_quaternion_is_refused() -> None:
-    with pytest.raises(ValueError, match="quaternion: expected unit length, got zero"):
-        rotation_from_quaternion(0, 0, 0, 0)
 
 
 def test_apply_and_invert_undo_each_other() -> None:

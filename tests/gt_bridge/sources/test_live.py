@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 import zenoh
 
+from common.io.ros_bag import PEOPLE
 from common.transport.zenoh_bus import read_config
 from people4d.errors import ConfigError, DecodeError
 from people4d.messages import Health, Score, Truth
 from services.gt_bridge.config import FixedTransform, GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
 from services.gt_bridge.sources.live import LiveTruth
-from services.gt_bridge.sources.people_msgs import PEOPLE, people_typestore
+from services.gt_bridge.sources.people_msgs import people_typestore
 from services.gt_bridge.sources.registry import open_truth
 from tests.gt_bridge.scene import POSE, track, tracks, truth
 from tests.network import WAIT_S, Network, Watcher

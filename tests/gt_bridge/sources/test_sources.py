@@ -10,10 +10,11 @@ from rosbags import rosbag1, rosbag2
 from rosbags.typesys.store import Typestore
 
 from common.io.recording import RecordingWriter
+from common.io.ros_bag import PEOPLE
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources.people_msgs import PEOPLE, people_typestore
+from services.gt_bridge.sources.people_msgs import people_typestore
 from services.gt_bridge.sources.registry import open_truth
 from tests import ROOT, builders
 
