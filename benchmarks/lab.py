@@ -22,8 +22,8 @@ from services.detector.config import DetectorConfig
 from services.detector.models import DetectedPerson, ModelSettings, PersonModel, load_model
 
 MODELS = Path(__file__).resolve().parents[2] / "shared" / "data" / "models"
-SPEED_SCENARIOS = ("short_walk", "crossing", "four_dense")
-SPEED_FRAMES = 12
+COST_SCENARIOS = ("short_walk", "crossing", "four_dense")
+COST_FRAMES = 12
 ROUNDS = 5
 SCENARIOS = ("two_crossing", "three_crossing", "four_dense", "pmrm2", "crossing")
 FRAMES = 40  # of each scenario
@@ -42,24 +42,24 @@ POINTS = {
 
 @dataclass
 class Tally:
-    """What a model found in all pictures."""
+    """Results of a model in all images."""
 
     confidence_min: float  # of a keypoint that counts
     frames: int = 0
     alone: list[bool] = field(default_factory=list)  # found, of the people that nothing hides
     hidden: list[bool] = field(default_factory=list)  # found, of the people partly hidden
-    false_alarms: int = 0  # boxes on nobody, and second boxes on one person
-    unmatched: int = 0  # boxes that match nobody well enough, false alarms included
+    false_alarms: int = 0  # boxes on no person, and second boxes on one person
+    unmatched: int = 0  # boxes that match no person well enough, false alarms included
     errors_px: list[F64] = field(default_factory=list)  # 17 each, NaN where not seen
     swapped: int = 0  # people whose shoulders are seen and taken one for the other
     facing: int = 0  # people whose shoulders are seen far apart
 
 
 def score_frame(frame: LabFrame, found: Sequence[DetectedPerson], tally: Tally) -> None:
-    """Compare what a model found in a picture with the truth.
+    """Score the people that a model found in an image against the truth.
 
-    Greedy by score. A box that lies on somebody but fits badly, as on what is seen of a person
-    behind another, is unmatched but no false alarm.
+    Greedy by score. A box that lies on somebody but fits badly, as on the visible part of a
+    person behind another, is unmatched but no false alarm.
     """
     size = (frame.rgb.shape[0], frame.rgb.shape[1])
     people = [p for p in frame.people if p.visible_share > 0]
@@ -104,8 +104,8 @@ def compare_keypoints(
     wide = truth.keypoints_px[5] - truth.keypoints_px[6]
     if abs(wide[0]) > 20 and use[[5, 6]].all():
         tally.facing += 1
-        seen = found.keypoints[5] - found.keypoints[6]
-        tally.swapped += int(seen[0] * wide[0] < 0)
+        visible = found.keypoints[5] - found.keypoints[6]
+        tally.swapped += int(visible[0] * wide[0] < 0)
 
 
 def share(found: Sequence[bool]) -> str:
@@ -116,9 +116,9 @@ def share(found: Sequence[bool]) -> str:
 def model_row(name: str, tally: Tally) -> list[str]:
     """Return one line of the table of models."""
     errors = np.array(tally.errors_px).reshape(-1, 17)
-    seen = errors[np.isfinite(errors)]
+    visible = errors[np.isfinite(errors)]
     parts = [
-        f"{np.nanmedian(errors[:, part]):.1f}" if len(seen) else "" for part in POINTS.values()
+        f"{np.nanmedian(errors[:, part]):.1f}" if len(visible) else "" for part in POINTS.values()
     ]
     return [
         name,
@@ -126,7 +126,7 @@ def model_row(name: str, tally: Tally) -> list[str]:
         share(tally.hidden),
         f"{tally.false_alarms / tally.frames:.3f}",
         f"{tally.unmatched / tally.frames:.3f}",
-        f"{np.median(seen):.1f} / {np.percentile(seen, 90):.1f}" if len(seen) else "",
+        f"{np.median(visible):.1f} / {np.percentile(visible, 90):.1f}" if len(visible) else "",
         " / ".join(parts),
         f"{tally.swapped} of {tally.facing}",
     ]
@@ -186,27 +186,27 @@ def models() -> dict[str, PersonModel]:
     return loaded
 
 
-def speed_rows() -> list[list[str]]:
-    """Return milliseconds a frame of the three speeds, for each scenario."""
+def cost_rows() -> list[list[str]]:
+    """Return milliseconds a frame of the three fidelities, for each scenario."""
     rows = []
-    for name in SPEED_SCENARIOS:
+    for name in COST_SCENARIOS:
         world = World(load_scenario(name))
         people = len(world.scenario.people)
-        step = world.frame_count // SPEED_FRAMES
-        indices = list(range(0, world.frame_count, max(step, 1)))[:SPEED_FRAMES]
+        step = world.frame_count // COST_FRAMES
+        indices = list(range(0, world.frame_count, max(step, 1)))[:COST_FRAMES]
         cells = [
-            spread([timed(take, indices) for _ in range(ROUNDS)], "{:.1f}")
-            for take in speeds(world)
+            spread([timed(render, indices) for _ in range(ROUNDS)], "{:.1f}")
+            for render in renderers(world)
         ]
         rows.append([name, str(people), *cells])
     return rows
 
 
-def speeds(world: World) -> list[Callable[[int], object]]:
-    """Return what takes a frame at each speed, one and two threads where it can use them."""
+def renderers(world: World) -> list[Callable[[int], object]]:
+    """Return a renderer of frames at each fidelity, with one and two threads where it uses them."""
     detections = SyntheticDetections(SyntheticDetectionsConfig(), world.info, world.seed)
 
-    def seen(index: int) -> object:
+    def visible(index: int) -> object:
         t_s = world.frame_s(index)
         people = world.keypoints_m(t_s)
         return detections.at(people, world.optical_from_map(t_s), world.stamp_ns(index))
@@ -220,21 +220,21 @@ def speeds(world: World) -> list[Callable[[int], object]]:
         )
         for threads in (1, 2)
     ]
-    return [seen, *(FrameRenderer(world, setting).capture for setting in settings)]
+    return [visible, *(FrameRenderer(world, setting).capture for setting in settings)]
 
 
-def timed(take: Callable[[int], object], indices: Sequence[int]) -> float:
+def timed(render: Callable[[int], object], indices: Sequence[int]) -> float:
     """Return the mean time of a frame in milliseconds."""
     begin = time.perf_counter()
     for index in indices:
-        take(index)
+        render(index)
     return (time.perf_counter() - begin) * 1e3 / len(indices)
 
 
 def main() -> None:
     """Measure and write the tables."""
     argparse.ArgumentParser(description=__doc__).parse_args()
-    speed = speed_rows()
+    cost = cost_rows()
     frames = [frame for name in SCENARIOS for frame in lab_frames(name, FRAMES)]
     rows = []
     for name, model in models().items():
@@ -246,9 +246,9 @@ def main() -> None:
         __file__,
         "The virtual lab",
         "## Cost of a frame",
-        f"Milliseconds a frame, 640x480, mean over {SPEED_FRAMES} frames spread over the scenario, "
+        f"Milliseconds a frame, 640x480, mean over {COST_FRAMES} frames spread over the scenario, "
         f"median (least to most) of {ROUNDS} rounds; depth and colour include the depth sensor.",
-        markdown(SPEED_HEADER, speed),
+        markdown(COST_HEADER, cost),
         "## Do networks see people?",
         f"{len(frames)} pictures ({FRAMES} each of {', '.join(SCENARIOS)}). A person has to be "
         "found where face and trunk lie inside the image and at least 35 % of the body is seen; "
@@ -260,7 +260,7 @@ def main() -> None:
     )
 
 
-SPEED_HEADER = [
+COST_HEADER = [
     "scenario",
     "people",
     "geometry only",

@@ -200,7 +200,7 @@ def split_seed(name: str) -> tuple[str, int | None]:
     """Split the name or path of a scenario from the seed that may follow it, NAME@SEED.
 
     Raises:
-        ConfigError: What follows is no seed.
+        ConfigError: The text after @ is no seed.
     """
     scenario, separator, seed = name.rpartition("@")
     if not separator:

@@ -93,9 +93,6 @@ class LabConfig(Protocol):
 class LabTruth:
     """Truth of a scenario, as the source "lab.source:LabTruth" of the ground-truth bridge.
 
-    Args:
-        config: Its `truth` names the scenario as the camera's `source` does.
-
     Raises:
         ConfigError: There is no such scenario, or it cannot be read.
     """

@@ -7,7 +7,7 @@ import numpy as np
 from common.geometry.transforms import invert
 from lab.bodies.body import SkinnedBody, load_body
 from lab.bodies.skeleton import BodyPose
-from lab.camera.base_path import BasePath, base_path
+from lab.camera.base_path import BasePath
 from lab.drawing.mesh import Mesh
 from lab.drawing.rooms import Room, room_mesh
 from lab.motion.motion import PersonMotion, simulate
@@ -19,14 +19,14 @@ MAX_DEPTH_M = 5.0  # docs/method.md section 1
 
 
 class World:
-    """Everything that is true in a scenario, as functions of the time since its beginning.
+    """A scenario as functions of the time since its beginning.
 
-    What takes long is made when it is first asked for: poses of the camera need no body, and truth
-    about people needs no room.
+    Slow parts are made on first use: poses of the camera need no body, and truth about people needs
+    no room.
 
     Args:
-        scenario: Who, where and when.
-        seed: Used in place of the scenario's own, for another light, motion and noise.
+        scenario: People, room and camera.
+        seed: Used instead of the scenario's own, for another light, motion and noise.
     """
 
     def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
@@ -41,7 +41,7 @@ class World:
 
     @cached_property
     def motions(self) -> tuple[PersonMotion, ...]:
-        """What the people do, in the order of the scenario; they keep clear of the camera."""
+        """Motions of the people, in the order of the scenario; they avoid the camera."""
         scenario = self.scenario
         return simulate(
             scenario.people,
@@ -54,12 +54,12 @@ class World:
 
     @cached_property
     def path(self) -> BasePath:
-        """The way of the camera and of the robot that carries it."""
-        return base_path(self.scenario.camera, self.scenario.duration_s)
+        """Path of the camera and of the robot that carries it."""
+        return BasePath(self.scenario.camera, self.scenario.duration_s)
 
     @cached_property
     def room(self) -> Room:
-        """The room, with a stool where somebody sits down."""
+        """The room, with a stool for each person who sits down."""
         stools = [w.to for person in self.scenario.people for w in person.path if w.sit]
         return room_mesh(self.scenario.room, self.seed, stools=stools)
 
@@ -77,7 +77,7 @@ class World:
         return stamp_ns(self.frame_s(index))
 
     def poses(self, t_s: float) -> tuple[BodyPose, ...]:
-        """Return how all people are held at a time."""
+        """Return the poses of all people at a time."""
         return tuple(motion.at(t_s) for motion in self.motions)
 
     def keypoints_m(self, t_s: float) -> list[F64]:
@@ -90,7 +90,7 @@ class World:
         held = zip(self.bodies, self.poses(t_s), strict=True)
         meshes = tuple(body.mesh(pose, k + 1) for k, (body, pose) in enumerate(held))
         for mesh in meshes:
-            # Soles keep to the floor within a millimetre; nothing of them is drawn below it.
+            # Soles stay on the floor within a millimetre; nothing of them is drawn below it.
             np.maximum(mesh.vertices_m[:, 2], 0.0, out=mesh.vertices_m[:, 2])
         return meshes
 
@@ -99,7 +99,7 @@ class World:
         return self.path.map_from_optical(t_s)
 
     def optical_from_map(self, t_s: float) -> F64:
-        """Return the map seen from the camera, 4x4."""
+        """Return the transform into the camera's optical frame, 4x4."""
         return invert(self.path.map_from_optical(t_s))
 
 

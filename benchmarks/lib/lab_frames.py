@@ -1,4 +1,4 @@
-"""Pictures of the virtual lab with their truth, for benchmarks."""
+"""Images of the virtual lab with their truth, for benchmarks."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from lab.world import World
 from people4d.messages import U8
 
 ALONE_MIN = 0.9  # visible share from which nothing hides a person
-VISIBLE_MIN = 0.35  # visible share below which nobody has to be found
+VISIBLE_MIN = 0.35  # visible share below which a person need not be found
 FACE_AND_TORSO = [0, 5, 6, 11, 12]  # COCO: nose, shoulders, hips
 
 
@@ -41,19 +41,19 @@ def lab_frames(name: str, count: int, seed: int | None = None) -> Iterator[LabFr
 
 
 def has_to_be_found(person: PersonView, size: tuple[int, int]) -> bool:
-    """Tell whether enough of a person is seen, face and trunk inside the image."""
+    """Check that enough of a person is visible, face and torso inside the image."""
     return person.visible_share >= VISIBLE_MIN and bool(
         np.all(inside(person, size)[FACE_AND_TORSO])
     )
 
 
 def is_alone(person: PersonView, size: tuple[int, int]) -> bool:
-    """Tell whether a person that has to be found is hidden by nothing."""
+    """Check that nothing hides a person that has to be found."""
     return has_to_be_found(person, size) and person.visible_share >= ALONE_MIN
 
 
 def inside(person: PersonView, size: tuple[int, int]) -> U8:
-    """Return which of 17 keypoints lie inside an image of a height and a width."""
+    """Return 1 for keypoints inside an image of a height and a width, 17."""
     height, width = size
     u, v = np.nan_to_num(person.keypoints_px, nan=-1.0).T
     return np.asarray((u >= 0) & (v >= 0) & (u < width) & (v < height), np.uint8)

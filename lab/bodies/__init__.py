@@ -1,1 +1,1 @@
-"""The people: baked figures, dressed, and posed as motion asks."""
+"""People: baked figures, dressed and posed."""

@@ -1,4 +1,4 @@
-"""A person of the cast: dressed, and posed as motion asks."""
+"""A person of the cast, dressed and posed."""
 
 import math
 from dataclasses import replace
@@ -36,11 +36,7 @@ UNDER_M = 0.035  # [m] that skin goes on under a hem
 
 @cache
 def load_body(name: str, seed: int = 0) -> "SkinnedBody":
-    """Return a dressed person of the cast.
-
-    Args:
-        name: See `cast_names`.
-        seed: Of the small differences, as in the shade of colours.
+    """Return a dressed person of the cast; the seed varies the shade of colours.
 
     Raises:
         ConfigError: There is none of that name.
@@ -53,13 +49,7 @@ def load_body(name: str, seed: int = 0) -> "SkinnedBody":
 
 
 class SkinnedBody:
-    """A person who can be posed.
-
-    Args:
-        name: In the cast.
-        figure: The baked body.
-        surfaces: Skin, hair and clothes in the neutral pose.
-    """
+    """A body with skin, hair and clothes that can be posed."""
 
     def __init__(self, name: str, figure: Figure, surfaces: list[BodySurface]) -> None:
         self.name = name
@@ -86,12 +76,7 @@ class SkinnedBody:
         return transforms
 
     def mesh(self, pose: BodyPose, owner: int) -> Mesh:
-        """Return skin and clothes in the map.
-
-        Args:
-            pose: How and where the person is.
-            owner: Number under which its triangles are known.
-        """
+        """Return skin and clothes in the map; the owner is the number of their triangles."""
         vertices = skin(self._vertices, self._bones, self._shares, self.bones(pose))
         return Mesh(
             vertices_m=vertices,
@@ -106,23 +91,16 @@ class SkinnedBody:
 
     def keypoints_m(self, pose: BodyPose) -> F64:
         """Return the 17 COCO keypoints in the map, 17x3."""
-        keypoints: F64 = np.einsum("bij,kbj->ki", self.bones(pose), self._forms)
-        return keypoints
+        return np.asarray(np.einsum("bij,kbj->ki", self.bones(pose), self._forms))
 
     def chest_yaw(self, pose: BodyPose) -> float:
-        """Return which way the chest faces, in rad, frame: map."""
+        """Return the yaw of the chest, in rad, frame: map."""
         forward = map_from_segments(pose)[INDEX["chest"]][:, 0]
         return math.atan2(forward[1], forward[0])
 
 
 def dress(figure: Figure, person: CastMember, seed: int) -> list[BodySurface]:
-    """Return all surfaces of a dressed person in the neutral pose.
-
-    Args:
-        figure: The body.
-        person: What it looks like.
-        seed: Of the small differences: the shade of clothes and hair.
-    """
+    """Return all surfaces of a dressed person in the neutral pose; the seed varies their shade."""
     levels = measure(figure, person)
     clothes = [
         *make_hair(figure, person.hair),

@@ -1,4 +1,4 @@
-"""The cast: who can be in a scenario, and what they wear; data in assets/cast.toml."""
+"""The cast: people and their clothes; data in assets/cast.toml."""
 
 import re
 import tomllib
@@ -25,7 +25,7 @@ class Hair(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class Shirt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the upper body wears."""
+    """Clothes of the upper body."""
 
     colour: str
     pattern: Literal["plain", "stripes", "plaid", "print", "placket", "blocks"] = "plain"
@@ -34,7 +34,7 @@ class Shirt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Legwear(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the legs wear."""
+    """Clothes of the legs."""
 
     colour: str
     kind: Literal["trousers", "shorts", "skirt"] = "trousers"
@@ -42,7 +42,7 @@ class Legwear(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class Shoes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the feet wear."""
+    """Shoes and socks."""
 
     colour: str = "#2b2a2c"
     sole: str = "#b9b6ae"

@@ -17,13 +17,7 @@ IRIS_M, PUPIL_M = 0.0068, 0.0030
 
 
 def paint_face(skin: BodySurface, figure: Figure, person: CastMember) -> BodySurface:
-    """Return skin with brows, lips, warm cheeks and shaded sockets.
-
-    Args:
-        skin: With all vertices of the figure.
-        figure: Whose face.
-        person: Gives the colours.
-    """
+    """Return skin, all vertices of the figure, with brows, lips, cheeks and shaded sockets."""
     head = find_head(figure)
     before, beside, above = head.coordinates(skin.vertices_m)
     front = before > 0.35
@@ -50,8 +44,7 @@ def bump(distance: F64, width: float) -> F64:
 
 def tint(colour: F64, share: F64, other: F64) -> F64:
     """Return colours mixed with a share of others."""
-    mixed: F64 = colour + share[:, None] * (other - colour)
-    return mixed
+    return np.asarray(colour + share[:, None] * (other - colour))
 
 
 def make_eyes(figure: Figure, person: CastMember) -> BodySurface:

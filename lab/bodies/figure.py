@@ -36,18 +36,14 @@ def arrays() -> dict[str, npt.NDArray[np.generic]]:
         return {key: asset[key] for key in asset.files}
 
 
-def figure_names() -> list[str]:
-    """Return the names of all figures."""
-    return [str(name) for name in arrays()["people"]]
-
-
 def load_figure(name: str) -> Figure:
     """Return the figure of that name.
 
     Raises:
         ValueError: There is none.
     """
-    asset, person = arrays(), figure_names().index(name)
+    asset = arrays()
+    person = [str(figure) for figure in asset["people"]].index(name)
     steps = asset["vertices"].astype(np.float64)
     own = steps[0] + (steps[person] if person else 0.0)
     bones = tuple(str(bone) for bone in asset["bone_names"])
@@ -97,8 +93,7 @@ class HeadLandmarks:
     def position_m(self, before: npt.ArrayLike, left: npt.ArrayLike, above: npt.ArrayLike) -> F64:
         """Return the vertices at these coordinates, left positive; Nx3."""
         units = np.stack(np.broadcast_arrays(before, left, above), axis=-1) * self.unit_m
-        positions: F64 = units + np.array([self.ear[0], 0.0, self.eye[2]])
-        return positions
+        return np.asarray(units + np.array([self.ear[0], 0.0, self.eye[2]]))
 
 
 def find_head(figure: Figure) -> HeadLandmarks:
@@ -116,7 +111,7 @@ def find_head(figure: Figure) -> HeadLandmarks:
 
 
 def on_head(figure: Figure) -> npt.NDArray[np.bool_]:
-    """Return which vertices move with head or neck rather than with the trunk."""
+    """Return the mask of vertices that move with head or neck rather than with the torso."""
     columns = [figure.bones.index(name) for name in ("neck", "head")]
     share: npt.NDArray[np.bool_] = figure.weights[:, columns].sum(axis=1) > 0.5
     return share

@@ -64,20 +64,18 @@ def arm_share(figure: Figure, weights: F64) -> F64:
     """Return how far vertices of these weights belong to an arm, 0 to 1."""
     kinds = ("upper_arm", "elbow", "forearm")
     columns = [index for index, name in enumerate(figure.bones) if name.startswith(kinds)]
-    share: F64 = weights[:, columns].sum(axis=1)
-    return share
+    return np.asarray(weights[:, columns].sum(axis=1))
 
 
 def on_arm(figure: Figure) -> npt.NDArray[np.bool_]:
-    """Return which vertices belong to an arm."""
+    """Return the mask of vertices that belong to an arm."""
     return np.asarray(arm_share(figure, figure.weights) > 0.5)
 
 
 def collar_field(figure: Figure, collar: float) -> F64:
     """Return how far vertices lie below a neckline that is lower in front, in metres."""
     x, _, z = figure.vertices_m.T
-    below: F64 = collar - 0.45 * (x - figure.joints_m["neck"][0]) - z
-    return below
+    return np.asarray(collar - 0.45 * (x - figure.joints_m["neck"][0]) - z)
 
 
 def cloth(figure: Figure, part: str, colour: str, material: Material) -> BodySurface:
@@ -92,12 +90,9 @@ def cloth(figure: Figure, part: str, colour: str, material: Material) -> BodySur
 
 
 def loosened(piece: BodySurface, distance_m: F64, rounds: int) -> BodySurface:
-    """Return cloth that hangs smoothly, hardly closer than asked.
+    """Return cloth that hangs smoothly at V distances from a close-fitting piece.
 
-    Args:
-        piece: Close-fitting cloth.
-        distance_m: V distances from it.
-        rounds: Of smoothing, which takes out the body's small forms.
+    Rounds of smoothing take out the body's small forms.
     """
     outward = normals(piece.vertices_m, piece.faces)
     loose = smoothed(piece.moved(outward * distance_m[:, None]), rounds)
@@ -123,7 +118,7 @@ def make_shirt(figure: Figure, shirt: Shirt, levels: HemLevels) -> BodySurface:
     piece = cut(sheet, np.where(on_arm(figure), z - levels.sleeve, torso))
     height = piece.vertices_m[:, 2]
     below = np.clip((levels.collar - 0.05 - height) / 0.3, 0, 1)
-    # Sleeves are narrower than the trunk.
+    # Sleeves are narrower than the torso.
     distance = 0.004 + shirt.loose_m * below * (1 - 0.7 * arm_share(figure, piece.weights))
     if levels.tucked:
         distance *= np.clip((height - levels.waist) / 0.08, 0.1, 1)
@@ -150,13 +145,7 @@ def make_legwear(figure: Figure, legs: Legwear, levels: HemLevels) -> BodySurfac
 
 
 def lengthened(piece: BodySurface, end_m: float, by_m: float) -> BodySurface:
-    """Return a piece with its lower hem drawn straight down, over the shoe.
-
-    Args:
-        piece: Trousers.
-        end_m: Height of the hem.
-        by_m: By how much.
-    """
+    """Return trousers with their lower hem, at a height, drawn straight down over the shoe."""
     edges = border(piece.faces)
     low = piece.vertices_m[edges, 2] < end_m + 0.03
     count = len(piece.vertices_m)
@@ -190,13 +179,7 @@ def make_shoes(figure: Figure, shoes: Shoes, levels: HemLevels) -> list[BodySurf
 
 
 def slab(piece: BodySurface, bottom_m: float, colour: F64) -> BodySurface:
-    """Return a piece pressed flat, with upright walls to where its border was.
-
-    Args:
-        piece: What lies under the welt.
-        bottom_m: Height of the sole.
-        colour: Of the slab.
-    """
+    """Return a piece pressed flat at a height, with upright walls to where its border was."""
     count = len(piece.vertices_m)
     flat = piece.vertices_m.copy()
     flat[:, 2] = bottom_m
@@ -210,11 +193,11 @@ def slab(piece: BodySurface, bottom_m: float, colour: F64) -> BodySurface:
 
 
 def hung(piece: BodySurface, axis_x_m: float, free: F64) -> BodySurface:
-    """Return cloth around the trunk with its hollows bridged.
+    """Return cloth around the torso with its hollows bridged.
 
     Args:
         piece: The cloth.
-        axis_x_m: Place of the trunk's upright axis.
+        axis_x_m: Position of the torso's upright axis.
         free: V, 0 where the cloth stays as it is, 1 where it hangs freely.
     """
     x, y, z = piece.vertices_m.T
@@ -233,8 +216,8 @@ def hanging_outline(around: F64, row: F64, radius: F64) -> F64:
     """Return the radius of hanging cloth over rows, from the top, and sectors.
 
     Args:
-        around: V places in sectors, 0 to SECTORS.
-        row: V places in rows.
+        around: V positions in sectors, 0 to SECTORS.
+        row: V positions in rows.
         radius: V distances of the close-fitting cloth from the axis in metres.
     """
     rows = int(row.max()) + 2

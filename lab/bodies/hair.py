@@ -9,7 +9,7 @@ from lab.bodies.surface import BodySurface, cut, grid_faces, smoothed
 from lab.drawing.mesh import Material
 from people4d.messages import F64
 
-# Height (above the eyes) over place (before the ears), in units of the head.
+# Height (above the eyes) over position (before the ears), in units of the head.
 HAIRLINE = np.array(
     [
         [-0.60, -0.88],
@@ -34,7 +34,7 @@ CURTAIN_END = {
 }
 BACK_DEG = 105.0  # from the front; hair beyond lies on the back
 OFF_BACK_M = 0.024  # of long hair from the close-fitting suit
-AXIS = -0.10  # place of a curtain's axis before the ears
+AXIS = -0.10  # position of a curtain's axis before the ears
 CURTAIN_FROM_DEG = 64.0  # from the front; the face is free
 
 
@@ -86,8 +86,7 @@ def hair_field(head: HeadLandmarks, vertices_m: F64) -> F64:
     line = np.interp(before, *HAIRLINE.T)
     # Receding at the temples, and not drawn with a ruler.
     line = line + 0.10 * np.exp(-(((beside - 0.42) / 0.16) ** 2)) * (before > 0.45)
-    field: F64 = above - line + 0.006 * np.sin(31 * beside + 9 * before)
-    return field
+    return np.asarray(above - line + 0.006 * np.sin(31 * beside + 9 * before))
 
 
 def curtain(figure: Figure, hair: Hair) -> BodySurface:
@@ -125,18 +124,11 @@ def curtain_radius(figure: Figure, head: HeadLandmarks, above: F64, angle: F64) 
     # It comes out from under the shell.
     up = np.clip(above, 0, 1)
     hidden = np.sqrt(1 - (up / 1.1) ** 2) * (1 - 0.12 * np.clip(up / 0.45, 0, 1))
-    radius: F64 = ellipse * hidden
-    return radius
+    return np.asarray(ellipse * hidden)
 
 
 def clear_of_back(figure: Figure, vertices: F64, behind: npt.NDArray[np.bool_]) -> F64:
-    """Return vertices moved backwards to lie outside clothes on the back.
-
-    Args:
-        figure: Who wears them.
-        vertices: Vx3 in metres.
-        behind: V, which may be moved.
-    """
+    """Return Vx3 vertices [m], those behind moved backwards out of clothes on the back."""
     suit = figure.vertices_m[np.unique(figure.faces["tights"])]
     moved = vertices.copy()
     for row in np.flatnonzero(behind):

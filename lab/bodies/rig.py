@@ -1,4 +1,4 @@
-"""How the bones that move the skin follow from the segments of a pose."""
+"""The rig: bones that move the skin, by the segments of a pose, and joints of dressed bodies."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from people4d.messages import F64
 
 FLOOR_M = 0.03  # feet further below the floor are not on it
 TOE_BEND = 0.7  # [rad] by which toes bend at most
-BALL = 0.69  # of the way from heel to toe, where the foot rolls
+BALL = 0.69  # share of the length from heel to toe, where the foot rolls
 FLEX_M = 0.03  # length over which a shoe bends
 
 
@@ -76,12 +76,7 @@ def joint_positions(joints_m: dict[str, F64]) -> F64:
 
 
 def map_from_rest(pose: BodyPose, joints: F64) -> F64:
-    """Return the transform of each bone, Bx3x4.
-
-    Args:
-        pose: In the map.
-        joints: Bx3 joint of each bone at rest, pelvis frame.
-    """
+    """Return the transform of each bone, Bx3x4, from its joint at rest, Bx3, pelvis frame."""
     segments = map_from_segments(pose)
     rotations = segments[_FIRST]
     share = _SHARE[_BLENDED, None, None]
@@ -121,8 +116,7 @@ def nearest_rotations(matrices: F64) -> F64:
     u, _, vt = np.linalg.svd(matrices)
     turned = np.linalg.det(u @ vt)
     u[:, :, 2] *= turned[:, None]
-    rotations: F64 = u @ vt
-    return rotations
+    return np.asarray(u @ vt)
 
 
 def bend_weights(weights: F64, vertices: F64, bones: tuple[str, ...], ball: F64) -> F64:
@@ -132,7 +126,7 @@ def bend_weights(weights: F64, vertices: F64, bones: tuple[str, ...], ball: F64)
         weights: VxB.
         vertices: Vx3 in the neutral pose.
         bones: B names.
-        ball: 2x3, where the left and the right sole bends.
+        ball: 2x3, at which the left and the right sole bends.
     """
     extended: F64 = np.concatenate([weights, np.zeros((len(weights), 2))], axis=1)
     for row, side in enumerate("lr"):
@@ -144,14 +138,7 @@ def bend_weights(weights: F64, vertices: F64, bones: tuple[str, ...], ball: F64)
 
 
 def make_skeleton(figure: Figure, vertices: F64, faces: I32, material: I32) -> Skeleton:
-    """Return the joints in the neutral pose.
-
-    Args:
-        figure: The baked body.
-        vertices: Vx3 of the dressed body.
-        faces: Fx3.
-        material: F.
-    """
+    """Return the joints of a dressed body in the neutral pose; heel to toe are the shoe's."""
     joints = figure.joints_m
     shoes = vertices[np.unique(faces[material == Material.SHOE])]
     soles = shoes[shoes[:, 2] < shoes[:, 2].min() + 0.003]

@@ -22,7 +22,6 @@ def about_z(angle_rad: npt.ArrayLike) -> F64:
 
 
 def _about(angle: F64, i: int, j: int) -> F64:
-    """Return rotations that turn axis i towards axis j."""
     rotation = np.zeros((*angle.shape, 3, 3))
     rotation[..., [0, 1, 2], [0, 1, 2]] = 1.0
     rotation[..., i, i] = rotation[..., j, j] = np.cos(angle)
@@ -37,12 +36,7 @@ def turn(rotation: F64, vector: F64) -> F64:
 
 
 def along(direction: F64, lateral: F64) -> F64:
-    """Return frames whose -z axis is a direction and whose y axis is as lateral as can be.
-
-    Args:
-        direction: ...x3, any length but zero.
-        lateral: ...x3, not parallel to the direction.
-    """
+    """Return frames ...x3x3 with a direction as -z axis and a y axis as lateral as can be."""
     up = -direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     left = lateral - up * np.sum(lateral * up, axis=-1, keepdims=True)
     left = left / np.linalg.norm(left, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""How a body is held: the rotations of its segments, and the skeleton they turn about."""
+"""The skeleton, and its pose: the rotations of its segments."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,7 @@ def map_from_segments(pose: BodyPose) -> F64:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Where the joints of one person are in the neutral pose.
+    """Joints of one person in the neutral pose.
 
     All points are in metres in the pelvis frame; 2x3 arrays hold the left side first.
     """

@@ -50,12 +50,7 @@ class BodySurface:
 
 
 def cut(surface: BodySurface, field: F64) -> BodySurface:
-    """Return the part where the field is positive, cut smoothly through the triangles.
-
-    Args:
-        surface: What to cut.
-        field: V values, linear along edges; vertices with positive values stay.
-    """
+    """Return the part where a field of V values is positive, cut smoothly through the triangles."""
     inside = field > 0
     corners = inside[surface.faces].sum(axis=1)
     inner_faces = surface.faces[corners == 3]
@@ -104,13 +99,12 @@ def with_points(surface: BodySurface, edges: npt.NDArray[np.intp], field: F64) -
 def stack(surfaces: Sequence[BodySurface]) -> tuple[F64, F64, F64, I32, I32, I32]:
     """Return vertices, weights, colours, faces, materials and patterns of all together."""
     starts = np.cumsum([0, *(len(s.vertices_m) for s in surfaces[:-1])])
+    moved = [s.faces + np.int32(start) for s, start in zip(surfaces, starts, strict=True)]
     return (
         np.concatenate([s.vertices_m for s in surfaces]),
         np.concatenate([s.weights for s in surfaces]),
         np.concatenate([s.colour for s in surfaces]),
-        np.concatenate(
-            [s.faces + np.int32(start) for s, start in zip(surfaces, starts, strict=True)]
-        ),
+        np.concatenate(moved),
         np.concatenate([np.full(len(s.faces), s.material, np.int32) for s in surfaces]),
         np.concatenate([np.full(len(s.faces), s.pattern, np.int32) for s in surfaces]),
     )
@@ -122,12 +116,11 @@ def border(faces: I32) -> I32:
     _, edge_index, count = np.unique(
         np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
     )
-    single: I32 = directed[count[edge_index.reshape(-1)] == 1]
-    return single
+    return np.asarray(directed[count[edge_index.reshape(-1)] == 1])
 
 
 def walls(edges: I32, count: int) -> I32:
-    """Return the triangles between edges and their copies, whose indices are `count` higher."""
+    """Return the triangles between edges and their copies, whose indices are higher by `count`."""
     a, b = edges.T
     faces = np.concatenate([np.c_[a, a + count, b], np.c_[b, a + count, b + count]])
     return faces.astype(np.int32)
@@ -155,13 +148,7 @@ def smoothed(surface: BodySurface, rounds: int) -> BodySurface:
 
 
 def grid_faces(rows: int, columns: int, closed: bool) -> I32:
-    """Return the triangles of a grid of vertices.
-
-    Args:
-        rows: Of vertices.
-        columns: Of vertices, counted first.
-        closed: Whether the last column joins the first.
-    """
+    """Return the triangles of a grid of vertices, row by row; closed joins its first column."""
     down = np.arange(rows - 1)[:, None] * columns
     along = np.arange(columns if closed else columns - 1)[None]
     a, b = down + along, down + (along + 1) % columns
@@ -171,14 +158,7 @@ def grid_faces(rows: int, columns: int, closed: bool) -> I32:
 
 
 def tubes(lines: Sequence[F64], radius_m: float, weights: F64, material: Material) -> BodySurface:
-    """Return dark tubes around lines of points.
-
-    Args:
-        lines: Each Nx3.
-        radius_m: Of the tubes.
-        weights: B shares of the bones, the same for all.
-        material: Of the tubes.
-    """
+    """Return dark tubes around lines of points, Nx3 each, with the same weights of the bones."""
     vertices, faces, start = [], [], 0
     angle = np.arange(SIDES) / SIDES * 2 * np.pi
     for line in lines:

@@ -1,9 +1,9 @@
-"""The robot's way: a base that drives on the floor and carries the camera.
+"""Path of the robot: a base that drives on the floor and carries the camera.
 
 Forward speed and turn rate are those of the plan, joined by ramps so that the wheels never jump. A
 ramp is half a cosine, centred on the boundary of two stretches: what it takes from the one it gives
-to the other, so the distance and angle of the plan as a whole are kept. The base begins at the
-speed of its first stretch and stands after its last.
+to the other, so distance and angle of the plan hold. The base begins at the speed of its first
+stretch and stands after its last.
 """
 
 import math
@@ -63,18 +63,11 @@ class SpeedProfile:
 
 
 def _done(t_s: F64, middle_s: float, length_s: float) -> F64:
-    """Return how far a ramp is done at each time, 0 to 1."""
-    done: F64 = np.clip((t_s - middle_s) / length_s + 0.5, 0, 1)
-    return done
+    return np.asarray(np.clip((t_s - middle_s) / length_s + 0.5, 0, 1))
 
 
 class BasePath:
-    """Where the base and its camera are at any time from MARGIN_S before to as long after.
-
-    Args:
-        plan: The camera and its drive.
-        duration_s: Length of the scenario.
-    """
+    """Pose of the base and its camera, from MARGIN_S before a scenario to as long after."""
 
     def __init__(self, plan: CameraPlan, duration_s: float) -> None:
         drives = _stops(plan.drive, duration_s)
@@ -90,8 +83,7 @@ class BasePath:
 
     def position(self, t_s: float) -> F64:
         """Return x and y in metres, frame: map; quicker than the whole pose."""
-        position: F64 = self._start_m + self._position(t_s)
-        return position
+        return np.asarray(self._start_m + self._position(t_s))
 
     def pose(self, t_s: float) -> tuple[float, float, float]:
         """Return x and y in metres and the heading in (-pi, pi], frame: map."""
@@ -105,7 +97,7 @@ class BasePath:
         return float(self._forward.speed(time_s)[0]), float(self._turn.speed(time_s)[0])
 
     def travel(self, t_s: F64) -> F64:
-        """Return the way since time 0 at each of N times: Nx2, forward in m and turned in rad."""
+        """Return the travel since time 0 at N times: Nx2, forward in m and turned in rad."""
         return np.stack([self._forward.distance(t_s), self._turn.distance(t_s)], axis=1)
 
     def map_from_base(self, t_s: float) -> F64:
@@ -115,13 +107,7 @@ class BasePath:
 
     def map_from_optical(self, t_s: float) -> F64:
         """Return the pose of the camera's optical frame, 4x4."""
-        pose: F64 = self.map_from_base(t_s) @ self.base_from_optical
-        return pose
-
-
-def base_path(plan: CameraPlan, duration_s: float) -> BasePath:
-    """Return the way of a camera; one without a drive stands still."""
-    return BasePath(plan, duration_s)
+        return np.asarray(self.map_from_base(t_s) @ self.base_from_optical)
 
 
 def _stops(drives: tuple[Drive, ...], duration_s: float) -> tuple[Drive, ...]:
@@ -147,7 +133,7 @@ def _profile(drives: tuple[Drive, ...], speeds: list[float], limit: float) -> Sp
 def _integrate(
     forward: SpeedProfile, turn: SpeedProfile, yaw_rad: float, duration_s: float
 ) -> CubicHermiteSpline:
-    """Return the place from a fixed one: the grid's steps are arcs, between them it is cubic."""
+    """Return the relative position: steps of the grid are arcs, between them it is cubic."""
     count = math.ceil((duration_s + 2 * MARGIN_S) / GRID_S)
     t_s = np.linspace(-MARGIN_S, count * GRID_S - MARGIN_S, count + 1)
     heading = yaw_rad + turn.distance(t_s)

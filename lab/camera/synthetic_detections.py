@@ -36,7 +36,7 @@ class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknow
     that. Other values are by eye.
     """
 
-    keypoint_share: NonNegative = 0.009  # sigma each way, of the box's height; measured
+    keypoint_share: NonNegative = 0.009  # sigma in x and in y, of the box's height; measured
     keypoint_least_px: NonNegative = 0.5  # [px] standard deviation that is always there
     ankle_factor: NonNegative = 1.8  # ankles are worse by this; measured
     hidden_factor: NonNegative = 3.0  # keypoints that are hidden, and guessed, are worse by this
@@ -70,31 +70,8 @@ class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknow
             raise ValueError("share_none, share_full: expected none < full")
 
 
-FAULTLESS = SyntheticDetectionsConfig(
-    keypoint_share=0,
-    keypoint_least_px=0,
-    confidence_sigma=0,
-    box_share=0,
-    recall=1,
-    score_sigma=0,
-    false_alarms=0,
-    front_m=0,
-    side_m=0,
-    no_position=0,
-    heading_rad=0,
-    reversals=0,
-    sensor=DepthSensorConfig(noise_px=0),
-)  # finds all who are visible, at their true positions
-
-
 class SyntheticDetections:
-    """Detections that a detector would have made of known people.
-
-    Args:
-        config: Its errors.
-        info: Calibration of the camera.
-        seed: Of its random numbers.
-    """
+    """Detections that a detector would have made of known people."""
 
     def __init__(self, config: SyntheticDetectionsConfig, info: CameraInfo, seed: int) -> None:
         self._config = config
@@ -184,11 +161,9 @@ class SyntheticDetections:
         z_read_m = z_m + errors.depth * sensor.noise_m(z_m) / math.sqrt(config.readings)
         z_read_m *= 1 + sensor.scale_bias
         across_m = moved_px / (self._info.fx, self._info.fy) * z_read_m
-        position_m: F64 = torso_m * (z_read_m / z_m) + (*across_m, 0.0)
-        return position_m
+        return np.asarray(torso_m * (z_read_m / z_m) + (*across_m, 0.0))
 
     def _heading(self, silhouette: Silhouette, up: F64, errors: "_Errors") -> F64 | None:
-        """Return the direction the chest faces; None if neither shoulders nor hips are visible."""
         if not (silhouette.visible[SHOULDERS].all() or silhouette.visible[HIPS].all()):
             return None
         forward = facing(silhouette.keypoints_m, up)
@@ -204,7 +179,6 @@ class SyntheticDetections:
         return min(max((silhouette.visible_share - none) / (full - none), 0.0), 1.0)
 
     def _false_alarms(self, stamp_s: float) -> list[Detection]:
-        """Return false detections; they stay in one position while they last."""
         config, info = self._config, self._info
         slot = math.floor(stamp_s / config.false_alarm_s) % 2**64
         generator = np.random.default_rng([self._seed, KEY, FALSE_ALARMS, slot])
@@ -227,7 +201,6 @@ class SyntheticDetections:
         return alarms
 
     def _edges(self) -> F64:
-        """Return the largest values of a box in the image."""
         return np.array([self._info.width, self._info.height] * 2, np.float64)
 
     def _noise(self, kind: int, person: int) -> NoiseProcess:

@@ -1,13 +1,13 @@
-"""Wheel odometry: what a robot with two driven wheels believes of its way.
+"""Wheel odometry: the path of a robot with two driven wheels, from their encoders.
 
-The wheels count ticks. From the ticks, the radius and the track that it was told, the robot works
-out its pose (docs/method.md section 7: dtheta = (right - left) / track). Told and true differ:
+The wheels count ticks. From the ticks, the nominal radius and the nominal track the robot works out
+its pose (docs/method.md section 7: dtheta = (right - left) / track). Nominal and true differ:
 
-- true radius = told radius / (1 + scale_error): distances come out larger by scale_error;
-- true track = told track * (1 + track_error): turns come out larger by track_error, too;
+- true radius = nominal radius / (1 + scale_error): distances come out larger by scale_error;
+- true track = nominal track * (1 + track_error): turns come out larger by track_error, too;
 - a wheel that slips by s turns 1 + s times as far as it rolls; s is drawn for each wheel anew
   every second, so that errors add up like a random walk;
-- a tick is the smallest step that is seen.
+- a tick is the smallest step that is measured.
 
 The covariance of a pose says what these errors do to it, to first order: the slips as independent
 from second to second, the two constant errors as unknown with their own size as standard deviation.
@@ -38,14 +38,7 @@ class WheelTicks:
 
 
 def wheel_ticks(plan: CameraPlan, path: BasePath, duration_s: float, seed: int) -> WheelTicks:
-    """Return what the wheel encoders count.
-
-    Args:
-        plan: The wheels and their errors.
-        path: The true way.
-        duration_s: Length of the scenario.
-        seed: Of the slip.
-    """
+    """Return the counts of the wheel encoders on a path; the seed is that of the slip."""
     wheels = plan.wheels
     time_s: F64 = np.arange(math.floor(duration_s * wheels.rate_hz + 1e-9) + 1) / wheels.rate_hz
     forward_m, turned_rad = np.diff(path.travel(time_s), axis=0).T
@@ -62,23 +55,20 @@ def wheel_ticks(plan: CameraPlan, path: BasePath, duration_s: float, seed: int) 
 
 
 def tick_m(wheels: WheelPlan) -> float:
-    """Return how far a wheel rolls in one tick, as the robot was told."""
+    """Return the nominal distance a wheel rolls in one tick."""
     return 2 * math.pi * wheels.radius_m / wheels.ticks_per_turn
 
 
 def wheel_odometry(
     plan: CameraPlan, path: BasePath, duration_s: float, seed: int
 ) -> list[Odometry]:
-    """Return the odometry of a robot from its wheels; it begins at (0, 0, 0).
+    """Return the odometry of a robot from its wheels, a message a reading; it begins at (0, 0, 0).
 
     Args:
         plan: The wheels and their errors.
-        path: The true way.
+        path: The true path.
         duration_s: Length of the scenario.
         seed: Of the slip.
-
-    Returns:
-        One message for each reading of the wheels, stamps from 0.
     """
     readings = wheel_ticks(plan, path, duration_s, seed)
     steps_m = np.diff(readings.ticks, axis=0) * tick_m(plan.wheels)
@@ -91,10 +81,7 @@ def wheel_odometry(
 
 
 class DeadReckoning:
-    """A pose from the steps of two wheels, and how far it may be off.
-
-    Args:
-        wheels: As the robot was told, and the size of their errors.
+    """A pose from the steps of two wheels, and its covariance.
 
     Source:
         docs/method.md section 7 [Park 2021].
@@ -114,8 +101,7 @@ class DeadReckoning:
         bias = self._bias * (wheels.scale_error, wheels.track_error)
         tick_variance = tick_m(wheels) ** 2 / 12
         tick = np.diag([tick_variance, tick_variance, 2 * tick_variance / wheels.track_m**2])
-        covariance: F64 = self._slip + bias @ bias.T + tick
-        return covariance
+        return np.asarray(self._slip + bias @ bias.T + tick)
 
     def step(self, left_m: float, right_m: float) -> None:
         """Take in how far the wheels turned since the last reading."""

@@ -1,16 +1,16 @@
-"""The errors of a depth camera of two imagers, depth aligned to colour; Intel's RealSense D435i.
+"""Errors of a depth camera of two imagers, depth aligned to colour; Intel's RealSense D435i.
 
-Such a camera matches the pictures of two imagers a baseline b apart. What it measures is the
-disparity d = f b / z, so an error of s pixels in d is one of z^2 s / (f b) in z: the RMS error
-grows with the square of the distance. [Grunnet-Jepsen] states this law, with
-s below 0.1 px on well textured surfaces; the data sheet promises at most 2 % at 2 m, and a user who
-put a D435 before a wall at 2.2 m reports s = 0.06 to 0.07 [librealsense 3139]. The
-defaults, s = 0.07 px, f = 385 px and b = 50 mm, give 3.6 mm at 1 m, 15 mm (0.7 %) at 2 m, 33 mm at
-3 m and 58 mm (1.5 %) at 4 m.
+Such a camera matches the images of two imagers a baseline b apart. It measures the disparity
+d = f b / z, so an error of s pixels in d is one of z^2 s / (f b) in z: the RMS error grows with the
+square of the distance. [Grunnet-Jepsen] states this law, with s below 0.1 px on well textured
+surfaces; the data sheet promises at most 2 % at 2 m, and a D435 before a wall at 2.2 m is reported
+to have s = 0.06 to 0.07 [librealsense 3139]. The defaults, s = 0.07 px, f = 385 px and b = 50 mm,
+give 3.6 mm at 1 m, 15 mm (0.7 %) at 2 m, 33 mm at 3 m and 58 mm (1.5 %) at 4 m; docs/method.md
+section 22.
 
-How noise divides into smooth and white, frozen and running, and how ragged silhouettes are, is
-chosen by eye, not measured on a camera. What is not simulated: texture (a white wall is matched as
-well as a shirt), sunlight, glass and mirrors, rolling temperature drift.
+The division of noise into smooth and white, frozen and running, and the raggedness of silhouettes
+are chosen by eye, not measured on a camera. Not simulated: texture (a white wall is matched as well
+as a shirt), sunlight, glass and mirrors, rolling temperature drift.
 """
 
 from typing import Annotated
@@ -69,16 +69,3 @@ class DepthSensorConfig(Config, frozen=True, kw_only=True, forbid_unknown_fields
     def noise_m(self, depth_m: float) -> float:
         """Return the standard deviation of a reading at a depth, without rounding."""
         return depth_m**2 * self.noise_px / (self.focal_px * self.baseline_m)
-
-
-EXACT = DepthSensorConfig(
-    noise_px=0,
-    step_px=0,
-    ragged_px=0,
-    shadow=False,
-    left_band=False,
-    edge_holes=0,
-    holes=0,
-    min_depth_m=0,
-    max_depth_m=65.5,
-)  # reads whole millimetres and makes no other error

@@ -90,13 +90,8 @@ def depth_sensor_of(
 class CleanDepthSensor:
     """A depth sensor that reads the clean depth of one camera.
 
-    Args:
-        metadata: Of the recording.
-        info: Calibration of the camera.
-        changes: Of the sensor's errors, by name.
-
     Raises:
-        ConfigError: A change is unknown or out of range.
+        ConfigError: A change of its errors is unknown or out of range.
     """
 
     def __init__(
@@ -110,11 +105,7 @@ class CleanDepthSensor:
         self._sensor = DepthSensor(config, info, metadata.seed)
 
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
-        """Return the readings of the sensor.
-
-        Args:
-            depth_mm: HxW, true depth in millimetres, 0 where nothing is.
-            stamp_ns: Of the frame.
+        """Return the readings for HxW true depth in millimetres, 0 where nothing is.
 
         Raises:
             DecodeError: The image is not as large as the calibration says.

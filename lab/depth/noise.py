@@ -30,39 +30,16 @@ def blend(position: float) -> tuple[int, float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Persistence:
-    """How long noise lasts."""
+    """Duration of noise."""
 
     frozen_share: float  # part of the variance that never changes, 0 to 1
     # time between the knots of the other part: after as long its correlation has fallen to 1/pi,
     # after twice as long to 0
     correlation_s: float
 
-    def correlation(self, lag_s: float) -> float:
-        """Return the correlation of two values a time apart, averaged over when the first is.
-
-        With d = pi/2 lag/correlation_s, both lie between the same knots for 1 - lag/correlation_s
-        of the time: cos d. Else the second lies one further: the mean of sin(a) sin(a + d).
-        """
-        lag = abs(lag_s) / self.correlation_s
-        d = lag * math.pi / 2
-        if lag < 1:
-            running = (1 - lag) * math.cos(d) + (d * math.cos(d) + math.sin(d)) / math.pi
-        elif lag < 2:
-            e = math.pi - d
-            running = (math.sin(e) - e * math.cos(e)) / math.pi
-        else:
-            running = 0.0
-        return self.frozen_share + (1 - self.frozen_share) * running
-
 
 class NoiseProcess:
-    """An array of independent normal numbers, variance 1, that change with time.
-
-    Args:
-        shape: Of the array.
-        seed: ReadingParameters that set this noise apart from all others.
-        persistence: How long values last.
-    """
+    """An array of independent normal numbers, variance 1, that change with time."""
 
     def __init__(
         self, shape: tuple[int, ...], seed: tuple[int, ...], persistence: Persistence
@@ -84,7 +61,7 @@ class NoiseProcess:
         return values
 
     def _knot(self, knot: int) -> F32:
-        """Return the numbers of a knot; the last ones are kept, for they are drawn slowly."""
+        """Return the numbers of a knot; the last ones are cached, for they are drawn slowly."""
         values = self._knots.get(knot)
         if values is None:
             values = self._draw(RUNNING, knot % 2**64)
@@ -103,8 +80,8 @@ class NoiseField:
     Args:
         shape: Height and width of the image.
         cell_px: Distance between the knots in the image; 1: every pixel for itself.
-        seed: ReadingParameters that set this noise apart from all others.
-        persistence: How long values last.
+        seed: Numbers that set this noise apart from all others.
+        persistence: Duration of its values.
     """
 
     def __init__(

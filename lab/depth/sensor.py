@@ -1,4 +1,4 @@
-"""What a depth camera made of two imagers reads, pixel by pixel; its errors are in depth_config."""
+"""Readings of a depth camera made of two imagers, pixel by pixel; its errors are in config.py."""
 
 import math
 from typing import NamedTuple
@@ -14,14 +14,9 @@ KEY = 0xD435  # sets these random numbers apart from others of the same seed
 
 
 class DepthSensor:
-    """Turns the true depth of each pixel into what a depth camera reads.
+    """Turns the true depth of each pixel into the readings of a depth camera.
 
-    A reading depends on the depth, the seed and the stamp only, never on what was read before.
-
-    Args:
-        config: Which errors it makes.
-        info: Calibration of the image.
-        seed: Of its random numbers.
+    A reading depends on the depth, the seed and the stamp only, never on earlier ones.
     """
 
     def __init__(self, config: DepthSensorConfig, info: CameraInfo, seed: int) -> None:
@@ -51,16 +46,13 @@ class DepthSensor:
         }
 
     def measure(self, depth_m: F32, right_depth_m: F32 | None, stamp_s: float) -> U16:
-        """Return what the camera reads.
+        """Return the readings, HxW in millimetres, 0 where there is none.
 
         Args:
             depth_m: HxW along the optical axis; 0, NaN or inf where nothing is.
-            right_depth_m: HxW as the right imager sees it, the colour camera moved to the right
-                by the baseline; None: what follows from depth_m.
-            stamp_s: When.
-
-        Returns:
-            HxW in millimetres, 0 where there is no reading.
+            right_depth_m: HxW of the right imager, the colour camera moved to the right by the
+                baseline; None: reprojected from depth_m.
+            stamp_s: Time of the frame.
         """
         matched = np.empty_like(depth_m)
         reading: U16 = np.empty(depth_m.shape, np.uint16)
@@ -83,7 +75,7 @@ class NoiseImages(NamedTuple):
 
 
 class StereoGeometry(NamedTuple):
-    """How the view of the right imager lies to the image."""
+    """Position of the right imager's view in the image."""
 
     focal_baseline: float  # [px m] disparity in the image is this by depth
     gap_px: float  # [px] a surface nearer by this blocks the view
@@ -91,7 +83,7 @@ class StereoGeometry(NamedTuple):
 
 
 class ReadingParameters(NamedTuple):
-    """What the reading of a pixel depends on besides noise."""
+    """Parameters of the reading of a pixel."""
 
     focal_baseline: float  # [px m] of the imagers
     slope: float  # [px] focal length in the image
@@ -134,7 +126,6 @@ def _numbers(config: DepthSensorConfig, info: CameraInfo) -> ReadingParameters:
 
 
 def _right(depth_m: F32, right_depth_m: F32 | None, stereo: StereoGeometry) -> F32:
-    """Return the disparity that the right imager sees, 0 where it sees nothing."""
     disparity = np.zeros_like(depth_m)
     if right_depth_m is None:
         _reproject(depth_m, stereo.focal_baseline, disparity)
@@ -185,7 +176,7 @@ def _read(matched: F32, noise: NoiseImages, numbers: ReadingParameters, reading:
     for v in range(height):
         for u in range(width):
             reading[v, u] = 0
-            # Ragged silhouettes: the reading of a place nearby.
+            # Ragged silhouettes: the reading of a pixel nearby.
             y = round(v - numbers.shift_v + numbers.ragged * noise.warp_v[v, u])
             x = round(u - numbers.shift_u + numbers.ragged * noise.warp_u[v, u])
             y, x = min(max(y, 0), height - 1), min(max(x, 0), width - 1)

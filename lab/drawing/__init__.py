@@ -1,1 +1,1 @@
-"""Rooms, light and pictures."""
+"""Rooms, light and images."""

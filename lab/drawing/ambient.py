@@ -13,7 +13,7 @@ PATCHES = 10  # along each edge of a wall
 TERMS = 7  # of the polynomial 1 x y z x^2 y^2 z^2
 REACH_M = 0.45  # of what darkens a corner
 PAIRS = 8  # of readings around a pixel
-COARSE = 2  # a corner's darkness is computed for every second pixel both ways
+COARSE = 2  # a corner's darkness is computed for every second pixel in both directions
 
 
 def bounce_light(room: Room) -> F64:
@@ -21,10 +21,10 @@ def bounce_light(room: Room) -> F64:
 
     The walls are cut into patches that are lit by the lights and once more by the mean of all; then
     the irradiance from all patches is gathered at points in the room for six directions, and each
-    is approximated by a polynomial of the place, which shading evaluates at every pixel.
+    is approximated by a polynomial of the position, which shading evaluates at every pixel.
 
     Returns:
-        6x3xTERMS: direction (-x +x -y +y -z +z), colour, coefficient; see `polynomial`.
+        6x3xTERMS: direction (-x +x -y +y -z +z), colour, coefficient.
     """
     positions, inward, areas, albedo = _patches(room)
     lit = sum(
@@ -58,7 +58,6 @@ def direct_light(room: Room, position_m: F64, normal: F64) -> F64:
 
 
 def _from_light(room: Room, index: int, positions: F64, normals: F64) -> F64:
-    """Return Nx3 irradiance from one light."""
     light = room.lights[index]
     away = light.position_m - positions
     squared = (away**2).sum(axis=1)
@@ -98,7 +97,7 @@ PAIR_OFFSETS: F64 = np.sqrt((np.arange(PAIRS) + 0.6) / PAIRS)[:, None] * np.colu
 def corner_light(
     inverse: F32, step: int, focal_px: float, first: int, last: int, result: F32
 ) -> None:
-    """Compute how much of the walls' light reaches each place, 0 to 1, from depth alone.
+    """Compute the share of the walls' light that reaches each pixel, 0 to 1, from depth alone.
 
     Where the mean depth of two points on either side of a pixel is less than the pixel's own, the
     surface is hollow there.

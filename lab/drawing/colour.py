@@ -1,4 +1,4 @@
-"""From radiance to the picture: what lens, film and sensor do."""
+"""From radiance to the image: lens, tone curve and noise of a sensor."""
 
 import math
 
@@ -11,7 +11,7 @@ from people4d.messages import F32, U8
 
 KEY_GRAIN, KEY_SHIFT = 311, 312  # of the random numbers
 GRAIN_PX = 1024  # of the pattern that all frames' noise is cut from
-READ_NOISE = 0.005  # of the sensor, in parts of the picture's range
+READ_NOISE = 0.005  # of the sensor, in parts of the image's range
 PHOTON_NOISE = 0.008  # more where it is dark, since gamma spreads what is dark
 VIGNETTE = 0.22  # loss of light in the corners
 SATURATION = 0.86
@@ -19,12 +19,12 @@ STRAY = 0.002  # light that strays in the lens, in parts of white
 WHITE_POINT = 1.8  # radiance that is just white
 CONTRAST = 1.22
 BLUR = 0.06  # share of a pixel's light that falls on each of its four neighbours
-TONES = 4096  # of the film curve
-TOP = 8.0  # brightest radiance of the film curve
+TONES = 4096  # of the tone curve
+TOP = 8.0  # brightest radiance of the tone curve
 
 
 def tone_curve() -> F32:
-    """Return the picture's brightness (0 to 1, gamma applied) for TONES radiances from 0 to TOP.
+    """Return the image's brightness (0 to 1, gamma applied) for TONES radiances from 0 to TOP.
 
     A straight middle with a soft shoulder, so that windows are bright but not burnt out at once,
     and a little light that strays in the lens, so that black is not quite black.
@@ -48,14 +48,9 @@ def grain(seed: int) -> F32:
 def develop(
     radiance: F32, exposure: float, pattern: F32, key: tuple[int, int], threads: int = 1
 ) -> U8:
-    """Return the picture of a radiance, HxWx3 red first.
+    """Return the image of a linear radiance, HxWx3 red first.
 
-    Args:
-        radiance: HxWx3, linear.
-        exposure: Factor.
-        pattern: See `grain`.
-        key: Seed and frame; the noise is a function of both.
-        threads: Number of threads.
+    The noise is cut from a pattern, see `grain`, by the key: seed and frame.
     """
     shifts = np.random.default_rng([*key, KEY_SHIFT]).integers(0, GRAIN_PX, (3, 2))
     image = np.empty(radiance.shape, np.uint8)
@@ -81,7 +76,6 @@ def _develop(
     last: int,
     image: U8,
 ) -> None:
-    """Write rows of the picture."""
     height, width = radiance.shape[:2]
     scale = (TONES - 1) / math.sqrt(TOP)
     corner = 1.0 / (0.25 * (height * height + width * width))

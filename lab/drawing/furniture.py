@@ -1,4 +1,4 @@
-"""Things that stand in a room."""
+"""Furniture of rooms."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -38,7 +38,7 @@ def door(x_m: float, y_m: float, colour: Vector) -> list[Mesh]:
 
 
 def poster(x_m: float, y_m: float, size_m: tuple[float, float], number: int) -> list[Mesh]:
-    """Return a framed picture on a wall that faces -x; y_m is its right edge seen from -x."""
+    """Return a framed image on a wall that faces -x; y_m is its right edge seen from -x."""
     width, height = size_m
     low = 1.15
     frame = box(
@@ -91,7 +91,6 @@ def shelf(low_m: Vector, high_m: Vector, colour: Vector) -> list[Mesh]:
 
 
 def _spines(mesh: Mesh, width_m: float, shelves: int) -> Mesh:
-    """Return the panel of books with its texture in metres across and shelves up."""
     texture = np.array(
         [[0, 0, 0], [width_m, 0, 0], [width_m, shelves, 0], [0, shelves, 0]], np.float32
     )

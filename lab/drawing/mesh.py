@@ -1,4 +1,4 @@
-"""Triangles with all that drawing them takes."""
+"""Triangles, and their materials: one number for each solid texture of the shading."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -50,8 +50,7 @@ class Mesh:
 
     vertices_m: F64  # Vx3, frame: map
     normals: F64  # Vx3, unit length, outward
-    # Vx3 where solid textures are evaluated: the rest position of a body, the place in a room. It
-    # moves with the surface
+    # Vx3 where solid textures are evaluated: position in a room, or at rest of a moving body
     texture_m: F32
     colour: F32  # Vx3 linear reflectance, red first, 0 to 1
     faces: I32  # Fx3 indices of vertices
@@ -62,17 +61,7 @@ class Mesh:
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
     """Return one mesh that holds all; at least one is given."""
-    counts = [len(mesh.vertices_m) for mesh in meshes]
-    starts = np.cumsum([0, *counts[:-1]])
-    return Mesh(
-        vertices_m=np.concatenate([mesh.vertices_m for mesh in meshes]),
-        normals=np.concatenate([mesh.normals for mesh in meshes]),
-        texture_m=np.concatenate([mesh.texture_m for mesh in meshes]),
-        colour=np.concatenate([mesh.colour for mesh in meshes]),
-        faces=np.concatenate(
-            [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=True)]
-        ),
-        material=np.concatenate([mesh.material for mesh in meshes]),
-        pattern=np.concatenate([mesh.pattern for mesh in meshes]),
-        owner=np.concatenate([mesh.owner for mesh in meshes]),
-    )
+    starts = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes[:-1])])
+    moved = [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=True)]
+    joined = {name: np.concatenate([vars(m)[name] for m in meshes]) for name in vars(meshes[0])}
+    return Mesh(**{**joined, "faces": np.concatenate(moved)})

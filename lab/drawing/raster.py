@@ -1,4 +1,4 @@
-"""Which triangle is seen at each pixel, and how far it is.
+"""Rasteriser: the nearest triangle at each pixel, and its depth.
 
 A point of the optical frame becomes q = (fx x + cx z, fy y + cy z, z), so that the pixel (u, v)
 sees the points z (u, v, 1) = q. For a triangle with corners q0, q1, q2 the numbers
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Raster:
-    """What each pixel sees."""
+    """Nearest face and inverse depth of each pixel."""
 
     inverse_depth: F32  # HxW, 1/m along the optical axis; 0 where nothing is
     triangle: I32  # HxW index of the face; -1 where nothing is
@@ -43,30 +43,19 @@ class Raster:
 
 
 def homogeneous(points_m: F64, pixels_from_points: F64) -> F64:
-    """Return the corners q of triangles for `rasterise`.
-
-    Args:
-        points_m: Nx3 in any frame.
-        pixels_from_points: 3x4 projection, the camera matrix times the transform to its frame.
-
-    Returns:
-        Nx3: (u z, v z, z) of each point.
-    """
+    """Return the corners q of triangles, Nx3 (u z, v z, z), by a 3x4 projection of points."""
     matrix = pixels_from_points
     return np.ascontiguousarray(points_m @ matrix[:, :3].T + matrix[:, 3])
 
 
 def rasterise(corners: F64, faces: I32, size: tuple[int, int], threads: int = 1) -> Raster:
-    """Draw triangles; both sides of each are seen.
+    """Draw both sides of triangles; of equally near faces the first wins.
 
     Args:
         corners: Vx3, see `homogeneous`; pixel (u, v) has its centre at whole numbers.
         faces: Fx3 indices of corners.
         size: Height and width of the image.
         threads: Number of threads.
-
-    Returns:
-        The nearest face of each pixel; of equally near ones the first.
     """
     inverse_depth = np.zeros(size, np.float32)
     triangle = np.full(size, -1, np.int32)
@@ -188,14 +177,9 @@ def at_once(jobs: Sequence[Callable[[], T]], threads: int) -> list[T]:
 
 
 def in_bands(work: Callable[[int, int], object], rows: int, threads: int) -> None:
-    """Call `work(first, last)` for bands of rows that together are all rows.
+    """Call `work(first, last)` for bands of rows that together are all rows, last not included.
 
     Each pixel depends on its own row only, so the result does not depend on the number of bands.
-
-    Args:
-        work: Writes the rows from first up to, but not with, last.
-        rows: Of the image.
-        threads: Number of bands.
     """
     bands = max(threads, 1)
     edges = [rows * band // bands for band in range(bands + 1)]

@@ -30,7 +30,7 @@ class DepthView:
 
 @dataclass(frozen=True)
 class Extent:
-    """How much of the image a body would cover if nothing hid it."""
+    """Area of the image that a body would cover if nothing hid it."""
 
     pixels: int  # number of pixels inside the image
     box_xyxy_px: F64  # 4, just around them, right and lower edge exclusive; NaN if there are none
@@ -43,14 +43,9 @@ def draw_depth(
     baseline_m: float,
     threads: int = 1,
 ) -> DepthView:
-    """Draw depth and owners as a perfect pair of imagers sees them.
+    """Draw depth and owners of meshes, the room included, as a perfect pair of imagers sees them.
 
-    Args:
-        meshes: All that is seen, the room included; none: the depth is inf everywhere.
-        optical_from_map: 4x4 of the left imager.
-        info: Calibration of both imagers; lens distortion is not drawn.
-        baseline_m: How far to the right the right imager is.
-        threads: Number of threads; the result does not depend on it.
+    Lens distortion is not drawn. The right imager is a baseline to the right of the left one.
     """
     size = (info.height, info.width)
     if not meshes:
@@ -69,7 +64,7 @@ def draw_depth(
 
 
 def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
-    """Return how much of the image a body would cover if nothing hid it."""
+    """Return the area of the image that a body would cover if nothing hid it."""
     corners = homogeneous(mesh.vertices_m, camera_matrix(info) @ optical_from_map[:3])
     raster = rasterise(corners, mesh.faces, (info.height, info.width)).triangle >= 0
     rows, columns = np.flatnonzero(raster.any(axis=1)), np.flatnonzero(raster.any(axis=0))
@@ -90,8 +85,8 @@ class Instant:
 class Renderer:
     """Draws people in a room in colour.
 
-    It keeps only what does not change: the room, what it hides from its lights and what its walls
-    send back. So frames may be drawn in any order, each gives the same bytes.
+    It holds only what does not change: the room, its shadows and the light of its walls.
+    So frames may be drawn in any order, each gives the same bytes.
     """
 
     def __init__(
@@ -103,8 +98,8 @@ class Renderer:
             room: See `rooms.room_mesh`.
             info: Calibration; lens distortion is not drawn.
             seed: Of the sensor's noise.
-            threads: Number of threads; the picture does not depend on it.
-            samples: Per pixel both ways, 1 (ragged edges) or 2 (smooth).
+            threads: Number of threads; the image does not depend on it.
+            samples: Per pixel in both directions, 1 (ragged edges) or 2 (smooth).
         """
         self.room, self.info, self.seed = room, info, seed
         self.threads, self.samples = threads, samples
@@ -117,18 +112,8 @@ class Renderer:
         self._grain = grain(seed)
         self._exposure = room.exposure / self._white()
 
-    def colour(self, people: Sequence[Mesh], optical_from_map: F64, frame: int) -> U8:
-        """Return the picture of people in the room, HxWx3 red first.
-
-        Args:
-            people: Their meshes.
-            optical_from_map: 4x4.
-            frame: Number or time stamp, >= 0; the noise is a function of it and the seed.
-        """
-        return self.exposed([Instant(people, optical_from_map)], frame)
-
     def exposed(self, instants: Sequence[Instant], frame: int) -> U8:
-        """Return the picture of a shutter that is open over some moments: motion is blurred."""
+        """Return the image of a shutter that is open over several instants: motion is blurred."""
         radiance = self.radiance(instants[0])
         for instant in instants[1:]:
             radiance += self.radiance(instant)
@@ -171,15 +156,12 @@ class Renderer:
         return image
 
     def _samples_from_map(self, optical_from_map: F64) -> F64:
-        """Return the 3x4 projection to samples; those of a pixel lie around its centre."""
         camera = camera_matrix(self.info)
         camera[:2] *= self.samples
         camera[:2, 2] += (self.samples - 1) / 2
-        projection: F64 = camera @ optical_from_map[:3]
-        return projection
+        return np.asarray(camera @ optical_from_map[:3])
 
     def _lighting(self, people: Sequence[Mesh], raster: Raster) -> SceneLighting:
-        """Return the light of a moment: the room's, less what people hide."""
         maps = self._maps
         if people:
             crowd = join(people)

@@ -1,4 +1,4 @@
-"""The rooms: what stands in them and what lights them."""
+"""Rooms: their furniture and their lights."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -51,7 +51,7 @@ def room_mesh(kind: str, seed: int, stools: Seats = ()) -> Room:
     Args:
         kind: "lab" (3.5 x 6.2 m, ceiling lights, wooden floor, window at the side) or "hall"
             (10 x 8 m, pillars, tall windows, few warm lamps).
-        seed: Of colours, light, furniture, and on which side the windows are.
+        seed: Of colours, light, furniture, and the side of the windows.
         stools: x and y in metres of each, frame: map; the seat is `furniture.SEAT_M` high.
     """
     rng = np.random.default_rng([seed, KEY])
@@ -61,7 +61,6 @@ def room_mesh(kind: str, seed: int, stools: Seats = ()) -> Room:
 
 
 def _lab(rng: np.random.Generator, stools: Seats) -> Room:
-    """Return an office: ceiling lights, a wooden floor, a window at the side."""
     low, high = (-0.6, -1.75, 0.0), (5.6, 1.75, 2.6)
     wall = _varied(rng, [(205, 201, 190), (190, 197, 201), (203, 205, 199), (207, 196, 180)])
     accent = _varied(rng, [(176, 188, 192), (172, 184, 168), (198, 190, 176), (188, 176, 170)])
@@ -84,7 +83,6 @@ def _lab(rng: np.random.Generator, stools: Seats) -> Room:
 
 
 def _office_furniture(rng: np.random.Generator, wood: Vector) -> list[Mesh]:
-    """Return what stands along the far wall of the office and below its window."""
     bin_colour = _varied(rng, [(62, 70, 82), (150, 60, 44), (70, 92, 70)])
     bin_finish = Finish(Material.METAL, bin_colour)
     return [
@@ -98,7 +96,6 @@ def _office_furniture(rng: np.random.Generator, wood: Vector) -> list[Mesh]:
 
 
 def _hall(rng: np.random.Generator, stools: Seats) -> Room:
-    """Return a foyer: daylight from one side, warm lamps above."""
     low, high = (-1.0, -4.0, 0.0), (9.0, 4.0, 3.4)
     wall = _varied(rng, [(186, 184, 178), (170, 172, 172), (196, 190, 176)])
     accent = _varied(rng, [(120, 128, 134), (136, 108, 92), (104, 122, 112), (158, 150, 138)])
@@ -125,7 +122,6 @@ def _hall(rng: np.random.Generator, stools: Seats) -> Room:
 
 
 def _foyer_furniture(rng: np.random.Generator, wall: Vector, wood: Vector) -> list[Mesh]:
-    """Return pillars, doors, pictures, a shelf and a bench along the walls."""
     parts = furniture.door(9.0, -2.4, wood) + furniture.door(9.0, -1.2, wood)
     for x in (2.2, 6.2):
         for y in (-2.9, 2.9):
@@ -177,7 +173,6 @@ def _triple(values: F64) -> Vector:
 
 
 def _mirrored(room: Room) -> Room:
-    """Return a room with left and right exchanged."""
     flip = np.array([1.0, -1.0, 1.0])
     mesh = replace(
         room.mesh,

@@ -1,4 +1,4 @@
-"""The colour of each pixel: what is seen there, and how much light it sends to the camera."""
+"""The colour of each pixel: the surface there, and the light it sends to the camera."""
 
 import math
 from typing import NamedTuple
@@ -34,13 +34,13 @@ class SceneArrays(NamedTuple):
     faces: I32
     material: I32
     pattern: I32
-    eye: F64  # [m] 3, place of the camera, frame: map
+    eye: F64  # [m] 3, position of the camera, frame: map
 
 
 class SceneLighting(NamedTuple):
-    """What lights the scene."""
+    """Lights of the scene."""
 
-    lights: F64  # Lx10: place 3, direction 3, intensity 3, radius
+    lights: F64  # Lx10: position 3, direction 3, intensity 3, radius
     projections: F64  # Lx3x4 into the lights' maps, see `shadows.pixels_from_map`
     maps: F32  # [1/m] LxSxS, see `shadows.shadow_map`
     bounce: F64  # see `ambient.bounce_light`
@@ -49,13 +49,13 @@ class SceneLighting(NamedTuple):
 
 
 class SampleArrays(NamedTuple):
-    """What the rasteriser saw, more than once per pixel."""
+    """Samples of the rasteriser, more than one a pixel."""
 
     inverse: F32  # [1/m] see `raster.Raster`
     triangle: I32
-    side: int  # samples per pixel both ways
+    side: int  # samples per pixel in both directions
     focal: float  # [samples] focal length
-    step: int  # samples per pixel of the coarse corner light, both ways
+    step: int  # samples per pixel of the coarse corner light, in both directions
 
 
 @compiled
@@ -90,7 +90,6 @@ def shade_rows(
 
 @compiled
 def _one_surface(scene: SceneArrays, samples: SampleArrays, v: int, u: int) -> bool:
-    """Return whether the samples of a pixel see neighbouring places on one smooth surface."""
     first = samples.triangle[v, u]
     for i in range(samples.side):
         for j in range(samples.side):
@@ -115,7 +114,6 @@ def _one_surface(scene: SceneArrays, samples: SampleArrays, v: int, u: int) -> b
 def _shade(
     scene: SceneArrays, light: SceneLighting, samples: SampleArrays, v: int, u: int
 ) -> tuple[float, float, float]:
-    """Return the radiance that one sample sees."""
     face = samples.triangle[v, u]
     if face < 0:
         return 0.0, 0.0, 0.0
@@ -165,7 +163,6 @@ def _shade(
 def _mixed(
     values: F64 | F32, corner: tuple[int, int, int], weights: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Return the mean of three rows with weights."""
     i, j, k = corner
     a, b, c = weights
     return (

@@ -1,4 +1,4 @@
-"""Shadow maps: how far each light sees, and how much of it a point sees."""
+"""Shadow maps: distances from each light, and the share of it that a point sees."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,7 @@ from lab.drawing.rooms import Light, Room
 from people4d.messages import F32, F64
 
 SIDE_PX = 768  # of a map
-HALF_VIEW_RAD = math.radians(66)  # of a map, both ways
+HALF_VIEW_RAD = math.radians(66)  # of a map, in both directions
 FOCAL_PX = SIDE_PX / 2 / math.tan(HALF_VIEW_RAD)
 BIAS_M = 0.025  # a surface casts no shadow on itself
 TAPS = 12  # readings of the map for a point at the rim of a shadow
@@ -26,15 +26,14 @@ SPIRAL: F64 = np.sqrt((np.arange(TAPS) + 0.5) / TAPS)[:, None] * np.column_stack
 
 
 def pixels_from_map(light: Light) -> F64:
-    """Return the 3x4 projection into a light's map; it looks where the light shines."""
+    """Return the 3x4 projection into a light's map, whose axis is that of the light."""
     forward = light.towards
     right = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
     right /= np.linalg.norm(right)
     rotation = np.array([right, np.cross(forward, right), forward])
     centre_px = (SIDE_PX - 1) / 2
     camera = np.array([[FOCAL_PX, 0, centre_px], [0, FOCAL_PX, centre_px], [0, 0, 1.0]])
-    projection: F64 = camera @ np.column_stack([rotation, -rotation @ light.position_m])
-    return projection
+    return np.asarray(camera @ np.column_stack([rotation, -rotation @ light.position_m]))
 
 
 def shadow_map(mesh: Mesh, projection: F64) -> F32:
@@ -54,7 +53,7 @@ def room_shadow_maps(room: Room) -> F32:
 def lit_share(
     maps: F32, light: int, pixel: tuple[float, float], limit: float, turn: tuple[float, float]
 ) -> float:
-    """Return how much of a light a point sees, 0 to 1.
+    """Return the share of a light that a point sees, 0 to 1.
 
     Args:
         maps: LxSxS maps.

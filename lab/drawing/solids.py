@@ -15,7 +15,7 @@ SIDES = 20  # of a cylinder
 
 @dataclass(frozen=True)
 class Finish:
-    """What a solid is made of."""
+    """Surface of a solid."""
 
     material: Material  # of its surface
     # linear reflectance, red first, 0 to 1; of a lamp, its radiance
@@ -25,19 +25,12 @@ class Finish:
 
 
 def srgb(red: int, green: int, blue: int) -> tuple[float, float, float]:
-    """Return the linear reflectance of a colour as picture editors name it, 0 to 255."""
+    """Return the linear reflectance of an sRGB colour, 0 to 255 each."""
     return ((red / 255) ** 2.2, (green / 255) ** 2.2, (blue / 255) ** 2.2)
 
 
 def panel(at: npt.ArrayLike, along: npt.ArrayLike, up: npt.ArrayLike, finish: Finish) -> Mesh:
-    """Return a parallelogram that faces along x up.
-
-    Args:
-        at: 3, a corner [m].
-        along: 3, the edge to the next corner [m].
-        up: 3, the edge to the corner before [m].
-        finish: Its surface.
-    """
+    """Return a parallelogram at a corner [m], with two edges [m]; it faces along x up."""
     origin, right, top = (np.asarray(edge, np.float64) for edge in (at, along, up))
     points = np.array([origin, origin + right, origin + right + top, origin + top])
     normal = np.cross(right, top)
@@ -104,7 +97,6 @@ def _retextured(mesh: Mesh, texture_m: F64) -> Mesh:
 
 
 def _mesh(points: F64, normals: F64, faces: npt.ArrayLike, finish: Finish, texture_m: F64) -> Mesh:
-    """Return a mesh of one finish."""
     indices = np.ascontiguousarray(faces, np.int32)
     count = len(indices)
     return Mesh(

@@ -1,4 +1,4 @@
-"""Solid textures: what a material looks like at a place inside it.
+"""Solid textures: the colour of a material at a point inside it.
 
 A body's texture is evaluated where its skin and cloth were in the rest pose, so patterns move
 with the body. Noise is value noise on a lattice of hashed whole numbers.
@@ -26,7 +26,7 @@ Texel = tuple[float, float, float, float, float]
 
 @compiled
 def hashed(i: int, j: int, k: int) -> float:
-    """Return a number from 0 to 1 that looks random."""
+    """Return a pseudo-random number from 0 to 1."""
     n = (i * 374761393 + j * 668265263 + k * 2147483647) & MASK
     n = ((n ^ (n >> 13)) * 1274126177) & MASK
     return ((n ^ (n >> 16)) & 0xFFFF) / 65535.0
@@ -70,15 +70,9 @@ def fold_slope(x: float, y: float, z: float) -> tuple[float, float, float]:
 def body_texel(
     material: int, pattern: int, x: float, y: float, z: float, colour: tuple[float, float, float]
 ) -> Texel:
-    """Return the colour of skin, hair or cloth, its gloss (0 to 1) and how sharp the gloss is.
+    """Return the colour of skin, hair or cloth, its gloss (0 to 1) and the sharpness of the gloss.
 
-    Args:
-        material: See `Material`.
-        pattern: See `Pattern`.
-        x: Forward [m] in the rest pose.
-        y: Left [m].
-        z: Up [m], 0 at the sole.
-        colour: Of the surface, linear.
+    x, y and z are forward, left and up from the sole [m] in the rest pose; the colour is linear.
     """
     r, g, b = colour
     if material == SKIN:
@@ -107,7 +101,6 @@ def body_texel(
 def _patterned(
     pattern: int, x: float, y: float, z: float, colour: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Return the colour of a shirt's pattern."""
     r, g, b = colour
     grey = 0.33 * (r + g + b)
     light = 0.62 if grey < 0.3 else 0.08
@@ -139,13 +132,7 @@ def room_texel(
 ) -> Texel:
     """Return the colour of floors, walls and furniture, gloss and sharpness; see `body_texel`.
 
-    Args:
-        material: See `Material`.
-        x: Place in the texture [m].
-        y: Place in the texture [m].
-        z: Place in the texture [m].
-        colour: Of the surface, linear.
-        blur_m: Size of a pixel on the surface, below which nothing can be seen.
+    x, y and z are the position in the texture [m]; blur_m is the size of a pixel on the surface.
     """
     r, g, b = colour
     k, gloss, sharpness = 1.0, 0.0, 10.0
@@ -206,7 +193,6 @@ def _planks(x: float, y: float, blur_m: float) -> float:
 
 @compiled
 def _poster_image(u: float, v: float, number: float) -> tuple[float, float, float]:
-    """Return the colour of a printed picture; u and v from 0 to 1, the number picks one."""
     pick = int(number + 0.5)
     if u < 0.05 or u > 0.95 or v < 0.04 or v > 0.96:
         return 0.75, 0.74, 0.71
@@ -231,7 +217,7 @@ def _poster_image(u: float, v: float, number: float) -> tuple[float, float, floa
 
 @compiled
 def _blocks(u: float, v: float, pick: int) -> tuple[float, float, float]:
-    """Return the colour of a picture of overlapping discs and bars."""
+    """Return the colour of an image of overlapping discs and bars."""
     r, g, b = 0.68, 0.64, 0.56
     for i in range(5):
         du, dv = u - hashed(i, 1, pick), (v - 0.2 - 0.8 * hashed(i, 2, pick)) * 1.3
@@ -245,7 +231,6 @@ def _blocks(u: float, v: float, pick: int) -> tuple[float, float, float]:
 
 @compiled
 def _spine(across_m: float, shelves: float) -> tuple[float, float, float]:
-    """Return the colour of books that stand on shelves; a dark gap above each."""
     shelf = math.floor(shelves)
     thick = 0.024 + 0.03 * hashed(math.floor(across_m * 4), shelf, 11)
     book = math.floor(across_m / thick)

@@ -1,1 +1,1 @@
-"""How people move: a gait, feet that stay where they stand, ways that avoid each other."""
+"""Motion of people: gait, feet that stay where they stand, paths that avoid each other."""

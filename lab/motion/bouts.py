@@ -1,4 +1,4 @@
-"""Stretches of stepping: when somebody begins to walk or turn, and in how many whole steps."""
+"""Walking bouts: stretches of walking or turning, in whole steps."""
 
 import math
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ SLOWEST_STEPS_HZ = 1.2
 PAUSE_S = 0.6  # shorter stops are stepped through
 SHORTEST_S = 0.3  # less is no time for two steps: the feet stay
 DELAY_S, AFTER_S = 0.15, 0.25  # steps begin after the body moves and end after it rests
-TURNING_TO_STEP_S = 0.6  # in which a turn tells which foot steps first
+TURNING_TO_STEP_S = 0.6  # in which a turn decides the first foot
 
 
 @dataclass(frozen=True)
 class WalkPath:
-    """The way of one person; arrays are T long in steps of STEP_S, frame: map."""
+    """Path of one person; arrays are T long in steps of STEP_S, frame: map."""
 
     times_s: F64
     x_m: F64
@@ -62,13 +62,13 @@ class WalkingBout:
 def find_walking_bouts(
     path: WalkPath, stature_m: float, cadence_factor: float, preferred_foot: int
 ) -> list[WalkingBout]:
-    """Return the bouts of a way, cut into whole steps.
+    """Return the walking bouts of a path, cut into whole steps.
 
     Args:
-        path: The way.
+        path: Path of the person.
         stature_m: Metres.
         cadence_factor: Cadence over that of the average person.
-        preferred_foot: That steps first where a turn does not say otherwise.
+        preferred_foot: First foot where a turn does not decide it.
     """
     rate_hz = np.maximum(_step_rate(path, stature_m, cadence_factor), SLOWEST_STEPS_HZ)
     bouts = []
@@ -83,7 +83,6 @@ def find_walking_bouts(
 
 
 def _step_rate(path: WalkPath, stature_m: float, cadence_factor: float) -> F64:
-    """Return steps per second from speed and turn rate."""
     speed = np.maximum(path.speed_mps, 1e-3)
     walking = speed / step_length_m(speed, stature_m) * cadence_factor
     turning = np.abs(path.turn_radps) / TURN_STEP_RAD
@@ -92,7 +91,6 @@ def _step_rate(path: WalkPath, stature_m: float, cadence_factor: float) -> F64:
 
 
 def _stretches(path: WalkPath) -> list[slice]:
-    """Return the parts of a track in which the feet must step."""
     moving = (path.speed_mps > MOVING_MPS) | (np.abs(path.turn_radps) > TURNING_RADPS)
     for pause in _runs(~moving):
         at_edge = pause.start == 0 or pause.stop == len(moving)
@@ -108,7 +106,7 @@ def _stretches(path: WalkPath) -> list[slice]:
 
 
 def _runs(flags: npt.NDArray[np.bool_]) -> list[slice]:
-    """Return where marks are true without a break."""
+    """Return the stretches in which flags are true without a break."""
     numbers, count = label(flags)
     inside = [np.flatnonzero(numbers == number) for number in range(1, count + 1)]
     return [slice(int(indices[0]), int(indices[-1]) + 1) for indices in inside]

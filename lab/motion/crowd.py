@@ -1,9 +1,8 @@
-"""Walkers who keep out of each other's way.
+"""Walkers who avoid each other.
 
 Each person picks, ten times a second, the heading and speed that lead to the goal and past the
 others: every candidate is extrapolated with the others' present velocities and pays for coming
-near (after [Moussaïd 2011], where the heading is chosen that
-way from what people see).
+near (after [Moussaïd 2011], where the heading is chosen so from what people see).
 """
 
 import math
@@ -23,7 +22,7 @@ COMFORT_M = 0.95  # centre to centre; people deviate to pass no nearer
 PERSONAL_M = 0.62  # nearer than that they would rather stop
 ROBOT_EXTRA_M = 0.15  # more distance from a robot
 STOOL_LESS_M, OWN_STOOL_LESS_M = 0.2, 0.35  # less distance from a stool, and from one's own
-BOUND_MARGIN_M = 1.0  # how far people leave the area of their places
+BOUND_MARGIN_M = 1.0  # margin around the positions of all plans
 
 # Candidates: turned away from the goal to either side, and shares of the free speed.
 _OFFSETS = np.radians([0, 8, -8, 16, -16, 26, -26, 38, -38, 52, -52, 70, -70, 90, -90, 115, -115])
@@ -36,7 +35,7 @@ NEAR_COST, PERSONAL_COST, BOUND_COST, CHANGE_COST = 2.5, 6.0, 4.0, 0.15
 
 @dataclass(frozen=True)
 class CrowdPaths:
-    """The ways of all people; arrays are NxT in steps of STEP_S."""
+    """Paths of all people; arrays are NxT in steps of STEP_S."""
 
     times_s: F64  # T
     x_m: F64  # frame: map; with y_m
@@ -48,17 +47,17 @@ class CrowdPaths:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Where people walk."""
+    """Free area, stools and robot around the walkers."""
 
     bounds_m: F64  # 2x2, lower and upper corner of where people go, frame: map
-    stools_m: Sequence[tuple[float, float]] = ()  # places of stools, x and y in the map
-    # place of a moving thing, such as a robot, at a time: x, y and maybe more
+    stools_m: Sequence[tuple[float, float]] = ()  # positions of stools, x and y in the map
+    # position of a moving thing, such as a robot, at a time: x, y and maybe more
     obstacle: PositionFunction | None = None
 
 
 @dataclass(frozen=True)
 class Obstacles:
-    """What one person keeps clear of: M places with velocities and extra distances."""
+    """Obstacles of one person: M positions with velocities and extra distances."""
 
     position_m: F64
     velocity_mps: F64
@@ -66,13 +65,7 @@ class Obstacles:
 
 
 def simulate_paths(walkers: Sequence[Walker], times_s: F64, around: Surroundings) -> CrowdPaths:
-    """Let the walkers follow their agendas.
-
-    Args:
-        walkers: N, at the first time; they are used up.
-        times_s: T, in steps of STEP_S.
-        around: Where they walk.
-    """
+    """Let N walkers follow their agendas over T steps of STEP_S; their state is used up."""
     record = np.empty((5, len(walkers), len(times_s)))
     choices = [(walker.yaw_rad, 0.0) for walker in walkers]
     robot: tuple[F64, F64] | None = None
@@ -97,7 +90,6 @@ def simulate_paths(walkers: Sequence[Walker], times_s: F64, around: Surroundings
 
 
 def _moving(position: PositionFunction, time_s: float) -> tuple[F64, F64]:
-    """Return position and velocity, x and y, of a thing."""
     before, now = position(time_s - 0.1)[:2], position(time_s)[:2]
     return now, (now - before) / 0.1
 
@@ -105,7 +97,6 @@ def _moving(position: PositionFunction, time_s: float) -> tuple[F64, F64]:
 def _obstacles(
     walkers: Sequence[Walker], me: int, around: Surroundings, robot: tuple[F64, F64] | None
 ) -> Obstacles:
-    """Return what a walker keeps clear of: the others, stools, the robot."""
     rows = []
     for i, other in enumerate(walkers):
         if i != me:
@@ -123,7 +114,6 @@ def _obstacles(
 def _choose(
     walker: Walker, around: Obstacles, bounds_m: F64, last: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the heading and speed of least cost."""
     if walker.goal_m is None:
         return walker.bearing_rad(), 0.0
     headings = walker.bearing_rad() + OFFSETS

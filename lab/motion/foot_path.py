@@ -1,4 +1,4 @@
-"""How a foot moves through its stances and swings."""
+"""Motion of a foot through its stances and swings; the shoe rolls over heel, ball and toes."""
 
 from dataclasses import dataclass
 
@@ -39,14 +39,11 @@ class Shoe:
         return cls(skeleton.heel[side] - ankle, ball - ankle, np.asarray(toes))
 
     def standing_ankle(self, footprint: F64, pitch_rad: F64) -> F64:
-        """Return the ankle of a foot that rolls where it stands.
+        """Return the ankle of a foot that rolls on its footprint, Tx3 metres, frame: map.
 
         Args:
             footprint: Tx3, x and y of the ankle and yaw of the flat foot, frame: map.
             pitch_rad: T, toes up.
-
-        Returns:
-            Tx3 metres, frame: map.
         """
         pivot = np.where((pitch_rad > 0.0)[:, None], self.heel, self.ball)
         rise = self.toes - turn(about_y(_toe_roll(pitch_rad)), self.toes)  # of the ball
@@ -86,7 +83,7 @@ class FootPath:
 
 @dataclass(frozen=True)
 class FootPhases:
-    """Where in its stances and swings a foot is; arrays are T long."""
+    """Progress of a foot in its stances and swings; arrays are T long."""
 
     # number of the present stance, or of the one before the present swing
     stance: npt.NDArray[np.intp]
@@ -98,15 +95,7 @@ class FootPhases:
 def foot_path(
     feet: FootStances, skeleton: Skeleton, side: int, gait: GaitCurves, times_s: F64
 ) -> FootPath:
-    """Return how a foot moves: heel first, flat, rolling about the ball, swinging on.
-
-    Args:
-        feet: Its stances.
-        skeleton: Of the person.
-        side: 0 left, 1 right.
-        gait: Normative curves.
-        times_s: T, ascending.
-    """
+    """Return the motion of a foot: heel first, flat, rolling about the ball, swinging on."""
     shoe, rhythm = Shoe.of(skeleton, side), _rhythm(feet, times_s)
     stride = np.linalg.norm(np.diff(feet.footprint[:, :2], axis=0), axis=-1)
     share = np.clip(stride / REFERENCE_STRIDE_M, *PITCH_SHARES)
@@ -125,7 +114,6 @@ def foot_path(
 
 
 def _rhythm(feet: FootStances, times_s: F64) -> FootPhases:
-    """Return where in its stances and swings a foot is."""
     stance = np.clip(np.searchsorted(feet.down_s, times_s, side="right") - 1, 0, None)
     swing_s = np.maximum(feet.down_s[1:] - feet.up_s[:-1], 1e-3)
     # Seconds of a stance become phases at the pace of the swings beside it. The first stance
@@ -149,17 +137,16 @@ def _pitch(rhythm: FootPhases, share: F64, gait: GaitCurves) -> F64:
 
 
 def _clearance_m(part: F64) -> F64:
-    """Return how high the sole is above the floor in a swing."""
     high_early = np.sin(np.pi * part**0.6) ** 2
     return np.asarray(CLEARANCE_M * (high_early + LANDING * part**2 * (1.0 - part)))
 
 
 @dataclass(frozen=True)
 class SwingEnds:
-    """How the swings begin and end, one row for each; x and y, frame: map."""
+    """Begin and end of the swings, one row for each; x and y, frame: map."""
 
     leave: F64  # Sx2, ankle at lift-off
-    leave_rate: F64  # Sx2, its change over a whole swing if it went on like that
+    leave_rate: F64  # Sx2, its change over a full swing at that rate
     meet: F64  # Sx2, ankle at heel contact
     meet_rate: F64  # Sx2
 
@@ -175,7 +162,6 @@ class SwingEnds:
 
 
 def _swing_ends(feet: FootStances, shoe: Shoe, gait: GaitCurves, share: F64) -> SwingEnds:
-    """Return ends of swings that leave and meet the rolling foot with its velocities."""
 
     def ankles(footprint: F64, phase: float) -> F64:
         pitch = np.radians(share * gait.curve("foot.pitch_deg", phase))

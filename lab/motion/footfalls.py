@@ -1,4 +1,4 @@
-"""When and where the feet come down, planned from the whole way of a person.
+"""Footfalls, planned from the entire path of a person.
 
 A foot is put where the body will be in the middle of its stance, so feet turn, start and stop as
 the body does. A bout of steps begins and ends with both feet below the body.
@@ -40,17 +40,17 @@ class StepPlan:
 
 @dataclass(frozen=True)
 class BodyProportions:
-    """What of a person the steps depend on."""
+    """Proportions and habits of a person that the steps depend on."""
 
     stature_m: float  # metres
     ankle_ahead_m: float  # of the ankles before the hips, standing
     half_stance_m: float  # ankle to the middle, standing
     quickness: float = 1.0  # cadence over that of the average person
-    first_foot: int = 0  # that likes to step first, 0 left or 1 right
+    first_foot: int = 0  # preferred first foot, 0 left or 1 right
 
 
 def plan_steps(path: WalkPath, body: BodyProportions) -> StepPlan:
-    """Plan all steps of a person on their way."""
+    """Plan all steps of a person on a path."""
     bouts = find_walking_bouts(path, body.stature_m, body.quickness, body.first_foot)
     stepping = np.zeros(len(path.times_s))
     for bout in bouts:
@@ -62,7 +62,6 @@ def plan_steps(path: WalkPath, body: BodyProportions) -> StepPlan:
 def _feet(
     path: WalkPath, body: BodyProportions, bouts: list[WalkingBout], side: int
 ) -> FootStances:
-    """Return the stances of a foot: one before all bouts, and one after each of its steps."""
     down, up, above = [-math.inf], [], [float(path.times_s[0])]
     for bout in bouts:
         for step in range((side - bout.foot) % 2, bout.count, 2):

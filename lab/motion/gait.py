@@ -20,18 +20,11 @@ WALK_RATIO_M_MIN = 0.0064
 
 
 def step_length_m(speed_mps: npt.ArrayLike, stature_m: float) -> F64:
-    """Return the length of one step.
+    """Return the length of one step [m] at speeds [m/s] of any shape.
 
     From speed = step length x cadence and step length = walk ratio x cadence. People of other
     stature move alike at the same Froude number v^2 / (g h), so that the step grows with h^0.75
     ([Grieve 1966] use the speed in statures per second likewise).
-
-    Args:
-        speed_mps: Any shape, m/s.
-        stature_m: Metres.
-
-    Returns:
-        Metres, same shape.
     """
     speed = np.asarray(speed_mps, np.float64)
     scale = (stature_m / REFERENCE_STATURE_M) ** 0.75
@@ -59,15 +52,7 @@ class GaitCurves:
         }
 
     def curve(self, name: str, phase: npt.ArrayLike) -> F64:
-        """Return the values of a curve.
-
-        Args:
-            name: Part and quantity as in the table, for example "pelvis.up_m".
-            phase: Any shape, in cycles of the left leg, not wrapped.
-
-        Returns:
-            Same shape, in the unit of the name.
-        """
+        """Return a curve, for example "pelvis.up_m", at phases in cycles of the left leg."""
         return np.asarray(self._splines[name](np.asarray(phase, np.float64) % 1.0))
 
 

@@ -1,4 +1,4 @@
-"""The whole body over time: the gait table gives pelvis, trunk and arms, the feet give the legs."""
+"""Kinematics of all segments: pelvis, torso and arms by the gait table, legs by the feet."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ PERSON_KEY = 7100
 BLEND_S = 0.2  # between walking and standing
 STAND_LOW_M = 0.005  # standing people do not lock their knees
 WALK_LOW_M = 0.022  # mean height of the pelvis in walking at 1.3 m/s, below standing
-ANTICIPATION_S = 0.5  # the head turns to where the way leads then
+ANTICIPATION_S = 0.5  # of the path, that the head turns to
 MOST_GAZE_RAD = 0.7
 GAZE_OF_CHEST = 0.25  # part of a look to the side that the chest turns along
 HANGING_ELBOW_DEG, HANGING_SHOULDER_DEG = 14.0, 0.0
@@ -36,14 +36,14 @@ HANGING_ELBOW_DEG, HANGING_SHOULDER_DEG = 14.0, 0.0
 
 @dataclass(frozen=True)
 class Individual:
-    """A skeleton and the small ways in which its owner differs from others."""
+    """A skeleton and the small differences of its owner from others."""
 
     skeleton: Skeleton  # of the person
     seed: int  # of the scenario
     index: int  # of the person in it
     cadence_factor: float  # cadence over that of the average person
     arm_swing: float  # amplitude over that of the average person
-    first_foot: int  # that likes to step first, 0 left or 1 right
+    first_foot: int  # preferred first foot, 0 left or 1 right
     gestures: tuple[Gesture, ...] = ()  # that the person makes
 
     @classmethod
@@ -63,7 +63,7 @@ class Individual:
         )
 
     def proportions(self) -> BodyProportions:
-        """Return what the steps depend on."""
+        """Return the proportions that the steps depend on."""
         ankle = self.skeleton.ankle
         half_m = float(abs(ankle[0, 1] - ankle[1, 1])) / 2.0
         return BodyProportions(
@@ -77,9 +77,9 @@ class Individual:
 
 @dataclass(frozen=True)
 class GaitScaling:
-    """How much of the gait table applies; arrays are T long."""
+    """Scaling of the gait table; arrays are T long."""
 
-    times_s: F64  # as of the way
+    times_s: F64  # as of the path
     phase: F64  # cycles of the left leg
     stepping: F64  # 0 standing to 1 stepping
     stride: F64  # step length over the table's
@@ -99,11 +99,11 @@ class TorsoMotion:
 def pose_arrays(
     person: Individual, path: WalkPath, seated: F64, looking: F64
 ) -> tuple[F64, F64, StepPlan]:
-    """Return a person's pose at all times of a way.
+    """Return a person's pose at all times of a path.
 
     Args:
-        person: Who.
-        path: The way.
+        person: Skeleton and gestures.
+        path: Path over the floor.
         seated: T, progress of sitting down, 0 to 1.
         looking: T, 1 while looking around.
 
@@ -133,7 +133,6 @@ def pose_arrays(
 
 
 def _gait_scaling(path: WalkPath, steps: StepPlan, person: Individual) -> GaitScaling:
-    """Return how much of the table applies."""
     soft = BLEND_S / STEP_S
     speed = gaussian_filter1d(path.speed_mps, soft, mode="nearest")
     stature_m = person.skeleton.stature_m
@@ -169,14 +168,12 @@ def _torso_motion(
 
 
 def _curve(name: str, scaling: GaitScaling) -> F64:
-    """Return a curve of angles, radians."""
     return np.asarray(np.radians(load_gait_curves().curve(f"{name}_deg", scaling.phase)))
 
 
 def _pelvis_position(
     person: Individual, path: WalkPath, scaling: GaitScaling, sitting: stance.Sitting
 ) -> F64:
-    """Return the middle of the hips, Tx3, frame: map."""
     gait, skeleton = load_gait_curves(), person.skeleton
     still = (1.0 - scaling.stepping) * (1.0 - sitting.low)
     sway = stance.sway(path.times_s, person.seed, person.index) * still[:, None]
@@ -199,7 +196,7 @@ def _pelvis_position(
 
 
 def _gaze(person: Individual, path: WalkPath, looking: F64) -> F64:
-    """Return where the head turns to, from the way: T, radians to the left."""
+    """Return the yaw of the head relative to the path: T, radians to the left."""
     later = np.interp(path.times_s + ANTICIPATION_S, path.times_s, path.yaw_rad)
     ahead = MOST_GAZE_RAD * np.tanh((later - path.yaw_rad) / MOST_GAZE_RAD)
     around = stance.gaze_around(path.times_s, person.seed, person.index)
@@ -224,7 +221,6 @@ def _lacking(skeleton: Skeleton, torso: TorsoMotion, feet: list[FootPath]) -> F6
 def _arm(
     person: Individual, scaling: GaitScaling, sitting: stance.Sitting, torso: TorsoMotion, side: int
 ) -> tuple[F64, F64]:
-    """Return the rotations of upper arm and forearm, map_from_segment."""
     gait: GaitCurves = load_gait_curves()
     phase = scaling.phase + 0.5 * side
     swing = scaling.speed * person.arm_swing
@@ -241,7 +237,6 @@ def _arm(
 
 
 def _leg(skeleton: Skeleton, path: WalkPath, torso: TorsoMotion, foot: FootPath, side: int) -> F64:
-    """Return the rotations of thigh and shank, map_from_segment."""
     toes = foot.map_from_foot[:, :, 0] * (1.0, 1.0, 0.0)
     toes /= np.linalg.norm(toes, axis=-1, keepdims=True)
     ahead = np.stack(

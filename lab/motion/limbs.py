@@ -1,4 +1,4 @@
-"""How people hold their arms: they swing in walking, rest in sitting, and make gestures."""
+"""Arms, which swing, rest and make gestures, and legs, which reach their feet."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class ArmAngles:
     inward_rad: float | F64 = ELBOW_INWARD_RAD
 
 
-# The forearm lies across the trunk, the hand a hand's breadth before it; or the hand is held high.
+# The forearm across the torso, the hand a hand's breadth before it; or the hand held high.
 GOALS: Mapping[str, ArmAngles] = {
     "before_torso": ArmAngles(38.0, 92.0, 0.10, 1.25),
     "raise": ArmAngles(150.0, 25.0, 0.25, 0.25),
@@ -41,14 +41,7 @@ GOALS: Mapping[str, ArmAngles] = {
 def with_gestures(
     angles: ArmAngles, gestures: Sequence[Gesture], side: int, times_s: F64
 ) -> ArmAngles:
-    """Return the joints of an arm with its owner's gestures.
-
-    Args:
-        angles: Without them.
-        gestures: Of both arms.
-        side: 0 left, 1 right.
-        times_s: T.
-    """
+    """Return the joints of an arm (side 0 left, 1 right) with its owner's gestures at T times."""
     for gesture in gestures:
         if gesture.hand == HANDS[side]:
             angles = _towards(angles, GOALS[gesture.move], raised(gesture, times_s))
@@ -110,24 +103,20 @@ def smooth_cover(values: F64) -> F64:
 
 
 def _lengths(skeleton: Skeleton, side: int) -> tuple[float, float]:
-    """Return the lengths of thigh and shank."""
     thigh = skeleton.knee[side] - skeleton.hip[side]
     shank = skeleton.ankle[side] - skeleton.knee[side]
     return float(np.linalg.norm(thigh)), float(np.linalg.norm(shank))
 
 
 def bend_leg(hip_m: F64, foot: FootPath, forward: F64, skeleton: Skeleton, side: int) -> F64:
-    """Return the rotations of thigh and shank that bring the ankle to the foot.
+    """Return the rotations of thigh and shank that bring the ankle to the foot, 2xTx3x3.
 
     Args:
         hip_m: Tx3, frame: map.
-        foot: Where the ankle shall be.
-        forward: Tx3, where the knee points, frame: map.
+        foot: Its ankle is reached.
+        forward: Tx3, direction of the knee, frame: map.
         skeleton: Of the person.
         side: 0 left, 1 right.
-
-    Returns:
-        2xTx3x3, map_from_thigh and map_from_shank.
     """
     thigh, shank = _lengths(skeleton, side)
     leg = foot.ankle_m - hip_m

@@ -1,4 +1,4 @@
-"""How people move: simulated once in fixed steps, then known at any time.
+"""Motion of people: simulated once in fixed steps, then interpolated at any time.
 
 A motion is a pure function of the plans, the skeletons, the duration and the seed.
 """
@@ -26,7 +26,7 @@ from lab.scenario import PersonPlan
 from people4d.messages import F64
 
 BEFORE_S, AFTER_S = 1.5, 3.5  # simulated before the start; after the end, to plan whole steps
-SMOOTH_S = 0.08  # nobody's body follows its plan without inertia
+SMOOTH_S = 0.08  # of the inertia of a body that follows its plan
 
 
 class PersonMotion:
@@ -38,12 +38,11 @@ class PersonMotion:
         # Two columns make a rotation; the third is their cross product.
         axes = rotations[..., :2].reshape(len(pelvis_m), -1)
         self._samples = np.concatenate([pelvis_m, axes], axis=-1)
-        self._stepping = steps.stepping
         self._feet = steps.feet
 
     @property
     def feet(self) -> tuple[FootStances, FootStances]:
-        """When and where the left and the right foot stand."""
+        """Stances of the left and the right foot."""
         return self._feet
 
     def at(self, t_s: float) -> BodyPose:
@@ -60,48 +59,21 @@ class PersonMotion:
         return BodyPose(pelvis, rotations)
 
     def path(self, t_s: npt.ArrayLike) -> F64:
-        """Return the way without the body's oscillation.
-
-        Args:
-            t_s: T, seconds.
-
-        Returns:
-            Tx3: x, y in metres and yaw in radians, not wrapped, frame: map.
-        """
+        """Return the path without the body's oscillation at T times: Tx3 x, y [m], yaw [rad]."""
         return self._interpolate(self._path, np.atleast_1d(np.asarray(t_s, np.float64)))
 
     def path_yaw(self, t_s: float) -> float:
-        """Return the direction of the way, radians, frame: map, not wrapped."""
+        """Return the direction of the path, radians, frame: map, not wrapped."""
         return float(self.path(t_s)[0, 2])
 
-    def walking(self, t_s: float) -> bool:
-        """Tell whether the person steps at a time, be it only to turn."""
-        index = round((t_s - self._begin_s) / STEP_S)
-        return bool(self._stepping[min(max(index, 0), len(self._stepping) - 1)])
-
     def _interpolate(self, samples: F64, t_s: F64) -> F64:
-        """Return the Catmull-Rom spline through the samples at some times."""
         at = np.clip((t_s - self._begin_s) / STEP_S, 1.0, len(samples) - 2.0 - 1e-9)
         index = np.floor(at).astype(np.intp)
         s = (at - index)[:, None]
         before, left, right, after = (samples[index + k] for k in (-1, 0, 1, 2))
-        return np.asarray(
-            left
-            + 0.5
-            * s
-            * (
-                right
-                - before
-                + s
-                * (
-                    2 * before
-                    - 5 * left
-                    + 4 * right
-                    - after
-                    + s * (3 * (left - right) + after - before)
-                )
-            )
-        )
+        cubic = s * (3 * (left - right) + after - before)
+        square = s * (2 * before - 5 * left + 4 * right - after + cubic)
+        return np.asarray(left + 0.5 * s * (right - before + square))
 
 
 def simulate(
@@ -112,17 +84,17 @@ def simulate(
     obstacle: PositionFunction | None = None,
     area_m: F64 | None = None,
 ) -> tuple[PersonMotion, ...]:
-    """Return the motions of people who go their ways and avoid each other.
+    """Return the motions of people who follow their plans and avoid each other.
 
     Args:
         people: Their plans.
         skeletons: Their skeletons, in the same order.
-        duration_s: Motions are known from -1 s to this and 1 s more.
+        duration_s: Motions last from -1 s to this and 1 s more.
         seed: Of the small differences between people and of sway.
-        obstacle: Place of a thing to keep clear of, such as the robot, at a time from -2 s on:
-            x, y and maybe more in metres, frame: map.
-        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map;
-            unless told the surroundings of all places.
+        obstacle: Position of a thing to avoid, such as the robot, at a time from -2 s on: x, y and
+            maybe more in metres, frame: map.
+        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map; None:
+            the surroundings of all positions of the plans.
     """
     steps = round((duration_s + BEFORE_S + AFTER_S) / STEP_S) + 1
     times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - BEFORE_S
@@ -140,7 +112,7 @@ def simulate(
 
 
 def _bounds(people: Sequence[PersonPlan]) -> F64:
-    """Return the area in which people stay: around all their places."""
+    """Return the area in which people stay: around all positions of their plans."""
     positions = np.array(
         [position for p in people for position in (p.start, *(w.to for w in p.path))]
     )
@@ -153,7 +125,6 @@ def _bounds(people: Sequence[PersonPlan]) -> F64:
 
 
 def _motion(paths: CrowdPaths, index: int, person: Individual) -> PersonMotion:
-    """Return the motion of one person on their way."""
     x, y, yaw = (
         gaussian_filter1d(values[index], SMOOTH_S / STEP_S, mode="nearest")
         for values in (paths.x_m, paths.y_m, paths.yaw_rad)

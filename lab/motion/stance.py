@@ -1,4 +1,4 @@
-"""Standing, looking around and sitting: what people do while they do not walk."""
+"""Standing, looking around and sitting: motions of people who do not walk."""
 
 from dataclasses import dataclass
 
@@ -33,7 +33,7 @@ class Sitting:
 
 
 def ease(part: F64) -> F64:
-    """Return the minimum-jerk way from 0 to 1."""
+    """Return the minimum-jerk path from 0 to 1 [Flash 1985]."""
     part = np.clip(part, 0.0, 1.0)
     return np.asarray(part**3 * (10.0 - 15.0 * part + 6.0 * part**2))
 
@@ -44,14 +44,10 @@ def seated_height_m(stature_m: float) -> float:
 
 
 def sit(seated: F64, stature_m: float) -> Sitting:
-    """Return how a person sits down or stands up.
+    """Return the state of a person of a stature [m] at T progresses, 0 standing to 1 seated.
 
-    The trunk leans forward first, so that the body's weight stays above the feet, and most at
+    The torso leans forward first, so that the body's weight stays above the feet, and most at
     seat-off [Schenkman 1990].
-
-    Args:
-        seated: T, progress, 0 standing to 1 seated.
-        stature_m: Metres.
     """
     low = ease((seated - 0.1) / 0.75)
     lean = np.sin(np.pi * ease(seated)) ** 2
@@ -79,7 +75,7 @@ def breath(times_s: F64) -> F64:
 
 
 def gaze_around(times_s: F64, seed: int, index: int) -> F64:
-    """Return where somebody looks who looks around: T, radians to the left."""
+    """Return the gaze of a person who looks around: T, radians to the left."""
     phase = np.random.default_rng([seed, GAZE_KEY, index]).uniform(0, 2 * np.pi, 3)
     # Three slow waves, flattened: the gaze rests at either side.
     angle = 2 * np.pi * np.array([0.11, 0.19, 0.31]) * times_s[:, None] + phase

@@ -1,4 +1,4 @@
-"""One person's way over the floor: an agenda of places, followed within human limits."""
+"""One person's path over the floor: an agenda of positions, followed within human limits."""
 
 import math
 from collections.abc import Generator, Iterator
@@ -10,15 +10,15 @@ STEP_S = 0.01  # [s] of the simulation
 
 ACCELERATION_MPS2 = 1.0
 BRAKING_MPS2 = 1.2
-COMFORTABLE_BRAKING_MPS2 = 0.6  # on the way to a place to stop
+COMFORTABLE_BRAKING_MPS2 = 0.6  # before a position to stop at
 TURN_RATE_RADPS = 2.0
 TURN_ACCELERATION_RADPS2 = 7.0
 TURN_GAIN_HZ = 3.0  # turn rate for each radian still to turn
 
-ARRIVED_M = 0.06  # at a place to stop
-PASSED_M = 0.35  # by a place on the way
+ARRIVED_M = 0.06  # at a position to stop at
+PASSED_M = 0.35  # by a position in passing
 FACED_RAD = math.radians(3.0)
-GIVE_UP_S = 4.0  # without coming nearer, until a place that others hold is given up
+GIVE_UP_S = 4.0  # without coming nearer, until an occupied position is given up
 
 SIT_S = 1.9  # to sit down or to stand up
 SEAT_HEIGHT_M = 0.45
@@ -26,16 +26,16 @@ SEAT_BEHIND = 0.215  # of the stature: from where a person stands back to the st
 
 
 class Walker:
-    """Where a person is and wants to go; advanced in steps of STEP_S.
+    """State and goal of a person; advanced in steps of STEP_S.
 
     Attributes:
         x_m: Position, frame: map; with y_m.
-        yaw_rad: Facing and way of going, frame: map, not wrapped.
+        yaw_rad: Direction of facing and walking, frame: map, not wrapped.
         speed_mps: Forward.
-        goal_m: Place to go to now, None while staying.
+        goal_m: Position to go to now, None while staying.
         face_rad: Yaw to turn to while staying, None to stay as is.
-        cruise_mps: Fidelity of free walking to the goal.
-        stopping: The goal is a place to stop at.
+        cruise_mps: Speed of free walking to the goal.
+        stopping: The goal is a position to stop at.
         seated: Progress of sitting down, 0 standing to 1 seated.
         looking: Looks around.
         stool_m: The stool that this person goes to or sits on, None without.
@@ -104,13 +104,15 @@ class Walker:
             yield
 
     def _visit(self, waypoint: Waypoint, last: bool) -> Iterator[None]:
-        """Go to a place and stay there as long as it says, for good at the last one."""
+        """Go to a waypoint and stay there as long as it says, for good at the last one."""
         face_rad = None if waypoint.face_deg is None else math.radians(waypoint.face_deg)
         target = waypoint.to
         if waypoint.sit:
             if face_rad is None:
                 face_rad = math.atan2(self.y_m - target[1], self.x_m - target[0])
-            self.stool_m, target = target, seat_front(target, face_rad, self._stature_m)
+            self.stool_m, distance = target, SEAT_BEHIND * self._stature_m
+            x_m, y_m = distance * math.cos(face_rad), distance * math.sin(face_rad)
+            target = (target[0] + x_m, target[1] + y_m)
         self.cruise_mps = waypoint.speed_mps or self._plan.speed_mps
         self.stopping = last or waypoint.stop_s > 0 or waypoint.sit
         reached = yield from self._go(target)
@@ -121,7 +123,7 @@ class Walker:
         self.stool_m = None
 
     def _go(self, target: tuple[float, float]) -> Generator[None, None, bool]:
-        """Go to a place; return whether it was reached and not given up."""
+        """Go to a position; return True if it was reached, False if it was given up."""
         self.goal_m, self.face_rad = target, None
         nearest, nearest_s = math.inf, self._time_s
         while not self._arrived():
@@ -131,11 +133,11 @@ class Walker:
             if self._time_s - nearest_s > GIVE_UP_S:
                 return False
             yield
-        yield  # so that a path whose places are all here already ends no step too late
+        yield  # so that a path of reached positions ends no step too late
         return True
 
     def _arrived(self) -> bool:
-        """Tell whether the goal is reached, or so near behind that going back would look odd."""
+        """Check that the goal is reached, or so near behind that going back would look odd."""
         distance = self.goal_distance_m()
         behind = math.cos(self.bearing_rad() - self.yaw_rad) < 0
         if self.stopping:
@@ -159,14 +161,3 @@ class Walker:
         while self.seated > 0.0:
             self.seated = max(0.0, self.seated - STEP_S / SIT_S)
             yield
-
-
-def seat_front(
-    stool_m: tuple[float, float], face_rad: float, stature_m: float
-) -> tuple[float, float]:
-    """Return where a person stands before sitting down on a stool, x and y in the map."""
-    distance = SEAT_BEHIND * stature_m
-    return (
-        stool_m[0] + distance * math.cos(face_rad),
-        stool_m[1] + distance * math.sin(face_rad),
-    )

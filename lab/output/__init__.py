@@ -1,1 +1,1 @@
-"""What is made of a scenario: recordings, bags, files of truth, previews."""
+"""Outputs of a scenario: recordings, bags, files of truth, previews."""

@@ -1,4 +1,4 @@
-"""Pictures of a scenario with all that is known of it, for a first look."""
+"""Images of a scenario with its truth, for a preview."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,35 +16,36 @@ from lab.camera.frames import FrameRenderer, flat
 from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.errors import SourceError
-from people4d.messages import F64, U8, U16, Detection, Detections, Track, Tracks
+from people4d.messages import U8, U16, Detection, Detections, Track, Tracks
 
 COLUMNS = 3
 TILES = 9  # of a sheet, if not said otherwise
 TILE_PX = 640
-PATH_STEP_S = 0.1  # between points of a person's way on the map
-UNKNOWN = np.zeros((6, 6))  # covariance, of which pictures show nothing
+PATH_STEP_S = 0.1  # between points of a path on the map
+UNKNOWN = np.zeros((6, 6))  # covariance, which images do not show
 
 
 class Preview:
-    """Draws frames of a film beside their depth, masks and a map.
-
-    Args:
-        renderer: What is shown.
-    """
+    """Draws rendered frames beside their depth, masks and a map."""
 
     def __init__(self, renderer: FrameRenderer) -> None:
         self._renderer = renderer
-        self._world = renderer.world
-        self._person_paths = _person_paths(renderer.world)
-        self._camera_path = _path_of_camera(renderer.world)
+        self._world = world = renderer.world
+        times_s = np.arange(0, world.scenario.duration_s + PATH_STEP_S, PATH_STEP_S)
+        self._person_paths = [
+            np.array([motion.at(t_s).map_from_pelvis[:2, 3] for t_s in times_s])
+            for motion in world.motions
+        ]
+        # With the path of the camera the map has one scale all the time.
+        self._camera_path = np.array([world.map_from_optical(t_s)[:2, 3] for t_s in times_s])
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of a picture in pixels."""
+        """Width and height of an image in pixels."""
         return 2 * self._world.info.width, 2 * self._world.info.height
 
     def time_s(self, index: int) -> float:
-        """Return when a frame is."""
+        """Return the time of a frame."""
         return self._world.frame_s(index)
 
     def frames(self, every_s: float | None = None) -> range:
@@ -98,7 +99,7 @@ def write_sheet(
 
     Args:
         preview: Draws them.
-        frames: Which.
+        frames: Their numbers.
         path: The file.
         progress: Called with the share that is done, 0 to 1.
 
@@ -114,7 +115,7 @@ def write_sheet(
     try:
         path.write_bytes(data.tobytes())
     except OSError as error:
-        raise SourceError(f"picture {path} cannot be written: {error.strerror}") from error
+        raise SourceError(f"image {path} cannot be written: {error.strerror}") from error
 
 
 def write_video(
@@ -131,7 +132,6 @@ def write_video(
 
 
 def _messages(world: World, index: int, people: Sequence[PersonView]) -> tuple[Detections, Tracks]:
-    """Return what is true of people as a detector and a tracker would tell it."""
     info, stamp_ns = world.info, world.stamp_ns(index)
     visible = [k for k, person in enumerate(people) if person.visible_share > 0]
     detections = Detections(
@@ -181,18 +181,3 @@ def _track(number: int, person: PersonView, detection: int | None) -> Track:
         detection=detection,
         score=1.0,
     )
-
-
-def _person_paths(world: World) -> list[F64]:
-    """Return the way of each person, Nx2, a point every TRAIL_S."""
-    times = np.arange(0, world.scenario.duration_s + PATH_STEP_S, PATH_STEP_S)
-    return [
-        np.array([motion.at(t_s).map_from_pelvis[:2, 3] for t_s in times])
-        for motion in world.motions
-    ]
-
-
-def _path_of_camera(world: World) -> F64:
-    """Return the way of the camera, Nx2; with it the map keeps its scale all the time."""
-    times = np.arange(0, world.scenario.duration_s + PATH_STEP_S, PATH_STEP_S)
-    return np.array([world.map_from_optical(t_s)[:2, 3] for t_s in times])

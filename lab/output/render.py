@@ -103,6 +103,5 @@ def _messages(chunks: list[Path]) -> Iterator[Message]:
 
 
 def _key(job: RenderJob) -> str:
-    """Return a fingerprint of the rendering, the lab's own code included."""
     text = msgspec.json.encode(job) + digest_of(Path(__file__).parents[1]).encode()
     return hashlib.sha256(text).hexdigest()

@@ -1,4 +1,4 @@
-"""The truth of all frames in one file, put together from those of some frames each."""
+"""Files with the truth of all frames, joined from those of some frames each."""
 
 import zipfile
 from collections.abc import Sequence
@@ -19,14 +19,7 @@ Arrays = dict[str, npt.NDArray[Any]]
 
 
 def frame_arrays(world: World, index: int, people: Sequence[PersonView], view: DepthView) -> Arrays:
-    """Return the truth of one frame as arrays, to be stacked by `save_frames`.
-
-    Args:
-        world: What is before the camera.
-        index: Of the frame.
-        people: K, from `person_views`.
-        view: What the camera sees.
-    """
+    """Return the truth of one frame with K people, from `person_views`, for `save_frames`."""
     return {
         "t": np.array(world.frame_s(index)),
         "T_world_cam": world.map_from_optical(world.frame_s(index)),
@@ -44,7 +37,7 @@ def frame_arrays(world: World, index: int, people: Sequence[PersonView], view: D
 
 
 def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
-    """Write the truth of N frames with K people as an NPZ file.
+    """Write the truth of N frames with K people, from `frame_arrays`, as an NPZ file.
 
     Its arrays are the following; the map is the frame of 3D points, NaN stands for unknown.
 
@@ -52,18 +45,13 @@ def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
     - t: N, seconds since the beginning of the scenario
     - T_world_cam: Nx4x4, map_from_optical
     - pos, vel: NxKx3, torso and its derivative, m and m/s
-    - yaw, path_yaw: NxK, of the chest and of the way, rad
+    - yaw, path_yaw: NxK, of the chest and of the path, rad
     - kp3d: NxKx17x3, COCO's keypoints, m
     - kp2d: NxKx17x2, the same in pixels
     - kpvis: NxKx17, 1 = in the image and not hidden
     - bbox: NxKx4, xyxy in pixels of the body as if nothing hid it
     - vis: NxK, share of its pixels that nothing hides
     - masks: NxHxW, 0 = no person, k = person k, counted from 1
-
-    Args:
-        path: Of the file.
-        info: Calibration.
-        frames: From `frame_arrays`, by rising time; at least one.
     """
     lens = np.array([info.fx, info.fy, info.cx, info.cy])
     stacked = {name: np.stack([frame[name] for frame in frames]) for name in frames[0]}
@@ -71,11 +59,7 @@ def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
 
 
 def join_frames(path: Path, parts: Sequence[Path]) -> None:
-    """Put files of `frame_truth.save_frames` together; one is in memory at a time.
-
-    Args:
-        path: The file; its bytes depend on nothing but the arrays.
-        parts: In the order of their frames; at least one.
+    """Join files of `save_frames`, at least one, by their order; one is in memory at a time.
 
     Raises:
         SourceError: The file cannot be written.

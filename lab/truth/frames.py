@@ -1,4 +1,4 @@
-"""What is true about the people in one frame, for tests of what sees them."""
+"""Truth about the people in one frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class PersonView:
     position_m: F64  # 3, torso = mean of both shoulders and both hips, frame: map
     velocity_mps: F64  # 3, derivative of position_m
     yaw_rad: float  # of the chest, frame: map
-    path_yaw_rad: float  # of the way, frame: map
+    path_yaw_rad: float  # of the path, frame: map
     keypoints_m: F64  # 17x3, COCO order, frame: map
     keypoints_px: F64  # 17x2, projected; NaN behind the camera
     visible: U8  # 17, True: in the image and not hidden by anything
@@ -43,7 +43,7 @@ class PersonView:
 
 @dataclass(frozen=True)
 class _Visibility:
-    """What of a person is seen; fields as in `PersonView`."""
+    """Visible part of a person; fields as in `PersonView`."""
 
     visible: npt.NDArray[np.bool_]
     box_xyxy_px: F64
@@ -56,10 +56,10 @@ def person_views(
     """Return the truth about each person in a frame, in the order of the scenario.
 
     Args:
-        world: What is before the camera.
+        world: Simulated world.
         t_s: Time of the frame.
-        view: What the camera sees then. Without it, which takes no drawing, only people hide
-            people, and bodies are capsules about their keypoints, see `outline`.
+        view: Depth and owners then. None: without drawing; only people hide people, and bodies are
+            capsules about their keypoints, see `silhouette`.
         meshes: The bodies at that time, if they are at hand.
     """
     optical_from_map = world.optical_from_map(t_s)
@@ -100,7 +100,6 @@ def _person_view(
 def _drawn(
     keypoints_m: F64, mesh: Mesh, view: DepthView, optical_from_map: F64, info: CameraInfo
 ) -> _Visibility:
-    """Return what an image shows of a body."""
     points_m = apply(optical_from_map, keypoints_m)
     pixels = project_visible(points_m, info)
     visible = in_image(pixels, info)
@@ -115,7 +114,6 @@ def _drawn(
 
 
 def _outlined(outline: Silhouette | None, info: CameraInfo) -> _Visibility:
-    """Return what is seen of a body of capsules."""
     box = np.full(4, np.nan)
     if outline is None:
         return _Visibility(np.zeros(17, np.bool_), box, 0.0)
@@ -134,7 +132,7 @@ def project_visible(points_m: F64, info: CameraInfo) -> F64:
 
 
 def in_image(pixels: F64, info: CameraInfo) -> npt.NDArray[np.bool_]:
-    """Tell which of Nx2 pixels are in the image, whose pixels have whole numbers as centres."""
+    """Return the mask of Nx2 pixels in the image, whose pixels have whole numbers as centres."""
     inside = (pixels > -0.5) & (pixels < (info.width - 0.5, info.height - 0.5))
     return np.asarray(inside.all(axis=1))
 
@@ -142,12 +140,12 @@ def in_image(pixels: F64, info: CameraInfo) -> npt.NDArray[np.bool_]:
 def hidden(
     pixels: F64, depth_m: F64, view: DepthView, owner: int, inside_m: F64
 ) -> npt.NDArray[np.bool_]:
-    """Tell which points of a body something hides, its own limbs included.
+    """Return the mask of points of a body that something hides, its own limbs included.
 
     Args:
         pixels: Nx2, in the image.
         depth_m: N, of the points.
-        view: What the camera sees.
+        view: Depth and owners of the image.
         owner: Number of the body.
         inside_m: N, how deep each point may lie behind the body's surface.
     """
@@ -157,15 +155,7 @@ def hidden(
 
 
 def visible_points(world: World, points_m: F64, depth_m: F32, owners: U8, person: int) -> U8:
-    """Return which points of a person's surface the camera sees, 1 or 0 each.
-
-    Args:
-        world: Simulated world.
-        points_m: Mx3, optical frame.
-        depth_m: HxW, true depth.
-        owners: HxW, as in `DepthView`.
-        person: Number of the person in the scenario.
-    """
+    """Return 1 for points (Mx3, optical frame) of a person that the camera sees, else 0."""
     pixels = project_visible(points_m, world.info)
     visible = in_image(pixels, world.info)
     column, row = np.rint(pixels[visible]).astype(int).T

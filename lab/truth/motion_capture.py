@@ -1,4 +1,4 @@
-"""What a motion-capture system tells about the people of a scenario."""
+"""Truth about the people of a scenario, as a motion-capture system publishes it."""
 
 import math
 from collections import deque
@@ -23,11 +23,11 @@ class Capture:
 
     position_m: F64  # 3, torso = mean of both shoulders and both hips
     yaw_rad: float  # of the chest
-    path_yaw_rad: float  # of the way
+    path_yaw_rad: float  # of the path
 
 
 def capture(world: World, person: int, t_s: float) -> Capture:
-    """Return what is true about a person, counted from 0, at a time."""
+    """Return the true state of a person, counted from 0, at a time."""
     body, motion = world.bodies[person], world.motions[person]
     pose = motion.at(t_s)
     return Capture(
@@ -49,7 +49,7 @@ def person_id(person: int) -> str:
 
 
 def capture_truth(world: World) -> Iterator[Truth]:
-    """Yield what motion capture tells, from the first frame to the end of the scenario.
+    """Yield the messages of motion capture, from the first frame to the end of the scenario.
 
     Velocities are derivatives of the true positions: a capture system smooths what it measures.
     """
@@ -83,7 +83,7 @@ def sample_count(plan: CapturePlan, duration_s: float) -> int:
 
 
 def captured_samples(plan: CapturePlan, duration_s: float, seed: int, person: int) -> list[bool]:
-    """Return for each sample whether a person is captured.
+    """Return for each sample True if a person is captured.
 
     Gaps and the times between them have exponential lengths, whose means give the share of gaps.
     """
@@ -124,7 +124,7 @@ class Footfall:
 
 
 def footfalls(world: World, person: int) -> list[Footfall]:
-    """Return when and where a person's feet came down in the time of the scenario, in order."""
+    """Return the footfalls of a person in the time of the scenario, in order."""
     duration_s = world.scenario.duration_s
     found = [
         Footfall(float(down_s), side, footprint[:2])

@@ -1,4 +1,4 @@
-"""What of a person is seen, from keypoints alone: a body of capsules, no pictures."""
+"""Visible part of a person, from keypoints alone: a body of capsules, no images."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,7 @@ class Silhouette:
 
     keypoints_m: F64  # 17x3, frame: optical
     keypoints_px: F64  # 17x2
-    visible: BOOL  # 17, True: in the image and hidden by nobody, nor by the person's own body
+    visible: BOOL  # 17, True: in the image and not hidden, not even by the own body
     box_xyxy_px: F64  # 4, of the whole body, not cut to the image
     visible_share: float  # part of the body that is seen, 0 to 1
 
@@ -59,13 +59,7 @@ class Silhouette:
 def silhouettes(
     people: list[F64], optical_from_map: F64, info: CameraInfo
 ) -> dict[int, Silhouette]:
-    """Return the people who are in front of the camera, by their place in the list.
-
-    Args:
-        people: 17x3 keypoints of each, frame: map.
-        optical_from_map: 4x4.
-        info: Calibration.
-    """
+    """Return the people in front of the camera by index; their 17x3 keypoints are in the map."""
     in_camera = {k: apply(optical_from_map, person) for k, person in enumerate(people)}
     ahead = {k: points for k, points in in_camera.items() if points[:, 2].min() > NEAREST_M}
     return {
@@ -92,16 +86,13 @@ def _outline(keypoints_m: F64, others_m: list[F64], info: CameraInfo) -> Silhoue
 
 
 def hidden(points_m: F64, pixels: F64, other_m: F64, info: CameraInfo) -> BOOL:
-    """Return which points a person hides: another, or their own.
+    """Return the mask of points that a person hides: of another person, or their own.
 
     Args:
         points_m: Nx3, frame: optical.
-        pixels: Nx2, where they are seen.
+        pixels: Nx2, of the points.
         other_m: 17x3 keypoints of the person who hides them, frame: optical.
         info: Calibration.
-
-    Returns:
-        N.
     """
     if other_m[:, 2].min() > points_m[:, 2].max():
         return np.zeros(len(points_m), np.bool_)
@@ -114,12 +105,11 @@ def hidden(points_m: F64, pixels: F64, other_m: F64, info: CameraInfo) -> BOOL:
     z_m = other_m[BEGIN, 2] + part * (other_m[END, 2] - other_m[BEGIN, 2])
     before = z_m < points_m[:, 2:] - APART_M
     inside = (distance_px < RADIUS_M * info.fx / z_m) & before
-    hides: BOOL = np.any(inside, axis=1)
-    return hides
+    return np.asarray(np.any(inside, axis=1))
 
 
 def _faces_camera(keypoints_m: F64) -> BOOL:
-    """Return which keypoints the back of the head does not hide: those of the face may be."""
+    """Return the mask of keypoints that the back of the head leaves visible."""
     head_m = keypoints_m[EARS].mean(axis=0)
     towards_camera = -head_m / np.linalg.norm(head_m)
     faces = np.ones(17, np.bool_)
@@ -128,12 +118,7 @@ def _faces_camera(keypoints_m: F64) -> BOOL:
 
 
 def facing(keypoints_m: F64, up: F64) -> F64:
-    """Return the level direction that a chest faces, 3, unit length.
-
-    Args:
-        keypoints_m: 17x3.
-        up: 3, away from the floor, unit length, same frame as the keypoints.
-    """
+    """Return the level direction that a chest faces, 3, unit length, given the direction up."""
     to_left = keypoints_m[5] - keypoints_m[6] + keypoints_m[11] - keypoints_m[12]
     forward = np.cross(to_left, up)
     length: float = max(float(np.linalg.norm(forward)), 1e-9)
@@ -141,7 +126,7 @@ def facing(keypoints_m: F64, up: F64) -> F64:
 
 
 def sideways(keypoints_m: F64) -> float:
-    """Return how far a torso is turned from the camera: 0 front or back, 1 seen from the side."""
+    """Return the turn of a torso from the camera: 0 front or back, 1 from the side."""
     across = keypoints_m[5] - keypoints_m[6] + keypoints_m[11] - keypoints_m[12]
     view = keypoints_m[TORSO].mean(axis=0)
     return float(abs(across @ view) / max(np.linalg.norm(across) * np.linalg.norm(view), 1e-9))

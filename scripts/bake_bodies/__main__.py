@@ -69,10 +69,10 @@ def bake(model: Any) -> dict[str, npt.NDArray[Any]]:
     parts = worn(read_parts(base), people["adam"]["vertices"], folded)
     mouth = read_masks(base, textures, ("inside-mouth",))["inside-mouth"] > 0.5
     parts["body"] = parts["body"][~mouth[parts["body"]].all(axis=1)]
-    kept = np.unique(np.concatenate([faces.ravel() for faces in parts.values()]))
+    used = np.unique(np.concatenate([faces.ravel() for faces in parts.values()]))
     index = np.full(len(folded), -1)
-    index[kept] = np.arange(len(kept))
-    bones, shares = strongest(folded[kept], INFLUENCES)
+    index[used] = np.arange(len(used))
+    bones, shares = strongest(folded[used], INFLUENCES)
     regressor = KeypointsRegressor.coco(model).regression_weights.numpy()[:17]
     return {
         "bone_names": np.array(BONES),
@@ -80,12 +80,12 @@ def bake(model: Any) -> dict[str, npt.NDArray[Any]]:
         "vertex_shares": shares,
         **{f"faces_{part}": index[faces].astype(np.uint16) for part, faces in parts.items()},
         **{
-            f"mask_{name}": np.rint(mask[kept] * 255).astype(np.uint8)
+            f"mask_{name}": np.rint(mask[used] * 255).astype(np.uint8)
             for name, mask in read_masks(base, textures, MASKS).items()
         },
         "people": np.array(list(people)),
         "step_m": np.array(STEP_M),
-        "vertices": quantised([person["vertices"][kept] for person in people.values()]),
+        "vertices": quantised([person["vertices"][used] for person in people.values()]),
         **{
             f"joint_{joint}": np.array([person[joint] for person in people.values()], np.float32)
             for joint in (*JOINTS, "waist", "neck", "head")

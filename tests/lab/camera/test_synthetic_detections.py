@@ -15,7 +15,6 @@ from common.geometry.transforms import (
     transform_from,
 )
 from lab.camera.synthetic_detections import (
-    FAULTLESS,
     SyntheticDetections,
     SyntheticDetectionsConfig,
 )
@@ -23,6 +22,23 @@ from lab.depth.config import DepthSensorConfig
 from lab.truth.silhouette import silhouettes
 from people4d.messages import F64, Detection
 from tests import builders
+
+# Finds all who are visible, at their true positions.
+FAULTLESS = SyntheticDetectionsConfig(
+    keypoint_share=0,
+    keypoint_least_px=0,
+    confidence_sigma=0,
+    box_share=0,
+    recall=1,
+    score_sigma=0,
+    false_alarms=0,
+    front_m=0,
+    side_m=0,
+    no_position=0,
+    heading_rad=0,
+    reversals=0,
+    sensor=DepthSensorConfig(noise_px=0),
+)
 
 INFO = builders.camera_info(fx=615.0, cx=319.5, cy=239.5)
 OPTICAL_FROM_MAP = invert(transform_from((0, 0, 1.15), np.eye(3)) @ LINK_FROM_OPTICAL)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import wrap
-from lab.camera.base_path import base_path
+from lab.camera.base_path import BasePath
 from lab.camera.wheels import DeadReckoning, tick_m, wheel_odometry, wheel_ticks
 from lab.scenario import CameraPlan, Drive, WheelPlan
 from people4d.messages import F64, Odometry
@@ -22,7 +22,7 @@ DRIVES = (
 
 def odometry(wheels: WheelPlan, drive: tuple[Drive, ...] = DRIVES, seed: int = 1) -> list[Odometry]:
     plan = CameraPlan(drive=drive, wheels=wheels)
-    return wheel_odometry(plan, base_path(plan, 20), 20, seed)
+    return wheel_odometry(plan, BasePath(plan, 20), 20, seed)
 
 
 def pose(message: Odometry) -> F64:
@@ -48,7 +48,7 @@ def test_half_a_turn_by_hand() -> None:
 
 def test_perfect_wheels_give_the_pose() -> None:
     plan = CameraPlan(drive=DRIVES, wheels=PERFECT)
-    path = base_path(plan, 20)
+    path = BasePath(plan, 20)
     messages = wheel_odometry(plan, path, 20, 1)
     assert len(messages) == 20 * 50 + 1
     assert (messages[0].frame_id, messages[0].child_frame_id) == ("odom", "base_link")
@@ -64,7 +64,7 @@ def test_perfect_wheels_give_the_pose() -> None:
 
 def test_odometry_begins_at_zero_wherever_the_camera_is() -> None:
     plan = CameraPlan(at=(3.0, 1.0, 1.15), yaw_deg=120, drive=DRIVES, wheels=PERFECT)
-    path = base_path(plan, 20)
+    path = BasePath(plan, 20)
     messages = wheel_odometry(plan, path, 20, 1)
     assert pose(messages[0]).tolist() == [0, 0, 0]
     map_from_odom = path.map_from_base(0.0)
@@ -79,7 +79,7 @@ def test_ticks_of_a_straight_drive() -> None:
     wheels = WheelPlan(scale_error=0, track_error=0, slip=0)
     plan = CameraPlan(drive=(Drive(for_s=4, speed_mps=0.5),), wheels=wheels)
     assert tick_m(wheels) == pytest.approx(49.8544e-6, rel=1e-5)
-    readings = wheel_ticks(plan, base_path(plan, 4), 4, 0)
+    readings = wheel_ticks(plan, BasePath(plan, 4), 4, 0)
     assert readings.ticks[-1].tolist() == [40117, 40117]
     assert readings.ticks[0].tolist() == [0, 0]
     assert readings.time_s[-1] == 4.0
@@ -100,7 +100,7 @@ def test_errors_stay_within_the_covariance_that_is_told() -> None:
     # are drawn here as a robot's maker would: normal, with the size that is told.
     generator = np.random.default_rng(4)
     told = WheelPlan(rate_hz=10)
-    path = base_path(CameraPlan(drive=DRIVES), 20)
+    path = BasePath(CameraPlan(drive=DRIVES), 20)
     covariance = wheel_odometry(CameraPlan(drive=DRIVES, wheels=told), path, 20, 0)[-1].covariance
     assert covariance is not None
     distances = []

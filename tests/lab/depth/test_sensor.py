@@ -4,11 +4,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from lab.depth.config import EXACT, DepthSensorConfig
+from lab.depth.config import DepthSensorConfig
 from lab.depth.noise import Persistence
 from lab.depth.sensor import DepthSensor
 from people4d.messages import F32, U16, CameraInfo
 from tests import builders
+from tests.lab.depth.sensors import EXACT, correlation
 
 NOISY = msgspec.structs.replace(EXACT, noise_px=0.07)
 
@@ -66,12 +67,12 @@ def test_noise_grows_with_the_square_of_the_distance(depth_m: float) -> None:
 
 def test_noise_lasts_as_configured() -> None:
     config = msgspec.structs.replace(NOISY, frozen_share=0.35, correlation_s=0.1)
-    lasting = Persistence(frozen_share=0.35, correlation_s=0.1)
+    persistence = Persistence(frozen_share=0.35, correlation_s=0.1)
     camera = sensor(config)
     errors = np.stack([camera.measure(wall(3.0), None, k / 30) for k in range(60)]) - 3000.0
     for lag in (1, 2, 4, 8):
         measured = np.mean(errors[lag:] * errors[:-lag]) / np.mean(errors**2)
-        assert measured == pytest.approx(lasting.correlation(lag / 30), abs=0.04)
+        assert measured == pytest.approx(correlation(persistence, lag / 30), abs=0.04)
 
 
 def test_noise_is_partly_smooth_over_the_image() -> None:

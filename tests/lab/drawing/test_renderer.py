@@ -39,7 +39,7 @@ def renderer(room: Room) -> Renderer:
 
 
 def test_a_picture_is_neither_black_nor_white(renderer: Renderer) -> None:
-    image = renderer.colour([block(3.5, 0.0)], pose(), 0)
+    image = renderer.exposed([Instant([block(3.5, 0.0)], pose())], 0)
     assert image.shape == (60, 80, 3)
     assert image.dtype == np.uint8
     assert 60 < image.mean() < 190
@@ -50,15 +50,15 @@ def test_any_order_of_frames_and_any_threads_give_the_same_bytes(room: Room) -> 
     people = [block(3.0, 0.5), block(4.0, -0.5)]
     first = Renderer(room, INFO, seed=3, threads=1)
     second = Renderer(room, INFO, seed=3, threads=2)
-    forward = [first.colour(people, pose(0.1 * k), k).tobytes() for k in (0, 1, 2)]
-    backward = [second.colour(people, pose(0.1 * k), k).tobytes() for k in (2, 1, 0)]
+    forward = [first.exposed([Instant(people, pose(0.1 * k))], k).tobytes() for k in (0, 1, 2)]
+    backward = [second.exposed([Instant(people, pose(0.1 * k))], k).tobytes() for k in (2, 1, 0)]
     assert forward == backward[::-1]
 
 
 def test_noise_differs_from_frame_to_frame_and_by_seed(room: Room, renderer: Renderer) -> None:
-    base = renderer.colour([], pose(), 5).astype(int)
-    later = renderer.colour([], pose(), 6).astype(int)
-    other = Renderer(room, INFO, seed=4).colour([], pose(), 5).astype(int)
+    base = renderer.exposed([Instant([], pose())], 5).astype(int)
+    later = renderer.exposed([Instant([], pose())], 6).astype(int)
+    other = Renderer(room, INFO, seed=4).exposed([Instant([], pose())], 5).astype(int)
     for image in (later, other):
         assert 0.3 < np.abs(image - base).mean() < 6
         assert abs(np.mean(image - base)) < 0.3
@@ -125,7 +125,9 @@ def test_motion_is_blurred_over_the_exposure(renderer: Renderer) -> None:
     moments = [Instant([block(3.0, y)], pose()) for y in (0.0, 0.1, 0.2)]
     blurred = renderer.exposed(moments, 0).astype(int)
     still = renderer.exposed(moments[:1] * 3, 0)
-    np.testing.assert_allclose(still, renderer.colour([block(3.0, 0.0)], pose(), 0), atol=1)
+    np.testing.assert_allclose(
+        still, renderer.exposed([Instant([block(3.0, 0.0)], pose())], 0), atol=1
+    )
     assert sharpest(blurred) < sharpest(still.astype(int))
 
 
