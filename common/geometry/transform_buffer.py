@@ -13,7 +13,7 @@ from common.geometry.transform_history import (
     TransformEstimate,
     TransformHistory,
 )
-from common.geometry.transforms import invert, rotation_from_rpy, transform_from
+from common.geometry.transforms import LINK_FROM_OPTICAL, invert, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 
 
@@ -30,6 +30,7 @@ class TransformBuffer:
         self._graph = FrameGraph()
         self._histories: dict[Edge, TransformHistory] = {}
         self._odometry: set[Edge] = set()  # histories that come from odometry
+        self._known: set[Edge] = set()  # poses of cameras
 
     def add(self, message: StaticTransform | MovingTransform | Odometry) -> None:
         """Add a static transform, or a moving one at its stamp."""
@@ -64,6 +65,17 @@ class TransformBuffer:
             math.hypot(*(one.sigma_m for one in estimates)),
             math.hypot(*(one.sigma_rad for one in estimates)),
         )
+
+    def camera_pose(self, frame_id: str, optical_frame_id: str, stamp_ns: int) -> F64 | None:
+        """Return frame_from_optical at a time; None if a pose was known, but not at this time.
+
+        A camera of which no pose was ever known stands at the origin and looks along +x.
+        """
+        found = self.lookup(frame_id, optical_frame_id, stamp_ns)
+        if found is not None:
+            self._known.add((frame_id, optical_frame_id))
+            return found.matrix
+        return None if (frame_id, optical_frame_id) in self._known else LINK_FROM_OPTICAL
 
     def lookup_static(self, target: str, source: str) -> F64 | None:
         """Return target_from_source if it never changes; None if it does, or is unknown."""

@@ -8,6 +8,7 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
+from common.geometry.transform_buffer import TransformBuffer
 from common.runtime.node import Node
 from evaluation.methods import Method
 from evaluation.pipeline import pipeline, play
@@ -32,7 +33,6 @@ from services.gait.estimator import (
     GaitResult,
     OnFrame,
 )
-from services.gait.inputs import CameraTransforms
 
 BoxCorners = tuple[float, float, float, float]  # [px] left, top, right, bottom
 UNLIMITED_S = 1e9
@@ -84,10 +84,8 @@ def _estimate_all(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
 
 
 def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
-    transforms, counters = (
-        CameraTransforms(run.gait.base),
-        Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0)),
-    )
+    transforms = TransformBuffer(run.gait.base)
+    counters = Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0))
     observation = PersonObservation(id=1, box_xyxy_px=np.array(run.box, np.float64))
     estimator: GaitEstimator | None = None
     info: CameraInfo | None = None
@@ -99,7 +97,7 @@ def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
             elif isinstance(message, CameraInfo):
                 info, estimator = message, GaitEstimator(config, message, counters)
             elif isinstance(message, RgbdFrame) and info and estimator:
-                pose = transforms.lookup(FRAME_ID, info.frame_id, message.stamp_ns)
+                pose = transforms.camera_pose(FRAME_ID, info.frame_id, message.stamp_ns)
                 if pose is None:
                     continue
                 rgb, depth_mm = message.rgb, message.depth_mm

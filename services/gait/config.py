@@ -31,8 +31,6 @@ class ColourLayerConfig(Config, frozen=True, kw_only=True):
     state: Literal[8, 4] = 8
     order: Literal[1, 2] = 1  # of the motion model
     sampling: Literal["plain", "hierarchical"] = "plain"  # hierarchical: section 8.1 (G 3.4)
-    resampling: Literal["systematic", "stratified", "residual", "multinomial"] = "systematic"
-    estimate: Literal["weighted_sum", "map", "robust_mean"] = "weighted_sum"
     # [px, px a frame] noise, in the order of the state. With PUBLISHED_TAU the speed of the size is
     # a random walk that nothing damps
     tau: NoiseVector8 = (4.0, 3.0, 1.0, 0.5, 2.0, 4.0, 0.0, 0.0)
@@ -48,7 +46,6 @@ class ColourLayerConfig(Config, frozen=True, kw_only=True):
     hue_bins: Bins = 20  # section 8.1
     saturation_bins: Bins = 20  # section 8.1
     points: tuple[Bins, Bins] = (12, 32)  # samples of a box, across and down, of any size
-    robust_window_px: Positive = 20.0  # [px] about the MAP estimate
     box_min_px: Positive = 4.0  # [px] of a side
     # Hierarchical sampling: a and b have mean and variance 1, times these; published: 1 for both,
     # with which a box doubles within a second

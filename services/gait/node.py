@@ -6,8 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transforms import apply, invert
 from common.runtime.node import Node, Status
+from common.runtime.synchroniser import FrameParts, Synchroniser
 from common.transport.trace import span
 from people4d.messages import (
     F64,
@@ -25,9 +27,13 @@ from people4d.messages import (
 from services.gait.cascade import PersonObservation
 from services.gait.config import GaitConfig
 from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame, OnFrame
-from services.gait.inputs import CameraTransforms, FrameSynchroniser, TrackedFrame
 
-NODE_COUNTERS = ("passed_over", "no_camera_info", "no_transform")
+PENDING_MAX = 256  # frames of all cameras, with images or without
+NODE_COUNTERS = (
+    *("passed_over", "no_camera_info", "no_transform"),
+    "without_frame",  # tracks whose frame was dropped
+    "frames_unused",  # without tracks: the detector skipped them, or the tracks came too late
+)
 SETTLE_MAX = 10  # times settle_s, after which a frame is processed in any case
 CAMERAS_MAX = 64  # further names of cameras are ignored
 
@@ -54,11 +60,11 @@ class GaitNode(Node):
     def __init__(self, config: GaitConfig, on_frame: OnFrame | None = None) -> None:
         self._config, self._on_frame = config, on_frame
         self.frames_waiting = config.frames
-        self._synchroniser = FrameSynchroniser(config.frames)
-        self._transforms = CameraTransforms(config.base)
+        self._synchroniser = Synchroniser(PENDING_MAX, config.frames)
+        self._transforms = TransformBuffer(config.base)
         self._infos: dict[str, CameraInfo] = {}
         self._estimators: dict[str, GaitEstimator] = {}
-        self._ready: dict[str, TrackedFrame] = {}
+        self._ready: dict[str, FrameParts] = {}
         self._due_ns, self._first_ns = 0, 0
         self._counters = Counter(dict.fromkeys((*NODE_COUNTERS, *ESTIMATOR_COUNTERS), 0))
 
@@ -69,18 +75,23 @@ class GaitNode(Node):
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add(message)
         elif isinstance(message, RgbdFrame | Detections | Tracks):
-            complete = self._synchroniser.add(message)
-            if complete and complete.frame.lockstep:
-                return self._process(complete)
-            if complete:
-                self._wait(complete, now_ns)
+            for joined in self._synchroniser.add(message):
+                parts = joined.parts()
+                if parts is None:
+                    self._counters["frames_unused"] += joined.image is not None
+                    lost = not joined.image and joined.detections and joined.tracks
+                    self._counters["without_frame"] += bool(lost)
+                elif parts[0].lockstep:
+                    return self._process(*parts)
+                else:
+                    self._wait(parts, now_ns)
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
         """Return the gait in the newest frame of the longest waiting camera."""
         if not self._ready or now_ns < self._due_ns:
             return ()
-        return self._process(self._ready.pop(next(iter(self._ready))))
+        return self._process(*self._ready.pop(next(iter(self._ready))))
 
     def wake_ns(self) -> int | None:
         """Return when a frame has waited long enough for a newer one."""
@@ -88,15 +99,14 @@ class GaitNode(Node):
 
     def status(self) -> Status:
         """Return the counters."""
-        others = {**self._synchroniser.counters, **self._transforms.counters}
-        return Status(counters={**self._counters, **others})
+        return Status(counters={**self._counters, **self._transforms.counters})
 
-    def _wait(self, complete: TrackedFrame, now_ns: int) -> None:
+    def _wait(self, parts: FrameParts, now_ns: int) -> None:
         """Let a frame wait for a newer one, within limits."""
         settle_ns = int(self._config.settle_s * 1e9)
         self._first_ns = self._first_ns if self._ready else now_ns
-        self._counters["passed_over"] += complete.frame.camera in self._ready
-        self._ready[complete.frame.camera] = complete
+        self._counters["passed_over"] += parts[0].camera in self._ready
+        self._ready[parts[0].camera] = parts
         self._due_ns = min(now_ns + settle_ns, self._first_ns + SETTLE_MAX * settle_ns)
 
     def _calibrate(self, info: CameraInfo) -> None:
@@ -107,15 +117,14 @@ class GaitNode(Node):
         if before is None or _intrinsics(before) != _intrinsics(info):
             self._estimators.pop(info.camera, None)
 
-    def _process(self, complete: TrackedFrame) -> list[Message]:
-        camera, tracks = complete.frame.camera, complete.tracks
+    def _process(self, image: RgbdFrame, detections: Detections, tracks: Tracks) -> list[Message]:
+        camera = image.camera
         info = self._infos.get(camera)
         if info is None:
             self._counters["no_camera_info"] += 1
             return []
-        pose = self._transforms.lookup(
-            tracks.frame_id, complete.detections.frame_id, tracks.stamp_ns
-        )
+        optical = detections.frame_id
+        pose = self._transforms.camera_pose(tracks.frame_id, optical, tracks.stamp_ns)
         if pose is None:
             self._counters["no_transform"] += 1
             return []
@@ -123,9 +132,9 @@ class GaitNode(Node):
             self._estimators[camera] = GaitEstimator(self._config, info, self._counters)
         frame = GaitFrame(
             stamp_ns=tracks.stamp_ns,
-            rgb=complete.frame.rgb,
-            depth_mm=complete.frame.depth_mm,
-            observations=_observations(complete, pose),
+            rgb=image.rgb,
+            depth_mm=image.depth_mm,
+            observations=_observations(detections, tracks, pose),
             fixed_from_optical=pose,
         )
         with span("points"):
@@ -150,11 +159,10 @@ def _intrinsics(info: CameraInfo) -> tuple[object, ...]:
     return (*numbers, info.distortion_model, tuple(info.distortion))
 
 
-def _observations(complete: TrackedFrame, pose: F64) -> list[PersonObservation]:
+def _observations(detections: Detections, tracks: Tracks, pose: F64) -> list[PersonObservation]:
     """Return the observations of all confirmed or lost tracks."""
     optical_from_fixed = invert(pose)
-    people = {t.id: t for t in complete.tracks.tracks if t.state != "tentative"}
-    detections = complete.detections
+    people = {t.id: t for t in tracks.tracks if t.state != "tentative"}
     return [_observation(track, detections, optical_from_fixed) for track in people.values()]
 
 

@@ -7,6 +7,7 @@ from common.drawing.people import CameraView, annotate
 from common.drawing.tiles import Tile, shrink
 from common.geometry.transforms import invert
 from common.runtime.node import Node, Status
+from common.runtime.synchroniser import SynchronisedFrame, Synchroniser
 from people4d.messages import (
     CameraInfo,
     Detections,
@@ -24,7 +25,6 @@ from services.report.even_sample import EvenSample
 from services.report.output import AnnotatedFrame, ReportOutput
 from services.report.sheet import contact_sheet
 from services.report.statistics import RunStatistics
-from services.report.synchroniser import SynchronisedFrame, Synchroniser
 from services.report.trajectories import TrajectoryStore
 
 
@@ -87,12 +87,12 @@ class ReportNode(Node):
     def _show(self, frame: SynchronisedFrame) -> None:
         """Draw a frame for the video and the contact sheet."""
         self._statistics.settle(frame)
-        if frame.rgb is None or (frame.detections is None and frame.tracks is None):
+        if frame.image is None or (frame.detections is None and frame.tracks is None):
             return
         if not self._config.video and not self._tiles.is_next:
             self._tiles.skip()
             return
-        image = annotate(frame.rgb, frame.detections, frame.tracks, self._view(frame.camera))
+        image = annotate(frame.image.rgb, frame.detections, frame.tracks, self._view(frame.camera))
         if self._config.video:
             self._output.add_frame(AnnotatedFrame(frame.camera, frame.stamp_ns, image))
         if self._tiles.is_next:

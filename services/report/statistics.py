@@ -9,6 +9,7 @@ import numpy as np
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.metrics.live.scorer import LiveScorer
+from common.runtime.synchroniser import SynchronisedFrame
 from common.runtime.throughput import losses
 from people4d.messages import (
     CameraInfo,
@@ -25,7 +26,6 @@ from people4d.messages import (
 )
 from services.report.even_sample import EvenSample
 from services.report.latency import Latency, Percentiles
-from services.report.synchroniser import SynchronisedFrame
 
 MAX_TRACKS = 100_000
 MAX_INSTANCES = 64
@@ -126,10 +126,10 @@ class RunStatistics:
 
     def settle(self, frame: SynchronisedFrame) -> None:
         """Count which answers a frame got; tracks predicted between frames do not count."""
-        if frame.rgb is not None:
+        if frame.image is not None:
             self._answers["detected"] += frame.detections is not None
             self._answers["tracked"] += frame.tracks is not None
-        if frame.tracks is not None and (frame.rgb is not None or frame.detections is not None):
+        if frame.tracks is not None and (frame.image is not None or frame.detections is not None):
             self._add_tracks(frame.tracks)
 
     def summary(self) -> RunSummary:

@@ -1,18 +1,10 @@
-"""Resampling, estimates and motion models by hand."""
+"""Resampling and motion models by hand."""
 
 import numpy as np
 import pytest
 
 from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
-from services.gait.particles import (
-    ESTIMATORS,
-    RESAMPLERS,
-    BoxMotionModel,
-    centre_sigma_px,
-    systematic,
-)
-
-NAMES = list(RESAMPLERS)
+from services.gait.particles import BoxMotionModel, systematic
 
 
 class Half(np.random.Generator):
@@ -30,10 +22,9 @@ def test_systematic_by_hand() -> None:
     assert chosen.tolist() == [[0, 0, 1, 2], [2, 2, 2, 2]]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_resampling_keeps_the_mean(name: str) -> None:
+def test_resampling_keeps_the_mean() -> None:
     # The mean of 200 resampled means of 50 particles lies within 4 standard errors of the
-    # weighted mean; multinomial, the widest, has sigma / sqrt(50 * 200).
+    # weighted mean.
     generator = np.random.default_rng(3)
     values = generator.normal(0.0, 10.0, (2, 50))
     weights = generator.random((2, 50))
@@ -41,38 +32,22 @@ def test_resampling_keeps_the_mean(name: str) -> None:
     mean = (weights * values).sum(axis=1)
     sigma = np.sqrt((weights * (values - mean[:, None]) ** 2).sum(axis=1))
     found = [
-        np.take_along_axis(values, RESAMPLERS[name](weights, generator), axis=1).mean(axis=1)
+        np.take_along_axis(values, systematic(weights, generator), axis=1).mean(axis=1)
         for _ in range(200)
     ]
     assert np.all(np.abs(np.mean(found, axis=0) - mean) < 4 * sigma / np.sqrt(50 * 200))
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_particle_with_all_weight_is_the_only_one_left(name: str) -> None:
+def test_particle_with_all_weight_is_the_only_one_left() -> None:
     weights = np.zeros((3, 7))
     weights[[0, 1, 2], [0, 3, 6]] = 1.0
-    chosen = RESAMPLERS[name](weights, np.random.default_rng(0))
+    chosen = systematic(weights, np.random.default_rng(0))
     assert np.all(chosen == [[0], [3], [6]])
 
 
-@pytest.mark.parametrize("name", ["systematic", "residual"])
-def test_equal_weights_copy_each_particle_once(name: str) -> None:
-    chosen = RESAMPLERS[name](np.full((2, 9), 1 / 9), np.random.default_rng(0))
+def test_equal_weights_copy_each_particle_once() -> None:
+    chosen = systematic(np.full((2, 9), 1 / 9), np.random.default_rng(0))
     assert chosen.tolist() == [list(range(9))] * 2
-
-
-def test_estimates_by_hand() -> None:
-    # Centres 0, 10 and 100; the last two are heavy. Mean 0.2*0 + 0.3*10 + 0.5*100 = 53. The best is
-    # at 100; no other is within 20 of it.
-    states = np.zeros((1, 3, 8))
-    states[0, :, 0] = 0, 10, 100
-    weights = np.array([[0.2, 0.3, 0.5]])
-    found = {name: ESTIMATORS[name](states, weights, 20.0)[0, 0] for name in ESTIMATORS}
-    assert found == {"weighted_sum": 53.0, "map": 100.0, "robust_mean": 100.0}
-    # Within 95: (0.3 * 10 + 0.5 * 100) / 0.8 = 66.25.
-    assert ESTIMATORS["robust_mean"](states, weights, 95.0)[0, 0] == pytest.approx(66.25)
-    # Variance 0.2 * 53^2 + 0.3 * 43^2 + 0.5 * 47^2 = 2221.
-    assert centre_sigma_px(states, weights)[0] == pytest.approx(np.sqrt(2221))
 
 
 def moved(start: list[float], before: list[float], **fields: object) -> list[float]:

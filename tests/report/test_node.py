@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from common.runtime.synchroniser import Synchroniser
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8, Message
 from services.report.config import ReportConfig
@@ -15,7 +16,6 @@ from services.report.folder import ReportFolder, frame_rate_hz
 from services.report.node import ReportNode
 from services.report.output import AnnotatedFrame
 from services.report.statistics import RunSummary
-from services.report.synchroniser import Synchroniser
 from tests.report.builders import (
     MS,
     detection,
@@ -134,7 +134,7 @@ def test_a_complete_frame_releases_the_older_ones() -> None:
     for message in (frame(1), frame(2), detections(2), frame(2, "rear")):
         assert join.add(message) == []
     released = join.add(tracks(2))
-    assert [(m.stamp_ns, m.complete) for m in released] == [(1, False), (2, True)]
+    assert [(m.stamp_ns, m.parts() is not None) for m in released] == [(1, False), (2, True)]
     assert [m.camera for m in join.flush()] == ["rear"]
 
 

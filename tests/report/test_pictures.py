@@ -9,10 +9,10 @@ from common.drawing.people import CameraView, annotate
 from common.drawing.tiles import Tile, shrink
 from common.drawing.topdown import Trajectories, draw_map
 from common.geometry.transforms import invert
+from common.runtime.synchroniser import SynchronisedFrame
 from people4d.messages import U8
 from services.report.sheet import contact_sheet
 from services.report.statistics import RunStatistics
-from services.report.synchroniser import SynchronisedFrame
 from tests.report.builders import (
     MAP_FROM_OPTICAL,
     detection,
@@ -145,7 +145,7 @@ def test_tiles_of_two_cameras_need_not_be_alike() -> None:
 def test_the_page_grows_with_the_latency_table() -> None:
     statistics = RunStatistics()
     trace = tuple(span(f"service.stage{k}", k, k + 1) for k in range(60))
-    statistics.settle(SynchronisedFrame("front", 0, frame(0).rgb, None, tracks(0, trace=trace)))
+    statistics.settle(SynchronisedFrame("front", 0, frame(0), None, tracks(0, trace=trace)))
     summary = statistics.summary()
     assert len(summary.latency) == 61  # 60 stages, complete
     page = contact_sheet([], Trajectories(), summary)

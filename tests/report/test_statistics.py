@@ -3,11 +3,11 @@
 import msgspec
 import pytest
 
+from common.runtime.synchroniser import SynchronisedFrame
 from people4d.messages import Detection, Message
 from services.report.even_sample import EvenSample
 from services.report.latency import Latency
 from services.report.statistics import RunStatistics, RunSummary
-from services.report.synchroniser import SynchronisedFrame
 from services.report.text import facts, latency_table, text
 from tests.report.builders import (
     MS,
@@ -133,8 +133,8 @@ def summary_of_a_run() -> RunSummary:
         tracked = tracks(stamp_ns, [track(1, 1.0)] + [track(2, 3.0)] * (k == 1), trace=trace)
         statistics.add(found, k * S)
         statistics.add(tracked, k * S // 4)  # 4 Hz by the clock
-        statistics.settle(SynchronisedFrame("front", stamp_ns, frame(stamp_ns).rgb, found, tracked))
-    statistics.settle(SynchronisedFrame("front", 300 * MS, frame(0).rgb))
+        statistics.settle(SynchronisedFrame("front", stamp_ns, frame(stamp_ns), found, tracked))
+    statistics.settle(SynchronisedFrame("front", 300 * MS, frame(0)))
     statistics.add(tracks(350 * MS, [track(1, 9.0)]), 9 * S)  # predicted between frames
     statistics.settle(
         SynchronisedFrame("front", 350 * MS, tracks=tracks(350 * MS, [track(1, 9.0)]))

@@ -15,13 +15,7 @@ from services.gait.colour.histogram import (
     normalised_weights,
 )
 from services.gait.config import ColourLayerConfig
-from services.gait.particles import (
-    ESTIMATORS,
-    RESAMPLERS,
-    STATES,
-    BoxMotionModel,
-    centre_sigma_px,
-)
+from services.gait.particles import STATES, BoxMotionModel, systematic
 
 BOX = [0, 1, 4, 5]  # centre, width and height in a state
 SIZE = slice(4, 6)
@@ -32,9 +26,7 @@ class ColourEstimate:
     """One person's box in one frame."""
 
     box_xyxy_px: F64  # [px] 4: left, top, right, bottom; may reach beyond the image
-    velocity_px: F64  # [px a frame] 2: of the centre
     distance: float  # Bhattacharyya distance of the box's colours to the first ones, 0 to 1
-    sigma_px: float  # [px] standard deviation of the particles' centres
 
 
 @dataclass
@@ -53,10 +45,6 @@ class _BoxFilter:
 class ColourLayer:
     """A particle filter for each person, all computed together.
 
-    Args:
-        config: Models and constants.
-        seed: Of the random numbers; the same seed and calls give the same boxes.
-
     Source: docs/method.md, section 8.1.
     """
 
@@ -68,8 +56,6 @@ class ColourLayer:
         by_ratio = config.weights == "ratio"
         self._ratio = ColourRatio(config, self._histogram) if by_ratio else None
         self._motion = BoxMotionModel(config)
-        self._resample = RESAMPLERS[config.resampling]
-        self._estimate = ESTIMATORS[config.estimate]
         self._filters: dict[int, _BoxFilter] = {}
 
     @property
@@ -121,15 +107,15 @@ class ColourLayer:
         weights = normalised_weights(
             np.stack(list(map(self._log_weights, filters, patches, boxes)))
         )
-        estimates = self._estimate(states, weights, self._config.robust_window_px)
-        chosen = self._resample(weights, self._generator)
+        estimates = np.einsum("pn,pns->ps", weights, states)
+        chosen = systematic(weights, self._generator)
         for k, one in enumerate(filters):
             one.states, one.previous = states[k, chosen[k]], previous[k, chosen[k]]
             one.box = estimates[k, BOX]
             if self._ratio is not None and one.model is not None:
                 background = self._ratio.learn(patches[k], one.box).background
                 one.model = ColourModel(one.model.person, background)
-        return self._estimates(patches, estimates, centre_sigma_px(states, weights))
+        return self._estimates(patches, estimates)
 
     def _patch(self, rgb: U8, boxes: F64) -> HsvPatch:
         return hsv_patch(rgb, boxes if self._ratio is None else boxes * self._ratio.reach)
@@ -155,16 +141,12 @@ class ColourLayer:
         stretch = np.log(boxes[:, 2] / boxes[:, 3]) - one.log_aspect
         return np.asarray(logs - 0.5 * (stretch / config.aspect_sigma) ** 2)
 
-    def _estimates(
-        self, patches: Sequence[HsvPatch], states: F64, sigmas: F64
-    ) -> dict[int, ColourEstimate]:
+    def _estimates(self, patches: Sequence[HsvPatch], states: F64) -> dict[int, ColourEstimate]:
         estimates = {}
         for k, (person, one) in enumerate(self._filters.items()):
             centre, size = states[k, :2], states[k, SIZE]
             box = np.concatenate([centre - size / 2, centre + size / 2])
             # The estimate lies among the particles, so the patch covers it.
             (distance,) = self._histogram.distances(patches[k], one.box[None], one.reference)
-            estimates[person] = ColourEstimate(
-                box, states[k, 2:4], float(distance), float(sigmas[k])
-            )
+            estimates[person] = ColourEstimate(box, float(distance))
         return estimates

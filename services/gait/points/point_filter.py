@@ -9,7 +9,7 @@ import numpy as np
 from common.geometry.transforms import project
 from people4d.messages import F64, CameraInfo
 from services.gait.config import DepthLayerConfig
-from services.gait.particles import FIRST, RESAMPLERS
+from services.gait.particles import FIRST, systematic
 from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.keypoints import Anchor, kind_of, pixels_of, sigma_px
@@ -144,7 +144,7 @@ class PointFilter:
 
     def resample(self, weights: F64) -> None:
         """Draw the particles anew by weight; those off the body vanish."""
-        chosen = RESAMPLERS["systematic"](weights[None], self._generator)[0]
+        chosen = systematic(weights[None], self._generator)[0]
         self.particles = self.particles[chosen]
 
     def reset_particles(self, body: MeasuredBody) -> None:

@@ -114,14 +114,6 @@ def test_box_of_an_approaching_person_grows() -> None:
     assert iou_xyxy(found, box(80)[0])[0, 0] >= 0.7
 
 
-@pytest.mark.parametrize("estimate", ["weighted_sum", "map", "robust_mean"])
-@pytest.mark.parametrize("resampling", ["systematic", "stratified", "residual", "multinomial"])
-def test_walking_person_is_tracked_by_every_estimator_and_resampler(
-    estimate: str, resampling: str
-) -> None:
-    assert success(frames=30, estimate=estimate, resampling=resampling) >= 0.95
-
-
 def test_three_people_are_tracked_together() -> None:
     assert success(people=3) >= 0.95
 
@@ -136,7 +128,7 @@ def test_the_same_seed_gives_the_same_boxes() -> None:
     assert run(1) != run(2)
 
 
-def test_person_at_rest_has_small_distance_and_sigma() -> None:
+def test_person_at_rest_has_a_small_distance() -> None:
     layer = ColourLayer(ColourLayerConfig())
     frame = frame_of(boxes_at(0))
     layer.start(1, frame, boxes_at(0)[0])
@@ -144,8 +136,6 @@ def test_person_at_rest_has_small_distance_and_sigma() -> None:
         estimate = layer.update(frame)[1]
     assert iou_xyxy(estimate.box_xyxy_px, boxes_at(0)[0])[0, 0] > 0.85
     assert estimate.distance < 0.5
-    assert np.linalg.norm(estimate.velocity_px) < 3
-    assert 0 < estimate.sigma_px < 20
 
 
 def test_absent_person_has_a_large_distance() -> None:

@@ -1,8 +1,11 @@
 """Frames, detections and tracks of one stamp, brought together."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
-from people4d.messages import U8, Detections, RgbdFrame, Tracks
+from people4d.messages import Detections, RgbdFrame, Tracks
+
+FrameParts: TypeAlias = tuple[RgbdFrame, Detections, Tracks]
 
 
 @dataclass(slots=True)
@@ -11,14 +14,15 @@ class SynchronisedFrame:
 
     camera: str
     stamp_ns: int
-    rgb: U8 | None = None
+    image: RgbdFrame | None = None
     detections: Detections | None = None
     tracks: Tracks | None = None
 
-    @property
-    def complete(self) -> bool:
-        """True if nothing is missing."""
-        return all(part is not None for part in (self.rgb, self.detections, self.tracks))
+    def parts(self) -> FrameParts | None:
+        """Return all three messages; None if one is missing."""
+        if self.image and self.detections and self.tracks:
+            return self.image, self.detections, self.tracks
+        return None
 
 
 class Synchroniser:
@@ -28,10 +32,12 @@ class Synchroniser:
 
     Args:
         capacity: Frames that wait at most; the oldest is released for a new one.
+        images_max: Likewise, of those with an image.
     """
 
-    def __init__(self, capacity: int = 32) -> None:
+    def __init__(self, capacity: int = 32, images_max: int | None = None) -> None:
         self._capacity = capacity
+        self._images_max = images_max or capacity
         self._waiting: dict[tuple[str, int], SynchronisedFrame] = {}
 
     def add(self, message: RgbdFrame | Detections | Tracks) -> list[SynchronisedFrame]:
@@ -39,17 +45,18 @@ class Synchroniser:
         key = message.camera, message.stamp_ns
         frame = self._waiting.setdefault(key, SynchronisedFrame(*key))
         if isinstance(message, RgbdFrame):
-            frame.rgb = message.rgb
+            frame.image = message
         elif isinstance(message, Detections):
             frame.detections = message
         else:
             frame.tracks = message
-        if frame.complete:
+        if frame.parts():
             return self._release(key)
-        if len(self._waiting) > self._capacity:
-            oldest = next(iter(self._waiting))
-            return [self._waiting.pop(oldest)]
-        return []
+        with_image = [key for key, one in self._waiting.items() if one.image]
+        surplus = with_image[: -self._images_max]
+        if not surplus and len(self._waiting) > self._capacity:
+            surplus = [next(iter(self._waiting))]
+        return [self._waiting.pop(key) for key in surplus]
 
     def flush(self) -> list[SynchronisedFrame]:
         """Return all frames that still wait."""
@@ -58,6 +65,7 @@ class Synchroniser:
         return rest
 
     def _release(self, last: tuple[str, int]) -> list[SynchronisedFrame]:
+        """Release a complete frame, after the older ones of its camera."""
         released = []
         for key in list(self._waiting):
             if key[0] == last[0]:
