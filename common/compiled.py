@@ -15,21 +15,21 @@ F = TypeVar("F", bound=Callable[..., object])
 def compiled(function: F) -> F:
     """Compile a function on numbers and arrays; it releases the interpreter lock.
 
-    The code is kept on disk, beside the module or in the user's cache folder, so that only the
+    The code is cached on disk, beside the module or in the user's cache folder, so that only the
     first run of all waits for the compiler. Where neither can be written, every run does.
     """
     keyed = _keyed(cast(FunctionType, function))
     try:
         return cast(F, njit(cache=True, nogil=True)(keyed))
-    except RuntimeError:  # no folder to keep it in, for example a container's unknown user
+    except RuntimeError:  # no folder for the cache, for example a container's unknown user
         return cast(F, njit(nogil=True)(keyed))
 
 
 def _keyed(function: FunctionType) -> FunctionType:
-    """Return a function whose kept code is used only with the sources it was made from.
+    """Return a function whose cached code is used only with the sources it was made from.
 
-    What is kept contains the functions called, but Numba asks only whether the caller's own file
-    has changed. It tells functions apart by what they enclose, too, so this one encloses a
+    Cached code contains the functions called, but Numba checks only the file of the caller for
+    changes. It distinguishes functions by the variables they enclose, too, so this one encloses a
     fingerprint of all files with compiled functions in its folder.
     """
     code = function.__code__.replace(co_freevars=("sources",))

@@ -1,4 +1,4 @@
-"""Compiled functions work where nothing can be kept on disk."""
+"""Compiled functions and their cache on disk."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ PROGRAM = (
 )
 
 
-def test_without_a_folder_to_keep_them_in() -> None:
+def test_functions_run_without_a_cache_folder() -> None:
     # Only a folder named by NUMBA_CACHE_DIR may be used, and none is named.
     limits = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": ""}
     done = subprocess.run(
@@ -26,21 +26,21 @@ def test_without_a_folder_to_keep_them_in() -> None:
     assert (done.stdout, done.returncode) == ("(4, 4)\n", 0), done.stderr
 
 
-def test_a_change_in_a_called_function_in_another_file_is_seen(tmp_path: Path) -> None:
+def test_change_in_a_called_function_of_another_file_is_compiled(tmp_path: Path) -> None:
     # Numba alone asks only for the caller's file, and would go on with the old code.
     head = "from common.compiled import compiled\n"
     called = head + "@compiled\ndef low(x):\n    return x + {}\n"
     caller = head + "from low import low\n@compiled\ndef high(x):\n    return 10 * low(x)\n"
     (tmp_path / "high.py").write_text(caller)
-    # Python's own kept code goes by whole seconds, and both versions may be of one.
-    kept = {"PYTHONDONTWRITEBYTECODE": "1"}
+    # Python's own bytecode cache goes by whole seconds, and both versions may be of one.
+    no_cache = {"PYTHONDONTWRITEBYTECODE": "1"}
     path = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     results = []
     for added in (1, 2):
         (tmp_path / "low.py").write_text(called.format(added))
         done = subprocess.run(
             [sys.executable, "-c", "from high import high; print(high(1))"],
-            env={**os.environ, **kept, **path},
+            env={**os.environ, **no_cache, **path},
             capture_output=True,
             text=True,
             timeout=60,

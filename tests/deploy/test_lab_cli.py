@@ -73,7 +73,7 @@ def test_a_seed_of_ones_own_is_in_the_name(tmp_path: Path) -> None:
 
 
 def test_errors_can_be_chosen(tmp_path: Path) -> None:
-    """A detector that finds nobody and a sensor with twice the noise, which the file notes."""
+    """A detector that finds no person and a sensor with twice the noise, which the file notes."""
     settings = ["--set", "detector.recall=0", "--set", "sensor.noise_px=0.14"]
     settings += ["--set", "detector.false_alarms=0"]
     arguments = ["--fidelity", "geometry", "--out", tmp_path, *settings]
@@ -101,7 +101,7 @@ def test_errors_can_be_chosen(tmp_path: Path) -> None:
         (["export", "/none.mcap", "/tmp/none"], "recording /none.mcap cannot be read"),
     ],
 )
-def test_errors_are_one_sentence_with_the_mend(arguments: list[str], message: str) -> None:
+def test_errors_are_one_sentence_with_a_hint(arguments: list[str], message: str) -> None:
     status, _, errors = run(*arguments)
     assert status == 1
     assert message in errors
@@ -116,7 +116,7 @@ def test_an_output_that_exists_says_so(tmp_path: Path) -> None:
     assert "walk.mcap exists already. Remove it, or give another --out" in errors
 
 
-def test_a_stopped_rendering_tells_how_to_go_on(tmp_path: Path) -> None:
+def test_stopped_rendering_says_how_to_continue(tmp_path: Path) -> None:
     """SIGTERM while frames are drawn; the same command then finishes the recording."""
     scenario = write_scenario(tmp_path, camera="exposure_s = 0.02")
     command = [sys.executable, "-m", "deploy.cli", "lab", "render", str(scenario)]
@@ -138,7 +138,7 @@ def test_a_stopped_rendering_tells_how_to_go_on(tmp_path: Path) -> None:
     assert not chunks.exists()
 
 
-def test_up_takes_scenarios_and_knows_their_truth(
+def test_up_reads_scenarios_and_their_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert is_scenario("lab:two_easy")

@@ -93,7 +93,7 @@ def test_error_in_scenario_names_file_and_field(tmp_path: Path, text: str, error
     assert str(FOLDER) in message  # where to look how it is done
 
 
-def test_a_scenario_that_is_not_there_is_told_with_those_that_are() -> None:
+def test_unknown_scenario_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ConfigError, match=r"there is no scenario nowhere\. There are .*crossing"):
         load_scenario("nowhere")
 
@@ -151,7 +151,7 @@ def test_people_of_thesis_scenarios_leave_the_view_and_return(name: str) -> None
 
 def test_thesis_scenarios_rise_in_occlusion() -> None:
     watches = [watch(world(name), 0.1) for name in THESIS]
-    shares = [seen.hidden[seen.in_view].mean() for seen in watches]
+    shares = [watched.hidden[watched.in_view].mean() for watched in watches]
     assert shares[0] < 0.01
     assert all(more > less + 0.01 for less, more in pairwise(shares)), shares
     assert 0.2 < shares[-1] < 0.4
@@ -179,26 +179,26 @@ def test_odometry_scenarios_show_as_many_people_as_the_table(name: str) -> None:
 def test_who_moves_in_odometry_scenarios_is_as_their_names_say() -> None:
     for name in ODOMETRY:
         of = world(name)
-        ways = [motion.path(np.arange(0, 15, 0.5))[:, :2] for motion in of.motions]
-        walked_m = min(np.linalg.norm(np.diff(way, axis=0), axis=1).sum() for way in ways)
+        routes = [motion.path(np.arange(0, 15, 0.5))[:, :2] for motion in of.motions]
+        walked_m = min(np.linalg.norm(np.diff(route, axis=0), axis=1).sum() for route in routes)
         driven_m = max(abs(of.path.twist(t)[0]) for t in np.arange(0.5, 15, 0.5))
         assert (walked_m < 0.1) if name == "psrm" else (walked_m > 1)  # person still or moving
         assert (driven_m > 0.2) if "rm" in name else (driven_m == 0)  # robot moving or turning
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_nobody_walks_into_walls_or_another(name: str) -> None:
+def test_people_avoid_walls_and_each_other(name: str) -> None:
     of = world(name)
     times = np.arange(0, of.scenario.duration_s, 0.05)
-    ways = [motion.path(times)[:, :2] for motion in of.motions]
+    routes = [motion.path(times)[:, :2] for motion in of.motions]
     low, high = WALKABLE_M[of.scenario.room]
-    for way in ways:
-        assert np.all((way > np.array(low) - 0.1) & (way < np.array(high) + 0.1))
-    for one, other in combinations(ways, 2):
+    for route in routes:
+        assert np.all((route > np.array(low) - 0.1) & (route < np.array(high) + 0.1))
+    for one, other in combinations(routes, 2):
         assert np.linalg.norm(one - other, axis=1).min() > 0.5
     camera = np.array([of.path.position(t) for t in times.tolist()])
-    for way in ways:
-        assert np.linalg.norm(way - camera, axis=1).min() > 1.0
+    for route in routes:
+        assert np.linalg.norm(route - camera, axis=1).min() > 1.0
 
 
 def test_nothing_stands_where_people_walk() -> None:

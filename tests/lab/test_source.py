@@ -44,17 +44,17 @@ def captures(source: LabSource) -> list[SourceFrame]:
     return [item for item in source if isinstance(item, SourceFrame)]
 
 
-def test_a_still_camera_gives_its_frames_and_its_place(tmp_path: Path) -> None:
+def test_still_camera_gives_its_frames_and_its_pose(tmp_path: Path) -> None:
     source = opened(write_scenario(tmp_path))
     found = list(source)
     assert len(found) == FRAMES
     assert [item.stamp_ns for item in found] == [EPOCH_NS + k * S // 10 for k in range(FRAMES)]
     assert not source.live
-    (place,) = source.transforms
-    assert (place.parent, place.child) == ("map", "front_optical_frame")
+    (position,) = source.transforms
+    assert (position.parent, position.child) == ("map", "front_optical_frame")
     # 1.15 m high at the origin, 3 degrees down: what lies 2 m along the axis is 2 cos 3 = 1.997 m
     # ahead and 1.15 - 2 sin 3 = 1.045 m high.
-    assert (place.matrix @ [0, 0, 2, 1])[:3] == pytest.approx([1.997, 0.0, 1.045], abs=1e-3)
+    assert (position.matrix @ [0, 0, 2, 1])[:3] == pytest.approx([1.997, 0.0, 1.045], abs=1e-3)
     frame = captures(source)[0]
     assert frame.rgb.shape == (*SIZE, 3)
     assert frame.depth_mm.shape == SIZE
@@ -96,16 +96,16 @@ def test_the_sensor_can_be_changed_or_left_out(tmp_path: Path) -> None:
     assert error[1] > 3 * error[0] > 0
 
 
-def test_a_robot_tells_its_wheels_and_where_the_camera_sits_on_it(tmp_path: Path) -> None:
+def test_robot_gives_wheel_odometry_and_the_mount_of_its_camera(tmp_path: Path) -> None:
     source = opened(write_scenario(tmp_path, DRIVE))
     found = list(source)
     stamps_ns = [item.stamp_ns for item in found]
     assert stamps_ns == sorted(stamps_ns)
-    told = [item for item in found if isinstance(item, Odometry)]
-    assert [m.stamp_ns for m in told] == [EPOCH_NS + k * S // 50 for k in range(61)]
+    error_text = [item for item in found if isinstance(item, Odometry)]
+    assert [m.stamp_ns for m in error_text] == [EPOCH_NS + k * S // 50 for k in range(61)]
     # 0.2 m/s for 1.2 s are 0.24 m, 10 deg/s are 12 deg; wheels err by 1 % and slip by 2 %.
-    assert np.hypot(told[-1].x_m, told[-1].y_m) == pytest.approx(0.24, rel=0.1)
-    assert np.degrees(told[-1].theta_rad) == pytest.approx(12, rel=0.2)
+    assert np.hypot(error_text[-1].x_m, error_text[-1].y_m) == pytest.approx(0.24, rel=0.1)
+    assert np.degrees(error_text[-1].theta_rad) == pytest.approx(12, rel=0.2)
     mount, start = source.transforms
     assert (mount.parent, mount.child) == ("base_link", "front_optical_frame")
     assert (start.parent, start.child) == ("map", "odom")
@@ -132,9 +132,9 @@ def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.Monke
     drawn: list[int] = []
     draw = FrameRenderer.view
 
-    def counting(film: FrameRenderer, index: int) -> DepthView:
+    def counting(renderer: FrameRenderer, index: int) -> DepthView:
         drawn.append(index)
-        return draw(film, index)
+        return draw(renderer, index)
 
     monkeypatch.setattr(FrameRenderer, "view", counting)
     late = list(play_source(source, Selection(start_s=0.75, duration_s=0.3)))
@@ -185,7 +185,7 @@ def test_lockstep_through_the_camera_loses_no_frame(tmp_path: Path) -> None:
         assert np.array_equal(sent.depth_mm, taken.depth_mm)
 
 
-def test_what_is_wrong_is_told(tmp_path: Path) -> None:
+def test_wrong_options_are_refused(tmp_path: Path) -> None:
     assert kind_of("lab:anything") == "lab"
     with pytest.raises(ConfigError, match="there is no scenario nothing"):
         open_source("lab:nothing")

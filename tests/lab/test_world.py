@@ -34,7 +34,7 @@ def test_frames_are_stamped_from_the_epoch_at_the_frame_rate() -> None:
     assert of.frame_s(3) == pytest.approx(0.2)
 
 
-def test_the_camera_looks_along_its_axis() -> None:
+def test_camera_axis_points_forward() -> None:
     # The camera is at (0, 0, 1.15), level; a point 2 m ahead is in the middle of the image.
     of = world("facing")
     ahead = apply(of.optical_from_map(0.7), np.array([2.0, 0.0, 1.15]))
@@ -72,7 +72,7 @@ def test_two_processes_see_the_same_bytes() -> None:
     assert len(digests.pop()) == 2 * hashlib.sha256().digest_size
 
 
-def test_another_seed_is_another_motion_and_room_on_the_same_ways() -> None:
+def test_another_seed_is_another_motion_and_room_on_the_same_paths() -> None:
     one, other = world("short_walk"), World(load_scenario("short_walk"), seed=99)
     assert other.seed == 99
     before, after = (of.poses(2.0)[0].map_from_pelvis for of in (one, other))

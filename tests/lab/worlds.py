@@ -1,4 +1,4 @@
-"""Worlds that several tests look at, made once, and who is in view in them."""
+"""Worlds that several tests share, made once, and the people in view in them."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -35,14 +35,14 @@ class Watch:
 
 @cache
 def watch(of: World, step_s: float) -> Watch:
-    """Look at a world in steps of time."""
+    """Return the people in view of a world in steps of time."""
     t_s = np.arange(0, of.scenario.duration_s, step_s)
-    places = np.stack([motion.path(t_s)[:, :2] for motion in of.motions], axis=1)
-    points = np.concatenate([places, np.ones((*places.shape[:2], 1))], axis=-1)
-    seen = np.stack(
+    positions = np.stack([motion.path(t_s)[:, :2] for motion in of.motions], axis=1)
+    points = np.concatenate([positions, np.ones((*positions.shape[:2], 1))], axis=-1)
+    in_camera = np.stack(
         [apply(of.optical_from_map(t), p) for t, p in zip(t_s.tolist(), points, strict=True)]
     )
-    x, z = seen[..., 0], seen[..., 2]
+    x, z = in_camera[..., 0], in_camera[..., 2]
     half_width = of.info.width / 2 / of.info.fx
     in_view = (z > 0.5) & (z < of.info.max_depth_m) & (np.abs(x / z) < half_width)
     bearing, distance = np.arctan2(x, z), np.hypot(x, z)

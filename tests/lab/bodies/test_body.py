@@ -62,14 +62,16 @@ def forward_kinematics(skeleton: Skeleton, pose: BodyPose) -> dict[str, F64]:
     """Return where the joint of each segment is, from the skeleton's points alone."""
     rotations = map_from_segments(pose)
     rest = {"pelvis": np.zeros(3)}
-    places = {"pelvis": pose.map_from_pelvis[:3, 3]}
+    positions = {"pelvis": pose.map_from_pelvis[:3, 3]}
     for segment, parent in PARENTS.items():
         if segment in ("pelvis", "head"):  # the neck is no point of the skeleton
             continue
         joint = getattr(skeleton, JOINT_OF[segment.removesuffix("_l").removesuffix("_r")])
         rest[segment] = joint if joint.ndim == 1 else joint["lr".index(segment[-1])]
-        places[segment] = places[parent] + rotations[INDEX[parent]] @ (rest[segment] - rest[parent])
-    return places
+        positions[segment] = positions[parent] + rotations[INDEX[parent]] @ (
+            rest[segment] - rest[parent]
+        )
+    return positions
 
 
 def test_assets_are_small() -> None:
@@ -89,9 +91,9 @@ def test_ten_people_of_different_stature() -> None:
     assert max(statures) > 1.90
 
 
-def test_unknown_name_is_told() -> None:
-    with pytest.raises(ConfigError, match="there is no person nobody"):
-        load_body("nobody")
+def test_unknown_name_is_refused() -> None:
+    with pytest.raises(ConfigError, match="there is no person zoe"):
+        load_body("zoe")
 
 
 @EVERYBODY
@@ -125,9 +127,9 @@ def test_joints_are_where_forward_kinematics_puts_them(name: str) -> None:
     body, pose = load_body(name), striding()
     transforms = body.bones(pose)
     rest = forward_kinematics(body.skeleton, neutral())
-    for segment, place in forward_kinematics(body.skeleton, pose).items():
+    for segment, position in forward_kinematics(body.skeleton, pose).items():
         transform = transforms[NAMES.index(segment)]
-        assert_allclose(transform[:, :3] @ rest[segment] + transform[:, 3], place, atol=1e-9)
+        assert_allclose(transform[:, :3] @ rest[segment] + transform[:, 3], position, atol=1e-9)
 
 
 def test_toes_lie_on_the_floor_when_the_heel_rises() -> None:

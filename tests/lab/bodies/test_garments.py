@@ -88,8 +88,8 @@ def test_cloth_hangs_from_what_stands_out() -> None:
     # 0.10 m below but for a seat of 0.25 m in row 3, from which the cloth falls again.
     around, row = np.meshgrid(np.arange(SECTORS), np.arange(6))
     radius = np.where(row == 0, 0.20, 0.10) + 0.15 * (row == 3)
-    places = (around.ravel().astype(np.float64), row.ravel().astype(np.float64))
-    outline = hanging_outline(*places, radius.ravel())
+    positions = (around.ravel().astype(np.float64), row.ravel().astype(np.float64))
+    outline = hanging_outline(*positions, radius.ravel())
     expected = [0.20, 0.1967, 0.1934, 0.25, 0.2467, 0.2434]
     assert_allclose(outline[:6], np.tile(expected, (SECTORS, 1)).T)
 
@@ -105,14 +105,14 @@ def test_colours_are_checked() -> None:
         msgspec.convert({**data, "skin": "red"}, CastMember)
 
 
-def test_twins_are_dressed_alike_and_nobody_else() -> None:
+def test_only_twins_are_dressed_alike() -> None:
     cast = load_cast()
 
-    def look(name: str) -> tuple[object, ...]:
+    def appearance(name: str) -> tuple[object, ...]:
         person = cast[name]
         return person.skin, person.hair, person.shirt, person.legs, person.shoes
 
-    assert look("twin_a") == look("twin_b")
+    assert appearance("twin_a") == appearance("twin_b")
     assert cast["twin_a"].figure != cast["twin_b"].figure
     outfits = [(person.shirt, person.legs) for person in cast.values()]
     assert len(set(outfits)) == len(cast) - 1
@@ -146,8 +146,8 @@ def test_shirt_and_legwear_overlap(name: str) -> None:
     levels = measure(figure, person)
     shirt = make_shirt(figure, person.shirt, levels)
     legs = make_legwear(figure, person.legs, levels)
-    trunk = shirt.vertices_m[arm_share(figure, shirt.weights) < 0.5]
-    assert legs.vertices_m[:, 2].max() > trunk[:, 2].min() + 0.02
+    torso = shirt.vertices_m[arm_share(figure, shirt.weights) < 0.5]
+    assert legs.vertices_m[:, 2].max() > torso[:, 2].min() + 0.02
 
 
 @EVERYBODY

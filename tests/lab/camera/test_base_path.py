@@ -1,4 +1,4 @@
-"""The robot's way: where hand-worked drives lead, and that nothing jumps."""
+"""Path of the robot: goals of drives worked out by hand, and no jumps."""
 
 import math
 
@@ -20,7 +20,7 @@ def test_still_camera() -> None:
     assert point == pytest.approx([1.5, 5.0, 0.15])
 
 
-def test_camera_looks_down_by_its_pitch() -> None:
+def test_camera_axis_points_down_by_its_pitch() -> None:
     path = BasePath(CameraPlan(at=(0.0, 0.0, 1.0), pitch_deg=30.0), 1)
     # The axis meets the floor 1 / tan(30 deg) = 1.732 m ahead, at 1 / sin(30 deg) = 2 m.
     assert apply(path.map_from_optical(0.0), [0, 0, 2.0]) == pytest.approx([1.732051, 0, 0])

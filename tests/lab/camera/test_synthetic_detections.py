@@ -1,4 +1,4 @@
-"""SyntheticDetections: what is seen by geometry, and errors at the rates that are configured."""
+"""Synthetic detections: visibility by geometry, and errors at the configured rates."""
 
 import math
 import time
@@ -73,7 +73,7 @@ def person(x_m: float, y_m: float, yaw_deg: float = 180.0) -> F64:
     return apply(transform_from((x_m, y_m, 0), turn), PERSON)
 
 
-def seen(
+def in_view(
     people: list[F64], config: SyntheticDetectionsConfig = FAULTLESS, frame: int = 0
 ) -> list[Detection]:
     return list(
@@ -84,7 +84,7 @@ def seen(
 
 
 def test_faultless_detection_of_one_person() -> None:
-    (found,) = seen([person(4.0, 0.0)])
+    (found,) = in_view([person(4.0, 0.0)])
     # Torso: mean height (1.40 + 0.92) / 2 = 1.16 m, camera at 1.15 m: 0.01 m above the axis.
     assert found.position_m == pytest.approx([0, -0.01, 4.0])
     assert found.keypoints is not None
@@ -100,14 +100,14 @@ def test_faultless_detection_of_one_person() -> None:
 def test_position_lies_on_the_surface_that_faces_the_camera() -> None:
     config = msgspec.structs.replace(FAULTLESS, front_m=0.12, side_m=0.17)
     for yaw_deg, thick_m in ((180, 0.12), (0, 0.12), (90, 0.17)):
-        (found,) = seen([person(4.0, 0.0, yaw_deg)], config)
+        (found,) = in_view([person(4.0, 0.0, yaw_deg)], config)
         assert found.position_m == pytest.approx([0, -0.01, 4.0 - thick_m], abs=1e-3)
 
 
 def test_heading_of_the_chest() -> None:
     # Optical frame: x right, y down, z forward. Facing the camera: -z; image-left (+90 deg): -x.
     for yaw_deg, heading in ((180, [0, 0, -1]), (0, [0, 0, 1]), (120, [-0.8660254, 0, -0.5])):
-        (found,) = seen([person(4.0, 0.0, yaw_deg)])
+        (found,) = in_view([person(4.0, 0.0, yaw_deg)])
         assert found.heading == pytest.approx(heading, abs=1e-6)
     config = SyntheticDetectionsConfig(false_alarms=0, recall=1, heading_rad=0.2, reversals=0.1)
     detections = SyntheticDetections(config, INFO, 5)
@@ -148,17 +148,17 @@ def test_people_hide_people_behind_them() -> None:
 def test_hidden_people_are_not_found_and_come_back() -> None:
     config = msgspec.structs.replace(FAULTLESS, share_none=0.4, share_full=0.6)
     front = person(2.5, 0.0)
-    assert len(seen([person(4.0, 0.0), front], config)) == 1
-    assert len(seen([person(4.0, 1.0), front], config)) == 2
-    assert len(seen([person(4.0, 0.0)], config)) == 1
+    assert len(in_view([person(4.0, 0.0), front], config)) == 1
+    assert len(in_view([person(4.0, 1.0), front], config)) == 2
+    assert len(in_view([person(4.0, 0.0)], config)) == 1
 
 
-def test_people_out_of_sight() -> None:
-    assert seen([]) == []
-    assert seen([person(-3.0, 0.0), person(3.0, 4.0)]) == []
-    (half,) = seen([person(4.0, 2.0)])  # image border at 4 * 319.5 / 615 = 2.08 m
+def test_people_outside_of_the_image_are_not_detected() -> None:
+    assert in_view([]) == []
+    assert in_view([person(-3.0, 0.0), person(3.0, 4.0)]) == []
+    (half,) = in_view([person(4.0, 2.0)])  # image border at 4 * 319.5 / 615 = 2.08 m
     assert half.box_xyxy_px[0] == 0
-    (far,) = seen([person(6.0, 0.0)])  # beyond the range of depth
+    (far,) = in_view([person(6.0, 0.0)])  # beyond the range of depth
     assert far.position_m is None
 
 
@@ -236,7 +236,7 @@ def test_same_stamp_same_detections_in_any_order() -> None:
     assert repr(other) != repr(fresh[0])
 
 
-def test_it_takes_milliseconds() -> None:
+def test_detections_cost_less_than_20_ms() -> None:
     detections = SyntheticDetections(SyntheticDetectionsConfig(), INFO, 3)
     people = [person(2.5 + k / 2, k - 1.5) for k in range(4)]
     best = math.inf

@@ -95,13 +95,15 @@ def test_constant_errors_scale_distances_and_turns() -> None:
     assert math.degrees(turned) == pytest.approx(160 * 1.01 * 1.02, abs=0.05)
 
 
-def test_errors_stay_within_the_covariance_that_is_told() -> None:
+def test_errors_stay_within_the_covariance() -> None:
     # The mean of e^T P^-1 e over many runs is 3 if the covariance is right. The constant errors
     # are drawn here as a robot's maker would: normal, with the size that is told.
     generator = np.random.default_rng(4)
-    told = WheelPlan(rate_hz=10)
+    error_text = WheelPlan(rate_hz=10)
     path = BasePath(CameraPlan(drive=DRIVES), 20)
-    covariance = wheel_odometry(CameraPlan(drive=DRIVES, wheels=told), path, 20, 0)[-1].covariance
+    covariance = wheel_odometry(CameraPlan(drive=DRIVES, wheels=error_text), path, 20, 0)[
+        -1
+    ].covariance
     assert covariance is not None
     distances = []
     for seed in range(100):

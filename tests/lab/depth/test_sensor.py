@@ -34,7 +34,7 @@ def box() -> F32:
     return depth_m
 
 
-def test_exact_sensor_reads_whole_millimetres() -> None:
+def test_exact_sensor_rounds_to_millimetres() -> None:
     depth_mm = np.random.default_rng(1).integers(1, 65_000, (120, 160)).astype(np.uint16)
     depth_m = depth_mm.astype(np.float32) / np.float32(1000)
     assert np.array_equal(sensor(EXACT).measure(depth_m, None, 3.0), depth_mm)
@@ -132,8 +132,8 @@ def test_left_band_is_as_wide_as_the_disparity() -> None:
 
 def test_range_is_limited() -> None:
     config = msgspec.structs.replace(EXACT, min_depth_m=0.28, max_depth_m=5.0)
-    for depth_m, seen in ((0.27, False), (0.29, True), (4.99, True), (5.01, False)):
-        assert sensor(config).measure(wall(depth_m), None, 0.0).any() == seen
+    for depth_m, in_view in ((0.27, False), (0.29, True), (4.99, True), (5.01, False)):
+        assert sensor(config).measure(wall(depth_m), None, 0.0).any() == in_view
 
 
 def test_holes_have_their_share() -> None:
@@ -189,7 +189,7 @@ def test_same_stamp_same_bytes_in_any_order() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "error_text"),
     [
         ({"baseline_m": 0.0}, "baseline_m: expected"),
         ({"noise_px": -1.0}, "noise_px: expected"),
@@ -200,6 +200,6 @@ def test_same_stamp_same_bytes_in_any_order() -> None:
         ({"noise_px": float("nan")}, "noise_px: expected"),
     ],
 )
-def test_configuration_is_checked(change: dict[str, float], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_configuration_is_checked(change: dict[str, float], error_text: str) -> None:
+    with pytest.raises(ValueError, match=error_text):
         DepthSensorConfig(**change)  # type: ignore[arg-type]

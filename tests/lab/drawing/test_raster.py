@@ -57,8 +57,8 @@ def test_depth_of_a_tilted_plane_is_exact_at_every_pixel() -> None:
 def test_deprojected_pixels_lie_on_the_triangle_and_inside_it() -> None:
     corners_m = np.array([[-0.9, -0.7, 2.0], [1.1, -0.5, 3.0], [0.1, 1.0, 2.5]])
     depth = draw_depth([mesh([corners_m.tolist()])], np.eye(4), INFO, 0.05).depth_m
-    seen = np.isfinite(depth.ravel())
-    points = deproject(pixels()[seen], depth.ravel()[seen], INFO)
+    in_view = np.isfinite(depth.ravel())
+    points = deproject(pixels()[in_view], depth.ravel()[in_view], INFO)
     normal = np.cross(corners_m[1] - corners_m[0], corners_m[2] - corners_m[0])
     np.testing.assert_allclose((points - corners_m[0]) @ normal, 0.0, atol=1e-5)
     # A pixel is seen exactly if its centre is inside the projected triangle.
@@ -67,11 +67,11 @@ def test_deprojected_pixels_lie_on_the_triangle_and_inside_it() -> None:
         (q[0] - p[0]) * (pixels()[:, 1] - p[1]) - (q[1] - p[1]) * (pixels()[:, 0] - p[0])
         for p, q in ((a, b), (b, c), (c, a))
     ]
-    np.testing.assert_array_equal(seen, np.all(np.array(sides) >= 0, axis=0))
-    assert 500 < seen.sum() < 3000
+    np.testing.assert_array_equal(in_view, np.all(np.array(sides) >= 0, axis=0))
+    assert 500 < in_view.sum() < 3000
 
 
-def test_both_sides_of_a_triangle_are_seen() -> None:
+def test_both_sides_of_a_triangle_are_drawn() -> None:
     one = [[-0.9, -0.7, 2.0], [1.1, -0.5, 3.0], [0.1, 1.0, 2.5]]
     front = draw_depth([mesh([one])], np.eye(4), INFO, 0.05)
     back = draw_depth([mesh([one[::-1]])], np.eye(4), INFO, 0.05)
@@ -88,7 +88,7 @@ def test_the_nearest_wins_in_any_order() -> None:
         assert view.owners[0, 0] == 2
 
 
-def test_a_triangle_that_reaches_behind_the_camera_is_seen() -> None:
+def test_triangle_that_reaches_behind_the_camera_is_drawn() -> None:
     # A floor 1 m below the eye, from 5 m behind to 100 m ahead: z = fy / (v - cy) below cy.
     floor = quad([[-90, 1, -5], [90, 1, -5], [90, 1, 100], [-90, 1, 100]])
     depth = draw_depth([floor], np.eye(4), INFO, 0.05).depth_m
@@ -99,7 +99,7 @@ def test_a_triangle_that_reaches_behind_the_camera_is_seen() -> None:
     assert np.isinf(depth[~below]).all()
 
 
-def test_what_is_behind_or_too_near_is_not_seen() -> None:
+def test_triangles_behind_the_camera_or_too_near_are_not_drawn() -> None:
     view = draw_depth([wall(-2.0), wall(0.0), wall(0.04)], np.eye(4), INFO, 0.05)
     assert np.isinf(view.depth_m).all()
     assert np.isinf(view.right_depth_m).all()
@@ -139,8 +139,8 @@ def test_the_right_imager_sees_things_further_left() -> None:
 
 def test_threads_do_not_change_the_result() -> None:
     rng = np.random.default_rng(5)
-    places = rng.uniform([-1, -1, 0.02], [1, 1, 3], (300, 1, 3))
-    clutter = mesh((places + rng.normal(0, 0.2, (300, 3, 3))).tolist())
+    positions = rng.uniform([-1, -1, 0.02], [1, 1, 3], (300, 1, 3))
+    clutter = mesh((positions + rng.normal(0, 0.2, (300, 3, 3))).tolist())
     one = draw_depth([clutter], np.eye(4), INFO, 0.05, threads=1)
     two = draw_depth([clutter], np.eye(4), INFO, 0.05, threads=2)
     assert one.depth_m.tobytes() == two.depth_m.tobytes()
@@ -148,7 +148,7 @@ def test_threads_do_not_change_the_result() -> None:
     assert one.right_depth_m.tobytes() == two.right_depth_m.tobytes()
 
 
-def test_barycentrics_give_the_point_seen() -> None:
+def test_barycentrics_give_the_visible_point() -> None:
     triangle = mesh([[[-0.9, -0.7, 2.0], [1.1, -0.5, 3.0], [0.1, 1.0, 2.5]]])
     corners = homogeneous(triangle.vertices_m, camera_matrix(INFO) @ np.eye(4)[:3])
     depth = rasterise(corners, triangle.faces, SIZE).depth_m()

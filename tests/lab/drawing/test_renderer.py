@@ -38,7 +38,7 @@ def renderer(room: Room) -> Renderer:
     return Renderer(room, INFO, seed=3)
 
 
-def test_a_picture_is_neither_black_nor_white(renderer: Renderer) -> None:
+def test_image_is_neither_black_nor_white(renderer: Renderer) -> None:
     image = renderer.exposed([Instant([block(3.5, 0.0)], pose())], 0)
     assert image.shape == (60, 80, 3)
     assert image.dtype == np.uint8
@@ -65,9 +65,9 @@ def test_noise_differs_from_frame_to_frame_and_by_seed(room: Room, renderer: Ren
 
 
 def test_two_samples_smooth_edges_and_keep_surfaces(room: Room) -> None:
-    moment = Instant([block(3.0, 0.0)], pose())
-    ragged = Renderer(room, INFO, seed=0, samples=1).radiance(moment)
-    smooth = Renderer(room, INFO, seed=0, samples=2).radiance(moment)
+    instant = Instant([block(3.0, 0.0)], pose())
+    ragged = Renderer(room, INFO, seed=0, samples=1).radiance(instant)
+    smooth = Renderer(room, INFO, seed=0, samples=2).radiance(instant)
     assert np.median(np.abs(smooth - ragged)) < 0.03
     assert not np.array_equal(smooth, ragged)
 
@@ -136,7 +136,7 @@ def sharpest(image: F32) -> float:
     return float(np.abs(np.diff(image[25:35, 20:60].mean(axis=2), axis=1)).mean(axis=0).max())
 
 
-def test_a_lamp_seen_is_the_brightest(renderer: Renderer) -> None:
+def test_visible_lamp_is_the_brightest(renderer: Renderer) -> None:
     glow = panel((3.0, 0.3, 1.0), (0, -0.6, 0), (0, 0, 0.4), Finish(Material.LAMP, (4.0, 4.0, 4.0)))
     image = renderer.radiance(Instant([glow], pose()))
     assert image.max() == pytest.approx(4.0, rel=1e-5)

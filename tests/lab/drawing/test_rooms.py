@@ -1,4 +1,4 @@
-"""Rooms: closed, furnished where nobody walks, different by seed."""
+"""Rooms: closed, furnished where no person walks, different by seed."""
 
 import math
 
@@ -82,7 +82,7 @@ def test_seeds_give_different_rooms_and_one_seed_always_the_same(kind: str) -> N
 
 
 @pytest.mark.parametrize("kind", ["lab", "hall"])
-def test_normals_of_a_mirrored_room_still_look_inwards(kind: str) -> None:
+def test_normals_of_a_mirrored_room_point_inwards(kind: str) -> None:
     for seed in range(4):
         mesh = room_mesh(kind, seed).mesh
         corners = mesh.vertices_m[mesh.faces]

@@ -1,4 +1,4 @@
-"""Where the joints of a pose are, worked out anew from the skeleton for the tests."""
+"""Positions of the joints of a pose, worked out anew from the skeleton for the tests."""
 
 from dataclasses import dataclass
 

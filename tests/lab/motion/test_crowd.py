@@ -1,4 +1,4 @@
-"""People keep out of each other's way, and out of the robot's."""
+"""People avoid each other and the robot."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from people4d.messages import F64
 from tests.lab.motion.skeletons import skeleton
 
 
-def ways(people: Sequence[PersonPlan], seconds: float) -> F64:
+def routes(people: Sequence[PersonPlan], seconds: float) -> F64:
     """Return the ways of people, NxTx3 at 50 Hz."""
     motions = simulate(people, [skeleton(1.75) for _ in people], seconds, 0)
     times_s = np.arange(0.0, seconds, 0.02)
@@ -36,14 +36,14 @@ def across(start: tuple[float, float], end: tuple[float, float]) -> PersonPlan:
 def test_four_who_cross_in_the_middle_arrive_and_never_touch() -> None:
     ends = [(2.5, 0.0), (-2.5, 0.0), (0.0, 2.5), (0.0, -2.5)]
     people = [across(start, (-start[0], -start[1])) for start in ends]
-    found = ways(people, 14.0)
+    found = routes(people, 14.0)
     assert nearest_m(found) > 0.55
-    for way, start in zip(found, ends, strict=True):
-        assert way[-1, :2] == pytest.approx((-start[0], -start[1]), abs=0.15)
+    for route, start in zip(found, ends, strict=True):
+        assert route[-1, :2] == pytest.approx((-start[0], -start[1]), abs=0.15)
 
 
 def test_two_who_meet_head_on_both_pass_on_the_right() -> None:
-    found = ways([across((0, 0), (5, 0)), across((5, 0), (0, 0))], 9.0)
+    found = routes([across((0, 0), (5, 0)), across((5, 0), (0, 0))], 9.0)
     assert nearest_m(found) > 0.55
     meeting = int(np.argmin(np.linalg.norm(found[0, :, :2] - found[1, :, :2], axis=-1)))
     assert found[0, meeting, 1] < 0.0 < found[1, meeting, 1]
@@ -52,43 +52,43 @@ def test_two_who_meet_head_on_both_pass_on_the_right() -> None:
 
 
 def test_a_crowded_room_for_half_a_minute() -> None:
-    places = [(1.5, -1.0), (4.5, 1.0), (1.5, 1.0), (4.5, -1.0), (3.0, 0.0)]
+    positions = [(1.5, -1.0), (4.5, 1.0), (1.5, 1.0), (4.5, -1.0), (3.0, 0.0)]
     people = [
         PersonPlan(
             body="adam",
-            start=places[k],
-            path=tuple(Waypoint(to=places[(k + 2 * j + 1) % 5]) for j in range(5)),
+            start=positions[k],
+            path=tuple(Waypoint(to=positions[(k + 2 * j + 1) % 5]) for j in range(5)),
             speed_mps=0.7 + 0.15 * k,
             repeat=True,
         )
         for k in range(4)
     ]
-    found = ways(people, 30.0)
+    found = routes(people, 30.0)
     assert nearest_m(found) > 0.45
     moved = np.linalg.norm(np.diff(found[..., :2], axis=1), axis=-1).sum(axis=1)
-    assert moved.min() > 7.0  # nobody is stuck
+    assert moved.min() > 7.0  # no person is stuck
 
 
-def test_a_place_that_somebody_holds_is_given_up() -> None:
+def test_occupied_goal_is_given_up() -> None:
     first = PersonPlan(
         body="adam",
         start=(0, 0),
         face_deg=0,
         path=(Waypoint(to=(4, 0), stop_s=1), Waypoint(to=(0, 0))),
     )
-    found = ways([first, PersonPlan(body="adam", start=(4, 0))], 25.0)
+    found = routes([first, PersonPlan(body="adam", start=(4, 0))], 25.0)
     assert nearest_m(found) > 0.5
     assert found[0, -1, :2] == pytest.approx((0.0, 0.0), abs=0.15)
 
 
 @pytest.mark.parametrize("speed_mps", [0.0, 0.5])
 def test_people_walk_round_the_robot(speed_mps: float) -> None:
-    def place(t_s: float) -> F64:
+    def position(t_s: float) -> F64:
         return np.array([speed_mps * t_s, 0.0, 0.0])
 
-    (motion,) = simulate([across((5, 0.05), (-1, 0))], [skeleton()], 10.0, 0, obstacle=place)
+    (motion,) = simulate([across((5, 0.05), (-1, 0))], [skeleton()], 10.0, 0, obstacle=position)
     times_s = np.arange(0.0, 10.0, 0.05)
-    robot = np.array([place(t)[:2] for t in times_s])
+    robot = np.array([position(t)[:2] for t in times_s])
     assert np.linalg.norm(motion.path(times_s)[:, :2] - robot, axis=-1).min() > 0.55
     assert motion.path([10.0])[0, 0] < 0.0
 
@@ -102,7 +102,7 @@ def test_people_stay_on_the_free_floor() -> None:
         assert np.abs(y).max() < 0.75
 
 
-def test_a_stool_is_walked_round_also_by_whoever_sits_on_it() -> None:
+def test_stool_is_walked_round_even_by_its_user() -> None:
     # The stool stands between the person and where they stand before sitting down: in front of it.
     sitter = PersonPlan(
         body="adam",
@@ -116,8 +116,8 @@ def test_a_stool_is_walked_round_also_by_whoever_sits_on_it() -> None:
     motions = simulate([sitter, passer], [skeleton(1.75)] * 2, 25.0, 0)
     times_s = np.arange(0.0, 25.0, 0.02)
     for motion in motions:
-        way = motion.path(times_s)[:, :2]
-        assert np.linalg.norm(way - (3.0, 0.0), axis=-1).min() > 0.28
+        route = motion.path(times_s)[:, :2]
+        assert np.linalg.norm(route - (3.0, 0.0), axis=-1).min() > 0.28
     # Seated after 8 s: the pelvis is above the stool.
     assert motions[0].at(9.0).map_from_pelvis[:2, 3] == pytest.approx((3.0, 0.0), abs=0.13)
     assert motions[0].path([25.0])[0, :2] == pytest.approx((0.0, 0.0), abs=0.2)

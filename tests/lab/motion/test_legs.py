@@ -47,7 +47,7 @@ PLANS = {
         start=(0, 0),
         face_deg=0,
         speed_mps=1.2,
-        path=tuple(Waypoint(to=place) for place in [(1.6, 0), (1.6, 1.6), (0, 1.6), (0, 0)]),
+        path=tuple(Waypoint(to=position) for position in [(1.6, 0), (1.6, 1.6), (0, 1.6), (0, 0)]),
         repeat=True,
     ),
     "sitting": PersonPlan(

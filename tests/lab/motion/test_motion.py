@@ -85,7 +85,7 @@ def test_the_torso_goes_up_and_down_and_from_side_to_side_as_people_do() -> None
 
 
 @pytest.mark.parametrize("person", [0, 1])
-def test_the_chest_keeps_near_the_way_and_turns_no_faster_than_people(person: int) -> None:
+def test_chest_stays_near_the_path_and_turns_no_faster_than_people(person: int) -> None:
     times_s = np.arange(0.0, 20.0, 0.01)
     yaw = chest_yaw(motions()[person], times_s)
     assert np.degrees(np.abs(np.diff(yaw)) / 0.01).max() < 200.0
@@ -131,8 +131,8 @@ def test_looking_around_turns_the_head_more_than_the_chest() -> None:
     times_s = np.arange(11.5, 13.0, 0.05)
     heads = [map_from_segments(motion.at(float(t)))[INDEX["head"]] for t in times_s]
     head = np.unwrap([np.arctan2(r[1, 0], r[0, 0]) for r in heads])
-    way = motion.path(times_s)[:, 2]
-    assert np.degrees(np.abs(head - way)).max() > 15.0
+    route = motion.path(times_s)[:, 2]
+    assert np.degrees(np.abs(head - route)).max() > 15.0
     assert np.ptp(chest_yaw(motion, times_s)) < np.ptp(head)
 
 

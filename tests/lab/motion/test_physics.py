@@ -80,7 +80,7 @@ def test_feet_stay_where_they_stand() -> None:
 
 
 @pytest.mark.parametrize("name", ["four_crossing", "two_easy"])
-def test_ways_stay_within_human_limits(name: str) -> None:
+def test_paths_stay_within_human_limits(name: str) -> None:
     # A minute at 100 Hz. Walking people turn by up to about 150 degrees a second on the spot and
     # start and stop with 1 to 2 m/s2; 0.3 g is what people take in without a step to the side.
     times = np.arange(0, 60, 0.01)
@@ -115,14 +115,14 @@ def test_torsos_stay_within_human_limits() -> None:
         assert np.ptp(heights) < 0.05  # 9 cm for the tallest: steps of 4 cm, knees at turns
 
 
-def test_nobody_walks_through_another() -> None:
+def test_people_do_not_walk_through_each_other() -> None:
     # At the time at which two come nearest, their bodies do not touch: surfaces that cut each other
     # have vertices nearer than the spacing of about 1 cm.
     of = world("four_dense")
     times = np.arange(0, 60, 0.05)
-    ways = [motion.path(times)[:, :2] for motion in of.motions]
+    routes = [motion.path(times)[:, :2] for motion in of.motions]
     for one, other in combinations(range(4), 2):
-        apart = np.linalg.norm(ways[one] - ways[other], axis=1)
+        apart = np.linalg.norm(routes[one] - routes[other], axis=1)
         t_s = float(times[np.argmin(apart)])
         first, second = (of.meshes(t_s)[k].vertices_m for k in (one, other))
         nearest_m = np.asarray(cKDTree(first).query(second)[0])

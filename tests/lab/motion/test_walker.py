@@ -39,7 +39,7 @@ def test_speed_and_turning_change_within_human_limits() -> None:
     assert np.abs(np.diff(turning)).max() / STEP_S <= 8.0
 
 
-def test_stops_at_the_place_and_faces_as_told() -> None:
+def test_stops_at_the_waypoint_and_faces_as_planned() -> None:
     plan = PersonPlan(
         body="adam",
         start=(0, 0),
@@ -59,7 +59,7 @@ def test_waits_before_the_first_step() -> None:
     assert walk(plan, 4.0).x_m > 0.2
 
 
-def test_stays_as_long_as_told_and_goes_on() -> None:
+def test_stays_as_long_as_planned_and_continues() -> None:
     plan = PersonPlan(
         body="adam",
         start=(0, 0),
@@ -67,21 +67,21 @@ def test_stays_as_long_as_told_and_goes_on() -> None:
         path=(Waypoint(to=(1, 0), stop_s=5.0, turn_head=True), Waypoint(to=(3, 0))),
     )
     looking: list[bool] = []
-    places: list[float] = []
+    positions: list[float] = []
 
     def note(walker: Walker) -> None:
         looking.append(walker.looking)
-        places.append(walker.x_m)
+        positions.append(walker.x_m)
 
     walk(plan, 15.0, note)
-    here = np.abs(np.array(places) - 1.0) < 0.1
+    here = np.abs(np.array(positions) - 1.0) < 0.1
     # Five seconds, and the time to brake and to set off.
     assert 4.5 < here.sum() * STEP_S < 6.5
     assert 4.0 < np.sum(looking) * STEP_S < 5.1
-    assert places[-1] == pytest.approx(3.0, abs=0.12)
+    assert positions[-1] == pytest.approx(3.0, abs=0.12)
 
 
-def test_passes_by_a_place_without_stopping() -> None:
+def test_passes_a_waypoint_without_stopping() -> None:
     plan = PersonPlan(
         body="adam",
         start=(0, 0),
@@ -101,7 +101,7 @@ def test_a_person_without_a_path_stands() -> None:
     assert (walker.x_m, walker.y_m, walker.yaw_rad) == (1.0, 2.0, math.radians(45))
 
 
-def test_a_path_that_repeats_in_one_place_ends_no_simulation() -> None:
+def test_path_that_repeats_one_waypoint_ends_no_simulation() -> None:
     plan = PersonPlan(body="adam", start=(1, 2), path=(Waypoint(to=(1, 2)),), repeat=True)
     assert walk(plan, 2.0).x_m == pytest.approx(1.0, abs=0.3)
 

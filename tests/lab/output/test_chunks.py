@@ -1,4 +1,4 @@
-"""Work in pieces that survives an interruption."""
+"""Work in chunks that survives an interruption."""
 
 import os
 import signal
@@ -25,24 +25,24 @@ def fail(piece: int) -> None:
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_every_piece_is_done_once(tmp_path: Path, jobs: int) -> None:
+def test_every_chunk_runs_once(tmp_path: Path, jobs: int) -> None:
     assert sorted(run_chunks(partial(write, tmp_path), [3, 1, 4], jobs)) == [1, 3, 4]
     assert {path.name for path in tmp_path.iterdir()} == {"1", "3", "4"}
     here = {path.read_text() == str(os.getpid()) for path in tmp_path.iterdir()}
     assert here == {jobs == 1}
 
 
-def test_an_error_of_a_piece_comes_through() -> None:
+def test_error_of_a_chunk_is_raised() -> None:
     with pytest.raises(SourceError, match=r"the disk is full\. Make room"):
         list(run_chunks(fail, [0, 1], 2))
 
 
-def test_a_killed_process_is_told() -> None:
+def test_killed_process_is_reported() -> None:
     with pytest.raises(People4dError, match="was killed"):
         list(run_chunks(die, [0, 1], 2))
 
 
-def test_pieces_stay_for_the_same_work_only(tmp_path: Path) -> None:
+def test_chunks_stay_for_the_same_work_only(tmp_path: Path) -> None:
     shelf = ChunkStore(tmp_path / "shelf", "a")
     assert shelf.missing(3) == [0, 1, 2]
     shelf.path(1).write_text("done")
@@ -52,7 +52,7 @@ def test_pieces_stay_for_the_same_work_only(tmp_path: Path) -> None:
     assert not (tmp_path / "shelf").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SourceError, match="cannot be written"):
         ChunkStore(tmp_path / "file" / "shelf", "a")

@@ -1,4 +1,4 @@
-"""Pictures of a scenario."""
+"""Images of a scenario."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def test_depth_goes_from_red_to_blue_and_is_black_without_a_reading() -> None:
     assert none.tolist() == [0, 0, 0]
 
 
-def test_a_picture_shows_truth_depth_masks_and_a_map(preview: Preview) -> None:
+def test_image_shows_truth_depth_masks_and_a_map(preview: Preview) -> None:
     image = preview.image(6)
     assert image.shape == (2 * HEIGHT, 2 * WIDTH, 3) == (*preview.size[::-1], 3)
     truth, masks = image[:HEIGHT, :WIDTH], image[HEIGHT:, :WIDTH]

@@ -1,4 +1,4 @@
-"""Rendering: outputs, resuming, and bytes that depend on the order alone."""
+"""Rendering: outputs, resuming, and bytes that depend on the job alone."""
 
 from pathlib import Path
 
@@ -61,7 +61,7 @@ def captures(path: Path) -> list[SourceFrame]:
     return [item for item in source if isinstance(item, SourceFrame)]
 
 
-def test_a_recording_holds_frames_calibration_place_and_truth(tmp_path: Path) -> None:
+def test_recording_holds_frames_calibration_pose_and_truth(tmp_path: Path) -> None:
     path = rendered(tmp_path, order(tmp_path))
     recording = open_recording(path)
     assert recording.summary.topics == {
@@ -107,7 +107,7 @@ def test_the_bytes_do_not_depend_on_the_number_of_processes(tmp_path: Path) -> N
     assert one.read_bytes() == two.read_bytes()
 
 
-def test_an_interrupted_rendering_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_interrupted_rendering_is_continued(tmp_path: Path) -> None:
     """Stopped after each piece in turn, it gives the bytes of one that was not stopped."""
     wanted = order(tmp_path, truth_per_frame=True)
     outputs = Outputs(recording=tmp_path / "out.mcap", truth=tmp_path / "out.npz")
@@ -122,19 +122,19 @@ def test_an_interrupted_rendering_goes_on_where_it_was(tmp_path: Path) -> None:
         with pytest.raises(KeyboardInterrupt):
             render(wanted, outputs, 1, stop)
     assert not outputs.paths[0].exists()
-    kept = sorted(path.name for path in (tmp_path / "out.mcap.part").iterdir())
-    assert kept == ["000000", "000000.npz", "000001", "000001.npz", "key"]
+    unchanged = sorted(path.name for path in (tmp_path / "out.mcap.part").iterdir())
+    assert unchanged == ["000000", "000000.npz", "000001", "000001.npz", "key"]
     render(wanted, outputs, 1, stop)
     # Each time one of three pieces was added to what was there.
     assert shares == pytest.approx([0, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 1])
-    whole = Outputs(recording=tmp_path / "whole.mcap", truth=tmp_path / "whole.npz")
-    render(wanted, whole, 1, lambda *_: None)
-    for ours, theirs in zip(outputs.paths, whole.paths, strict=True):
+    complete = Outputs(recording=tmp_path / "whole.mcap", truth=tmp_path / "whole.npz")
+    render(wanted, complete, 1, lambda *_: None)
+    for ours, theirs in zip(outputs.paths, complete.paths, strict=True):
         assert ours.read_bytes() == theirs.read_bytes()
     assert not (tmp_path / "out.mcap.part").exists()
 
 
-def test_what_was_done_for_another_order_is_not_used(tmp_path: Path) -> None:
+def test_chunks_of_another_job_are_not_used(tmp_path: Path) -> None:
     wanted, other = order(tmp_path), order(tmp_path, quality=50)
     outputs = Outputs(recording=tmp_path / "out.mcap")
     job.render_chunk(other, ChunkStore(outputs.chunks, job._key(other)), 5, 0)
@@ -170,7 +170,7 @@ def test_a_robot_brings_its_odometry(tmp_path: Path) -> None:
     assert [(t.parent, t.child) for t in played] == parents
 
 
-def test_geometry_gives_detections_in_place_of_frames(tmp_path: Path) -> None:
+def test_geometry_gives_detections_instead_of_frames(tmp_path: Path) -> None:
     path = rendered(tmp_path, order(tmp_path, "geometry"))
     recording = open_recording(path)
     found = [m for _, m in recording.messages(Detections)]
@@ -184,8 +184,8 @@ def test_geometry_gives_detections_in_place_of_frames(tmp_path: Path) -> None:
     config = TrackerConfig(tracker="sort3d")
     tracker = TrackerNode(config, make_tracker(config))
     messages = [m for _, m in recording.messages(StaticTransform, Detections)]
-    told = [t for m in messages for t in tracker.handle(m, 0) if isinstance(t, Tracks)]
-    tracks = [t for t in told if t.tracks][-1].tracks
+    error_text = [t for m in messages for t in tracker.handle(m, 0) if isinstance(t, Tracks)]
+    tracks = [t for t in error_text if t.tracks][-1].tracks
     *_, truth = (m for _, m in recording.messages(Truth) if isinstance(m, Truth))
     for person in truth.people:
         off_m = [np.hypot(*(t.position_m - person.position_m)[:2]) for t in tracks]
@@ -210,15 +210,15 @@ def test_a_bag_plays_as_the_recording_does(tmp_path: Path) -> None:
         assert np.array_equal(a.depth_mm, b.depth_mm)  # as the sensor measures it
     assert bag.transforms[0].parent == "map"
     ours = RecordingTruth(GtBridgeConfig(truth=str(tmp_path / "out.mcap")))
-    told = RosbagTruth(GtBridgeConfig(truth=str(tmp_path / "out_ros2")))
-    for one, other in zip(ours, told, strict=True):
+    error_text = RosbagTruth(GtBridgeConfig(truth=str(tmp_path / "out_ros2")))
+    for one, other in zip(ours, error_text, strict=True):
         assert one.stamp_ns == other.stamp_ns
         for p, q in zip(one.people, other.people, strict=True):
             assert (p.id, p.yaw_rad, p.path_yaw_rad) == (q.id, q.yaw_rad, q.path_yaw_rad)
             assert np.array_equal(p.position_m, q.position_m)
 
 
-def test_an_output_that_exists_is_kept(tmp_path: Path) -> None:
+def test_existing_output_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "out.mcap").write_text("precious")
     with pytest.raises(SourceError, match=r"out\.mcap exists already"):
         rendered(tmp_path, order(tmp_path))

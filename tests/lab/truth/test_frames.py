@@ -22,7 +22,7 @@ def view_of(of: World, t_s: float) -> DepthView:
 
 
 @cache
-def seen(name: str, t_s: float) -> tuple[DepthView, tuple[PersonView, ...]]:
+def in_view(name: str, t_s: float) -> tuple[DepthView, tuple[PersonView, ...]]:
     of = world(name)
     view = view_of(of, t_s)
     return view, person_views(of, t_s, view)
@@ -36,7 +36,7 @@ def standing(*people: PersonPlan) -> World:
     ("name", "t_s"), [("facing", 0.5), ("short_crossing", 0.8), ("short_robot", 2.0)]
 )
 def test_keypoints_project_into_masks_where_they_are_visible(name: str, t_s: float) -> None:
-    view, people = seen(name, t_s)
+    view, people = in_view(name, t_s)
     for k, person in enumerate(people):
         mask = cv2.dilate((view.owners == k + 1).astype(np.uint8), np.ones((5, 5), np.uint8))
         column, row = np.rint(person.keypoints_px[person.visible == 1]).astype(int).T
@@ -46,14 +46,14 @@ def test_keypoints_project_into_masks_where_they_are_visible(name: str, t_s: flo
 
 def test_keypoints_are_the_projection_of_the_points_in_the_map() -> None:
     of = world("short_robot")
-    _, people = seen("short_robot", 2.0)
+    _, people = in_view("short_robot", 2.0)
     for person in people:
         points = apply(of.optical_from_map(2.0), person.keypoints_m)
         np.testing.assert_allclose(person.keypoints_px, project(points, of.info), atol=1e-9)
 
 
 def test_who_faces_the_camera_shows_all_keypoints_in_their_order() -> None:
-    _, (one, _) = seen("facing", 0.5)
+    _, (one, _) = in_view("facing", 0.5)
     assert one.visible.all()
     assert one.visible_share == 1.0
     # Seen from the front, the left side of the body is on the right of the image.
@@ -83,7 +83,7 @@ def test_the_back_of_a_head_shows_no_face() -> None:
 
 
 def test_boxes_are_just_around_the_pixels_where_nothing_hides_any() -> None:
-    view, people = seen("facing", 0.5)
+    view, people = in_view("facing", 0.5)
     for k, person in enumerate(people):
         rows, columns = np.nonzero(view.owners == k + 1)
         expected = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
@@ -123,7 +123,7 @@ def test_who_is_outside_has_no_box() -> None:
 def test_without_drawing_people_are_about_the_same() -> None:
     of = world("short_crossing")
     for t_s in (0.5, 1.4, 2.5):
-        _, drawn = seen("short_crossing", t_s)
+        _, drawn = in_view("short_crossing", t_s)
         for person, quick in zip(drawn, person_views(of, t_s, None), strict=True):
             np.testing.assert_array_equal(person.keypoints_px, quick.keypoints_px)
             # Capsules have no hands and toes: 20 cm at 3.1 m are 40 pixels.
@@ -132,7 +132,7 @@ def test_without_drawing_people_are_about_the_same() -> None:
             assert np.mean(person.visible == quick.visible) > 0.6
 
 
-def test_the_file_holds_what_was_seen(tmp_path: Path) -> None:
+def test_file_holds_the_visible_truth(tmp_path: Path) -> None:
     of = world("short_crossing")
     frames = []
     for index in (0, 42):

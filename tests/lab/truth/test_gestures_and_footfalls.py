@@ -1,4 +1,4 @@
-"""Gestures of the arms, the truth about marked points of a body, and the steps truly made."""
+"""Gestures of the arms, visible points of a body, and the true footfalls."""
 
 from itertools import pairwise
 
@@ -31,7 +31,7 @@ def wrists(of: World, times_s: F64) -> F64:
     return np.array([of.keypoints_m(float(t))[0][list(WRISTS)] for t in times_s])
 
 
-def test_a_hand_goes_before_the_trunk_and_back() -> None:
+def test_hand_goes_before_the_torso_and_back() -> None:
     # Faces the camera, so her right is +y, and before the trunk is -x.
     of = standing(Gesture(at_s=1.0, for_s=4.0, hand="right"))
     hanging, there, back = wrists(of, np.array([0.5, 3.0, 5.5]))
@@ -64,8 +64,8 @@ def test_hands_move_within_human_limits(move: str) -> None:
 
 def test_a_gesture_leaves_the_rest_of_the_body_as_it_is() -> None:
     with_it, without = standing(Gesture(at_s=1.0)), standing()
-    kept = [k for k in range(17) if k not in (8, 10)]  # right elbow and wrist
-    now = [of.keypoints_m(3.0)[0][kept] for of in (with_it, without)]
+    unchanged = [k for k in range(17) if k not in (8, 10)]  # right elbow and wrist
+    now = [of.keypoints_m(3.0)[0][unchanged] for of in (with_it, without)]
     # The girdle follows a little of the arm.
     np.testing.assert_allclose(now[0], now[1], atol=0.02)
 
@@ -83,8 +83,8 @@ def test_point_is_visible_from_its_side_only() -> None:
 
 
 def test_footfalls_alternate_at_the_length_of_the_gait_table() -> None:
-    way = PersonPlan(body="adam", start=(0, 0), face_deg=0, path=(Waypoint(to=(8, 0)),))
-    of = World(replace(STANDING, room="hall", duration_s=7.0, people=(way,)))
+    route = PersonPlan(body="adam", start=(0, 0), face_deg=0, path=(Waypoint(to=(8, 0)),))
+    of = World(replace(STANDING, room="hall", duration_s=7.0, people=(route,)))
     found = footfalls(of, 0)
     assert all(a.side != b.side and a.time_s < b.time_s for a, b in pairwise(found))
     # In the middle of the way he walks at 1 m/s; his own cadence is up to 5 % off the table's.

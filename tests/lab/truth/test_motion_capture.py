@@ -48,8 +48,8 @@ def test_velocity_is_the_derivative_of_position() -> None:
         positions = np.array([message.people[k].position_m for message in messages])
         velocities = np.array([message.people[k].velocity_mps for message in messages])
         # The integral by the trapezoidal rule is the way from the start.
-        way = np.cumsum((velocities[1:] + velocities[:-1]) / 2 * 0.01, axis=0)
-        np.testing.assert_allclose(way, (positions - positions[0])[1:], atol=2e-3)
+        route = np.cumsum((velocities[1:] + velocities[:-1]) / 2 * 0.01, axis=0)
+        np.testing.assert_allclose(route, (positions - positions[0])[1:], atol=2e-3)
         # Most of it is walking: 1 m/s, across.
         assert np.median(np.abs(velocities[100:300, 1])) == pytest.approx(1.0, abs=0.1)
 
@@ -71,7 +71,7 @@ def test_yaw_is_pi_for_who_faces_the_camera() -> None:
     assert other.path_yaw_rad == pytest.approx(math.pi / 2, abs=1e-6)
 
 
-def test_the_chest_sways_about_the_way() -> None:
+def test_chest_sways_about_the_path() -> None:
     messages = list(capture_truth(world("short_crossing")))[120:320]  # walking straight on
     sway = [wrap(m.people[1].yaw_rad - m.people[1].path_yaw_rad) for m in messages]  # type: ignore[operator]
     assert abs(np.mean(sway)) < math.radians(2)
@@ -96,12 +96,12 @@ def test_noise_has_the_size_that_is_asked_for() -> None:
 
 def test_dropouts_have_the_share_and_length_that_are_asked_for() -> None:
     # An hour with gaps of 0.5 s, a fifth of the time: one gap in 2.5 s, 1440 gaps, 3 % each way.
-    seen = np.array(captured_samples(CapturePlan(dropout=0.2, dropout_s=0.5), 3600, 5, 0))
-    assert len(seen) == 360_001
-    assert 1 - seen.mean() == pytest.approx(0.2, rel=0.1)
-    gaps = np.count_nonzero(np.diff(seen.astype(int)) < 0)
-    assert (~seen).sum() / gaps * 0.01 == pytest.approx(0.5, rel=0.1)
-    assert not np.array_equal(seen, captured_samples(CapturePlan(dropout=0.2), 3600, 5, 1))
+    in_view = np.array(captured_samples(CapturePlan(dropout=0.2, dropout_s=0.5), 3600, 5, 0))
+    assert len(in_view) == 360_001
+    assert 1 - in_view.mean() == pytest.approx(0.2, rel=0.1)
+    gaps = np.count_nonzero(np.diff(in_view.astype(int)) < 0)
+    assert (~in_view).sum() / gaps * 0.01 == pytest.approx(0.5, rel=0.1)
+    assert not np.array_equal(in_view, captured_samples(CapturePlan(dropout=0.2), 3600, 5, 1))
 
 
 def test_who_drops_out_is_missing_and_the_others_stay() -> None:
@@ -113,7 +113,7 @@ def test_who_drops_out_is_missing_and_the_others_stay() -> None:
     assert all(30 < count < 190 for count in counts.values())
 
 
-def test_nobody_gives_empty_messages() -> None:
+def test_empty_room_gives_empty_messages() -> None:
     empty = replace(load_scenario("short_walk"), people=())
     messages = list(capture_truth(World(empty)))
     assert len(messages) == 301
