@@ -1,4 +1,4 @@
-"""What each part beyond the source works is worth: the preset `best`, and `best` less one part.
+"""Effect of each part beyond the source works: the preset `best`, and `best` less one part.
 
 Films and detections are kept in the cache of `people4d evaluate`: the same command goes on.
 """
@@ -62,9 +62,9 @@ def methods() -> list[Method]:
     return [read_method("best"), *less, read_method(FAITHFUL)]
 
 
-def try_out(trial: EvaluationRun) -> RunScores:
+def try_out(run_of_method: EvaluationRun) -> RunScores:
     """Return the figures of one trial."""
-    return score_run(trial, execute(trial))
+    return score_run(run_of_method, execute(run_of_method))
 
 
 def rows(results: Sequence[RunScores]) -> list[list[str]]:
@@ -104,20 +104,22 @@ def main() -> None:
     parser.add_argument("--dry", action="store_true", help="print the table, do not write it")
     asked = parser.parse_args()
     seeds = [int(seed) for seed in asked.seeds.split(",") if seed]
-    takes = plan_recordings(asked.scenes.split(","), seeds, asked.fidelity, asked.cache.absolute())
+    recordings = plan_recordings(
+        asked.scenes.split(","), seeds, asked.fidelity, asked.cache.absolute()
+    )
     plan = EvaluationPlan(
-        tuple(methods()), tuple(takes), asked.cache.absolute(), asked.jobs, figures=False
+        tuple(methods()), tuple(recordings), asked.cache.absolute(), asked.jobs, figures=False
     )
     check_models(plan)
-    render_all(plan, tell)
+    render_all(plan, report_progress)
     with Pool(plan.jobs) as pool:
-        work = WorkQueue(pool, tell)
+        work = WorkQueue(pool, report_progress)
         results = work.do("tracking", try_out, runs_of(plan, work))
     table = markdown(header(results), rows(results))
     if asked.dry:
         print(table)
         return
-    names = ", ".join(take.name for take in takes)
+    names = ", ".join(take.name for take in recordings)
     note = (
         f"`best`, `best` less one part in each line, and [PIC4SeR]'s third method as it states it, "
         f"on {names} of the virtual lab ({asked.fidelity}). All scenes together, over all "
@@ -127,7 +129,7 @@ def main() -> None:
     write(__file__, "What each part beyond the source works is worth", note, table)
 
 
-def tell(what: str, share: float) -> None:
+def report_progress(what: str, share: float) -> None:
     """Print how far it is."""
     print(f"{what} {share:.0%}", flush=True)
 

@@ -1,4 +1,4 @@
-"""What a message of people costs a router and a reader when many robots send through one."""
+"""Cost of a message of tracks for a router and a reader when many robots share one router."""
 
 import argparse
 import tempfile

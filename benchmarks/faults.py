@@ -1,4 +1,4 @@
-"""What a fault costs: each service killed, and hung, while three people are followed.
+"""Cost of a fault: each service killed, and hung, while three people are tracked.
 
 The system runs as `people4d up` starts it, with frames at 15 Hz of three people who stand. A
 service is killed (SIGKILL) or made to hang (SIGSTOP) again and again; beside, somebody listens
@@ -43,14 +43,14 @@ NEAR_M = 0.8  # a person who stands is found within this
 
 
 @dataclass
-class Told:
+class ReceivedTracks:
     """One message about people, and when it came."""
 
     at_s: float
     tracks: Tracks
 
     @property
-    def seen(self) -> dict[int, np.ndarray]:
+    def current_m(self) -> dict[int, np.ndarray]:
         """Positions by identity of those who were seen in the frame."""
         people = self.tracks.tracks
         return {p.id: p.position_m[:2] for p in people if p.state == "confirmed"}
@@ -60,7 +60,7 @@ class Ear:
     """Hears a system through its router, in a thread of its own."""
 
     def __init__(self, connect: str) -> None:
-        self.told: list[Told] = []
+        self.received: list[ReceivedTracks] = []
         self._health: dict[str, Health] = {}
         self._client = Client(connect, ROBOT, 20.0)
         self._arrived = threading.Condition()
@@ -90,32 +90,32 @@ class Ear:
         if isinstance(message, Health):
             self._health[message.service] = message
         elif isinstance(message, Tracks):
-            self.told.append(Told(now_s, message))
+            self.received.append(ReceivedTracks(now_s, message))
 
 
 @dataclass
 class Fault:
-    """What one fault cost."""
+    """Cost of one fault."""
 
     back_s: float | None  # [s] None: it did not come back in time
     silence_s: float  # [s] longest pause of people seen
     lost: int  # frames without an answer in that pause
     beyond: int  # and in all others
-    kept: bool  # whether everyone had the same identity afterwards
+    identities_same: bool  # whether everyone had the same identity afterwards
 
 
 @dataclass
 class Ledger:
-    """Who had which identity, over the whole run."""
+    """Identities and positions of people over a run."""
 
-    places: dict[int, np.ndarray] = field(default_factory=dict)
+    positions_m: dict[int, np.ndarray] = field(default_factory=dict)
     twice: set[int] = field(default_factory=set)
 
-    def note(self, seen: dict[int, np.ndarray]) -> None:
+    def note(self, current_m: dict[int, np.ndarray]) -> None:
         """Note identities; one at another place than before was given twice."""
-        for identity, place in seen.items():
-            before = self.places.setdefault(identity, place)
-            if np.linalg.norm(before - place) > NEAR_M:
+        for identity, position_m in current_m.items():
+            before = self.positions_m.setdefault(identity, position_m)
+            if np.linalg.norm(before - position_m) > NEAR_M:
                 self.twice.add(identity)
 
 
@@ -130,8 +130,8 @@ def main() -> None:
     table = rows(faults)
     header = ("service", "fault", "back [s]", "silence [s]", "lost in it", "lost beside", "kept")
     ids = (
-        f"{len(ledger.places)} identities were given in all, {len(ledger.twice)} of them to more "
-        "than one person."
+        f"{len(ledger.positions_m)} identities were given in all, {len(ledger.twice)} of them to "
+        "more than one person."
     )
     text = (__doc__ or "").partition("\n\n")[2]
     if options.quick:
@@ -169,23 +169,23 @@ def once(
 ) -> Fault:
     """Break a service once, when people are followed well, and wait until they are again."""
     wait_for_people(ear)
-    before = ear.told[-1].seen
+    before = ear.received[-1].current_m
     pid = supervisor.processes()[f"{service}-1"].pid
-    start, start_s = len(ear.told) - 1, time.monotonic()
+    start, start_s = len(ear.received) - 1, time.monotonic()
     os.kill(pid, number)
     back_s = ear.wait(lambda: ear.works_again(service, pid))
     wait_for_people(ear, since_s=time.monotonic())
-    told = [t for t in ear.told[start:] if t.seen]
-    for one in told:
-        ledger.note(one.seen)
-    pauses = [(b.at_s - a.at_s, unanswered(a, b)) for a, b in pairwise(told)]
+    received = [t for t in ear.received[start:] if t.current_m]
+    for one in received:
+        ledger.note(one.current_m)
+    pauses = [(b.at_s - a.at_s, unanswered(a, b)) for a, b in pairwise(received)]
     silence_s, lost = max(pauses, default=(0.0, 0))
     return Fault(
         back_s=None if back_s is None else back_s - start_s,
         silence_s=silence_s,
         lost=lost,
         beyond=sum(count for _, count in pauses) - lost,
-        kept=same(before, told[-1].seen),
+        identities_same=same(before, received[-1].current_m),
     )
 
 
@@ -194,15 +194,15 @@ def wait_for_people(ear: Ear, since_s: float = 0.0) -> None:
 
     def well() -> bool:
         begin_s = time.monotonic() - SETTLE_S
-        lately = [t for t in ear.told if t.at_s > begin_s]
-        complete = len(lately) >= FEW and all(len(t.seen) == PEOPLE for t in lately)
+        lately = [t for t in ear.received if t.at_s > begin_s]
+        complete = len(lately) >= FEW and all(len(t.current_m) == PEOPLE for t in lately)
         return complete and begin_s >= since_s
 
     if ear.wait(well) is None:
         raise TimeoutError("people are not followed any more")
 
 
-def unanswered(a: Told, b: Told) -> int:
+def unanswered(a: ReceivedTracks, b: ReceivedTracks) -> int:
     """Return how many frames between two messages have no answer; a new camera begins at 0."""
     step = b.tracks.sequence - a.tracks.sequence
     if step < 0:  # as many as it would have sent meanwhile
@@ -231,7 +231,7 @@ def rows(faults: dict[tuple[str, str], list[Fault]]) -> list[list[str]]:
                 spread([f.silence_s for f in found]),
                 spread([f.lost for f in found], "{:.0f}"),
                 spread([f.beyond for f in found], "{:.0f}"),
-                f"{sum(f.kept for f in found)} of {len(found)}",
+                f"{sum(f.identities_same for f in found)} of {len(found)}",
             ]
         )
     return table

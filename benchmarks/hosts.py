@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.lib.site import PATIENCE_S, ROOT, Heard, Log, Site
+from benchmarks.lib.site import ROOT, TIMEOUT_S, Heard, Log, Site
 from benchmarks.lib.table import markdown, quantiles, write
 from common.io.recording import open_recording
 from common.runtime.latency import merge_stages, segments
@@ -38,7 +38,7 @@ def listen(topic: str, file: Path) -> None:
     """Write down the messages of a topic until interrupted; runs on one of the hosts."""
     kind = BY_NAME[topic].message
     with (
-        Client(timeout_s=PATIENCE_S) as client,
+        Client(timeout_s=TIMEOUT_S) as client,
         file.open("w", encoding="utf-8", buffering=1) as out,
         contextlib.suppress(KeyboardInterrupt),
     ):
@@ -63,7 +63,7 @@ def send(topic: str, rate_hz: float) -> None:
     """Publish people or frames at a rate until interrupted; runs on one of the hosts."""
     (role,) = BY_NAME[topic].producers
     samples = list(itertools.islice(_samples(BY_NAME[topic].message), 30))
-    bus = ZenohBus(read_config(None, "client", role=role), "robot", PATIENCE_S)
+    bus = ZenohBus(read_config(None, "client", role=role), "robot", TIMEOUT_S)
     due_s = time.monotonic()
     with contextlib.closing(bus), contextlib.suppress(KeyboardInterrupt):
         for sequence in itertools.count():
@@ -105,7 +105,7 @@ def _now() -> Span:
 def hops(heard: Sequence[Heard]) -> str:
     """Return the time of every stage, and of each hop between hosts, as a table."""
     where = {"camera": "nuc", "detector": "nuc", "reid": "nuc", "tracker": "tracker"}
-    ways = {
+    hop_names = {
         "detector.transport": "camera to detector: on the NUC, shared memory",
         "reid.transport": "detector to reid: on the NUC, shared memory",
         "tracker.transport": "NUC to tracker: detections through the router, TLS",
@@ -115,7 +115,7 @@ def hops(heard: Sequence[Heard]) -> str:
     for name in dict.fromkeys(name for one in longest_first for name in one.stages_ms):
         values = [one.stages_ms[name] for one in heard if name in one.stages_ms]
         service = name.partition(".")[0]
-        rows.append([name, ways.get(name, where.get(service, "")), *quantiles(values)])
+        rows.append([name, hop_names.get(name, where.get(service, "")), *quantiles(values)])
     last = "tracker to planner: people through the router, TLS twice"
     rows.append(["planner.transport", last, *quantiles([one.hop_ms for one in heard])])
     return markdown(["stage", "where", "p50 ms", "p95 ms", "p99 ms"], rows)
@@ -123,12 +123,12 @@ def hops(heard: Sequence[Heard]) -> str:
 
 @dataclass(frozen=True)
 class Phase:
-    """What the planner and the router's own host heard in one time.
+    """Messages received by the planner and by the router's host in one period.
 
     Args:
         name: What was done to the link.
-        planner: What the planner heard.
-        near: What a listener on the router's host heard.
+        planner: Messages received by the planner.
+        near: Messages received on the router's host.
         begin_s: Wall clock of its begin.
         end_s: Wall clock of its end.
     """

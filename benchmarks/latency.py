@@ -1,4 +1,4 @@
-"""Where the time of a frame goes, whether the stages explain it, and what tracing itself costs.
+"""Durations of the stages of a frame, their sum against end-to-end latency, cost of tracing.
 
 Stages: a live camera at 60 % of the rate that the pipeline can hold, so that queues are empty; the
 end-to-end time is from the camera's own stamp to a subscriber's clock, neither of which the stages
@@ -33,8 +33,8 @@ INFERENCE = ("inference", "inference_wait")
 
 
 @dataclass
-class Seen:
-    """What a subscriber saw of one run.
+class SubscriberRun:
+    """Frames of one run as received by a subscriber.
 
     Args:
         ways: Of every frame, up to the subscriber.
@@ -43,13 +43,13 @@ class Seen:
         cpu_ms: Processor time of all processes for one frame.
     """
 
-    ways: list[FramePath] = field(default_factory=list)
+    paths: list[FramePath] = field(default_factory=list)
     end_to_end_ms: list[float] = field(default_factory=list)
     rate_hz: float = 0.0
     cpu_ms: float = 0.0
 
 
-def play(camera: Sequence[str], frames: int) -> Seen:
+def play(camera: Sequence[str], frames: int) -> SubscriberRun:
     """Run the pipeline once.
 
     Args:
@@ -57,25 +57,29 @@ def play(camera: Sequence[str], frames: int) -> Seen:
         frames: Frames to measure, after those for warming up.
     """
     services = [("tracker", ()), ("reid", ()), ("detector", ()), ("camera", camera)]
-    monitor, seen, count = Monitor(ProcessId("subscriber", "subscriber", "here"), 1.0), Seen(), 0
+    monitor, run, count = (
+        Monitor(ProcessId("subscriber", "subscriber", "here"), 1.0),
+        SubscriberRun(),
+        0,
+    )
     begin_s, begin_cpu_s = 0.0, 0.0
     with tempfile.TemporaryDirectory() as logs, running(services, Path(logs)) as client:
         for arrival in client.arrivals(Tracks, Detections, timeout_s=30):
             now_ns, message = time.time_ns(), arrival.message
-            way = monitor.add(arrival, now_ns, time.monotonic())
-            if not isinstance(message, Tracks) or (message.trace and not way):
+            path = monitor.add(arrival, now_ns, time.monotonic())
+            if not isinstance(message, Tracks) or (message.trace and not path):
                 continue  # a prediction is of no frame
             count += 1
             if count == WARM_UP:
                 begin_s, begin_cpu_s = time.perf_counter(), _cpu_s()
-            if count > WARM_UP and way:
-                seen.ways.append(way)
-                seen.end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
+            if count > WARM_UP and path:
+                run.paths.append(path)
+                run.end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
             if count == WARM_UP + frames:
                 break
-        seen.rate_hz = (count - WARM_UP) / (time.perf_counter() - begin_s)
-        seen.cpu_ms = 1e3 * (_cpu_s() - begin_cpu_s) / (count - WARM_UP)
-    return seen
+        run.rate_hz = (count - WARM_UP) / (time.perf_counter() - begin_s)
+        run.cpu_ms = 1e3 * (_cpu_s() - begin_cpu_s) / (count - WARM_UP)
+    return run
 
 
 def _cpu_s() -> float:
@@ -95,32 +99,32 @@ def live(rate_hz: float) -> tuple[str, ...]:
     return (f"source={LiveDemo.__module__}:{LiveDemo.__name__}", f"options.rate_hz={rate_hz:.2f}")
 
 
-def stage_table(ways: Sequence[FramePath]) -> str:
+def stage_table(paths: Sequence[FramePath]) -> str:
     """Return the durations of all stages in the order of the way, and their share of the whole."""
     found: dict[tuple[str, bool], list[float]] = defaultdict(list)
-    for way in sorted(ways, key=lambda way: -len(way.parts)):  # the fullest tells the order
-        for pieces, beside in ((way.parts, False), (way.beside, True)):
+    for path in sorted(paths, key=lambda path: -len(path.parts)):  # the fullest tells the order
+        for pieces, beside in ((path.parts, False), (path.beside, True)):
             for part in merge_stages(pieces):
                 found[part.name, beside].append(part.ms)
-    whole_ms = sum(way.end_to_end.ms for way in ways)
+    total_ms = sum(path.end_to_end.ms for path in paths)
     rows = [
         [
             name,
-            f"{np.sum(values) / len(ways):.2f}",
+            f"{np.sum(values) / len(paths):.2f}",
             *(f"{ms:.2f}" for ms in percentiles(values)),
-            "beside the way" if beside else f"{np.sum(values) / whole_ms:.1%}",
+            "beside the way" if beside else f"{np.sum(values) / total_ms:.1%}",
         ]
         for (name, beside), values in sorted(found.items(), key=lambda item: item[0][1])
     ]
     return markdown(["stage", "mean ms", "p50 ms", "p95 ms", "p99 ms", "of the whole"], rows)
 
 
-def kinds_table(ways: Sequence[FramePath]) -> str:
+def kinds_table(paths: Sequence[FramePath]) -> str:
     """Return what is not inference, by kind of stage over all processes, dearest first."""
     found: dict[str, list[float]] = defaultdict(list)
-    for way in ways:
+    for path in paths:
         sums: dict[str, float] = defaultdict(float)
-        for part in way.parts:
+        for part in path.parts:
             if part.stage not in INFERENCE:
                 sums["all but inference"] += part.ms
                 sums[part.stage] += part.ms
@@ -140,26 +144,26 @@ def _meaning(stage: str) -> str:
     return STAGES.get(stage, "").removeprefix("* ")
 
 
-def sums_table(seen: Seen) -> str:
+def sums_table(run: SubscriberRun) -> str:
     """Return how much of the end-to-end time the stages explain."""
-    named = [sum(p.ms for p in way.parts if p.stage != "other") for way in seen.ways]
-    every = [sum(p.ms for p in way.parts) for way in seen.ways]
-    whole = seen.end_to_end_ms
-    worst = max(abs(1 - a / b) for a, b in zip(named, whole, strict=True))
+    named = [sum(p.ms for p in path.parts if p.stage != "other") for path in run.paths]
+    every = [sum(p.ms for p in path.parts) for path in run.paths]
+    end_to_end = run.end_to_end_ms
+    worst = max(abs(1 - a / b) for a, b in zip(named, end_to_end, strict=True))
     rows = [
-        ["from the camera's stamp to the subscriber", f"{np.mean(whole):.3f}", "100 %"],
-        ["sum of the stages with a name", f"{np.mean(named):.3f}", _share(named, whole)],
-        ["with `other`, the work between them", f"{np.mean(every):.3f}", _share(every, whole)],
+        ["from the camera's stamp to the subscriber", f"{np.mean(end_to_end):.3f}", "100 %"],
+        ["sum of the stages with a name", f"{np.mean(named):.3f}", _share(named, end_to_end)],
+        ["with `other`, the work between them", f"{np.mean(every):.3f}", _share(every, end_to_end)],
     ]
     table = markdown(["mean over frames", "ms", "of the first"], rows)
     return f"{table}\n\nThe worst single frame is {worst:.1%} off."
 
 
-def _share(part: Sequence[float], whole: Sequence[float]) -> str:
-    return f"{np.mean(part) / np.mean(whole):.2%}"
+def _share(part: Sequence[float], end_to_end: Sequence[float]) -> str:
+    return f"{np.mean(part) / np.mean(end_to_end):.2%}"
 
 
-def cost_table(pairs: Sequence[tuple[Seen, Seen]]) -> str:
+def cost_table(pairs: Sequence[tuple[SubscriberRun, SubscriberRun]]) -> str:
     """Return what the pipeline does with tracing on and off.
 
     Args:
@@ -204,8 +208,8 @@ def main() -> None:
         pairs.append((found[True], found[False]))
     rate_hz = RATE_SHARE * float(np.median([on.rate_hz for on, _ in pairs]))
     print(f"stages at {rate_hz:.1f} frames per second", flush=True)
-    seen = play(live(rate_hz), 2 * frames)
-    longest = max((way.tracks.trace for way in seen.ways), key=len)
+    run = play(live(rate_hz), 2 * frames)
+    longest = max((path.tracks.trace for path in run.paths), key=len)
     marks = cost_of_marks(longest, 20 * frames)
     values = list(marks.values())
     added_us = values[0] - values[1] + values[2] - values[3]
@@ -216,12 +220,12 @@ def main() -> None:
         "Camera, detector (MoveNet), re-ID and tracker as processes, 640x480, three people, one "
         "network thread, a subscriber through the router. Stages are explained in "
         "[docs/operation/latency.md](../docs/operation/latency.md).",
-        f"## Stages at {RATE_SHARE:.0%} load, {seen.rate_hz:.1f} frames per second",
-        stage_table(seen.ways),
+        f"## Stages at {RATE_SHARE:.0%} load, {run.rate_hz:.1f} frames per second",
+        stage_table(run.paths),
         "## What is not inference",
-        kinds_table(seen.ways),
+        kinds_table(run.paths),
         "## Sum of the stages against the end-to-end time",
-        sums_table(seen),
+        sums_table(run),
         "## Cost of tracing",
         markdown(
             ["the marks of one frame, alone in one thread", "us"],

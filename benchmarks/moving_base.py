@@ -45,7 +45,7 @@ class Case:
 
     scenario: str
     name: str
-    takes: Sequence[EvaluationRecording]
+    recordings: Sequence[EvaluationRecording]
 
 
 def main() -> None:
@@ -58,7 +58,7 @@ def main() -> None:
     method = read_method(arguments.preset)
     with tempfile.TemporaryDirectory() as scratch:
         cases = _cases(arguments.scenarios, arguments.seeds, Path(scratch))
-        rows = [_row(case, _matchings(case.takes, method)) for case in cases]
+        rows = [_row(case, _matchings(case.recordings, method)) for case in cases]
     parts = [
         f"Preset {arguments.preset}, seeds {', '.join(map(str, arguments.seeds))}; median "
         "over seeds with least and most. Positions are judged as seen from the camera "
@@ -76,14 +76,14 @@ def _cases(scenarios: Iterable[str], seeds: Sequence[int], scratch: Path) -> Ite
         text = (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
         still.write_text(re.sub(r"(?ms)^drive = \[.*?^\]$", "", text), encoding="utf-8")
         standing = plan_recordings([f"lab:{still}"], seeds, "geometry", cache)
-        _film([*driving, *standing])
+        _render([*driving, *standing])
         yield Case(name, "stands", standing)
         yield Case(name, "drives", driving)
         yield Case(name, "drives, no odometry", [_without_odometry(t, scratch) for t in driving])
 
 
-def _film(takes: Sequence[EvaluationRecording]) -> None:
-    plan = EvaluationPlan((), tuple(takes), default_folder())
+def _render(recordings: Sequence[EvaluationRecording]) -> None:
+    plan = EvaluationPlan((), tuple(recordings), default_folder())
     with progress() as report:
         render_all(plan, report)
 
@@ -103,19 +103,23 @@ def _standing(message: Message) -> Message:
     return message
 
 
-def _matchings(takes: Sequence[EvaluationRecording], method: Method) -> list[Matching]:
-    plan = EvaluationPlan((method,), tuple(takes), default_folder())
+def _matchings(recordings: Sequence[EvaluationRecording], method: Method) -> list[Matching]:
+    plan = EvaluationPlan((method,), tuple(recordings), default_folder())
     with Pool(1) as pool, progress() as report:
-        trials = runs_of(plan, WorkQueue(pool, report))
-    return [execute(trial).matching for trial in trials]
+        runs = runs_of(plan, WorkQueue(pool, report))
+    return [execute(one).matching for one in runs]
 
 
 def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
     figures = [score_matching(matching).row() for matching in matchings]
     pairs = [velocities(matching) for matching in matchings]
-    speeds = [s for true, told in pairs if len(s := _lengths(told[_lengths(true) < STANDING_MPS]))]
+    speeds = [
+        s
+        for true, estimated in pairs
+        if len(s := _lengths(estimated[_lengths(true) < STANDING_MPS]))
+    ]
 
-    errors = [(told - true)[_lengths(true) >= WALKING_MPS] for true, told in pairs]
+    errors = [(estimated - true)[_lengths(true) >= WALKING_MPS] for true, estimated in pairs]
     walking = [_rmse_mps(error) for error in errors if len(error)]
 
     def of(name: str, form: str = "{:.3f}", factor: float = 1.0) -> str:
@@ -137,7 +141,7 @@ def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
 
 def _position_m(figure: Mapping[str, float | None]) -> float:
     """Return the error of positions on the ground, both ways together."""
-    return math.hypot(*(figure[f"position_rmse_{way}_m"] or 0.0 for way in ("across", "along")))
+    return math.hypot(*(figure[f"position_rmse_{axis}_m"] or 0.0 for axis in ("across", "along")))
 
 
 def _rmse_mps(errors: F64) -> float:
@@ -152,12 +156,12 @@ def velocities(matching: Matching) -> tuple[F64, F64]:
     """Return the true and the told velocities [m/s] of people in view, Nx2 each."""
     pairs = list[tuple[F64, F64]]()
     for frame, step in zip(matching.sequence.frames, matching.frame_matches, strict=True):
-        true, told = frame.truth.velocities_mps, frame.hypotheses.velocities_mps
-        if true is None or told is None:
+        true, estimated = frame.truth.velocities_mps, frame.hypotheses.velocities_mps
+        if true is None or estimated is None:
             continue
         for row, column in zip(step.rows, step.columns, strict=True):
             if frame.truth.required[row]:
-                pairs.append((true[row, :2], told[column, :2]))
+                pairs.append((true[row, :2], estimated[column, :2]))
     both = np.array(pairs, np.float64).reshape(-1, 2, 2)
     return both[:, 0], both[:, 1]
 

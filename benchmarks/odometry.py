@@ -1,8 +1,9 @@
 """Odometry correction and dynamic survival: [Park 2021]'s tables on our own data.
 
-The parts on MOT15, KITTI and YOLOv8n need the reference data (`--shared`). Mostly the virtual lab's
-sightings are tracked, which take no pictures. `--films N` adds what networks see in the pictures of
-N seeds at most, of those that are filmed; `--draw` films them first, which takes an hour for each.
+The parts on MOT15, KITTI and YOLOv8n need the reference data (`--shared`). Most parts track the
+virtual lab's synthetic detections, made without images. `--rendered N` adds detections of networks
+in the images of N seeds at most, of those that are rendered; `--draw` renders them first, which
+takes an hour for each.
 """
 
 import argparse
@@ -16,8 +17,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.lib.mot15 import HELD_OUT, TUNING, judge, load_all, quality
-from benchmarks.lib.rides import FAULTS, Ride, draw, film_ride, films, kitti_ride, lab_ride
+from benchmarks.lib.mot15 import HELD_OUT, TUNING, load_all, quality, score_tracks
+from benchmarks.lib.rides import (
+    FAULTS,
+    Ride,
+    draw,
+    kitti_ride,
+    lab_ride,
+    rendered_recordings,
+    rendered_ride,
+)
 from benchmarks.lib.table import markdown, spread, write
 from common.metrics import Scores, box_overlap, combine, match, score_matching
 from lab.camera.synthetic_detections import SyntheticDetectionsConfig
@@ -36,7 +45,7 @@ OWN = ImageSortConfig(
 )
 # The lab's detector finds nearly everybody; [Park 2021]'s, small and blurred, only about half.
 WEAK = SyntheticDetectionsConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
-LASTING = msgspec.structs.replace(WEAK, miss_s=1.0)
+LONG_MISSES = msgspec.structs.replace(WEAK, miss_s=1.0)
 STATED = 0.5  # [points of MOTA and IDF1] that broken odometry may be worse than no correction
 TURNS_DEG = (0.1, 0.25, 0.5)  # [deg] turns of a frame that part KITTI's
 PAPER = {
@@ -52,12 +61,12 @@ WHY = """Three things differ; the table has what was measured of the first two, 
   three matches in a row before it tells the person again, so that many of the misses are people who
   *were* found (second row). With misses of 1 s and as many people found, SORT misses fewer people
   and mixes up fewer.
-- **How often people are lost from sight.** A tracker that errs nowhere, but knows nobody again who
-  was out of the image or hidden for more than five frames, has the IDF1 of the last row. No tracker
-  without re-identification gets far beyond it, so IDF1 is to be compared by rows, not with the
-  [Park 2021]'s.
+- **How often people are lost from sight.** A tracker without errors, that identifies no person
+  again who was out of the image or hidden for more than five frames, has the IDF1 of the last row.
+  No tracker without re-identification gets far beyond it, so IDF1 is to be compared by rows, not
+  with that of [Park 2021].
 - **Turns.** The robot turns by up to 69 °/s, and there are 15 or 20 frames a second."""
-GONE = 5  # frames out of sight after which nobody is known again
+GONE = 5  # frames out of view after which no person is identified again
 Settings = dict[str, ImageSortConfig]
 
 
@@ -91,12 +100,12 @@ def variants(base: ImageSortConfig, dynamic: ImageSortConfig) -> Settings:
 def run(config: ImageSortConfig, ride: Ride) -> Run:
     """Track one ride."""
     tracker = ImageSort(msgspec.structs.replace(config, fov_deg=ride.fov_deg))
-    told, times_us = list[BoxTracks](), []
+    tracks, times_us = list[BoxTracks](), []
     for frame in ride.turned():
         start_ns = time.perf_counter_ns()
-        told.append(tracker.update(frame))
+        tracks.append(tracker.update(frame))
         times_us.append((time.perf_counter_ns() - start_ns) / 1e3)
-    matching = match(ride.scored(told), box_overlap)
+    matching = match(ride.scored(tracks), box_overlap)
     switches = tuple(switch.frame for switch in matching.id_switches)
     return Run(score_matching(matching), switches, float(np.median(times_us)), ride)
 
@@ -155,7 +164,7 @@ def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
     return markdown(["survival", *header, *(f"{h}, odometry" for h in header)], rows)
 
 
-def choose_survival(shared: Path) -> tuple[ImageSortConfig, str]:
+def choose_lifetime(shared: Path) -> tuple[ImageSortConfig, str]:
     """Choose R and max_age on two sequences of MOT15; return them with the result on the others."""
     sequences = load_all(shared)
 
@@ -164,7 +173,7 @@ def choose_survival(shared: Path) -> tuple[ImageSortConfig, str]:
         for name in names:
             tracker = ImageSort(config)
             results.append(
-                judge(sequences[name], [tracker.update(f) for f in sequences[name].frames])
+                score_tracks(sequences[name], [tracker.update(f) for f in sequences[name].frames])
             )
         return results
 
@@ -202,12 +211,12 @@ def by_turn(rides: Sequence[Ride], settings: Settings) -> str:
             part = np.searchsorted(edges, turns, side="right") - 1
             people += np.bincount(part, [len(t.ids) for t in one.ride.truth], len(people))
             switches += np.bincount(part[list(one.switches)], minlength=len(people))
-        whole = figures(runs)
+        total = figures(runs)
         rates = [
             f"{1000 * s / p:.1f} ({p / len(rides):.0f} boxes)" if p else "none"
             for s, p in zip(switches, people, strict=True)
         ]
-        rows.append([name, f"{whole[0]:.1f}", f"{whole[4]:.1f}", *rates])
+        rows.append([name, f"{total[0]:.1f}", f"{total[4]:.1f}", *rates])
     return markdown(header, rows)
 
 
@@ -217,14 +226,17 @@ def cost(ride: Ride, settings: Settings, rounds: int) -> str:
     for name, config in settings.items():
         medians = [run(config, ride).mean_us for _ in range(rounds)]
         rows.append([name, spread(medians, "{:.1f}")])
-    kept = []
+    chosen_rows = []
     for _ in range(rounds):
         start_ns = time.perf_counter_ns()
         ride.turned()
-        kept.append((time.perf_counter_ns() - start_ns) / 1e3 / len(ride.frames))
+        chosen_rows.append((time.perf_counter_ns() - start_ns) / 1e3 / len(ride.frames))
     per_frame = len(ride.samples) / len(ride.frames)
     rows.append(
-        [f"odometry kept and asked ({per_frame:.1f} samples a frame)", spread(kept, "{:.1f}")]
+        [
+            f"odometry kept and asked ({per_frame:.1f} samples a frame)",
+            spread(chosen_rows, "{:.1f}"),
+        ]
     )
     return markdown(["what", "us a frame"], rows)
 
@@ -248,19 +260,21 @@ def faults(rides: dict[int, list[Ride]], settings: Settings) -> str:
     ]
     worst = [min((means[name][k] - none[k], name) for name in FAULTS) for k in (0, 4)]
     holds = all(gain >= -STATED for gain, _ in worst)
-    told = (
+    tracks = (
         f"Stated: broken odometry is never worse than no correction by more than {STATED:g} points "
         f"of MOTA or IDF1. That {'holds' if holds else '**does not hold**'}: the worst for MOTA is "
         f"*{worst[0][1]}* ({worst[0][0]:+.1f} against no correction), for IDF1 *{worst[1][1]}* "
         f"({worst[1][0]:+.1f})."
     )
     header = ["odometry", "MOTA (beside none)", "IDF1 (beside none)", "IDsw"]
-    return f"{told}\n\n{markdown(header, rows)}"
+    return f"{tracks}\n\n{markdown(header, rows)}"
 
 
 def easier(scenarios: Sequence[str], seed: int, dynamic: ImageSortConfig) -> str:
     """Return what makes the weak detector's data hard: one thing changed at a time."""
-    weak, lasting = ([lab_ride(n, seed, errors) for n in scenarios] for errors in (WEAK, LASTING))
+    weak, long_misses = (
+        [lab_ride(n, seed, errors) for n in scenarios] for errors in (WEAK, LONG_MISSES)
+    )
     once = msgspec.structs.replace(SORT, confirm="once")
     at_once = msgspec.structs.replace(SORT, min_hits=0)
     rows = []
@@ -268,38 +282,40 @@ def easier(scenarios: Sequence[str], seed: int, dynamic: ImageSortConfig) -> str
         ("as above", weak, SORT),
         ("told at once, not after three matches", weak, at_once),
         ("confirmed once, not after each miss anew", weak, once),
-        ("a miss lasts 1 s in the mean, not 0.1 s", lasting, SORT),
-        ("both of these", lasting, once),
+        ("a miss lasts 1 s in the mean, not 0.1 s", long_misses, SORT),
+        ("both of these", long_misses, once),
     ):
         row, chosen = [name], variants(base, dynamic)
         for variant in ("SORT", "SORT+Odom+Dynamic"):
-            told = figures([run(chosen[variant], ride) for ride in rides])
-            row += [f"{told[0]:.1f}", f"{told[3]:.0f}", f"{told[4]:.1f}", f"{told[7]:.0f}"]
+            tracks = figures([run(chosen[variant], ride) for ride in rides])
+            row += [f"{tracks[0]:.1f}", f"{tracks[3]:.0f}", f"{tracks[4]:.1f}", f"{tracks[7]:.0f}"]
         rows.append(row)
     best = combine(score_matching(match(r.scored(r.faultless(GONE)), box_overlap)) for r in weak)
     row_ = best.row()
     cells = [f"{100 * float(row_['mota'] or 0):.1f}", str(row_["misses"])]
     cells += [f"{100 * float(row_['idf1'] or 0):.1f}", str(row_["id_switches"])]
-    rows.append(["no error, but nobody is known again", *cells, *[""] * 4])
+    rows.append(["no error, but no person is identified again", *cells, *[""] * 4])
     header = ["MOTA", "FN", "IDF1", "IDsw"]
     return markdown(["data or setting", *header, *(f"{name}, both" for name in header)], rows)
 
 
-def pictures(shared: Path, count: int, drawn: bool, settings: Settings) -> list[str]:
-    """Return Table 4 of what networks see in films, as far as these are there.
+def rendered_rows(shared: Path, count: int, drawn: bool, settings: Settings) -> list[str]:
+    """Return Table 4 of detections of networks in the recordings that are rendered.
 
     Args:
         shared: Reference data, with the weights of YOLOv8n.
         count: Most seeds taken.
-        drawn: Whether films that are wanting are drawn.
+        drawn: Render recordings that are missing.
         settings: The variants.
     """
-    takes = {seed: films(SCENARIOS, seed, CACHE) for seed in SEEDS[:count]}
+    recordings = {seed: rendered_recordings(SCENARIOS, seed, CACHE) for seed in SEEDS[:count]}
     if drawn:
-        takes = {seed: found or draw(SCENARIOS, seed, CACHE) for seed, found in takes.items()}
-    takes = {seed: found for seed, found in takes.items() if found}
-    if not takes:
-        return ["## Table 4, pictures\n\nNo seed's films are all there (`--draw` makes them)."]
+        recordings = {
+            seed: found or draw(SCENARIOS, seed, CACHE) for seed, found in recordings.items()
+        }
+    recordings = {seed: found for seed, found in recordings.items() if found}
+    if not recordings:
+        return ["## Table 4, pictures\n\nNo seed is rendered completely (`--draw` renders it)."]
     networks = {"the embedded detector (MoveNet)": DetectorConfig(crops=False)}
     yolo = shared / "data/models/yolov8n-pose_640.onnx"
     if yolo.exists():
@@ -307,10 +323,10 @@ def pictures(shared: Path, count: int, drawn: bool, settings: Settings) -> list[
     parts = []
     for name, detector in networks.items():
         rides = {
-            seed: [film_ride(take, detector, CACHE) for take in found]
-            for seed, found in takes.items()
+            seed: [rendered_ride(take, detector, CACHE) for take in found]
+            for seed, found in recordings.items()
         }
-        seeds = ", ".join(map(str, takes))
+        seeds = ", ".join(map(str, recordings))
         parts += [f"## Table 4, pictures and {name}, seeds {seeds}", table4(rides, settings)]
     return parts
 
@@ -319,14 +335,16 @@ def main() -> None:
     """Measure and write the tables."""
     parser = argparse.ArgumentParser(description="Judge odometry correction and survival.")
     parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
-    parser.add_argument("--films", type=int, default=0, help="most seeds whose pictures are seen")
-    parser.add_argument("--draw", action="store_true", help="films that are wanting")
+    parser.add_argument(
+        "--rendered", type=int, default=0, help="seeds whose images are used, at most"
+    )
+    parser.add_argument("--draw", action="store_true", help="render what is missing")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many of them")
     parser.add_argument("--quick", action="store_true", help="two sequences, one seed")
     arguments = parser.parse_args()
     seeds = SEEDS[: 1 if arguments.quick else arguments.seeds]
     scenarios = SCENARIOS[:2] if arguments.quick else SCENARIOS
-    dynamic, survival = choose_survival(arguments.shared)
+    dynamic, lifetime = choose_lifetime(arguments.shared)
     settings = variants(SORT, dynamic)
     own = variants(OWN, dynamic)
     weak = {s: [lab_ride(name, s, WEAK) for name in scenarios] for s in seeds}
@@ -357,7 +375,7 @@ def main() -> None:
         "## Table 2, weak detector",
         table2(weak, dynamic),
         "## Dynamic survival alone on MOT15, public detections",
-        survival,
+        lifetime,
         "## A car in a street (KITTI 0019): ID switches for 1000 boxes, by the turn of a frame\n\n"
         "True boxes with misses, noise and false alarms, camera poses as odometry.",
         by_turn(street, settings),
@@ -366,8 +384,8 @@ def main() -> None:
         "## Broken odometry, weak detector, SORT+Odom+Dynamic",
         faults(weak, settings),
     ]
-    if arguments.films:
-        parts += pictures(arguments.shared, arguments.films, arguments.draw, settings)
+    if arguments.rendered:
+        parts += rendered_rows(arguments.shared, arguments.rendered, arguments.draw, settings)
     write(__file__, "Odometry correction and dynamic survival", *parts)
 
 

@@ -1,4 +1,4 @@
-"""Which way people face, by each part of the method, against the truth of the virtual lab.
+"""Yaw of people by each part of the method, against the truth of the virtual lab.
 
 Frames are drawn as a camera would take them, depth with the errors of its sensor. Each frame counts
 by itself, without a tracker.
@@ -13,14 +13,14 @@ import msgspec
 import numpy as np
 
 from benchmarks.lib.table import markdown, write
-from benchmarks.positions import Remembered, Shot, pairs, shots
+from benchmarks.positions import CachedModel, RenderedFrame, lab_frames_of, pairs
 from people4d.messages import F64, Detections
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import load_model
 from services.detector.node import DetectorNode
 
 # Scenario, seed and frames, none of which were used to choose a constant of the method.
-TAKES = (
+SEQUENCES = (
     ("four_crossing", 80, range(60, 460, 8)),
     ("four_dense", 81, range(60, 460, 8)),
     ("pmrm1", 82, range(30, 430, 14)),
@@ -50,20 +50,20 @@ HEADER = [
 ]
 
 
-def errors_deg(config: DetectorConfig, model: Remembered, taken: Sequence[Shot]) -> F64:
+def errors_deg(config: DetectorConfig, model: CachedModel, taken: Sequence[RenderedFrame]) -> F64:
     """Return the errors of all people found, NaN where no angle is told."""
     node, errors = DetectorNode(model, config), list[float]()
-    for shot in taken:
-        node.handle(shot.info, 0)
-        told = node.handle(shot.frame, 0)[-1]
-        assert isinstance(told, Detections)
-        place = {id(place_m): k for k, place_m in enumerate(shot.places_m)}
-        for place_m, detection in pairs(shot, told.detections):
+    for rendered in taken:
+        node.handle(rendered.info, 0)
+        output = node.handle(rendered.frame, 0)[-1]
+        assert isinstance(output, Detections)
+        index_of = {id(position_m): k for k, position_m in enumerate(rendered.positions_m)}
+        for position_m, detection in pairs(rendered, output.detections):
             if detection.heading is None:
                 errors.append(math.nan)
                 continue
-            x, y, _ = shot.map_from_optical[:3, :3] @ detection.heading
-            true_rad = shot.people[place[id(place_m)]].yaw_rad
+            x, y, _ = rendered.map_from_optical[:3, :3] @ detection.heading
+            true_rad = rendered.people[index_of[id(position_m)]].yaw_rad
             off_rad = math.atan2(y, x) - true_rad
             errors.append(math.degrees(math.remainder(off_rad, 2 * math.pi)))
     return np.array(errors)
@@ -84,18 +84,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="few frames, nothing is written")
     quick = parser.parse_args().quick
-    takes = QUICK if quick else TAKES
-    taken = list(shots(takes))
-    model = Remembered(load_model(DetectorConfig()))
+    sequences = QUICK if quick else SEQUENCES
+    taken = list(lab_frames_of(sequences))
+    model = CachedModel(load_model(DetectorConfig()))
     rows, count = [], 0
-    for name, told in METHODS.items():
-        settings = {"position": "torso", "crops": False, "orientation": told}
+    for name, output in METHODS.items():
+        settings = {"position": "torso", "crops": False, "orientation": output}
         found = errors_deg(msgspec.convert(settings, DetectorConfig), model, taken)
         count = len(found)
         rows.append(row(name, found))
     text = (
         f"{count} people found by MoveNet, of each at least 35 % seen, in {len(taken)} frames of "
-        + ", ".join(f"{name} (seed {seed})" for name, seed, _ in takes)
+        + ", ".join(f"{name} (seed {seed})" for name, seed, _ in sequences)
         + ". Single frames, without the tracker's filter. The rest is all but errors above "
         f"{GROSS_DEG} deg, most of which are people who are half hidden, or whose left and right "
         "are taken for each other."

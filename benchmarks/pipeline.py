@@ -33,7 +33,7 @@ RATE_SHARE = 0.6
 
 @dataclass(frozen=True)
 class Run:
-    """What a subscriber saw of one playback.
+    """Frames of one playback as received by a subscriber.
 
     Args:
         rate_hz: Frames per second.
@@ -104,9 +104,9 @@ def stages(trace: Sequence[Span], now_ns: int) -> list[tuple[str, float]]:
     """
     split = [(part.name, part.ms) for part in merge_stages(segments(trace))]
     split.append(("to subscriber", (now_ns - trace[-1].end_ns) / 1e6))
-    whole_ms = (now_ns - trace[0].start_ns) / 1e6
+    total_ms = (now_ns - trace[0].start_ns) / 1e6
     inference_ms = sum(ms for stage, ms in split if stage == "detector.inference")
-    return [*split, ("whole", whole_ms), ("whole less inference", whole_ms - inference_ms)]
+    return [*split, ("whole", total_ms), ("whole less inference", total_ms - inference_ms)]
 
 
 def report(model: str, rounds: int, frames: int) -> list[str]:
@@ -121,12 +121,12 @@ def report(model: str, rounds: int, frames: int) -> list[str]:
         A heading, a row on throughput and a table of latencies.
     """
     name = Path(model).stem
-    bare, whole = [], []
+    bare, end_to_end = [], []
     for number in range(rounds):
         print(f"{name}: round {number + 1} of {rounds}", flush=True)
         bare.append(bare_hz(model, 4.0))
-        whole.append(play(model, ("playback=lockstep",), frames).rate_hz)
-    ratios = [a / b for a, b in zip(whole, bare, strict=True)]
+        end_to_end.append(play(model, ("playback=lockstep",), frames).rate_hz)
+    ratios = [a / b for a, b in zip(end_to_end, bare, strict=True)]
     speed = RATE_SHARE * float(np.median(bare)) / 15.0  # the recording has 15 frames per second
     print(f"{name}: latency", flush=True)
     paced = play(model, (f"speed={speed}",), frames)
@@ -137,7 +137,7 @@ def report(model: str, rounds: int, frames: int) -> list[str]:
             ["", "frames per second, median (spread)"],
             [
                 ["bare `session.run`, 1 thread", spread(bare, "{:.1f}")],
-                ["whole pipeline, lock-step", spread(whole, "{:.1f}")],
+                ["whole pipeline, lock-step", spread(end_to_end, "{:.1f}")],
                 ["ratio, pair by pair", spread(ratios)],
             ],
         ),

@@ -1,4 +1,4 @@
-"""Where people are found by each method of the detector, against the truth of the virtual lab.
+"""Positions of people by each method of the detector, against the truth of the virtual lab.
 
 Frames are drawn as a camera would take them, depth with the errors of its sensor. Each frame counts
 by itself, without a tracker. Models that are not shipped are looked for in `--shared`.
@@ -31,7 +31,7 @@ from services.detector.node import DetectorNode
 # Scenario, seed and frames, none of which were used to choose a constant of the detector: four
 # people cross before a camera that stands still, four in a hall before a robot that drives, two sit
 # down.
-TAKES = (
+SEQUENCES = (
     ("four_crossing", 22, range(200, 360, 4)),
     ("pmrm1", 23, range(30, 430, 14)),
     ("short_sit", 24, range(60, 240, 12)),
@@ -50,25 +50,25 @@ HEADER = [
 
 
 @dataclass(frozen=True)
-class Shot:
+class RenderedFrame:
     """One frame and the people in it that have to be found."""
 
     frame: RgbdFrame
     info: CameraInfo
     people: Sequence[PersonView]
-    places_m: Sequence[F64]  # of the same people, optical frame
+    positions_m: Sequence[F64]  # of the same people, optical frame
     map_from_optical: F64  # 4x4
 
 
 @dataclass
 class Errors:
-    """How far detections are from the truth."""
+    """Errors of detections against the truth."""
 
     rows: list[F64] = field(default_factory=list)  # to the right, downward, along; metres
     squared: list[float] = field(default_factory=list)  # normalised by the covariance
 
 
-class Remembered:
+class CachedModel:
     """Gives what a model found before, since every method asks for the same frames.
 
     Args:
@@ -88,57 +88,59 @@ class Remembered:
         return self._found[key]
 
 
-def shots(takes: Sequence[tuple[str, int, range]] = TAKES) -> Iterator[Shot]:
+def lab_frames_of(
+    sequences: Sequence[tuple[str, int, range]] = SEQUENCES,
+) -> Iterator[RenderedFrame]:
     """Draw the frames of scenarios under seeds."""
-    for name, seed, indices in takes:
+    for name, seed, indices in sequences:
         world = World(load_scenario(name), seed)
-        film = FrameRenderer(world, RenderSettings())
+        renderer = FrameRenderer(world, RenderSettings())
         for index in indices:
-            view, t_s = film.view(index), world.frame_s(index)
+            view, t_s = renderer.view(index), world.frame_s(index)
             frame = RgbdFrame(
                 stamp_ns=world.stamp_ns(index),
                 sequence=index,
                 camera=world.info.camera,
-                rgb=film.rgb(index, view),
-                depth_mm=film.depth_mm(index, view),
+                rgb=renderer.rgb(index, view),
+                depth_mm=renderer.depth_mm(index, view),
             )
             size = (world.info.height, world.info.width)
             people = [p for p in person_views(world, t_s, view) if has_to_be_found(p, size)]
             optical_from_map = world.optical_from_map(t_s)
-            places_m = [apply(optical_from_map, p.position_m) for p in people]
-            yield Shot(frame, world.info, people, places_m, world.map_from_optical(t_s))
+            positions_m = [apply(optical_from_map, p.position_m) for p in people]
+            yield RenderedFrame(frame, world.info, people, positions_m, world.map_from_optical(t_s))
 
 
-def measure(model: PersonModel, config: DetectorConfig, taken: Sequence[Shot]) -> Errors:
+def measure(model: PersonModel, config: DetectorConfig, taken: Sequence[RenderedFrame]) -> Errors:
     """Return the errors of one method over all frames."""
     node, errors = DetectorNode(model, config), Errors()
-    for shot in taken:
-        node.handle(shot.info, 0)
-        told = node.handle(shot.frame, 0)[-1]
-        assert isinstance(told, Detections)
-        for place_m, detection in pairs(shot, told.detections):
-            add(errors, place_m, detection)
+    for rendered in taken:
+        node.handle(rendered.info, 0)
+        output = node.handle(rendered.frame, 0)[-1]
+        assert isinstance(output, Detections)
+        for position_true_m, detection in pairs(rendered, output.detections):
+            add(errors, position_true_m, detection)
     return errors
 
 
-def pairs(shot: Shot, found: Sequence[Detection]) -> Iterator[tuple[F64, Detection]]:
+def pairs(rendered: RenderedFrame, found: Sequence[Detection]) -> Iterator[tuple[F64, Detection]]:
     """Yield who was found, by the overlap of boxes, with where they truly are."""
-    if not found or not shot.people:
+    if not found or not rendered.people:
         return
-    true = np.array([p.box_xyxy_px for p in shot.people])
+    true = np.array([p.box_xyxy_px for p in rendered.people])
     overlap = iou_xyxy(true, np.array([d.box_xyxy_px for d in found], np.float64))
     rows, columns = linear_sum_assignment(-overlap)
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
         if overlap[i, j] > OVERLAP_MIN:
-            yield shot.places_m[i], found[j]
+            yield rendered.positions_m[i], found[j]
 
 
-def add(errors: Errors, place_m: F64, detection: Detection) -> None:
+def add(errors: Errors, position_true_m: F64, detection: Detection) -> None:
     """Add the error of a detection that has a position."""
     if detection.position_m is None or detection.position_covariance_m2 is None:
         return
-    gap_m = detection.position_m - place_m
-    ray = place_m / np.linalg.norm(place_m)
+    gap_m = detection.position_m - position_true_m
+    ray = position_true_m / np.linalg.norm(position_true_m)
     right = np.array([ray[2], 0.0, -ray[0]]) / np.hypot(ray[0], ray[2])
     errors.rows.append(np.stack([right, np.cross(ray, right), ray]) @ gap_m)
     errors.squared.append(float(gap_m @ np.linalg.solve(detection.position_covariance_m2, gap_m)))
@@ -158,13 +160,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
     shared = parser.parse_args().shared
-    taken = list(shots())
-    people = sum(len(shot.people) for shot in taken)
+    taken = list(lab_frames_of())
+    people = sum(len(rendered.people) for rendered in taken)
     rows = []
     for name, path in models(shared).items():
         if path.endswith(".onnx") and not Path(path).exists():
             continue
-        model = Remembered(load_model(DetectorConfig(model=path)))
+        model = CachedModel(load_model(DetectorConfig(model=path)))
         for position in METHODS[name]:
             for to_axis in (False, True):
                 settings = {"position": position, "to_axis": to_axis, "orientation": SEPARATE}
@@ -173,7 +175,7 @@ def main() -> None:
                 rows.append(row(name, position, to_axis, found, people))
     text = (
         f"{people} views of people of whom at least 35 % is seen, in {len(taken)} frames of "
-        + ", ".join(f"{name} (seed {seed})" for name, seed, _ in TAKES)
+        + ", ".join(f"{name} (seed {seed})" for name, seed, _ in SEQUENCES)
         + ". Errors of single frames, across and along the line of sight, from the mean of "
         "shoulders and hips. Along: negative is too near. NES is the mean of the squared error "
         "normalised by the covariance that the detection tells: 3 if that is right, less if it is "

@@ -37,19 +37,19 @@ SHEET_FRAMES = 24
 
 @dataclass
 class Played:
-    """What a chain made of a recording, pictures left out."""
+    """Messages of a recording played through all nodes, without images."""
 
     messages: list[Message] = field(default_factory=list)
     durations_ms: list[float] = field(default_factory=list)  # of each frame
 
     @property
     def detections(self) -> list[Detections]:
-        """What was found, a message a frame."""
+        """Detections, a message a frame."""
         return [m for m in self.messages if isinstance(m, Detections)]
 
     @property
     def tracks(self) -> list[Tracks]:
-        """Who was tracked, a message a frame."""
+        """Tracks, a message a frame."""
         return [m for m in self.messages if isinstance(m, Tracks)]
 
 
@@ -133,16 +133,16 @@ def _figures(played: Played, tracks: list[Tracks]) -> list[str]:
     confirmed = [t.id for m in tracks for t in m.tracks if t.state == "confirmed"]
     lengths = list(Counter(confirmed).values()) or [0]
     people = [len(m.detections) for m in played.detections]
-    placed = sum(d.position_m is not None for m in played.detections for d in m.detections)
-    seen = compare(played.detections, tracks)
+    with_position = sum(d.position_m is not None for m in played.detections for d in m.detections)
+    scores = compare(played.detections, tracks)
     return [
         f"{np.mean(people):.2f} ({max(people)})",
-        f"{placed / max(sum(people), 1):.1%}",
-        f"{seen.found} of {seen.people}",
-        str(seen.false),
+        f"{with_position / max(sum(people), 1):.1%}",
+        f"{scores.found} of {scores.people}",
+        str(scores.false),
         str(len(set(confirmed))),
         f"{np.mean(lengths):.1f} / {np.median(lengths):.0f}",
-        f"{seen.identified} of {seen.people}",
+        f"{scores.identified} of {scores.people}",
         f"{np.median(played.durations_ms):.0f}",
     ]
 
@@ -175,7 +175,7 @@ def man_in_front(
 
 def bag_rows(shared: Path) -> Iterator[list[str]]:
     """Yield a row for each bag: depth read by hand, and forward distance by each model."""
-    pictures = []
+    images = []
     chains = [pipeline(DetectorConfig(model=model)) for model in models(shared).values()]
     for stem in TORSO_MM:
         bag = shared / "data" / "rgbd" / "tue" / f"{stem}.bag"
@@ -184,13 +184,15 @@ def bag_rows(shared: Path) -> Iterator[list[str]]:
             man, image, torso_mm = man_in_front(bag, nodes)
             readings = ", ".join(f"{mm / 1000:.2f} at {u},{v}" for (u, v), mm in torso_mm.items())
             by_hand_m = float(np.median(list(torso_mm.values()))) / 1000
-            placed = man is not None and man.position_m is not None
+            with_position = man is not None and man.position_m is not None
             forward_m = float(man.position_m[2]) if man and man.position_m is not None else np.nan
-            cells.append(f"{forward_m:.2f} ({forward_m - by_hand_m:+.2f})" if placed else "none")
-            pictures.append(shrink(image, 480))
+            cells.append(
+                f"{forward_m:.2f} ({forward_m - by_hand_m:+.2f})" if with_position else "none"
+            )
+            images.append(shrink(image, 480))
         yield [stem, readings, *cells]
     columns = len(chains)
-    rows = [np.hstack(pictures[k : k + columns]) for k in range(0, len(pictures), columns)]
+    rows = [np.hstack(images[k : k + columns]) for k in range(0, len(images), columns)]
     save(OUT / "tue.png", np.vstack(rows))
 
 
@@ -208,7 +210,7 @@ CROSSING_HEADER = (
 CROSSING_NOTE = (
     "108 RGB-D frames of six people who walk a loop through a room and hide each other (640x480, "
     "10 frames a second, depth registered to colour). `By eye`: in six frames, 22 people were "
-    "marked by hand; `false` are boxes that hold nobody or one who has a box already; `right "
+    "marked by hand; `false` are boxes without a person or on a person with another box; `right "
     "identity` are those whose track is theirs when people and tracks are paired one to one. "
     "Tracks are confirmed identities; six would be right, and one more for a head that passes "
     "below the camera at the start. `ms a frame` is the median of all stages, one thread, without "

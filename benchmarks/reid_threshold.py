@@ -22,7 +22,7 @@ from services.reid.osnet import OsnetEmbedder
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 SCENARIOS = ("three_crossing", "four_dense", "twins", "pmrm2", "port1")  # in two rooms
-SHOTS = 40  # of each
+FRAMES = 40  # of each
 VISIBLE_MIN = 0.8  # share of the person that is seen
 NOISE_PX = 3.0  # standard deviation of the keypoints, as of a good detector
 APART_S = 1.0  # pictures of one person compare when at least this far apart
@@ -32,7 +32,7 @@ ALIKE = {"twin_a", "twin_b"}  # two people dressed alike
 
 
 @dataclass(frozen=True)
-class Picture:
+class PersonImage:
     """One person in one frame."""
 
     identity: str
@@ -51,41 +51,41 @@ class Distances:
     alike: F64  # two people dressed alike
 
 
-def pictures_of(scenario: str, count: int) -> list[Picture]:
+def images_of(scenario: str, count: int) -> list[PersonImage]:
     """Return the people that are seen well enough in frames of a scenario."""
     rng = np.random.default_rng(0)
-    pictures = []
-    for shot in lab_frames(scenario, count):
-        for k, person in enumerate(shot.people):
-            seen = person.visible_share >= VISIBLE_MIN
-            if seen and inside(person, (shot.rgb.shape[0], shot.rgb.shape[1])).sum() >= 12:
+    images = []
+    for frame in lab_frames(scenario, count):
+        for k, person in enumerate(frame.people):
+            visible = person.visible_share >= VISIBLE_MIN
+            if visible and inside(person, (frame.rgb.shape[0], frame.rgb.shape[1])).sum() >= 12:
                 noise = rng.normal(0, NOISE_PX, (17, 2))
-                crops = cut(shot, k, person, noise)
-                pictures.append(Picture(shot.bodies[k], scenario, shot.time_s, crops))
-    return pictures
+                crops = cut(frame, k, person, noise)
+                images.append(PersonImage(frame.bodies[k], scenario, frame.time_s, crops))
+    return images
 
 
-def cut(shot: LabFrame, k: int, person: PersonView, noise: F64) -> tuple[Crop, ...]:
+def cut(frame: LabFrame, k: int, person: PersonView, noise: F64) -> tuple[Crop, ...]:
     """Return the crops for each of INPUTS."""
     box: F32 = person.box_xyxy_px.astype(np.float32)
     keypoints = np.ones((17, 3), np.float32)
     keypoints[:, :2] = person.keypoints_px + noise
-    mask: U8 = (shot.view.owners == k + 1).astype(np.uint8)
+    mask: U8 = (frame.view.owners == k + 1).astype(np.uint8)
     people = (
         DetectedPerson(1.0, box),
         DetectedPerson(1.0, box, keypoints),
         DetectedPerson(1.0, box, keypoints, InstanceMask(mask, 0, 0)),
     )
-    crops = [crop_person(0, person, shot.rgb, 256) for person in people]
+    crops = [crop_person(0, person, frame.rgb, 256) for person in people]
     return tuple(crop for crop in crops if crop is not None)
 
 
-def distances(vectors: F32, pictures: Sequence[Picture]) -> Distances:
+def distances(vectors: F32, images: Sequence[PersonImage]) -> Distances:
     """Return the distances of all pairs of pictures."""
     same, moved, different, alike = [], [], [], []
-    for a, b in itertools.combinations(range(len(pictures)), 2):
+    for a, b in itertools.combinations(range(len(images)), 2):
         distance = 1 - float(vectors[a] @ vectors[b])
-        first, second = pictures[a], pictures[b]
+        first, second = images[a], images[b]
         if {first.identity, second.identity} == ALIKE:
             alike.append(distance)
         elif first.identity != second.identity:
@@ -125,7 +125,7 @@ def main() -> None:
     weights = SHARED / "models" / "osnet_x0_25_msmt17.onnx"
     parser.add_argument("--osnet", type=Path, default=weights, help="OSNet's .onnx file")
     flags = parser.parse_args()
-    pictures = [picture for name in SCENARIOS for picture in pictures_of(name, SHOTS)]
+    images = [image for name in SCENARIOS for image in images_of(name, FRAMES)]
     embedders: list[tuple[Embedder, Sequence[int], float]] = [
         (HistogramEmbedder(), (0, 1, 2), histogram.COSINE_DISTANCE_MAX),
         (OsnetEmbedder(OnnxSession(flags.osnet)), (0,), osnet.COSINE_DISTANCE_MAX),
@@ -133,12 +133,12 @@ def main() -> None:
     rows = []
     for embedder, kinds, limit in embedders:
         for kind in kinds:
-            vectors = embedder.embed([picture.crops[kind] for picture in pictures])
-            rows.append(row(embedder.name, INPUTS[kind], limit, distances(vectors, pictures)))
+            vectors = embedder.embed([image.crops[kind] for image in images])
+            rows.append(row(embedder.name, INPUTS[kind], limit, distances(vectors, images)))
     write(
         __file__,
         "Re-identification: cosine distance of the same and of different people",
-        f"{len(pictures)} pictures of {len({p.identity for p in pictures})} people of the virtual "
+        f"{len(images)} pictures of {len({p.identity for p in images})} people of the virtual "
         f"lab in {', '.join(SCENARIOS)}, at least {VISIBLE_MIN:.0%} visible; boxes, keypoints "
         f"({NOISE_PX:.0f} px noise) and masks from truth; pictures of one person in one scenario "
         f"at least {APART_S:.0f} s apart. Alike: {' and '.join(sorted(ALIKE))}, who wear the same.",

@@ -33,13 +33,13 @@ from services.detector.models.network import ImageInput
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = "benchmarks.lib.live_camera:StoredDemo"  # a camera that costs nothing
 YOLO = ROOT.parent / "shared" / "data" / "models" / "yolov8n-pose_640.onnx"
-PICTURE = ROOT / "docs" / "pictures" / "replicas.png"
+FIGURE = ROOT / "docs" / "pictures" / "replicas.png"
 MOVENET_SIZE = (256, 320)
 RECORDED_HZ = 15.0
 WARM_UP = 10
 RATE_SHARE = 0.7  # of what one bare network does
-PATIENCE = ("embedding_wait_s=60.0", "reorder_wait_s=60.0")  # of the tracker: nothing is skipped
-PATIENCE_S = 120.0  # for the next people message, the first included
+LONG_WAITS = ("embedding_wait_s=60.0", "reorder_wait_s=60.0")  # of the tracker: nothing is skipped
+TIMEOUT_S = 120.0  # for the next people message, the first included
 WINDOW = 4  # frames unanswered in lock-step: two for each detector
 EVERY_S = 6.0  # between two events
 CALM_S = 1.5  # without a lost frame after which an event is over
@@ -85,10 +85,10 @@ def play(model: str, detectors: int, frames: int) -> Playback:
     """Run the pipeline in lock-step once."""
     camera = (
         *(f"source={SOURCE}", "loop=true", f"max_frames={frames}"),
-        *("playback=lockstep", f"window={WINDOW}", f"answer_timeout_s={PATIENCE_S}"),
+        *("playback=lockstep", f"window={WINDOW}", f"answer_timeout_s={TIMEOUT_S}"),
     )
     services = [
-        ("tracker", PATIENCE),
+        ("tracker", LONG_WAITS),
         ("reid", ()),
         *[("detector", (f"model={model}",))] * detectors,
         ("camera", camera),
@@ -100,7 +100,7 @@ def play(model: str, detectors: int, frames: int) -> Playback:
         running(services, Path(logs), direct=True) as client,
     ):
         last = -1
-        for people in client.messages(Tracks, timeout_s=PATIENCE_S):
+        for people in client.messages(Tracks, timeout_s=TIMEOUT_S):
             if people.sequence == last:
                 continue  # a prediction, where the machine was slow
             last = people.sequence
@@ -115,7 +115,7 @@ def play(model: str, detectors: int, frames: int) -> Playback:
 def throughput(model: str, rounds: int, frames: int) -> list[str]:
     """Compare one detector with two."""
     bare: dict[int, list[float]] = {1: [], 2: []}
-    whole: dict[int, list[float]] = {1: [], 2: []}
+    end_to_end: dict[int, list[float]] = {1: [], 2: []}
     same = []
     for number in range(rounds):
         print(f"throughput: round {number + 1} of {rounds}", flush=True)
@@ -123,7 +123,7 @@ def throughput(model: str, rounds: int, frames: int) -> list[str]:
         for count in (1, 2):
             bare[count].append(bare_hz(model, count, 3.0))
             played[count] = play(model, count, frames)
-            whole[count].append(played[count].rate_hz)
+            end_to_end[count].append(played[count].rate_hz)
         same.append(played[1].tracks == played[2].tracks)
 
     def row(name: str, rates_hz: dict[int, list[float]]) -> list[str]:
@@ -134,7 +134,7 @@ def throughput(model: str, rounds: int, frames: int) -> list[str]:
         "## Throughput",
         markdown(
             ["", "one [frames/s]", "two [frames/s]", "ratio, pair by pair"],
-            [row("bare `session.run`, 1 thread each", bare), row("whole pipeline", whole)],
+            [row("bare `session.run`, 1 thread each", bare), row("whole pipeline", end_to_end)],
         ),
         f"Tracks with one and with two detectors, byte for byte without their traces: the same in "
         f"{sum(same)} of {rounds} rounds ({frames} frames each).",
@@ -158,8 +158,8 @@ def failures(model: str) -> list[str]:
         system.wait_ready(client, {"tracker-1", "reid-1", "detector-1", "detector-2"})
         system.start("camera", "camera-1", camera)
         frames, events = _watch(client, system, model)
-    draw(frames, events, PICTURE)
-    rows = [_told(event, until, frames) for event, until in _spans(events, frames)]
+    draw(frames, events, FIGURE)
+    rows = [_event_row(event, until, frames) for event, until in _spans(events, frames)]
     return [
         "## Failures",
         f"Two detectors at {rate_hz:.1f} frames per second, {RATE_SHARE:.0%} of what one bare "
@@ -168,7 +168,7 @@ def failures(model: str) -> list[str]:
         f"Recovered: until the last lost frame was sent, after which none was lost for {CALM_S} s. "
         "What is lost later is not the event's doing, but want of time. Latency is from the frame "
         "being sent to its people in a subscriber's hands.",
-        f"![Latency and detector of every frame](../docs/pictures/{PICTURE.name})",
+        f"![Latency and detector of every frame](../docs/pictures/{FIGURE.name})",
     ]
 
 
@@ -194,7 +194,7 @@ def _watch(client: Client, system: Cluster, model: str) -> tuple[list[Frame], li
     frames: list[Frame] = []
     events: list[Event] = []
     next_s = float("inf")
-    for people in client.messages(Tracks, timeout_s=PATIENCE_S):
+    for people in client.messages(Tracks, timeout_s=TIMEOUT_S):
         now_s = time.time()
         doer = [s.process for s in people.trace if s.process.startswith("detector")]
         if doer and (not frames or people.sequence > frames[-1].sequence):
@@ -220,7 +220,7 @@ def _spans(events: Sequence[Event], frames: Sequence[Frame]) -> Iterator[tuple[E
         yield event, following.at_s
 
 
-def _told(event: Event, until_s: float, frames: Sequence[Frame]) -> list[str]:
+def _event_row(event: Event, until_s: float, frames: Sequence[Frame]) -> list[str]:
     losses_s = [at_s for at_s in lost(frames) if event.at_s <= at_s < until_s]
     count, last_s = 0, event.at_s
     for at_s in losses_s:

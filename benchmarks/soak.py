@@ -2,9 +2,10 @@
 
 The sustainable rate is measured first, in lock-step. Then frames come twice as fast; the newest one
 wins, so that every second frame is dropped and latency must stay what it is. Memory, file
-descriptors and shared memory are looked at every few seconds, and a line is fitted through each
-process's memory after a time to warm up. Residuals of neighbouring looks are alike, so the standard
-error of the slope is that of least squares times sqrt((1 + r) / (1 - r)), r their correlation.
+descriptors and shared memory are sampled every few seconds, and a line is fitted through each
+process's memory after a time to warm up. Residuals of neighbouring samples are correlated, so the
+standard error of the slope is that of least squares times sqrt((1 + r) / (1 - r)), r their
+correlation.
 """
 
 import argparse
@@ -22,7 +23,7 @@ import psutil
 
 from benchmarks.lib.system import Cluster, Listener, cluster
 from benchmarks.lib.table import markdown, quantiles, write
-from benchmarks.replicas import PATIENCE_S, RECORDED_HZ, SOURCE, play
+from benchmarks.replicas import RECORDED_HZ, SOURCE, TIMEOUT_S, play
 from people4d.client import Client
 from people4d.messages import Health, Tracks
 
@@ -31,14 +32,14 @@ T = TypeVar("T")
 SHARED_MEMORY = Path("/dev/shm")
 OVERLOAD = 2.0
 WARM_UP_SHARE = 0.2  # of the time, left out of the fit
-LOOKS = 360  # in the whole time, at most one a second
+SAMPLES = 360  # in the whole time, at most one a second
 PARTS = 4  # of the time, whose latencies are compared
 LOSSES = ("dropped_", "gaps_", "stale", "duplicates", "missing", "embedding_timeouts", "errors")
 
 
 @dataclass
-class Looks:
-    """What was seen of one process.
+class ProcessSamples:
+    """Samples of one process.
 
     Args:
         times_s: When, monotonic.
@@ -52,15 +53,15 @@ class Looks:
 
 
 class Observer:
-    """Looks at processes and shared memory in a thread of its own.
+    """Samples processes and shared memory in a thread of its own.
 
     Args:
         processes: Process numbers by name.
-        every_s: Pause between two looks.
+        every_s: Time between two samples.
     """
 
     def __init__(self, processes: dict[str, int], every_s: float) -> None:
-        self.looks = {name: Looks() for name in processes}
+        self.samples = {name: ProcessSamples() for name in processes}
         self.shared_mb: list[float] = []
         self._processes = {name: psutil.Process(pid) for name, pid in processes.items()}
         self._closed = threading.Event()
@@ -76,10 +77,10 @@ class Observer:
     def _run(self) -> None:
         while not self._closed.wait(self._every_s):
             for name, process in self._processes.items():
-                look = self.looks[name]
-                look.times_s.append(time.monotonic())
-                look.memory_mb.append(process.memory_full_info().uss / 2**20)
-                look.descriptors.append(process.num_fds())
+                samples = self.samples[name]
+                samples.times_s.append(time.monotonic())
+                samples.memory_mb.append(process.memory_full_info().uss / 2**20)
+                samples.descriptors.append(process.num_fds())
             mapped = set[str]().union(*map(_shared_files, self._processes.values()))
             self.shared_mb.append(sum(_size_mb(Path(file)) for file in mapped))
 
@@ -100,7 +101,7 @@ def slope(times_s: Sequence[float], values: Sequence[float]) -> tuple[float, flo
 
 @dataclass
 class Soak:
-    """What one long run showed.
+    """Results of one long run.
 
     Args:
         rate_hz: Frames sent per second.
@@ -137,11 +138,11 @@ def soak(model: str, detectors: int, minutes: float, frames: int) -> tuple[float
 
 def _observed(system: Cluster, client: Client, duration_s: float, rate_hz: float) -> Soak:
     pids = {name: process.pid for name, process in system.processes.items()}
-    observer = Observer(pids, max(duration_s / LOOKS, 1.0))
+    observer = Observer(pids, max(duration_s / SAMPLES, 1.0))
     latencies_ms: list[tuple[float, float]] = []
     healths: dict[str, Health] = {}
     end_s, last = time.monotonic() + duration_s, -1
-    for message in client.messages(Tracks, Health, timeout_s=PATIENCE_S):
+    for message in client.messages(Tracks, Health, timeout_s=TIMEOUT_S):
         now_s = time.monotonic()
         if isinstance(message, Health):
             healths[message.instance] = message
@@ -155,28 +156,28 @@ def _observed(system: Cluster, client: Client, duration_s: float, rate_hz: float
     return Soak(rate_hz, observer, latencies_ms, healths)
 
 
-def report(sustainable_hz: float, seen: Soak) -> list[str]:
+def report(sustainable_hz: float, run: Soak) -> list[str]:
     """Return the tables."""
-    times_s = [time_s for time_s, _ in seen.latencies_ms]
+    times_s = [time_s for time_s, _ in run.latencies_ms]
     done_hz = len(times_s) / (times_s[-1] - times_s[0])
-    sent_hz = seen.healths["camera-1"].counters["sent_frames"] / (times_s[-1] - times_s[0])
+    sent_hz = run.healths["camera-1"].counters["sent_frames"] / (times_s[-1] - times_s[0])
     edges = np.linspace(times_s[0], times_s[-1], PARTS + 1)
     latency_rows = []
     for begin_s, end_s in itertools.pairwise(edges):
-        part = [ms for time_s, ms in seen.latencies_ms if begin_s <= time_s <= end_s]
+        part = [ms for time_s, ms in run.latencies_ms if begin_s <= time_s <= end_s]
         minutes = f"{(begin_s - times_s[0]) / 60:.1f} to {(end_s - times_s[0]) / 60:.1f}"
         latency_rows.append([minutes, str(len(part)), *quantiles(part), f"{max(part):.0f}"])
-    rows = [_grown(name, look) for name, look in seen.observer.looks.items()]
-    shared = _after_warm_up(seen.observer.shared_mb)
+    rows = [_grown(name, samples) for name, samples in run.observer.samples.items()]
+    shared = _after_warm_up(run.observer.shared_mb)
     losses = [
         [name, cause, str(count)]
-        for name, health in sorted(seen.healths.items())
+        for name, health in sorted(run.healths.items())
         for cause, count in sorted(health.counters.items())
         if count and cause.startswith(LOSSES)
     ]
     return [
         f"Sustainable: {sustainable_hz:.1f} frames per second. Wanted of the camera: "
-        f"{seen.rate_hz:.1f}, sent: {sent_hz:.1f}; people came for {done_hz:.1f} a second.",
+        f"{run.rate_hz:.1f}, sent: {sent_hz:.1f}; people came for {done_hz:.1f} a second.",
         "## Latency",
         "From the frame being sent to its people in a subscriber's hands.",
         markdown(["minutes", "frames", "p50 ms", "p95 ms", "p99 ms", "longest ms"], latency_rows),
@@ -189,10 +190,10 @@ def report(sustainable_hz: float, seen: Soak) -> list[str]:
     ]
 
 
-def _grown(name: str, look: Looks) -> list[str]:
-    times_s, memory_mb = _after_warm_up(look.times_s), _after_warm_up(look.memory_mb)
+def _grown(name: str, samples: ProcessSamples) -> list[str]:
+    times_s, memory_mb = _after_warm_up(samples.times_s), _after_warm_up(samples.memory_mb)
     rise, error = slope(times_s, memory_mb)
-    descriptors = _after_warm_up(look.descriptors)
+    descriptors = _after_warm_up(samples.descriptors)
     return [
         name,
         f"{np.median(memory_mb):.1f}",
@@ -226,14 +227,14 @@ def main() -> None:
     parser.add_argument("--detectors", type=int, default=2)
     parser.add_argument("--frames", type=int, default=200, help="to find the sustainable rate")
     flags = parser.parse_args()
-    sustainable_hz, seen = soak(flags.model, flags.detectors, flags.minutes, flags.frames)
+    sustainable_hz, run = soak(flags.model, flags.detectors, flags.minutes, flags.frames)
     write(
         __file__,
         f"Soak: {flags.minutes:g} minutes at twice the sustainable rate",
         f"{Path(flags.model).stem}, {flags.detectors} detectors of one thread, 640x480, the "
         "shipped recording in a loop, from memory. Memory is what only that process has; its slope "
         f"is fitted after the first {WARM_UP_SHARE:.0%} of the time, with the standard error.",
-        *report(sustainable_hz, seen),
+        *report(sustainable_hz, run),
     )
 
 

@@ -49,8 +49,8 @@ def main() -> None:
     methods = [read_method(name) for name in SHIPPED]
     if not arguments.shipped_only:
         methods += _others(arguments.shared / "data" / "models")
-    takes = plan_recordings(arguments.scenes, (), "colour", default_folder())
-    plan = EvaluationPlan(tuple(methods), tuple(takes), default_folder(), arguments.jobs)
+    recordings = plan_recordings(arguments.scenes, (), "colour", default_folder())
+    plan = EvaluationPlan(tuple(methods), tuple(recordings), default_folder(), arguments.jobs)
     with progress() as report:
         evaluation = evaluate(plan, report)
     write_report(plan, evaluation, arguments.out, "python -m benchmarks.thesis")
@@ -60,12 +60,12 @@ def main() -> None:
 def _others(folder: Path) -> list[Method]:
     methods = []
     with tempfile.TemporaryDirectory() as scratch:
-        for preset, model, looks in OTHERS:
+        for preset, model, embedder in OTHERS:
             lines = [
                 f'extends = "{preset}"',
                 f'[detector]\nmodel = "{folder / f"{model}_640.onnx"}"',
             ]
-            if looks:
+            if embedder:
                 osnet = folder / "osnet_x0_25_msmt17.onnx"
                 lines.append(f'[reid]\nembedder = "osnet"\nmodel = "{osnet}"')
             file = Path(scratch) / f"{preset}-yolov8n.toml"

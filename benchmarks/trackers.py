@@ -19,7 +19,15 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.lib.mot15 import HELD_OUT, TUNING, MotSequence, cells, judge, load_all, quality
+from benchmarks.lib.mot15 import (
+    HELD_OUT,
+    TUNING,
+    MotSequence,
+    cells,
+    load_all,
+    quality,
+    score_tracks,
+)
 from benchmarks.lib.mot_peers import PEERS
 from benchmarks.lib.published import published_tracker
 from benchmarks.lib.table import markdown, spread, write
@@ -43,10 +51,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Result:
-    """What one tracker with one setting did."""
+    """Results of one tracker with one setting."""
 
     words: str
-    told: dict[str, list[BoxTracks]]  # by sequence
+    tracks: dict[str, list[BoxTracks]]  # by sequence
     times_us: dict[str, list[float]]  # of each frame, by sequence
 
 
@@ -69,9 +77,9 @@ def choices() -> Iterator[ImageSortConfig]:
 def observations(people: int, frames: int, seed: int) -> list[Observation]:
     """Return frames of people who walk back and forth across the image, with noise."""
     rng = np.random.default_rng(seed)
-    looks = rng.normal(size=(people, DIMENSION))
+    appearances = rng.normal(size=(people, DIMENSION))
     phase, forward_m = rng.uniform(0, 2 * np.pi, people), np.linspace(2.0, 5.0, people)
-    told = []
+    tracks = []
     for number in range(frames):
         stamp_ns = number * FRAME_NS
         side_m = 1.5 * np.sin(phase + 0.7 * stamp_ns / 1e9)
@@ -79,7 +87,7 @@ def observations(people: int, frames: int, seed: int) -> list[Observation]:
         for k in range(people):
             position = np.array([forward_m[k], side_m[k], 1.0]) + rng.normal(0, 0.03, 3)
             u, half = 320 - 600 * side_m[k] / forward_m[k], 150 / forward_m[k]
-            look = looks[k] + rng.normal(0, 0.1, DIMENSION)
+            appearance = appearances[k] + rng.normal(0, 0.1, DIMENSION)
             measurements.append(
                 Measurement(
                     index=k,
@@ -88,13 +96,13 @@ def observations(people: int, frames: int, seed: int) -> list[Observation]:
                     position_m=position,
                     forward_m=float(position[0]),
                     covariance_m2=np.diag([0.01, 0.001, 0.001]),
-                    embedding=look / np.linalg.norm(look),
+                    embedding=appearance / np.linalg.norm(appearance),
                     yaw_rad=float(rng.normal(0, 0.3)),
                     yaw_sigma_rad=0.3,
                 )
             )
         camera = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1]])
-        told.append(
+        tracks.append(
             Observation(
                 stamp_ns,
                 tuple(measurements),
@@ -103,7 +111,7 @@ def observations(people: int, frames: int, seed: int) -> list[Observation]:
                 size_px=SIZE_PX,
             )
         )
-    return told
+    return tracks
 
 
 def boxes_of(observation: Observation) -> BoxFrame:
@@ -150,17 +158,17 @@ def cost_rows(chosen: ImageSortConfig, rounds: int, quick: bool) -> list[list[st
 
 def follow(config: ImageSortConfig, sequences: dict[str, MotSequence]) -> Result:
     """Run our own."""
-    told: dict[str, list[BoxTracks]] = {}
+    tracks: dict[str, list[BoxTracks]] = {}
     times: dict[str, list[float]] = {}
     for name, one in sequences.items():
         tracker = ImageSort(config)
         times[name] = times_us(tracker.update, one.frames)
         tracker = ImageSort(config)
-        told[name] = [tracker.update(frame) for frame in one.frames]
-    return Result(told_settings(config), told, times)
+        tracks[name] = [tracker.update(frame) for frame in one.frames]
+    return Result(format_settings(config), tracks, times)
 
 
-def told_settings(config: ImageSortConfig) -> str:
+def format_settings(config: ImageSortConfig) -> str:
     """Return what differs from the source works' values, as text."""
     names = config.__struct_fields__
     changed = [name for name in names if getattr(config, name) != getattr(FAITHFUL, name)]
@@ -190,26 +198,26 @@ def ask_peers(
     for key in (key for key in got if key.endswith(":words")):
         tracker, _, number = key.removesuffix(":words").rpartition("/")
         label = f"{tracker}/{number}"
-        told = {n: by_frame(got[f"{label}/{n}"], s.info.frames) for n, s in sequences.items()}
+        tracks = {n: by_frame(got[f"{label}/{n}"], s.info.frames) for n, s in sequences.items()}
         times = {n: got[f"{label}/{n}:us"].tolist() for n in sequences}
         words = f"{got[f'{tracker}:version']}: {got[key]}"
-        results.setdefault(tracker, {})[int(number)] = Result(words, told, times)
+        results.setdefault(tracker, {})[int(number)] = Result(words, tracks, times)
     return results
 
 
 def by_frame(rows: F64, frames: int) -> list[BoxTracks]:
     """Return tracks of a text table (frame, identity, corners), frame by frame."""
-    told = []
+    tracks = []
     for number in range(1, frames + 1):
         here = rows[rows[:, 0] == number]
         ids = here[:, 1].astype(np.int64)
-        told.append(BoxTracks(ids, here[:, 2:], np.ones(len(ids)), np.zeros(len(ids), np.int64)))
-    return told
+        tracks.append(BoxTracks(ids, here[:, 2:], np.ones(len(ids)), np.zeros(len(ids), np.int64)))
+    return tracks
 
 
 def worth(result: Result, sequences: dict[str, MotSequence]) -> float:
     """Return how good a result is on the tuning sequences."""
-    return quality(judge(sequences[name], result.told[name]) for name in TUNING)
+    return quality(score_tracks(sequences[name], result.tracks[name]) for name in TUNING)
 
 
 def rate_hz(results: Sequence[Result]) -> str:
@@ -225,7 +233,7 @@ def mot_row(name: str, results: Sequence[Result], sequences: dict[str, MotSequen
     """Return one row of the comparison; the runs differ in time only."""
     row = [name]
     for names in (HELD_OUT, TUNING):
-        row += cells(judge(sequences[n], results[0].told[n]) for n in names)
+        row += cells(score_tracks(sequences[n], results[0].tracks[n]) for n in names)
     row += [rate_hz(results), results[0].words]
     print(*row, sep=" | ", flush=True)
     return row

@@ -84,12 +84,12 @@ def camera(name: str, port: int, go: Connection) -> None:
     publisher, _, shared_memory = TRANSPORTS[name]
     publish = publisher(port, shared_memory)
     go.recv()
-    pictures = [frame(n) for n in range(8)]
+    frames = [frame(n) for n in range(8)]
     due = time.monotonic()
     for sequence in range(FRAMES):
         due += 1 / RATE_HZ
         time.sleep(max(due - time.monotonic(), 0))
-        source = pictures[sequence % len(pictures)]
+        source = frames[sequence % len(frames)]
         publish(
             RgbdFrame(
                 stamp_ns=time.time_ns(),

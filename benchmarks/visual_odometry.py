@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.lib.rides import Ride, Sample, film_ride
+from benchmarks.lib.rides import Ride, Sample, rendered_ride
 from benchmarks.lib.table import markdown, write
 from benchmarks.moving_base import STANDING_MPS, WALKING_MPS, velocities
 from benchmarks.odometry import OWN, figures, run, variants
@@ -43,7 +43,7 @@ from services.visual_odometry.config import VisualOdometryConfig
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2")  # and port1, port2, in which it turns slowly
-WAY_M, TURN_DEG = 1.0, 90.0  # of stretches that drift is told of
+DISTANCE_M, TURN_DEG = 1.0, 90.0  # of stretches that drift is told of
 DYNAMIC = ImageSortConfig(r=10.0, max_age=5.0)  # as chosen on MOT15 (benchmarks/odometry.md)
 POSES = (
     *("film", "told by", "frames told %", "turn off by °/frame, RMS (p95)", "°/s"),
@@ -60,30 +60,30 @@ BOXES = ("motion by", "MOTA", "IDF1", "IDsw")
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """One film, and what tells the motion in it.
+    """Motion of the base in one rendered recording.
 
     Args:
-        trial: Of the tracker, with the wheels' odometry.
-        wheels: That odometry.
-        seen: What the pictures tell, of each frame.
-        counters: What was counted meanwhile.
-        true: Nx4x4, where the base truly was in each frame.
+        evaluation_run: Run of the tracker with wheel odometry.
+        wheels: Wheel odometry.
+        frames: Visual odometry of each frame.
+        counters: Events of visual odometry.
+        true: Nx4x4, true poses of the base at the frames.
     """
 
-    trial: EvaluationRun
+    evaluation_run: EvaluationRun
     wheels: tuple[Odometry, ...]
-    seen: tuple[FrameMotion, ...]
+    frames: tuple[FrameMotion, ...]
     counters: dict[str, int]
     true: F64
 
     @property
-    def pictures(self) -> tuple[Odometry, ...]:
-        """The odometry that pictures tell."""
-        return tuple(one.motion for one in self.seen if isinstance(one.motion, Odometry))
+    def visual(self) -> tuple[Odometry, ...]:
+        """Visual odometry."""
+        return tuple(one.motion for one in self.frames if isinstance(one.motion, Odometry))
 
     @property
     def none(self) -> tuple[Odometry, ...]:
-        """The odometry of a base that is thought to stand."""
+        """Odometry of a base that is assumed to stand."""
         first = self.wheels[0]
         return tuple(
             Odometry(
@@ -95,101 +95,101 @@ class RecordedMotion:
                 y_m=0.0,
                 theta_rad=0.0,
             )
-            for number, one in enumerate(self.seen)
+            for number, one in enumerate(self.frames)
         )
 
-    def ways(self) -> dict[str, tuple[Odometry, ...]]:
-        """Return each way to know the motion, with what it tells."""
-        return {"wheels": self.wheels, "pictures": self.pictures, "none": self.none}
+    def sources(self) -> dict[str, tuple[Odometry, ...]]:
+        """Return the odometry of each source."""
+        return {"wheels": self.wheels, "pictures": self.visual, "none": self.none}
 
 
-def watch(trial: EvaluationRun) -> RecordedMotion:
-    """Return what pictures tell of a film, people left out where the detector found them."""
-    messages = list(read_tracker_input(trial.detections, None))
+def watch(evaluation_run: EvaluationRun) -> RecordedMotion:
+    """Return visual odometry of a rendered recording; points on detected people are left out."""
+    messages = list(read_tracker_input(evaluation_run.detections, None))
     visual = VisualMotion(
-        CameraConfig(source=str(trial.recording.path)), VisualOdometryConfig(), messages
+        CameraConfig(source=str(evaluation_run.recording.path)), VisualOdometryConfig(), messages
     )
-    seen = tuple(visual)
-    world = World(load_scenario(trial.recording.scenario), trial.recording.seed)
+    frames = tuple(visual)
+    world = World(load_scenario(evaluation_run.recording.scenario), evaluation_run.recording.seed)
     return RecordedMotion(
-        trial,
+        evaluation_run,
         tuple(m for m in messages if isinstance(m, Odometry)),
-        seen,
+        frames,
         visual.counters,
-        np.array([world.path.map_from_base((s.stamp_ns - EPOCH_NS) / 1e9) for s in seen]),
+        np.array([world.path.map_from_base((s.stamp_ns - EPOCH_NS) / 1e9) for s in frames]),
     )
 
 
-def at_frames(samples: Sequence[Odometry], seen: Sequence[FrameMotion]) -> list[F64 | None]:
+def at_frames(samples: Sequence[Odometry], frames: Sequence[FrameMotion]) -> list[F64 | None]:
     """Return the pose of the base in each frame; None where it would be guessed."""
-    trail = TransformHistory(TransformBufferConfig(history_s=1e6, gap_s=0.1), Counter())
+    history = TransformHistory(TransformBufferConfig(history_s=1e6, gap_s=0.1), Counter())
     for sample in samples:
-        trail.add(sample.stamp_ns, transform_from_odometry(sample))
-    placed = [trail.at(one.stamp_ns) for one in seen]
-    return [one.matrix if one and not one.is_uncertain else None for one in placed]
+        history.add(sample.stamp_ns, transform_from_odometry(sample))
+    poses = [history.at(one.stamp_ns) for one in frames]
+    return [one.matrix if one and not one.is_uncertain else None for one in poses]
 
 
-def errors(told: Sequence[F64 | None], true: F64, step: Sequence[int]) -> F64:
-    """Return how far a told motion is off the true one: Nx2, metres and radians.
+def errors(estimated: Sequence[F64 | None], true: F64, step: Sequence[int]) -> F64:
+    """Return the errors of an estimated motion: Nx2, metres and radians.
 
     Args:
-        told: Poses of the base; those that are not known are passed over.
+        estimated: Poses of the base, None where unknown.
         true: Nx4x4.
         step: The frame to compare each with, N, later ones than N: none.
     """
     off = []
     for start, end in enumerate(step):
-        before, after = told[start], told[end] if end < len(told) else None
+        before, after = estimated[start], estimated[end] if end < len(estimated) else None
         if before is None or after is None:
             continue
-        way = invert(before) @ after
-        way_true = invert(true[start]) @ true[end]
-        wrong = invert(way_true) @ way
+        step_estimated = invert(before) @ after
+        step_true = invert(true[start]) @ true[end]
+        wrong = invert(step_true) @ step_estimated
         off.append([np.linalg.norm(wrong[:2, 3]), abs(math.atan2(wrong[1, 0], wrong[0, 0]))])
     return np.array(off).reshape(-1, 2)
 
 
 def stretches(travelled: F64, length: float) -> list[int]:
-    """Return for each frame the first one after so much more of way or turn (N: there is none)."""
+    """Return for each frame the first one a distance or angle later (N: there is none)."""
     return [int(np.searchsorted(travelled, start + length)) for start in travelled]
 
 
-def pose_row(name: str, way: str, film: RecordedMotion) -> list[str]:
-    """Return how far the motion that is told is off."""
-    told, true = (
-        at_frames(film.ways()[way], film.seen),
-        film.true,
+def pose_row(name: str, source: str, recorded: RecordedMotion) -> list[str]:
+    """Return the errors of the estimated motion as a row."""
+    estimated, true = (
+        at_frames(recorded.sources()[source], recorded.frames),
+        recorded.true,
     )
-    ways = np.linalg.norm(np.diff(true[:, :2, 3], axis=0), axis=1)
+    steps_m = np.linalg.norm(np.diff(true[:, :2, 3], axis=0), axis=1)
     headings = np.unwrap(np.arctan2(true[:, 1, 0], true[:, 0, 0]))
-    frames = errors(told, true, range(1, len(told) + 1))
-    along = np.concatenate([[0.0], np.cumsum(ways)])
+    frames = errors(estimated, true, range(1, len(estimated) + 1))
+    along = np.concatenate([[0.0], np.cumsum(steps_m)])
     around = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(headings)))])
-    metre = errors(told, true, stretches(along, WAY_M))
-    turn = errors(told, true, stretches(around, math.radians(TURN_DEG)))
-    rate_hz = 1e9 * (len(true) - 1) / (film.seen[-1].stamp_ns - film.seen[0].stamp_ns)
+    metre = errors(estimated, true, stretches(along, DISTANCE_M))
+    turn = errors(estimated, true, stretches(around, math.radians(TURN_DEG)))
+    rate_hz = 1e9 * (len(true) - 1) / (recorded.frames[-1].stamp_ns - recorded.frames[0].stamp_ns)
     turns_deg = np.degrees(frames[:, 1])
     rms_deg = float(np.sqrt(np.mean(turns_deg**2)))
-    took_ms = [one.took_ms for one in film.seen]
-    pictures = way == "pictures"
+    took_ms = [one.took_ms for one in recorded.frames]
+    visual = source == "pictures"
     return [
         name,
-        way,
-        f"{100 * sum(pose is not None for pose in told) / len(told):.1f}",
+        source,
+        f"{100 * sum(pose is not None for pose in estimated) / len(estimated):.1f}",
         f"{rms_deg:.3f} ({np.percentile(turns_deg, 95):.3f})",
         f"{rms_deg * rate_hz:.2f}",
         f"{1000 * np.sqrt(np.mean(frames[:, 0] ** 2)):.1f}",
         f"{100 * np.median(metre[:, 0]):.1f}" if len(metre) else "-",
         f"{np.degrees(np.median(turn[:, 1])):.2f}" if len(turn) else "-",
-        f"{100 * sure(film.ways()[way], film):.0f}",
-        f"{np.mean(took_ms):.1f} ({np.percentile(took_ms, 95):.1f})" if pictures else "-",
+        f"{100 * consistency(recorded.sources()[source], recorded):.0f}",
+        f"{np.mean(took_ms):.1f} ({np.percentile(took_ms, 95):.1f})" if visual else "-",
     ]
 
 
-def sure(samples: Sequence[Odometry], film: RecordedMotion) -> float:
+def consistency(samples: Sequence[Odometry], recorded: RecordedMotion) -> float:
     """Return the share of frames whose heading is within two of its own standard deviations."""
-    times = np.array([one.stamp_ns for one in film.seen])
-    headings = np.arctan2(film.true[:, 1, 0], film.true[:, 0, 0])
+    times = np.array([one.stamp_ns for one in recorded.frames])
+    headings = np.arctan2(recorded.true[:, 1, 0], recorded.true[:, 0, 0])
     within = []
     for sample in samples:
         at = int(np.searchsorted(times, sample.stamp_ns))
@@ -200,23 +200,23 @@ def sure(samples: Sequence[Odometry], film: RecordedMotion) -> float:
     return float(np.mean(within)) if within else math.nan
 
 
-def matching(film: RecordedMotion, samples: Sequence[Odometry], folder: Path) -> Matching:
-    """Return what the tracker makes of a film with one odometry, beside the truth."""
+def matching(recorded: RecordedMotion, samples: Sequence[Odometry], folder: Path) -> Matching:
+    """Return tracks of a recording with one odometry, matched to the truth."""
     path = folder / "film.mcap"
-    told = [FrameMotion(one.stamp_ns, one, 0.0) for one in samples]
-    write_with_motion(read_tracker_input(film.trial.detections, None), told, path)
-    return execute(replace(film.trial, detections=path)).matching
+    estimated = [FrameMotion(one.stamp_ns, one, 0.0) for one in samples]
+    write_with_motion(read_tracker_input(recorded.evaluation_run.detections, None), estimated, path)
+    return execute(replace(recorded.evaluation_run, detections=path)).matching
 
 
-def track_row(name: str, way: str, result: Matching) -> list[str]:
-    """Return what an odometry does to tracks."""
+def track_row(name: str, source: str, result: Matching) -> list[str]:
+    """Return the errors of tracks with one odometry as a row."""
     row, (true, felt) = score_matching(result).row(), velocities(result)
     truly = np.linalg.norm(true, axis=1)
     speeds = np.linalg.norm(felt[truly < STANDING_MPS], axis=1)
     off = (felt - true)[truly >= WALKING_MPS]
     return [
         name,
-        way,
+        source,
         f"{np.median(speeds):.3f}" if len(speeds) else "-",
         f"{np.percentile(speeds, 95):.3f}" if len(speeds) else "-",
         f"{math.sqrt(float(np.mean(np.sum(off**2, axis=1)))):.3f}" if len(off) else "-",
@@ -226,37 +226,37 @@ def track_row(name: str, way: str, result: Matching) -> list[str]:
     ]
 
 
-def box_table(films: Iterable[RecordedMotion], cache: Path) -> str:
-    """Return what an odometry does to SORT in the image, all films together."""
+def box_table(runs: Iterable[RecordedMotion], cache: Path) -> str:
+    """Return scores of SORT in the image with each odometry, over all recordings."""
     settings = variants(OWN, DYNAMIC)
     rides: dict[str, list[Ride]] = {"wheels": [], "pictures": [], "none": []}
-    for one in films:
-        ride = film_ride(one.trial.recording.path, DetectorConfig(crops=False), cache)
-        for way, samples in one.ways().items():
+    for one in runs:
+        ride = rendered_ride(one.evaluation_run.recording.path, DetectorConfig(crops=False), cache)
+        for source, samples in one.sources().items():
             prompt = tuple(Sample(sample, sample.stamp_ns) for sample in samples)
-            rides[way].append(replace(ride, samples=prompt))
+            rides[source].append(replace(ride, samples=prompt))
     rows = []
-    for way, some in rides.items():
-        chosen = settings["SORT+Dynamic" if way == "none" else "SORT+Odom+Dynamic"]
-        told = figures([run(chosen, ride) for ride in some])
-        rows.append([way, f"{told[0]:.1f}", f"{told[4]:.1f}", f"{told[7]:.0f}"])
+    for source, some in rides.items():
+        chosen = settings["SORT+Dynamic" if source == "none" else "SORT+Odom+Dynamic"]
+        estimated = figures([run(chosen, ride) for ride in some])
+        rows.append([source, f"{estimated[0]:.1f}", f"{estimated[4]:.1f}", f"{estimated[7]:.0f}"])
     return markdown(BOXES, rows)
 
 
 def standing_camera(shared: Path) -> str:
-    """Return what is told of a real camera that stands before up to six people who walk."""
+    """Return errors of a real camera that stands before up to six people who walk."""
     camera = crossing_camera(shared)
     if not Path(camera.source).exists():
         return "Without the reference data (`--shared`) no real camera was judged."
     visual = VisualMotion(camera, VisualOdometryConfig())
-    seen = list(visual)
-    poses = [one.motion for one in seen if isinstance(one.motion, Odometry)]
+    frames = list(visual)
+    poses = [one.motion for one in frames if isinstance(one.motion, Odometry)]
     away_mm = [1000 * math.hypot(p.x_m, p.y_m) for p in poses]
     turned_deg = [math.degrees(abs(p.theta_rad)) for p in poses]
     causes = ", ".join(f"{k} {n}" for k, n in visual.counters.items() if n)
     return (
-        f"A real camera that stands (108 frames of up to six people who walk before it, found by "
-        f"nobody): motion is told of {100 * len(poses) / len(seen):.0f} % of the frames; the place "
+        "A real camera that stands (108 frames of up to six people who walk before it, without a "
+        f"detector): {100 * len(poses) / len(frames):.0f} % of frames have a motion; the position "
         f"is off by {np.median(away_mm):.1f} mm in the median and {max(away_mm):.1f} mm at most, "
         f"the heading by {np.median(turned_deg):.3f}° and {max(turned_deg):.3f}°, at the end by "
         f"{away_mm[-1]:.1f} mm and {turned_deg[-1]:.3f}°. Counted: {causes}."
@@ -272,23 +272,25 @@ def main() -> None:
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     cache = default_folder()
-    takes = plan_recordings(
+    recordings = plan_recordings(
         [f"lab:{s}" for s in arguments.scenarios], [arguments.seed], "colour", cache
     )
-    for take in takes:
-        render_recording(take, 1, lambda what, share: print(f"{what} {100 * share:.0f} %"))
-    plan = EvaluationPlan((read_method("best"),), tuple(takes), cache)
+    for recording in recordings:
+        render_recording(recording, 1, lambda what, share: print(f"{what} {100 * share:.0f} %"))
+    plan = EvaluationPlan((read_method("best"),), tuple(recordings), cache)
     with Pool(1) as pool:
-        trials = runs_of(plan, WorkQueue(pool, lambda what, share: print(f"{what} {share:.2f}")))
-    films = {trial.recording.scenario: watch(trial) for trial in trials}
+        evaluated = runs_of(plan, WorkQueue(pool, lambda what, share: print(f"{what} {share:.2f}")))
+    runs = {
+        evaluation_run.recording.scenario: watch(evaluation_run) for evaluation_run in evaluated
+    }
     poses, tracks = [], []
     with tempfile.TemporaryDirectory() as scratch:
-        for name, one in films.items():
-            poses += [pose_row(name, way, one) for way in ("wheels", "pictures")]
-            for way, samples in one.ways().items():
-                tracks.append(track_row(name, way, matching(one, samples, Path(scratch))))
+        for name, one in runs.items():
+            poses += [pose_row(name, source, one) for source in ("wheels", "pictures")]
+            for source, samples in one.sources().items():
+                tracks.append(track_row(name, source, matching(one, samples, Path(scratch))))
     counted = Counter[str]()
-    for one in films.values():
+    for one in runs.values():
         counted.update(one.counters)
     causes = ", ".join(f"{name} {count}" for name, count in counted.items() if count)
     write(
@@ -302,7 +304,7 @@ def main() -> None:
         "## What it does to people in 3D (preset best)",
         markdown(TRACKS, tracks),
         "## What it does to boxes in the image (SORT, dynamic survival, this project's settings)",
-        box_table(films.values(), cache),
+        box_table(runs.values(), cache),
     )
 
 

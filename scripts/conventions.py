@@ -99,9 +99,9 @@ def check_classes(files: Mapping[str, str]) -> Iterator[Breach]:
         for node in ast.parse(text).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 found[node.name].append((file, node.lineno))
-    for name, places in found.items():
-        for file, line in places[1:]:
-            yield Breach("class name twice", file, line, f"{name}, see {places[0][0]}")
+    for name, definitions in found.items():
+        for file, line in definitions[1:]:
+            yield Breach("class name twice", file, line, f"{name}, see {definitions[0][0]}")
 
 
 def check_hooks(file: str, text: str) -> Iterator[Breach]:

@@ -33,7 +33,7 @@ ADDRESSES = {"nuc": "192.168.1.7", "tracker": "192.168.1.8", "planner": "192.168
 
 @dataclass(frozen=True)
 class Link:
-    """What a wire does to each packet, in each direction.
+    """Quality of a wire, for each packet in each direction.
 
     Args:
         delay_s: How long it is on its way.

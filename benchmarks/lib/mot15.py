@@ -52,11 +52,11 @@ def load_all(shared: Path) -> dict[str, MotSequence]:
     return {name: load(folder / name) for name in (*TUNING, *HELD_OUT)}
 
 
-def judge(one: MotSequence, told: Sequence[BoxTracks]) -> Scores:
+def score_tracks(one: MotSequence, tracks: Sequence[BoxTracks]) -> Scores:
     """Score what a tracker told, frame by frame."""
     people = {
         number: Hypotheses(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px)
-        for number, t in enumerate(told, 1)
+        for number, t in enumerate(tracks, 1)
     }
     return score(sequence(one.info, one.truth, people), box_overlap)
 

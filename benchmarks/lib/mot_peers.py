@@ -30,7 +30,7 @@ Update = Callable[[Rows, Rows], tuple[Any, Rows]]
 Options = dict[str, Any]
 
 
-def norfair(_rate_hz: float, gate: float, seen: bool, **options: Any) -> Update:
+def norfair(_rate_hz: float, gate: float, matched_only: bool, **options: Any) -> Update:
     """Norfair with the overlap of boxes as distance; `seen` tells only who was matched."""
     package = importlib.import_module("norfair")
     tracker = package.Tracker(distance_function="iou", **options)
@@ -41,26 +41,28 @@ def norfair(_rate_hz: float, gate: float, seen: bool, **options: Any) -> Update:
             for box, score in zip(boxes, scores, strict=True)
             if score >= gate
         ]
-        told = tracker.update(found)
-        if seen:
-            told = [one for one in told if any(one.last_detection is d for d in found)]
-        corners = np.array([one.estimate.ravel() for one in told]).reshape(-1, 4)
-        return [one.id for one in told], corners
+        tracks = tracker.update(found)
+        if matched_only:
+            tracks = [one for one in tracks if any(one.last_detection is d for d in found)]
+        corners = np.array([one.estimate.ravel() for one in tracks]).reshape(-1, 4)
+        return [one.id for one in tracks], corners
 
     return update
 
 
-def motrackers(_rate_hz: float, kind: str, gate: float, seen: bool, **options: Any) -> Update:
+def motrackers(
+    _rate_hz: float, kind: str, gate: float, matched_only: bool, **options: Any
+) -> Update:
     """One of motrackers; `seen` tells only who was matched."""
     tracker = getattr(importlib.import_module("motrackers"), kind)(**options)
 
     def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
-        kept = scores >= gate
-        corners = np.column_stack([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]])[kept]
-        told = tracker.update(corners, scores[kept], np.zeros(len(corners), int))
-        if seen:
-            told = [one for one in told if tracker.tracks[one[1]].lost == 0]
-        rows = np.array([[t[1], t[2], t[3], t[2] + t[4], t[3] + t[5]] for t in told])
+        accepted = scores >= gate
+        corners = np.column_stack([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]])[accepted]
+        tracks = tracker.update(corners, scores[accepted], np.zeros(len(corners), int))
+        if matched_only:
+            tracks = [one for one in tracks if tracker.tracks[one[1]].lost == 0]
+        rows = np.array([[t[1], t[2], t[3], t[2] + t[4], t[3] + t[5]] for t in tracks])
         rows = rows.reshape(-1, 5)
         return rows[:, 0], rows[:, 1:]
 
@@ -73,15 +75,15 @@ def roboflow(rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
     tracker = getattr(importlib.import_module("trackers"), kind)(frame_rate=rate_hz, **options)
 
     def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
-        kept = scores >= gate
-        classes = np.zeros(int(kept.sum()), int)
-        told = tracker.update(
-            detections(xyxy=boxes[kept], confidence=scores[kept], class_id=classes)
+        accepted = scores >= gate
+        classes = np.zeros(int(accepted.sum()), int)
+        tracks = tracker.update(
+            detections(xyxy=boxes[accepted], confidence=scores[accepted], class_id=classes)
         )
-        if told.tracker_id is None:
+        if tracks.tracker_id is None:
             return [], np.zeros((0, 4))
-        known = told.tracker_id >= 0
-        return told.tracker_id[known], told.xyxy[known]
+        known = tracks.tracker_id >= 0
+        return tracks.tracker_id[known], tracks.xyxy[known]
 
     return update
 
@@ -91,9 +93,9 @@ def ioutrack(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
     tracker = getattr(importlib.import_module("ioutrack"), kind)(**options)
 
     def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
-        kept = scores >= gate
-        told = tracker.update(np.column_stack([boxes, scores])[kept], False)
-        return told[:, 4], told[:, :4].astype(np.float64)
+        accepted = scores >= gate
+        tracks = tracker.update(np.column_stack([boxes, scores])[accepted], False)
+        return tracks[:, 4], tracks[:, :4].astype(np.float64)
 
     return update
 
@@ -109,7 +111,7 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
         "norfair",
         norfair,
         combinations(
-            seen=[False, True],
+            matched_only=[False, True],
             gate=[0.0, 0.8],
             distance_threshold=[0.7],
             hit_counter_max=[15, 5],
@@ -118,14 +120,16 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
     "motrackers SORT": (
         "motrackers",
         motrackers,
-        combinations(kind=["SORT"], seen=[False, True], gate=[0.0, 0.8], max_lost=[0, 1, 5]),
+        combinations(
+            kind=["SORT"], matched_only=[False, True], gate=[0.0, 0.8], max_lost=[0, 1, 5]
+        ),
     ),
     "motrackers IOUTracker": (
         "motrackers",
         motrackers,
         combinations(
             kind=["IOUTracker"],
-            seen=[False, True],
+            matched_only=[False, True],
             gate=[0.0, 0.8],
             max_lost=[2],
             iou_threshold=[0.5, 0.3],
@@ -134,7 +138,9 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
     "motrackers CentroidKF": (
         "motrackers",
         motrackers,
-        combinations(kind=["CentroidKF_Tracker"], seen=[False, True], gate=[0.0], max_lost=[1, 5]),
+        combinations(
+            kind=["CentroidKF_Tracker"], matched_only=[False, True], gate=[0.0], max_lost=[1, 5]
+        ),
     ),
     "trackers SORT": (
         "trackers",
@@ -211,14 +217,14 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
 def run(update: Update, rows: Rows, frames: int) -> tuple[Rows, Rows]:
     """Return what was told (frame, identity, corners), and the microseconds of each frame."""
     edges = np.searchsorted(rows[:, 0], np.arange(1, frames + 2))
-    told, times_us = [np.zeros((0, 6))], []
+    tracks, times_us = [np.zeros((0, 6))], []
     for number, (start, end) in enumerate(pairwise(edges), 1):
         boxes, scores = rows[start:end, 1:5].copy(), rows[start:end, 5].copy()
         began_ns = time.perf_counter_ns()
         ids, corners = update(boxes, scores)
         times_us.append((time.perf_counter_ns() - began_ns) / 1e3)
-        told.append(np.column_stack([np.full(len(ids), number), ids, corners]))
-    return np.vstack(told), np.array(times_us)
+        tracks.append(np.column_stack([np.full(len(ids), number), ids, corners]))
+    return np.vstack(tracks), np.array(times_us)
 
 
 def words(options: Options) -> str:
@@ -235,8 +241,8 @@ def measure(name: str, given: dict[str, Rows], chosen: list[int]) -> dict[str, A
         results[f"{name}/{number}:words"] = words(settings[number])
         for sequence in sequences:
             frames, rate_hz = given[f"{sequence}:info"]
-            told, times_us = run(make(rate_hz, **settings[number]), given[sequence], int(frames))
-            results[f"{name}/{number}/{sequence}"] = told
+            tracks, times_us = run(make(rate_hz, **settings[number]), given[sequence], int(frames))
+            results[f"{name}/{number}/{sequence}"] = tracks
             results[f"{name}/{number}/{sequence}:us"] = times_us
     return results
 

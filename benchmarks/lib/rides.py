@@ -28,7 +28,7 @@ from services.detector.config import DetectorConfig
 from services.tracker.image_sort.camera_turn import camera_direction, turn_between
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 
-SEEN_MIN = 0.35  # visible share from which a person has to be found
+VISIBLE_MIN = 0.35  # visible share from which a person has to be found
 WAIT_S = 0.05
 
 
@@ -70,10 +70,10 @@ class Ride:
             before = now
         return tuple(frames)
 
-    def scored(self, told: Sequence[BoxTracks]) -> EvaluationSequence:
+    def scored(self, published: Sequence[BoxTracks]) -> EvaluationSequence:
         """Return truth and tracks together."""
         people = [
-            Hypotheses(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px) for t in told
+            Hypotheses(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px) for t in published
         ]
         frames = [
             EvaluationFrame(stamp_ns=f.stamp_ns, truth=truth, hypotheses=tracked)
@@ -82,12 +82,12 @@ class Ride:
         return EvaluationSequence(self.name, tuple(frames))
 
     def faultless(self, gone: int) -> list[BoxTracks]:
-        """Return what a tracker would tell that errs nowhere, but knows nobody again.
+        """Return what a tracker would tell that errs nowhere, but identifies no person again.
 
         Args:
             gone: Frames out of sight after which a person is somebody new.
         """
-        last, ids, numbers, told = dict[int, int](), dict[int, int](), itertools.count(1), []
+        last, ids, numbers, published = dict[int, int](), dict[int, int](), itertools.count(1), []
         for number, truth in enumerate(self.truth):
             hidden = np.zeros(len(truth.ids), bool) if truth.occluded is None else truth.occluded
             rows = np.flatnonzero(~hidden)
@@ -97,19 +97,19 @@ class Ride:
                 last[person] = number
             found = np.array([ids[int(truth.ids[row])] for row in rows], np.int64)
             boxes = np.asarray(truth.boxes_xyxy_px)[rows].reshape(-1, 4)
-            told.append(BoxTracks(found, boxes, np.ones(len(rows)), np.arange(len(rows))))
-        return told
+            published.append(BoxTracks(found, boxes, np.ones(len(rows)), np.arange(len(rows))))
+        return published
 
 
 def lab_ride(scenario: str, seed: int, errors: SyntheticDetectionsConfig) -> Ride:
     """Return a scenario of the virtual lab as a detector sees it, without pictures."""
     world = World(load_scenario(scenario), seed)
-    sightings = SyntheticDetections(errors, world.info, seed)
+    synthetic = SyntheticDetections(errors, world.info, seed)
     frames, truth = [], []
     for index in range(world.frame_count):
         t_s, stamp_ns = world.frame_s(index), world.stamp_ns(index)
         people, optical_from_map = world.keypoints_m(t_s), world.optical_from_map(t_s)
-        frames.append(_boxes(sightings.at(people, optical_from_map, stamp_ns)))
+        frames.append(_boxes(synthetic.at(people, optical_from_map, stamp_ns)))
         found = silhouettes(people, optical_from_map, world.info)
         boxes = np.array([found[k].box_xyxy_px for k in found]).reshape(-1, 4)
         shares = np.array([found[k].visible_share for k in found])
@@ -123,29 +123,31 @@ def lab_ride(scenario: str, seed: int, errors: SyntheticDetectionsConfig) -> Rid
     )
 
 
-def films(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
+def rendered_recordings(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
     """Return what was filmed of some scenarios, newest first of each; empty if one is wanting."""
     found = []
     for scenario in scenarios:
-        takes = (cache / "scenes").glob(f"{scenario}@{seed}-colour-*.mcap")
-        drawn = [take for take in takes if take.with_suffix(".truth.npz").exists()]
+        recordings = (cache / "scenes").glob(f"{scenario}@{seed}-colour-*.mcap")
+        drawn = [take for take in recordings if take.with_suffix(".truth.npz").exists()]
         found += sorted(drawn, key=lambda take: take.stat().st_mtime)[-1:]
     return found if len(found) == len(scenarios) else []
 
 
 def draw(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
     """Render some scenarios, unless they were rendered before."""
-    takes = plan_recordings([f"lab:{scenario}" for scenario in scenarios], [seed], "colour", cache)
-    for take in takes:
+    recordings = plan_recordings(
+        [f"lab:{scenario}" for scenario in scenarios], [seed], "colour", cache
+    )
+    for take in recordings:
         render_recording(take, 2, lambda what, share: print(f"{what}: {100 * share:.0f} %"))
-    return [take.path for take in takes]
+    return [take.path for take in recordings]
 
 
-def film_ride(take: Path, detector: DetectorConfig, cache: Path) -> Ride:
+def rendered_ride(take: Path, detector: DetectorConfig, cache: Path) -> Ride:
     """Return a film as a network sees its pictures, which it looks at but once."""
-    seen = detect(DetectionJob(take, CameraConfig(), detector, (), cache))
+    detected = detect(DetectionJob(take, CameraConfig(), detector, (), cache))
     frames, samples = list[BoxFrame](), list[Odometry]()
-    for message in read_tracker_input(seen.detections, None):
+    for message in read_tracker_input(detected.detections, None):
         if isinstance(message, Detections):
             frames.append(_boxes(message))
         elif isinstance(message, Odometry):
@@ -187,8 +189,8 @@ def kitti_ride(folder: Path, seed: int) -> Ride:
             boxes.append(np.array([*corner, corner[0] + 0.4 * tall, corner[1] + tall]))
         scores = rng.uniform(0.5, 1.0, len(boxes))
         frames.append(BoxFrame(stamp_ns, np.array(boxes).reshape(-1, 4), scores, (width, height)))
-        told = np.array(list(here.values())).reshape(-1, 4)
-        truth.append(GroundTruth(ids=tuple(here), boxes_xyxy_px=told))
+        published = np.array(list(here.values())).reshape(-1, 4)
+        truth.append(GroundTruth(ids=tuple(here), boxes_xyxy_px=published))
         forward = poses[number][:, 2]  # the camera's z axis; x right, so left is -x
         samples.append(_heading(stamp_ns, math.atan2(-forward[0], forward[2])))
     fov_deg = _fov_deg(width, focal_px)
@@ -196,13 +198,13 @@ def kitti_ride(folder: Path, seed: int) -> Ride:
 
 
 def _truth(ids: list[int], boxes: F64, shares: F64, size_px: tuple[int, int]) -> GroundTruth:
-    """Return who is in the image; whoever is mostly hidden does not have to be found."""
+    """Return who is in the image; a person who is mostly hidden need not be found."""
     boxes = boxes.clip(0, [*size_px, *size_px])
     inside: BOOL = np.all(boxes[:, :2] < boxes[:, 2:], axis=1) & (shares > 0)
     return GroundTruth(
         ids=tuple(k for k, there in zip(ids, inside, strict=True) if there),
         boxes_xyxy_px=boxes[inside],
-        occluded=shares[inside] < SEEN_MIN,
+        occluded=shares[inside] < VISIBLE_MIN,
     )
 
 
@@ -225,8 +227,8 @@ def _heading(stamp_ns: int, theta_rad: float) -> Odometry:
     )
 
 
-def _prompt(told: Sequence[Odometry]) -> tuple[Sample, ...]:
-    return tuple(Sample(one, one.stamp_ns) for one in told)
+def _prompt(published: Sequence[Odometry]) -> tuple[Sample, ...]:
+    return tuple(Sample(one, one.stamp_ns) for one in published)
 
 
 def _fov_deg(width: int, focal_px: float) -> float:
@@ -255,8 +257,8 @@ def silent(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 
 def lossy(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     """One sample of ten is lost."""
-    kept = np.random.default_rng(1).random(len(samples)) >= 0.1
-    return tuple(sample for sample, there in zip(samples, kept, strict=True) if there)
+    received = np.random.default_rng(1).random(len(samples)) >= 0.1
+    return tuple(sample for sample, there in zip(samples, received, strict=True) if there)
 
 
 def late(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
@@ -266,7 +268,7 @@ def late(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 
 def slipping(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     """Each second the wheels slip anew: turns are told 30 % (one sigma) too large or too small."""
-    rng, told = np.random.default_rng(2), []
+    rng, published = np.random.default_rng(2), []
     factors = 1 + 0.3 * rng.standard_normal(1 + len(samples))
     before = theta_rad = samples[0].odometry.theta_rad
     for sample in samples:
@@ -274,8 +276,8 @@ def slipping(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
         before = sample.odometry.theta_rad
         second = (sample.odometry.stamp_ns - samples[0].odometry.stamp_ns) // 1_000_000_000
         theta_rad += step * factors[second]
-        told.append(_changed(sample, theta_rad=math.remainder(theta_rad, 2 * math.pi)))
-    return tuple(told)
+        published.append(_changed(sample, theta_rad=math.remainder(theta_rad, 2 * math.pi)))
+    return tuple(published)
 
 
 def offset(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / "deploy" / "hosts"
 ROUTER = f"tcp/{ADDRESSES['nuc']}:7447"
 PEOPLE4D = str(Path(sys.executable).with_name("people4d"))
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class Site:
 
 
 class Log:
-    """What a host hears, line by line.
+    """Messages received by a host, line by line.
 
     Args:
         file: Where the listener writes.
@@ -159,7 +159,7 @@ class Log:
 
     def wait_for_more(self, than: int = 0) -> list[Heard]:
         """Wait until more messages were heard than a number."""
-        end_s = time.monotonic() + PATIENCE_S
+        end_s = time.monotonic() + TIMEOUT_S
         while len(heard := self.read()) <= than:
             if time.monotonic() > end_s:
                 raise TimeoutError(f"nothing more is heard: {self.file.name}")

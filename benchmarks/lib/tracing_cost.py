@@ -1,4 +1,4 @@
-"""What the marks of tracing cost, alone; part of benchmarks.latency."""
+"""Cost of the marks of tracing alone; part of benchmarks.latency."""
 
 import os
 import time
