@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.lib.table import markdown, spread, write
 from common.io.recording import RecordingWriter, open_recording
 from common.metrics import Matching, score_matching
-from deploy.cli.progress import progress
+from deploy.cli.terminal import progress
 from evaluation.cache import default_folder
 from evaluation.methods import Method, read_method
 from evaluation.pool import Pool

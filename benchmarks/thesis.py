@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT
-from deploy.cli.progress import progress
+from deploy.cli.terminal import progress
 from evaluation.cache import default_folder
 from evaluation.evaluate import Evaluation, evaluate
 from evaluation.evaluate import write as write_report

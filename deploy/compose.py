@@ -5,7 +5,6 @@ a field that would change what runs, and that is not known, is an error.
 """
 
 import re
-import shlex
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
@@ -36,6 +35,10 @@ CONTAINER_ONLY_TOP = frozenset({"name", "networks", "version", "volumes"})
 USED_DEPLOY = frozenset({"replicas"})
 CONTAINER_ONLY_DEPLOY = frozenset({"labels", "mode", "resources"})
 
+BUILT_IN_CHECK = ["CMD", "people4d", "health"]
+USED_HEALTHCHECK = frozenset({"test"})
+TIMING = frozenset({"interval", "timeout", "start_period", "start_interval", "retries"})
+
 DURATION = re.compile(r"(?:(\d+)h)?(?:(\d+)m(?!s))?(?:(\d+(?:\.\d+)?)s)?(?:(\d+)ms)?")
 
 Table = Mapping[str, Any]
@@ -51,15 +54,6 @@ class Dependency:
 
 
 @dataclass(frozen=True)
-class Healthcheck:
-    """A command that exits 0 while its service is healthy."""
-
-    test: tuple[str, ...]  # the command, one string per argument
-    interval_s: float  # pause between two checks
-    timeout_s: float  # longest time that one check may take
-
-
-@dataclass(frozen=True)
 class Service:
     """One service of the system."""
 
@@ -67,7 +61,7 @@ class Service:
     command: tuple[str, ...]  # command, one string per argument
     environment: Mapping[str, str]  # environment variables beside the caller's own
     depends_on: tuple[Dependency, ...]  # what it waits for
-    healthcheck: Healthcheck | None  # how to know that it is healthy, None if running is enough
+    has_healthcheck: bool  # it is healthy once its heartbeat reports so, else while it runs
     restart: str  # one of RESTARTS
     retries: int  # failed starts in a row after which it is given up
     replicas: int  # number of equal processes
@@ -131,44 +125,27 @@ def select(services: Sequence[Service], profiles: Set[str]) -> tuple[Service, ..
     Raises:
         ConfigError: A dependency is unknown, or services wait for each other.
     """
+    running = {s.name: s for s in services if not s.profiles or s.profiles & profiles}
+    for name, service in running.items():
+        present = [d for d in service.depends_on if d.required or d.service in running]
+        running[name] = replace(service, depends_on=tuple(present))
+        for other in present:
+            if other.service not in running:
+                problem = f"{name} depends on {other.service}, which does not run"
+                raise ConfigError(f"compose file: {problem}")
+    graph = {s.name: [d.service for d in s.depends_on] for s in running.values()}
     try:
-        return start_order(_part_of_run(services, profiles))
-    except ValueError as error:
-        raise ConfigError(f"compose file: {error}") from error
-
-
-def start_order(services: tuple[Service, ...]) -> tuple[Service, ...]:
-    """Order services so that each comes after those it depends on.
-
-    Raises:
-        ValueError: A dependency is unknown, or services wait for each other.
-    """
-    by_name = {service.name: service for service in services}
-    for service in services:
-        for other in service.depends_on:
-            if other.service not in by_name:
-                raise ValueError(f"{service.name} depends on {other.service}, which does not run")
-    graph = {s.name: [d.service for d in s.depends_on] for s in services}
-    try:
-        return tuple(by_name[name] for name in TopologicalSorter(graph).static_order())
+        return tuple(running[name] for name in TopologicalSorter(graph).static_order())
     except CycleError as error:
-        raise ValueError(f"services wait for each other: {' -> '.join(error.args[1])}") from error
-
-
-def _part_of_run(services: Sequence[Service], profiles: Set[str]) -> tuple[Service, ...]:
-    """Leave out services of other profiles, and what is optional and waits for them."""
-    running = [s for s in services if not s.profiles or s.profiles & profiles]
-    names = {service.name for service in running}
-    return tuple(
-        replace(s, depends_on=tuple(d for d in s.depends_on if d.required or d.service in names))
-        for s in running
-    )
+        cycle = " -> ".join(error.args[1])
+        raise ConfigError(f"compose file: services wait for each other: {cycle}") from error
 
 
 def _service(name: str, value: Any) -> Service:
     fields = _fields(value, USED, CONTAINER_ONLY, name)
-    if not fields.get("command"):
-        raise ValueError(f"{name}: expected a command, got none")
+    command = fields.get("command")
+    if not command or not isinstance(command, list):
+        raise ValueError(f"{name}.command: expected a list of arguments, got {command!r}")
     restart, _, retries = str(fields.get("restart") or "no").partition(":")
     if restart not in RESTARTS or (retries and not retries.isdecimal()):
         raise ValueError(f"{name}.restart: expected one of {', '.join(RESTARTS)}, got {restart!r}")
@@ -178,10 +155,10 @@ def _service(name: str, value: Any) -> Service:
         raise ValueError(f"{name}.deploy.replicas: expected a number >= 0, got {replicas!r}")
     return Service(
         name=name,
-        command=_command(fields["command"], f"{name}.command"),
+        command=tuple(map(str, command)),
         environment=_environment(fields.get("environment", {}), f"{name}.environment"),
         depends_on=_dependencies(fields.get("depends_on", {}), f"{name}.depends_on"),
-        healthcheck=_healthcheck(fields.get("healthcheck"), f"{name}.healthcheck"),
+        has_healthcheck=_has_healthcheck(fields.get("healthcheck"), f"{name}.healthcheck"),
         restart=restart,
         retries=0 if restart == "no" else int(retries or 5),
         replicas=int(replicas),
@@ -206,37 +183,14 @@ def _dependencies(value: Any, path: str) -> tuple[Dependency, ...]:
     return tuple(found)
 
 
-def _healthcheck(value: Any, path: str) -> Healthcheck | None:
-    if value is None:
-        return None
-    timing = frozenset({"start_period", "start_interval", "retries"})
-    fields = _fields(value, frozenset({"test", "interval", "timeout", "disable"}), timing, path)
-    test = fields.get("test") or ["NONE"]
-    if fields.get("disable") or test == ["NONE"]:
-        return None
-    if isinstance(test, str):
-        test = ["CMD-SHELL", test]
-    kind, *command = map(str, test)
-    if kind not in ("CMD", "CMD-SHELL") or not command:
-        raise ValueError(f"{path}.test: expected [CMD, ...] or [CMD-SHELL, ...], got {test}")
-    return Healthcheck(
-        test=tuple(command if kind == "CMD" else ["sh", "-c", *command]),
-        interval_s=_seconds(fields.get("interval", "30s"), f"{path}.interval"),
-        timeout_s=_seconds(fields.get("timeout", "30s"), f"{path}.timeout"),
-    )
-
-
-def _command(value: Any, path: str) -> tuple[str, ...]:
-    if isinstance(value, str):
-        return tuple(shlex.split(value))
-    if not isinstance(value, list):
-        raise ValueError(f"{path}: expected a list of arguments, got {value!r}")
-    return tuple(map(str, value))
+def _has_healthcheck(value: Any, path: str) -> bool:
+    test = [] if value is None else _fields(value, USED_HEALTHCHECK, TIMING, path).get("test")
+    if test and test[:3] != BUILT_IN_CHECK:
+        raise ValueError(f"{path}.test: expected [CMD, people4d, health, ...], got {test}")
+    return bool(test)
 
 
 def _environment(value: Any, path: str) -> dict[str, str]:
-    if isinstance(value, list):
-        value = dict(str(item).partition("=")[::2] for item in value if "=" in str(item))
     # A name without a value stands for the caller's own, which a local process inherits anyway.
     return {
         key: str(item).lower() if isinstance(item, bool) else str(item)

@@ -15,8 +15,7 @@ import yaml
 from people4d.errors import ConfigError
 
 VARIABLE = re.compile(
-    r"\$(?:(?P<escaped>\$)|(?P<bare>[A-Za-z_]\w*)"
-    r"|\{(?P<name>[A-Za-z_]\w*)(?:(?P<rule>:?[-?+])(?P<word>[^${}]*))?\}|(?P<bad>))"
+    r"\$(?:(?P<escaped>\$)|\{(?P<name>[A-Za-z_]\w*)(?::(?P<rule>[-?])(?P<word>[^${}]*))?\}|(?P<bad>))"
 )
 REPLACED = ("command", "entrypoint", "test")  # lists that are not appended to
 MAX_DEPTH = 8  # files that extend one another
@@ -62,10 +61,6 @@ def load(file: Path) -> Any:
 def interpolate(value: Any, variables: Mapping[str, str]) -> Any:
     """Fill ${VAR}, ${VAR:-default}, ${VAR:?error} and $$ into all strings of a value.
 
-    Args:
-        value: String, list or map, to any depth.
-        variables: Values by name.
-
     Raises:
         ValueError: A required variable is missing or an expression is not understood.
     """
@@ -79,13 +74,7 @@ def interpolate(value: Any, variables: Mapping[str, str]) -> Any:
 
 
 def merge(base: Any, own: Any, field: str = "") -> Any:
-    """Merge a value with the one it extends.
-
-    Args:
-        base: Value of the extended service.
-        own: Value of the service itself, which wins.
-        field: Name of the field.
-    """
+    """Merge a value with that of the extended service, over which it wins."""
     if isinstance(own, _Override):
         return own.value
     if isinstance(base, dict) and isinstance(own, dict):
@@ -126,15 +115,10 @@ def _parse(file: Path) -> Any:
 def _fill(match: re.Match[str], variables: Mapping[str, str]) -> str:
     if match["escaped"]:
         return "$"
-    name, rule, word = match["bare"] or match["name"], match["rule"] or "", match["word"]
+    name, rule, word = match["name"], match["rule"], match["word"]
     if not name:
         raise ValueError(f"{match.string!r}: expected $$, ${{NAME}} or ${{NAME:-default}}")
-    value = variables.get(name)
-    is_set = value is not None and (value != "" or not rule.startswith(":"))
-    if rule.endswith("+"):
-        return word if is_set else ""
-    if is_set or not rule:
-        return value or ""
-    if rule.endswith("?"):
+    value = variables.get(name, "")
+    if rule == "?" and not value:
         raise ValueError(f"variable {name} is not set: {word}")
-    return word
+    return value or word or ""

@@ -68,7 +68,7 @@ def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], day
     _check(hosts)
     authority = _read_authority(folder) or _new_authority(folder)
     for host, its_roles in hosts.items():
-        _make_folder(folder / host)
+        (folder / host).mkdir(mode=0o700, parents=True, exist_ok=True)
         _write(folder / host / AUTHORITY, _pem(authority.certificate), PUBLIC)
         for role in its_roles:
             pair = _signed(role, authority, addresses, days)
@@ -79,17 +79,13 @@ def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], day
 def write_passwords(folder: Path, hosts: Hosts) -> None:
     """Write a folder of passwords for each host, and all of them where the router runs.
 
-    Args:
-        folder: Where the folders shall be.
-        hosts: Roles of each host by its name.
-
     Raises:
         ConfigError: A role is not known.
     """
     _check(hosts)
     known = {role: secrets.token_urlsafe(PASSWORD_BYTES) for role in roles()}
     for host, its_roles in hosts.items():
-        _make_folder(folder / host)
+        (folder / host).mkdir(mode=0o700, parents=True, exist_ok=True)
         for role in its_roles:
             _write(folder / host / f"{role}.password", f"{known[role]}\n".encode(), SECRET)
         if ROUTER in its_roles:
@@ -98,12 +94,7 @@ def write_passwords(folder: Path, hosts: Hosts) -> None:
 
 
 def check(folder: Path, now: datetime) -> list[CredentialCheck]:
-    """Check all credentials below a folder: of each host, or of one.
-
-    Args:
-        folder: Folder of `write_certificates` or `write_passwords`, or one of its hosts'.
-        now: The time at which they shall be good.
-    """
+    """Check that all credentials below a folder, of each host or of one, are good at a time."""
     certificates = sorted(f for f in folder.rglob("*.pem") if f.name != AUTHORITY)
     passwords = sorted(folder.rglob("*.password"))
     return [
@@ -114,11 +105,10 @@ def check(folder: Path, now: datetime) -> list[CredentialCheck]:
 
 def _check(hosts: Hosts) -> None:
     for host, its_roles in hosts.items():
-        for role in its_roles:
-            if role not in roles():
-                raise ConfigError(
-                    f"host {host}: there is no role {role!r}", f"Roles are {', '.join(roles())}."
-                )
+        for role in set(its_roles) - set(roles()):
+            raise ConfigError(
+                f"host {host}: there is no role {role!r}", f"Roles are {', '.join(roles())}."
+            )
 
 
 def _read_authority(folder: Path) -> Pair | None:
@@ -143,7 +133,7 @@ def _new_authority(folder: Path) -> Pair:
     builder = _builder(subject, subject, key, AUTHORITY_DAYS)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
     authority = Pair(builder.sign(key, hashes.SHA256()), key)
-    _make_folder(folder)
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     _write(folder / AUTHORITY_KEY, _private(key), SECRET)
     _write(folder / AUTHORITY, _pem(authority.certificate), PUBLIC)
     return authority
@@ -209,10 +199,6 @@ def _problem(file: Path, certificate: x509.Certificate, role: str, now: datetime
 
 def _open_to_others(file: Path) -> str:
     return f"{file.name} can be read by others: chmod 600" if file.stat().st_mode & 0o077 else ""
-
-
-def _make_folder(folder: Path) -> None:
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 
 def _write(file: Path, data: bytes, mode: int) -> None:

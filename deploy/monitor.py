@@ -1,8 +1,9 @@
 """Monitor of a running system: processes, stages and clocks, over the last seconds."""
 
-from collections.abc import Iterable, Sequence
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import msgspec
 
@@ -15,8 +16,9 @@ from common.runtime.latency import (
     segments,
 )
 from common.runtime.throughput import losses
-from common.transport.clock import HostOffset
+from common.transport.clock import ClockMonitor, HostOffset
 from common.transport.trace import ProcessId, Tracer
+from people4d.client import Client
 from people4d.messages import Detections, Health, Span, Tracks
 from people4d.queue import Arrival
 
@@ -38,19 +40,6 @@ class Durations(msgspec.Struct, frozen=True, kw_only=True):
     # not compared, so that the figures hold their difference
     error_ms: float | None
     beside: bool = False  # done for the same frames, but nothing on their path had to wait for it
-
-    @classmethod
-    def of(cls, stage: str, values_ms: list[float], error_ms: float | None) -> Self:
-        """Sum up at least one duration."""
-        p50_ms, p95_ms, p99_ms = percentiles(values_ms)
-        return cls(
-            stage=stage,
-            p50_ms=p50_ms,
-            p95_ms=p95_ms,
-            p99_ms=p99_ms,
-            count=len(values_ms),
-            error_ms=error_ms,
-        )
 
 
 class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,6 +85,11 @@ class FramePath:
     beside: list[TraceSegment]  # what was done for the frame while its path went on elsewhere
     end_to_end: TraceSegment  # from the first stage to the last
 
+    @property
+    def stages(self) -> list[TraceSegment]:
+        """Stages of all processes, each once, those beside the path last."""
+        return merge_stages(self.parts) + merge_stages(self.beside)
+
 
 class Monitor:
     """Adds up messages in bounded memory.
@@ -109,11 +103,24 @@ class Monitor:
         self._process_id = process_id
         self._tracer = Tracer(process_id)
         self._seconds = seconds
+        self._lock = threading.Lock()
         self._health: dict[str, tuple[float, Health]] = {}
         self._stages: dict[tuple[str, str, bool], _Stage] = {}
         self._detections: dict[tuple[str, int], tuple[Span, ...]] = {}  # traces by camera, stamp
         self._end_to_end = _Stage(seconds)
         self.clocks: dict[str, HostOffset] = {}
+
+    def follow(self, client: Client) -> Iterator[tuple[Arrival, FramePath | None]]:
+        """Take the messages of a system as they come; yield each with the path that it ends."""
+        clock = ClockMonitor(client.session)
+        for arrival in client.arrivals(Health, Tracks, Detections):
+            clock.query()
+            with self._lock:
+                offset = clock.offset()
+                if offset:
+                    self.clocks[self._process_id.host] = offset
+                path = self.add(arrival, time.time_ns(), time.monotonic())
+            yield arrival, path
 
     def add(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
         """Take a message.
@@ -143,11 +150,6 @@ class Monitor:
             return path
         return None
 
-    def add_own_clock(self, offset: HostOffset | None) -> None:
-        """Take how far the clock of this host is ahead of the router's."""
-        if offset:
-            self.clocks[self._process_id.host] = offset
-
     def healths(self, now_s: float) -> list[Health]:
         """Return the fresh heartbeats, sorted by instance."""
         fresh = (h for when_s, h in self._health.values() if now_s - when_s < FRESH_S)
@@ -155,6 +157,10 @@ class Monitor:
 
     def snapshot(self, now_s: float) -> SystemSnapshot:
         """Return the system as it is now."""
+        with self._lock:
+            return self._snapshot(now_s)
+
+    def _snapshot(self, now_s: float) -> SystemSnapshot:
         healths = {health.instance: health for health in self.healths(now_s)}
         stages: dict[str, list[Durations]] = {}
         origins: dict[str, tuple[str, str]] = {}
@@ -170,7 +176,10 @@ class Monitor:
         return SystemSnapshot(
             seconds=self._seconds,
             end_to_end=self._end_to_end.durations(now_s),
-            clocks=[self._clock(host) for host in sorted({host for _, host in origins.values()})],
+            clocks=[
+                _clock(host, self.clocks.get(host))
+                for host in sorted({host for _, host in origins.values()})
+            ],
             processes=[
                 _process(name, *origin, healths.get(name), stages.get(name, []))
                 for name, origin in origins.items()
@@ -194,22 +203,9 @@ class Monitor:
                     stage.add(part, now_s, part.start_ns - path.end_to_end.start_ns)
         self._end_to_end.add(path.end_to_end, now_s, 0)
 
-    def _clock(self, host: str) -> ClockSnapshot:
-        offset = self.clocks.get(host)
-        return ClockSnapshot(
-            host=host,
-            offset_ms=offset.offset_ns / 1e6 if offset else None,
-            error_ms=offset.error_ns / 1e6 if offset else None,
-        )
-
 
 class _Stage:
-    """Durations of one stage of one process.
-
-    Args:
-        seconds: How long they count.
-        beside: Whether it is beside the path.
-    """
+    """Durations of one stage of one process, on the path of frames or beside it."""
 
     def __init__(self, seconds: float, beside: bool = False) -> None:
         self._beside = beside
@@ -227,11 +223,18 @@ class _Stage:
     def durations(self, now_s: float) -> Durations | None:
         """Return the durations that count now, None if there are none."""
         values_ms = self._window.values(now_s)
-        error_ms = None if self._error_ns is None else self._error_ns / 1e6
         if not values_ms:
             return None
-        found = Durations.of(self._name, values_ms, error_ms)
-        return msgspec.structs.replace(found, beside=self._beside)
+        p50_ms, p95_ms, p99_ms = percentiles(values_ms)
+        return Durations(
+            stage=self._name,
+            p50_ms=p50_ms,
+            p95_ms=p95_ms,
+            p99_ms=p99_ms,
+            count=len(values_ms),
+            error_ms=None if self._error_ns is None else self._error_ns / 1e6,
+            beside=self._beside,
+        )
 
 
 def of_frame(trace: Sequence[Span]) -> bool:
@@ -268,4 +271,12 @@ def _process(
         losses=losses(health.counters),
         cpu_percent=gauges.get("cpu_percent"),
         memory_mb=gauges.get("memory_mb"),
+    )
+
+
+def _clock(host: str, offset: HostOffset | None) -> ClockSnapshot:
+    if offset is None:
+        return ClockSnapshot(host=host, offset_ms=None, error_ms=None)
+    return ClockSnapshot(
+        host=host, offset_ms=offset.offset_ns / 1e6, error_ms=offset.error_ns / 1e6
     )

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from itertools import islice
 
-from deploy.cli.up import DEMO
+from deploy.cli.system.up import DEMO
 from people4d.messages import CameraInfo
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.source import MotionMessage, Source, SourceFrame

@@ -13,40 +13,34 @@ from people4d.errors import People4dError
 # Command, its module below this package, its line in the help. A module is imported on use, so
 # that help and completion stay fast.
 COMMANDS = (
-    ("up", "up", "Start everything and watch it; Ctrl-C stops it."),
-    ("demo", "up", "Run the whole pipeline on the shipped recording and write a report."),
-    ("down", "down", "Stop everything."),
-    ("scale", "scale", "Change how many detectors or reids run, live: detector=3."),
-    ("ps", "ps", "Show processes: state, health, rates, drops."),
-    ("top", "top", "Show where time goes, live: every stage, rates, losses, ages."),
-    ("trace", "trace", "Write the way of frames through all processes, for Perfetto."),
-    ("export", "export", "Serve latency and health to Prometheus or OpenTelemetry."),
-    ("logs", "logs", "Show what the processes wrote."),
-    ("listen", "listen", "Show the people around the robot, live."),
-    ("score", "score", "Show how far the people are from the truth, live."),
-    ("info", "info", "Tell what a recording, bag or folder holds."),
-    ("lab", "lab", "Film simulated people: list scenarios, render, preview, export to ROS 2."),
-    ("evaluate", "evaluate", "Score methods on recordings with truth; writes a report."),
-    ("gait", "gait", "Follow heads, hands and feet in a recording; tells how people walk."),
-    ("models", "models", "List models: present, verified, licence, how to get them."),
-    ("record", "record", "Record messages to a file."),
-    ("csv", "csv", "Write truth and tracks of a recording to a table, CSV or Parquet."),
-    ("replay", "replay", "Publish recorded messages, to try one service alone."),
-    ("doctor", "doctor", "Find why there is no output, and how to fix it."),
-    ("health", "health", "Exit with 0 once a service is healthy."),
-    ("run", "run", "Run one service in this terminal."),
-    ("keys", "keys", "Make certificates or passwords for hosts and roles, or check them."),
+    ("up", "system.up", "Start everything and watch it; Ctrl-C stops it."),
+    ("demo", "system.up", "Run the whole pipeline on the shipped recording and write a report."),
+    ("down", "system.control", "Stop everything."),
+    ("scale", "system.control", "Change how many detectors or reids run, live: detector=3."),
+    ("ps", "system.ps", "Show processes: state, health, rates, drops."),
+    ("top", "live.top", "Show where time goes, live: every stage, rates, losses, ages."),
+    ("trace", "live.trace", "Write the way of frames through all processes, for Perfetto."),
+    ("export", "live.export", "Serve latency and health to Prometheus or OpenTelemetry."),
+    ("logs", "system.logs", "Show what the processes wrote."),
+    ("listen", "live.views", "Show the people around the robot, live."),
+    ("score", "live.views", "Show how far the people are from the truth, live."),
+    ("info", "data.info", "Tell what a recording, bag or folder holds."),
+    ("lab", "lab.simulate", "Film simulated people: list scenarios, render, preview, export."),
+    ("evaluate", "lab.evaluate", "Score methods on recordings with truth; writes a report."),
+    ("gait", "lab.gait", "Follow heads, hands and feet in a recording; tells how people walk."),
+    ("models", "data.models", "List models: present, verified, licence, how to get them."),
+    ("record", "data.replay", "Record messages to a file."),
+    ("csv", "data.csv", "Write truth and tracks of a recording to a table, CSV or Parquet."),
+    ("replay", "data.replay", "Publish recorded messages, to try one service alone."),
+    ("doctor", "system.doctor", "Find why there is no output, and how to fix it."),
+    ("health", "system.control", "Exit with 0 once a service is healthy."),
+    ("run", "system.control", "Run one service in this terminal."),
+    ("keys", "system.keys", "Make certificates or passwords for hosts and roles, or check them."),
 )
 
 
 class LazyCommand(typer.core.TyperCommand):
-    """Stands for a command in the help; the real one is imported when it is used.
-
-    Args:
-        name: Name of the command, and of its function in the module.
-        module: Module below deploy.cli.
-        line: Its line in the help.
-    """
+    """Stands for a command in the help; the real one is imported when it is used."""
 
     def __init__(self, name: str, module: str, line: str) -> None:
         super().__init__(name, help=line, short_help=line)
@@ -58,7 +52,7 @@ class LazyCommand(typer.core.TyperCommand):
         if hasattr(module, "group"):  # it has commands of its own
             return typer.main.get_command(module.group()).make_context(*args, **kwargs)
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        settings = getattr(module, "CONTEXT_SETTINGS", None)
+        settings = getattr(module, "CONTEXT_SETTINGS", {}).get(self.name)
         app.command(self.name, context_settings=settings)(getattr(module, str(self.name)))
         return typer.main.get_command(app).make_context(*args, **kwargs)
 

@@ -1,13 +1,14 @@
 """Options that several commands share."""
 
 import os
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from common.transport.zenoh_bus import ZenohBus, read_config
 from deploy.launcher.state import State
 from people4d.client import Client
+from services.presets import PRESETS
 
 CONNECT_S = 3.0
 
@@ -21,6 +22,33 @@ Connect = Annotated[
         metavar="ENDPOINT",
         help="Router, for example tcp/192.168.1.7:7447; without it the one that runs here.",
     ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Once = Annotated[bool, typer.Option("--once", help="Show one message and end.")]
+Timeout = Annotated[
+    float | None,
+    typer.Option("--timeout", help="End after so many seconds without a message."),
+]
+ReadyTimeout = Annotated[
+    float, typer.Option("--timeout", help="Seconds that a process may take to get ready.")
+]
+Preset = Annotated[
+    str, typer.Option(help=f"Method with its settings: {', '.join(PRESETS)}, or a TOML file.")
+]
+Settings = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="SERVICE.FIELD=VALUE",
+        help="Any other setting, for example camera.max_frames=100.",
+    ),
+]
+Fidelity = Annotated[
+    Literal["geometry", "depth", "colour"],
+    typer.Option(help="geometry: detections in place of frames. depth: people in flat colours."),
+]
+Jobs = Annotated[
+    int, typer.Option(min=0, help="Processes at once, one thread each; 0: one for each core.")
 ]
 
 

@@ -1,15 +1,43 @@
-"""Evidence: messages of a running system, collected over a few seconds."""
+"""Evidence: messages of a running system, collected over a few seconds; and diagnostics."""
 
 import time
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Literal
+
+import msgspec
 
 from common.runtime.heartbeat import release
 from people4d.client import Client
 from people4d.messages import CameraInfo, Detections, Health, Message, StaticTransform, Tracks
 
+Level = Literal["ok", "warning", "problem"]
 HEARD = (Health, CameraInfo, StaticTransform, Detections, Tracks)
+
+
+class Diagnostic(msgspec.Struct, frozen=True, kw_only=True):
+    """The result of one check."""
+
+    check: str  # its name, one word
+    level: Level = "ok"  # warning: it works, but not as it could
+    what: str  # what was found, one sentence
+    hint: str = ""  # what to do about it, one sentence; empty if nothing need be done
+    about: tuple[str, ...] = ()  # processes that this explains
+
+
+def ok(check: str, what: str) -> Diagnostic:
+    """Make a diagnostic that nothing is wrong."""
+    return Diagnostic(check=check, what=what)
+
+
+def warning(check: str, what: str, hint: str, *about: str) -> Diagnostic:
+    """Make a diagnostic of something that limits."""
+    return Diagnostic(check=check, level="warning", what=what, hint=hint, about=about)
+
+
+def problem(check: str, what: str, hint: str, *about: str) -> Diagnostic:
+    """Make a diagnostic of something that keeps people from being published."""
+    return Diagnostic(check=check, level="problem", what=what, hint=hint, about=about)
 
 
 @dataclass(slots=True)
@@ -62,7 +90,7 @@ class Evidence:
     def hear(self, message: Message, now_ns: int) -> None:
         """Take a message; `now_ns` is this machine's wall clock."""
         if isinstance(message, Health):
-            self._hear_health(message, now_ns)
+            self._hear_health(message, now_ns - message.stamp_ns)
         elif isinstance(message, CameraInfo):
             self.infos[message.camera] = message
         elif isinstance(message, StaticTransform):
@@ -72,27 +100,23 @@ class Evidence:
         elif isinstance(message, Tracks):
             self.tracks.append(message)
 
-    def _hear_health(self, health: Health, now_ns: int) -> None:
+    def _hear_health(self, health: Health, late_ns: int) -> None:
         if health.state == "stopping":
             self.vitals.pop(health.instance, None)
             return
-        late_ns = now_ns - health.stamp_ns
         vitals = self.vitals.setdefault(health.instance, Vitals(health, health, late_ns))
         vitals.last, vitals.late_ns = health, min(vitals.late_ns, late_ns)
         vitals.pids.add((health.host, health.pid))
 
 
 def listen(client: Client, seconds: float) -> Evidence:
-    """Listen to a system for some seconds.
-
-    Args:
-        client: Connected to its router.
-        seconds: How long; heartbeats come twice a second.
-    """
+    """Listen to a system for some seconds; heartbeats come twice a second."""
     evidence = Evidence(robot=client.session.robot)
     start_s = time.monotonic()
-    messages = client.messages(*HEARD, timeout_s=seconds)
-    _take(evidence, messages, start_s + seconds)
+    for message in client.messages(*HEARD, timeout_s=seconds):
+        evidence.hear(message, time.time_ns())
+        if time.monotonic() > start_s + seconds:
+            break
     evidence.elapsed_s = time.monotonic() - start_s
     evidence.present = client.session.present()
     for name, count in client.queue.counters.items():
@@ -100,10 +124,3 @@ def listen(client: Client, seconds: float) -> Evidence:
             evidence.refused[name.removeprefix("bad_")] = count
     evidence.refusal = client.queue.last_error
     return evidence
-
-
-def _take(evidence: Evidence, messages: Iterable[Message], end_s: float) -> None:
-    for message in messages:
-        evidence.hear(message, time.time_ns())
-        if time.monotonic() > end_s:
-            return

@@ -5,16 +5,12 @@ import socket
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import msgspec
-
 from deploy import compose
-from deploy.compose import Service
-from deploy.doctor.diagnostic import Diagnostic, ok, problem, warning
+from deploy.doctor.evidence import Diagnostic, ok, problem, warning
 from deploy.launcher.launcher import tail
-from deploy.launcher.plan import COMPOSE_FILE, CONFIG_FILE
-from deploy.launcher.settings import load_model, read_settings
+from deploy.launcher.plan import COMPOSE_FILE, CONFIG_FILE, load_model, read_settings
 from deploy.launcher.state import State
-from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
+from deploy.launcher.supervisor import Supervisor, SupervisorGoneError
 from people4d.errors import ConfigError, People4dError
 
 CONNECT_S = 1.0
@@ -23,12 +19,7 @@ ENDPOINT = re.compile(r"(?P<scheme>tcp|tls)/(?P<host>.+):(?P<port>\d+)")
 
 
 def router(endpoint: str, error: People4dError) -> Diagnostic:
-    """Tell why there is no session with a router.
-
-    Args:
-        endpoint: Where it should listen.
-        error: What Zenoh said.
-    """
+    """Explain the error with which a session with a router failed."""
     match = ENDPOINT.fullmatch(endpoint.partition(",")[0])
     if not match:
         hint = "Write it as tcp/192.168.1.7:7447."
@@ -71,22 +62,25 @@ def running(state: State) -> Iterator[Diagnostic]:
     except SupervisorGoneError as error:
         yield problem("processes", error.problem, error.hint)
         return
-    down = [found for p in processes.values() if (found := _down(p, state))]
-    yield from down
-    if not down:
+    running = True
+    for process in processes.values():
+        name, log = process.name, state.log_of(process.name)
+        if process.finished:
+            what = f"{name} came to its end: {_last_word(log)}"
+            yield warning(
+                "processes",
+                what,
+                "A recording is played once: people4d up --loop repeats it.",
+                name,
+            )
+        elif process.state not in ("RUNNING", "STARTING", "STOPPED", "STOPPING"):
+            what = f"{name} does not stay up: {_last_word(log)}"
+            yield problem("processes", what, f"The whole log: {log}", name)
+        else:
+            continue
+        running = False
+    if running:
         yield ok("processes", f"{len(processes)} processes run here")
-
-
-def _down(process: Process, state: State) -> Diagnostic | None:
-    if process.state in ("RUNNING", "STARTING", "STOPPED", "STOPPING"):
-        return None
-    if process.finished:
-        what = f"{process.name} came to its end: {_last_word(state.log_of(process.name))}"
-        hint = "A recording is played once: people4d up --loop repeats it."
-        return warning("processes", what, hint, process.name)
-    what = f"{process.name} does not stay up: {_last_word(state.log_of(process.name))}"
-    hint = f"The whole log: {state.log_of(process.name)}"
-    return problem("processes", what, hint, process.name)
 
 
 def _last_word(log: Path) -> str:
@@ -111,15 +105,10 @@ def settings(config: Path | None, environment: Mapping[str, str]) -> Iterator[Di
             yield problem("settings", error.problem, hint)
             continue
         if record and "people4d.model" in service.labels:
-            yield _model(service, record)
+            try:
+                yield ok("model", f"{service.name}: {load_model(service, record)} can be loaded")
+            except People4dError as error:
+                hint = error.hint or "See people4d models."
+                yield problem("model", f"{service.name}: {error.problem}", hint)
     if good:
         yield ok("settings", f"{file} can be used")
-
-
-def _model(service: Service, record: msgspec.Struct) -> Diagnostic:
-    try:
-        name = load_model(service, record)
-    except People4dError as error:
-        problem_ = f"{service.name}: {error.problem}"
-        return problem("model", problem_, error.hint or "See people4d models.")
-    return ok("model", f"{service.name}: {name} can be loaded")

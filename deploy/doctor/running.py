@@ -1,98 +1,112 @@
-"""Checks of a system that runs: each looks at what was heard and says what is wrong."""
+"""Checks of a system that runs: each concludes from the evidence what is wrong."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
-from deploy.doctor.diagnostic import Diagnostic, ok, problem, warning
-from deploy.doctor.evidence import Evidence, Vitals
-from people4d.messages import Tracks
+from deploy.doctor.evidence import Diagnostic, Evidence, Level, Vitals, ok, problem, warning
 
 NEEDED = ("camera", "detector", "tracker")
 APART_NS = 50_000_000  # [ns] by which clocks may differ before people are published too late
 LATE_NS = 1_000_000_000  # [ns] heartbeats are never so long in transit
 MOST = 0.5  # share of frames from which on a fault is one of all of them
+SAME_RELEASE = "Run the same people4d release on all machines."
+OTHER_MODEL = "people4d models --verify checks the file; another: --model NAME."
 
-Check = Callable[[Evidence], Sequence[Diagnostic]]
+# Events that say by themselves what is wrong: check, level, service, counter of the event, what is
+# wrong (with {fault}, the reason that the process gives), and hint.
+EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
+    (
+        *("calibration", "problem", "detector", "no_calibration"),
+        "no CameraInfo comes: frames are dropped, since detections get no positions",
+        "Give the camera its calibration: --set camera.options.calibration=FILE.",
+    ),
+    (
+        *("calibration", "problem", "detector", "wrong_size"),
+        "frames are not of the size that CameraInfo tells: {fault}",
+        "Calibrate at the size that is streamed, or stream at the size calibrated.",
+    ),
+    (
+        *("odometry", "warning", "tracker", "predicted_base"),
+        "odometry comes too late or not: the robot's motion is guessed",
+        "Is odometry published (people4d ps), at 20 Hz or more, with stamps in time?",
+    ),
+    ("model", "problem", "detector", "model_errors", "{fault}", OTHER_MODEL),
+    ("model", "problem", "reid", "embedder_errors", "{fault}", OTHER_MODEL),
+)
 
 
-def services(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether all services run, and under this robot's name."""
-    there = sorted({v.last.service for v in evidence.vitals.values()})
-    missing = [name for name in NEEDED if name not in there]
+def services(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that all services run, and under this robot's name."""
+    running = sorted({v.last.service for v in evidence.vitals.values()})
+    missing = [name for name in NEEDED if name not in running]
     robots = sorted({robot for robot, _, _ in evidence.present} - {evidence.robot})
-    if not there and robots:
+    present = {name for robot, _, name in evidence.present if robot == evidence.robot}
+    silent = sorted(present - set(evidence.vitals))
+    if not running and robots:
         what = f"no robot is called {evidence.robot}; there is {', '.join(robots)}"
-        return [problem("robot", what, f"Add --robot {robots[0]}.")]
-    silent = _silent(evidence)
-    if silent:
+        yield problem("robot", what, f"Add --robot {robots[0]}.")
+    elif silent:
         what = f"{', '.join(silent)} sent no heartbeat"
         hint = "It hangs: the watchdog of people4d up starts it again, else kill -9 it."
-        return [problem("services", what, hint, *silent)]
-    if missing:
-        what = f"{', '.join(missing)} does not run" + (
-            f"; {', '.join(there)} does" if there else ""
-        )
-        return [problem("services", what, "See why with people4d logs, or start it: people4d up.")]
-    return [ok("services", f"{', '.join(there)} run")]
+        yield problem("services", what, hint, *silent)
+    elif missing:
+        others_run = f"; {', '.join(running)} does" if running else ""
+        what = f"{', '.join(missing)} does not run{others_run}"
+        yield problem("services", what, "See why with people4d logs, or start it: people4d up.")
+    else:
+        yield ok("services", f"{', '.join(running)} run")
 
 
-def _silent(evidence: Evidence) -> list[str]:
-    """Return who is there by token, but was not heard."""
-    present = {name for robot, _, name in evidence.present if robot == evidence.robot}
-    return sorted(present - set(evidence.vitals))
-
-
-def names(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether anything runs twice that must not."""
+def names(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that nothing runs twice that must not."""
     twice = sorted(name for name, v in evidence.vitals.items() if len(v.pids) > 1)
+    trackers = [v.last for v in evidence.of("tracker")]
     if twice:
         what = f"several processes call themselves {', '.join(twice)}, or one started anew just now"
-        return [problem("twice", what, "Give each its own name: --instance.", *twice)]
-    trackers = [v.last for v in evidence.of("tracker")]
-    if len(trackers) > 1:
+        yield problem("twice", what, "Give each its own name: --instance.", *twice)
+    elif len(trackers) > 1:
         listing = ", ".join(f"{t.instance} on {t.host} (process {t.pid})" for t in trackers)
         what = f"{len(trackers)} trackers tell people at once, with numbers of their own: {listing}"
-        return [problem("twice", what, "Stop all but one.", *(t.instance for t in trackers))]
-    return []
+        yield problem("twice", what, "Stop all but one.", *(t.instance for t in trackers))
 
 
-def releases(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether the same release runs everywhere."""
-    if "version" in evidence.refusal and evidence.refused:
-        topics = ", ".join(sorted(evidence.refused))
-        what = f"messages of another release come ({topics}): {evidence.refusal}"
-        return [problem("release", what, "Run the same people4d release on all machines.")]
+def releases(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that the same release runs everywhere."""
     found: dict[str, list[str]] = {evidence.release: ["here"]}
     for name, vitals in evidence.vitals.items():
         found.setdefault(vitals.last.release or "an older one", []).append(name)
-    if len(found) > 1:
+    if "version" in evidence.refusal and evidence.refused:
+        topics = ", ".join(sorted(evidence.refused))
+        what = f"messages of another release come ({topics}): {evidence.refusal}"
+        yield problem("release", what, SAME_RELEASE)
+    elif len(found) > 1:
         listing = "; ".join(f"{r}: {', '.join(who)}" for r, who in sorted(found.items()))
-        hint = "Run the same people4d release on all machines."
-        return [problem("release", f"releases differ: {listing}", hint)]
-    return [ok("release", f"everyone runs {evidence.release}")] if evidence.vitals else []
+        yield problem("release", f"releases differ: {listing}", SAME_RELEASE)
+    elif evidence.vitals:
+        yield ok("release", f"everyone runs {evidence.release}")
 
 
-def clocks(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether the clocks of the hosts agree, and whether one was set."""
-    apart: dict[str, str] = {}
-    for vitals in evidence.vitals.values():
-        behind_ns, host = _behind_ns(vitals), vitals.last.host
-        if behind_ns:
-            direction = "behind" if behind_ns > 0 else "ahead"
-            apart[host] = f"{abs(behind_ns) / 1e6:.0f} ms {direction}"
-    if apart:
-        listing = ", ".join(f"{host} is {how}" for host, how in sorted(apart.items()))
-        hint = "Let all hosts keep time by one server: chrony or systemd-timesyncd."
-        return [problem("clocks", f"clocks of hosts are apart: {listing}", hint)]
+def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that the clocks of the hosts agree, and that none was set."""
+    processes = evidence.vitals.values()
+    behind_ms = {v.last.host: ns / 1e6 for v in processes if (ns := _behind_ns(v))}
     stepped = sorted(name for name, v in evidence.vitals.items() if v.since("clock_steps"))
-    if stepped:
+    jumps = sum(v.total("stamp_jumps", "clock_resets") for v in processes)
+    if behind_ms:
+        listing = ", ".join(
+            f"{host} is {abs(ms):.0f} ms {'behind' if ms > 0 else 'ahead'}"
+            for host, ms in sorted(behind_ms.items())
+        )
+        hint = "Let all hosts keep time by one server: chrony or systemd-timesyncd."
+        yield problem("clocks", f"clocks of hosts are apart: {listing}", hint)
+    elif stepped:
         what = f"a clock was set while {', '.join(stepped)} ran"
-        return [problem("clocks", what, "Let it be steered, not set: chrony does, date does not.")]
-    jumps = sum(v.total("stamp_jumps", "clock_resets") for v in evidence.vitals.values())
-    if jumps:
+        yield problem("clocks", what, "Let it be steered, not set: chrony does, date does not.")
+    elif jumps:
         what = f"stamps of frames jumped {jumps} times since the start: people got new numbers"
         hint = "A recording that is repeated does so; of a live camera, look at its host's clock."
-        return [warning("clocks", what, hint)]
-    return [ok("clocks", "all clocks agree")] if evidence.vitals else []
+        yield warning("clocks", what, hint)
+    elif processes:
+        yield ok("clocks", "all clocks agree")
 
 
 def _behind_ns(vitals: Vitals) -> float:
@@ -106,30 +120,31 @@ def _behind_ns(vitals: Vitals) -> float:
     return float(late_ns) if late_ns < -APART_NS or late_ns > LATE_NS else 0.0
 
 
-def frames(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether frames leave the camera and reach the detector."""
+def frames(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that frames leave the camera and reach the detector."""
     cameras, detectors = evidence.of("camera"), evidence.of("detector")
-    quiet = [v for v in cameras if not v.since("sent_frames", "sent_compressed")]
-    for vitals in quiet:
-        name, why = vitals.last.instance, vitals.fault or "it says nothing of why"
-        what = f"{name} sends no frames: {why}"
-        hint = "Is it plugged in, or its recording at its end? people4d logs camera tells more."
-        return [problem("frames", what, hint, name, *(v.last.instance for v in detectors))]
+    sent = [v.since("sent_frames", "sent_compressed") for v in cameras]
+    about = [v.last.instance for v in detectors]
     if not cameras:
-        return []
-    if detectors and not any(v.since("received_frames") for v in detectors):
+        return
+    if not all(sent):
+        quiet = cameras[sent.index(0)]
+        name, why = quiet.last.instance, quiet.fault or "it says nothing of why"
+        hint = "Is it plugged in, or its recording at its end? people4d logs camera tells more."
+        yield problem("frames", f"{name} sends no frames: {why}", hint, name, *about)
+    elif detectors and not any(v.since("received_frames") for v in detectors):
         what = "frames leave the camera, but do not reach the detector"
         hint = (
             "Raw frames do not leave their host: run the detector where the camera runs. In "
             "containers, share shm_size and ipc as compose.yaml does."
         )
-        return [problem("frames", what, hint, *(v.last.instance for v in detectors))]
-    rate_hz = sum(v.since("sent_frames", "sent_compressed") for v in cameras)
-    return [ok("frames", f"{rate_hz / max(evidence.elapsed_s, 0.1):.0f} frames a second come")]
+        yield problem("frames", what, hint, *about)
+    else:
+        yield ok("frames", f"{sum(sent) / max(evidence.elapsed_s, 0.1):.0f} frames a second come")
 
 
-def pairs(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether colour and depth belong together."""
+def pairs(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that colour and depth belong together."""
     for vitals in evidence.of("camera"):
         alone, sent = vitals.total("unpaired", "loose_pairs"), vitals.total("sent_frames")
         if alone > MOST * max(sent, 1):
@@ -138,48 +153,39 @@ def pairs(evidence: Evidence) -> Sequence[Diagnostic]:
                 "Turn on the camera's synchronisation and depth registered to colour; "
                 "options.sync_slop_s of the source says how far apart they may be."
             )
-            return [problem("pairs", what, hint, vitals.last.instance)]
-    return []
+            yield problem("pairs", what, hint, vitals.last.instance)
 
 
-def calibration(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether the camera's intrinsics are known and fit."""
-    for vitals in evidence.of("detector"):
-        name = vitals.last.instance
-        if vitals.since("no_calibration"):
-            what = "no CameraInfo comes: frames are dropped, since detections get no positions"
-            hint = "Give the camera its calibration: --set camera.options.calibration=FILE."
-            return [problem("calibration", what, hint, name)]
-        if vitals.since("wrong_size"):
-            what = f"frames are not of the size that CameraInfo tells: {vitals.fault}"
-            hint = "Calibrate at the size that is streamed, or stream at the size calibrated."
-            return [problem("calibration", what, hint, name)]
-    if not evidence.infos:
-        return []
-    listing = ", ".join(f"{i.camera} {i.width}x{i.height}" for i in evidence.infos.values())
-    return [ok("calibration", f"known: {listing}")]
+def events(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Report each of EVENTS that was counted."""
+    for check, level, service, counter, what, hint in EVENTS:
+        for vitals in evidence.of(service):
+            if vitals.since(counter):
+                text, about = what.format(fault=vitals.fault), (vitals.last.instance,)
+                yield Diagnostic(check=check, level=level, what=text, hint=hint, about=about)
 
 
-def transforms(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether it is known where the cameras stand."""
+def calibration(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Report the calibrations and transforms that are known."""
     for vitals in evidence.of("tracker"):
         if "no transform" in vitals.last.reason:
             hint = (
                 "Set camera.mount_xyz_m, mount_rpy_rad and mount_parent, or publish the transform."
             )
-            return [problem("transform", vitals.last.reason, hint, vitals.last.instance)]
-        if vitals.since("predicted_base"):
-            what = "odometry comes too late or not: the robot's motion is guessed"
-            hint = "Is odometry published (people4d ps), at 20 Hz or more, with stamps in time?"
-            return [warning("odometry", what, hint, vitals.last.instance)]
-    if not evidence.transforms:
-        return []
-    listing = ", ".join(f"{t.child} in {t.parent}" for t in evidence.transforms.values())
-    return [ok("transform", f"known: {listing}")]
+            yield problem("transform", vitals.last.reason, hint, vitals.last.instance)
+            return
+    infos, transforms = evidence.infos.values(), evidence.transforms.values()
+    unusable = [v for v in evidence.of("detector") if v.since("no_calibration", "wrong_size")]
+    if infos and not unusable:
+        listing = ", ".join(f"{info.camera} {info.width}x{info.height}" for info in infos)
+        yield ok("calibration", f"known: {listing}")
+    if transforms:
+        listing = ", ".join(f"{t.child} in {t.parent}" for t in transforms)
+        yield ok("transform", f"known: {listing}")
 
 
-def depth(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether depth images hold anything."""
+def depth(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that depth images hold anything."""
     for vitals in evidence.of("detector"):
         empty, came = vitals.since("no_depth"), vitals.since("frames")
         if empty and empty >= MOST * came:
@@ -188,109 +194,93 @@ def depth(evidence: Evidence) -> Sequence[Diagnostic]:
                 "Is the depth stream on, its lens free, and its unit millimetres in 16 bits? "
                 "Sunlight blinds some sensors."
             )
-            return [problem("depth", what, hint, vitals.last.instance)]
-    return []
+            yield problem("depth", what, hint, vitals.last.instance)
 
 
-def model(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether networks fail."""
-    for service, counter in (("detector", "model_errors"), ("reid", "embedder_errors")):
-        for vitals in evidence.of(service):
-            if vitals.since(counter):
-                hint = "people4d models --verify checks the file; another: --model NAME."
-                return [problem("model", vitals.fault, hint, vitals.last.instance)]
-    return []
-
-
-def load(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether the machine keeps up."""
-    slow = [v for v in evidence.vitals.values() if _slowness(v)]
-    if not slow:
-        return [ok("load", "everyone keeps up")] if evidence.vitals else []
-    listing = "; ".join(f"{v.last.instance} is {_slowness(v)}" for v in slow)
-    hint = (
-        "Choose a smaller model (people4d models), run more detectors (people4d scale detector=2) "
-        "or send fewer frames (--set camera.stride=2)."
-    )
-    return [warning("load", listing, hint, *(v.last.instance for v in slow))]
+def load(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that the machine keeps up."""
+    slow = {name: part for name, v in evidence.vitals.items() if (part := _slowness(v))}
+    if slow:
+        hint = (
+            "Choose a smaller model (people4d models), run more detectors (people4d scale "
+            "detector=2) or send fewer frames (--set camera.stride=2)."
+        )
+        listing = "; ".join(f"{name} is {part}" for name, part in slow.items())
+        yield warning("load", listing, hint, *slow)
+    elif evidence.vitals:
+        yield ok("load", "everyone keeps up")
 
 
 def _slowness(vitals: Vitals) -> str:
-    """Return what a process says of input that comes too fast, empty if nothing."""
+    """Return what a process reports of input that comes too fast, empty if nothing."""
     parts = vitals.last.reason.split("; ")
     return next((p for p in parts if "too slow" in p or "overflows" in p), "")
 
 
-def hanging(evidence: Evidence) -> Sequence[Diagnostic]:
-    """Look whether anyone does not go on."""
-    stalled = [v for v in evidence.vitals.values() if v.last.state == "stalled"]
-    if not stalled:
-        return []
-    listing = "; ".join(f"{v.last.instance} is stalled: {v.last.reason}" for v in stalled)
-    hint = (
-        "With people4d up it is started again when that lasts, and its log then says in which "
-        f"line it was: people4d logs {stalled[0].last.service}. kill -9 does so at once."
-    )
-    return [problem("hanging", listing, hint, *(v.last.instance for v in stalled))]
+def hanging(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that no process is stalled."""
+    stalled = [v.last for v in evidence.vitals.values() if v.last.state == "stalled"]
+    if stalled:
+        listing = "; ".join(f"{s.instance} is stalled: {s.reason}" for s in stalled)
+        hint = (
+            "With people4d up it is started again when that lasts, and its log then says in which "
+            f"line it was: people4d logs {stalled[0].service}. kill -9 does so at once."
+        )
+        yield problem("hanging", listing, hint, *(s.instance for s in stalled))
 
 
-def people(evidence: Evidence) -> Sequence[Diagnostic]:
+def people(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that people are detected, have positions and are tracked."""
     found = [d for message in evidence.detections for d in message.detections]
+    with_position = sum(d.position_m is not None for d in found)
     if not evidence.detections:
-        return []
+        return
     if not found:
         what = f"the detector finds no person in {len(evidence.detections)} frames"
         hint = (
             "Are people in view, upright, lit, and nearer than about 8 m? See its images: "
             "people4d up --report DIR."
         )
-        return [warning("people", what, hint)]
-    with_position = sum(d.position_m is not None for d in found)
-    if not with_position:
+        yield warning("people", what, hint)
+    elif not with_position:
         what = f"{len(found)} people are found, none of them has a position"
         hint = "Depth is missing where people are: are they within the sensor's range?"
-        return [problem("people", what, hint)]
-    shown = [len(message.tracks) for message in evidence.tracks]
-    if evidence.tracks and not any(shown):
+        yield problem("people", what, hint)
+    elif evidence.tracks and not any(message.tracks for message in evidence.tracks):
         what = f"{with_position} people are found with a position, but no track is published"
         hint = "Does each stay for tracker.strongsort3d.n_init frames? See people4d ps for losses."
-        return [warning("people", what, hint)]
-    return []
+        yield warning("people", what, hint)
 
 
-def output(evidence: Evidence) -> Sequence[Diagnostic]:
+def output(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that people are published."""
-    non_empty: list[Tracks] = [m for m in evidence.tracks if m.tracks]
-    if not evidence.tracks:
-        if not evidence.of("tracker"):
-            return []
+    if evidence.tracks:
+        rate_hz = len(evidence.tracks) / max(evidence.elapsed_s, 0.1)
+        most = max(len(m.tracks) for m in evidence.tracks)
+        what = f"{rate_hz:.0f} messages about people a second, of up to {most} people"
+        yield ok("output", what)
+    elif evidence.of("tracker"):
         hint = "What stands above explains it; else see people4d logs tracker."
-        return [problem("output", "no message about people comes", hint)]
-    rate_hz = len(evidence.tracks) / max(evidence.elapsed_s, 0.1)
-    most = max((len(m.tracks) for m in non_empty), default=0)
-    return [ok("output", f"{rate_hz:.0f} messages about people a second, of up to {most} people")]
+        yield problem("output", "no message about people comes", hint)
 
 
-def others(diagnostics: Sequence[Diagnostic], evidence: Evidence) -> list[Diagnostic]:
-    """Return what processes say of themselves and no check explains."""
+def others(diagnostics: Sequence[Diagnostic], evidence: Evidence) -> Iterator[Diagnostic]:
+    """Report what processes say of themselves and no check explains."""
     explained = {name for diagnostic in diagnostics for name in diagnostic.about}
-    said = []
     for name, vitals in sorted(evidence.vitals.items()):
         if vitals.fault and name not in explained and vitals.last.state != "starting":
             what = f"{name} is {vitals.last.state}: {vitals.fault}"
             hint = f"people4d logs {vitals.last.service} may tell more."
-            said.append(warning("state", what, hint, name))
-    return said
+            yield warning("state", what, hint, name)
 
 
-CHECKS: tuple[Check, ...] = (
-    *(services, names, releases, clocks, frames, pairs, calibration, transforms, depth),
-    *(model, hanging, load, people, output),
+CHECKS: tuple[Callable[[Evidence], Iterator[Diagnostic]], ...] = (
+    *(services, names, releases, clocks, frames, pairs, events, calibration, depth),
+    *(load, hanging, people, output),
 )
 
 
 def examine(evidence: Evidence) -> list[Diagnostic]:
     """Return the diagnostics of all checks, in the order of the pipeline."""
     diagnostics = [diagnostic for check in CHECKS for diagnostic in check(evidence)]
-    return diagnostics + others(diagnostics, evidence)
+    return [*diagnostics, *others(diagnostics, evidence)]

@@ -1,8 +1,9 @@
 """Measures from heartbeats that Prometheus and OpenTelemetry share."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol, get_args
+from typing import Literal, get_args
 
 from common.runtime.throughput import losses
 from deploy.monitor import FramePath, clocks_of
@@ -11,6 +12,8 @@ from people4d.messages.status import State
 
 # [s] upper bounds of the classes of durations
 BUCKETS_S = (1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
+STAGE_TEXT = "Time that a frame spent in one stage of one process"
+LATENCY_TEXT = "Time from the first stage of a frame to its people here"
 
 
 @dataclass(frozen=True)
@@ -43,20 +46,18 @@ class Sample:
     labels: Mapping[str, str]  # what it belongs to; the same names for all samples of a measure
 
 
-class Exporter(Protocol):
-    """Hands on what a system tells."""
+class Exporter(ABC):
+    """Sends on the latency and health of a system."""
 
+    healths: Sequence[Health] = ()  # fresh heartbeats of all processes; those not in it are gone
+
+    @abstractmethod
     def add_frame_path(self, path: FramePath) -> None:
         """Take the path of a frame."""
-        ...
 
-    def add_healths(self, healths: Sequence[Health]) -> None:
-        """Take the fresh heartbeats of all processes; those that are not in it are gone."""
-        ...
-
+    @abstractmethod
     def close(self) -> None:
-        """Hand on what is left, and end."""
-        ...
+        """Send what is left, and end."""
 
 
 def samples(healths: Iterable[Health]) -> Iterator[Sample]:
@@ -83,7 +84,8 @@ def _of_process(health: Health) -> Iterator[Sample]:
     gauges = health.gauges
     for name, value in gauges.items():
         if name.startswith("age_"):
-            yield Sample("input_age", value / 1e3, who | {"topic": name[len("age_") : -len("_ms")]})
+            topic = name.removeprefix("age_").removesuffix("_ms")
+            yield Sample("input_age", value / 1e3, who | {"topic": topic})
     if "cpu_percent" in gauges:
         yield Sample("cpu", gauges["cpu_percent"] / 100, who)
     if "memory_mb" in gauges:

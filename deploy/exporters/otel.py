@@ -1,6 +1,6 @@
 """Latency and health for OpenTelemetry: every frame a trace, every process a resource."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 from opentelemetry import trace
 from opentelemetry.metrics import CallbackOptions, Observation
@@ -9,23 +9,23 @@ from opentelemetry.sdk.metrics.export import MetricReader
 from opentelemetry.sdk.resources import Resource
 from opentelemetry.sdk.trace import SpanProcessor, TracerProvider
 
-from common.runtime.latency import TraceSegment, merge_stages
-from deploy.exporters.measures import BUCKETS_S, MEASURES, samples
+from common.runtime.latency import TraceSegment
+from deploy.exporters.measures import (
+    BUCKETS_S,
+    LATENCY_TEXT,
+    MEASURES,
+    STAGE_TEXT,
+    Exporter,
+    samples,
+)
 from deploy.monitor import FramePath
-from people4d.messages import Health
 
 MAX_PROCESSES = 256
 SYSTEM = "people4d"
 
 
-class OtelExporter:
-    """Makes spans and metrics, and gives them to the SDK.
-
-    Args:
-        robot: Name of the robot, the namespace of its services.
-        spans: Takes the spans.
-        metrics: Takes the metrics.
-    """
+class OtelExporter(Exporter):
+    """Makes spans and metrics, and gives them to the SDK; the robot is their namespace."""
 
     def __init__(self, robot: str, spans: SpanProcessor, metrics: MetricReader) -> None:
         self._robot = robot
@@ -35,19 +35,13 @@ class OtelExporter:
         resource = self._resource(SYSTEM, SYSTEM, "")
         self._meters = MeterProvider([metrics], resource, shutdown_on_exit=False)
         meter = self._meters.get_meter(SYSTEM)
-        self._stage = meter.create_histogram(
-            "people4d.stage.duration",
-            "s",
-            "Time that a frame spent in one stage of one process",
-            explicit_bucket_boundaries_advisory=BUCKETS_S,
+        self._stage, self._latency = (
+            meter.create_histogram(name, "s", text, explicit_bucket_boundaries_advisory=BUCKETS_S)
+            for name, text in (
+                ("people4d.stage.duration", STAGE_TEXT),
+                ("people4d.latency", LATENCY_TEXT),
+            )
         )
-        self._latency = meter.create_histogram(
-            "people4d.latency",
-            "s",
-            "Time from the first stage of a frame to its people here",
-            explicit_bucket_boundaries_advisory=BUCKETS_S,
-        )
-        self._healths: Sequence[Health] = ()
         for name, measure in MEASURES.items():
             create = (
                 meter.create_observable_counter
@@ -79,25 +73,21 @@ class OtelExporter:
             # A span cannot end before it begins; the attribute tells that it did.
             piece.end(max(part.end_ns, part.start_ns))
         frame.end(max(end_to_end.end_ns, end_to_end.start_ns))
-        for part in [*merge_stages(path.parts), *merge_stages(path.beside)]:
+        for part in path.stages:
             labels = {"service": part.service, "instance": part.instance, "stage": part.stage}
             if part.ms >= 0:
                 self._stage.record(part.ms / 1e3, labels)
         if end_to_end.ms >= 0:
             self._latency.record(end_to_end.ms / 1e3, {"camera": tracks.camera})
 
-    def add_healths(self, healths: Sequence[Health]) -> None:
-        """Take the fresh heartbeats of all processes; those that are not in it are gone."""
-        self._healths = healths
-
     def close(self) -> None:
-        """Hand on what is left, and end."""
+        """Send what is left, and end."""
         self._spans.shutdown()
         self._meters.shutdown()
 
     def _observe(self, name: str) -> Callable[[CallbackOptions], Iterable[Observation]]:
         def observe(_: CallbackOptions) -> Iterable[Observation]:
-            found = (sample for sample in samples(self._healths) if sample.name == name)
+            found = (sample for sample in samples(self.healths) if sample.name == name)
             return [Observation(sample.value, sample.labels) for sample in found]
 
         return observe

@@ -1,28 +1,30 @@
 """Latency and health for Prometheus, which fetches them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import groupby
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from common.runtime.latency import merge_stages
-from deploy.exporters.measures import BUCKETS_S, MEASURES, Sample, samples
+from deploy.exporters.measures import (
+    BUCKETS_S,
+    LATENCY_TEXT,
+    MEASURES,
+    STAGE_TEXT,
+    Exporter,
+    Sample,
+    samples,
+)
 from deploy.monitor import FramePath
 from people4d.errors import People4dError
-from people4d.messages import Health
 
 UNITS = {"s": "_seconds", "By": "_bytes", "1": ""}
 PIECE = ("service", "instance", "stage")
 
 
-class PrometheusExporter:
+class PrometheusExporter(Exporter, Collector):
     """Serves /metrics.
-
-    Args:
-        address: Address to listen at.
-        port: Port to listen at.
 
     Raises:
         People4dError: Nothing can listen there.
@@ -31,11 +33,7 @@ class PrometheusExporter:
     def __init__(self, address: str, port: int) -> None:
         registry = CollectorRegistry()
         self._stages = Histogram(
-            "people4d_stage_seconds",
-            "Time that a frame spent in one stage of one process",
-            PIECE,
-            buckets=BUCKETS_S,
-            registry=registry,
+            "people4d_stage_seconds", STAGE_TEXT, PIECE, buckets=BUCKETS_S, registry=registry
         )
         self._negative = Counter(
             "people4d_stage_negative",
@@ -45,19 +43,14 @@ class PrometheusExporter:
         )
         self._end_to_end = Histogram(
             "people4d_latency_seconds",
-            "Time from the first stage of a frame to its people here",
+            LATENCY_TEXT,
             ("camera",),
             buckets=BUCKETS_S,
             registry=registry,
         )
-        self._people = Gauge(
-            "people4d_people",
-            "Confirmed people in the last message",
-            ("camera",),
-            registry=registry,
-        )
-        self._healths = _Healths()
-        registry.register(self._healths)
+        text = "Confirmed people in the last message"
+        self._people = Gauge("people4d_people", text, ("camera",), registry=registry)
+        registry.register(self)
         try:
             self._server, self._thread = start_http_server(port, address, registry)
         except OSError as error:
@@ -73,7 +66,7 @@ class PrometheusExporter:
 
     def add_frame_path(self, path: FramePath) -> None:
         """Take the path of a frame."""
-        for part in [*merge_stages(path.parts), *merge_stages(path.beside)]:
+        for part in path.stages:
             labels = (part.service, part.instance, part.stage)
             if part.ms < 0:
                 self._negative.labels(*labels).inc()
@@ -84,26 +77,15 @@ class PrometheusExporter:
         confirmed = sum(person.state == "confirmed" for person in path.tracks.tracks)
         self._people.labels(camera).set(confirmed)
 
-    def add_healths(self, healths: Sequence[Health]) -> None:
-        """Take the fresh heartbeats of all processes; those that are not in it are gone."""
-        self._healths.fresh = healths
-
     def close(self) -> None:
-        """Stop serving."""
+        """Send what is left, and end."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
 
-
-class _Healths(Collector):
-    """Makes metrics of heartbeats when they are fetched."""
-
-    def __init__(self) -> None:
-        self.fresh: Sequence[Health] = ()
-
     def collect(self) -> Iterator[Metric]:
         """Yield a metric for each measure that has a value."""
-        found = sorted(samples(self.fresh), key=lambda sample: sample.name)
+        found = sorted(samples(self.healths), key=lambda sample: sample.name)
         for name, group in groupby(found, lambda sample: sample.name):
             yield _metric(name, list(group))
 

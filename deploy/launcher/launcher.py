@@ -1,15 +1,18 @@
-"""Starts a system in the order of its dependencies, watches it, and stops it."""
+"""Starts a system in the order of its dependencies, watches it, scales it, and stops it."""
 
 import contextlib
 import re
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 
 from deploy.compose import Dependency, Service
-from deploy.launcher.health import Heartbeats, check_of
+from deploy.launcher.health import Heartbeats, of_instance, works
+from deploy.launcher.plan import replicas_of
 from deploy.launcher.state import Run, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from people4d.errors import People4dError
@@ -22,15 +25,16 @@ FROM_FRAMES = ("received_frames", "received_detections", "received_crops", "rece
 TAIL_LINES = 12
 WATCHDOG = "watchdog"
 
-Progress = Callable[[str, str], None]
+Progress = Callable[[str, str], None]  # takes the name of a service or process, and what happened
 
 
 class LaunchError(People4dError):
     """A service does not come up or does not stay up; carries the end of its log."""
 
-    def __init__(self, problem: str, hint: str, tail: str) -> None:
-        super().__init__(problem, hint)
-        self.tail = tail
+    def __init__(self, state: State, instance: str, problem: str) -> None:
+        log = state.log_of(instance)
+        super().__init__(problem, f"The whole log: {log}")
+        self.tail = tail(log, TAIL_LINES)
 
 
 class Launcher:
@@ -39,8 +43,8 @@ class Launcher:
     Args:
         state: Its folder.
         services: What shall run, in an order in which it can be started.
-        heartbeats: Where its services tell how they are.
-        progress: Told of each change: name of the service or process, what happened.
+        heartbeats: Heartbeats of its processes.
+        progress: Called with each change.
     """
 
     def __init__(
@@ -51,15 +55,13 @@ class Launcher:
         progress: Progress,
     ) -> None:
         self.state = state
-        self.services = services
+        self.services = {service.name: service for service in services}
         self.heartbeats = heartbeats
         self.supervisor = Supervisor(state)
         self._progress = progress
-        self._by_name = {service.name: service for service in services}
         self._never_again = {
             name for service in services if service.restart == "no" for name in service.instances
         }
-        self._checks = {service.name: check_of(service, heartbeats) for service in services}
         self._started_s: dict[str, float] = {}
         self._reached: dict[str, str] = {}
         self._pids: dict[str, int] = {}
@@ -88,29 +90,28 @@ class Launcher:
         self.state.prepare()
         if swept:
             self._progress("left over", f"{swept} processes of a killed run ended")
-        names = tuple(service.name for service in self.services)
-        pid = self.supervisor.spawn(self.services)
-        self.state.plan_file.write_bytes(msgspec.json.encode(self.services))
-        self.state.write(Run(robot=robot, connect=connect, services=names, pid=pid))
+        services = tuple(self.services.values())
+        pid = self.supervisor.spawn(services)
+        self.state.plan_file.write_bytes(msgspec.json.encode(services))
+        self.state.write(Run(robot=robot, connect=connect, services=tuple(self.services), pid=pid))
         try:
             self._start_services(timeout_s)
         except BaseException:
             stop(self.state)
             raise
-        finally:
-            for check in self._checks.values():
-                check.close()
 
     def _start_services(self, timeout_s: float) -> None:
         while len(self._reached) < len(self.services):
-            for service in self.services:
-                if service.name not in self._started_s and all(map(self._met, service.depends_on)):
-                    self._started_s[service.name] = time.monotonic()
+            for name, service in self.services.items():
+                if name not in self._started_s and all(map(self._met, service.depends_on)):
+                    self._started_s[name] = time.monotonic()
                     for instance in service.instances:
                         self.supervisor.start(instance)
             processes = self.processes()
             for name in self._started_s:
-                self._follow(self._by_name[name], processes, timeout_s)
+                if self._reached.get(name) != "finished":
+                    service = self.services[name]
+                    self._follow(service, [processes[n] for n in service.instances], timeout_s)
             time.sleep(POLL_S)
 
     def _met(self, dependency: Dependency) -> bool:
@@ -121,77 +122,62 @@ class Launcher:
             return reached == "finished"
         return reached is not None
 
-    def _follow(
-        self, service: Service, all_processes: dict[str, Process], timeout_s: float
-    ) -> None:
+    def _follow(self, service: Service, processes: list[Process], timeout_s: float) -> None:
         """Note how far a started service has come."""
-        if self._reached.get(service.name) == "finished":
-            return
-        processes = [all_processes[name] for name in service.instances]
-        if service.name not in self._reached:
-            self._check_first_start(processes)
+        starting = service.name not in self._reached
+        for process in processes if starting else ():
+            # What ends before it was ever ready is set up wrongly: give up at once.
+            if process.state == "BACKOFF" or process.name in self._restarted:
+                raise self._failure(process.name, "ended before it was ready")
         elapsed_s = time.monotonic() - self._started_s[service.name]
         if all(process.finished for process in processes):
             self._reached[service.name] = "finished"
-        elif service.name not in self._reached and self._checks[service.name].healthy(processes):
+        elif starting and self.heartbeats.healthy(service, processes):
             self._reached[service.name] = "healthy"
             self._progress(service.name, f"ready after {elapsed_s:.1f} s")
-        elif service.name not in self._reached and elapsed_s > timeout_s:
+        elif starting and elapsed_s > timeout_s:
             raise self._late(processes, timeout_s)
-
-    def _check_first_start(self, processes: list[Process]) -> None:
-        """Give up at once: what ends before it was ever ready is set up wrongly."""
-        for process in processes:
-            if process.state == "BACKOFF" or process.name in self._restarted:
-                raise self._failure(process.name, "ended before it was ready")
 
     def _late(self, processes: list[Process], timeout_s: float) -> LaunchError:
         late = processes[0]
-        healths = {p.name: self.heartbeats.of_instance(p.name, p.pid) for p in processes}
         reason = "it runs, but sends no heartbeat" if late.pid else f"it is {late.state}"
         for process in processes:
-            health = healths[process.name]
-            if health and health.state not in ("ready", "degraded"):
+            health = of_instance(self.heartbeats.all(), process.name, process.pid)
+            if health and not works(health):
                 late, reason = process, f"it is {health.state}: {health.reason}"
         return self._failure(late.name, f"is not ready after {timeout_s:.0f} s; {reason}")
 
     def _failure(self, instance: str, problem: str) -> LaunchError:
-        return LaunchError(
-            f"{instance} {problem}",
-            f"The whole log: {self.state.log_of(instance)}",
-            tail(self.state.log_of(instance), TAIL_LINES),
-        )
+        return LaunchError(self.state, instance, f"{instance} {problem}")
 
     def processes(self) -> dict[str, Process]:
-        """Return all processes by name, and tell of those that ended or came back.
+        """Return all processes by name, and report those that ended or came back.
 
         Raises:
             LaunchError: A process failed and is not started again.
         """
         processes = self.supervisor.processes()
-        for process in processes.values():
-            if process.gave_up or (process.ended_badly and process.name in self._never_again):
+        for name, process in processes.items():
+            if process.gave_up or (process.ended_badly and name in self._never_again):
                 problem = process.problem or f"exit status {process.exit_status}"
-                raise self._failure(process.name, f"failed: {problem}")
-            if process.finished and process.name not in self._finished:
-                self._finished.add(process.name)
-                last = self.heartbeats.of_instance(process.name)
-                why = f": {last.reason}" if last and last.reason else ""
-                self._progress(process.name, f"finished{why}")
-            before = self._pids.get(process.name, 0)
+                raise self._failure(name, f"failed: {problem}")
+            if process.finished and name not in self._finished:
+                self._finished.add(name)
+                reason = self._reason(name)
+                self._progress(name, f"finished: {reason}" if reason else "finished")
+            before = self._pids.get(name, 0)
             if process.pid and before and process.pid != before:
-                self._restarted.add(process.name)
-                self._progress(process.name, f"{self._end_of(process.name)} and was started again")
-            self._pids[process.name] = process.pid or before
+                self._restarted.add(name)
+                hung = re.search(
+                    rf"\b{re.escape(name)} (hung \([^)]*\))", self._reason(f"{WATCHDOG}-1")
+                )
+                self._progress(name, f"{hung[1] if hung else 'ended'} and was started again")
+            self._pids[name] = process.pid or before
         return processes
 
-    def _end_of(self, instance: str) -> str:
-        """Return how a process ended: it died, or it hung and was killed."""
-        watchdog = self.heartbeats.of_instance(f"{WATCHDOG}-1")
-        hung = re.search(
-            rf"\b{re.escape(instance)} (hung \([^)]*\))", watchdog.reason if watchdog else ""
-        )
-        return hung[1] if hung else "ended"
+    def _reason(self, instance: str) -> str:
+        health = of_instance(self.heartbeats.all(), instance)
+        return health.reason if health else ""
 
     def wait_finished(self, service: str) -> None:
         """Wait until every process of a service has ended by itself.
@@ -199,19 +185,14 @@ class Launcher:
         Raises:
             LaunchError: A process of the system failed.
         """
-        instances = self._by_name[service].instances
         while True:
             processes = self.processes()
-            if all(processes[name].finished for name in instances):
+            if all(processes[name].finished for name in self.services[service].instances):
                 return
             time.sleep(POLL_S)
 
     def drain(self, timeout_s: float) -> None:
-        """Wait until no service receives any more of what comes from frames.
-
-        Args:
-            timeout_s: Longest wait.
-        """
+        """Wait until no service receives any more of what comes from frames."""
         deadline_s = time.monotonic() + timeout_s
         before, since_s = self._counts(), time.monotonic()
         while time.monotonic() < min(deadline_s, since_s + QUIET_S):
@@ -229,15 +210,70 @@ class Launcher:
         }
 
 
-def stop(state: State) -> bool:
-    """Stop a system, last started first, and whatever it left behind.
+def scale(
+    state: State,
+    requests: Sequence[str],
+    heartbeats: Heartbeats,
+    timeout_s: float,
+    progress: Progress,
+) -> None:
+    """Start or stop processes of a running system, and wait until the new ones work.
 
     Args:
         state: Its folder.
+        requests: "service=number".
+        heartbeats: Heartbeats of its processes.
+        timeout_s: Longest time until a new process works.
+        progress: Called with each change.
 
-    Returns:
-        Whether anything ran.
+    Raises:
+        ConfigError: A request names no service, or one that runs only once.
+        LaunchError: A new process does not come up; it is left as it is.
     """
+    services = read_plan(state)
+    numbers = replicas_of(requests, services)
+    services = tuple(replace(s, replicas=numbers[s.name]) for s in services)
+    supervisor = Supervisor(state)
+    added, removed = supervisor.rescale(services)
+    state.plan_file.write_bytes(msgspec.json.encode(services))
+    for instance in removed:
+        progress(instance, "stopped")
+    for instance in added:
+        supervisor.start(instance)
+    for service in services:
+        new = [name for name in service.instances if name in added]
+        deadline_s = time.monotonic() + timeout_s
+        while new:
+            all_processes = supervisor.processes()
+            processes = [all_processes[name] for name in new]
+            if heartbeats.healthy(service, processes):
+                progress(", ".join(new), "ready")
+                break
+            late = time.monotonic() > deadline_s
+            for p in processes:
+                if late or p.gave_up or p.ended_badly or p.state == "BACKOFF":
+                    problem = f"{p.name} does not get ready, it is {p.state}"
+                    raise LaunchError(state, p.name, problem)
+            time.sleep(POLL_S)
+
+
+def read_plan(state: State) -> tuple[Service, ...]:
+    """Return the services that a system was started with.
+
+    Raises:
+        People4dError: The plan of the run is missing or damaged.
+    """
+    try:
+        return msgspec.json.decode(state.plan_file.read_bytes(), type=tuple[Service, ...])
+    except (OSError, msgspec.DecodeError) as error:
+        raise People4dError(
+            f"{state.plan_file} does not tell what runs ({error})",
+            "Run people4d down, then people4d up.",
+        ) from error
+
+
+def stop(state: State) -> bool:
+    """Stop a system, last started first; return False if nothing ran."""
     running = state.read()
     if running:
         with contextlib.suppress(SupervisorGoneError):  # it stops already
@@ -252,13 +288,8 @@ def stop(state: State) -> bool:
 
 def tail(file: Path, lines: int) -> str:
     """Return the last lines of a log, empty if there is none."""
-    if lines < 1:
-        return ""
     try:
-        with file.open("rb") as log:
-            log.seek(0, 2)
-            log.seek(max(0, log.tell() - 512 * lines))
-            text = log.read().decode(errors="replace")
+        with file.open(encoding="utf-8", errors="replace") as log:
+            return "".join(deque(log, maxlen=lines)).rstrip("\n")
     except OSError:
         return ""
-    return "\n".join(text.splitlines()[-lines:])

@@ -1,15 +1,18 @@
 """Plan of a run: from the options of the user to the services that are started."""
 
+import importlib
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
+from typing import Any
 
-from common.config import setting
+import msgspec
+
+from common.config import load, setting
 from deploy import compose
 from deploy.compose import Service
-from deploy.launcher.settings import check, read_settings
 from people4d.errors import ConfigError
 
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
@@ -60,7 +63,15 @@ def plan(request: LaunchRequest) -> tuple[Service, ...]:
     services = compose.select(every, profiles)
     arguments = _arguments(settings, services, every)
     replicas = replicas_of(request.scale, services, every)
-    return tuple(_adapt(service, request, arguments, replicas) for service in services)
+    planned = []
+    for service in services:
+        name, overrides = service.name, [("--set", text) for text in arguments[service.name]]
+        command = (*service.command, *chain.from_iterable(overrides))
+        planned.append(replace(service, command=command, replicas=replicas[name]))
+        if request.report and name == CAMERA:
+            # A report is on one pass over the recording: a camera started again would spoil it.
+            planned[-1] = replace(planned[-1], restart="no", retries=0)
+    return tuple(planned)
 
 
 def router_of(services: Sequence[Service], request: LaunchRequest) -> str:
@@ -99,11 +110,53 @@ def check_settings(services: Sequence[Service], request: LaunchRequest) -> None:
     file = Path(variables(request)["PEOPLE4D_CONFIG_INSIDE"])
     for service in services:
         environment = {**request.environment, **service.environment}
-        words = service.command
-        overrides = [text for flag, text in pairwise(words) if flag == "--set"]
+        overrides = [text for flag, text in pairwise(service.command) if flag == "--set"]
         settings = read_settings(service, file, environment, overrides)
-        if settings and service.replicas:
-            check(service, settings)
+        location = service.labels.get("people4d.check")
+        if settings and service.replicas and location:
+            _find(location)(settings)
+
+
+def read_settings(
+    service: Service, file: Path, environment: Mapping[str, str], overrides: Sequence[str] = ()
+) -> msgspec.Struct | None:
+    """Read the settings of a service as its process will read them.
+
+    Args:
+        service: The service.
+        file: TOML file with one table for each service.
+        environment: Environment variables of the process.
+        overrides: "field=value", which win.
+
+    Returns:
+        Its configuration; None for a program that is no service of this project.
+
+    Raises:
+        ConfigError: A setting is unknown or out of range, or the file cannot be read.
+    """
+    if not service.module.startswith("services."):
+        return None
+    name = service.module.rpartition(".")[2]
+    kind: type[msgspec.Struct] = _find(
+        f"{service.module}.config:{name.title().replace('_', '')}Config"
+    )
+    return load(kind, name, file, overrides, environment)
+
+
+def load_model(service: Service, settings: msgspec.Struct) -> str:
+    """Load the model of a service that has one, and return the model's name.
+
+    Raises:
+        People4dError: The model is missing, altered or cannot be loaded.
+    """
+    _find(service.labels["people4d.model"])(settings)
+    fields = msgspec.structs.asdict(settings)
+    return str(fields.get("model") or fields.get("embedder"))
+
+
+def _find(location: str) -> Any:
+    module, _, name = location.partition(":")
+    return getattr(importlib.import_module(module), name)
 
 
 def _arguments(
@@ -159,23 +212,3 @@ def _check_runs(name: str, services: Sequence[Service], every: Sequence[Service]
             raise ConfigError(f"{name} does not run unless asked for", f"Add {service.option}.")
     names = ", ".join(service.name for service in services)
     raise ConfigError(f"there is no service {name!r}", f"Services are {names}.")
-
-
-def _adapt(
-    service: Service,
-    request: LaunchRequest,
-    arguments: Mapping[str, list[str]],
-    replicas: Mapping[str, int],
-) -> Service:
-    # A report is on one pass over the recording: a camera that starts again would spoil it.
-    once = request.report is not None and service.name == CAMERA
-    return replace(
-        service,
-        command=(
-            *service.command,
-            *(word for text in arguments[service.name] for word in ("--set", text)),
-        ),
-        replicas=replicas[service.name],
-        restart="no" if once else service.restart,
-        retries=0 if once else service.retries,
-    )

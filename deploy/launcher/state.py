@@ -5,6 +5,7 @@ import shutil
 import signal
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -31,11 +32,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class State:
-    """Folder of one robot's system on this machine.
-
-    Args:
-        folder: The folder; `prepare` makes it.
-    """
+    """Folder of one robot's system on this machine; `prepare` makes it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -43,7 +40,9 @@ class State:
         self.config = folder / "supervisord.conf"
         self.log = folder / "supervisord.log"
         self.run_file = folder / "run.json"
-        self.plan_file = folder / "plan.json"  # the services, see deploy.launcher.scale
+        self.plan_file = (
+            folder / "plan.json"
+        )  # the services, see deploy.launcher.launcher.read_plan
 
     @classmethod
     def of_robot(cls, robot: str, environment: Mapping[str, str] = os.environ) -> "State":
@@ -121,23 +120,21 @@ class State:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def leftovers(self) -> list[psutil.Process]:
-        """Return processes of this system that are still alive."""
+        """Return processes of this system that are still alive; zombies have no mark."""
         return [p for p in psutil.process_iter() if _is_marked(p.pid, self.folder)]
 
     def sweep(self, grace_s: float = 3.0) -> int:
-        """End processes that a killed supervisord left behind.
+        """End processes that a killed supervisord left behind, and return their number.
 
         Args:
             grace_s: Time between SIGTERM and SIGKILL.
-
-        Returns:
-            Number of processes ended.
         """
-        leftovers = self.leftovers()
+        leftovers = alive = self.leftovers()
         for number in (signal.SIGTERM, signal.SIGKILL):
-            _signal(self.leftovers(), number)
+            for process in alive:
+                with suppress(psutil.NoSuchProcess):
+                    process.send_signal(number)
             deadline_s = time.monotonic() + grace_s
-            # A zombie has no mark, so one that is never reaped does not count as alive.
             while (alive := self.leftovers()) and time.monotonic() < deadline_s:
                 time.sleep(POLL_S)
         if alive:
@@ -148,17 +145,8 @@ class State:
 
 
 def _is_marked(pid: int, folder: Path) -> bool:
-    """Return whether a process belongs to the system whose state is in a folder."""
+    """Return True if a process belongs to the system whose state is in a folder."""
     try:
-        process = psutil.Process(pid)
-        return process.environ().get(MARK) == str(folder)
+        return psutil.Process(pid).environ().get(MARK) == str(folder)
     except (psutil.Error, OSError):
         return False
-
-
-def _signal(processes: list[psutil.Process], number: signal.Signals) -> None:
-    for process in processes:
-        try:
-            process.send_signal(number)
-        except psutil.NoSuchProcess:
-            continue

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 import xmlrpc.client
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from deploy.launcher.state import MARK, State
 from people4d.errors import ConfigError, People4dError
 
 SAFE = re.compile(r"[^\w@+=:,./-]", re.ASCII)
-LOG_BYTES = "10MB"
+TRACE_S = 0.1  # that a process has to write down where it hangs
 
 HEAD = """\
 [unix_http_server]
@@ -53,7 +54,7 @@ stopasgroup=true
 killasgroup=true
 redirect_stderr=true
 stdout_logfile={log}
-stdout_logfile_maxbytes={log_bytes}
+stdout_logfile_maxbytes=10MB
 stdout_logfile_backups=1
 """
 
@@ -93,12 +94,7 @@ class Process:
 
 
 def render(state: State, services: Sequence[Service]) -> str:
-    """Write supervisord's configuration.
-
-    Args:
-        state: Where socket and logs are.
-        services: In start order; supervisord stops them in the reverse of it.
-    """
+    """Write supervisord's configuration of services in start order; it stops them in reverse."""
     folder = _text(str(state.folder))
     parts = [HEAD.format(socket=_text(str(state.socket)), log=_text(str(state.log)), folder=folder)]
     for priority, service in enumerate(services, start=1):
@@ -125,7 +121,6 @@ def _program(state: State, service: Service, instance: str, priority: int) -> st
         retries=service.retries,
         stop_grace_s=max(1, round(service.stop_grace_s)),
         log=_text(str(state.log_of(instance))),
-        log_bytes=LOG_BYTES,
     )
 
 
@@ -166,23 +161,13 @@ class SupervisorGoneError(People4dError):
 
 
 class Supervisor:
-    """The supervisord of one system.
-
-    Args:
-        state: Its folder.
-    """
+    """The supervisord of one system."""
 
     def __init__(self, state: State) -> None:
         self.state = state
 
     def spawn(self, services: Sequence[Service]) -> int:
-        """Start supervisord; it starts nothing by itself.
-
-        Args:
-            services: What it shall know, in start order.
-
-        Returns:
-            Its process number.
+        """Start supervisord, which starts nothing by itself, and return its process number.
 
         Raises:
             People4dError: It does not come up.
@@ -207,21 +192,15 @@ class Supervisor:
         with contextlib.suppress(xmlrpc.client.Fault):  # its state tells what went wrong
             self._call("supervisor.startProcess", instance, False)
 
-    def stop(self, instance: str) -> None:
-        """Stop one process and return when it is gone."""
+    def kill(self, instance: str) -> None:
+        """End a process at once; before, it writes into its log where it hangs, if it can."""
         with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
-            self._call("supervisor.stopProcess", instance, True)
-
-    def signal(self, instance: str, name: str) -> None:
-        """Send a signal, such as "KILL", to one process."""
-        with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
-            self._call("supervisor.signalProcess", instance, name)
+            self._call("supervisor.signalProcess", instance, "USR2")
+            time.sleep(TRACE_S)
+            self._call("supervisor.signalProcess", instance, "KILL")
 
     def rescale(self, services: Sequence[Service]) -> tuple[list[str], list[str]]:
         """Take over other numbers of processes; those too many are stopped, none is started.
-
-        Args:
-            services: In start order, the same as before but for their numbers.
 
         Returns:
             Names of the new processes, and of those stopped.
@@ -230,7 +209,8 @@ class Supervisor:
         ((added, _, removed),) = self._call("supervisor.reloadConfig")
         added, removed = (sorted(names, key=lambda n: (len(n), n)) for names in (added, removed))
         for instance in removed:
-            self.stop(instance)
+            with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
+                self._call("supervisor.stopProcess", instance, True)
             self._call("supervisor.removeProcessGroup", instance)
         for instance in added:
             self._call("supervisor.addProcessGroup", instance)
@@ -242,8 +222,17 @@ class Supervisor:
         Raises:
             SupervisorGoneError: Supervisord does not answer.
         """
-        found = (_process(info) for info in self._call("supervisor.getAllProcessInfo"))
-        return {process.name: process for process in found}
+        return {
+            info["name"]: Process(
+                name=info["name"],
+                state=info["statename"],
+                pid=info["pid"],
+                uptime_s=float(info["now"] - info["start"]) if info["pid"] else 0.0,
+                exit_status=info["exitstatus"],
+                problem=info["spawnerr"],
+            )
+            for info in self._call("supervisor.getAllProcessInfo")
+        }
 
     def shutdown(self) -> None:
         """Ask supervisord to stop everything, last started first, and to end."""
@@ -265,15 +254,3 @@ class Supervisor:
                 f"supervisord of {self.state.folder} does not answer ({error})",
                 "Run people4d down, then people4d up.",
             ) from error
-
-
-def _process(info: dict[str, Any]) -> Process:
-    running = info["pid"] > 0
-    return Process(
-        name=info["name"],
-        state=info["statename"],
-        pid=info["pid"],
-        uptime_s=float(info["now"] - info["start"]) if running else 0.0,
-        exit_status=info["exitstatus"],
-        problem=info["spawnerr"],
-    )

@@ -7,60 +7,40 @@ heartbeat tells.
 import os
 import socket
 import sys
-import time
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
-import msgspec
-
+from common.config import Config
 from common.runtime import process
 from common.runtime.node import Node, Status
 from deploy.launcher.state import MARK, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from people4d.errors import ConfigError
 from people4d.messages import Health, Message
+from people4d.messages.base import Positive, PositiveInt
 
 SERVICE = "watchdog"
 ROUTER = "router"
 PERIOD_NS = 500_000_000
 REPORT_S = 60.0
 DEAD_S = 10.0
-TRACE_S = 0.1  # that a process has to write down where it hangs
 
 
-class WatchdogConfig(msgspec.Struct, frozen=True, kw_only=True):
+class WatchdogConfig(Config, frozen=True, kw_only=True):
     """Limits above which a process hangs. All values are this project's."""
 
-    silent_s: float = 4.0  # [s] without a heartbeat, of which two come in a second
+    silent_s: Positive = 4.0  # [s] without a heartbeat, of which two come in a second
     # [s] in which a process says that it is stalled, which it does 2 s after it took a message that
     # it is still busy with
-    stalled_s: float = 8.0
+    stalled_s: Positive = 8.0
     # [s] from its start to the first heartbeat of a process that is to come back: it may load a
     # model. Before it was ever heard of, `people4d up --timeout` counts.
-    start_s: float = 120.0
-    restarts_max: int = 5  # of one process within restarts_window_s; then it is left alone
-    restarts_window_s: float = 300.0  # [s]
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        for field in self.__struct_fields__:
-            if not 0 < getattr(self, field) < float("inf"):
-                raise ValueError(f"{field}: expected > 0, got {getattr(self, field)}")
-
-
-class Supervised(Protocol):
-    """Supervisor of the processes."""
-
-    def processes(self) -> Mapping[str, Process]:
-        """Return all processes by name."""
-        ...
-
-    def kill(self, instance: str) -> None:
-        """End a process at once, so that it is started again."""
-        ...
+    start_s: Positive = 120.0
+    restarts_max: PositiveInt = 5  # of one process within restarts_window_s; then it is left alone
+    restarts_window_s: Positive = 300.0  # [s]
 
 
 @dataclass(slots=True)
@@ -74,11 +54,7 @@ class _Heard:
 
 
 class HangDetector:
-    """Processes that hang, found by their heartbeats; without a clock or side effects.
-
-    Args:
-        config: When a process hangs.
-    """
+    """Processes that hang, found by their heartbeats; without a clock or side effects."""
 
     def __init__(self, config: WatchdogConfig) -> None:
         self._config = config
@@ -142,17 +118,17 @@ class WatchdogNode(Node):
     """Ends processes that hang, so that supervisord starts them again.
 
     Args:
-        config: When a process hangs, and how often it is helped.
-        supervised: What runs the processes.
-        host: Name of this machine; what is told of others does not matter.
+        config: When a process hangs, and how often it is started again.
+        supervisor: Supervisor of the processes.
+        host: Name of this machine; heartbeats of others do not count.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Health,)
 
-    def __init__(self, config: WatchdogConfig, supervised: Supervised, host: str) -> None:
+    def __init__(self, config: WatchdogConfig, supervisor: Supervisor, host: str) -> None:
         self._config = config
         self._host = host
-        self._supervised = supervised
+        self._supervisor = supervisor
         self._watch = HangDetector(config)
         self._due_ns = 0
         self._ended_s: dict[str, deque[float]] = {}  # monotonic, by process
@@ -194,7 +170,7 @@ class WatchdogNode(Node):
 
     def _check(self, now_s: float) -> None:
         try:
-            processes = self._supervised.processes()
+            processes = self._supervisor.processes()
             hung = self._watch.hung(processes, now_s)
             for name, why in hung.items():
                 # supervisord notices within a second that a process is gone.
@@ -216,21 +192,11 @@ class WatchdogNode(Node):
             self._left_alone[name] = f"{name} hung {often} and is left alone now ({why})"
             return
         process.log.warning("%s hangs (%s) and is started again", name, why)
-        self._supervised.kill(name)
+        self._supervisor.kill(name)
         ended_s.append(now_s)
         self._last = (now_s, f"{name} hung ({why}) and was started again")
         self._counters["restarts"] += 1
         self._counters[f"restarts_{name}"] += 1
-
-
-class Killer(Supervisor):
-    """The supervisord of one system, asked to end processes that no longer listen."""
-
-    def kill(self, instance: str) -> None:
-        """End a process at once; before, it writes into its log where it hangs, if it can."""
-        self.signal(instance, "USR2")
-        time.sleep(TRACE_S)
-        self.signal(instance, "KILL")
 
 
 def build(config: WatchdogConfig) -> WatchdogNode:
@@ -238,7 +204,7 @@ def build(config: WatchdogConfig) -> WatchdogNode:
     folder = os.environ.get(MARK)
     if not folder:
         raise ConfigError("the watchdog is part of a system", "people4d up starts it.")
-    return WatchdogNode(config, Killer(State(Path(folder))), socket.gethostname())
+    return WatchdogNode(config, Supervisor(State(Path(folder))), socket.gethostname())
 
 
 def main() -> int:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from common.io.recording import RecordingWriter, open_recording
-from deploy.cli.up import DEMO
+from deploy.cli.system.up import DEMO
 from people4d.messages import (
     CompressedRgbdFrame,
     Crops,

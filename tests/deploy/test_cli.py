@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 
 from common.io.weights import ModelFile
 from deploy.cli import COMMANDS, app
-from deploy.cli.listen import latency_ms, table_of
-from deploy.cli.models import state_of
-from deploy.cli.ps import duration
-from deploy.cli.record import kinds_of
+from deploy.cli.data.models import state_of
+from deploy.cli.data.replay import kinds_of
+from deploy.cli.live.views import latency_ms, table_of
+from deploy.cli.system.ps import duration
 from deploy.launcher.health import works
 from deploy.launcher.launcher import tail
 from people4d.errors import ConfigError

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from common.runtime.latency import end_to_end, segments
 from common.transport.clock import HostOffset
 from deploy.cli import app
-from deploy.cli.export import feed, otlp_exporter, prometheus_exporter
+from deploy.cli.live.export import feed, otlp_exporter, prometheus_exporter
 from deploy.exporters.measures import Exporter
 from deploy.exporters.otel import OtelExporter
 from deploy.exporters.prometheus import PrometheusExporter
@@ -36,7 +36,7 @@ __all__ = ["talking"]  # a fixture
 
 def give(exporter: Exporter, frames: int) -> None:
     """Give an exporter heartbeats and frames of a system on two hosts."""
-    exporter.add_healths(healths())
+    exporter.healths = healths()
     clocks = clocks_of(healths())
     for number in range(frames):
         exporter.add_frame_path(path(number, trace_of(number), clocks))
@@ -100,7 +100,7 @@ def test_prometheus_by_hand(prometheus: PrometheusExporter) -> None:
 
 def test_a_process_that_is_gone_is_no_longer_told(prometheus: PrometheusExporter) -> None:
     give(prometheus, 1)
-    prometheus.add_healths(healths()[:1])
+    prometheus.healths = healths()[:1]
     memory = [labels for name, labels in fetched(prometheus) if name == "people4d_memory_bytes"]
     assert memory == [frozenset({"service=detector", "instance=detector-1", "host=nuc"})]
 

@@ -25,7 +25,6 @@ services:
   first:
     command: [python, -c, "import pathlib, time; pathlib.Path('FOLDER/up').touch(); time.sleep(99)"]
     restart: on-failure:3
-    healthcheck: {test: [CMD, test, -e, FOLDER/up], interval: 100ms}
   second:
     command: [sh, -c, "test -e FOLDER/up && echo first was there; sleep 99 & wait"]
     depends_on: {first: {condition: service_healthy}}
@@ -120,7 +119,7 @@ def test_a_service_that_cannot_start_is_named_with_its_log(state: State) -> None
 def test_a_service_that_is_never_healthy_is_named(state: State) -> None:
     text = """
     services:
-      slow: {command: [sleep, "99"], healthcheck: {test: [CMD, "false"], interval: 100ms}}
+      slow: {command: [sleep, "99"], healthcheck: {test: [CMD, people4d, health, slow]}}
     """
     with pytest.raises(LaunchError, match="slow-1 is not ready after 1 s"):
         launcher(state, text).start("robot", "", 1.0)

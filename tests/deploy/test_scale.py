@@ -7,9 +7,8 @@ import pytest
 
 from deploy.compose import read, select
 from deploy.launcher.health import Heartbeats
-from deploy.launcher.launcher import Launcher, LaunchError, stop
+from deploy.launcher.launcher import Launcher, LaunchError, read_plan, scale, stop
 from deploy.launcher.plan import LaunchRequest, plan
-from deploy.launcher.scale import read_plan, scale
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
 from people4d.errors import ConfigError, People4dError

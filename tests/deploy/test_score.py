@@ -9,7 +9,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from deploy.cli import app
-from deploy.cli.score import render_score
+from deploy.cli.live.views import render_score
 from people4d.messages import Alignment, PersonScore, Score
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network

@@ -21,7 +21,7 @@ def service(**changes: object) -> Service:
         "command": ("python", "-m", "services.detector"),
         "environment": {"A": "b c"},
         "depends_on": (),
-        "healthcheck": None,
+        "has_healthcheck": False,
         "restart": "on-failure",
         "retries": 5,
         "replicas": 2,

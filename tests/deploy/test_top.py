@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from common.transport.trace import ProcessId
 from deploy.cli import app
-from deploy.cli.top import drawn
+from deploy.cli.live.top import drawn
 from deploy.monitor import Monitor, SystemSnapshot
 from tests.deploy.traces import BEGIN_NS, MS, arrival, detections, healths, span, tracks
 from tests.network import Network

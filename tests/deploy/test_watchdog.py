@@ -1,11 +1,10 @@
 """Who hangs, by heartbeats, and how often anyone is helped."""
 
 import dataclasses
-from collections.abc import Mapping
 
 import pytest
 
-from deploy.launcher.supervisor import Process, SupervisorGoneError
+from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from deploy.launcher.watchdog import HangDetector, WatchdogConfig, WatchdogNode
 from people4d.messages import Health
 from people4d.messages.status import State
@@ -115,7 +114,7 @@ def test_nobody_is_blamed_for_a_time_in_which_the_watchdog_did_not_run(machine: 
     assert list(machine.run(2.5)) == ["tracker-1"]
 
 
-class Supervised:
+class Supervised(Supervisor):
     """Processes that come back with another number when they are killed."""
 
     def __init__(self, *names: str) -> None:
@@ -123,7 +122,7 @@ class Supervised:
         self.killed: list[str] = []
         self.gone = False
 
-    def processes(self) -> Mapping[str, Process]:
+    def processes(self) -> dict[str, Process]:
         if self.gone:
             raise SupervisorGoneError("supervisord does not answer")
         return self.all
@@ -200,5 +199,5 @@ def test_without_supervisord_it_says_so_and_goes_on() -> None:
 
 
 def test_refused_settings() -> None:
-    with pytest.raises(ValueError, match="silent_s: expected > 0, got 0"):
+    with pytest.raises(ValueError, match="silent_s: expected a finite number > 0, got 0"):
         WatchdogConfig(silent_s=0.0)

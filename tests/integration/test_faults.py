@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from common.transport.ports import free_port
 from common.transport.zenoh_bus import read_config
 from deploy.cli import app
-from deploy.doctor.diagnostic import Diagnostic
+from deploy.doctor.evidence import Diagnostic
 from deploy.launcher.state import State
 from people4d.codec import encode
 from people4d.messages import Detections, Embeddings, Health, Tracks

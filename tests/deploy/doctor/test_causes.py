@@ -14,8 +14,7 @@ import pytest
 from common.runtime.loop import Loop
 from common.runtime.node import Node
 from common.transport.trace import ProcessId
-from deploy.doctor.diagnostic import Diagnostic
-from deploy.doctor.evidence import listen
+from deploy.doctor.evidence import Diagnostic, listen
 from deploy.doctor.running import examine
 from people4d.client import Client
 from people4d.codec import encode

@@ -10,13 +10,13 @@ from typer.testing import CliRunner
 from common.transport.ports import free_port
 from deploy.cli import app
 from deploy.doctor import here
-from deploy.doctor.diagnostic import Diagnostic
+from deploy.doctor.evidence import Diagnostic
 from tests.security.guarded import guarded
 
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deploy.cli.doctor.CONNECT_S", 1.0)
+    monkeypatch.setattr("deploy.cli.system.doctor.CONNECT_S", 1.0)
 
 
 def doctor(folder: Path, *arguments: str, **environment: str) -> tuple[int, list[Diagnostic]]:

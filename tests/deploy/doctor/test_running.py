@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deploy.doctor.diagnostic import Diagnostic
-from deploy.doctor.evidence import Evidence
+from deploy.doctor.evidence import Diagnostic, Evidence
 from deploy.doctor.running import examine
 from people4d.messages import Detection, Detections, Health, Track
 from tests import builders

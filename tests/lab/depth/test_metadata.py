@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from common.io.images import decompress
 from common.io.recording import RecordingWriter, open_recording
 from deploy.cli import app
-from deploy.cli.info import read_info
-from deploy.cli.replay import clean_cameras, frame_of
+from deploy.cli.data.info import read_info
+from deploy.cli.data.replay import clean_cameras, frame_of
 from lab.depth.config import DepthSensorConfig
 from lab.depth.metadata import SimulationMetadata, read_metadata
 from lab.depth.sensor import DepthSensor

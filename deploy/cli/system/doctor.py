@@ -4,14 +4,12 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
 import typer
-from rich.console import Console
 
-from deploy.cli.options import Connect, Robot
+from deploy.cli.options import Connect, Json, Robot
+from deploy.cli.terminal import console, print_json
 from deploy.doctor import here
-from deploy.doctor.diagnostic import Diagnostic, Level, ok
-from deploy.doctor.evidence import listen
+from deploy.doctor.evidence import Diagnostic, Level, listen, ok
 from deploy.doctor.running import NEEDED, examine
 from deploy.launcher.plan import LaunchRequest
 from deploy.launcher.state import State
@@ -31,14 +29,14 @@ def doctor(
     config: Annotated[
         Path | None, typer.Option(help="TOML file whose settings are checked.")
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON list.")] = False,
+    json: Json = False,
 ) -> None:
     """Find why there is no output, and how to fix it; exit with 1 if there is a problem."""
     diagnostics = _examine(robot, connect, seconds, config)
     if json:
-        typer.echo(msgspec.json.encode(diagnostics).decode())
+        print_json(diagnostics)
     else:
-        show(diagnostics, Console(highlight=False, soft_wrap=True))
+        _show(diagnostics)
     if any(diagnostic.level == "problem" for diagnostic in diagnostics):
         raise typer.Exit(1)
 
@@ -63,7 +61,7 @@ def _examine(robot: str, connect: str, seconds: float, config: Path | None) -> l
     return diagnostics
 
 
-def show(diagnostics: list[Diagnostic], console: Console) -> None:
+def _show(diagnostics: list[Diagnostic]) -> None:
     """Print one line for each diagnostic, and below it the hint."""
     width = max(len(diagnostic.check) for diagnostic in diagnostics)
     for diagnostic in diagnostics:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from deploy.cli.options import Robot
+from deploy.cli.terminal import console
 from deploy.launcher.launcher import tail
 from deploy.launcher.state import State
 from people4d.errors import People4dError
@@ -28,7 +28,6 @@ def logs(
 ) -> None:
     """Show what the processes wrote, of the present run or the last one."""
     files = _files(State.of_robot(robot).folder, service)
-    console = Console(highlight=False, soft_wrap=True)
     colours = {file: COLOURS[n % len(COLOURS)] for n, file in enumerate(files)}
 
     def show(file: Path, line: str) -> None:

@@ -4,13 +4,11 @@ import importlib
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
+from deploy.cli.terminal import console, plain_table
 from people4d.errors import ConfigError, People4dError
 
 # The hosts of docs/launch/hosts.md; with --host others.
@@ -44,7 +42,12 @@ def keys(
     ] = False,
 ) -> None:
     """Make certificates (or passwords) for each role and host, or check them."""
-    made = _library()
+    try:
+        made = importlib.import_module("deploy.keys")  # its library is for those who make some
+    except ModuleNotFoundError as error:
+        raise People4dError(
+            f"the package {error.name} is missing", "Install it: pip install cryptography"
+        ) from error
     if not check:
         hosts = dict(_host(text) for text in host)
         if made.check(folder, datetime.now(UTC)) and not renew:
@@ -63,16 +66,6 @@ def keys(
     _show(folder, made.check(folder, datetime.now(UTC)))
 
 
-def _library() -> ModuleType:
-    """Return the module that makes keys; its library is for those who make some."""
-    try:
-        return importlib.import_module("deploy.keys")
-    except ModuleNotFoundError as error:
-        raise People4dError(
-            f"the package {error.name} is missing", "Install it: pip install cryptography"
-        ) from error
-
-
 def _host(text: str) -> tuple[str, list[str]]:
     name, _, listed = text.partition("=")
     roles = [role.strip() for role in listed.split(",") if role.strip()]
@@ -84,10 +77,7 @@ def _host(text: str) -> tuple[str, list[str]]:
 def _show(folder: Path, checks: Sequence[Any]) -> None:
     if not checks:
         raise ConfigError(f"{folder} holds no keys", "Make them: people4d keys FOLDER --router ...")
-    console = Console(highlight=False, soft_wrap=True)
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("host", "role", "good until", "state"):
-        table.add_column(title)
+    table = plain_table("host", "role", "good until", "state")
     for found in checks:
         table.add_row(found.file.parent.name, found.role, *_state(found.ends, found.problem))
     console.print(table)

@@ -1,16 +1,14 @@
 """people4d lab."""
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from common.config import load
-from deploy.cli.progress import cores, interruptible, progress
+from deploy.cli.options import Fidelity, Jobs
+from deploy.cli.terminal import console, cores, interruptible, plain_table, progress
 from lab.scenario import Scenario, load_scenario, scenario_names
 from people4d.errors import ConfigError
 
@@ -29,31 +27,23 @@ def list_() -> None:
     """List the scenarios and the people that can be in them."""
     from lab.bodies.cast import cast_names  # noqa: PLC0415
 
-    console = Console(highlight=False, soft_wrap=True)
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("scenario", style="bold")
-    table.add_column("people", justify="right")
-    table.add_column("length", justify="right")
-    for title in ("room", "camera", "about"):
-        table.add_column(title)
+    columns = ("scenario", ">people", ">length", "room", "camera", "about")
+    table = plain_table(*columns)
     for name in scenario_names():
-        table.add_row(name, *_row(load_scenario(name)))
+        scenario = load_scenario(name)
+        camera = scenario.camera
+        table.add_row(
+            f"[bold]{name}[/]",
+            str(len(scenario.people)),
+            f"{scenario.duration_s:g} s",
+            scenario.room,
+            f"{'drives' if camera.drive else 'stands'}, {camera.fps:g} Hz",
+            scenario.about,
+        )
     console.print(table)
     console.print(f"\n[bold]people[/]  {', '.join(cast_names())}")
     console.print("\nPreview one: people4d lab preview SCENARIO")
     console.print("Run the pipeline on it: people4d up --source lab:SCENARIO")
-
-
-def _row(scenario: Scenario) -> tuple[str, str, str, str, str]:
-    camera = scenario.camera
-    moves = "drives" if camera.drive else "stands"
-    return (
-        str(len(scenario.people)),
-        f"{scenario.duration_s:g} s",
-        scenario.room,
-        f"{moves}, {camera.fps:g} Hz",
-        scenario.about,
-    )
 
 
 def render(
@@ -63,19 +53,12 @@ def render(
         typer.Option(help="Folder, or name of the recording; else here, named as the scenario."),
     ] = None,
     seed: Seed = None,
-    fidelity: Annotated[
-        Literal["geometry", "depth", "colour"],
-        typer.Option(
-            help="geometry: detections in place of frames. depth: people in flat colours."
-        ),
-    ] = "colour",
+    fidelity: Fidelity = "colour",
     format_: Annotated[
         Literal["recording", "ros2", "both"],
         typer.Option("--format", help="The project's own recording, a ROS 2 bag, or both."),
     ] = "recording",
-    jobs: Annotated[
-        int, typer.Option(min=0, help="Processes that draw at once; 0: one for each core.")
-    ] = 0,
+    jobs: Jobs = 0,
     quality: Annotated[int, typer.Option(min=1, max=100, help="JPEG quality of colour.")] = 90,
     samples: Annotated[
         int, typer.Option(min=1, max=2, help="Along each side of a pixel; 1: ragged edges, quick.")
@@ -194,17 +177,10 @@ def _stem(plan: Scenario, seed: int | None) -> str:
     return plan.name if seed is None else f"{plan.name}-{seed}"
 
 
-COMMANDS: dict[str, Callable[..., None]] = {
-    "list": list_,
-    "render": render,
-    "preview": preview,
-    "export": export,
-}
-
-
 def group() -> typer.Typer:
     """Return the command with its sub-commands."""
     app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-    for name, command in COMMANDS.items():
-        app.command(name)(command)
+    app.command("list")(list_)
+    for command in (render, preview, export):
+        app.command()(command)
     return app

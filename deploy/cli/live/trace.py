@@ -32,26 +32,19 @@ def trace(
     if recording:
         for _, message in open_recording(recording).messages(*KINDS):
             traces.add(message)
+        problem, hint = "is in it", "Record detections, embeddings and people."
     else:
-        _listen(traces, seconds, robot, connect)
+        end_s = time.monotonic() + seconds
+        with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
+            for message in client.messages(*KINDS, timeout_s=seconds):
+                traces.add(message)
+                if time.monotonic() > end_s:
+                    break
+        problem, hint = "came", "See what runs with people4d ps."
     if not traces.traces:
-        raise People4dError(
-            f"no frame with the times of its stages {'is in it' if recording else 'came'}",
-            "Record detections, embeddings and people."
-            if recording
-            else "See what runs with people4d ps.",
-        )
+        raise People4dError(f"no frame with the times of its stages {problem}", hint)
     try:
         out.write_text(json.dumps(traces.chrome()), encoding="utf-8")
     except OSError as error:
         raise People4dError(f"{out} cannot be written: {error.strerror}") from error
     typer.echo(f"{len(traces.traces)} frames in {out}; open it in https://ui.perfetto.dev")
-
-
-def _listen(traces: FrameTraces, seconds: float, robot: str, connect: str) -> None:
-    end_s = time.monotonic() + seconds
-    with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
-        for arrival in client.arrivals(*KINDS, timeout_s=seconds):
-            traces.add(arrival.message)
-            if time.monotonic() > end_s:
-                break

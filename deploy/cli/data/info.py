@@ -5,10 +5,11 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from common.io.recording import open_recording
+from deploy.cli.options import Json
+from deploy.cli.terminal import console, plain_table, print_json
 from lab.depth.metadata import SimulationMetadata, read_metadata
 from services.camera.describe import Description, describe
 
@@ -16,24 +17,24 @@ from services.camera.describe import Description, describe
 class Info(Description, frozen=True, kw_only=True):
     """Contents of a recording, and the simulation that made it."""
 
-    lab: SimulationMetadata | None = (
-        None  # scenario, seed, depth sensor; None if it is not simulated
-    )
+    lab: SimulationMetadata | None = None  # None if it is not simulated
 
 
 def info(
     recording: Annotated[Path, typer.Argument(help="Recording, ROS bag or folder of images.")],
-    json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    json: Json = False,
 ) -> None:
     """Show what a recording, bag or folder of images holds, and whether it can be played."""
     found = read_info(recording)
     if json:
-        typer.echo(msgspec.json.encode(found).decode())
+        print_json(found)
         return
-    console = Console(highlight=False, soft_wrap=True)
     console.print(_facts(found))
     if found.topics:
-        console.print(_topics(found))
+        table = plain_table("topic", "type", ">messages")
+        for topic in found.topics:
+            table.add_row(topic.name, topic.type, str(topic.count))
+        console.print(table)
 
 
 def read_info(path: Path) -> Info:
@@ -93,13 +94,3 @@ def _camera(description: Description) -> str:
         f"{info.width}x{info.height}, fx {info.fx:.1f} fy {info.fy:.1f} cx {info.cx:.1f} "
         f"cy {info.cy:.1f}, distortion {info.distortion_model}{moved}"
     )
-
-
-def _topics(description: Description) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("topic")
-    table.add_column("type")
-    table.add_column("messages", justify="right")
-    for topic in description.topics:
-        table.add_row(topic.name, topic.type, str(topic.count))
-    return table

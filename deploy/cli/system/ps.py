@@ -2,14 +2,14 @@
 
 import time
 from collections import Counter
-from typing import Annotated
+from contextlib import closing
 
 import msgspec
-import typer
 from rich.console import Console
 from rich.table import Table
 
-from deploy.cli.options import Connect, Robot
+from deploy.cli.options import Connect, Json, Robot
+from deploy.cli.terminal import coloured_state, plain_table, print_json
 from deploy.launcher.health import Heartbeats, of_instance
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Process, Supervisor
@@ -17,7 +17,6 @@ from people4d.errors import People4dError
 from people4d.messages import Health
 
 LISTEN_S = 1.2  # two heartbeats
-COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "exited": "dim"}
 LOSSES = ("bad_", "dropped", "gaps_", "errors")
 
 
@@ -40,7 +39,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
 def ps(
     robot: Robot = "robot",
     connect: Connect = "",
-    json: Annotated[bool, typer.Option("--json", help="One JSON list.")] = False,
+    json: Json = False,
 ) -> None:
     """Show processes: state, health, rates, losses.
 
@@ -61,7 +60,7 @@ def ps(
     rows = [_row(name, process, own_health[name]) for name, process in processes.items()]
     rows += [_row(h.instance, None, h) for h in healths if h not in own_health.values()]
     if json:
-        typer.echo(msgspec.json.encode(rows).decode())
+        print_json(rows)
     else:
         console = Console()
         console.print(_table(rows))
@@ -74,19 +73,17 @@ def ps(
 
 def _heartbeats(connect: str, robot: str, optional: bool) -> list[Health]:
     """Listen for a moment; without a router there is nothing to hear from own processes."""
-    heartbeats = Heartbeats(connect, robot)
     try:
-        heartbeats.connect(timeout_s=2.0)
-        deadline_s = time.monotonic() + LISTEN_S
-        while (left_s := deadline_s - time.monotonic()) > 0:
-            heartbeats.wait(left_s)
-        return sorted(heartbeats.all(), key=lambda health: (health.instance, health.host))
+        with closing(Heartbeats(connect, robot)) as heartbeats:
+            heartbeats.connect(timeout_s=2.0)
+            deadline_s = time.monotonic() + LISTEN_S
+            while (left_s := deadline_s - time.monotonic()) > 0:
+                heartbeats.wait(left_s)
+            return sorted(heartbeats.all(), key=lambda health: (health.instance, health.host))
     except People4dError:
         if optional:
             return []
         raise
-    finally:
-        heartbeats.close()
 
 
 def _row(name: str, process: Process | None, health: Health | None) -> Row:
@@ -108,19 +105,15 @@ def _row(name: str, process: Process | None, health: Health | None) -> Row:
 
 
 def _table(rows: list[Row]) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("process", "state"):
-        table.add_column(title, no_wrap=True)
-    for title in ("pid", "up", "cpu%", "MB"):
-        table.add_column(title, justify="right", no_wrap=True)
-    for title in ("in/s", "out/s"):
-        table.add_column(title, no_wrap=True)
+    columns = ("process", "state", ">pid", ">up", ">cpu%", ">MB", "in/s", "out/s")
+    table = plain_table(*columns, no_wrap=True)
     count = Counter(row.instance for row in rows)
     for row in rows:
-        state = _state(row)
+        # State in supervisord of a process that does not run, else the one in its heartbeat.
+        state = row.process.lower() if row.process not in ("", "RUNNING") else row.health
         table.add_row(
             row.instance if count[row.instance] == 1 else f"{row.instance} ({row.host})",
-            f"[{COLOURS.get(state, 'red')}]{state}[/]",
+            coloured_state(state or "silent"),
             str(row.pid or ""),
             duration(row.uptime_s) if row.uptime_s else "",
             f"{row.cpu_percent:.0f}",
@@ -129,13 +122,6 @@ def _table(rows: list[Row]) -> Table:
             _rates(row.rates_hz, "sent_"),
         )
     return table
-
-
-def _state(row: Row) -> str:
-    """Return what supervisord says of a process that does not run, else what itself says."""
-    if row.process not in ("", "RUNNING"):
-        return row.process.lower()
-    return row.health or "silent"
 
 
 def _rates(rates_hz: dict[str, float], direction: str) -> str:

@@ -1,6 +1,7 @@
-"""people4d replay."""
+"""people4d record and people4d replay."""
 
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from itertools import count
@@ -11,16 +12,58 @@ import msgspec
 import typer
 
 from common.io.images import decompress, encode_png16
-from common.io.recording import Recording, open_recording
+from common.io.recording import Recording, RecordingWriter, open_recording
 from common.transport.zenoh_bus import ZenohBus
-from deploy.cli.options import Connect, Robot, open_bus
-from deploy.cli.record import kinds_of
+from deploy.cli.options import Connect, Robot, open_bus, open_client
 from lab.depth.metadata import CleanDepthSensor, read_metadata
 from people4d.errors import ConfigError
 from people4d.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
-from people4d.topics import BY_MESSAGE
+from people4d.topics import BY_MESSAGE, BY_NAME
 
 MEET_S = 1.0
+USUAL = ("camera_info", "static_transforms", "odometry", "detections", "embeddings", "people")
+
+
+def record(
+    file: Annotated[Path, typer.Argument(help="The recording, for example out.mcap.")],
+    topics: Annotated[
+        str, typer.Option(help=f"Topics with commas between: {', '.join(BY_NAME)}.")
+    ] = ",".join(USUAL),
+    seconds: Annotated[
+        float | None, typer.Option("--for", help="Seconds to record; else until Ctrl-C.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
+    robot: Robot = "robot",
+    connect: Connect = "",
+) -> None:
+    """Record messages of a running system to a file; frames are compressed."""
+    if file.exists() and not force:
+        raise ConfigError(f"{file} exists", "Name another file, or overwrite it with --force.")
+    kinds = kinds_of(topics)
+    deadline_s = time.monotonic() + seconds if seconds else float("inf")
+    counts: Counter[str] = Counter()
+    with open_client(connect, robot) as client, RecordingWriter(file) as writer:
+        typer.echo(f"Recording {topics} to {file}; Ctrl-C ends it.", err=True)
+        with suppress(KeyboardInterrupt):
+            for message in client.messages(*kinds, timeout_s=seconds):
+                writer.write(message, time.time_ns())
+                counts[type(message).__name__] += 1
+                if time.monotonic() > deadline_s:
+                    break
+    typer.echo("Recorded " + (", ".join(f"{n} {c}" for n, c in counts.items()) or "nothing"))
+
+
+def kinds_of(topics: str) -> tuple[type[Message], ...]:
+    """Return the message types of topics named with commas between.
+
+    Raises:
+        ConfigError: There is no such topic.
+    """
+    names = [name.strip() for name in topics.split(",") if name.strip()]
+    for name in names:
+        if name not in BY_NAME:
+            raise ConfigError(f"there is no topic {name!r}", f"Topics are {', '.join(BY_NAME)}.")
+    return tuple(BY_NAME[name].message for name in names)
 
 
 def replay(
@@ -74,11 +117,6 @@ def replay(
 def check_publishers(bus: ZenohBus, robot: str, kinds: set[type[Message]]) -> None:
     """Check that no live service publishes what is to be replayed.
 
-    Args:
-        bus: Bus of the robot.
-        robot: Name of the robot.
-        kinds: Types of the recorded messages.
-
     Raises:
         ConfigError: A service does: its messages and the recorded ones would mix.
     """
@@ -119,9 +157,9 @@ def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixel
     Raises:
         DecodeError: An image is corrupt.
     """
-    if clean is None:
-        return decompress(message) if pixels else message
-    frame = decompress(message)
+    frame = decompress(message) if pixels or clean else None
+    if frame is None or clean is None:
+        return frame or message
     depth_mm = clean.measure(frame.depth_mm, frame.stamp_ns)
     if pixels:
         return msgspec.structs.replace(frame, depth_mm=depth_mm)
@@ -131,13 +169,7 @@ def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixel
 def paced(
     recording: Recording, kinds: tuple[type[Message], ...], speed: float
 ) -> Iterator[Message]:
-    """Yield the messages of a recording when they are due.
-
-    Args:
-        recording: The recording.
-        kinds: Types wanted, all if none.
-        speed: 1 for the recorded rate, 2 for twice as fast.
-    """
+    """Yield the messages of a recording of some types, or all, when they are due."""
     start_ns, begin_s = None, time.monotonic()
     for log_ns, message in recording.messages(*kinds):
         start_ns = log_ns if start_ns is None else start_ns

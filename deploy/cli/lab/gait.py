@@ -5,13 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
-from deploy.cli.progress import can_draw_figures, interruptible, progress
+from deploy.cli.options import Preset, Settings
+from deploy.cli.terminal import can_draw_figures, console, interruptible, plain_table, progress
 from lab import scenario as scenarios
 from people4d.errors import ConfigError
-from services.presets import PRESETS
 
 # The report is imported on use: compiled code takes a second to load.
 
@@ -38,17 +36,8 @@ def gait(
         ),
     ] = AUTO,
     out: Annotated[Path, typer.Option(help="Folder of tables and images.")] = Path("out/gait"),
-    preset: Annotated[
-        str, typer.Option(help=f"Method with its settings: {', '.join(PRESETS)}, or a TOML file.")
-    ] = "",
-    set_: Annotated[
-        list[str],
-        typer.Option(
-            "--set",
-            metavar="SERVICE.FIELD=VALUE",
-            help="Any other setting: gait.cascade.depth.feature=spin, camera.max_frames=100.",
-        ),
-    ] = [],  # noqa: B006 (typer copies it)
+    preset: Preset = "",
+    set_: Settings = [],  # noqa: B006 (typer copies it)
     video: Annotated[bool, typer.Option(help="Draw gait.webm, which takes longest.")] = True,
     figures: Annotated[
         bool, typer.Option(help="Draw figures, if matplotlib is installed, the extra 'evaluate'.")
@@ -91,10 +80,8 @@ def _print_measures(tables: "GaitTables") -> None:
         typer.echo("No person was tracked: tracks are confirmed in their third frame. For fewer")
         typer.echo("frames, or without detections, give a box: --person left,top,right,bottom")
         return
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("person")
-    for title in ("steps", "step m", "stride m", "steps/min", "m/s", "asymmetry"):
-        table.add_column(title, justify="right")
+    columns = (">steps", ">step m", ">stride m", ">steps/min", ">m/s", ">asymmetry")
+    table = plain_table("person", *columns)
     for person in tables.people:
         measures = tables.measures(person)
         numbers = (
@@ -106,4 +93,4 @@ def _print_measures(tables: "GaitTables") -> None:
         )
         cells = ("" if value is None else f"{value:.{digits}f}" for value, digits in numbers)
         table.add_row(f"#{person}", str(measures.steps), *cells)
-    Console(highlight=False).print(table)
+    console.print(table)

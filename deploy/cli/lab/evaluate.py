@@ -3,13 +3,19 @@
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table as RichTable
 
-from deploy.cli.progress import can_draw_figures, cores, interruptible, progress
+from deploy.cli.options import Fidelity, Jobs, Settings
+from deploy.cli.terminal import (
+    can_draw_figures,
+    console,
+    cores,
+    interruptible,
+    plain_table,
+    progress,
+)
 from people4d.errors import ConfigError
 from services.presets import PRESETS
 
@@ -38,24 +44,14 @@ def evaluate(
     seeds: Annotated[
         str, typer.Option(help="Seeds of every scenario, for example 1,2,3; else its own.")
     ] = "",
-    fidelity: Annotated[
-        Literal["geometry", "depth", "colour"],
-        typer.Option(
-            help="How much of a scenario is rendered. geometry: detections in place of frames."
-        ),
-    ] = "colour",
+    fidelity: Fidelity = "colour",
     out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("out/evaluation"),
-    jobs: Annotated[
-        int, typer.Option(min=0, help="Processes at once, one thread each; 0: one for each core.")
-    ] = 0,
+    jobs: Jobs = 0,
     cache: Annotated[
         Path | None,
         typer.Option(help="Folder of renderings and detections; else one in your cache folder."),
     ] = None,
-    set_: Annotated[
-        list[str],
-        typer.Option("--set", metavar="SERVICE.FIELD=VALUE", help="A setting of all methods."),
-    ] = [],  # noqa: B006 (typer copies it)
+    set_: Settings = [],  # noqa: B006 (typer copies it)
     visual_odometry: Annotated[
         bool,
         typer.Option("--visual-odometry", help="Motion of the base from images, not wheels."),
@@ -94,15 +90,11 @@ def evaluate(
 
 
 def _show(table: "ReportTable") -> None:
-    shown = RichTable(title=table.title, title_justify="left", box=None, header_style="bold")
-    shown.add_column("method")
-    columns = zip(*((row.people, *row.cells) for row in table.rows), strict=True)
-    titles = ("people", *(column.title for column in table.columns))
-    for title, cells in zip(titles, columns, strict=True):
-        shown.add_column(title, justify="right", min_width=max(map(len, cells)))
+    titles = [f">{column.title}" for column in table.columns]
+    shown = plain_table("method", ">people", *titles, title=table.title, no_wrap=True)
     for row in table.rows:
         shown.add_row(row.method, row.people, *row.cells, style="dim" if row.published else "")
-    Console(highlight=False).print(shown)
+    console.print(shown)
 
 
 def _sources(texts: list[str]) -> list[str]:

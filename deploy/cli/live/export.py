@@ -5,19 +5,18 @@ import signal
 import socket
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from typing import Annotated
 
 import typer
 
-from common.transport.clock import ClockMonitor
 from common.transport.trace import ProcessId
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.exporters.measures import Exporter
 from deploy.monitor import Monitor
 from people4d.client import Client
 from people4d.errors import ConfigError
-from people4d.messages import Detections, Health, Tracks
+from people4d.messages import Health
 
 WINDOW_S = 10.0
 METRICS_S = 10.0
@@ -45,33 +44,28 @@ def export(
     if prometheus is None and not otlp:
         raise typer.BadParameter("name --prometheus PORT, --otlp URL, or both")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a supervisor's path to say Ctrl-C
-    exporters: list[Exporter] = []
-    with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
-        try:
-            if prometheus is not None:
-                exporters.append(prometheus_exporter(address, prometheus))
-            if otlp:
-                exporters.append(otlp_exporter(robot, otlp))
-            feed(client, exporters)
-        finally:
-            for exporter in exporters:
-                exporter.close()
+    with (
+        open_client(connect, robot) as client,
+        ExitStack() as exporters,
+        suppress(KeyboardInterrupt),
+    ):
+        used: list[Exporter] = []
+        if prometheus is not None:
+            used.append(exporters.enter_context(closing(prometheus_exporter(address, prometheus))))
+        if otlp:
+            used.append(exporters.enter_context(closing(otlp_exporter(robot, otlp))))
+        feed(client, used)
 
 
 def feed(client: Client, exporters: Sequence[Exporter]) -> None:
     """Give exporters what comes, until interrupted."""
-    host = socket.gethostname()
-    monitor = Monitor(ProcessId("export", f"export-{os.getpid()}", host), WINDOW_S)
-    clock = ClockMonitor(client.session)
-    for arrival in client.arrivals(Health, Tracks, Detections):
-        clock.query()
-        monitor.add_own_clock(clock.offset())
-        path = monitor.add(arrival, time.time_ns(), time.monotonic())
+    monitor = Monitor(ProcessId("export", f"export-{os.getpid()}", socket.gethostname()), WINDOW_S)
+    for arrival, path in monitor.follow(client):
         for exporter in exporters:
             if path:
                 exporter.add_frame_path(path)
             elif isinstance(arrival.message, Health):
-                exporter.add_healths(monitor.healths(time.monotonic()))
+                exporter.healths = monitor.healths(time.monotonic())
 
 
 def prometheus_exporter(address: str, port: int) -> Exporter:

@@ -4,20 +4,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from common.io.weights import ModelFile, find, folders, load_manifest, verify
+from deploy.cli.terminal import console, plain_table
 from people4d.errors import ModelError
 
 State = Literal["present", "verified", "any export", "altered", "absent"]
-COLOURS: dict[State, str] = {
-    "present": "green",
-    "verified": "green",
-    "any export": "green",
-    "altered": "red",
-    "absent": "yellow",
-}
+COLOURS = {"altered": "red", "absent": "yellow"}  # else green
 
 
 def models(
@@ -29,18 +22,19 @@ def models(
     folders_ = folders()
     manifest = load_manifest()
     states = {name: state_of(model, folders_, verify_) for name, model in manifest.items()}
-    console = Console(highlight=False, soft_wrap=True)
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("model", "kind", "state", "licence", "input"):
-        table.add_column(title, overflow="fold")
+    table = plain_table("model", "kind", "state", "licence", "input", overflow="fold")
     for name, model in manifest.items():
         state = states[name]
-        coloured = f"[{COLOURS[state]}]{state}[/]"
+        coloured = f"[{COLOURS.get(state, 'green')}]{state}[/]"
         table.add_row(f"[bold]{name}[/]", model.kind, coloured, model.licence, model.input)
     console.print(table)
-    _print_sources(
-        console, [m for name, m in manifest.items() if states[name] == "absent"], folders_
-    )
+    absent = [model for name, model in manifest.items() if states[name] == "absent"]
+    if absent:
+        console.print("\n[bold]How to get the others[/]")
+        for model in absent:
+            console.print(f"[bold]{model.name}[/] ({model.url or 'no page'})")
+            console.print(f"  {model.get}", markup=False)
+        console.print("\nFolders searched: " + ", ".join(map(str, folders_)), markup=False)
     altered = [name for name, state in states.items() if state == "altered"]
     if altered:
         raise ModelError(
@@ -63,13 +57,3 @@ def state_of(model: ModelFile, folders_: tuple[Path, ...], check: bool) -> State
     except ModelError:
         return "altered"
     return "verified"
-
-
-def _print_sources(console: Console, absent: list[ModelFile], folders_: tuple[Path, ...]) -> None:
-    if not absent:
-        return
-    console.print("\n[bold]How to get the others[/]")
-    for model in absent:
-        console.print(f"[bold]{model.name}[/] ({model.url or 'no page'})")
-        console.print(f"  {model.get}", markup=False)
-    console.print("\nFolders searched: " + ", ".join(map(str, folders_)), markup=False)

@@ -1,21 +1,19 @@
 """people4d up and people4d demo."""
 
 import re
-import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
 from common.config import setting
 from common.transport.ports import free_port
-from deploy.cli.options import Robot
+from deploy.cli.options import Preset, ReadyTimeout, Robot, Settings
+from deploy.cli.terminal import console, print_progress, signals_interrupt
 from deploy.launcher.health import Heartbeats
-from deploy.launcher.launcher import TAIL_LINES, Launcher, LaunchError, stop, tail
+from deploy.launcher.launcher import Launcher, LaunchError, stop
 from deploy.launcher.plan import (
     CAMERA,
     COMPOSE_FILE,
@@ -32,7 +30,7 @@ from deploy.launcher.supervisor import SupervisorGoneError
 from lab import scenario as scenarios
 from people4d.errors import ConfigError
 from services.gt_bridge.sources.registry import SCHEME as LIVE_TRUTH
-from services.presets import PRESETS, preset_settings
+from services.presets import preset_settings
 
 # Lock-step waits for every result: the same recording gives the same tracks on any machine.
 LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
@@ -44,12 +42,6 @@ DRAIN_TIMEOUT_S = 120.0
 GONE_TIMEOUT_S = 3.0
 POLL_S = 0.5
 START_TIMEOUT_S = 60.0
-
-Preset = Annotated[
-    str, typer.Option(help=f"Method with its settings: {', '.join(PRESETS)}, or a TOML file.")
-]
-
-console = Console(highlight=False, soft_wrap=True)
 
 
 def up(
@@ -74,9 +66,7 @@ def up(
         typer.Option(help="At the recorded rate, or as fast as it goes without losing a frame."),
     ] = "",
     loop: Annotated[bool, typer.Option("--loop", help="Play the source again and again.")] = False,
-    set_: Annotated[
-        list[str], typer.Option("--set", metavar="SERVICE.FIELD=VALUE", help="Any other setting.")
-    ] = [],  # noqa: B006 (typer copies it)
+    set_: Settings = [],  # noqa: B006 (typer copies it)
     scale: Annotated[
         list[str], typer.Option(metavar="SERVICE=N", help="Number of equal processes.")
     ] = [],  # noqa: B006
@@ -106,9 +96,7 @@ def up(
     ] = HOST,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the router.")] = PORT,
     detach: Annotated[bool, typer.Option("--detach", "-d", help="Return once all is up.")] = False,
-    timeout_s: Annotated[
-        float, typer.Option("--timeout", help="Seconds that a service may take to get ready.")
-    ] = START_TIMEOUT_S,
+    timeout_s: ReadyTimeout = START_TIMEOUT_S,
     compose: Annotated[Path, typer.Option(help="Another compose file.")] = COMPOSE_FILE,
 ) -> None:
     """Start everything on this machine, in order, and watch it; Ctrl-C stops it.
@@ -197,9 +185,11 @@ def _launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
     check_settings(services, request)
     connect = router_of(services, request)
     state = State.of_robot(request.robot)
-    heartbeats = Heartbeats(connect, request.robot)
-    launcher = Launcher(state, services, heartbeats, _progress)
-    with _signals_interrupt():
+    with (
+        signals_interrupt(),
+        closing(Heartbeats(connect, request.robot)) as heartbeats,
+    ):
+        launcher = Launcher(state, services, heartbeats, print_progress)
         try:
             launcher.start(request.robot, connect, timeout_s)
             if detach:
@@ -212,24 +202,17 @@ def _launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
         except KeyboardInterrupt:
             console.print("Stopped.")
             raise typer.Exit(130 if request.report else 0) from None
-        finally:
-            heartbeats.close()
     if request.report:
         _print_summary(request.report, state)
 
 
 def _attend(launcher: Launcher, request: LaunchRequest) -> None:
-    if not request.report:
-        console.print("Everything is up; Ctrl-C stops it. In another terminal: people4d listen")
-        _watch(launcher)
+    if request.report:
+        console.print("Running to the end of the source ...")
+        launcher.wait_finished(CAMERA)
+        launcher.drain(DRAIN_TIMEOUT_S)
         return
-    console.print("Running to the end of the source ...")
-    launcher.wait_finished(CAMERA)
-    launcher.drain(DRAIN_TIMEOUT_S)
-
-
-def _watch(launcher: Launcher) -> None:
-    """Tell of restarts until the system is stopped from elsewhere."""
+    console.print("Everything is up; Ctrl-C stops it. In another terminal: people4d listen")
     while True:
         try:
             launcher.processes()
@@ -244,32 +227,8 @@ def _watch(launcher: Launcher) -> None:
 def _print_summary(folder: Path, state: State) -> None:
     summary = folder / "summary.txt"
     if not (folder / "summary.json").is_file():  # written last
-        log = state.log_of(f"{REPORT}-1")
-        problem = f"the report in {folder} is not complete"
-        raise LaunchError(problem, f"The whole log: {log}", tail(log, TAIL_LINES))
+        raise LaunchError(state, f"{REPORT}-1", f"the report in {folder} is not complete")
     facts = summary.read_text(encoding="utf-8").partition("\n\n")[0]
     console.print(facts, markup=False)  # the table of latency stays in the report
     names = sorted(file.name for file in folder.iterdir() if file.suffix != ".part")
     console.print(f"\nReport: {folder}/ ({', '.join(names)})", markup=False)
-
-
-def _progress(name: str, what: str) -> None:
-    console.print(f"  [bold]{name:<12}[/] {what}")
-
-
-@contextmanager
-def _signals_interrupt() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end the block as Ctrl-C does."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-    def interrupt(*_: object) -> None:
-        for number in numbers:  # once is enough: what follows is the stop, which must not break off
-            signal.signal(number, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    before = [signal.signal(number, interrupt) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)

@@ -8,24 +8,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Annotated
 
-import msgspec
 import typer
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from common.transport.clock import ClockMonitor
 from common.transport.trace import ProcessId
-from deploy.cli.live import Json
-from deploy.cli.options import Connect, Robot, open_client
+from deploy.cli.options import Connect, Json, Robot, open_client
+from deploy.cli.terminal import coloured_state, plain_table, print_json
 from deploy.monitor import ClockSnapshot, Durations, Monitor, ProcessSnapshot, SystemSnapshot
 from people4d.client import Client
 from people4d.errors import People4dError
-from people4d.messages import Detections, Health, Tracks
 from people4d.topics import TOPICS
 
-COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "": "dim"}
 STREAMS = tuple(topic.name for topic in TOPICS if topic.rate_hz)  # all but what is sent once
 WIDTH = 120  # where there is no terminal
 HERE = "here"  # service of this command, in the table
@@ -48,51 +44,45 @@ def top(
 
     A snapshot over the last --window seconds; Ctrl-C ends it.
     """
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=WIDTH)
     with (
         open_client(connect, robot) as client,
-        watching(client, seconds) as snapshot,
+        _snapshots(client, seconds) as snapshot,
         suppress(KeyboardInterrupt),
     ):
         if once:
             _wait(snapshot, min(seconds, FIRST_S))
-            _show_once(snapshot(), json)
-        else:
-            _show(snapshot, every_s, json)
+        elif console.is_terminal and not json:
+            with Live("listening ...", console=console, auto_refresh=False, screen=True) as live:
+                while True:
+                    time.sleep(every_s)
+                    live.update(drawn(snapshot()), refresh=True)
+        while True:
+            if json:
+                print_json(snapshot())
+            else:
+                console.print(drawn(snapshot()))
+            if once:
+                return
+            time.sleep(every_s)
 
 
 @contextmanager
-def watching(client: Client, seconds: float) -> Iterator[Callable[[], SystemSnapshot]]:
-    """Listen in a thread until the block ends.
-
-    Args:
-        client: A connected client.
-        seconds: How long a frame counts.
-
-    Yields:
-        What gives the snapshot of this moment.
-    """
-    host = socket.gethostname()
-    monitor = Monitor(ProcessId(HERE, f"top-{os.getpid()}", host), seconds)
-    clock, lock, ended = ClockMonitor(client.session), threading.Lock(), threading.Event()
-    arrivals = client.arrivals(Health, Tracks, Detections)
+def _snapshots(client: Client, seconds: float) -> Iterator[Callable[[], SystemSnapshot]]:
+    """Listen in a thread until the block ends; yield a function that returns a snapshot."""
+    monitor = Monitor(ProcessId(HERE, f"top-{os.getpid()}", socket.gethostname()), seconds)
+    ended = threading.Event()
 
     def listen() -> None:
-        for arrival in arrivals:
-            clock.query()
-            with lock:
-                monitor.add_own_clock(clock.offset())
-                monitor.add(arrival, time.time_ns(), time.monotonic())
+        for _ in monitor.follow(client):
             if ended.is_set():
                 return
 
-    def snapshot() -> SystemSnapshot:
-        with lock:
-            return monitor.snapshot(time.monotonic())
-
-    thread = threading.Thread(target=listen, name="top", daemon=True)
-    thread.start()
+    threading.Thread(target=listen, name="top", daemon=True).start()
     try:
-        yield snapshot
+        yield lambda: monitor.snapshot(time.monotonic())
     finally:
         ended.set()
 
@@ -110,30 +100,6 @@ def _wait(snapshot: Callable[[], SystemSnapshot], seconds: float) -> None:
                 f"no heartbeat came within {2 * seconds:g} s", "See what runs with people4d ps."
             )
         time.sleep(0.1)
-
-
-def _show_once(snapshot: SystemSnapshot, json: bool) -> None:
-    if json:
-        typer.echo(msgspec.json.encode(snapshot).decode())
-    else:
-        _console().print(drawn(snapshot))
-
-
-def _show(snapshot: Callable[[], SystemSnapshot], every_s: float, json: bool) -> None:
-    console = _console()
-    if json or not console.is_terminal:
-        while True:
-            time.sleep(every_s)
-            _show_once(snapshot(), json)
-    with Live("listening ...", console=console, auto_refresh=False, screen=True) as live:
-        while True:
-            time.sleep(every_s)
-            live.update(drawn(snapshot()), refresh=True)
-
-
-def _console() -> Console:
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=WIDTH)
 
 
 def drawn(snapshot: SystemSnapshot) -> Group:
@@ -172,15 +138,9 @@ def _clocks(clocks: list[ClockSnapshot]) -> Text:
 
 
 def _processes(processes: list[ProcessSnapshot]) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("process", "state"):
-        table.add_column(title, no_wrap=True)
-    for title in ("cpu%", "MB"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("in/s", no_wrap=True)
-    table.add_column("age ms", justify="right", no_wrap=True)
-    table.add_column("out/s", no_wrap=True)
-    table.add_column("losses", overflow="fold")
+    columns = ("process", "state", ">cpu%", ">MB", "in/s", ">age ms", "out/s", "losses")
+    table = plain_table(*columns, no_wrap=True)
+    table.columns[-1].no_wrap = False
     for process in processes:
         if not process.state:  # it sends no heartbeat
             continue
@@ -189,7 +149,7 @@ def _processes(processes: list[ProcessSnapshot]) -> Table:
         outputs = [topic for topic in STREAMS if rates.get(f"sent_{topic}")]
         table.add_row(
             process.instance,
-            f"[{COLOURS.get(process.state, 'red')}]{process.state}[/]",
+            coloured_state(process.state),
             _number(process.cpu_percent),
             _number(process.memory_mb),
             "\n".join(f"{topic} {rates[f'received_{topic}']:.0f}" for topic in inputs),
@@ -201,12 +161,8 @@ def _processes(processes: list[ProcessSnapshot]) -> Table:
 
 
 def _stages(snapshot: SystemSnapshot) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column(f"last {snapshot.seconds:g} s", no_wrap=True)
-    table.add_column("stage", no_wrap=True)
-    for title in ("p50 ms", "p95 ms", "p99 ms", "frames"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("")
+    columns = ("stage", ">p50 ms", ">p95 ms", ">p99 ms", ">frames", "")
+    table = plain_table(f"last {snapshot.seconds:g} s", *columns)
     for process in snapshot.processes:
         name = HERE if process.service == HERE else process.instance
         for stage in process.stages:

@@ -1,0 +1,1 @@
+"""Commands that show or export messages and latencies as they come."""

@@ -1,0 +1,114 @@
+"""Tables, JSON and progress bars in the terminal, and the end of long work on Ctrl-C."""
+
+import importlib.util
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Literal
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "exited": "dim", "": "dim"}
+
+console = Console(highlight=False, soft_wrap=True)
+
+Report = Callable[[str, float], None]  # takes the name of a piece of work, and the share done
+
+
+def plain_table(*titles: str, title: str | None = None, **column: Any) -> Table:
+    """Make a table without lines; columns whose title begins with ">" are aligned right."""
+    table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
+    for name in titles:
+        justify: Literal["left", "right"] = "right" if name.startswith(">") else "left"
+        table.add_column(name.removeprefix(">"), justify=justify, **column)
+    return table
+
+
+def coloured_state(state: str) -> str:
+    """Return the state of a process as markup."""
+    return f"[{COLOURS.get(state, 'red')}]{state}[/]"
+
+
+def print_json(value: object) -> None:
+    """Print a line of JSON."""
+    typer.echo(msgspec.json.encode(value, enc_hook=lambda array: array.tolist()).decode())
+
+
+def print_progress(name: str, what: str) -> None:
+    """Print what happened to a service or process."""
+    console.print(f"  [bold]{name:<12}[/] {what}")
+
+
+def can_draw_figures() -> bool:
+    """Return True if matplotlib is installed; say so otherwise."""
+    if importlib.util.find_spec("matplotlib"):
+        return True
+    typer.echo("No figures: matplotlib is not installed (pip install 'people4d[evaluate]').")
+    return False
+
+
+def cores() -> int:
+    """Return the number of cores that may be used."""
+    return len(os.sched_getaffinity(0))
+
+
+@contextmanager
+def progress() -> Iterator[Report]:
+    """Show a bar for each thing that is being done; call what it gives with its share."""
+    columns = (
+        TextColumn("{task.description:<18}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def report(what: str, share: float) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(what, total=1.0)
+            bars.update(tasks[what], completed=share)
+
+        yield report
+
+
+@contextmanager
+def signals_interrupt() -> Iterator[None]:
+    """Let SIGTERM and a closed terminal end the block as Ctrl-C does, with KeyboardInterrupt."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def interrupt(*_: object) -> None:
+        for number in numbers:  # once is enough: what follows is the stop, which must not break off
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+@contextmanager
+def interruptible(message: str) -> Iterator[None]:
+    """End the block on Ctrl-C, SIGTERM and a closed terminal, and print a message."""
+    try:
+        with signals_interrupt():
+            yield
+    except KeyboardInterrupt:
+        typer.echo(f"Interrupted. {message}", err=True)
+        raise typer.Exit(130) from None
