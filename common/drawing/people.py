@@ -43,17 +43,7 @@ class CameraView:
 def annotate(
     rgb: U8, detections: Detections | None, tracks: Tracks | None, view: CameraView | None
 ) -> U8:
-    """Draw people into a copy of a frame.
-
-    Args:
-        rgb: HxWx3, red first; stays as it is.
-        detections: People found in the frame, None if unknown.
-        tracks: People tracked, None if unknown.
-        view: Projection into the image, None if unknown.
-
-    Returns:
-        HxWx3, red first.
-    """
+    """Draw people into a copy of a frame (HxWx3, red first); what is None is unknown."""
     image = rgb.copy()
     people = detections.detections if detections else ()
     owners = {t.detection: t for t in (tracks.tracks if tracks else ()) if t.detection is not None}

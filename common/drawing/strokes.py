@@ -28,15 +28,7 @@ def put_text(
 def put_label(
     image: U8, text: str, left_bottom: tuple[float, float], height_px: float, colour: Colour
 ) -> None:
-    """Write text on a filled plate, kept inside the image.
-
-    Args:
-        image: HxWx3, changed.
-        text: The text.
-        left_bottom: Corner of the plate in pixels.
-        height_px: Height of the text in pixels.
-        colour: Of the plate.
-    """
+    """Write text on a plate filled with a colour, within the image, at its left bottom corner."""
     pad = 0.3 * height_px
     width, height = text_width(text, height_px) + 2 * pad, height_px + 2 * pad
     left = min(max(left_bottom[0], 0), image.shape[1] - width)

@@ -31,15 +31,7 @@ def shrink(image: U8, width: int) -> U8:
 
 
 def grid(tiles: Sequence[Tile], columns: int) -> U8:
-    """Lay tiles out in rows; the tallest sets the height of all.
-
-    Args:
-        tiles: At least one, all of one width.
-        columns: Tiles in a row, at most.
-
-    Returns:
-        HxWx3, red first.
-    """
+    """Lay tiles of one width out in rows on a page; the tallest sets the height of all."""
     columns = min(columns, len(tiles))
     rows = -(-len(tiles) // columns)
     height, width = max(t.image.shape[0] for t in tiles), tiles[0].image.shape[1]

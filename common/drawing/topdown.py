@@ -27,16 +27,7 @@ class Trajectories:
 
 
 def draw_map(trajectories: Trajectories, width: int, height: int) -> U8:
-    """Draw trajectories of tracks in their colours over the truth in grey.
-
-    Args:
-        trajectories: Its content.
-        width: Of the image in pixels.
-        height: Of the image in pixels.
-
-    Returns:
-        HxWx3, red first.
-    """
+    """Draw trajectories of tracks in their colours over the truth in grey, HxWx3, red first."""
     image = np.full((height, width, 3), PAPER, np.uint8)
     scale = _Scale.fit(trajectories, width, height)
     _draw_grid(image, scale)

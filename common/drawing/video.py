@@ -13,12 +13,7 @@ SUFFIX = ".webm"
 
 
 def open_video(path: Path, rate_hz: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
-    """Open a video for writing; `write` takes BGR images, `release` finishes the file.
-
-    Args:
-        path: The file, whose name ends in .webm.
-        rate_hz: Frames a second.
-        size_px: Width and height.
+    """Open a .webm file for writing; `write` takes BGR images, `release` finishes the file.
 
     Raises:
         People4dError: The file cannot be written.

@@ -7,11 +7,7 @@ from people4d.messages import F64
 
 
 def iou_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
-    """Return the intersection over union of each pair.
-
-    Args:
-        a: Nx4 boxes, xyxy.
-        b: Mx4 boxes, xyxy.
+    """Return the intersection over union of Nx4 and Mx4 boxes.
 
     Returns:
         NxM, 0 to 1; 0 where a box is empty.
@@ -28,15 +24,10 @@ def iou_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
 
 
 def nms(boxes: npt.ArrayLike, scores: npt.ArrayLike, iou_max: float) -> list[int]:
-    """Suppress boxes that overlap a better one.
-
-    Args:
-        boxes: Nx4 boxes, xyxy.
-        scores: N scores.
-        iou_max: Largest intersection over union of two remaining boxes.
+    """Suppress boxes (Nx4) that overlap a better one by more than `iou_max`.
 
     Returns:
-        Indices of the remaining boxes, best first.
+        Indices of the remaining boxes, best score first.
     """
     overlap = iou_xyxy(boxes, boxes)
     selected: list[int] = []

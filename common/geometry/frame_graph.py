@@ -35,24 +35,12 @@ class FrameGraph:
         self._paths.clear()
 
     def lookup(self, target: str, source: str) -> F64 | None:
-        """Return target_from_source.
-
-        Args:
-            target: Frame that results are in.
-            source: Frame that points come from.
-
-        Returns:
-            4x4 through the fewest transforms, None if the frames are not linked.
-        """
+        """Return target_from_source through the fewest transforms, None if they are not linked."""
         path = self.path(target, source)
         return None if path is None else compose(path.values())
 
     def path(self, target: str, source: str) -> Edges | None:
         """Return the fewest transforms whose product is target_from_source, in their order.
-
-        Args:
-            target: Frame that results are in.
-            source: Frame that points come from.
 
         Returns:
             Empty for one and the same frame, None if the frames are not linked.

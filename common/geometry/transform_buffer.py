@@ -18,11 +18,7 @@ from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 
 
 class TransformBuffer:
-    """Static and moving transforms, each usable in both directions, like the buffer of tf2.
-
-    Args:
-        config: Limits of plausible motion and its uncertainty.
-    """
+    """Static and moving transforms, each usable in both directions, like the buffer of tf2."""
 
     def __init__(self, config: TransformBufferConfig) -> None:
         self.counters = Counter(dict.fromkeys(COUNTERS, 0))

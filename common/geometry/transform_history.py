@@ -52,11 +52,7 @@ class TransformHistory:
     """Samples of one transform, interpolated between them and extrapolated after the last.
 
     A sample that no plausible motion explains means that the origin of the source was reset: the
-    history continues from the extrapolated transform.
-
-    Args:
-        config: Limits of plausible motion.
-        counters: Counts `COUNTERS`.
+    history continues from the extrapolated transform. It counts `COUNTERS`.
     """
 
     def __init__(self, config: TransformBufferConfig, counters: Counter[str]) -> None:
@@ -72,12 +68,7 @@ class TransformHistory:
         return self._stamps_ns[-1] if self._stamps_ns else None
 
     def add(self, stamp_ns: int, matrix: F64) -> None:
-        """Add a sample, in any order.
-
-        Args:
-            stamp_ns: Its time.
-            matrix: 4x4, parent_from_child.
-        """
+        """Add a sample, 4x4 parent_from_child, in any order."""
         newest = self.newest_ns
         if newest is not None and newest - stamp_ns > self._config.clock_jump_s * 1e9:
             self._counters["motion_clock_resets"] += 1

@@ -97,15 +97,7 @@ def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> F64:
 
 
 def apply(matrix: F64, points_m: npt.ArrayLike) -> F64:
-    """Transform points.
-
-    Args:
-        matrix: 4x4, target_from_source.
-        points_m: Nx3 or 3, in the source frame.
-
-    Returns:
-        The points in the target frame, same shape.
-    """
+    """Transform points (Nx3 or 3) from the source frame to the target frame of a 4x4."""
     points = np.asarray(points_m, np.float64)
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 

@@ -31,12 +31,7 @@ class WheelOdometry:
         self._sequence = 0
 
     def add(self, stamp_ns: int, left: float, right: float) -> Odometry:
-        """Add a reading of both encoders.
-
-        Args:
-            stamp_ns: Time of the reading.
-            left: Ticks of the left wheel since any beginning, forward rising.
-            right: Ticks of the right wheel, likewise.
+        """Add a reading of both encoders: ticks since any beginning, forward rising.
 
         Returns:
             The pose: dtheta = (right - left) / track, the distance along the mean heading.

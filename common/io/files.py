@@ -10,15 +10,7 @@ MAX_TEXT_BYTES = 2**20  # of a configuration, a calibration, a list of settings
 
 
 def read_bytes(path: Path, limit: int) -> bytes:
-    """Read a file into memory.
-
-    Args:
-        path: The file.
-        limit: Most bytes that it may have.
-
-    Raises:
-        OSError: It cannot be read, or is larger.
-    """
+    """Read a file into memory; OSError if it cannot be read or has more bytes than the limit."""
     with path.open("rb") as file:
         # The reported size may be wrong; that of a pipe is 0.
         data = file.read(min(limit, os.fstat(file.fileno()).st_size) + 1)
@@ -30,31 +22,17 @@ def read_bytes(path: Path, limit: int) -> bytes:
 
 
 def read_text(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
-    """Read a file as UTF-8.
-
-    Raises:
-        OSError: It cannot be read, or is larger than the limit in bytes.
-        ValueError: It is no UTF-8.
-    """
+    """Read a file as UTF-8; OSError as in `read_bytes`, ValueError if it is no UTF-8."""
     return read_bytes(path, limit).decode("utf-8-sig")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file.
-
-    Raises:
-        OSError: It cannot be read, or is too large.
-        ValueError: It is no TOML, or lists and tables are nested too deeply in it.
-    """
+    """Read a TOML file; OSError as in `read_bytes`, ValueError as in `parse_toml`."""
     return parse_toml(read_text(path))
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Parse TOML.
-
-    Raises:
-        ValueError: It is no TOML, or lists and tables are nested too deeply in it.
-    """
+    """Parse TOML; ValueError if it is none, or if lists and tables are nested too deeply."""
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -62,11 +40,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Return the path of a file that another file names, which must lie in the same folder.
-
-    Args:
-        folder: The folder, which its user chose.
-        name: Path in it as it was written, untrusted.
+    """Return the path of a file in a folder by its name in another file, which is untrusted.
 
     Raises:
         ValueError: The path leads out of the folder, by its parts or by a link.

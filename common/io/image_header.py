@@ -23,11 +23,7 @@ _CHUNK = struct.Struct(">I4s")
 
 
 def image_size(data: bytes, name: str = "image") -> tuple[int, int]:
-    """Return width and height of a JPEG, PNG, BMP, PGM or PPM file.
-
-    Args:
-        data: File contents, untrusted.
-        name: Name for the error.
+    """Return width and height of a JPEG, PNG, BMP, PGM or PPM file, untrusted.
 
     Raises:
         DecodeError: It is none of them, or is too large for an image of a camera.

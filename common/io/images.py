@@ -32,8 +32,7 @@ def decompress(message: CompressedRgbdFrame) -> RgbdFrame:
     """Return the frame with its pixels.
 
     Raises:
-        DecodeError: One of the images is corrupt, too large or of another kind, or their sizes
-            differ.
+        DecodeError: An image is corrupt, too large or of another kind, or their sizes differ.
     """
     rgb = decode_jpeg(message.rgb_jpeg)
     depth_mm = decode_png16(message.depth_png)
@@ -60,13 +59,10 @@ def encode_jpeg(rgb: U8, quality: int = 90) -> bytes:
 
 
 def encode_png16(depth_mm: U16, level: int = 1, smooth: bool = False) -> bytes:
-    """Encode depth as 16-bit PNG.
+    """Encode depth (HxW) as 16-bit PNG; levels 0 to 9 trade time for size.
 
-    Args:
-        depth_mm: HxW.
-        level: 0 to 9 trades time for size.
-        smooth: The depth has no noise, as that of a simulation: stored as differences from the
-            row above it is a third smaller. With a sensor's noise differences only cost.
+    Smooth depth has no noise, as that of a simulation: stored as differences from the row above it
+    is a third smaller. With a sensor's noise differences only cost.
     """
     row_filter = cv2.IMWRITE_PNG_FILTER_UP if smooth else cv2.IMWRITE_PNG_FILTER_NONE
     settings = [cv2.IMWRITE_PNG_COMPRESSION, level, cv2.IMWRITE_PNG_FILTER, row_filter]
@@ -75,13 +71,7 @@ def encode_png16(depth_mm: U16, level: int = 1, smooth: bool = False) -> bytes:
 
 
 def decode_jpeg(data: bytes) -> U8:
-    """Return the pixels of a JPEG.
-
-    Args:
-        data: File contents, untrusted.
-
-    Returns:
-        HxWx3, red first.
+    """Return the pixels of an untrusted JPEG, HxWx3, red first.
 
     Raises:
         DecodeError: The file is corrupt, too large, or not a JPEG.
@@ -98,13 +88,7 @@ def decode_jpeg(data: bytes) -> U8:
 
 
 def decode_png16(data: bytes) -> U16:
-    """Return the depth in a 16-bit grey PNG.
-
-    Args:
-        data: File contents, untrusted.
-
-    Returns:
-        HxW, millimetres.
+    """Return the depth in an untrusted 16-bit grey PNG, HxW, millimetres.
 
     Raises:
         DecodeError: The file is corrupt, too large, or not a 16-bit grey PNG.

@@ -50,7 +50,7 @@ class McapIndex:
 
 
 def read_profile(path: Path) -> str:
-    """Return the profile that an MCAP file names at its start: "people4d", "ros2", empty if none.
+    """Return the profile at the start of an MCAP file: "people4d", "ros2", empty if none.
 
     Raises:
         SourceError: The file cannot be read or is not an MCAP file.
@@ -67,13 +67,7 @@ def read_profile(path: Path) -> str:
 
 
 def scan(file: BinaryIO) -> McapIndex:
-    """Index the messages, skipping their payloads.
-
-    Args:
-        file: An MCAP file at its start; chunks must not be compressed.
-
-    Returns:
-        The index, up to the position where the file is cut short or damaged.
+    """Index the messages of a file, up to the position where it is cut short or damaged.
 
     Raises:
         DecodeError: The file is no MCAP file, has compressed chunks, or exceeds a limit.

@@ -21,12 +21,7 @@ PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 def read_arrays(
     path: Path, needed: Sequence[str], optional: Sequence[str] = ()
 ) -> Mapping[str, npt.NDArray[Any]]:
-    """Read arrays by name; others in the file are not read.
-
-    Args:
-        path: NPZ file.
-        needed: Arrays that must be there.
-        optional: Arrays that may be there.
+    """Read arrays by name, those that are needed and those that may be there.
 
     Raises:
         OSError: The file cannot be read.

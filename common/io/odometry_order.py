@@ -22,13 +22,10 @@ T = TypeVar("T", bound=Stamped)
 
 
 def odometry_first(items: Iterable[T]) -> Iterator[T]:
-    """Yield each item after the first odometry that is not older.
+    """Yield each item of a recording after the first odometry that is not older.
 
     Other items keep their order. An item waits for half a second of stamps at most, and not at all
     before the first odometry.
-
-    Args:
-        items: In the order of the recording.
     """
     waiting: deque[T] = deque()
     newest_ns: int | None = None

@@ -44,12 +44,7 @@ NAMES = tuple(column.name for column in COLUMNS)
 
 
 def rows_of(message: Truth | Tracks, start_ns: int) -> Iterator[dict[str, Cell]]:
-    """Yield one row for each person of a message, all columns in order.
-
-    Args:
-        message: Truth or tracks.
-        start_ns: Stamp of the first row.
-    """
+    """Yield one row for each person of a message, all columns in order."""
     head: dict[str, Cell] = {
         "kind": "truth" if isinstance(message, Truth) else "track",
         "stamp_ns": message.stamp_ns,

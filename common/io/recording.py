@@ -28,12 +28,12 @@ ENCODING = "msgpack"
 class RecordingWriter:
     """Writes messages to a file; use it in a `with` block.
 
+    Each method raises SourceError if the file cannot be written, for example because the disk is
+    full; the messages before remain.
+
     Args:
         path: The file; its folder is made, an existing file is replaced.
         quality: JPEG quality of frames that arrive uncompressed, 1 to 100.
-
-    Raises:
-        SourceError: The file cannot be written.
     """
 
     def __init__(self, path: Path, quality: int = 90) -> None:
@@ -54,15 +54,7 @@ class RecordingWriter:
         self._writer.start(PROFILE, "people4d")
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Append a message; an uncompressed frame is compressed first.
-
-        Args:
-            message: The message.
-            log_time_ns: Time of reception, which orders the recording.
-
-        Raises:
-            SourceError: The file cannot be written, for example because the disk is full.
-        """
+        """Append a message at its time of reception; an uncompressed frame is compressed first."""
         if isinstance(message, RgbdFrame):
             message = compress(message, self._quality)
         with self._source_errors():
@@ -75,24 +67,12 @@ class RecordingWriter:
             )
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Write a metadata record about the recording, best before the first message.
-
-        Args:
-            name: Its subject; a later record of the same name replaces it.
-            values: Text by name.
-
-        Raises:
-            SourceError: The file cannot be written.
-        """
+        """Write a metadata record, best before the first message; it replaces an earlier one."""
         with self._source_errors():
             self._writer.add_metadata(name, dict(values))
 
     def close(self) -> None:
-        """Finish and close the file; does nothing after it could not be written.
-
-        Raises:
-            SourceError: The file cannot be written.
-        """
+        """Finish and close the file; does nothing after it could not be written."""
         if not self._file.closed:
             with self._source_errors():
                 self._writer.finish()  # type: ignore[no-untyped-call]
@@ -139,12 +119,7 @@ class RecordingSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Recording:
-    """A recording opened for reading, see `open_recording`.
-
-    Args:
-        path: The file.
-        index: Of its messages.
-    """
+    """A recording opened for reading, see `open_recording`."""
 
     def __init__(self, path: Path, index: McapIndex) -> None:
         self._path = path

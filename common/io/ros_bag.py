@@ -30,9 +30,7 @@ PEOPLE_DEFINITIONS = {
 def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
     """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), and further ones.
 
-    Args:
-        version: 1 or 2.
-        definitions: Text of further types by name, in the order of their dependencies.
+    Definitions are texts of further types by name, in the order of their dependencies.
     """
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
     for name, text in definitions.items():
@@ -41,13 +39,7 @@ def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
 
 
 class Bag:
-    """A bag opened for reading, see `open_bag`.
-
-    Args:
-        path: File or folder, for errors.
-        reader: The open reader.
-        store: Types of its messages.
-    """
+    """A bag opened for reading, see `open_bag`."""
 
     def __init__(self, path: Path, reader: Reader1 | Reader2, store: Typestore) -> None:
         self._path = path
@@ -93,11 +85,7 @@ class Bag:
                 yield connection.topic, time_ns, message
 
     def first(self, topic: str) -> Any:
-        """Return the first message of a topic.
-
-        Raises:
-            SourceError: There is none that can be read.
-        """
+        """Return the first message of a topic, or raise SourceError."""
         for _, _, message in self.messages([topic]):
             return message
         raise SourceError(f"bag {self._path} has no message on {topic} that can be read")
@@ -124,11 +112,7 @@ class Bag:
 
 @contextmanager
 def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
-    """Open a .bag, .db3 or .mcap file or the folder of a ROS 2 bag.
-
-    Args:
-        path: File or folder, untrusted.
-        definitions: Types beside those of ROS, see `make_typestore`.
+    """Open a .bag, .db3 or .mcap file or the folder of a ROS 2 bag, untrusted.
 
     Raises:
         SourceError: The bag is absent, cut short, damaged, or exceeds the limits.

@@ -19,13 +19,8 @@ MAX_BYTES = 2**20
 def parse_key(field: str, text: str, example: str) -> str:
     """Return the key that "zenoh:KEY" names, for example "odom" of the ROS topic /odom.
 
-    Args:
-        field: Name of the setting, for the error.
-        text: Its value.
-        example: A possible topic, for the error.
-
     Raises:
-        ConfigError: It is not a key.
+        ConfigError: It is not a key; the text names the setting and an example.
     """
     key = text.removeprefix(SCHEME).strip("/")
     if not KEY.fullmatch(key):
@@ -37,15 +32,9 @@ def parse_key(field: str, text: str, example: str) -> str:
 
 
 def cdr_decoder(store: Typestore, kind: str, make: Callable[[Any], T]) -> Callable[[bytes], T]:
-    """Return the decoder of one type of message in CDR (header of 4 bytes included, untrusted).
+    """Return the decoder of one type of message in CDR, whose bytes are untrusted.
 
-    Args:
-        store: Types of ROS.
-        kind: Name of the type.
-        make: Makes the result; raises if the message cannot be used.
-
-    Returns:
-        Function that raises DecodeError if the bytes are no such message, or it cannot be used.
+    It raises DecodeError if they are no such message, or if `make` cannot use the message.
     """
 
     def decode(payload: bytes) -> T:

@@ -32,12 +32,7 @@ class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     sha256: str = ""  # of the file; empty: every export differs, so any file is taken
 
     def __post_init__(self) -> None:
-        """Check texts, file name and checksum.
-
-        Raises:
-            ValueError: The file would lie outside of its folder, the checksum is invalid, or a text
-                has control characters of a terminal.
-        """
+        """Check texts (no control characters of a terminal), file name and checksum."""
         for field in ("name", "kind", "licence", "input", "get", "url"):
             text = getattr(self, field)
             if not text.replace("\n", " ").isprintable():
@@ -49,13 +44,7 @@ class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
-    """Read the manifest.
-
-    Args:
-        path: TOML file with one table per model.
-
-    Returns:
-        The models by name, in the file's order.
+    """Read a manifest (TOML, one table a model) as models by name, in the file's order.
 
     Raises:
         ConfigError: The file cannot be read, or a table is invalid.
@@ -77,11 +66,7 @@ def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
 
 
 def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
-    """Return the model of a name.
-
-    Raises:
-        ModelError: The manifest has no such model.
-    """
+    """Return the model of a name; ModelError if the manifest has none."""
     if name not in manifest:
         near = difflib.get_close_matches(name, manifest, 1)
         hint = f"Did you mean {near[0]}?" if near else f"Choose {', '.join(manifest)}."
@@ -92,9 +77,7 @@ def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
 def folders(configured: str = "", environment: Mapping[str, str] = os.environ) -> tuple[Path, ...]:
     """Return the folders that are searched for models, in their order.
 
-    Args:
-        configured: Folder named in a configuration; empty for none.
-        environment: Environment variables; PEOPLE4D_MODELS may name a folder.
+    Those that a configuration or the environment variable PEOPLE4D_MODELS names come first.
     """
     named = (configured, environment.get("PEOPLE4D_MODELS", ""))
     own = [Path(folder).expanduser() for folder in named if folder]
@@ -102,15 +85,7 @@ def folders(configured: str = "", environment: Mapping[str, str] = os.environ) -
 
 
 def find(model: ModelFile, searched: Sequence[Path]) -> Path:
-    """Return the path of a model's file.
-
-    Args:
-        model: Model of the manifest.
-        searched: Folders, of which the first with the file counts.
-
-    Raises:
-        ModelError: No folder has the file.
-    """
+    """Return the path of a model's file in the first folder with it; ModelError if none has it."""
     for folder in searched:
         path = folder / model.file
         if path.is_file():
@@ -141,11 +116,7 @@ def locate(model: str, folder: str = "") -> tuple[Path, ModelFile | None]:
 
 
 def checksum(path: Path) -> str:
-    """Return the SHA-256 of a file in hexadecimal.
-
-    Raises:
-        ModelError: The file cannot be read.
-    """
+    """Return the SHA-256 of a file in hexadecimal; ModelError if it cannot be read."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -154,15 +125,7 @@ def checksum(path: Path) -> str:
 
 
 def verify(path: Path, sha256: str) -> None:
-    """Check the checksum of a file.
-
-    Args:
-        path: The file.
-        sha256: Its checksum; empty accepts any file.
-
-    Raises:
-        ModelError: The file has another checksum or cannot be read.
-    """
+    """Check the checksum of a file, empty for any; ModelError if it is another."""
     if not sha256:
         return
     got = checksum(path)

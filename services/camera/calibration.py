@@ -57,11 +57,7 @@ class MatNames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 def read_calibration(path: Path, names: MatNames) -> Calibration:
-    """Read a calibration file: .toml, .json, ROS camera_info .yaml, .npz or .mat.
-
-    Args:
-        path: The file.
-        names: Names inside a .mat file.
+    """Read a calibration from .toml, .json, ROS camera_info .yaml, .npz or .mat, with these names.
 
     Raises:
         SourceError: The file is absent, of an unknown kind or incomplete.
@@ -88,12 +84,7 @@ def read_calibration(path: Path, names: MatNames) -> Calibration:
 def camera_info(
     intrinsics: Intrinsics, size: tuple[int, int], frame_id: str = OPTICAL_FRAME
 ) -> CameraInfo:
-    """Return the calibration of a camera as a message.
-
-    Args:
-        intrinsics: Its calibration.
-        size: Height and width of its images.
-        frame_id: Name of its optical frame.
+    """Return the calibration of a camera whose images have a size (height, width) as a message.
 
     Raises:
         SourceError: The calibration is of another image size, or its numbers are invalid.
@@ -124,11 +115,7 @@ def camera_info(
 
 
 def static_transform(parent: str, child: str, matrix: F64) -> StaticTransform:
-    """Return parent_from_child as a message.
-
-    Raises:
-        SourceError: The matrix is not a rigid transform.
-    """
+    """Return parent_from_child as a message; SourceError if it is not a rigid transform."""
     try:
         return StaticTransform(
             stamp_ns=0,

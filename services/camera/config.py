@@ -36,11 +36,7 @@ class MotionConfig(Config, frozen=True, kw_only=True):
         return bool(self.odometry or self.joints or self.transforms)
 
     def __post_init__(self) -> None:
-        """Check that odometry has one source.
-
-        Raises:
-            ValueError: It has two, or the offset is not finite.
-        """
+        """Check that odometry has one source."""
         super().__post_init__()
         if self.odometry and self.joints:
             raise ValueError("odometry, joints: expected one of them, got both")

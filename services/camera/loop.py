@@ -12,11 +12,8 @@ from services.camera.sources import kind_of, open_source
 def loop_period_s(source: str) -> float:
     """Return the time that a looping camera adds to its stamps each round [s].
 
-    Args:
-        source: Recording, ROS bag or folder.
-
     Raises:
-        SourceError: It cannot be read.
+        SourceError: The recording, ROS bag or folder cannot be read.
     """
     kind = kind_of(source)
     if kind == "plugin":

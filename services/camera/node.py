@@ -39,13 +39,9 @@ ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
 
 
 class CameraNode(Node):
-    """Publishes calibration and transform once, then frames and odometry.
+    """Publishes calibration and transform once, then frames and odometry; closes its source.
 
     A thread reads and decodes ahead and wakes the loop; without a loop, `wake_ns` polls every 2 ms.
-
-    Args:
-        config: Configuration.
-        source: Source of the frames; closed with the node.
 
     Raises:
         ConfigError: The playback does not suit the source.

@@ -30,11 +30,7 @@ class Pacing:
 
 
 class RecordedPacing(Pacing):
-    """Frames are sent at the intervals at which they were recorded.
-
-    Args:
-        speed: 2 plays twice as fast.
-    """
+    """Frames are sent at the intervals at which they were recorded, divided by the speed."""
 
     def __init__(self, speed: float) -> None:
         self._speed = speed
@@ -64,9 +60,7 @@ class RecordedPacing(Pacing):
 class LockstepPacing(Pacing):
     """Frames are sent as fast as the pipeline answers.
 
-    Args:
-        window: Frames that may be unanswered.
-        timeout_ns: Time after which the answer is no longer expected.
+    `window` frames may be unanswered, each for `timeout_ns`.
     """
 
     def __init__(self, window: int, timeout_ns: int) -> None:

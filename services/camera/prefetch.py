@@ -22,13 +22,10 @@ class PrefetchedItem:
 
 
 class Prefetch:
-    """Reads items into a bounded queue.
+    """Reads items into a bounded queue, of which `frames` may be frames.
 
-    Args:
-        play: Begins reading; called in the thread.
-        frames: Frames that may wait.
-        live: The newest frame replaces one that waits, and a device that fails is tried again;
-            else reading waits for room and an error ends it.
+    If live, the newest frame replaces one that waits, and a device that fails is tried again; else
+    reading waits for room and an error ends it. `play` is called in the thread.
     """
 
     def __init__(self, play: Callable[[], Iterator[SourceItem]], frames: int, live: bool) -> None:

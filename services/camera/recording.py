@@ -36,11 +36,7 @@ class SimulatedSensor(Protocol):
     """A depth sensor that is applied to the true depth in a recording."""
 
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
-        """Return the readings of the sensor.
-
-        Args:
-            depth_mm: HxW, true depth in millimetres.
-            stamp_ns: Time of the frame.
+        """Return the readings of the sensor, HxW, from the true depth at a time.
 
         Raises:
             DecodeError: The image has another size than the calibration.
@@ -60,10 +56,6 @@ class RecordingOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=
 
 class RecordingSource(Source):
     """Plays one camera of a recording, with its calibration, transforms and odometry.
-
-    Args:
-        path: The file.
-        options: Camera and depth sensor.
 
     Raises:
         SourceError: The file is not a recording, has no such camera, or needs a depth sensor that

@@ -46,13 +46,9 @@ class Source(ABC):
         """Yield frames and motion, oldest first."""
 
     def part(self, start_s: float, duration_s: float) -> Iterator[SourceItem]:
-        """Yield the items of a period since the first one.
+        """Yield the items of a period since the first one; a duration of 0 has no end.
 
         A source that need not produce the rest overrides this method.
-
-        Args:
-            start_s: Seconds left out at the beginning.
-            duration_s: Seconds yielded; 0 for all.
         """
         start_ns, length_ns = int(start_s * 1e9), int(duration_s * 1e9)
         origin_ns: int | None = None

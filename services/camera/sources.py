@@ -54,7 +54,7 @@ def open_source(
 
 
 def check_source(config: CameraConfig) -> None:
-    """Check that a source is named and can be opened; lab and plug-ins are opened by their process.
+    """Open a source to check it; lab and plug-ins are opened by their process.
 
     Raises:
         ConfigError: No source is named, or an option is unknown or wrong.
@@ -72,11 +72,7 @@ def check_source(config: CameraConfig) -> None:
 
 
 def kind_of(source: str) -> str:
-    """Return the kind of source that a path, `lab:NAME` or `module:Class` names.
-
-    Raises:
-        SourceError: The path does not exist, or is of no known kind.
-    """
+    """Return the kind that a path, `lab:NAME` or `module:Class` names, or raise SourceError."""
     path = Path(source)
     if not source or not path.exists():
         if source.startswith(LAB):

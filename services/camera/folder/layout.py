@@ -38,7 +38,7 @@ class FolderLayout:
 
 
 def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> FolderLayout:
-    """ImagePair files by the last number in their names.
+    """Pair files by the last number in their names.
 
     Args:
         folder: The folder.
@@ -68,14 +68,10 @@ def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> Fo
 
 
 def listed(folder: Path, slop_s: float) -> FolderLayout:
-    """ImagePair the files that rgb.txt and depth.txt list with their times, as data sets of TUM do.
-
-    Args:
-        folder: The folder.
-        slop_s: Largest distance in time of a pair, seconds.
+    """Pair files that rgb.txt and depth.txt list with their times, as data sets of TUM do.
 
     Raises:
-        SourceError: A list cannot be read, or no pair was found.
+        SourceError: A list cannot be read, or no two images are within `slop_s` of each other.
     """
     pairing = Pairing[tuple[int, Path]](round(slop_s * 1e9))
     entries = [
@@ -98,11 +94,7 @@ def listed(folder: Path, slop_s: float) -> FolderLayout:
 
 
 def wheel_odometry(times_s: F64, poses: F64) -> list[Odometry]:
-    """Return odometry from arrays.
-
-    Args:
-        times_s: N times.
-        poses: Nx3: x, y in metres, yaw in radians.
+    """Return odometry from N times and Nx3 poses (x, y in metres, yaw in radians).
 
     Raises:
         SourceError: The shapes differ, or a number is not finite.

@@ -34,14 +34,7 @@ _TAG = struct.Struct("<II")
 
 
 def read_mat(path: Path, names: Sequence[str] | None = None) -> Mapping[str, Value]:
-    """Read arrays of numbers, and structures of them; text, cells and objects are skipped.
-
-    Args:
-        path: The file.
-        names: Of the arrays to read; None for all.
-
-    Returns:
-        Arrays by name; a structure is a dictionary of its fields.
+    """Read arrays of numbers, and structures of them as mappings; the rest is skipped.
 
     Raises:
         OSError: The file cannot be read, or is too large.

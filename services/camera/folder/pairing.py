@@ -14,10 +14,8 @@ class Pairing(Generic[T]):
     """Pairs each colour image with the depth image nearest in time, none used twice.
 
     A pair is returned when no later image can be nearer: on an exact match at once, else with the
-    next image of the earlier stream. So a lost image costs one pair and shifts no other.
-
-    Args:
-        slop_ns: Largest distance in time of a pair.
+    next image of the earlier stream. So a lost image costs one pair and shifts no other. Images
+    further apart than `slop_ns` are no pair.
     """
 
     def __init__(self, slop_ns: int) -> None:
@@ -30,16 +28,7 @@ class Pairing(Generic[T]):
         self.unpaired = 0  # images without a partner
 
     def add(self, stream: Stream, stamp_ns: int, image: T) -> list[tuple[T, T]]:
-        """Add one image and return the pairs that are now final.
-
-        Args:
-            stream: "colour" or "depth".
-            stamp_ns: Acquisition time.
-            image: The image, in any form.
-
-        Returns:
-            Pairs of colour and depth, oldest first.
-        """
+        """Add one image, in any form, and return the pairs that are now final, oldest first."""
         self._arrivals += 1
         waiting = self._waiting[stream]
         waiting.append((stamp_ns, self._arrivals, image))

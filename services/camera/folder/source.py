@@ -64,10 +64,6 @@ class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class FolderSource(Source):
     """Plays the image pairs of a folder.
 
-    Args:
-        path: The folder.
-        options: Patterns, times and calibration.
-
     Raises:
         SourceError: There are no pairs, no calibration, or one that does not fit.
     """

@@ -76,8 +76,7 @@ def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
     """Read calibration and transforms of a bag.
 
     Raises:
-        SourceError: There is no usable calibration, or depth can neither be taken as aligned
-            nor be registered.
+        SourceError: There is no usable calibration, or depth is neither aligned nor can it be.
     """
     colour, depth = _heads(bag, topics)
     tree = _tree(bag, options.tf_as_static)
@@ -220,9 +219,7 @@ def _path(
 ) -> list[tuple[str, str, F64 | None]]:
     """Return the path from the camera to the map, else to the base, else to the root of /tf.
 
-    Returns:
-        Parent, child and matrix of each transform, None for a moving one; static ones in a row are
-        one.
+    A matrix is None for a moving transform; static ones in a row are one.
     """
     path: list[tuple[str, str, F64 | None]] = []
     for parent, child, matrix in tree.path(optical):
@@ -253,11 +250,7 @@ def _static_mount(
 
 
 def intrinsics_of(message: Any, rectified: bool = False) -> Intrinsics:
-    """Read a sensor_msgs CameraInfo.
-
-    Args:
-        message: Of ROS 1 (fields K, D, P) or ROS 2 (k, d, p).
-        rectified: The images are rectified: P holds and there is no distortion.
+    """Read a CameraInfo of ROS 1 (fields K, D, P) or ROS 2; of rectified images P holds.
 
     Raises:
         SourceError: Its numbers cannot be used, or its distortion model is not supported.

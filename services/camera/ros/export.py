@@ -75,8 +75,8 @@ def export(
     Args:
         recording: File of ours.
         out: Folder of the bag; must not exist.
-        bag_format: Format of the bag.
-        camera: Which camera; may be empty where there is only one.
+        bag_format: Its format.
+        camera: Name; may be empty where there is only one.
         on_progress: Called with the fraction that is done, 0 to 1.
 
     Returns:

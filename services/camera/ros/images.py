@@ -29,11 +29,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def colour_image(message: Any) -> U8:
-    """Return a sensor_msgs Image or CompressedImage as HxWx3, red first.
-
-    Raises:
-        DecodeError: The image is corrupt or its encoding is not supported.
-    """
+    """Return an Image or CompressedImage as HxWx3, red first; DecodeError if it cannot be used."""
     if hasattr(message, "format"):
         bgr = _decode_file(message.data.tobytes(), cv2.IMREAD_COLOR)
         return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
@@ -48,11 +44,7 @@ def colour_image(message: Any) -> U8:
 
 
 def depth_image(message: Any) -> U16:
-    """Return a sensor_msgs Image or CompressedImage as HxW millimetres, 0 = no reading.
-
-    Raises:
-        DecodeError: The image is corrupt or its encoding is not supported.
-    """
+    """Return an Image or CompressedImage as HxW millimetres, 0 = no reading; or DecodeError."""
     if hasattr(message, "format"):
         return _compressed_depth(message.format, message.data.tobytes())
     if message.encoding not in DEPTHS:

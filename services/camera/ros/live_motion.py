@@ -59,9 +59,7 @@ class LiveMotion:
     def convert(self, message: Message, parents: Sequence[str]) -> list[Message]:
         """Return the messages of ours that follow from a message of these topics.
 
-        Args:
-            message: As decoded.
-            parents: Frame of the camera, and those that its transforms lead to.
+        `parents` are the frame of the camera, and those that its transforms lead to.
         """
         self._received.add(type(message))
         if isinstance(message, TransformMessage):

@@ -146,11 +146,7 @@ class RosbagSource(Source):
 
 
 def _reads_joints(bag: Bag, topics: tuple[str, ...]) -> bool:
-    """Check that wheels are joints; else they are numbers.
-
-    Raises:
-        SourceError: They are neither.
-    """
+    """Check that wheels are joints; else they are numbers, or SourceError is raised."""
     kinds = [bag.types.get(topic, "absent") for topic in topics]
     numbers = len(kinds) == 2 and all(NUMBER.fullmatch(kind) for kind in kinds)
     if kinds and kinds != [JOINTS] and not numbers:

@@ -25,11 +25,7 @@ class Topics:
 
 
 def find_topics(types: Mapping[str, str], wanted: Topics) -> Topics:
-    """Choose topics by type and name.
-
-    Args:
-        types: Message type by topic.
-        wanted: Those of the configuration; empty fields are found.
+    """Choose topics among those of a bag, with their types, by type and name, where none is wanted.
 
     Raises:
         SourceError: A topic is missing, or several are possible.

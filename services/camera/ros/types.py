@@ -33,9 +33,5 @@ def ros2_types() -> Typestore:
 
 
 def open_bag(path: Path) -> AbstractContextManager[Bag]:
-    """Open a .bag, .db3 or .mcap file or the folder of a ROS 2 bag.
-
-    Raises:
-        SourceError: The bag is absent, cut short, damaged, or exceeds the limits.
-    """
+    """Open a bag, see `common.io.ros_bag.open_bag`, with the types that cameras use."""
     return ros_bag.open_bag(path, DEFINITIONS)
