@@ -21,6 +21,14 @@ class WheelConfig(Config, frozen=True, kw_only=True):
     child_frame_id: str = "base_link"  # frame of the base
 
 
+class JointConfig(WheelConfig, frozen=True, kw_only=True):
+    """A base whose wheels are joints of sensor_msgs/JointState, or two topics of std_msgs."""
+
+    # Radians, as joints of ROS have; else counts of the encoder in one turn of the wheel
+    ticks_per_turn: float = math.tau
+    joints: tuple[str, str] = ("wheel_left_joint", "wheel_right_joint")  # names of left and right
+
+
 class WheelOdometry:
     """Sum of the steps of the wheels; the pose begins at (0, 0, 0) with the first reading."""
 

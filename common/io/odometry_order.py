@@ -28,19 +28,15 @@ def odometry_first(items: Iterable[T]) -> Iterator[T]:
     before the first odometry.
     """
     waiting: deque[T] = deque()
-    newest_ns: int | None = None
+    newest_ns = -(2**63)  # nothing waits before the first odometry
     for item in items:
         if isinstance(item, Odometry | MovingTransform):
             newest_ns = item.stamp_ns
             yield item
         else:
             waiting.append(item)
-        while waiting and not _must_wait(waiting[0].stamp_ns, newest_ns, item.stamp_ns):
+        now_ns = item.stamp_ns
+        late = now_ns >= newest_ns + MAX_WAIT_NS
+        while waiting and (late or not newest_ns < waiting[0].stamp_ns <= now_ns):
             yield waiting.popleft()
     yield from waiting
-
-
-def _must_wait(stamp_ns: int, newest_ns: int | None, now_ns: int) -> bool:
-    if newest_ns is None:
-        return False
-    return newest_ns < stamp_ns <= now_ns < newest_ns + MAX_WAIT_NS

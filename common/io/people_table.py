@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
+from people4d.messages import Track, Tracks, Truth, TruthPerson
 
 Cell: TypeAlias = str | int | float | None  # None: unknown, or not of this kind
 
@@ -50,34 +50,24 @@ def rows_of(message: Truth | Tracks, start_ns: int) -> Iterator[dict[str, Cell]]
         "stamp_ns": message.stamp_ns,
         "time_s": (message.stamp_ns - start_ns) / 1e9,
         "frame_id": message.frame_id,
+        "camera": message.camera if isinstance(message, Tracks) else None,
     }
     for person in message.tracks if isinstance(message, Tracks) else message.people:
-        row = head | _common(person)
-        if isinstance(message, Tracks) and isinstance(person, Track):
-            row |= _of_track(person) | {"camera": message.camera}
+        row = head | _cells(person)
         yield {name: row.get(name) for name in NAMES}
 
 
-def _common(person: TruthPerson | Track) -> dict[str, Cell]:
-    velocity = person.velocity_mps
-    return {
-        "id": str(person.id),
-        **_axes(("x_m", "y_m", "z_m"), person.position_m),
-        **({} if velocity is None else _axes(("vx_mps", "vy_mps", "vz_mps"), velocity)),
-        "yaw_rad": person.yaw_rad,
-        "path_yaw_rad": person.path_yaw_rad if isinstance(person, TruthPerson) else None,
+def _cells(person: TruthPerson | Track) -> dict[str, Cell]:
+    cells: dict[str, Cell] = {"id": str(person.id), "yaw_rad": person.yaw_rad}
+    cells |= zip(("x_m", "y_m", "z_m"), map(float, person.position_m), strict=True)
+    if person.velocity_mps is not None:
+        cells |= zip(("vx_mps", "vy_mps", "vz_mps"), map(float, person.velocity_mps), strict=True)
+    if isinstance(person, TruthPerson):
+        return cells | {"path_yaw_rad": person.path_yaw_rad}
+    return cells | {
+        "state": person.state,
+        "unseen_s": person.time_since_update_s,
+        "score": person.score,
+        "hits": person.hits,
+        "age": person.age,
     }
-
-
-def _of_track(track: Track) -> dict[str, Cell]:
-    return {
-        "state": track.state,
-        "unseen_s": track.time_since_update_s,
-        "score": track.score,
-        "hits": track.hits,
-        "age": track.age,
-    }
-
-
-def _axes(names: tuple[str, ...], vector: F64) -> dict[str, Cell]:
-    return dict(zip(names, map(float, vector), strict=True))

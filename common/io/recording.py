@@ -5,10 +5,10 @@ that a recording replays under any robot's name. Messages are not compressed (co
 depth PNG already) and each is a record of its own, so that a crash costs at most the last one.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, Self
 
 import msgspec
@@ -93,12 +93,7 @@ class RecordingWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _channel(self, message: Message) -> int:
@@ -130,14 +125,11 @@ class Recording:
     def summary(self) -> RecordingSummary:
         """Contents of the recording, without decoding any message."""
         entries = self._index.entries
-        counts: dict[str, int] = {}
-        for entry in entries:
-            counts[entry.topic] = counts.get(entry.topic, 0) + 1
-        first, last = (entries[0], entries[-1]) if entries else (None, None)
+        start_ns, end_ns = (entries[k].log_time_ns if entries else 0 for k in (0, -1))
         return RecordingSummary(
-            topics=dict(sorted(counts.items())),
-            start_ns=first.log_time_ns if first else 0,
-            duration_s=(last.log_time_ns - first.log_time_ns) / 1e9 if first and last else 0.0,
+            topics=dict(sorted(Counter(entry.topic for entry in entries).items())),
+            start_ns=start_ns,
+            duration_s=(end_ns - start_ns) / 1e9,
             truncated=self._index.truncated,
         )
 
@@ -159,7 +151,8 @@ class Recording:
         Raises:
             SourceError: The file vanished since it was opened.
         """
-        wanted = [entry for entry in self._index.entries if _holds(entry.topic, types)]
+        topics = {topic for topic in self._index.topics.values() if _holds(topic, types)}
+        wanted = [entry for entry in self._index.entries if entry.topic in topics]
         try:
             with self._path.open("rb") as file:
                 for entry in wanted:

@@ -6,41 +6,43 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 
+from common.config import Config
 from common.io.files import read_toml
 from people4d.errors import ConfigError, ModelError
+from people4d.validation import Rule
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 MANIFEST = REPOSITORY / "models" / "models.toml"
 HOME_FOLDER = Path("~/.local/share/people4d/models")
 FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
-SHA256 = re.compile(r"[0-9a-f]{64}")
+SHA256 = re.compile(r"([0-9a-f]{64})?")
 
 
-class ModelFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+def _is_printable(text: str) -> bool:
+    return text.replace("\n", " ").isprintable()
+
+
+# Control characters would steer the terminal that lists models.
+Printable = Annotated[str, Rule("text that can be printed", _is_printable)]
+
+
+class ModelFile(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One model of the manifest."""
 
-    name: str  # in configurations
-    kind: str  # movenet, yolov8-pose, yolov8-seg (detector) or osnet (re-identification)
-    file: str  # name of the file in one of the model folders
-    licence: str  # of the weights, as their source states it
-    input: str  # shape, range and colour order of the input
-    get: str  # how to get or make the file, commands included
-    url: str = ""  # page of the source; empty: none
-    sha256: str = ""  # of the file; empty: every export differs, so any file is taken
-
-    def __post_init__(self) -> None:
-        """Check texts (no control characters of a terminal), file name and checksum."""
-        for field in ("name", "kind", "licence", "input", "get", "url"):
-            text = getattr(self, field)
-            if not text.replace("\n", " ").isprintable():
-                raise ValueError(f"{field}: expected text that can be printed, got {text!r:.80}")
-        if not FILE_NAME.fullmatch(self.file):
-            raise ValueError(f"file: expected a plain file name, got {self.file!r}")
-        if self.sha256 and not SHA256.fullmatch(self.sha256):
-            raise ValueError(f"sha256: expected 64 hexadecimal digits, got {self.sha256!r}")
+    name: Printable  # in configurations
+    kind: Printable  # movenet, yolov8-pose, yolov8-seg (detector) or osnet (re-identification)
+    # Name in one of the model folders
+    file: Annotated[str, Rule("a plain file name", lambda name: bool(FILE_NAME.fullmatch(name)))]
+    licence: Printable  # of the weights, as their source states it
+    input: Printable  # shape, range and colour order of the input
+    get: Printable  # how to get or make the file, commands included
+    url: Printable = ""  # page of the source; empty: none
+    # Of the file; empty: every export differs, so any file is taken
+    sha256: Annotated[str, Rule("64 hexadecimal digits", lambda t: bool(SHA256.fullmatch(t)))] = ""
 
 
 def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
@@ -58,8 +60,7 @@ def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
     models = {}
     for name, table in tables.items():
         try:
-            fields = {"name": name} | table
-            models[name] = msgspec.convert(fields, ModelFile)
+            models[name] = msgspec.convert({"name": name} | table, ModelFile)
         except (TypeError, RecursionError, msgspec.ValidationError) as error:
             raise ConfigError(f"model manifest {path}: [{name:.80}]: {error}") from error
     return models

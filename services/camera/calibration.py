@@ -156,28 +156,15 @@ def _from_table(table: Mapping[str, Any]) -> Calibration:
     return msgspec.convert(table, Calibration)
 
 
-class _Numbers(msgspec.Struct):
-    data: list[float]
-
-
-class _CameraInfo(msgspec.Struct):
-    image_width: int
-    image_height: int
-    camera_matrix: _Numbers
-    distortion_coefficients: _Numbers
-
-
 def _from_camera_info(table: Any) -> Calibration:
     """Read the file that ROS's camera calibration writes."""
-    info = msgspec.convert(table, _CameraInfo)
-    return Calibration(
-        colour=to_intrinsics(
-            np.reshape(info.camera_matrix.data, (3, 3)),
-            info.distortion_coefficients.data,
-            info.image_width,
-            info.image_height,
-        )
+    colour = to_intrinsics(
+        np.reshape(table["camera_matrix"]["data"], (3, 3)),
+        table["distortion_coefficients"]["data"],
+        table["image_width"],
+        table["image_height"],
     )
+    return Calibration(colour=colour)
 
 
 def _from_npz(path: Path) -> Calibration:

@@ -7,6 +7,7 @@ from msgspec import Meta
 
 from common.config import Config
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from common.geometry.wheel_odometry import JointConfig
 from people4d.messages import F64
 from people4d.messages.base import (
     Count,
@@ -17,7 +18,6 @@ from people4d.messages.base import (
     PositiveInt,
 )
 from people4d.topics import LOCKSTEP_MAX
-from services.camera.ros.motion import JointConfig
 
 
 class MotionConfig(Config, frozen=True, kw_only=True):

@@ -2,12 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import msgspec
 
 from common.io.odometry_order import odometry_first
-from people4d.messages import MovingTransform, Odometry
+from common.io.recording import open_recording
+from people4d.messages import CompressedRgbdFrame, MovingTransform, Odometry, RgbdFrame
 from services.camera.source import Source, SourceFrame, SourceItem
+from services.camera.sources import kind_of, open_source
 
 ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there is one frame only
 
@@ -50,6 +53,27 @@ def loop_period_ns(first_ns: int, last_ns: int, count: int) -> int:
     """Return what each round adds to the stamps: first to last frame, and one frame more."""
     length_ns = last_ns - first_ns
     return length_ns + (length_ns // (count - 1) if count > 1 else ONE_FRAME_NS)
+
+
+def loop_period_s(source: str) -> float:
+    """Return the time that a looping camera adds to its stamps each round [s].
+
+    Raises:
+        SourceError: The recording, ROS bag or folder cannot be read.
+    """
+    kind = kind_of(source)
+    if kind == "plugin":
+        return 0.0  # it does not end
+    if kind == "recording":
+        messages = open_recording(Path(source)).messages(CompressedRgbdFrame, RgbdFrame)
+        stamps_ns = [message.stamp_ns for _, message in messages]
+    else:
+        opened = open_source(source)
+        stamps_ns = [item.stamp_ns for item in opened if isinstance(item, SourceFrame)]
+        opened.close()
+    if not stamps_ns:
+        return 0.0
+    return loop_period_ns(min(stamps_ns), max(stamps_ns), len(stamps_ns)) / 1e9
 
 
 def _one_round(source: Source, selection: Selection) -> Iterator[SourceItem]:

@@ -2,8 +2,7 @@
 
 import pytest
 
-from services.camera.loop import loop_period_s
-from services.camera.playback import Selection, play
+from services.camera.playback import Selection, loop_period_s, play
 from services.camera.source import SourceFrame
 from services.camera.sources import open_source
 from tests import ROOT

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from common.geometry.wheel_odometry import JointConfig
 from common.io.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
 from common.io.ros_bag import PEOPLE, make_typestore
 from people4d.codec import MESSAGES, decode, encode
@@ -17,7 +18,7 @@ from services.camera.config import MotionConfig
 from services.camera.ros.camera import intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
-from services.camera.ros.motion import FrameTree, JointConfig, edges_of, odometry_of
+from services.camera.ros.motion import FrameTree, edges_of, odometry_of
 from services.camera.ros.types import RGBD, RGBD_DEFINITION
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.live import LiveTruth

@@ -121,7 +121,7 @@ def up(
     if scenarios.is_scenario(truth):
         settings += scenarios.truth_settings(truth, loop)
     elif loop and source and truth and not truth.startswith(LIVE_TRUTH):
-        from services.camera.loop import loop_period_s  # noqa: PLC0415 (loads compiled code)
+        from services.camera.playback import loop_period_s  # noqa: PLC0415 (loads compiled code)
 
         settings.append(f"gt_bridge.loop_s={loop_period_s(_resolve(source))!r}")
     settings += [f"{CAMERA}.loop=true"] if loop else []

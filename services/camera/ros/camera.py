@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from common.config import Config
+from common.geometry.wheel_odometry import JointConfig
 from common.io.ros_bag import Bag
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, U8, U16, CameraInfo, StaticTransform
@@ -24,7 +25,7 @@ from services.camera.calibration import (
 )
 from services.camera.folder.registration import Registration
 from services.camera.ros.images import colour_image, depth_image
-from services.camera.ros.motion import FrameTree, JointConfig, edges_of
+from services.camera.ros.motion import FrameTree, edges_of
 from services.camera.ros.topics import Topics
 from services.camera.ros.types import OLD_TF, TF
 

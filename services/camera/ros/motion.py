@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from common.geometry.transforms import invert, transform_from
-from common.geometry.wheel_odometry import WheelConfig, WheelOdometry
+from common.geometry.wheel_odometry import JointConfig, WheelOdometry
 from people4d.errors import DecodeError
 from people4d.messages import F64, MovingTransform, Odometry
 from services.camera.calibration import frame_name
@@ -17,14 +17,6 @@ from services.camera.calibration import frame_name
 CLIMB_MAX = 32  # transforms between a camera and the root of its tree
 FRAMES_MAX = 4096  # bounds the memory that made-up names take
 PLANAR = np.ix_((0, 1, 5), (0, 1, 5))  # x, y and yaw in the 6x6 covariance of ROS
-
-
-class JointConfig(WheelConfig, frozen=True, kw_only=True):
-    """A base whose wheels are joints of sensor_msgs/JointState, or two topics of std_msgs."""
-
-    # Radians, as joints of ROS have; else counts of the encoder in one turn of the wheel
-    ticks_per_turn: float = math.tau
-    joints: tuple[str, str] = ("wheel_left_joint", "wheel_right_joint")  # names of left and right
 
 
 @dataclass(frozen=True)

@@ -210,9 +210,9 @@ def test_registered_depth_edges_meet_colour_edges(shared: Path) -> None:
 
 def test_calibration_file_in_the_documentation(tmp_path: Path) -> None:
     text = (ROOT / "docs/cameras/cameras.md").read_text("utf-8")
-    block = text[text.index("    translation_m =") : text.index("A file with `fx`")]
+    begin = text.index("\ntranslation_m =")
     file = tmp_path / "camera.toml"
-    file.write_text("\n".join(line[4:] for line in block.splitlines()))
+    file.write_text(text[begin : text.index("\n```", begin)])
     calibration = read_calibration(file, MatNames())
     assert calibration.colour is not None
     assert calibration.depth is not None

@@ -13,6 +13,7 @@ import zenoh
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL
+from common.geometry.wheel_odometry import JointConfig
 from common.runtime.loop import Loop
 from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import read_config
@@ -22,7 +23,6 @@ from people4d.topics import ForeignTopic
 from services.camera.config import CameraConfig, MotionConfig
 from services.camera.node import CameraNode
 from services.camera.ros.live_motion import LiveMotion, TransformMessage
-from services.camera.ros.motion import JointConfig
 from services.camera.source import SourceFrame
 from tests.camera.memory import MemorySource, capture
 from tests.camera.ros.bags import Ros
