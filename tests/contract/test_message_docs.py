@@ -13,7 +13,7 @@ from people4d.validation import Shape
 from scripts.message_docs import DocsError, fields_of, generate, main
 
 
-def test_the_committed_file_is_up_to_date() -> None:
+def test_committed_file_is_up_to_date() -> None:
     assert main(["--check"]) == 0
 
 
@@ -76,7 +76,7 @@ def test_a_type_the_wire_does_not_have_is_refused() -> None:
         list(fields_of(Unknown))
 
 
-def test_types_in_words() -> None:
+def test_types_are_named_in_plain_words() -> None:
     assert list(fields_of(Documented)) == [
         ("e", "array uint16 NxD", "required", "[m] each"),
         ("a", "array float32 17x3 or nil", "nil", "[px] u, v"),

@@ -72,7 +72,7 @@ def test_an_array_is_little_endian_and_row_major(
     np.testing.assert_array_equal(wire["tracks"][0]["covariance"], np.arange(36.0).reshape(6, 6))
 
 
-def test_numbers_on_the_wire_by_hand() -> None:
+def test_encoded_bytes_match_hand_worked_values() -> None:
     # Depth 256 mm is 00 01 little-endian, 65535 is ff ff; 2x3 pixels row by row.
     payload = encode(BY_NAME["RgbdFrame"])
     assert b"\x00\x00\x01\x00\x00\x01\xe8\x03\x88\x13\xff\xff" in payload

@@ -110,62 +110,62 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-def test_each_stage_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
-    seen, known, tracked = (tmp_path / f"{name}.mcap" for name in ("seen", "known", "tracked"))
+def test_each_stage_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
+    detected, known, tracked = (tmp_path / f"{name}.mcap" for name in ("seen", "known", "tracked"))
 
     with ExitStack() as stack:
         stack.enter_context(service("detector", environment))
-        stack.enter_context(recording(seen, "detections,crops,static_transforms", environment))
+        stack.enter_context(recording(detected, "detections,crops,static_transforms", environment))
         topics = "frames,camera_info,static_transforms"
         people4d(environment, "replay", str(demo), "--topics", topics, *SLOWLY)
-    detections = [m for m in people(seen, Detections) if isinstance(m, Detections)]
+    detections = [m for m in people(detected, Detections) if isinstance(m, Detections)]
     assert len(detections) >= FRAMES // 3
-    assert count(seen, Crops) == len(detections)
+    assert count(detected, Crops) == len(detections)
     assert all(person.position_m is not None for m in detections for person in m.detections)
     assert max(len(m.detections) for m in detections) == 3
 
     with ExitStack() as stack:
         stack.enter_context(service("reid", environment))
         stack.enter_context(recording(known, "embeddings", environment))
-        people4d(environment, "replay", str(seen), "--topics", "crops", "--hold", "0.3")
+        people4d(environment, "replay", str(detected), "--topics", "crops", "--hold", "0.3")
     assert count(known, Embeddings) == len(detections)
 
     with ExitStack() as stack:
         stack.enter_context(service("tracker", environment))
         stack.enter_context(recording(tracked, "people", environment))
         topics = "detections,static_transforms"
-        people4d(environment, "replay", str(seen), "--topics", topics, "--hold", "0")
+        people4d(environment, "replay", str(detected), "--topics", topics, "--hold", "0")
     tracks = [m for m in people(tracked, Tracks) if isinstance(m, Tracks)]
     assert len({m.stamp_ns for m in tracks} & {m.stamp_ns for m in detections}) == len(detections)
     assert max(len(m.tracks) for m in tracks) == 3
 
     warm_up(GaitConfig())  # what is compiled is kept, so that the process need not
-    whole, walked = tmp_path / "all.mcap", tmp_path / "walked.mcap"
-    merge(whole, demo, seen, tracked)
+    merged, walked = tmp_path / "all.mcap", tmp_path / "walked.mcap"
+    merge(merged, demo, detected, tracked)
     with ExitStack() as stack:
         stack.enter_context(service("gait", environment))
         stack.enter_context(recording(walked, "gait", environment))
         topics = "frames,camera_info,static_transforms,detections,people"
-        people4d(environment, "replay", str(whole), "--topics", topics, *SLOWLY)
-    told = [m for m in people(walked, Gait) if isinstance(m, Gait)]
+        people4d(environment, "replay", str(merged), "--topics", topics, *SLOWLY)
+    messages = [m for m in people(walked, Gait) if isinstance(m, Gait)]
     # At its own rate, and only where frames, detections and tracks have one stamp.
-    assert len(told) >= 2
-    assert {m.stamp_ns for m in told} <= {m.stamp_ns for m in tracks}
-    assert max(len(m.people) for m in told) == 3
+    assert len(messages) >= 2
+    assert {m.stamp_ns for m in messages} <= {m.stamp_ns for m in tracks}
+    assert max(len(m.people) for m in messages) == 3
 
 
-def merge(whole: Path, demo: Path, *made: Path) -> None:
+def merge(merged: Path, demo: Path, *made: Path) -> None:
     """Write what was made of the demo behind its frames, in the order of their stamps."""
     messages = [m for _, m in open_recording(demo).messages()]
     messages += [m for file in made for _, m in open_recording(file).messages(Detections, Tracks)]
-    with RecordingWriter(whole) as writer:
+    with RecordingWriter(merged) as writer:
         for name, values in open_recording(demo).metadata.items():
             writer.write_metadata(name, values)
         for message in sorted(messages, key=lambda m: m.stamp_ns):
             writer.write(message, message.stamp_ns)
 
 
-def test_the_camera_and_the_bridge_alone(
+def test_camera_and_bridge_run_alone(
     demo: Path, tmp_path: Path, environment: Mapping[str, str]
 ) -> None:
     played = tmp_path / "played.mcap"
@@ -179,7 +179,7 @@ def test_the_camera_and_the_bridge_alone(
     assert count(played, Truth) > 0
 
 
-def test_the_report_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
+def test_report_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
     with service("report", environment, "--set", f'folder="{tmp_path}"', "--set", "video=false"):
         topics = "frames,camera_info,static_transforms,truth"
         people4d(environment, "replay", str(demo), "--topics", topics, "--hold", "0.3")
@@ -187,7 +187,7 @@ def test_the_report_alone(demo: Path, tmp_path: Path, environment: Mapping[str, 
     assert (tmp_path / "contact_sheet.png").stat().st_size > 0
 
 
-def test_replay_says_what_a_recording_lacks(demo: Path) -> None:
+def test_replay_reports_absent_topics(demo: Path) -> None:
     done = subprocess.run(
         [*PEOPLE4D, "replay", str(demo), "--topics", "crops"],
         capture_output=True,

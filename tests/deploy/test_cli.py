@@ -46,7 +46,7 @@ def test_help_imports_nothing_heavy() -> None:
     assert output.stdout == "set()\n"
 
 
-def test_version() -> None:
+def test_version_is_printed() -> None:
     status, output, _ = run("--version")
     assert (status, output.split()[0]) == (0, "people4d")
 
@@ -59,13 +59,13 @@ def test_version() -> None:
         (["up"], "no camera is named. Add --source PATH"),
         (["up", "--source", "/none.bag"], "source /none.bag does not exist. Check the path."),
         (["up", "--source", "a.b:C", "--set", "x"], "setting 'x' is incomplete"),
-        (["run", "nobody"], "there is no service 'nobody'. Services are camera,"),
+        (["run", "singer"], "there is no service 'singer'. Services are camera,"),
         (["record", "/tmp/x.mcap", "--topics", "peeple"], "there is no topic 'peeple'"),
         (["info", "/none"], "'/none' does not exist"),
         (["listen", "--connect", "tcp/127.0.0.1:1"], "no Zenoh session"),
     ],
 )
-def test_errors_are_one_sentence_with_the_mend(
+def test_error_is_one_sentence_with_a_hint(
     arguments: list[str], message: str, tmp_path: Path
 ) -> None:
     status, output, errors = run(*arguments, state=tmp_path)
@@ -88,11 +88,11 @@ def test_wrong_usage_exits_with_2(arguments: list[str]) -> None:
     assert "Usage" in errors
 
 
-def test_down_with_nothing_running(tmp_path: Path) -> None:
+def test_down_without_a_running_system_succeeds(tmp_path: Path) -> None:
     assert run("down", state=tmp_path) == (0, "Nothing runs for robot.\n", "")
 
 
-def test_logs_of_one_service(tmp_path: Path) -> None:
+def test_logs_shows_one_service_or_all(tmp_path: Path) -> None:
     folder = tmp_path / "robot"
     folder.mkdir()
     (folder / "camera-1.log").write_text("one\ntwo [not markup]\n")
@@ -105,7 +105,7 @@ def test_logs_of_one_service(tmp_path: Path) -> None:
     assert "There are camera-1, detector-1." in errors
 
 
-def test_models_tell_what_is_present(tmp_path: Path) -> None:
+def test_models_lists_which_files_are_present(tmp_path: Path) -> None:
     fields = {"name": "m", "kind": "k", "licence": "l", "input": "i", "get": "g"}
     # sha256 of the three bytes "abc", FIPS 180-2 appendix B.1
     digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
@@ -127,12 +127,12 @@ def test_latency_is_counted_from_the_first_stage() -> None:
     assert latency_ms(msgspec.structs.replace(tracks, trace=()), 31_000_000) is None
 
 
-def test_kinds_of_topics() -> None:
+def test_topic_names_select_message_types() -> None:
     assert kinds_of("people, health") == (Tracks, Health)
     assert kinds_of("") == ()
 
 
-def test_which_health_works() -> None:
+def test_states_count_as_working_or_not() -> None:
     health = builders.health("s", host="h")
     assert works(health)
     assert works(msgspec.structs.replace(health, state="degraded"))
@@ -142,11 +142,11 @@ def test_which_health_works() -> None:
 
 
 @pytest.mark.parametrize(("seconds", "expected"), [(12.9, "12s"), (185, "3m05s"), (7380, "2h03m")])
-def test_durations(seconds: float, expected: str) -> None:
+def test_durations_are_formatted_by_size(seconds: float, expected: str) -> None:
     assert duration(seconds) == expected
 
 
-def test_tail(tmp_path: Path) -> None:
+def test_tail_returns_the_last_lines(tmp_path: Path) -> None:
     log = tmp_path / "x.log"
     assert tail(log, 3) == ""
     log.write_text("\n".join(str(n) for n in range(5000)))
@@ -170,7 +170,7 @@ def test_completion_names_commands() -> None:
     assert result.stdout.split() == ["record", "replay"]
 
 
-def test_a_table_of_people_can_be_drawn() -> None:
+def test_table_of_people_is_rendered() -> None:
     person = builders.track(
         id=7, position_m=np.array([1.0, -2.0, 0.5]), velocity_mps=np.array([0.3, 0.4, 0.0]), age=4
     )

@@ -1,4 +1,4 @@
-"""Compose files: what is read, what is passed over, what is refused."""
+"""Compose files: fields read, ignored and rejected."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ def services_of(
     return {service.name: service for service in services}
 
 
-def test_every_used_field_is_read(tmp_path: Path) -> None:
+def test_all_used_fields_are_read(tmp_path: Path) -> None:
     text = """
     x-env: &env {A: one, FLAG: true, N: 3, INHERITED: }
     services:
@@ -65,7 +65,7 @@ def test_every_used_field_is_read(tmp_path: Path) -> None:
         ("${RECURSIVE}", "${SET}"),  # values are not read again
     ],
 )
-def test_variables(text: str, expected: str) -> None:
+def test_variables_are_replaced(text: str, expected: str) -> None:
     variables = {"SET": "v", "EMPTY": "", "RECURSIVE": "${SET}"}
     assert interpolate({"k": [text]}, variables) == {"k": [expected]}
 
@@ -73,7 +73,7 @@ def test_variables(text: str, expected: str) -> None:
 @pytest.mark.parametrize(
     "text", ["${", "a $ b", "$A", "${A-b}", "${1X}", "${A:-${B}}", "${MISSING:?say it}"]
 )
-def test_variables_refused(text: str) -> None:
+def test_bad_variables_are_rejected(text: str) -> None:
     with pytest.raises(ValueError, match=r"expected|say it"):
         interpolate(text, {})
 
@@ -133,12 +133,12 @@ def test_profiles_choose_services_and_optional_dependencies_go_with_them(tmp_pat
         ("just text", "file: expected a map"),
     ],
 )
-def test_refused_files(tmp_path: Path, text: str, message: str) -> None:
+def test_bad_files_are_rejected(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         services_of(tmp_path, text)
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read: No such file"):
         read(tmp_path / "none.yaml", {})
 
@@ -201,7 +201,7 @@ def test_a_service_extends_one_of_another_file(tmp_path: Path) -> None:
         ("base", "mine.extends: expected a file and a service"),
     ],
 )
-def test_a_wrong_extends_is_refused(tmp_path: Path, extends: str, message: str) -> None:
+def test_wrong_extends_is_rejected(tmp_path: Path, extends: str, message: str) -> None:
     (tmp_path / "base.yaml").write_text(EXTENDED, encoding="utf-8")
     with pytest.raises(ConfigError, match=message):
         services_of(tmp_path, f"services: {{mine: {{extends: {extends}}}}}")

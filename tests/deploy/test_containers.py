@@ -42,7 +42,7 @@ def instructions() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("service", ALL_SERVICES)
-def test_no_container_may_do_more_than_it_must(service: dict[str, Any]) -> None:
+def test_containers_have_no_extra_rights(service: dict[str, Any]) -> None:
     assert service["user"] not in ("", "0", "root")
     assert service["read_only"] is True
     assert service["cap_drop"] == ["ALL"]
@@ -97,17 +97,17 @@ def test_shared_memory_is_that_of_one_service_and_large_enough(file: Path) -> No
 
 
 @pytest.mark.parametrize("file", HOST_FILES, ids=lambda file: file.name)
-def test_hosts_run_the_same_services_as_the_whole_system(file: Path) -> None:
-    whole = services(COMPOSE_FILE)
+def test_services_of_hosts_equal_those_of_compose_yaml(file: Path) -> None:
+    shipped = services(COMPOSE_FILE)
     for name, service in services(file).items():
         for field in ("command", "healthcheck", "init", "restart", "stop_grace_period", "user"):
-            assert service[field] == whole[name][field], f"{name}.{field}"
+            assert service[field] == shipped[name][field], f"{name}.{field}"
         added = {"PEOPLE4D_KEYS", "PEOPLE4D_MODE", "PEOPLE4D_SLOW_LINKS", "PEOPLE4D_SLOW_HZ"}
-        assert service["environment"].keys() - added <= whole[name]["environment"].keys()
+        assert service["environment"].keys() - added <= shipped[name]["environment"].keys()
 
 
 @pytest.mark.parametrize("file", HOST_FILES, ids=lambda file: file.name)
-def test_hosts_insist_on_keys(file: Path) -> None:
+def test_hosts_require_keys(file: Path) -> None:
     with pytest.raises(Exception, match="variable PEOPLE4D_KEYS is not set"):
         read(file, VARIABLES | {"PEOPLE4D_KEYS": ""})
     for service in services(file).values():
@@ -116,7 +116,7 @@ def test_hosts_insist_on_keys(file: Path) -> None:
         assert service["network_mode"] == "host"  # pictures stay on it by the interface they take
 
 
-def test_together_the_hosts_run_all_that_makes_people() -> None:
+def test_hosts_together_run_the_pipeline() -> None:
     running = [name for file in HOST_FILES for name in services(file)]
     assert set(running) == {
         *("router", "watchdog", "camera", "detector", "reid", "gait", "visual_odometry", "tracker")
@@ -125,7 +125,7 @@ def test_together_the_hosts_run_all_that_makes_people() -> None:
         assert running.count(name) == 1
 
 
-def test_the_image_runs_as_nobody_in_particular() -> None:
+def test_image_runs_without_root() -> None:
     stages = "\n".join(f"{name} {rest}" for name, rest in instructions()).split("FROM ")
     (service,) = (stage for stage in stages if " AS service" in stage)
     (user,) = re.findall(r"^USER (\S+)", service, re.MULTILINE)
@@ -133,7 +133,7 @@ def test_the_image_runs_as_nobody_in_particular() -> None:
     assert user != "0"
 
 
-def test_the_image_is_made_of_what_is_pinned() -> None:
+def test_image_installs_pinned_versions() -> None:
     stages: set[str] = set()
     for name, rest in instructions():
         assert name not in ("ADD", "MAINTAINER")
@@ -150,7 +150,7 @@ def test_the_image_is_made_of_what_is_pinned() -> None:
         assert "sudo" not in shlex.split(rest, comments=False)
 
 
-def test_what_the_image_copies_is_there() -> None:
+def test_files_copied_into_the_image_exist() -> None:
     for name, rest in instructions():
         if name == "COPY" and "--from" not in rest:
             for source in rest.split()[:-1]:

@@ -47,7 +47,7 @@ def example(folder: Path) -> Path:
     )
 
 
-def test_rows_by_hand(tmp_path: Path) -> None:
+def test_rows_match_hand_worked_values(tmp_path: Path) -> None:
     status, output = run(example(tmp_path), tmp_path / "out" / "x.csv")
     assert (status, output.split()[:3]) == (0, ["Wrote", "4", "rows"])
     anna, ben, seven, later = rows_of(tmp_path / "out" / "x.csv")
@@ -103,13 +103,13 @@ def test_errors_are_one_sentence(name: str, message: str, tmp_path: Path) -> Non
     assert message in output
 
 
-def test_a_recording_without_people(tmp_path: Path) -> None:
+def test_recording_without_people_is_reported(tmp_path: Path) -> None:
     status, output = run(record(tmp_path, tracks(0)), tmp_path / "x.csv")
     assert status == 1
     assert "has neither truth nor tracks. It holds people." in output
 
 
-def test_parquet_without_pyarrow_names_the_mend(
+def test_parquet_without_pyarrow_fails_with_a_hint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)  # as if it were not installed

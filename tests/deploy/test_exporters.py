@@ -1,4 +1,4 @@
-"""What Prometheus fetches and OpenTelemetry gets, with their own libraries."""
+"""Metrics for Prometheus and traces for OpenTelemetry, read by their own libraries."""
 
 import sys
 import threading
@@ -70,7 +70,7 @@ def prometheus() -> Iterator[PrometheusExporter]:
         yield exporter
 
 
-def test_prometheus_by_hand(prometheus: PrometheusExporter) -> None:
+def test_prometheus_metrics_match_hand_worked_values(prometheus: PrometheusExporter) -> None:
     give(prometheus, 4)
     got = fetched(prometheus)
 
@@ -98,14 +98,14 @@ def test_prometheus_by_hand(prometheus: PrometheusExporter) -> None:
     assert of("people", "camera=front") == 1
 
 
-def test_a_process_that_is_gone_is_no_longer_told(prometheus: PrometheusExporter) -> None:
+def test_metrics_of_a_stopped_process_are_removed(prometheus: PrometheusExporter) -> None:
     give(prometheus, 1)
     prometheus.healths = healths()[:1]
     memory = [labels for name, labels in fetched(prometheus) if name == "people4d_memory_bytes"]
     assert memory == [frozenset({"service=detector", "instance=detector-1", "host=nuc"})]
 
 
-def test_negative_times_are_counted_not_hidden(prometheus: PrometheusExporter) -> None:
+def test_negative_durations_are_counted(prometheus: PrometheusExporter) -> None:
     # A tracker host whose clock is 250 ms behind, and not compared.
     behind = [s for s in trace_of(0) if "tracker" not in s.stage]
     behind += [s for s in trace_of(-25) if "tracker" in s.stage]
@@ -116,12 +116,12 @@ def test_negative_times_are_counted_not_hidden(prometheus: PrometheusExporter) -
     assert ("people4d_stage_seconds_count", labels) not in got
 
 
-def test_a_port_that_is_taken_is_told(prometheus: PrometheusExporter) -> None:
+def test_taken_port_is_reported(prometheus: PrometheusExporter) -> None:
     with pytest.raises(People4dError, match=r"nothing can listen at .*Take another port"):
         PrometheusExporter("127.0.0.1", prometheus.port)
 
 
-def test_opentelemetry_by_hand() -> None:
+def test_opentelemetry_spans_match_hand_worked_values() -> None:
     spans, metrics = InMemorySpanExporter(), InMemoryMetricReader()
     exporter = OtelExporter("robot", SimpleSpanProcessor(spans), metrics)
     give(exporter, 1)
@@ -173,7 +173,7 @@ class Collector(BaseHTTPRequestHandler):
         """Be silent."""
 
 
-def test_otlp_is_sent_at_the_latest_when_it_ends() -> None:
+def test_otlp_is_flushed_at_the_end() -> None:
     server = HTTPServer(("127.0.0.1", 0), Collector)
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
@@ -188,7 +188,9 @@ def test_otlp_is_sent_at_the_latest_when_it_ends() -> None:
     assert set(Collector.paths) == {"/v1/traces", "/v1/metrics"}
 
 
-def test_a_running_system_is_served(talking: str, prometheus: PrometheusExporter) -> None:
+def test_metrics_of_a_running_system_are_served(
+    talking: str, prometheus: PrometheusExporter
+) -> None:
     client = Client(talking)
     thread = threading.Thread(target=feed, args=(client, [prometheus]), daemon=True)
     thread.start()
@@ -221,7 +223,7 @@ def test_a_library_that_is_missing_is_named_with_its_extra(
     assert f"pip install 'people4d[{extra}]'" in str(caught.value)
 
 
-def test_it_must_be_said_where_to() -> None:
+def test_export_without_a_target_is_rejected() -> None:
     result = CliRunner().invoke(app, ["export"])
     assert result.exit_code == 2
     assert "--prometheus PORT, --otlp URL" in result.stderr

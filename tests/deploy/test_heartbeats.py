@@ -1,4 +1,4 @@
-"""Whose heartbeat is whose, where several machines have processes of the same name."""
+"""Heartbeats of processes of the same name on several hosts."""
 
 import socket
 
@@ -14,12 +14,12 @@ def health(instance: str, host: str, pid: int) -> Health:
     return Health(**{**fields, "instance": instance, "host": host, "pid": pid})
 
 
-def test_each_machine_has_its_own_watchdog() -> None:
+def test_heartbeat_is_matched_by_host() -> None:
     here = health("watchdog-1", socket.gethostname(), 7)
     there = health("watchdog-1", "another machine", 7)
-    for told in ([here, there], [there, here]):
-        assert of_instance(told, "watchdog-1") is here
-        assert of_instance(told, "watchdog-1", pid=7) is here
+    for order in ([here, there], [there, here]):
+        assert of_instance(order, "watchdog-1") is here
+        assert of_instance(order, "watchdog-1", pid=7) is here
 
 
 def test_a_container_has_another_name_than_its_machine() -> None:

@@ -1,4 +1,4 @@
-"""What people4d up makes of the configurations for several hosts."""
+"""Launch of the configurations for several hosts."""
 
 from pathlib import Path
 
@@ -17,9 +17,7 @@ def request(host: str, environment: dict[str, str]) -> LaunchRequest:
     )
 
 
-def test_the_host_of_the_camera_has_the_router(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_host_of_the_camera_has_the_router(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     wanted = request("nuc", {"PEOPLE4D_KEYS": "keys/nuc", "PEOPLE4D_CONNECT": ROUTER})
     services = {service.name: service for service in plan(wanted)}
@@ -33,7 +31,7 @@ def test_the_host_of_the_camera_has_the_router(
         assert variables["PEOPLE4D_KEYS"] == str(tmp_path / "keys" / "nuc")
 
 
-def test_the_host_of_the_tracker_goes_to_the_router_of_another() -> None:
+def test_host_of_the_tracker_connects_to_the_router_of_another() -> None:
     wanted = request("tracker", {"PEOPLE4D_KEYS": "/keys/tracker", "PEOPLE4D_CONNECT": ROUTER})
     services = plan(wanted)
     assert {service.name for service in services} == {"tracker", "watchdog"}
@@ -43,6 +41,6 @@ def test_the_host_of_the_tracker_goes_to_the_router_of_another() -> None:
         assert service.environment["PEOPLE4D_MODE"] == "client"
 
 
-def test_without_a_router_to_go_to_nothing_is_started() -> None:
+def test_host_without_a_router_is_rejected() -> None:
     with pytest.raises(ConfigError, match="variable PEOPLE4D_CONNECT is not set: endpoint of the"):
         plan(request("tracker", {"PEOPLE4D_KEYS": "/keys/tracker"}))

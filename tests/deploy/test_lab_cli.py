@@ -65,14 +65,14 @@ def test_render_preview_and_export(tmp_path: Path) -> None:
     assert (tmp_path / "p.png").is_file()
 
 
-def test_a_seed_of_ones_own_is_in_the_name(tmp_path: Path) -> None:
+def test_given_seed_is_in_the_file_name(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path)
     status, _, _ = run("render", scenario, "--fidelity", "geometry", "--out", tmp_path, "--seed", 7)
     assert status == 0
     assert (tmp_path / "walk-7.mcap").is_file()
 
 
-def test_errors_can_be_chosen(tmp_path: Path) -> None:
+def test_sensor_errors_are_configurable(tmp_path: Path) -> None:
     """A detector that finds no person and a sensor with twice the noise, which the file notes."""
     settings = ["--set", "detector.recall=0", "--set", "sensor.noise_px=0.14"]
     settings += ["--set", "detector.false_alarms=0"]
@@ -108,7 +108,7 @@ def test_errors_are_one_sentence_with_a_hint(arguments: list[str], message: str)
     assert "Traceback" not in errors
 
 
-def test_an_output_that_exists_says_so(tmp_path: Path) -> None:
+def test_existing_output_is_reported(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path)
     (tmp_path / "walk.mcap").write_text("precious")
     status, _, errors = run("render", scenario, "--out", tmp_path)

@@ -42,9 +42,9 @@ def state(tmp_path: Path) -> Iterator[State]:
 def launcher(state: State, text: str) -> Launcher:
     file = state.folder.parent / "compose.yaml"
     file.write_text(text.replace("FOLDER", str(state.folder.parent)))
-    told: list[tuple[str, str]] = []
+    reported: list[tuple[str, str]] = []
     services = select(read(file, {}), set())
-    return Launcher(state, services, Heartbeats("", "robot"), lambda *what: told.append(what))
+    return Launcher(state, services, Heartbeats("", "robot"), lambda *what: reported.append(what))
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
@@ -59,7 +59,7 @@ def is_gone(process: psutil.Process) -> bool:
     return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
 
 
-def test_start_in_order_restart_and_stop(state: State) -> None:
+def test_services_start_in_order_restart_and_stop(state: State) -> None:
     toy = launcher(state, TOY)
     toy.start("robot", "tcp/127.0.0.1:1", TIMEOUT_S)
     processes = toy.processes()
@@ -86,7 +86,7 @@ def test_start_in_order_restart_and_stop(state: State) -> None:
     assert not stop(state)
 
 
-def test_what_a_killed_supervisord_leaves_behind_is_ended(state: State) -> None:
+def test_leftovers_of_a_killed_supervisord_are_ended(state: State) -> None:
     toy = launcher(state, TOY)
     toy.start("robot", "", TIMEOUT_S)
     run = state.read()
@@ -126,7 +126,7 @@ def test_a_service_that_is_never_healthy_is_named(state: State) -> None:
     assert state.leftovers() == []
 
 
-def test_one_that_ends_well_is_finished_and_lets_others_start(state: State) -> None:
+def test_service_with_exit_code_0_is_finished_and_others_start(state: State) -> None:
     text = """
     services:
       once: {command: [sh, -c, "echo done"]}
@@ -173,7 +173,7 @@ def test_ctrl_c_stops_everything(tmp_path: Path) -> None:
     assert state.read() is None
 
 
-def test_people4d_up_notices_people4d_down(tmp_path: Path) -> None:
+def test_up_ends_after_down(tmp_path: Path) -> None:
     file = tmp_path / "compose.yaml"
     # It takes a second to stop, so that `up` asks supervisord while that shuts down.
     slow = "trap 'sleep 1; exit 0' TERM; while true; do sleep 0.1; done"

@@ -1,4 +1,4 @@
-"""From options to services."""
+"""Launch requests and the services that they give."""
 
 from pathlib import Path
 
@@ -26,13 +26,13 @@ def test_settings_reach_their_service_in_order() -> None:
     assert services["detector"].command[3:] == ()
 
 
-def test_text_stays_text_whatever_it_looks_like() -> None:
+def test_text_that_resembles_a_number_stays_text() -> None:
     assert setting("camera.source", 'a "b" 7') == 'camera.source="a \\"b\\" 7"'
     assert setting("camera.source", "2024") == 'camera.source="2024"'
     assert setting("camera.source", "Straße") == 'camera.source="Straße"'
 
 
-def test_scale_and_endpoints() -> None:
+def test_scale_and_endpoints_reach_the_services() -> None:
     services = planned(
         LaunchRequest(scale=["detector=2"], port=7555, host="0.0.0.0", environment={})
     )
@@ -50,7 +50,7 @@ def test_a_report_adds_its_service_and_plays_the_source_once(tmp_path: Path) -> 
     assert planned(LaunchRequest(environment={}))["camera"].restart == "on-failure"
 
 
-def test_gait_runs_only_if_asked_for() -> None:
+def test_gait_runs_only_with_its_option() -> None:
     assert "gait" not in planned(LaunchRequest(environment={}))
     services = planned(
         LaunchRequest(profiles=["gait"], settings=["gait.people_max=2"], environment={})
@@ -59,7 +59,7 @@ def test_gait_runs_only_if_asked_for() -> None:
     assert "gait" in [one.service for one in services["camera"].depends_on]
 
 
-def test_motion_is_seen_in_pictures_only_if_asked_for() -> None:
+def test_visual_odometry_runs_only_with_its_option() -> None:
     assert "visual_odometry" not in planned(LaunchRequest(environment={}))
     settings = ["visual_odometry.planar=false"]
     services = planned(
@@ -72,7 +72,7 @@ def test_motion_is_seen_in_pictures_only_if_asked_for() -> None:
 @pytest.mark.parametrize(
     ("launch", "message"),
     [
-        (LaunchRequest(settings=["nobody.field=1"]), "there is no service 'nobody'"),
+        (LaunchRequest(settings=["singer.field=1"]), "there is no service 'singer'"),
         (
             LaunchRequest(settings=["gait.people_max=2"]),
             "gait does not run unless asked for. Add --gait",
@@ -81,11 +81,11 @@ def test_motion_is_seen_in_pictures_only_if_asked_for() -> None:
         (LaunchRequest(settings=["tracker=1"]), "Write service.field=value"),
         (LaunchRequest(settings=["tracker.field"]), "Write service.field=value"),
         (LaunchRequest(scale=["detector"]), "Write service=number"),
-        (LaunchRequest(scale=["nobody=2"]), "there is no service 'nobody'"),
+        (LaunchRequest(scale=["singer=2"]), "there is no service 'singer'"),
         (LaunchRequest(config=Path("none.toml")), "none.toml does not exist"),
     ],
 )
-def test_a_bad_launch_request_is_refused(launch: LaunchRequest, message: str) -> None:
+def test_bad_launch_request_is_rejected(launch: LaunchRequest, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         plan(launch)
 
@@ -103,7 +103,7 @@ def test_a_bad_launch_request_is_refused(launch: LaunchRequest, message: str) ->
         (["camera.source='a:B'", "reid.embedder='face'"], "embedder 'face' is unknown"),
     ],
 )
-def test_wrong_settings_are_refused_before_anything_starts(
+def test_wrong_settings_are_rejected_before_the_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: list[str], message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -113,7 +113,7 @@ def test_wrong_settings_are_refused_before_anything_starts(
         check_settings(plan(launch), launch)
 
 
-def test_a_report_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+def test_unwritable_report_folder_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     launch = LaunchRequest(
         settings=["camera.source='a:B'"], report=tmp_path / "file" / "out", environment={}
@@ -122,7 +122,7 @@ def test_a_report_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> No
         check_settings(plan(launch), launch)
 
 
-def test_a_camera_named_anywhere_is_enough(tmp_path: Path) -> None:
+def test_source_may_come_from_any_setting(tmp_path: Path) -> None:
     file = tmp_path / "own.toml"
     file.write_text('[camera]\nsource = "my.camera:Camera"\n')
     for launch in (

@@ -48,7 +48,7 @@ def test_each_preset_loads_into_every_service(name: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["", "-movenet"])
-def test_the_first_method_is_section_4(suffix: str) -> None:
+def test_seg_sort_is_section_4(suffix: str) -> None:
     detector = config_of(DetectorConfig, "detector", f"seg-sort{suffix}")
     tracker = config_of(TrackerConfig, "tracker", f"seg-sort{suffix}")
     assert detector.position == ("grown" if suffix else "mask")
@@ -131,7 +131,7 @@ def test_a_later_setting_wins_over_the_preset() -> None:
     assert load(DetectorConfig, "detector", None, overrides, {}).model == "mine.onnx"
 
 
-def test_a_file_of_ones_own_extends_a_preset(tmp_path: Path) -> None:
+def test_own_file_extends_a_preset(tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text(
         'extends = "seg-sort-movenet"\n[tracker.sort3d]\nt_lost = 5\n[reid]\nembedder = "a b"\n'
@@ -153,7 +153,7 @@ def test_a_preset_extends_one_of_its_own_folder_wherever_it_is_used(
     assert preset_settings(str(tmp_path / "mine.toml")) == ["tracker.sort3d.t_lost=5"]
 
 
-def test_infinity_and_truth_values_stay_what_they_are() -> None:
+def test_infinity_and_booleans_keep_their_type() -> None:
     settings = preset_settings("pose-strongsort")
     assert "detector.torso_gap_max_m=inf" in settings
     assert "tracker.publish_lost=false" in settings
@@ -178,7 +178,7 @@ def test_infinity_and_truth_values_stay_what_they_are() -> None:
         ("[detector", "is not TOML"),
     ],
 )
-def test_refused_files(
+def test_bad_files_are_rejected(
     text: str, problem: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "other.toml").touch()
@@ -198,7 +198,7 @@ def test_refused_files(
     ],
 )
 @pytest.mark.parametrize("command", ["up", "demo"])
-def test_an_unknown_preset_is_told(command: str, name: str, problem: str) -> None:
+def test_unknown_preset_is_reported(command: str, name: str, problem: str) -> None:
     result = CliRunner().invoke(app, [command, "--preset", name])
     assert result.exit_code == 1
     assert problem in result.stderr

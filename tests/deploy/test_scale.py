@@ -1,4 +1,4 @@
-"""Another number of processes while the system runs, with a real supervisord."""
+"""Number of processes changed while the system runs, with a real supervisord."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,7 +46,7 @@ def pids(state: State) -> dict[str, int]:
     return {name: process.pid for name, process in Supervisor(state).processes().items()}
 
 
-def test_processes_are_added_and_stopped_and_the_others_run_on(state: State) -> None:
+def test_processes_are_added_and_stopped_beside_the_others(state: State) -> None:
     before = pids(state)
     assert set(before) == {"one-1", "many-1"}
     assert progress_of(state, "many=3") == [("many-2, many-3", "ready")]
@@ -60,20 +60,20 @@ def test_processes_are_added_and_stopped_and_the_others_run_on(state: State) -> 
     assert progress_of(state) == []
 
 
-def test_a_process_that_does_not_come_up_is_told(state: State) -> None:
+def test_process_that_does_not_start_is_reported(state: State) -> None:
     with pytest.raises(LaunchError, match="many-4 does not get ready"):
         progress_of(state, "many=4")
 
 
-def test_wishes_that_cannot_be_met(state: State) -> None:
-    with pytest.raises(ConfigError, match="there is no service 'nobody'"):
-        progress_of(state, "nobody=2")
+def test_impossible_scale_is_rejected(state: State) -> None:
+    with pytest.raises(ConfigError, match="there is no service 'singer'"):
+        progress_of(state, "singer=2")
     state.plan_file.unlink()
     with pytest.raises(People4dError, match="does not tell what runs"):
         progress_of(state, "many=2")
 
 
 @pytest.mark.parametrize("name", ["router", "camera", "tracker", "gt_bridge"])
-def test_what_cannot_share_its_work_runs_once(name: str) -> None:
+def test_service_without_replicas_runs_once(name: str) -> None:
     with pytest.raises(ConfigError, match=f"{name} runs once"):
         plan(LaunchRequest(scale=[f"{name}=2"], environment={}))

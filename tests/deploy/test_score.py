@@ -1,4 +1,4 @@
-"""people4d score: what is shown, by hand, and live for whoever joins late."""
+"""people4d score: table of hand-worked scores, and live for a late joiner."""
 
 import threading
 
@@ -31,7 +31,7 @@ def drawn(message: Score) -> list[list[str]]:
     return [line.split() for line in capture.get().splitlines() if line.split()]
 
 
-def test_people_now_and_the_totals() -> None:
+def test_table_has_people_and_totals() -> None:
     lines = drawn(FULL)
     # off sqrt(0.1^2 + 0.2^2) = 0.22 m, 0.50 m/s, -0.5 rad = -29 degrees
     assert ["anna", "7", "0.22", "0.50", "-29", "75", "%"] in lines
@@ -53,7 +53,7 @@ def test_people_now_and_the_totals() -> None:
     assert alignment.startswith("alignment applied · clock +80 ± 1 ms · shift +0.00 +0.00 +0.00 m")
 
 
-def test_an_unknown_view_is_reported() -> None:
+def test_unknown_view_is_reported() -> None:
     people = (PersonScore(id="a", view="unknown"), PersonScore(id="b", view="outside"))
     lines = drawn(msgspec.structs.replace(FULL, people=people, alignment=None))
     assert ["a", "unknown", "none", "-", "-", "-", "-"] in lines
@@ -61,7 +61,7 @@ def test_an_unknown_view_is_reported() -> None:
     assert "all people count, also out of view" in " ".join(lines[-1])
 
 
-def test_an_alignment_that_is_not_found_says_why() -> None:
+def test_failed_alignment_is_reported_with_its_reason() -> None:
     lines = drawn(msgspec.structs.replace(FULL, alignment=Alignment(applied=False)))
     assert "people must walk in different directions" in " ".join(lines[-1])
     turned = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -70,7 +70,7 @@ def test_an_alignment_that_is_not_found_says_why() -> None:
     assert "shift +1.00 +2.00 +0.00 m, turn +90.0°" in " ".join(lines[-1])
 
 
-def test_whoever_joins_late_sees_all_so_far() -> None:
+def test_late_joiner_gets_the_totals() -> None:
     network = Network()
     try:
         bus, done = network.open("robot"), threading.Event()
@@ -98,7 +98,7 @@ def test_whoever_joins_late_sees_all_so_far() -> None:
 
 
 @pytest.mark.parametrize("more", [[], ["--once"], ["--json"]])
-def test_no_score_is_told_with_the_mend(more: list[str]) -> None:
+def test_absent_score_is_reported_with_a_hint(more: list[str]) -> None:
     network = Network()
     try:
         arguments = ["score", "--timeout", "0.3", "--connect", network.endpoint, *more]

@@ -42,7 +42,7 @@ def arguments(section: configparser.SectionProxy) -> list[str]:
     return shlex.split(section["command"].replace("%%", "%"))
 
 
-def test_each_replica_is_a_program_with_a_name_of_its_own() -> None:
+def test_each_replica_is_a_program_with_its_own_name() -> None:
     parser = sections(service())
     first, second = parser["program:detector-1"], parser["program:detector-2"]
     assert arguments(first)[1:] == [
@@ -68,24 +68,26 @@ def test_each_replica_is_a_program_with_a_name_of_its_own() -> None:
         ("unless-stopped", 5, ("true", "5", "1")),
     ],
 )
-def test_restart_policies(restart: str, retries: int, expected: tuple[str, ...]) -> None:
+def test_restart_policies_of_compose_become_those_of_supervisord(
+    restart: str, retries: int, expected: tuple[str, ...]
+) -> None:
     program = sections(service(restart=restart, retries=retries))["program:detector-1"]
     assert (program["autorestart"], program["startretries"], program["startsecs"]) == expected
 
 
-def test_what_starts_later_stops_earlier() -> None:
+def test_programs_stop_in_reverse_order() -> None:
     parser = sections(service(name="router"), service(name="camera"))
     assert parser["program:router-1"]["priority"] == "1"
     assert parser["program:camera-1"]["priority"] == "2"
 
 
 @given(st.lists(st.text(st.characters(exclude_characters="\n\r\0", codec="utf-8")), min_size=1))
-def test_any_argument_survives_the_file(given_arguments: list[str]) -> None:
+def test_any_argument_round_trips_through_the_file(given_arguments: list[str]) -> None:
     parser = sections(service(command=("run", *given_arguments)))
     assert arguments(parser["program:detector-1"])[5:] == ["run", *given_arguments]
 
 
-def test_several_lines_are_refused() -> None:
+def test_argument_of_several_lines_is_rejected() -> None:
     with pytest.raises(ConfigError, match="more than one line"):
         quote("a\nb")
 
@@ -96,7 +98,7 @@ def test_python_and_people4d_are_those_of_this_environment() -> None:
     assert local_command(["other", "x"]) == ["other", "x"]
 
 
-def test_a_socket_path_that_is_too_long_is_told_before_anything_starts(tmp_path: Path) -> None:
+def test_too_long_socket_path_is_reported_before_the_start(tmp_path: Path) -> None:
     # 108 bytes hold a path, the 0 that ends it, and ".<pid>" while supervisord binds.
     name = "/supervisor.sock"
     long = tmp_path / ("x" * (LONGEST_SOCKET_PATH - len(str(tmp_path)) - len(name)))
@@ -113,10 +115,10 @@ def test_a_socket_path_that_is_too_long_is_told_before_anything_starts(tmp_path:
         ({}, str(Path.home() / ".local/state/people4d/r2")),
     ],
 )
-def test_where_the_state_is(environment: dict[str, str], expected: str) -> None:
+def test_state_folder_follows_the_environment(environment: dict[str, str], expected: str) -> None:
     assert State.of_robot("r2", environment).folder == Path(expected)
 
 
-def test_a_robot_cannot_name_a_folder_elsewhere() -> None:
+def test_robot_name_with_a_path_is_rejected() -> None:
     with pytest.raises(ConfigError, match="robot: expected"):
         State.of_robot("../elsewhere", {})

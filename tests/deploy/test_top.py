@@ -1,4 +1,4 @@
-"""people4d top: what is added up and shown, by hand, and of a running bus."""
+"""people4d top: sums and tables, by hand and of a running bus."""
 
 import json
 import threading
@@ -36,7 +36,7 @@ def stages(snapshot: SystemSnapshot, instance: str) -> dict[str, float]:
     return {stage.stage: stage.p50_ms for stage in process.stages}
 
 
-def test_every_stage_of_every_instance_on_one_clock() -> None:
+def test_stages_of_all_instances_are_on_one_clock() -> None:
     snapshot = monitor().snapshot(0.1)
     assert stages(snapshot, "camera-1") == {"release": 1, "publish": 1}
     # Frames 0 and 2 went to detector-1, 1 and 3 to detector-2.
@@ -53,13 +53,13 @@ def test_every_stage_of_every_instance_on_one_clock() -> None:
     assert (errors["transport"], errors["association"]) == (0.5, 0)
 
 
-def test_what_was_done_beside_the_way_is_no_part_of_it() -> None:
+def test_spans_beside_the_path_are_not_in_it() -> None:
     """The detector placed people for 5 ms while its pictures of them were under path."""
     found = Monitor(HERE, 10.0)
     beside = span("detector.locate", 37, 42, "detector-1@nuc")
-    told = detections(0)
-    told = msgspec.structs.replace(told, trace=(*told.trace, beside))
-    assert found.add(arrival(told), BEGIN_NS, 0.0) is None
+    message = detections(0)
+    message = msgspec.structs.replace(message, trace=(*message.trace, beside))
+    assert found.add(arrival(message), BEGIN_NS, 0.0) is None
     path = found.add(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 0.0)
     assert path is not None
     assert [(part.name, part.ms) for part in path.beside] == [("detector.locate", 5)]
@@ -70,19 +70,19 @@ def test_what_was_done_beside_the_way_is_no_part_of_it() -> None:
     assert line.split() == ["locate", "5.00", "5.00", "5.00", "1", "beside", "the", "path"]
 
 
-def test_the_surest_process_tells_the_clock_of_its_host() -> None:
+def test_clock_of_a_host_is_that_of_its_process_with_the_least_error() -> None:
     clocks = {c.host: (c.offset_ms, c.error_ms) for c in monitor().snapshot(0.1).clocks}
     assert clocks == {"nuc": (0, 0), "brain": (250, 0.5)}
 
 
-def test_clocks_that_nobody_compared_are_told() -> None:
+def test_clocks_not_compared_are_marked() -> None:
     snapshot = monitor(clocks=False).snapshot(0.1)
     assert [(c.host, c.offset_ms) for c in snapshot.clocks] == [("brain", None), ("nuc", None)]
     assert stages(snapshot, "tracker-1")["transport"] == 253
     assert "(clocks not compared)" in text(snapshot)
 
 
-def test_health_is_shown_beside() -> None:
+def test_health_is_shown_beside_the_stages() -> None:
     processes = {p.instance: p for p in monitor().snapshot(0.1).processes}
     detector = processes["detector-1"]
     assert detector.rates_hz == {"received_frames": 50, "sent_detections": 45}
@@ -93,7 +93,7 @@ def test_health_is_shown_beside() -> None:
     assert (processes["reid-1"].state, processes["reid-1"].stages) == ("degraded", [])
 
 
-def test_what_is_old_is_gone() -> None:
+def test_old_frames_leave_the_window() -> None:
     snapshot = monitor().snapshot(60.0)
     assert snapshot.end_to_end is None
     assert snapshot.processes == []
@@ -107,7 +107,7 @@ def text(snapshot: SystemSnapshot) -> str:
     return capture.get()
 
 
-def test_the_picture_by_eye() -> None:
+def test_table_shows_all_stages() -> None:
     lines = [line.split() for line in text(monitor().snapshot(0.1)).splitlines()]
     assert lines[0][:5] == ["end", "to", "end", "p50", "52.0"]
     clocks = "clocks ahead of the router's: brain +250.00 ± 0.50 ms · nuc 0 (the router's)"
@@ -141,7 +141,7 @@ def talking() -> Iterator[str]:
     network.close()
 
 
-def test_once_in_words_and_in_json(talking: str) -> None:
+def test_once_prints_text_or_json(talking: str) -> None:
     arguments = ["top", "--once", "--window", "1", "--connect", talking]
     shown, plain = (CliRunner().invoke(app, [*arguments, *more]) for more in ([], ["--json"]))
     assert (shown.exit_code, plain.exit_code) == (0, 0), shown.output + plain.output
@@ -151,7 +151,7 @@ def test_once_in_words_and_in_json(talking: str) -> None:
     assert snapshot["end_to_end"]["count"] > 0
 
 
-def test_silence_is_told_with_the_mend() -> None:
+def test_silence_is_reported_with_a_hint() -> None:
     network = Network()
     try:
         arguments = ["top", "--once", "--window", "1", "--connect", network.endpoint]

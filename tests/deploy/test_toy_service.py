@@ -104,7 +104,7 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_folder_and_a_block_of_compose_yaml_make_a_service(project: Path) -> None:
+def test_service_is_a_folder_and_a_block_of_compose_yaml(project: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(project), "PEOPLE4D_STATE": str(project / "s")}
     port = free_port()
 

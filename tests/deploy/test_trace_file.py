@@ -81,7 +81,7 @@ def names(found: list[Event]) -> dict[int, str]:
     return {e["pid"]: e["args"]["name"] for e in found if e["name"] == "process_name"}
 
 
-def test_one_frame_by_hand() -> None:
+def test_trace_of_one_frame_matches_hand_worked_times() -> None:
     found = events(*healths(), tracks(0))
     process = names(found)
     assert list(process.values()) == ["camera-1@nuc", "detector-1@nuc", "tracker-1@brain"]
@@ -108,17 +108,17 @@ def test_one_frame_by_hand() -> None:
     ]
 
 
-def test_what_several_messages_tell_of_a_frame_is_there_once() -> None:
+def test_spans_in_several_messages_are_written_once() -> None:
     one = events(*healths(), tracks(3))
     assert events(*healths(), detections(3), tracks(3)) == one
 
 
-def test_a_frame_that_never_reached_the_tracker_is_there_as_far_as_it_came() -> None:
+def test_frame_that_never_reached_the_tracker_is_written_in_part() -> None:
     found = events(detections(0))
     assert list(names(found).values()) == ["camera-1@nuc", "detector-1@nuc"]
 
 
-def test_frames_that_overlap_in_a_process_have_lanes_of_their_own() -> None:
+def test_overlapping_frames_of_a_process_have_separate_lanes() -> None:
     # Of four frames each 20 ms apart detector-1 has the first and third, 33 ms each: one lane.
     # The camera and the tracker are done with one before the next comes.
     found = events(*healths(), *(tracks(number) for number in range(4)))
@@ -130,7 +130,7 @@ def test_frames_that_overlap_in_a_process_have_lanes_of_their_own() -> None:
     assert tids == {1, 2}
 
 
-def test_clocks_that_disagree_are_marked_not_hidden() -> None:
+def test_contradicting_clocks_are_marked() -> None:
     wrong = msgspec.structs.replace(
         healths()[1], gauges={"clock_offset_ms": 260.0, "clock_error_ms": 0.5}
     )
@@ -140,7 +140,7 @@ def test_clocks_that_disagree_are_marked_not_hidden() -> None:
     assert mark["args"]["ms"] == -7.0
 
 
-def test_clocks_that_nobody_compared_are_told() -> None:
+def test_clocks_not_compared_are_marked() -> None:
     found = events(tracks(0))
     labels = {e["args"]["labels"] for e in found if e["name"] == "process_labels"}
     assert labels == {"clock not compared"}
@@ -156,7 +156,7 @@ def recording(tmp_path: Path) -> Path:
     return file
 
 
-def test_of_a_recording(recording: Path, tmp_path: Path) -> None:
+def test_trace_of_a_recording_is_written(recording: Path, tmp_path: Path) -> None:
     out = tmp_path / "trace.json"
     result = CliRunner().invoke(app, ["trace", str(recording), "-o", str(out)])
     assert result.exit_code == 0, result.output
@@ -168,7 +168,7 @@ def test_of_a_recording(recording: Path, tmp_path: Path) -> None:
     assert clocks["brain"] == {"offset_ms": 250.0, "error_ms": 0.5}
 
 
-def test_of_a_running_system(talking: str, tmp_path: Path) -> None:
+def test_trace_of_a_running_system_is_written(talking: str, tmp_path: Path) -> None:
     out = tmp_path / "trace.json"
     arguments = ["trace", "-o", str(out), "--seconds", "1", "--connect", talking]
     result = CliRunner().invoke(app, arguments)
@@ -176,7 +176,7 @@ def test_of_a_running_system(talking: str, tmp_path: Path) -> None:
     check(json.loads(out.read_text("utf-8"))["traceEvents"])
 
 
-def test_nothing_to_write_is_told_with_the_mend(tmp_path: Path) -> None:
+def test_empty_trace_is_reported_with_a_hint(tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "r.mcap") as writer:
         writer.write(healths()[0], 0)
     result = CliRunner().invoke(app, ["trace", str(tmp_path / "r.mcap")])

@@ -1,4 +1,4 @@
-"""Who hangs, by heartbeats, and how often anyone is helped."""
+"""Processes that hang, by their heartbeats, and how often they are restarted."""
 
 import dataclasses
 
@@ -54,19 +54,19 @@ def machine() -> Machine:
     return machine
 
 
-def test_a_silent_process_is_found_after_four_seconds(machine: Machine) -> None:
+def test_process_without_heartbeat_hangs_after_4_s(machine: Machine) -> None:
     machine.hanging.add("tracker-1")
     assert machine.run(4) == {}
     assert machine.run(0.5) == {"tracker-1": "no heartbeat for 4 s"}
 
 
-def test_a_stalled_one_is_found_after_eight_seconds_of_it(machine: Machine) -> None:
+def test_stalled_process_hangs_after_8_s(machine: Machine) -> None:
     machine.states["detector-1"] = "stalled"
     assert machine.run(8.5) == {}
     assert machine.run(0.5) == {"detector-1": "stalled for 8 s"}
 
 
-def test_one_that_goes_on_now_and_then_is_left_alone(machine: Machine) -> None:
+def test_process_that_stalls_at_times_does_not_hang(machine: Machine) -> None:
     for _ in range(5):
         machine.states["detector-1"] = "stalled"
         assert machine.run(7) == {}
@@ -74,7 +74,7 @@ def test_one_that_goes_on_now_and_then_is_left_alone(machine: Machine) -> None:
         assert machine.run(0.5) == {}
 
 
-def test_one_that_starts_again_has_a_minute_to_load_its_model(machine: Machine) -> None:
+def test_restarted_process_hangs_after_60_s(machine: Machine) -> None:
     machine.hanging.add("detector-1")
     machine.processes["detector-1"] = process("detector-1", pid=2, uptime_s=59.0)
     assert machine.run(30) == {}
@@ -82,31 +82,31 @@ def test_one_that_starts_again_has_a_minute_to_load_its_model(machine: Machine) 
     assert machine.run(0.5) == {"detector-1": "no heartbeat within 60 s of its start"}
 
 
-def test_one_that_was_never_heard_is_left_to_others(machine: Machine) -> None:
+def test_process_that_never_sent_a_heartbeat_is_ignored(machine: Machine) -> None:
     machine.processes["mine-1"] = process("mine-1")
     assert machine.run(100) == {}
 
 
-def test_one_that_does_not_run_is_left_to_supervisord(machine: Machine) -> None:
+def test_process_that_does_not_run_is_ignored(machine: Machine) -> None:
     machine.hanging.add("tracker-1")
     for state in ("STOPPING", "BACKOFF", "EXITED", "STARTING"):
         machine.processes["tracker-1"] = process("tracker-1", state=state)
         assert machine.run(10) == {}
 
 
-def test_one_that_stops_may_close_its_files(machine: Machine) -> None:
+def test_stopping_process_does_not_hang(machine: Machine) -> None:
     machine.states["tracker-1"] = "stopping"
     machine.run(1)
     machine.hanging.add("tracker-1")
     assert machine.run(30) == {}
 
 
-def test_who_hears_nobody_is_deaf_or_the_router_hangs(machine: Machine) -> None:
+def test_silence_of_all_processes_is_the_routers_fault(machine: Machine) -> None:
     machine.hanging |= {"router-1", "detector-1", "tracker-1"}
     assert list(machine.run(10)) == ["router-1"]
 
 
-def test_nobody_is_blamed_for_a_time_in_which_the_watchdog_did_not_run(machine: Machine) -> None:
+def test_time_while_the_watchdog_did_not_run_is_not_counted(machine: Machine) -> None:
     machine.now_s += 600.0  # the machine slept
     assert machine.watch.hung(machine.processes, machine.now_s) == {}
     machine.hanging.add("tracker-1")
@@ -141,7 +141,7 @@ def run(node: WatchdogNode, start_s: int, end_s: int, *heard: Health) -> None:
         node.tick(now_ns)
 
 
-def test_who_hangs_is_killed_once_and_told() -> None:
+def test_hung_process_is_killed_once_and_reported() -> None:
     supervised = Supervised("router-1", "tracker-1")
     node = WatchdogNode(CONFIG, supervised, "here")
     run(node, 0, 2, health("router-1"), health("tracker-1"))
@@ -154,7 +154,7 @@ def test_who_hangs_is_killed_once_and_told() -> None:
     assert node.status().reason == ""
 
 
-def test_who_hangs_again_and_again_is_left_alone_and_that_is_told() -> None:
+def test_process_that_hangs_repeatedly_is_left_and_reported() -> None:
     supervised = Supervised("router-1", "tracker-1")
     node = WatchdogNode(CONFIG, supervised, "here")
     for pid in range(1, 4):
@@ -167,7 +167,7 @@ def test_who_hangs_again_and_again_is_left_alone_and_that_is_told() -> None:
     assert status.reason.startswith("tracker-1 hung 2 times in 100 s and is left alone now")
 
 
-def test_who_is_killed_is_not_killed_again_until_supervisord_notices() -> None:
+def test_killed_process_is_not_killed_twice_before_supervisord_notices() -> None:
     class Slow(Supervised):
         def kill(self, instance: str) -> None:
             self.killed.append(instance)
@@ -179,7 +179,7 @@ def test_who_is_killed_is_not_killed_again_until_supervisord_notices() -> None:
     assert supervised.killed == ["tracker-1"]
 
 
-def test_processes_of_other_machines_do_not_matter() -> None:
+def test_processes_of_other_hosts_are_ignored() -> None:
     supervised = Supervised("router-1", "tracker-1")
     node = WatchdogNode(CONFIG, supervised, "here")
     run(node, 0, 2, health("router-1"), health("tracker-1", pid=1, host="elsewhere"))
@@ -187,7 +187,7 @@ def test_processes_of_other_machines_do_not_matter() -> None:
     assert supervised.killed == []
 
 
-def test_without_supervisord_it_says_so_and_goes_on() -> None:
+def test_absent_supervisord_is_reported_and_the_watchdog_continues() -> None:
     supervised = Supervised("router-1", "tracker-1")
     node = WatchdogNode(CONFIG, supervised, "here")
     supervised.gone = True
@@ -198,6 +198,6 @@ def test_without_supervisord_it_says_so_and_goes_on() -> None:
     assert node.status().state == "ready"
 
 
-def test_refused_settings() -> None:
+def test_bad_settings_are_rejected() -> None:
     with pytest.raises(ValueError, match="silent_s: expected a finite number > 0, got 0"):
         WatchdogConfig(silent_s=0.0)

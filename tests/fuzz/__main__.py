@@ -14,7 +14,7 @@ from tests.fuzz.target import Target
 
 STATISTICS = (r"stat::number_of_executed_units:\s+(\d+)", r"stat::peak_rss_mb:\s+(\d+)")
 PROGRESS = re.compile(r"cov: (\d+) ft: \d+ corp: (\d+)/(\w+)")
-NO_FINDING = (".txt", ".dict")  # files beside the findings
+OTHER_FILES = (".txt", ".dict")  # files beside the findings
 
 TABLE = ROOT / "benchmarks" / "fuzz.md"
 HEADER = ["target", "executions", "seconds", "coverage", "corpus", "peak MB", "findings"]
@@ -46,8 +46,8 @@ def row(target: Target, seconds: float, corpus: Path, found: Path) -> list[str]:
     log = (found / harness.LOG).read_text(errors="replace")
     executions, peak_mb = ((re.findall(form, log) or ["?"])[-1] for form in STATISTICS)
     coverage, count, size = (PROGRESS.findall(log) or [("?", "?", "?")])[-1]
-    inputs = [file for file in found.iterdir() if file.suffix not in NO_FINDING]
-    findings = f"{len(inputs)}" if inputs or executions != "?" else "did not run"
+    inputs = [file for file in found.iterdir() if file.suffix not in OTHER_FILES]
+    count_text = f"{len(inputs)}" if inputs or executions != "?" else "did not run"
     return [
         target.name,
         executions,
@@ -55,7 +55,7 @@ def row(target: Target, seconds: float, corpus: Path, found: Path) -> list[str]:
         coverage,
         f"{count} ({size})",
         peak_mb,
-        findings,
+        count_text,
     ]
 
 

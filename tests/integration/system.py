@@ -91,7 +91,7 @@ def seconds(wait: Callable[[], object]) -> float:
     return time.monotonic() - begin_s
 
 
-def seen(tracks: Tracks) -> bool:
+def shows_people(tracks: Tracks) -> bool:
     """Return whether a message shows someone who was seen in its frame."""
     return any(person.state == "confirmed" for person in tracks.tracks)
 

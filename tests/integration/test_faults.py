@@ -1,4 +1,4 @@
-"""What docs/operation/faults.md says happens when parts of a running system fail."""
+"""Faults of a running system, with the outcomes of docs/operation/faults.md."""
 
 import random
 import signal
@@ -26,7 +26,7 @@ from tests.integration.system import (
     predicted,
     running,
     seconds,
-    seen,
+    shows_people,
     up,
     works_again,
 )
@@ -42,7 +42,7 @@ INPUTS = {
 }
 
 
-def test_up_names_what_is_set_up_wrongly_and_leaves_nothing_running(tmp_path: Path) -> None:
+def test_up_with_a_missing_model_reports_it_and_leaves_no_process(tmp_path: Path) -> None:
     done = up(tmp_path, free_port(), "--model", "/none.onnx")
     assert done.returncode == 1
     assert "model file /none.onnx does not exist. See: people4d models." in done.stderr
@@ -50,7 +50,7 @@ def test_up_names_what_is_set_up_wrongly_and_leaves_nothing_running(tmp_path: Pa
     assert State(tmp_path / ROBOT).leftovers() == []
 
 
-def test_up_says_that_its_port_is_taken(tmp_path: Path) -> None:
+def test_up_with_a_taken_port_reports_it(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         done = up(tmp_path, other.getsockname()[1])
     assert done.returncode == 1
@@ -69,7 +69,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
 @pytest.fixture
 def working(system: System) -> System:
     """The system once people are seen."""
-    system.watch(Tracks).wait(Tracks, seen)
+    system.watch(Tracks).wait(Tracks, shows_people)
     return system
 
 
@@ -81,7 +81,7 @@ def doctor(system: System, robot: str) -> tuple[int, dict[str, str]]:
     return result.exit_code, {f.check: f.what for f in diagnostics if f.level != "ok"}
 
 
-def test_the_doctor_finds_nothing_but_a_repeated_recording_and_a_busy_machine(
+def test_doctor_finds_no_fault_in_a_working_system(
     working: System,
 ) -> None:
     status, found = doctor(working, ROBOT)
@@ -93,7 +93,7 @@ def test_the_doctor_finds_nothing_but_a_repeated_recording_and_a_busy_machine(
     )
 
 
-def told_of_all(service: str, topics: tuple[str, ...]) -> Callable[[Health], bool]:
+def has_counted_all(service: str, topics: tuple[str, ...]) -> Callable[[Health], bool]:
     """Return the test whether a service tells that it got bad bytes on all of its topics."""
     return lambda h: (
         (h.service, h.state) == (service, "degraded")
@@ -101,71 +101,71 @@ def told_of_all(service: str, topics: tuple[str, ...]) -> Callable[[Health], boo
     )
 
 
-def test_bad_bytes_on_every_topic_are_counted_and_people_keep_coming(working: System) -> None:
+def test_bad_payloads_on_every_topic_are_counted_and_tracks_continue(working: System) -> None:
     watcher = working.watch(Health, Tracks)
     chance = random.Random(0)
     environment = {"PEOPLE4D_CONNECT": working.connect}
     with zenoh.open(read_config(None, "client", environment)) as outside:
-        watcher.wait(Tracks, seen)
+        watcher.wait(Tracks, shows_people)
         for topic in TOPICS:
             example = BY_NAME[topic.message.__name__]
             good = encode(example)
-            # A topic that nobody here takes must do no harm either.
+            # Topics without a subscriber must do no harm either.
             for payload in (good[: len(good) // 2], chance.randbytes(1000)):
                 outside.put(topic.key_of(example, ROBOT), payload)
         for service, topics in INPUTS.items():
-            told = working.watch(Health).wait(Health, told_of_all(service, topics))
-            assert told.counters.get("errors", 0) == 0
-            assert "expected" in told.reason
-    watcher.wait(Tracks, seen)
+            health = working.watch(Health).wait(Health, has_counted_all(service, topics))
+            assert health.counters.get("errors", 0) == 0
+            assert "expected" in health.reason
+    watcher.wait(Tracks, shows_people)
 
 
-def test_a_killed_detector_is_replaced_while_predictions_go_on(working: System) -> None:
+def test_killed_detector_is_replaced_while_predictions_continue(working: System) -> None:
     watcher = working.watch(Tracks, Detections, Health)
     killed = working.signal("detector", signal.SIGKILL)
     watcher.wait(Tracks, predicted)
     tracker = working.pid("tracker")
     assert seconds(lambda: watcher.wait(Health, works_again("detector", killed))) < BACK_S
     working.watch(Detections).wait(Detections)
-    watcher.wait(Tracks, seen)
+    watcher.wait(Tracks, shows_people)
     assert working.pid("tracker") == tracker
 
 
-def test_without_reid_people_are_tracked_by_motion(working: System) -> None:
+def test_tracks_continue_by_motion_without_reid(working: System) -> None:
     watcher = working.watch(Tracks, Health)
     killed = working.signal("reid", signal.SIGKILL)
     reason = "no embeddings arrive: tracks are matched by motion alone"
     # A machine that is busy besides may be too slow as well, which the reason tells, too.
     watcher.wait(Health, lambda h: h.service == "tracker" and reason in h.reason)
-    watcher.wait(Tracks, lambda m: seen(m) and not any("reid" in s.stage for s in m.trace))
+    watcher.wait(Tracks, lambda m: shows_people(m) and not any("reid" in s.stage for s in m.trace))
     assert seconds(lambda: watcher.wait(Health, works_again("reid", killed))) < BACK_S
     working.watch(Embeddings).wait(Embeddings)
-    watcher.wait(Tracks, lambda m: seen(m) and any("reid" in s.stage for s in m.trace))
+    watcher.wait(Tracks, lambda m: shows_people(m) and any("reid" in s.stage for s in m.trace))
 
 
-def test_a_killed_tracker_is_replaced_and_gives_no_identity_twice(working: System) -> None:
+def test_killed_tracker_is_replaced_and_reuses_no_identity(working: System) -> None:
     watcher = working.watch(Tracks, Health)
-    before = watcher.wait(Tracks, seen)
+    before = watcher.wait(Tracks, shows_people)
     killed = working.signal("tracker", signal.SIGKILL)
     assert seconds(lambda: watcher.wait(Health, works_again("tracker", killed))) < BACK_S
     # The same people, or those of the next round of the recording: then with new numbers.
     newest = max(person.id for person in before.tracks)
-    after = working.watch(Tracks).wait(Tracks, seen)
+    after = working.watch(Tracks).wait(Tracks, shows_people)
     assert all(p.id >= min(q.id for q in before.tracks) for p in after.tracks)
     if after.stamp_ns < before.stamp_ns:
         assert all(p.id > newest for p in after.tracks)
 
 
-def test_a_killed_camera_plays_from_the_beginning(working: System) -> None:
+def test_killed_camera_restarts_the_recording(working: System) -> None:
     watcher = working.watch(Tracks, Detections)
     before = watcher.wait(Detections)
     working.signal("camera", signal.SIGKILL)
     watcher.wait(Tracks, predicted)
     again = watcher.wait(Detections, lambda m: m.sequence < before.sequence)
-    watcher.wait(Tracks, lambda m: seen(m) and m.stamp_ns >= again.stamp_ns)
+    watcher.wait(Tracks, lambda m: shows_people(m) and m.stamp_ns >= again.stamp_ns)
 
 
-def test_a_detector_that_stops_for_a_moment_goes_on(working: System) -> None:
+def test_detector_paused_briefly_is_not_restarted(working: System) -> None:
     watcher = working.watch(Tracks)
     stopped = working.signal("detector", signal.SIGSTOP)
     try:
@@ -173,23 +173,23 @@ def test_a_detector_that_stops_for_a_moment_goes_on(working: System) -> None:
     finally:
         working.signal("detector", signal.SIGCONT)
     working.watch(Detections).wait(Detections)
-    watcher.wait(Tracks, seen)
+    watcher.wait(Tracks, shows_people)
     assert working.pid("detector") == stopped
 
 
-def test_a_hung_detector_is_found_and_started_again(working: System) -> None:
+def test_hung_detector_is_restarted(working: System) -> None:
     watcher = working.watch(Tracks, Health)
     others = {service: working.pid(service) for service in ("router", "reid", "tracker", "camera")}
     hung = working.signal("detector", signal.SIGSTOP)
     assert seconds(lambda: watcher.wait(Health, works_again("detector", hung))) < BACK_S
-    told = watcher.wait(Health, lambda h: h.service == "watchdog" and h.reason != "")
-    assert "detector-1 hung (no heartbeat for " in told.reason
+    health = watcher.wait(Health, lambda h: h.service == "watchdog" and h.reason != "")
+    assert "detector-1 hung (no heartbeat for " in health.reason
     working.watch(Detections).wait(Detections)
-    watcher.wait(Tracks, seen)
+    watcher.wait(Tracks, shows_people)
     assert {service: working.pid(service) for service in others} == others
 
 
-def test_a_subscriber_hears_people_again_after_the_router_was_killed(working: System) -> None:
+def test_subscriber_receives_again_after_the_router_is_killed(working: System) -> None:
     watcher = working.watch(Tracks, Health)
     before = watcher.wait(Health, lambda h: h.service == "tracker")
     killed = working.signal("router", signal.SIGKILL)
@@ -202,4 +202,4 @@ def test_a_subscriber_hears_people_again_after_the_router_was_killed(working: Sy
     elapsed_s = (after.stamp_ns - before.stamp_ns) / 1e9
     sent = after.counters["sent_people"] - before.counters["sent_people"]
     assert sent / elapsed_s > 5  # 15 frames a second come
-    working.watch(Tracks).wait(Tracks, seen)
+    working.watch(Tracks).wait(Tracks, shows_people)

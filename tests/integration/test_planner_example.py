@@ -23,7 +23,7 @@ def people(sequence: int) -> Tracks:
     return builders.tracks(track, stamp_ns=sequence, sequence=sequence)
 
 
-def test_planner_slows_down_for_who_will_be_close(network: Network) -> None:
+def test_planner_example_slows_down_for_an_approaching_person(network: Network) -> None:
     bus = network.open("robot", "peer")
     command = [sys.executable, str(EXAMPLE), network.endpoint, "3"]
     planner = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

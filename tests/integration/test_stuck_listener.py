@@ -34,7 +34,7 @@ def open_session(network: Network) -> zenoh.Session:
     return zenoh.open(config)
 
 
-def test_a_hanging_listener_does_not_hold_up_the_others(network: Network) -> None:
+def test_hung_listener_does_not_delay_the_others(network: Network) -> None:
     """The router once waited five seconds for it, and all that it passes on waited with it."""
     hanging = subprocess.Popen(
         [sys.executable, "-c", LISTENER, network.endpoint], stdout=subprocess.PIPE, text=True

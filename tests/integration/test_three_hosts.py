@@ -19,10 +19,10 @@ TIMEOUT_S = 100.0
 
 def environment(host: str, home: Path) -> dict[str, str]:
     """Return the variables of a user who has just logged in."""
-    kept = {k: v for k, v in os.environ.items() if not k.startswith("PEOPLE4D_")}
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith("PEOPLE4D_")}
     bin_folder = str(Path(sys.executable).parent)
     return {
-        **kept,
+        **inherited,
         "PATH": f"{bin_folder}:{os.environ['PATH']}",
         "PEOPLE4D_STATE": str(home / f"state-{host}"),  # they share this machine's disk
         "OMP_NUM_THREADS": "1",
@@ -45,7 +45,7 @@ def world(tmp_path: Path) -> Iterator[Hosts]:
 
 
 @pytest.mark.timeout(300)
-def test_the_commands_of_the_docs_bring_people_to_the_planner(world: Hosts, tmp_path: Path) -> None:
+def test_documented_commands_bring_tracks_to_the_planner(world: Hosts, tmp_path: Path) -> None:
     blocks = BLOCK.findall((ROOT / "docs" / "launch" / "hosts.md").read_text(encoding="utf-8"))
     assert [host for host, _ in blocks] == ["nuc", "nuc", "tracker", "planner"]
     for host, text in blocks:

@@ -85,7 +85,7 @@ def pairs(messages: list[Message]) -> list[Pair]:
     truth = [m for m in messages if isinstance(m, Truth)]
     found: list[Pair] = []
     for frame, message in enumerate(m for m in messages if isinstance(m, Tracks)):
-        # Captured every 10 ms: nobody moves far from there to the frame.
+        # Captured every 10 ms: people move little from there to the frame.
         people = min(truth, key=lambda t: abs(t.stamp_ns - message.stamp_ns)).people
         matched = match_people(people, message.tracks)
         found += [(frame, people[i], message.tracks[k]) for i, k in matched]
@@ -105,7 +105,7 @@ def rms(errors: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def test_every_frame_is_answered_once_and_in_order(messages: list[Message]) -> None:
+def test_every_frame_has_one_answer_in_order(messages: list[Message]) -> None:
     frames = [(m.stamp_ns, m.sequence) for m in messages if isinstance(m, RgbdFrame)]
     assert len(frames) == FRAMES
     assert len(set(frames)) == FRAMES
@@ -113,7 +113,7 @@ def test_every_frame_is_answered_once_and_in_order(messages: list[Message]) -> N
         assert [(m.stamp_ns, m.sequence) for m in messages if isinstance(m, kind)] == frames
 
 
-def test_three_people_keep_three_identities(pairs: list[Pair]) -> None:
+def test_three_people_have_three_constant_identities(pairs: list[Pair]) -> None:
     identities = {(person.id, track.id) for _, person, track in pairs}
     assert len(identities) == 3
     assert len({name for name, _ in identities}) == len({number for _, number in identities}) == 3
@@ -121,12 +121,12 @@ def test_three_people_keep_three_identities(pairs: list[Pair]) -> None:
     assert len(pairs) >= 3 * (FRAMES - 5)
 
 
-def test_nobody_else_is_tracked(messages: list[Message]) -> None:
+def test_only_three_tracks_are_confirmed(messages: list[Message]) -> None:
     tracks = [t for m in messages if isinstance(m, Tracks) for t in m.tracks]
     assert len({t.id for t in tracks if t.state == "confirmed"}) == 3
 
 
-def test_positions_are_those_of_the_axis(messages: list[Message], pairs: list[Pair]) -> None:
+def test_positions_lie_on_the_axis_of_the_body(messages: list[Message], pairs: list[Pair]) -> None:
     """Depth is read on the surface that faces the camera, half a body before the axis."""
     assert np.median([apart_m(track, person) for _, person, track in pairs]) < 0.05
     assert rms([apart_m(track, person) for _, person, track in pairs]) < 0.12
@@ -152,7 +152,7 @@ def test_velocity_follows_the_person(pairs: list[Pair]) -> None:
     assert rms(errors) < 0.5 * rms(speeds)
 
 
-def test_yaw_is_where_the_chest_points(pairs: list[Pair]) -> None:
+def test_yaw_is_that_of_the_chest(pairs: list[Pair]) -> None:
     errors = [
         abs(wrap(track.yaw_rad - person.yaw_rad))
         for _, person, track in settled(pairs)
@@ -163,14 +163,14 @@ def test_yaw_is_where_the_chest_points(pairs: list[Pair]) -> None:
     assert np.percentile(errors, 90) < np.radians(30)
 
 
-def test_same_recording_same_tracks(messages: list[Message]) -> None:
+def test_same_recording_gives_the_same_tracks(messages: list[Message]) -> None:
     """Byte for byte, but for the times in the trace; a third of the recording is enough to tell."""
     again = answers(run(max_frames=25))
     assert len(again) == 25
     assert again == answers(messages)[:25]
 
 
-def test_embeddings_may_come_before_their_detections(messages: list[Message]) -> None:
+def test_embeddings_before_their_detections_change_nothing(messages: list[Message]) -> None:
     parts = [m for m in messages if isinstance(m, Detections | Embeddings)]
     # Within each stamp only: the sort is stable.
     parts.sort(key=lambda m: (m.stamp_ns, isinstance(m, Detections)))
@@ -178,7 +178,7 @@ def test_embeddings_may_come_before_their_detections(messages: list[Message]) ->
     assert tracked(messages, parts) == answers(messages)
 
 
-def test_embeddings_may_lag_a_frame_behind(messages: list[Message]) -> None:
+def test_embeddings_one_frame_late_change_nothing(messages: list[Message]) -> None:
     """The detections of the next frame overtake the embeddings of this one."""
     detections = [m for m in messages if isinstance(m, Detections)]
     embeddings = [m for m in messages if isinstance(m, Embeddings)]
@@ -189,7 +189,7 @@ def test_embeddings_may_lag_a_frame_behind(messages: list[Message]) -> None:
 
 
 def tracked(messages: Sequence[Message], parts: Sequence[Message]) -> list[bytes]:
-    """What the tracker alone makes of messages in a given order."""
+    """Return tracks of the tracker alone for messages in a given order."""
     node = TrackerNode(tracker_config(), make_tracker(tracker_config()))
     for transform in (m for m in messages if isinstance(m, StaticTransform)):
         node.handle(transform, 0)

@@ -80,7 +80,7 @@ def test_annotated_people_are_detected(crossing: Run) -> None:
     assert false <= 1
 
 
-def test_people_walk_on_one_floor_inside_the_room(crossing: Run) -> None:
+def test_positions_lie_over_the_floor_inside_the_room(crossing: Run) -> None:
     """Depth is registered to colour, and the mount is right: else they would float or sink."""
     (transform,) = crossing.transforms
     positions = [d.position_m for m in crossing.detections for d in m.detections]
@@ -95,7 +95,7 @@ def test_people_walk_on_one_floor_inside_the_room(crossing: Run) -> None:
     assert points[:, 0].max() < 5.0
 
 
-def test_people_are_tracked_and_walk_at_human_speed(crossing: Run) -> None:
+def test_tracks_move_at_walking_speed(crossing: Run) -> None:
     confirmed = [t for m in crossing.tracks for t in m.tracks if t.state == "confirmed"]
     assert 3 <= len({t.id for t in confirmed}) <= 8
     assert len(confirmed) >= 2 * FRAMES

@@ -37,7 +37,7 @@ def run(*arguments: str) -> tuple[int, str, str]:
     return result.exit_code, result.stdout, result.stderr
 
 
-def test_each_host_gets_its_own_roles_and_never_the_key_of_the_authority(folder: Path) -> None:
+def test_each_host_gets_its_roles_but_not_the_key_of_the_authority(folder: Path) -> None:
     files = {str(f.relative_to(folder)) for f in folder.rglob("*") if f.is_file()}
     assert files == {
         *("ca.key", "ca.pem", "nuc/ca.pem", "planner/ca.pem"),
@@ -125,7 +125,7 @@ def test_an_unknown_role_is_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_makes_the_hosts_of_the_docs(tmp_path: Path) -> None:
+def test_command_makes_the_keys_of_the_documented_hosts(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     status, output, _ = run(str(folder), "--router", "10.0.0.1")
     assert status == 0

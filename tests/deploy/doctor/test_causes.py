@@ -1,4 +1,4 @@
-"""Faults caused in a system of real nodes, and what the doctor finds."""
+"""Diagnostics of faults caused in a system of real nodes."""
 
 import contextlib
 import threading
@@ -33,14 +33,14 @@ from tests.network import WAIT_S, Network
 
 PERIOD_NS = 40_000_000
 LISTEN_S = 0.6  # six heartbeats
-PLACED = builders.static_transform(np.eye(4), child=INFO.frame_id)
+POSE = builders.static_transform(np.eye(4), child=INFO.frame_id)
 
 
 @dataclass
 class Filming(Node):
     """A camera of 25 frames a second that tells what it is given to tell."""
 
-    first: Sequence[Message] = (INFO, PLACED)
+    first: Sequence[Message] = (INFO, POSE)
     depth_mm: int = 2000
     periodic_outputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
     sent: int = -1
@@ -131,7 +131,7 @@ def running(network: Network, *nodes: tuple[str, Node]) -> Iterator[System]:
         system.close()
 
 
-def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Network) -> None:
+def test_good_system_wrong_robot_and_other_release(network: Network) -> None:
     nodes = [("camera-1", Filming()), ("detector-1", detector()), ("tracker-1", tracker())]
     with running(network, *nodes) as system:
         with Client(network.endpoint, system.robot, WAIT_S) as client:
@@ -144,7 +144,7 @@ def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Netw
         # Asked under another name, the doctor knows the right one.
         assert system.examine("robot", "other").hint == f"Add --robot {system.robot}."
         # Words of another release.
-        good = msgspec.structs.replace(PLACED, stamp_ns=1)
+        good = msgspec.structs.replace(POSE, stamp_ns=1)
         other = encode(good).replace(b"\xa7version\x01", b"\xa7version\x02")
         key = BY_MESSAGE[StaticTransform].key_of(good, system.robot)
         with network.open(system.robot, timeout_s=WAIT_S)._session.declare_publisher(key) as saying:
@@ -167,10 +167,10 @@ def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Netw
     ("check", "camera", "model", "says"),
     [
         ("depth", Filming(depth_mm=0), None, "depth is all zero"),
-        ("calibration", Filming(first=(PLACED,)), None, "no CameraInfo comes"),
+        ("calibration", Filming(first=(POSE,)), None, "no CameraInfo comes"),
         (
             "calibration",
-            Filming(first=(msgspec.structs.replace(INFO, width=80), PLACED)),
+            Filming(first=(msgspec.structs.replace(INFO, width=80), POSE)),
             None,
             "expected 80x60 as in its CameraInfo, got 40x60",
         ),
@@ -179,21 +179,21 @@ def test_everything_fine_a_wrong_name_and_words_of_another_release(network: Netw
         ("load", Filming(), SlowModel([person()]), "detector-1 is too slow"),
     ],
 )
-def test_what_a_detector_meets(
+def test_each_fault_at_the_detector_is_found(
     network: Network, check: str, camera: Filming, model: FixedModel | None, says: str
 ) -> None:
     with running(network, ("camera-1", camera), ("detector-1", detector(model))) as system:
         assert says in system.examine(check).what
 
 
-def test_no_transform_and_two_trackers(network: Network) -> None:
+def test_missing_transform_and_two_trackers_are_found(network: Network) -> None:
     nodes = [("camera-1", Filming(first=(INFO,))), ("detector-1", detector())]
     with running(network, *nodes, ("tracker-1", tracker()), ("tracker-2", tracker())) as system:
         assert f"map <- {INFO.frame_id}" in system.examine("transform").what
         assert "2 trackers tell people at once" in system.examine("twice").what
 
 
-def test_a_camera_that_sends_nothing(network: Network) -> None:
+def test_silent_camera_is_found(network: Network) -> None:
     still = Filming()
     still.due_ns = 2**62
     with running(network, ("camera-1", still), ("detector-1", detector())) as system:

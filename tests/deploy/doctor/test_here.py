@@ -1,4 +1,4 @@
-"""What the doctor finds on a machine where nothing runs, and at doors that stay shut."""
+"""Diagnostics of a host where nothing runs, and of routers that reject a client."""
 
 import socket
 from pathlib import Path
@@ -41,7 +41,7 @@ def test_nothing_runs(tmp_path: Path) -> None:
     assert "people4d up" in router.hint
 
 
-def test_without_keys_a_guarded_router_refuses(tmp_path: Path) -> None:
+def test_client_without_keys_is_rejected_by_a_guarded_router(tmp_path: Path) -> None:
     with guarded(tmp_path, passwords=True) as network:
         status, diagnostics = doctor(tmp_path, "--connect", f"tcp/127.0.0.1:{network.port}")
     assert status == 1
@@ -50,7 +50,7 @@ def test_without_keys_a_guarded_router_refuses(tmp_path: Path) -> None:
     assert "PEOPLE4D_KEYS" in router.hint
 
 
-def test_keys_of_another_folder(tmp_path: Path) -> None:
+def test_keys_of_another_authority_are_reported(tmp_path: Path) -> None:
     status, diagnostics = doctor(
         tmp_path, "--connect", "tcp/127.0.0.1:1", PEOPLE4D_KEYS=str(tmp_path)
     )
@@ -58,12 +58,12 @@ def test_keys_of_another_folder(tmp_path: Path) -> None:
     assert "holds neither operator.pem" in found(diagnostics, "settings").what
 
 
-def test_an_endpoint_that_is_none(tmp_path: Path) -> None:
+def test_invalid_endpoint_is_reported(tmp_path: Path) -> None:
     _, diagnostics = doctor(tmp_path, "--connect", "192.168.1.7")
     assert found(diagnostics, "router").what == "'192.168.1.7' is no endpoint"
 
 
-def test_who_listens_may_be_no_router(tmp_path: Path) -> None:
+def test_listener_that_is_no_router_is_reported(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
         _, diagnostics = doctor(tmp_path, "--connect", endpoint)
@@ -76,13 +76,13 @@ def settings(folder: Path, text: str, **environment: str) -> list[Diagnostic]:
     return list(here.settings(file, environment))
 
 
-def test_the_shipped_settings_and_models_are_good() -> None:
+def test_shipped_settings_and_models_pass() -> None:
     diagnostics = list(here.settings(None, {}))
     assert {f.level for f in diagnostics} == {"ok"}
     assert {f.check for f in diagnostics} == {"settings", "model"}
 
 
-def test_settings_with_a_mistake(tmp_path: Path) -> None:
+def test_mistake_in_settings_is_reported(tmp_path: Path) -> None:
     diagnostics = settings(tmp_path, "[tracker]\ntrackr = 'sort3d'")
     assert "has no field 'trackr'" in found(diagnostics, "settings").what
     assert found(diagnostics, "settings").hint == "Did you mean tracker?"
@@ -94,7 +94,7 @@ def test_settings_with_a_mistake(tmp_path: Path) -> None:
     ("content", "says"),
     [(None, "does not exist"), (b"", "cannot be loaded"), (b"no network", "cannot be loaded")],
 )
-def test_a_model_that_is_missing_or_corrupt(
+def test_missing_or_corrupt_model_is_reported(
     tmp_path: Path, content: bytes | None, says: str
 ) -> None:
     model = tmp_path / "own.onnx"
@@ -106,7 +106,7 @@ def test_a_model_that_is_missing_or_corrupt(
     assert diagnostic.hint
 
 
-def test_a_log_s_last_error_says_why_a_process_is_down(tmp_path: Path) -> None:
+def test_last_error_of_the_log_explains_a_process_that_is_down(tmp_path: Path) -> None:
     log = tmp_path / "detector-1.log"
     log.write_text(
         "2026 detector-1 ERROR model file x does not exist. See: people4d models.\nbye\n"

@@ -1,4 +1,4 @@
-"""What the doctor concludes from what it heard."""
+"""Diagnostics of a running system, from made-up messages."""
 
 from typing import Any
 
@@ -64,10 +64,10 @@ class Heard:
     def diagnostics(self) -> list[Diagnostic]:
         for name, (first, last) in self.counters.items():
             for counters, stamp_ns in ((first, 0), (last, S)):
-                told = health(
+                heartbeat = health(
                     name, counters=counters, **({"stamp_ns": stamp_ns} | self.fields[name])
                 )
-                self.evidence.hear(told, told.stamp_ns + self.late_ns)
+                self.evidence.hear(heartbeat, heartbeat.stamp_ns + self.late_ns)
         for number in range(30):
             self.evidence.hear(detections(*self.people, sequence=number), 0)
             self.evidence.hear(
@@ -90,23 +90,23 @@ def heard() -> Heard:
     return Heard()
 
 
-def test_of_a_system_that_works_nothing_is_said_but_good(heard: Heard) -> None:
+def test_working_system_has_no_problem(heard: Heard) -> None:
     diagnostics = heard.diagnostics()
     assert {f.level for f in diagnostics} == {"ok"}
-    told = {f.check: f.what for f in diagnostics}
-    assert told["frames"] == "30 frames a second come"
-    assert told["output"] == "30 messages about people a second, of up to 1 people"
-    assert told["services"] == "camera, detector, router, tracker run"
+    what = {f.check: f.what for f in diagnostics}
+    assert what["frames"] == "30 frames a second come"
+    assert what["output"] == "30 messages about people a second, of up to 1 people"
+    assert what["services"] == "camera, detector, router, tracker run"
 
 
-def test_a_service_that_does_not_run(heard: Heard) -> None:
+def test_absent_service_is_a_problem(heard: Heard) -> None:
     del heard.counters["detector-1"]
     found = heard.found("services")
     assert found.level == "problem"
     assert found.what == "detector does not run; camera, router, tracker does"
 
 
-def test_a_wrong_name_of_the_robot(heard: Heard) -> None:
+def test_wrong_robot_name_is_a_problem(heard: Heard) -> None:
     heard.counters.clear()
     heard.evidence.present = [("left", "tracker", "tracker-1"), ("right", "camera", "camera-1")]
     found = heard.found("robot")
@@ -114,12 +114,12 @@ def test_a_wrong_name_of_the_robot(heard: Heard) -> None:
     assert found.hint == "Add --robot left."
 
 
-def test_one_that_hangs_has_a_token_but_no_heartbeat(heard: Heard) -> None:
+def test_process_with_token_but_no_heartbeat_hangs(heard: Heard) -> None:
     heard.evidence.present = [("robot", "reid", "reid-1")]
     assert heard.found("services").what == "reid-1 sent no heartbeat"
 
 
-def test_two_trackers(heard: Heard) -> None:
+def test_two_trackers_are_a_problem(heard: Heard) -> None:
     heard.counters["tracker-9"] = ({}, {})
     heard.fields["tracker-9"] = {"host": "nuc", "pid": 77}
     found = heard.found("twice")
@@ -127,27 +127,27 @@ def test_two_trackers(heard: Heard) -> None:
     assert "tracker-9 on nuc (process 77)" in found.what
 
 
-def test_two_processes_of_one_name(heard: Heard) -> None:
+def test_two_processes_of_one_name_are_a_problem(heard: Heard) -> None:
     heard.evidence.hear(health("tracker-1", host="nuc", pid=77), 0)
     assert "several processes call themselves tracker-1" in heard.found("twice").what
 
 
-def test_releases_that_differ(heard: Heard) -> None:
+def test_different_releases_are_reported(heard: Heard) -> None:
     heard.fields["tracker-1"] = {"release": "0.9"}
     heard.fields["camera-1"] = {"release": ""}
-    told = heard.found("release").what
-    assert "0.9: tracker-1" in told
-    assert "an older one: camera-1" in told
-    assert "1.0: here, router-1, detector-1" in told
+    what = heard.found("release").what
+    assert "0.9: tracker-1" in what
+    assert "an older one: camera-1" in what
+    assert "1.0: here, router-1, detector-1" in what
 
 
-def test_messages_of_another_version(heard: Heard) -> None:
+def test_messages_of_another_version_are_reported(heard: Heard) -> None:
     heard.evidence.refused["people"] = 3
     heard.evidence.refusal = "Tracks: expected version 1, got 2"
     assert "(people): Tracks: expected version 1, got 2" in heard.found("release").what
 
 
-def test_clocks_apart_by_the_reference(heard: Heard) -> None:
+def test_clocks_apart_by_the_reference_are_a_problem(heard: Heard) -> None:
     # 200 ms ahead of the reference, sure to 3 ms; 40 ms would be borne, and so 200 sure to 180.
     heard.fields["camera-1"] = {
         "host": "nuc",
@@ -157,24 +157,26 @@ def test_clocks_apart_by_the_reference(heard: Heard) -> None:
 
 
 @pytest.mark.parametrize(("offset_ms", "error_ms"), [(40.0, 1.0), (200.0, 180.0)])
-def test_clocks_that_may_agree(heard: Heard, offset_ms: float, error_ms: float) -> None:
+def test_clocks_within_the_error_bound_are_good(
+    heard: Heard, offset_ms: float, error_ms: float
+) -> None:
     heard.fields["camera-1"] = {
         "gauges": {"clock_offset_ms": offset_ms, "clock_error_ms": error_ms}
     }
     assert {f.level for f in heard.diagnostics()} == {"ok"}
 
 
-def test_clocks_apart_without_a_reference(heard: Heard) -> None:
+def test_clocks_apart_without_a_reference_are_a_problem(heard: Heard) -> None:
     heard.late_ns = -2 * S  # they come two seconds before they were sent
     assert heard.found("clocks").what == "clocks of hosts are apart: robot is 2000 ms ahead"
 
 
-def test_a_clock_that_was_set(heard: Heard) -> None:
+def test_clock_that_was_set_is_reported(heard: Heard) -> None:
     heard.count("tracker-1", clock_steps=1)
     assert heard.found("clocks").what == "a clock was set while tracker-1 ran"
 
 
-def test_stamps_that_jumped(heard: Heard) -> None:
+def test_jump_of_stamps_is_reported(heard: Heard) -> None:
     heard.count("tracker-1", clock_resets=2)
     found = heard.found("clocks")
     assert (found.level, found.what.partition(" since")[0]) == (
@@ -183,7 +185,7 @@ def test_stamps_that_jumped(heard: Heard) -> None:
     )
 
 
-def test_a_camera_that_sends_nothing_says_why(heard: Heard) -> None:
+def test_silent_camera_is_reported_with_its_reason(heard: Heard) -> None:
     heard.count("camera-1", sent_frames=0)
     heard.count("detector-1", received_frames=0)
     heard.fields["camera-1"] = {"state": "degraded", "reason": "the source failed: unplugged"}
@@ -193,17 +195,17 @@ def test_a_camera_that_sends_nothing_says_why(heard: Heard) -> None:
     assert [f.check for f in heard.diagnostics() if f.level != "ok"] == ["frames"]
 
 
-def test_frames_that_do_not_arrive(heard: Heard) -> None:
+def test_frames_that_do_not_arrive_are_a_problem(heard: Heard) -> None:
     heard.count("detector-1", received_frames=0)
     assert "do not reach the detector" in heard.found("frames").what
 
 
-def test_colour_and_depth_apart(heard: Heard) -> None:
+def test_unpaired_colour_and_depth_are_reported(heard: Heard) -> None:
     heard.count("camera-1", unpaired=60, sent_frames=30)
     assert "60 pictures, 40 pairs" in heard.found("pairs").what
 
 
-def test_no_calibration_and_one_of_another_size(heard: Heard) -> None:
+def test_absent_or_wrong_calibration_is_a_problem(heard: Heard) -> None:
     heard.count("detector-1", no_calibration=30)
     assert "no CameraInfo comes" in heard.found("calibration").what
     other = Heard()
@@ -212,18 +214,18 @@ def test_no_calibration_and_one_of_another_size(heard: Heard) -> None:
     assert "expected 640x480, got 320x240" in other.found("calibration").what
 
 
-def test_no_transform(heard: Heard) -> None:
+def test_absent_transform_is_a_problem(heard: Heard) -> None:
     reason = "no transform map <- optical: the camera is taken as the origin"
     heard.fields["tracker-1"] = {"state": "degraded", "reason": reason}
     assert heard.found("transform").what == reason
 
 
-def test_odometry_that_is_missing(heard: Heard) -> None:
+def test_absent_odometry_is_reported(heard: Heard) -> None:
     heard.count("tracker-1", predicted_base=30)
     assert heard.found("odometry").level == "warning"
 
 
-def test_empty_depth(heard: Heard) -> None:
+def test_empty_depth_is_a_problem(heard: Heard) -> None:
     heard.count("detector-1", no_depth=30, frames=30)
     assert "all zero in 30 of 30 frames" in heard.found("depth").what
     other = Heard()
@@ -231,13 +233,13 @@ def test_empty_depth(heard: Heard) -> None:
     assert all(f.check != "depth" for f in other.diagnostics())
 
 
-def test_a_model_that_fails(heard: Heard) -> None:
+def test_failing_model_is_a_problem(heard: Heard) -> None:
     heard.count("detector-1", model_errors=5)
     heard.fields["detector-1"] = {"state": "degraded", "reason": "the model failed: burst"}
     assert heard.found("model").what == "the model failed: burst"
 
 
-def test_overload(heard: Heard) -> None:
+def test_overload_is_reported(heard: Heard) -> None:
     reason = "too slow: of 30.0 frames a second 19.0 are skipped"
     heard.fields["detector-1"] = {"state": "degraded", "reason": reason}
     found = heard.found("load")
@@ -245,32 +247,32 @@ def test_overload(heard: Heard) -> None:
     assert [f.check for f in heard.diagnostics() if f.level != "ok"] == ["load"]
 
 
-def test_one_that_is_busy_with_one_message_for_ever(heard: Heard) -> None:
+def test_process_busy_with_one_message_is_a_problem(heard: Heard) -> None:
     reason = "busy with one message for 5 s"
     heard.fields["detector-1"] = {"state": "stalled", "reason": reason}
     found = heard.found("hanging")
     assert (found.level, found.what) == ("problem", f"detector-1 is stalled: {reason}")
 
 
-def test_nobody_found_nobody_placed_nobody_told(heard: Heard) -> None:
+def test_no_detection_no_position_and_no_track_are_reported_apart(heard: Heard) -> None:
     heard.people, heard.tracks = (), ()
     found = heard.found("people")
     assert (found.level, found.what) == ("warning", "the detector finds no person in 30 frames")
     nowhere = Heard()
     nowhere.people = (NOWHERE,)
     assert nowhere.found("people").what == "30 people are found, none of them has a position"
-    untold = Heard()
-    untold.tracks = ()
-    assert "no track is published" in untold.found("people").what
+    no_tracks = Heard()
+    no_tracks.tracks = ()
+    assert "no track is published" in no_tracks.found("people").what
 
 
-def test_what_no_check_explains_is_told_in_the_process_s_own_words(heard: Heard) -> None:
+def test_unexplained_reason_of_a_process_is_quoted(heard: Heard) -> None:
     reason = "its state cannot be kept in /x (No space left on device)"
     heard.fields["tracker-1"] = {"state": "degraded", "reason": reason}
     assert heard.found("state").what == f"tracker-1 is degraded: {reason}"
 
 
-def test_a_process_that_leaves_is_not_missed(heard: Heard) -> None:
+def test_process_that_stops_properly_is_no_problem(heard: Heard) -> None:
     heard.evidence.hear(health("report-1"), 0)
     heard.evidence.hear(health("report-1", state="stopping"), 0)
     assert {f.level for f in heard.diagnostics()} == {"ok"}
