@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from common import kalman
 from people4d.messages import F64
 
 H, EYE = np.eye(3, 6), np.eye(3)
@@ -48,13 +49,13 @@ class PointKalmanFilter:
 
     def predicted(self, dt_s: float) -> tuple[F64, F64]:
         """Return state, 6, and covariance, 6x6, after some time."""
-        P, noise = self.covariance, self._acceleration**2
+        P, (pp, pv, vv) = self.covariance, kalman.acceleration_noise(dt_s, self._acceleration)
         moved = P[:3, 3:] + dt_s * P[3:, 3:]
         ahead = np.empty((6, 6))
-        ahead[:3, :3] = P[:3, :3] + dt_s * (P[3:, :3] + moved) + noise * dt_s**4 / 4 * EYE
-        ahead[:3, 3:] = moved + noise * dt_s**3 / 2 * EYE
+        ahead[:3, :3] = P[:3, :3] + dt_s * (P[3:, :3] + moved) + pp * EYE
+        ahead[:3, 3:] = moved + pv * EYE
         ahead[3:, :3] = ahead[:3, 3:].T
-        ahead[3:, 3:] = P[3:, 3:] + noise * dt_s**2 * EYE
+        ahead[3:, 3:] = P[3:, 3:] + vv * EYE
         state = self.state.copy()
         state[:3] += dt_s * state[3:]
         return state, ahead
@@ -71,11 +72,7 @@ class PointKalmanFilter:
 
     def correct(self, point_m: F64, noise_m2: F64) -> None:
         """Update by a measured point, 3, and its covariance, 3x3."""
-        S = self.covariance[:3, :3] + noise_m2
-        gain = np.linalg.solve(S, self.covariance[:3]).T
-        self.state = self.state + gain @ (point_m - self.position_m)
-        left = np.eye(6) - gain @ H
-        # Joseph's form stays positive definite; asymmetry by rounding would grow.
-        corrected = left @ self.covariance @ left.T + gain @ noise_m2 @ gain.T
-        self.covariance = (corrected + corrected.T) / 2
+        self.state, self.covariance = kalman.update(
+            self.state, self.covariance, point_m, H, noise_m2
+        )
         self._sigma_m = None

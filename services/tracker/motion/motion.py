@@ -1,67 +1,15 @@
 """Motion and measurement models: constant velocity (docs/method.md, section 3 [PIC4SeR])."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from common import kalman
 from people4d.messages import F64
 from services.tracker.config import Sort3dConfig, StrongSort3dConfig
 from services.tracker.interface import Measurement
-from services.tracker.motion import kalman
-
-
-class Motion(Protocol):
-    """A linear motion model and its measurement model."""
-
-    H: F64  # mxn measurement matrix
-    position: list[int]  # indices of x, y, z in the state
-    velocity: list[int]  # indices of their velocities
-
-    def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
-        """Move N states (Nxn, Nxnxn) ahead by dt_s seconds."""
-        ...
-
-    def measure(self, measurements: Sequence[Measurement]) -> F64:
-        """Return the measurement vectors z (Nxm)."""
-        ...
-
-    def noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return the measurement noise R (Nxmxm)."""
-        ...
-
-    def start(self, measurement: Measurement) -> tuple[F64, F64]:
-        """Return state (n) and covariance (nxn) of a new track."""
-        ...
-
-
-def transition(size: int, position: list[int], velocity: list[int], dt_s: float) -> F64:
-    """Return F: each position gains dt times its velocity.
-
-    Args:
-        size: Length of the state.
-        position: Indices of the positions in the state.
-        velocity: Indices of their velocities, in the same order.
-        dt_s: Time step in seconds.
-    """
-    F = np.eye(size)
-    F[position, velocity] = dt_s
-    return F
-
-
-def acceleration_noise(dt_s: float, sigma_a: npt.ArrayLike) -> tuple[F64, F64, F64]:
-    """Return Q of piecewise-constant white acceleration: position, cross term and velocity.
-
-    Args:
-        dt_s: Time step in seconds.
-        sigma_a: Standard deviation of the acceleration, any shape.
-
-    Returns:
-        sigma_a^2 dt^4/4, sigma_a^2 dt^3/2 and sigma_a^2 dt^2, in the shape of sigma_a.
-    """
-    variance = np.square(np.asarray(sigma_a, np.float64))
-    return variance * dt_s**4 / 4, variance * dt_s**3 / 2, variance * dt_s**2
 
 
 def depth_factor(forward_m: npt.ArrayLike, max_depth_m: float) -> F64:
@@ -101,9 +49,10 @@ class PositionMotion:
 
     def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
         """Move states ahead."""
-        F = transition(6, self.position, self.velocity, dt_s)
+        F = np.eye(6)
+        F[self.position, self.velocity] = dt_s
         Q = np.zeros((6, 6))
-        pp, pv, vv = acceleration_noise(dt_s, self._config.sigma_acceleration_mps2)
+        pp, pv, vv = kalman.acceleration_noise(dt_s, self._config.sigma_acceleration_mps2)
         Q[self.position, self.position] = pp
         Q[self.position, self.velocity] = Q[self.velocity, self.position] = pv
         Q[self.velocity, self.velocity] = vv
@@ -162,7 +111,8 @@ class BoxMotion:
         """Move states ahead; an area that would vanish stops shrinking, as in SORT."""
         x = x.copy()
         x[x[:, 2] + dt_s * x[:, 9] <= 0, 9] = 0.0
-        F = transition(13, self._moving, self._speeds, dt_s)
+        F = np.eye(13)
+        F[self._moving, self._speeds] = dt_s
         return kalman.predict(x, P, F, self._process_noise(x[:, 2], dt_s))
 
     def measure(self, measurements: Sequence[Measurement]) -> F64:
@@ -208,10 +158,13 @@ class BoxMotion:
         area = config.sigma_acceleration_area_ratio * area_px2
         person = config.sigma_acceleration_mps2 * ones
         sigmas = np.column_stack([centre, centre, area, person, person, person])
-        pp, pv, vv = acceleration_noise(dt_s, sigmas)
+        pp, pv, vv = kalman.acceleration_noise(dt_s, sigmas)
         Q = np.zeros((len(area_px2), 13, 13))
         Q[:, self._moving, self._moving] = pp
         Q[:, self._moving, self._speeds] = Q[:, self._speeds, self._moving] = pv
         Q[:, self._speeds, self._speeds] = vv
         Q[:, 3, 3] = config.sigma_aspect_drift**2 * dt_s
         return Q
+
+
+Motion: TypeAlias = PositionMotion | BoxMotion

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common import kalman
 from common.geometry.transforms import wrap
 from people4d.messages import F64
 from services.tracker.config import TrackerConfig, YawFilterConfig
 from services.tracker.interface import Measurement
-from services.tracker.motion import kalman
-from services.tracker.motion.motion import acceleration_noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +136,7 @@ class KeypointYaw(VelocityYaw):
         return np.array([[1.0, dt_s if decay == 1 else tau_s * (1 - decay)], [0.0, decay]])
 
     def _noise(self, dt_s: float) -> F64:
-        pp, pv, vv = acceleration_noise(dt_s, self._config.sigma_acceleration_radps2)
+        pp, pv, vv = kalman.acceleration_noise(dt_s, self._config.sigma_acceleration_radps2)
         return np.array([[pp, pv], [pv, vv]])
 
     def _damped(self, y: F64, variance: F64, R: F64) -> F64:

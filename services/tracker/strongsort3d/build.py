@@ -1,10 +1,17 @@
 """Composition of StrongSORT-3D and its policies from the configuration."""
 
+from functools import partial
+
 from services.tracker.config import StrongSort3dConfig, TrackerConfig
 from services.tracker.identity.reidentification import Reidentification
-from services.tracker.motion.imm import Imm
 from services.tracker.motion.motion import PositionMotion
-from services.tracker.motion.state_filter import KalmanFilter, StateFilter, VelocityDecay, no_decay
+from services.tracker.motion.state_filter import (
+    Imm,
+    KalmanFilter,
+    StateFilter,
+    decay_velocity,
+    no_decay,
+)
 from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
 from services.tracker.motion.yaw import make_yaw
 from services.tracker.strongsort3d.base_drift import BaseDrift
@@ -45,5 +52,5 @@ def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
 
 def _state_filter(config: StrongSort3dConfig, motion: PositionMotion) -> StateFilter:
     enabled = config.occlusion.enabled
-    decay = VelocityDecay(config.occlusion, motion.velocity) if enabled else no_decay
+    decay = partial(decay_velocity, config=config.occlusion) if enabled else no_decay
     return Imm(motion, config.imm, decay) if config.imm.enabled else KalmanFilter(motion, decay)

@@ -9,10 +9,10 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
+from common import kalman
 from people4d.messages import F64, Track
 from services.tracker.config import StrongSort3dConfig
 from services.tracker.interface import Measurement, Observation, in_order
-from services.tracker.motion import kalman
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_record import TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet

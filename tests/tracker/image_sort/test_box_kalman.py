@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from common import kalman
 from people4d.messages import F64
 from services.tracker.image_sort import box_kalman
 from services.tracker.image_sort.box_kalman import TRACK
-from services.tracker.motion import kalman
 
 
 def begun(*box: float) -> np.void:

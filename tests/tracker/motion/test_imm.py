@@ -7,8 +7,8 @@ import pytest
 
 from people4d.messages import F64
 from services.tracker.config import ImmConfig
-from services.tracker.motion.imm import STANDING, WALKING, Imm, log_likelihood, mix
 from services.tracker.motion.motion import PositionMotion
+from services.tracker.motion.state_filter import STANDING, WALKING, Imm, log_likelihood, mix
 from services.tracker.motion.track_record import ImmState
 from services.tracker.strongsort3d.build import build_strongsort3d
 from tests.tracker.scene import frame, person, published, published_config

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.tracker.motion import kalman
+from common import kalman
 
 F = np.array([[1.0, 1.0], [0.0, 1.0]])  # dt = 1
 H = np.array([[1.0, 0.0]])
