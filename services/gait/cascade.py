@@ -57,10 +57,6 @@ class _PersonState:
 class Cascade:
     """Tracks the points of any number of people.
 
-    Args:
-        config: Of all layers.
-        info: Calibration of the camera, constant.
-
     Source: docs/method.md, section 8 (G 5).
     """
 
@@ -82,11 +78,8 @@ class Cascade:
     ) -> list[GaitEstimate]:
         """Return the points of the observed people, in the order of their observations.
 
-        Args:
-            stamp_ns: Of the frame; an earlier one than the last resets the cascade.
-            rgb: HxWx3.
-            depth_mm: HxW, 0 = no reading.
-            observations: Of this frame; people without one for a while are deleted.
+        An earlier stamp than the last one resets the cascade; people without an observation for a
+        while are deleted.
         """
         if self._frame and stamp_ns < self._stamp_ns:
             self._reset()
@@ -100,16 +93,10 @@ class Cascade:
         return estimates
 
     def mark(self, person: int, name: str, pixel: F64, depth_mm: U16) -> bool:
-        """Track a point of a person from a pixel on; an unknown name adds a point.
-
-        Args:
-            person: Id, of the last update.
-            name: Of the point.
-            pixel: 2, u and v in the last frame.
-            depth_mm: HxW, of the last frame.
+        """Track a point from a pixel (u, v) of the last frame on; an unknown name adds a point.
 
         Returns:
-            True if the pixel is on the person's body.
+            True if the pixel is on the body of the person of this id.
         """
         state = self._people.get(person)
         body = self._segment(state, depth_mm) if state is not None else None

@@ -41,13 +41,7 @@ OnFrame = Callable[[CameraInfo, GaitFrame, Sequence[GaitResult]], None]
 
 
 class GaitEstimator:
-    """Estimates the gait of the people before one camera.
-
-    Args:
-        config: The configuration.
-        info: Calibration of the camera.
-        counters: Counts ESTIMATOR_COUNTERS.
-    """
+    """Estimates the gait of the people before one camera; counts ESTIMATOR_COUNTERS."""
 
     def __init__(self, config: GaitConfig, info: CameraInfo, counters: Counter[str]) -> None:
         self._config, self._info, self._counters = config, info, counters
@@ -120,7 +114,7 @@ def _published_box(estimate: GaitEstimate) -> F32 | None:
 
 
 def to_fixed_frame(name: str, point: PointEstimate, pose: F64, motion: F64) -> BodyPoint | None:
-    """Return a point in the fixed frame, None if it was never measured.
+    """Return a point of the optical frame in the fixed frame, None if it was never measured.
 
     Args:
         name: Of the point.

@@ -45,10 +45,7 @@ class GaitNode(Node):
     `passed_over`, so that a slow node falls behind no further. Frames that arrive meanwhile wait
     for their tracks, which come later by the latency of the pipeline. In lock-step playback all
     frames are processed in turn, as far as the buffer holds them; playback does not wait for them.
-
-    Args:
-        config: The configuration.
-        on_frame: Called with every processed frame, to draw it.
+    `on_frame` is called with every processed frame.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (

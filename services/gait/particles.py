@@ -85,13 +85,8 @@ class BoxMotionModel:
 def systematic(weights: F64, generator: np.random.Generator) -> I64:
     """Draw at N equally spaced positions, with one random number for each person.
 
-    Args:
-        weights: PxN, each row sums to 1.
-        generator: Random numbers.
-
-    Returns:
-        PxN, index of the particle that each new one is a copy of; a particle of weight w is copied
-        N w times, rounded up or down.
+    Returns the index (PxN) of the particle that each new one is a copy of. A particle of weight w
+    (PxN, each row sums to 1) is copied N w times, rounded up or down.
     """
     people, count = weights.shape
     positions = (np.arange(count) + generator.random((people, 1))) / count

@@ -19,11 +19,7 @@ from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, T
 class CameraPoseLookup:
     """Poses of fixed cameras, and of cameras on a base that moves.
 
-    Args:
-        frame_id: Frame of the published tracks.
-        config: Limits of plausible motion of the base.
-        required: Without a transform a camera has no pose; else it is taken to stand at the origin
-            and to look along +x.
+    Unless a transform is `required`, a camera without one stands at the origin and looks along +x.
     """
 
     def __init__(self, frame_id: str, config: TransformBufferConfig, required: bool) -> None:
@@ -48,11 +44,7 @@ class CameraPoseLookup:
         self._fixed |= fixed
 
     def add(self, message: StaticTransform | MovingTransform | Odometry) -> bool:
-        """Add a transform.
-
-        Returns:
-            True if the pose of a camera that was used already has changed, or moves.
-        """
+        """Add a transform; return True if a pose that was used already has changed, or moves."""
         self._buffer.add(message)
         changed = self._update_tracking_frame()
         if not isinstance(message, StaticTransform):
@@ -65,15 +57,7 @@ class CameraPoseLookup:
         return changed
 
     def lookup(self, camera: str, stamp_ns: int) -> TransformEstimate | None:
-        """Return the pose of a camera at a time.
-
-        Args:
-            camera: Name of its optical frame.
-            stamp_ns: Time of a frame.
-
-        Returns:
-            None if it is unknown and required.
-        """
+        """Return the pose of a camera's optical frame; None if it is unknown and required."""
         pose = self._buffer.lookup(self._tracking_frame, camera, stamp_ns)
         if pose is None and camera in self._fixed and camera not in self.without_transform:
             return TransformEstimate(self._fixed[camera])
@@ -113,9 +97,7 @@ class CameraPoseLookup:
 def transform_track(track: Track, transform: TransformEstimate) -> Track:
     """Return a track in another frame, both with z up; its velocity stays that over the ground.
 
-    Args:
-        track: In the source frame.
-        transform: target_from_source; its uncertainty adds to the covariance.
+    The uncertainty of the transform (target_from_source) adds to the covariance.
     """
     matrix, rotation = transform.matrix, np.kron(np.eye(2), transform.matrix[:3, :3])
     turn_rad = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
@@ -134,9 +116,7 @@ def transform_track(track: Track, transform: TransformEstimate) -> Track:
 def pose_covariance(ray_m: F64, pose: TransformEstimate) -> F64:
     """Return the covariance (3x3) of a position due to the uncertainty of a pose.
 
-    Args:
-        ray_m: 3, from the origin of the pose, with the axes of the position's frame.
-        pose: Of the camera or the base.
+    `ray_m` (3) leads there from the origin of the pose, with the axes of the position's frame.
     """
     # A rotation about the vertical moves a point at right angles to the ray.
     aside_m = pose.sigma_rad * np.array([-ray_m[1], ray_m[0], 0.0])

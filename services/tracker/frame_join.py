@@ -27,10 +27,8 @@ class PendingFrame:
 class FrameJoin:
     """Release frames by stamp, with their embeddings where these came in time.
 
-    Args:
-        config: Longest waits. After some timeouts in a row embeddings are not waited for until they
-            come again: a dead re-identification must not delay every frame.
-        uses_embeddings: The tracker uses embeddings.
+    After some timeouts in a row embeddings are not waited for until they come again: a dead
+    re-identification must not delay every frame.
     """
 
     def __init__(self, config: TrackerConfig, uses_embeddings: bool) -> None:
@@ -61,13 +59,7 @@ class FrameJoin:
         return newest[0] if newest else None
 
     def add_detections(self, detections: Detections, now_ns: int, late: bool = False) -> None:
-        """Add a frame; a duplicate or one that is too late is counted and dropped.
-
-        Args:
-            detections: The frame's detections.
-            now_ns: Monotonic time.
-            late: The tracker has processed a later stamp already.
-        """
+        """Add a frame; a duplicate or one that is too late is counted and dropped."""
         key = (detections.camera, detections.stamp_ns)
         stream = self._stream(detections)
         stream.add(detections)
@@ -84,12 +76,7 @@ class FrameJoin:
         self._frames.sort(key=lambda frame: (frame.detections.stamp_ns, frame.detections.camera))
 
     def add_embeddings(self, embeddings: Embeddings, late: bool) -> None:
-        """Add embeddings to their frame, or store them until it comes.
-
-        Args:
-            embeddings: The embeddings.
-            late: The tracker has processed a later stamp already.
-        """
+        """Add embeddings to their frame, or store them until it comes, unless they are late."""
         self._timeouts_in_row = 0
         key = (embeddings.camera, embeddings.stamp_ns)
         for frame in self._frames:
@@ -104,12 +91,7 @@ class FrameJoin:
             del self._early[next(iter(self._early))]
 
     def pop(self, now_ns: int, flush: bool = False) -> PendingFrame | None:
-        """Return the next frame if it need not wait any longer.
-
-        Args:
-            now_ns: Monotonic time.
-            flush: Return it in any case.
-        """
+        """Return the next frame if it need not wait any longer."""
         if not self._frames:
             return None
         frame = self._frames[0]

@@ -78,20 +78,13 @@ class Tracker(ABC):
     def update(self, observation: Observation) -> list[Track]:
         """Process one frame, an empty one too, and return all tracks, ordered by id.
 
-        Args:
-            observation: The frame; the time step is measured from its stamp.
-
         Raises:
             ValueError: The stamp lies before that of the last observation.
         """
 
     @abstractmethod
     def predict(self, stamp_ns: int) -> list[Track]:
-        """Return the tracks predicted to a later time; the state does not change.
-
-        Args:
-            stamp_ns: Time in nanoseconds, not before that of the last observation.
-        """
+        """Return the tracks predicted to a later time; the state does not change."""
 
     @abstractmethod
     def reset(self) -> None:

@@ -57,10 +57,6 @@ class TrackerNode(StatefulNode):
     (older than the last frame tracked), `duplicates` (of two detectors) and `no_transform`. When
     detections stop, predictions are published until the tracks end; the tracker itself does not
     change by them.
-
-    Args:
-        config: The configuration.
-        tracker: The tracking method.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (

@@ -24,12 +24,8 @@ def observe(
 ) -> Observation:
     """Return the usable detections of one frame; the others are counted.
 
-    Args:
-        detections: Of the frame.
-        embeddings: Of the same frame, None if there are none.
-        pose: Of the camera, from its optical frame to the tracking frame.
-        max_range_m: Largest coordinate of a position, in metres.
-        counters: Counts of dropped detections and embeddings.
+    The pose is that of the camera in the tracking frame; positions with a coordinate beyond
+    `max_range_m` are dropped.
     """
     vectors = _unit_vectors(embeddings, len(detections.detections), counters) if embeddings else {}
     map_from_camera = pose.matrix
@@ -86,12 +82,7 @@ def rotated(covariance_m2: F64 | None, map_from_camera: F64) -> F64 | None:
 
 
 def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:
-    """Return the yaw in the map of a heading in the frame of the camera.
-
-    Args:
-        heading: 3, unit vector in the optical frame; None if unknown.
-        map_from_camera: 4x4, from the optical frame to a frame whose z is up.
-    """
+    """Return the yaw in the map of a heading (3, optical frame); None if unknown or steep."""
     if heading is None:
         return None
     x, y, _ = map_from_camera[:3, :3] @ heading

@@ -27,12 +27,7 @@ class TrackerCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TrackSetTracker(Tracker):
-    """A tracker whose state is a set of tracks.
-
-    Args:
-        method: Name of the tracker.
-        tracks: No tracks yet.
-    """
+    """A tracker whose state is a set of tracks."""
 
     ids: IdCounter
 

@@ -64,12 +64,7 @@ class ColourLayer:
         return tuple(self._filters)
 
     def start(self, person: int, rgb: U8, box_xyxy_px: F64) -> bool:
-        """Track a person from this box on, again if already tracked.
-
-        Args:
-            person: Id.
-            rgb: HxWx3, the frame of the box; it is stored until the next update.
-            box_xyxy_px: 4: left, top, right, bottom.
+        """Track a person from this box (left, top, right, bottom) on, again if already tracked.
 
         Returns:
             False if the box is too small or outside of the image: the person is not tracked.

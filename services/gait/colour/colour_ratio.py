@@ -69,12 +69,7 @@ def person_prior(grid: SampleGrid, bands: int) -> PersonPrior:
 
 
 class ColourRatio:
-    """Learns colour models and scores boxes by them.
-
-    Args:
-        config: Points, bands, and the size of the background about a box.
-        histogram: Bins of hue and saturation.
-    """
+    """Learns colour models and scores boxes by them."""
 
     def __init__(self, config: ColourLayerConfig, histogram: HueSaturationHistogram) -> None:
         self._histogram, self._bands = histogram, config.bands
@@ -86,11 +81,9 @@ class ColourRatio:
         self._learn_prior = person_prior(self._learn_grid, config.bands)
 
     def learn(self, patch: HsvPatch, box: F64) -> ColourModel:
-        """Return the colours of the person in a box and of the background.
+        """Return the colours of the person in a box (4: x, y, width, height) and of the background.
 
-        Args:
-            patch: Covers the box times `reach`.
-            box: [px] 4: centre x, y, width, height.
+        The patch covers the box times `reach`.
         """
         count = self._histogram.bins
         person, background = np.zeros((self._bands, count)), np.zeros(count)
@@ -100,15 +93,9 @@ class ColourRatio:
         return ColourModel(_normalised(person), _normalised(background))
 
     def scores(self, patch: HsvPatch, boxes: F64, model: ColourModel) -> F64:
-        """Return the log-likelihood ratios of boxes, person to background.
+        """Return the log-likelihood ratios (M) of boxes (Mx4) in a patch, person to background.
 
-        Args:
-            patch: Covers the boxes.
-            boxes: [px] Mx4: centre x, y, width, height.
-            model: Of the person.
-
-        Returns:
-            M, summed over the pixels of each box.
+        They are summed over the pixels of each box.
         """
         tenths = np.arange(TENTHS)[:, None] / TENTHS
         logs = np.log1p(tenths * (model.ratios[:, None] - 1))

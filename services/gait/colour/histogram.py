@@ -29,12 +29,7 @@ class SampleGrid(NamedTuple):
 
 
 def sample_grid(points: tuple[int, int], scale: tuple[float, float] = (1.0, 1.0)) -> SampleGrid:
-    """Return sample points.
-
-    Args:
-        points: Across and down.
-        scale: Sides of the sampled area, in those of the box.
-    """
+    """Return points across and down; `scale`: sides of the sampled area, in those of the box."""
     u, v = (
         side * ((np.arange(count) + 0.5) / count - 0.5)
         for count, side in zip(points, scale, strict=True)
@@ -47,11 +42,6 @@ class HueSaturationHistogram:
 
     A box is sampled at a grid of points rather than in all its pixels. Points outside of the image
     count in no bin, so that a box that leaves the image becomes less similar.
-
-    Args:
-        hue_bins: Of hue.
-        saturation_bins: Of saturation.
-        points: Of a box, across and down.
 
     Source: docs/method.md, section 8.1 [Pérez 2002].
     """
@@ -67,29 +57,16 @@ class HueSaturationHistogram:
         self._grid = sample_grid(points)
 
     def __call__(self, rgb: U8, boxes: F64) -> F64:
-        """Return the histograms of boxes.
+        """Return the histograms (M x bins) of boxes (Mx4: centre x, y, width, height) of an image.
 
-        Args:
-            rgb: HxWx3.
-            boxes: [px] Mx4: centre x, y, width, height.
-
-        Returns:
-            M x bins, ratio of the points; a row sums to the ratio inside of the image.
+        A row sums to the ratio of the points that are inside of the image.
         """
         found = np.empty((len(boxes), self.bins))
         _histograms(hsv_patch(rgb, boxes), self.tables, self._grid, boxes, found)
         return found
 
     def distances(self, patch: HsvPatch, boxes: F64, reference: F64) -> F64:
-        """Return the Bhattacharyya distances of boxes to a reference.
-
-        Args:
-            patch: Covers the boxes.
-            boxes: [px] Mx4: centre x, y, width, height.
-            reference: bins, a person's histogram.
-
-        Returns:
-            M, 0 (equal) to 1 (no colour in common).
+        """Return the Bhattacharyya distances (M, 0 to 1) of boxes in a patch to a reference.
 
         Source: docs/method.md, section 8.1 (G 3.7) [Bhattacharyya 1943].
         """
@@ -99,12 +76,7 @@ class HueSaturationHistogram:
 
 
 def hsv_patch(rgb: U8, boxes: F64) -> HsvPatch:
-    """Return the part of an image that any of the boxes covers.
-
-    Args:
-        rgb: HxWx3.
-        boxes: [px] Mx4: centre x, y, width, height.
-    """
+    """Return the part of an image (HxWx3) that any box (Mx4: x, y, width, height) covers."""
     height, width = rgb.shape[:2]
     low = (boxes[:, :2] - boxes[:, 2:] / 2).min(axis=0, initial=max(height, width))
     high = (boxes[:, :2] + boxes[:, 2:] / 2).max(axis=0, initial=0.0)

@@ -15,12 +15,7 @@ TOLERANCE = 1.5  # [standard deviations] that count as one
 
 
 class Acceptance:
-    """Updates points by their weighted particles, where the evidence is sufficient.
-
-    Args:
-        config: Least confidence, gate and noise.
-        info: Calibration.
-    """
+    """Updates points by their weighted particles, where the evidence is sufficient."""
 
     def __init__(self, config: DepthLayerConfig, info: CameraInfo) -> None:
         self._config, self._info = config, info
@@ -33,15 +28,7 @@ class Acceptance:
         evidence: PointEvidence,
         dt_s: float,
     ) -> None:
-        """Update a point, and resample its particles.
-
-        Args:
-            point: With particles on the body.
-            body: Its mesh.
-            weighted: Weights of the particles.
-            evidence: Of the point, besides the body.
-            dt_s: Since the last frame.
-        """
+        """Update a point, and resample its particles."""
         logs = weighted.logs
         best = int(np.argmax(logs))
         if not np.isfinite(logs[best]):

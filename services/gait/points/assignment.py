@@ -26,15 +26,9 @@ def assign(
     extremities: Sequence[Extremity],
     anchors_m: Mapping[str, F64],
 ) -> dict[str, Extremity]:
-    """Assign extremities to points of the same kind, each to one at most, at the least cost.
+    """Assign extremities to points of one kind, each to one at most, at the least cost.
 
-    Args:
-        points: All of one kind.
-        extremities: Of the same kind.
-        anchors_m: 3 each, expected positions by keypoints, by the names of points.
-
-    Returns:
-        By the names of points; unassigned points are absent.
+    `anchors_m` are expected positions (3) by keypoints. Unassigned points are absent in the result.
     """
     costs = np.array([[_cost(point, one, anchors_m) for one in extremities] for point in points])
     choices = [*range(len(extremities)), *([-1] * len(points))]
@@ -71,12 +65,7 @@ def initial_extremities(
 ) -> Starts:
     """Return the extremities at which idle points start, left ones on the left.
 
-    Args:
-        points: All.
-        idle: Those of them that have no extremity.
-        extremities: Of the body, the most persistent first.
-        body: Its mesh.
-        heading: 3, of the person; None: to the camera.
+    Extremities come the most persistent first; without a heading (3) the person faces the camera.
     """
     left = np.cross(UP, TO_CAMERA if heading is None else heading)
     middle = np.median(body.mesh.points_m, axis=0)

@@ -128,9 +128,6 @@ class TorsoReference:
 
     The torso is nearly rigid, so its spin image persists. It changes as the person turns: the
     reference adapts slowly, and the vertex stays about the torso's middle.
-
-    Args:
-        config: Spin images.
     """
 
     def __init__(self, config: DepthLayerConfig) -> None:

@@ -64,11 +64,6 @@ class MeshObservation:
 class DepthLayer:
     """Tracks the points of one person.
 
-    Args:
-        config: Points, models and constants.
-        info: Calibration.
-        seed: Of the random numbers; the same seed and calls give the same points.
-
     Source: docs/method.md, sections 8.3 and 19.
     """
 
@@ -91,15 +86,9 @@ class DepthLayer:
         return self._points
 
     def start(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
-        """Track a point from this position on, again if already tracked.
+        """Track a point from the vertex nearest to a position (3, optical frame) on.
 
-        Args:
-            name: Of the point; an unknown name adds one.
-            point_m: 3, optical frame; the nearest vertex is taken.
-            observation: Of the same frame.
-
-        Returns:
-            True if there is a body with that point.
+        An unknown name adds a point. Returns True if there is a body.
         """
         body = self._measure(observation)
         if body is None or not np.all(np.isfinite(point_m)):

@@ -31,13 +31,7 @@ class HeadingEstimator:
         self._heading: F64 | None = None
 
     def update(self, mesh: BodyMesh | None, heights_m: F64, dt_s: float) -> F64 | None:
-        """Return the heading, 3, level, unit length; None before there was evidence.
-
-        Args:
-            mesh: Of the person; None: not visible.
-            heights_m: V, of the vertices above the floor.
-            dt_s: Since the last frame.
-        """
+        """Return the heading, 3, level, unit length; None before there was evidence."""
         if mesh is None or not len(mesh.points_m):
             self._middle = None
             return self._heading
@@ -72,11 +66,7 @@ def _feet_ahead(points_m: F64, heights_m: F64) -> F64:
 
 
 class LeftRightCheck:
-    """Detects pairs whose left and right contradict the heading for some time.
-
-    Args:
-        swap_s: Time.
-    """
+    """Detects pairs whose left and right contradict the heading for `swap_s` seconds."""
 
     def __init__(self, swap_s: float) -> None:
         self._swap_s = swap_s
@@ -85,13 +75,7 @@ class LeftRightCheck:
     def swapped(
         self, points: Mapping[str, PointFilter], heading: F64 | None, dt_s: float
     ) -> list[tuple[str, str]]:
-        """Return the pairs of points that have each other's name.
-
-        Args:
-            points: By their names.
-            heading: 3, of the person; None: not known.
-            dt_s: Since the last frame.
-        """
+        """Return the pairs of points that have each other's name."""
         found = []
         for left, right in PAIRS:
             pair = [points.get(left), points.get(right)]

@@ -9,15 +9,10 @@ H, EYE = np.eye(3, 6), np.eye(3)
 
 
 class PointKalmanFilter:
-    """Position and velocity of a point.
+    """Position (3, with covariance) and velocity of a point.
 
-    Args:
-        position_m: 3, initial position.
-        noise_m2: 3x3, covariance of that.
-        speed_mps: Standard deviation of the initial velocity, which is 0.
-        acceleration_mps2: Standard deviation of the acceleration.
-
-    Source: docs/method.md, section 3.
+    `speed_mps` is the standard deviation of the initial velocity, which is 0. Source:
+    docs/method.md, section 3.
     """
 
     def __init__(

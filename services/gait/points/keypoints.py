@@ -54,17 +54,10 @@ def sigma_px(anchor: Anchor, depth_m: float, info: CameraInfo, config: DepthLaye
 
 
 def anchors(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, Anchor]:
-    """Return the expected pixels of points.
+    """Return the expected pixels of points by confident keypoints (17x3, COCO; None: not detected).
 
     Hands are beyond the wrists and feet beyond the ankles, by a ratio of forearm and shank in the
     image.
-
-    Args:
-        keypoints: 17x3, u and v in pixels and confidence, COCO order; None: not detected.
-        config: Least confidence and ratios.
-
-    Returns:
-        By the names of points; points without confident keypoints are absent.
     """
     if keypoints is None or keypoints.shape != (17, 3):
         return {}
@@ -96,12 +89,7 @@ def feet_ahead(
 ) -> Mapping[str, Anchor]:
     """Return anchors with those of feet moved ahead of their ankles.
 
-    Args:
-        found: Anchors.
-        depth_m: Of the body.
-        heading: 3, unit length, optical frame: of the person, and of the feet.
-        info: Calibration.
-        config: Distance.
+    The feet head as the person does: a unit vector in the optical frame.
     """
     moved = dict(found)
     for name, anchor in found.items():

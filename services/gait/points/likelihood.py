@@ -84,13 +84,7 @@ def spin_similarities(
 def single_feature_weights(
     point: PointFilter, body: MeasuredBody, similarities: F64 | None, config: DepthLayerConfig
 ) -> ParticleWeights:
-    """Weigh particles by one feature.
-
-    Args:
-        point: With particles on the body.
-        body: Its mesh.
-        similarities: N, of spin images to the reference; None: geodesic distances are compared.
-        config: Noise of the feature.
+    """Weigh particles by one feature: spin images, or without similarities (N) geodesic distances.
 
     Source: docs/method.md, section 8.3 (G 4.2.3, 4.3).
     """

@@ -45,12 +45,6 @@ class Proposal:
 class PointFilter:
     """Particles [x, y, x', y'] in the image, and a Kalman filter of the point in space.
 
-    Args:
-        name: Of the point.
-        config: Models and constants.
-        info: Calibration.
-        generator: Random numbers.
-
     Source: docs/method.md, sections 8.3 and 19.
     """
 

@@ -52,11 +52,7 @@ def find_steps(
 ) -> list[FootStep]:
     """Return the steps of a person in the order of time; none while standing.
 
-    Args:
-        left: Of the left foot, measured positions only.
-        right: Of the right foot.
-        up: 3, unit, away from the ground.
-        config: Limits of steps.
+    Trajectories are of measured positions only; `up` (3, unit) points away from the ground.
     """
     footprints = find_footprints(left, right, up, config)
     steps: dict[int, FootStep] = {}
@@ -70,12 +66,7 @@ def find_steps(
 
 
 def gait_measures(steps: Sequence[FootStep], config: StepConfig) -> GaitMeasures:
-    """Return the measures of a walk; empty if there are too few even strides.
-
-    Args:
-        steps: Of one person, in the order of time.
-        config: Least number.
-    """
+    """Return the measures of a walk; empty if there are too few even strides."""
     even = even_strides(steps, config)
     if len(even) < config.strides_min:
         return GaitMeasures()
@@ -96,12 +87,7 @@ def gait_measures(steps: Sequence[FootStep], config: StepConfig) -> GaitMeasures
 
 
 def even_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[FootStep, Stride]]:
-    """Return the strides near the median: without starts, stops and turns.
-
-    Args:
-        steps: Of one person.
-        config: Largest deviations.
-    """
+    """Return the strides near the median: without starts, stops and turns."""
     known = [(step, step.stride) for step in steps if step.stride]
     if not known:
         return []
@@ -145,12 +131,7 @@ def _steps(first: Footprint, other: Footprint, last: Footprint) -> tuple[FootSte
 
 
 class StepMeter:
-    """Computes the gait measures of one person over the last seconds.
-
-    Args:
-        config: Limits of steps, and the window.
-        up: 3, unit, away from the ground, in the frame of the feet.
-    """
+    """Computes the gait measures of one person over the last seconds; `up` as in `find_steps`."""
 
     def __init__(self, config: StepConfig, up: F64) -> None:
         self._config, self._up = config, up
@@ -159,12 +140,9 @@ class StepMeter:
         self._measures = GaitMeasures()
 
     def update(self, stamp_s: float, left_m: F64 | None, right_m: F64 | None) -> GaitMeasures:
-        """Add the measured feet of a frame and return the measures.
+        """Add the measured feet (3, fixed frame) of a frame and return the measures.
 
-        Args:
-            stamp_s: Time of the frame; older ones than the last are ignored.
-            left_m: 3, in a fixed frame; None if not measured.
-            right_m: Likewise.
+        Older frames than the last one are ignored.
         """
         for samples, point_m in zip(self._samples.values(), (left_m, right_m), strict=True):
             if point_m is not None and (not samples or samples[-1][0] < stamp_s):

@@ -16,12 +16,7 @@ Edges: TypeAlias = tuple[I32, I32, F64]  # indptr, indices, lengths
 def bridge_pieces(grid: I32, points_m: F64, edges: Edges, cells: int, gap_m: float) -> Edges:
     """Connect the pieces of a mesh to the largest one, each by its shortest bridge.
 
-    Args:
-        grid: rows x columns of the vertices, -1 off the body.
-        points_m: Vx3.
-        edges: Of the mesh.
-        cells: Longest bridge in the grid.
-        gap_m: Longest bridge in space.
+    A bridge is no longer than `cells` in the grid of vertices and `gap_m` in space.
     """
     indptr, indices, lengths = edges
     count = len(points_m)

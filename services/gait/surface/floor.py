@@ -25,11 +25,6 @@ class FloorPlane:
 class FloorDetector:
     """Detects the floor in depth images; the last one holds while it is occluded.
 
-    Args:
-        config: Thresholds.
-        info: Calibration.
-        seed: Of the random numbers.
-
     Source: docs/method.md, section 19 [Fischler 1981].
     """
 

@@ -17,14 +17,9 @@ from services.gait.surface.segmentation import I32, I64
 
 
 def geodesic_m(mesh: BodyMesh, source_vertex: npt.ArrayLike) -> F64:
-    """Return the lengths of the shortest paths along the mesh [Dijkstra 1959].
+    """Return the lengths (V) of the shortest paths to a source along the mesh [Dijkstra 1959].
 
-    Args:
-        mesh: The mesh.
-        source_vertex: Source; of several the nearest counts.
-
-    Returns:
-        V, metres; inf for vertices not connected to a source.
+    Of several sources the nearest counts; vertices not connected to any are at infinity.
     """
     count = len(mesh.points_m)
     sources = np.atleast_1d(np.asarray(source_vertex, np.int64))
@@ -51,15 +46,10 @@ class GeodesicExtrema:
 
 
 def geodesic_extrema(mesh: BodyMesh, distance_m: F64, persistence_m: float) -> GeodesicExtrema:
-    """Find the ends of limbs: local maxima of the geodesic distance of enough persistence.
+    """Find the ends of limbs: local maxima of the geodesic distance (V) of enough persistence.
 
     The surface is flooded from the farthest vertex down. Each local maximum begins an island; where
     two islands meet, the lower one is a limb if its persistence is enough, and noise if not.
-
-    Args:
-        mesh: The mesh.
-        distance_m: V, geodesic distance from the torso; inf: not connected.
-        persistence_m: Least persistence.
     """
     height = np.where(np.isfinite(distance_m), distance_m, -np.inf)
     reached = int(np.isfinite(distance_m).sum())

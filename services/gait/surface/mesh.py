@@ -35,14 +35,7 @@ class BodyMesh:
     step_px: int  # between vertices
 
     def vertices_at(self, pixels_px: npt.ArrayLike) -> I64:
-        """Return the vertices at pixels.
-
-        Args:
-            pixels_px: Mx2, u and v in the image.
-
-        Returns:
-            M, -1 off the body.
-        """
+        """Return the vertices (M) at pixels (Mx2: u, v); -1 off the body."""
         pixels = np.asarray(pixels_px, np.float64).reshape(-1, 2)
         # A pixel reaches half a pixel to each side of its coordinates.
         cell = np.floor((pixels + 0.5 - (self.left_px, self.top_px)) / self.step_px)
@@ -64,11 +57,6 @@ class BodyMesh:
 
 def build_mesh(body: BodySegment, info: CameraInfo, config: BodyConfig) -> BodyMesh:
     """Build the mesh of a body.
-
-    Args:
-        body: Its pixels.
-        info: Calibration.
-        config: Number of vertices and lengths of edges.
 
     Source: docs/method.md, section 8.2 (G 4.1.4).
     """

@@ -32,16 +32,10 @@ class BodySegment:
 def segment_body(
     depth_mm: U16, box_xyxy_px: F64, seed_depth_m: float | None, config: BodyConfig
 ) -> BodySegment | None:
-    """Segment a person in the depth image.
+    """Segment a person in the depth image (HxW, 0 = no reading).
 
-    Args:
-        depth_mm: HxW, 0 = no reading.
-        box_xyxy_px: 4, about the person; may reach out of the image.
-        seed_depth_m: Depth of the person's track; None: the largest component is taken.
-        config: Thresholds.
-
-    Returns:
-        The segment; None if there is no component of sufficient size in the box.
+    The box may reach out of the image. Without the depth of the person's track the largest
+    component is taken. None if there is no component of sufficient size in the box.
     """
     corners = _clipped(box_xyxy_px, depth_mm.shape)
     if corners is None:
@@ -67,14 +61,10 @@ def segment_body(
 
 
 def fill_holes(depth_m: F32, neighbours_min: int = 1) -> F32:
-    """Set pixels of no reading to the median of the readings about them.
+    """Set pixels of no reading (0) to the median of the readings about them.
 
     Of an even number of readings the lower middle one is taken: a mean would put a point between
     a person and the wall.
-
-    Args:
-        depth_m: HxW, 0 = no reading.
-        neighbours_min: Of the 8, that must have a reading.
     """
     filled = depth_m.copy()
     known = (depth_m > 0).view(np.uint8)
@@ -106,14 +96,9 @@ def _fill(depth_m: F32, holes: I64, filled: F32) -> None:
 
 
 def components(depth_m: F32, config: BodyConfig) -> tuple[I32, I64]:
-    """Label connected components of continuous depth.
+    """Label connected components of continuous depth (HxW, 0 = no reading).
 
-    Args:
-        depth_m: HxW, 0 = no reading.
-        config: Largest step in depth between neighbouring pixels.
-
-    Returns:
-        Labels, HxW, 0 for no reading, components from 1 on; and the number of pixels of each label.
+    Returns labels (HxW), 0 for no reading, components from 1 on; and the number of pixels of each.
     """
     labels = np.zeros(depth_m.shape, np.int32)
     sizes = np.zeros(depth_m.size + 1, np.int64)

@@ -21,18 +21,10 @@ FILLED = 1e-3  # points in a bin; less is a rounding error of bilinear counting
 
 
 def spin_images(mesh: BodyMesh, vertices: npt.ArrayLike, config: SpinConfig) -> F64:
-    """Return the spin images of vertices.
+    """Return the spin images (M x bins x bins) of M vertices; all 0 for an index that is no vertex.
 
     Rows are beta, the height above the plane of the vertex, from -bins/2 to bins/2; columns are
     alpha, the distance from its normal. Bins are counted bilinearly.
-
-    Args:
-        mesh: The mesh.
-        vertices: M.
-        config: Size of the images.
-
-    Returns:
-        M x bins x bins; all 0 for an index that is no vertex.
 
     Source: docs/method.md, section 8.3 (G 4.2.1).
     """
@@ -103,18 +95,11 @@ def _spin(
 
 
 def similarity(images: F64, reference: F64, overlap_min: int) -> F64:
-    """Return the similarity of images to a reference, by the bins filled in both.
+    """Return the similarities (M) of images (MxWxW) to a reference, by the bins filled in both.
 
     C = atanh(R)^2 - lambda / (N - 3): R is the correlation of the N bins, lambda half of the
-    median number of bins that the images fill. Negative correlation gives -atanh(R)^2.
-
-    Args:
-        images: M x W x W.
-        reference: W x W.
-        overlap_min: Least number of bins filled in both.
-
-    Returns:
-        M, -inf where there is no match.
+    median number of bins that the images fill. Negative correlation gives -atanh(R)^2; with fewer
+    than `overlap_min` bins there is no match, -inf.
 
     Source: docs/method.md, section 8.3 (G 4.2.2).
     """

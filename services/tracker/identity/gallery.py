@@ -30,11 +30,7 @@ class IdentityQuery:
 
 
 class Gallery:
-    """The people of one tracker and one embedder; the numbers of people and views are bounded.
-
-    Args:
-        config: Bounds, and rules of the decision.
-    """
+    """The people of one tracker and one embedder; the numbers of people and views are bounded."""
 
     def __init__(self, config: IdentityConfig) -> None:
         self._config = config
@@ -43,11 +39,7 @@ class Gallery:
     def add(self, identity: int, position_m: F64, stamp_ns: int, embedding: F64 | None) -> None:
         """Record a match of a person, and its embedding unless it is similar to one of theirs.
 
-        Args:
-            identity: Of the track.
-            position_m: 3, in the map.
-            stamp_ns: Of the frame.
-            embedding: Unit vector; None: the crop shows others, too.
+        Without an embedding the crop shows others, too.
         """
         entry = self.entries.pop(identity, None) or GalleryEntry(position_m, stamp_ns)
         entry.position_m, entry.matched_ns = position_m.copy(), stamp_ns
@@ -84,13 +76,9 @@ class Gallery:
         """Return the candidate that a new track is, or why it is none of them.
 
         The distance of a candidate is that of the mean of the query's embeddings to the nearest of
-        their views; the distance of an unknown person is `limit`. A possibility at distance d has
-        the weight exp(-d / temperature), and its part of the sum is the confidence.
-
-        Args:
-            query: The new track.
-            candidates: From `plausible`.
-            limit: Largest cosine distance of the same person.
+        their views; the distance of an unknown person is `limit`, the largest of the same person.
+        A possibility at distance d has the weight exp(-d / temperature), and its part of the sum is
+        the confidence.
         """
         if not candidates:
             return IdentityDecision("new", 1.0, "no known person could be here")

@@ -39,9 +39,6 @@ class Reidentification(IdentityPolicy):
 
     A track that could be of an absent person stays tentative until enough of its crops are
     unoccluded, or until a timeout.
-
-    Args:
-        config: Rules of the decision.
     """
 
     def __init__(self, config: IdentityConfig) -> None:

@@ -25,13 +25,9 @@ def iou(a: F64, b: F64) -> float:
 
 @compiled
 def assign(gain: F64) -> I64:
-    """Match rows and columns so that the sum of gains is largest.
+    """Return the column (N) of each row at the largest sum of gains (NxM), -1 where there is none.
 
-    Args:
-        gain: NxM, > 0 for pairs that may be matched, 0 for all others.
-
-    Returns:
-        N, the column of each row, -1 where there is none.
+    Pairs of gain 0 may not be matched.
     """
     n, m = gain.shape
     column_of = np.full(n, -1, np.int64)

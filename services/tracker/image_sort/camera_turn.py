@@ -39,12 +39,7 @@ STILL = Turn(0.0)
 
 
 def camera_direction(map_from_camera: F64 | None, sigma_rad: float = 0.0) -> CameraDirection | None:
-    """Return the direction of a camera; None if that is unknown, or too steep.
-
-    Args:
-        map_from_camera: 4x4, from its optical frame to a frame whose z is up.
-        sigma_rad: Standard deviation of its direction, in radians.
-    """
+    """Return the direction of a camera (pose 4x4 in a frame whose z is up); None if too steep."""
     if map_from_camera is None:
         return None
     x, y, z = map_from_camera[:3, 2].tolist()
@@ -68,16 +63,11 @@ def turn_between(before: CameraDirection | None, now: CameraDirection | None) ->
 
 @compiled
 def turn_track(track: Any, turn: Turn, lens: Lens) -> None:
-    """Move a track so that its velocity is the person's own motion.
+    """Move a track, before its prediction, so that its velocity is the person's own motion.
 
     Turning left moves the image right: u <- u + turn * width / fov, turning up moves it down. In a
     pinhole camera, a point at angle a to the right of the axis moves to a + turn; near the rim it
     moves faster and grows.
-
-    Args:
-        track: Record of `box_kalman.TRACK`, before its prediction.
-        turn: Since the last frame.
-        lens: Of the camera.
     """
     track.pp[0] += (turn.sigma_rad * lens.px_per_rad) ** 2
     if lens.focal_px == 0:

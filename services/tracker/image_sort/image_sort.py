@@ -57,11 +57,7 @@ class ImageSortCheckpoint(NamedTuple):
 
 
 class ImageSort:
-    """Tracks of boxes from image to image.
-
-    Args:
-        config: The configuration.
-    """
+    """Tracks of boxes from image to image."""
 
     def __init__(self, config: ImageSortConfig) -> None:
         self._config = config
@@ -82,9 +78,6 @@ class ImageSort:
 
     def update(self, frame: BoxFrame) -> BoxTracks:
         """Process one frame, an empty one too, and return the confirmed tracks matched in it.
-
-        Args:
-            frame: The frame; its turn counts only with ego_motion "odometry".
 
         Raises:
             ValueError: The stamp lies before that of the last frame, or there is not one score for

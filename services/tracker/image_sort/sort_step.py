@@ -105,14 +105,10 @@ def _usable(found: BoxDetections) -> BOOL:
 
 @compiled
 def _match(tracks: Records, boxes: F64, free: BOOL, iou_min: float, missed_max: int) -> None:
-    """Assign detections to tracks at the largest sum of overlaps.
+    """Assign detections (M, those that are free) to tracks at the largest sum of overlaps.
 
-    Args:
-        tracks: Those without a detection so far take part.
-        boxes: Mx4, xyxy.
-        free: M, detections that may be assigned.
-        iou_min: Pairs that overlap less are refused.
-        missed_max: Tracks unmatched for more frames, this one included, take no part.
+    Pairs that overlap less than `iou_min` are refused; tracks with a detection already, or
+    unmatched for more than `missed_max` frames, this one included, take no part.
     """
     rows, columns = np.empty(len(tracks), np.int64), np.flatnonzero(free)
     n = 0

@@ -23,13 +23,7 @@ def confidence_factor(score: npt.ArrayLike, floor: float) -> F64:
 
 
 def measured_noise(R_m2: F64, measurements: Sequence[Measurement], factor: float) -> F64:
-    """Return the noise of positions, Nx3x3: as the detector estimated it, else as given.
-
-    Args:
-        R_m2: Nx3x3, for measurements without a covariance.
-        measurements: N.
-        factor: By which covariances are multiplied.
-    """
+    """Return the noise of positions (Nx3x3): the detector's estimate times a factor, else R_m2."""
     covariances = [
         R if m.covariance_m2 is None else factor * m.covariance_m2
         for R, m in zip(R_m2, measurements, strict=True)

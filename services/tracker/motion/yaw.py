@@ -35,8 +35,7 @@ States = Sequence[YawState | None]  # one for each track, None: unknown
 class VelocityYaw:
     """Yaw of tracks without a state: atan2(v_y, v_x), the direction of the velocity [PIC4SeR].
 
-    Args:
-        speed_min_mps: A slower person has no yaw.
+    A person slower than `speed_min_mps` has no yaw.
     """
 
     def __init__(self, speed_min_mps: float) -> None:
@@ -52,13 +51,7 @@ class VelocityYaw:
         measurements: Sequence[Measurement],  # noqa: ARG002
         velocities_mps: F64,  # noqa: ARG002
     ) -> list[YawState | None]:
-        """Update each state with one measurement, which may have no yaw.
-
-        Args:
-            states: N states.
-            measurements: N measurements.
-            velocities_mps: Nx3, of the tracks.
-        """
+        """Update each state with one measurement, which may have no yaw, and a velocity (Nx3)."""
         return list(states)
 
     def read(self, state: YawState | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
@@ -140,13 +133,7 @@ class KeypointYaw(VelocityYaw):
         return np.array([[pp, pv], [pv, vv]])
 
     def _damped(self, y: F64, variance: F64, R: F64) -> F64:
-        """Return R (N), raised where it takes that to keep y within outlier_sigmas of sqrt(S).
-
-        Args:
-            y: N innovations.
-            variance: N variances of the predictions.
-            R: N variances of the measurements.
-        """
+        """Return R (N), raised where it takes that to keep y within outlier_sigmas of sqrt(S)."""
         return np.maximum(R, np.square(y / self._config.outlier_sigmas) - variance)
 
     def _start(self, psi_rad: float, variance: float) -> YawState:

@@ -74,10 +74,6 @@ def match_probabilities(cost: F64, temperature: float) -> F64:
     """Return the probability (NxM) of each pair among all that use its track or its detection.
 
     A pair of cost c has the weight exp(-c / temperature), an inadmissible one none.
-
-    Args:
-        cost: NxM, +inf for inadmissible pairs.
-        temperature: Cost that makes a pair e times less likely.
     """
     logs = -cost / temperature
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -105,14 +101,9 @@ def min_max(values: F64) -> F64:
 
 
 def adaptive_gate(previous_m: F64, sigmas: float = 1.6) -> float:
-    """Return tau = mu + 1.6 sigma of distances in the previous frame (section 4).
+    """Return tau = mu + 1.6 sigma of all distances (m) in the previous frame (section 4).
 
-    Args:
-        previous_m: All track-to-detection distances of the previous frame, metres.
-        sigmas: Standard deviations above the mean.
-
-    Returns:
-        Largest distance in metres; infinity if the previous frame had no pair.
+    Infinity if the previous frame had no pair.
     """
     return float(previous_m.mean() + sigmas * previous_m.std()) if previous_m.size else np.inf
 

@@ -15,9 +15,6 @@ class BaseDrift(TrackPolicy):
 
     The errors of distance and of angle grow as random walks with the distance and with the angle; a
     turn by angle e about the vertical moves a person r away by e r, at right angles to the ray.
-
-    Args:
-        config: Errors of the odometry.
     """
 
     def __init__(self, config: TransformBufferConfig) -> None:
@@ -31,14 +28,9 @@ class BaseDrift(TrackPolicy):
             tracks.add_covariance(covariances_m2, observation.camera)
 
     def since_last(self, observation: Observation, positions_m: F64) -> F64 | None:
-        """Return the covariances due to the motion since the camera's last frame.
+        """Return the covariances (Nx3x3) of positions (Nx3) by the last motion of the camera.
 
-        Args:
-            observation: The frame.
-            positions_m: Nx3, of the tracks, frame: tracking.
-
-        Returns:
-            Nx3x3, frame: tracking; None if the camera has not moved.
+        None if the camera has not moved.
         """
         pose = observation.map_from_camera
         if pose is None:

@@ -21,11 +21,7 @@ from services.tracker.strongsort3d.visibility import covered_ratios
 
 
 class Contact(ContactPolicy):
-    """Weigh position against appearance by how many people a crop shows, and limit speeds.
-
-    Args:
-        config: Of the tracker.
-    """
+    """Weigh position against appearance by how many people a crop shows, and limit speeds."""
 
     def __init__(self, config: StrongSort3dConfig) -> None:
         self._config, self._occlusion = config.contact, config.occlusion
@@ -111,13 +107,9 @@ def depth_uncertain(
 def beyond_walking(
     positions_m: F64, missed_s: F64, detections: Sequence[Measurement], config: ContactConfig
 ) -> BOOL:
-    """Return the pairs (NxM) that are farther apart than a person walks.
+    """Return the pairs (NxM) that are farther apart on the ground than a person walks.
 
-    Args:
-        positions_m: Nx3, predicted; only the ground counts.
-        missed_s: N, seconds since the last match.
-        detections: M; those of uncertain depth are left to the Mahalanobis distance.
-        config: Speed and error of positions.
+    Detections of uncertain depth are left to the Mahalanobis distance.
     """
     measured_m = np.array([m.position_m for m in detections])
     gap_m = association.distances(positions_m[:, :2], measured_m[:, :2])
@@ -127,14 +119,10 @@ def beyond_walking(
 
 
 def pool_ambiguous(d_cos: F64, own: F64, limit: float) -> F64:
-    """Return the cosine distances, equal for tracks of similar appearance.
+    """Return the cosine distances (NxM, NaN where unknown), equal for tracks of similar appearance.
 
-    Appearance cannot separate such tracks, so that their positions have to.
-
-    Args:
-        d_cos: NxM, of tracks and detections, NaN where unknown.
-        own: NxN, of the tracks among each other, NaN where unknown.
-        limit: Largest distance of two similar tracks.
+    Appearance cannot separate tracks whose own distances (NxN) are within a limit, so that their
+    positions have to.
     """
     similar = np.nan_to_num(own, nan=np.inf) <= limit
     np.fill_diagonal(similar, True)
@@ -149,11 +137,7 @@ def appearance_mismatch(
 ) -> BOOL:
     """Return the pairs (NxM) of a confirmed track and an unoccluded crop of another appearance.
 
-    Args:
-        records: N tracks.
-        d_cos: NxM cosine distances, NaN where unknown.
-        unoccluded: M, crops that show one person.
-        limit: Largest distance of the same person.
+    Their cosine distance (NaN where unknown) is above the limit.
     """
     confirmed = np.array([t.confirmed for t in records], np.bool_)
     return np.asarray((np.nan_to_num(d_cos) > limit) & confirmed[:, None] & unoccluded)

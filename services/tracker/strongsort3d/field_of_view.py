@@ -15,11 +15,7 @@ from services.tracker.strongsort3d.visibility import NEAR_M, intervals, overlap_
 
 
 class FieldOfView(TrackPolicy):
-    """Count frames that do not show the position of a track's last match as out of view.
-
-    Args:
-        config: Width of a person, and how much less must be in view.
-    """
+    """Count frames that do not show the position of a track's last match as out of view."""
 
     def __init__(self, config: OcclusionConfig) -> None:
         self._config = config
@@ -52,15 +48,9 @@ class FieldOfView(TrackPolicy):
 
 
 def visible_ratios(positions_m: F64, observation: Observation, half_width_m: float) -> F64 | None:
-    """Return the part (N, 0 to 1) of a person's width that is in the image at each position.
+    """Return the part (N, 0 to 1) of a person's width that is in the image at each position (Nx3).
 
-    Args:
-        positions_m: Nx3, frame: tracking.
-        observation: The frame.
-        half_width_m: Half of a person's width.
-
-    Returns:
-        None if the camera's pose or the edges of its image are unknown.
+    None if the camera's pose or the edges of its image are unknown.
     """
     if observation.map_from_camera is None or observation.edges is None:
         return None

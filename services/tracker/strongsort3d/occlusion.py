@@ -11,11 +11,7 @@ from services.tracker.strongsort3d.visibility import NEAR_M, intervals, overlap_
 
 
 class Occlusion(TrackPolicy):
-    """Count frames in which a detected person hides an unmatched track as occluded.
-
-    Args:
-        config: Width of a person, and the part to be covered.
-    """
+    """Count frames in which a detected person hides an unmatched track as occluded."""
 
     def __init__(self, config: OcclusionConfig) -> None:
         self._config = config
@@ -37,16 +33,9 @@ class Occlusion(TrackPolicy):
 def occluded(
     positions_m: F64, detected: BOOL, map_from_camera: F64, config: OcclusionConfig
 ) -> BOOL:
-    """Return the people (N) whose interval is covered enough by detected people, not farther.
+    """Return the people (N), not detected, whose interval is covered by detected ones, not farther.
 
-    Args:
-        positions_m: Nx3, in the map.
-        detected: N, matched in this frame.
-        map_from_camera: 4x4, from the optical frame.
-        config: Width of a interval and the part to be covered.
-
-    Returns:
-        N, False for those detected.
+    Positions (Nx3) are in the map, `map_from_camera` is from the optical frame.
     """
     people, depth = intervals(positions_m, map_from_camera, config.half_width_m)
     before = depth > NEAR_M
@@ -57,16 +46,10 @@ def occluded(
 
 
 def emergence_m(found_m: F64, map_from_camera: F64, config: OcclusionConfig) -> F64:
-    """Return the distance of each detected person from where another one could have hidden them.
+    """Return the distance (N) of each detected person from where another could have hidden them.
 
-    Args:
-        found_m: Nx3, in the map.
-        map_from_camera: 4x4, from the optical frame.
-        config: Width of a person.
-
-    Returns:
-        N, metres between a person and the interval behind a detected one who is not farther away;
-        infinity if there is none.
+    It is that to the interval behind a detected person who is not farther away; infinity if there
+    is none.
     """
     people, depth = intervals(found_m, map_from_camera, config.half_width_m)
     gap = np.maximum(

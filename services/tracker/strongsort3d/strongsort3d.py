@@ -35,12 +35,6 @@ class StrongSort3d(TrackSetTracker):
     """StrongSORT with the 3D position as its state.
 
     Without embeddings round 1 goes by motion alone, see `combined_cost`.
-
-    Args:
-        config: Constants of the method.
-        motion: Motion and measurement model.
-        tracks: No tracks yet; their motion model is the same.
-        policies: Around the method.
     """
 
     uses_embeddings: ClassVar[bool] = True
@@ -149,16 +143,10 @@ class StrongSort3d(TrackSetTracker):
 
 
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:
-    """Return lambda d_M^2 + (1 - lambda) d_cos, infinite outside the gates.
+    """Return lambda d_M^2 + (1 - lambda) d_cos (NxM), infinite outside the gates.
 
-    Where a track or a detection has no embedding, d_cos = C_cos d_M^2 / d_M,max^2 stands in: a pair
-    at the edge of the motion gate costs as much as one at the edges of both.
-
-    Args:
-        d_m2: NxM squared Mahalanobis distances.
-        d_cos: NxM cosine distances, NaN where unknown.
-        c_cos: Largest cosine distance.
-        config: lambda and the motion gate.
+    Where a track or a detection has no embedding (d_cos is NaN), C_cos d_M^2 / d_M,max^2 stands in:
+    a pair at the edge of the motion gate costs as much as one at the edges of both.
     """
     d_cos = np.where(np.isnan(d_cos), c_cos * d_m2 / config.mahalanobis_max, d_cos)
     cost: F64 = config.motion_weight * d_m2 + (1 - config.motion_weight) * d_cos

@@ -14,16 +14,7 @@ EDGE_RATIO = 0.01  # of the image's width: a box so near to its edge may be cut 
 
 
 def intervals(positions_m: F64, map_from_camera: F64, half_width_m: float) -> tuple[F64, F64]:
-    """Return the intervals (Nx2: left, right) of people.
-
-    Args:
-        positions_m: Nx3, in the map.
-        map_from_camera: 4x4, from the optical frame.
-        half_width_m: Half of a person's width.
-
-    Returns:
-        The intervals, and the depth (N) of each person in metres.
-    """
+    """Return intervals (Nx2: left, right) and depths (N, m) of people at positions (Nx3)."""
     points = apply(invert(map_from_camera), positions_m)
     depth = points[:, 2]
     scale = 1.0 / np.where(depth > NEAR_M, depth, 1.0)
@@ -40,14 +31,10 @@ def overlap_ratios(intervals: F64, others: F64) -> F64:
 
 
 def overlapping(found: F64, tracks: F64, ratio_min: float) -> BOOL:
-    """Return the detections (M) that could belong to several tracks.
+    """Return the detections (M) that could belong to several predicted tracks.
 
-    Of two people in one line of sight, often only one is detected, or one made of both.
-
-    Args:
-        found: Mx2, intervals of the detections.
-        tracks: Nx2, intervals of the predicted tracks.
-        ratio_min: Part of either interval that the other covers if they could be of one person.
+    Of two people in one line of sight, often only one is detected, or one made of both. Two
+    intervals could be of one person if either covers `ratio_min` of the other.
     """
     ratio = np.maximum(overlap_ratios(found, tracks), overlap_ratios(tracks, found).T)
     return np.asarray((ratio >= ratio_min).sum(axis=1) > 1)
