@@ -1,14 +1,12 @@
 """Trackers: time of one update by the number of people, and SORT in the image beside others.
 
 The second part needs the reference data (`--shared`). `--peers` names a Python interpreter that has
-the packages to compare with; `mot_peers.py` tells how to make one. Without it they are left out.
+the packages to compare with; `lib/mot_peers.py` tells how to make one. Without it they are left
+out.
 """
 
 import argparse
 import itertools
-import json
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,7 +15,6 @@ from typing import TypeVar
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.lib.mot15 import (
     HELD_OUT,
@@ -29,6 +26,7 @@ from benchmarks.lib.mot15 import (
     score_tracks,
 )
 from benchmarks.lib.mot_peers import PEERS
+from benchmarks.lib.peers import PeerSequence, run_peers
 from benchmarks.lib.published import published_tracker
 from benchmarks.lib.table import markdown, spread, write
 from evaluation.methods import read_method
@@ -183,26 +181,21 @@ def ask_peers(
     Returns:
         Results by tracker and number of the setting; the first is the package's own.
     """
-    given: dict[str, npt.NDArray[np.float64]] = {}
-    for name, one in sequences.items():
-        given |= {name: one.rows, f"{name}:info": np.array([one.info.frames, one.info.rate_hz])}
-    with tempfile.TemporaryDirectory() as folder:
-        source, target = Path(folder) / "detections.npz", Path(folder) / "tracks.npz"
-        np.savez(source, allow_pickle=False, **given)
-        script = Path(__file__).with_name("mot_peers.py")
-        command = [python, "-P", str(script), str(source), str(target), json.dumps(chosen)]
-        subprocess.run(command, check=True)
-        with np.load(target) as file:
-            got = dict(file)
-    results: dict[str, dict[int, Result]] = {}
-    for key in (key for key in got if key.endswith(":words")):
-        tracker, _, number = key.removesuffix(":words").rpartition("/")
-        label = f"{tracker}/{number}"
-        tracks = {n: by_frame(got[f"{label}/{n}"], s.info.frames) for n, s in sequences.items()}
-        times = {n: got[f"{label}/{n}:us"].tolist() for n in sequences}
-        words = f"{got[f'{tracker}:version']}: {got[key]}"
-        results.setdefault(tracker, {})[int(number)] = Result(words, tracks, times)
-    return results
+    inputs = {
+        name: PeerSequence(one.rows, one.info.frames, one.info.rate_hz)
+        for name, one in sequences.items()
+    }
+    return {
+        tracker: {
+            number: Result(
+                run.settings,
+                {n: by_frame(run.rows[n], s.info.frames) for n, s in sequences.items()},
+                run.times_us,
+            )
+            for number, run in runs.items()
+        }
+        for tracker, runs in run_peers(python, inputs, chosen).items()
+    }
 
 
 def by_frame(rows: F64, frames: int) -> list[BoxTracks]:

@@ -3,13 +3,14 @@
     python -m uv venv .venv-peers
     python -m uv pip install --python .venv-peers norfair==2.3.0 motrackers==0.1.1 trackers==2.6.1 \
         ioutrack-rs==0.4.0 --override benchmarks/peers-override.txt
+    python -m venv .venv-boxmot && .venv-boxmot/bin/pip install boxmot==25.0.0 torch==2.13.0
     .venv-peers/bin/python benchmarks/lib/mot_peers.py DETECTIONS.npz TRACKS.npz CHOSEN
 
-It needs nothing of this project. `benchmarks.trackers` calls it. Input: for each sequence NAME an
-array NAME (frame, left, top, right, bottom, score) and NAME:info (frames, rate in Hz). CHOSEN is
-JSON: settings by the name of the tracker, {} for all. Output: for each tracker T, setting K and
-sequence NAME an array T/K/NAME (frame, identity, left, top, right, bottom), T/K/NAME:us
-(microseconds of each frame), and T/K:words.
+It needs nothing of this project; `benchmarks.trackers` and `benchmarks.real_people` call it.
+Input: for each sequence NAME an array NAME (frame, left, top, right, bottom, score) and NAME:info
+(frames, rate in Hz). CHOSEN is JSON: settings by the name of the tracker, {} for all. Output: for
+each tracker T, setting K and sequence NAME an array T/K/NAME (frame, identity, left, top, right,
+bottom), T/K/NAME:us (microseconds of each frame), and T/K:words.
 """
 
 import importlib
@@ -96,6 +97,20 @@ def ioutrack(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
         accepted = scores >= gate
         tracks = tracker.update(np.column_stack([boxes, scores])[accepted], False)
         return tracks[:, 4], tracks[:, :4].astype(np.float64)
+
+    return update
+
+
+def boxmot(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
+    """One of BoxMOT, without its networks for appearance."""
+    tracker = getattr(importlib.import_module("boxmot"), kind)(**options)
+    blank = np.zeros((480, 640, 3), np.uint8)
+
+    def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
+        kept = scores >= gate
+        rows = np.column_stack([boxes, scores, np.zeros(len(scores))])[kept]
+        told = np.asarray(tracker.update(rows, blank)).reshape(-1, 8)
+        return told[:, 4], told[:, :4]
 
     return update
 
@@ -209,6 +224,51 @@ PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
             max_age=[1, 5, 15],
             init_tracker_min_score=[0.8, 0.9],
             high_score_threshold=[0.7],
+        ),
+    ),
+    "BoxMOT ByteTrack": (
+        "boxmot",
+        boxmot,
+        combinations(
+            kind=["ByteTrack"],
+            gate=[0.0],
+            track_thresh=[0.45, 0.6],
+            match_thresh=[0.8, 0.9],
+            track_buffer=[25, 60],
+        ),
+    ),
+    "BoxMOT OC-SORT": (
+        "boxmot",
+        boxmot,
+        combinations(
+            kind=["OcSort"],
+            gate=[0.0],
+            min_hits=[3, 1],
+            max_age=[30, 60],
+            use_byte=[False, True],
+        ),
+    ),
+    "BoxMOT SFSORT": (
+        "boxmot",
+        boxmot,
+        combinations(
+            kind=["SFSORT"],
+            gate=[0.0],
+            central_timeout=[0, 30],
+            marginal_timeout=[0, 10],
+            high_th=[0.6, 0.5],
+        ),
+    ),
+    "BoxMOT BoT-SORT": (
+        "boxmot",
+        boxmot,
+        combinations(
+            kind=["BotSort"],
+            gate=[0.0],
+            use_embeddings=[False],
+            use_cmc=[False],
+            track_buffer=[30, 60],
+            new_track_thresh=[0.6, 0.5],
         ),
     ),
 }

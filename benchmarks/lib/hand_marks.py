@@ -1,0 +1,96 @@
+"""Marks made by hand: people in images, each as a point on the torso with identity and facing."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from common.geometry.transforms import apply, deproject, wrap
+from people4d.messages import F64, U16, CameraInfo
+
+Hidden = Literal["no", "partly", "mostly"]
+HIDDEN: tuple[Hidden, ...] = ("no", "partly", "mostly")
+WINDOW_PX = 2  # [px] depth is read in a window that reaches so far from the mark
+READINGS_MIN = 5  # valid pixels in the window, at least
+
+
+class Mark(msgspec.Struct, frozen=True):
+    """One person in one image."""
+
+    person: str
+    u_px: float
+    v_px: float
+    # [deg] facing of the chest: 0 away from the camera, 90 to the image's left; None: uncertain
+    yaw_deg: Annotated[float, Meta(ge=-180, le=180)] | None
+    hidden: Hidden = "no"
+    mostly_hidden: bool = False  # by marks that do not grade `hidden`
+    cut: bool = False  # by the image's edge
+    head_only: bool = False  # the point lies on the head
+
+    @property
+    def visibility(self) -> Hidden:
+        """Class of `hidden`."""
+        return "mostly" if self.mostly_hidden else self.hidden
+
+
+class _MarkedImage(msgspec.Struct, frozen=True):
+    people: tuple[Mark, ...]
+    frame: int | None = None
+    file: str | None = None
+
+
+class _MarkFile(msgspec.Struct, frozen=True):
+    marks: tuple[_MarkedImage, ...]
+    doubtful_frames: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class MarkView:
+    """The camera of marked images, which does not move."""
+
+    info: CameraInfo
+    map_from_optical: F64  # 4x4
+
+    def bearing_rad(self, mark: Mark) -> float:
+        """Return the yaw of the line of sight to a mark, in the map."""
+        ray = deproject((mark.u_px, mark.v_px), [1.0], self.info)[0]
+        x, y, _ = self.map_from_optical[:3, :3] @ ray
+        return math.atan2(y, x)
+
+    def yaw_rad(self, mark: Mark) -> float | None:
+        """Return the yaw of a marked person in the map."""
+        if mark.yaw_deg is None:
+            return None
+        return wrap(self.bearing_rad(mark) + math.radians(mark.yaw_deg))
+
+    def point_m(self, mark: Mark, depth_mm: U16) -> F64 | None:
+        """Return the surface at a mark in the map, by the median depth; None without depth."""
+        u, v = round(mark.u_px), round(mark.v_px)
+        rows = slice(max(v - WINDOW_PX, 0), v + WINDOW_PX + 1)
+        window = depth_mm[rows, max(u - WINDOW_PX, 0) : u + WINDOW_PX + 1]
+        valid = window[window > 0]
+        if len(valid) < READINGS_MIN:
+            return None
+        depth_m = float(np.median(valid)) / 1000
+        point_m = deproject((mark.u_px, mark.v_px), [depth_m], self.info)[0]
+        return np.asarray(apply(self.map_from_optical, point_m))
+
+
+def read_frames(path: Path) -> dict[int, tuple[Mark, ...]]:
+    """Return the marks of a recording by frame, without doubtful frames."""
+    content = msgspec.json.decode(path.read_bytes(), type=_MarkFile)
+    frames = {image.frame: image.people for image in content.marks if image.frame is not None}
+    return {
+        frame: people for frame, people in frames.items() if frame not in content.doubtful_frames
+    }
+
+
+def read_files(path: Path) -> Mapping[str, tuple[Mark, ...]]:
+    """Return the marks of single images by file."""
+    content = msgspec.json.decode(path.read_bytes(), type=_MarkFile)
+    return {image.file: image.people for image in content.marks if image.file is not None}

@@ -1,0 +1,265 @@
+"""Scores of tracks against marks made by hand: identities, positions and facing at each mark.
+
+A track is on a mark if its box in the image holds the mark; each has one partner at most, and
+tracks with a detection come before predicted ones.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from benchmarks.lib.hand_marks import Mark
+from common.metrics import (
+    EvaluationFrame,
+    EvaluationSequence,
+    GroundTruth,
+    Hypotheses,
+    Matching,
+    match,
+    score_matching,
+)
+from common.metrics.counts import ratio
+from people4d.messages import F64
+from services.tracker.sort3d.association import assign
+
+TORSO_HEIGHT = 0.35  # of a box, from its top: the torso of an upright person
+PREDICTED_PX = 10_000.0  # cost of a predicted track, above all distances in an image
+INVENTED_FRAMES = 3  # more frames than that on no marked person: an invented track
+FAR_M = 0.5  # a position farther from the mark is wrong
+FACING_RAD = math.radians(45)
+
+
+@dataclass(frozen=True)
+class TrackedPerson:
+    """One track in one frame."""
+
+    id: int
+    box_xyxy_px: F64  # 4, of the detection; of a predicted track, around its projected torso
+    predicted: bool = False  # without a detection in this frame
+    position_m: F64 | None = None  # 3, in the map; None: the tracker has boxes only
+    yaw_rad: float | None = None  # in the map
+
+
+@dataclass(frozen=True)
+class MarkTruth:
+    """One mark with all that is known about it."""
+
+    mark: Mark
+    point_m: F64 | None  # 3, surface at the mark, in the map; None without depth
+    yaw_rad: float | None  # in the map; None: uncertain
+
+
+@dataclass(frozen=True)
+class MarkOutcome:
+    """Track on one mark, compared with it."""
+
+    frame: int
+    truth: MarkTruth
+    track: TrackedPerson | None  # on the mark
+    is_owner: bool  # the track is that of this person, by the best one-to-one assignment
+    is_first: bool  # the track is the person's first, and was no other person's before
+
+    @property
+    def distance_m(self) -> float | None:
+        """Distance on the ground from the surface at the mark."""
+        track, point_m = self.track, self.truth.point_m
+        if track is None or track.position_m is None or point_m is None:
+            return None
+        return float(np.linalg.norm((track.position_m - point_m)[:2]))
+
+    @property
+    def yaw_error_rad(self) -> float | None:
+        """Size of the error of the yaw."""
+        if self.track is None or self.track.yaw_rad is None or self.truth.yaw_rad is None:
+            return None
+        return abs(math.remainder(self.track.yaw_rad - self.truth.yaw_rad, 2 * math.pi))
+
+
+@dataclass(frozen=True)
+class Share:
+    """A part of a number."""
+
+    part: int
+    total: int
+
+    def __str__(self) -> str:
+        return f"{self.part} ({100 * ratio(self.part, self.total):.0f} %)"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Figures over some marks."""
+
+    found: Share
+    owned: Share  # marks with the track of their person
+    first: Share  # marks with the first track of their person
+    far: Share  # positions that are wrong, of those measured
+    facing: Share  # yaws within 45 degrees, of marked ones, where tracks have 3D positions
+
+
+def figures(outcomes: Sequence[MarkOutcome]) -> Figures:
+    """Return the figures over some marks."""
+    total = len(outcomes)
+    distances_m = [o.distance_m for o in outcomes if o.distance_m is not None]
+    located = [o for o in outcomes if o.track is not None and o.track.position_m is not None]
+    marked = [o for o in located if o.truth.yaw_rad is not None]
+    good = sum(o.yaw_error_rad is not None and o.yaw_error_rad <= FACING_RAD for o in marked)
+    return Figures(
+        found=Share(sum(o.track is not None for o in outcomes), total),
+        owned=Share(sum(o.is_owner for o in outcomes), total),
+        first=Share(sum(o.is_first for o in outcomes), total),
+        far=Share(sum(d > FAR_M for d in distances_m), len(distances_m)),
+        facing=Share(good, len(marked)),
+    )
+
+
+class MarkScores:
+    """Scores of one tracker on a marked recording.
+
+    Args:
+        truth: Marks by frame, in order; other frames are not scored.
+        tracks: Tracks by frame.
+        rate_hz: Frames a second.
+    """
+
+    def __init__(
+        self,
+        truth: Mapping[int, Sequence[MarkTruth]],
+        tracks: Mapping[int, Sequence[TrackedPerson]],
+        rate_hz: float,
+    ) -> None:
+        self._truth, self._tracks, self._rate_hz = truth, tracks, rate_hz
+
+    @cached_property
+    def outcomes(self) -> tuple[MarkOutcome, ...]:
+        """Outcome of every mark."""
+        pairs = self._pairs
+        owner_of, first = _owners(pairs), _first_tracks(pairs)
+        outcomes = []
+        for frame, truths in self._truth.items():
+            for truth in truths:
+                track, person = pairs.get((frame, truth.mark.person)), truth.mark.person
+                is_owner = track is not None and owner_of.get(person) == track.id
+                is_first = track is not None and first.get(person) == track.id
+                outcomes.append(MarkOutcome(frame, truth, track, is_owner, is_first))
+        return tuple(outcomes)
+
+    @property
+    def id_switches(self) -> int:
+        """Times that a person got another track."""
+        return len(self._matching.id_switches)
+
+    @property
+    def takeovers(self) -> int:
+        """Times that a track went from one person to another."""
+        last, count = dict[int, str](), 0
+        for (_, person), track in self._pairs.items():
+            count += last.setdefault(track.id, person) != person
+            last[track.id] = person
+        return count
+
+    @property
+    def invented(self) -> int:
+        """Tracks with a detection on no marked person in more than INVENTED_FRAMES frames."""
+        frames = Counter(t.id for _, t in self._unmatched if not t.predicted)
+        return sum(count > INVENTED_FRAMES for count in frames.values())
+
+    @property
+    def ghosts(self) -> int:
+        """Predicted tracks in the image on no marked person, over all frames."""
+        return sum(track.predicted for _, track in self._unmatched)
+
+    def idf1_hota(self, frames: range) -> tuple[float, float]:
+        """Return IDF1 and HOTA over some frames."""
+        matching = match(self._sequence(frames), on_marks)
+        row = score_matching(matching).row()
+        return row["idf1"] or 0.0, row["hota"] or 0.0
+
+    @cached_property
+    def _matching(self) -> Matching:
+        return match(self._sequence(range(max(self._truth) + 1)), on_marks)
+
+    @cached_property
+    def _pairs(self) -> dict[tuple[int, str], TrackedPerson]:
+        """Track on each mark by frame and person, in order of frames."""
+        pairs = {}
+        for frame, matches in zip(self._truth, self._matching.frame_matches, strict=True):
+            truths, tracks = self._truth[frame], self._tracks.get(frame, ())
+            for i, j in sorted(zip(matches.rows.tolist(), matches.columns.tolist(), strict=True)):
+                pairs[frame, truths[i].mark.person] = tracks[j]
+        return pairs
+
+    @property
+    def _unmatched(self) -> list[tuple[int, TrackedPerson]]:
+        matched = {(frame, track.id) for (frame, _), track in self._pairs.items()}
+        return [
+            (frame, track)
+            for frame in self._truth
+            for track in self._tracks.get(frame, ())
+            if (frame, track.id) not in matched
+        ]
+
+    def _sequence(self, frames: range) -> EvaluationSequence:
+        chosen = [frame for frame in self._truth if frame in frames]
+        return EvaluationSequence("marks", tuple(self._frame(frame) for frame in chosen))
+
+    def _frame(self, frame: int) -> EvaluationFrame:
+        marks = [truth.mark for truth in self._truth[frame]]
+        tracks = self._tracks.get(frame, ())
+        points = [(m.u_px, m.v_px, m.u_px, m.v_px) for m in marks]
+        boxes = np.array([t.box_xyxy_px for t in tracks], np.float64).reshape(-1, 4)
+        return EvaluationFrame(
+            stamp_ns=round(frame * 1e9 / self._rate_hz),
+            truth=GroundTruth(
+                ids=tuple(m.person for m in marks),
+                boxes_xyxy_px=np.array(points, np.float64).reshape(-1, 4),
+            ),
+            hypotheses=Hypotheses(
+                ids=tuple(t.id for t in tracks),
+                boxes_xyxy_px=boxes,
+                predicted=np.array([t.predicted for t in tracks], np.bool_),
+            ),
+        )
+
+
+def on_marks(truth: GroundTruth, tracked: Hypotheses) -> F64:
+    """Return 1 (NxM) for the track on each mark, else 0: marks have no extent."""
+    similarity = np.zeros((len(truth.ids), len(tracked.ids)))
+    if not similarity.size:
+        return similarity
+    assert truth.boxes_xyxy_px is not None
+    assert tracked.boxes_xyxy_px is not None
+    points = truth.boxes_xyxy_px[:, None, :2]
+    corners = tracked.boxes_xyxy_px[None]
+    low, high = corners[..., :2], corners[..., 2:]
+    torsos = low + (high - low) * (0.5, TORSO_HEIGHT)
+    cost = np.linalg.norm(points - torsos, axis=-1) + PREDICTED_PX * tracked.was_predicted
+    cost[~((points >= low) & (points <= high)).all(axis=-1)] = np.inf
+    for i, j in assign(cost):
+        similarity[i, j] = 1.0
+    return similarity
+
+
+def _owners(pairs: Mapping[tuple[int, str], TrackedPerson]) -> dict[str, int]:
+    """Return the track of each person: one to one, for the most marks."""
+    persons = sorted({person for _, person in pairs})
+    tracks = sorted({track.id for track in pairs.values()})
+    together = np.zeros((len(persons), len(tracks)))
+    for (_, person), track in pairs.items():
+        together[persons.index(person), tracks.index(track.id)] += 1
+    rows, columns = linear_sum_assignment(together, maximize=True)
+    return {persons[i]: tracks[j] for i, j in zip(rows, columns, strict=True) if together[i, j]}
+
+
+def _first_tracks(pairs: Mapping[tuple[int, str], TrackedPerson]) -> dict[str, int]:
+    """Return the first track of each person, unless it was another person's first."""
+    first, owner = dict[str, int](), dict[int, str]()
+    for (_, person), track in pairs.items():
+        owner.setdefault(track.id, person)
+        first.setdefault(person, track.id)
+    return {person: track for person, track in first.items() if owner[track] == person}

@@ -1,0 +1,86 @@
+"""Scores against marks made by hand, on a worked miniature."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.lib.hand_marks import Mark, MarkView
+from benchmarks.lib.mark_scores import MarkScores, MarkTruth, TrackedPerson, figures
+from people4d.messages import CameraInfo
+from services.camera.config import CameraConfig
+
+
+def truth(person: str, u_px: float) -> MarkTruth:
+    """Return a mark without depth and facing."""
+    return MarkTruth(Mark(person, u_px, 100.0, None), None, None)
+
+
+def tracked(number: int, u_px: float, predicted: bool = False) -> TrackedPerson:
+    """Return a track whose box is centred on a column."""
+    return TrackedPerson(number, np.array([u_px - 20, 50.0, u_px + 20, 190.0]), predicted)
+
+
+MARKS = {frame: (truth("A", 100.0), truth("B", 300.0)) for frame in range(6)}
+
+
+def test_swapped_tracks_are_right_in_the_longer_part_only() -> None:
+    """Two tracks swap after four of six frames: 8 of 12 right, 2 changes, 2 taken over."""
+    tracks = {
+        frame: [tracked(1, 100.0), tracked(2, 300.0)]
+        if frame < 4
+        else [tracked(2, 100.0), tracked(1, 300.0)]
+        for frame in range(6)
+    }
+    scores = MarkScores(MARKS, tracks, rate_hz=10.0)
+    result = figures(scores.outcomes)
+    assert (result.found.part, result.owned.part, result.first.part) == (12, 8, 8)
+    assert (scores.id_switches, scores.takeovers, scores.invented) == (2, 2, 0)
+    idf1, _ = scores.idf1_hota(range(6))
+    assert idf1 == pytest.approx(8 / 12)
+
+
+def test_first_track_is_right_even_where_a_later_one_lasts_longer() -> None:
+    """Person A has track 1 for 2 frames, then track 3 for 4: the owner is 3, the first is 1."""
+    tracks = {frame: [tracked(1 if frame < 2 else 3, 100.0)] for frame in range(6)}
+    result = figures(MarkScores(MARKS, tracks, rate_hz=10.0).outcomes)
+    assert (result.found.part, result.owned.part, result.first.part) == (6, 4, 2)
+
+
+def test_tracks_on_no_mark_are_invented_if_detected_and_ghosts_if_predicted() -> None:
+    """A detected track off all marks for six frames, and a predicted one for six."""
+    tracks = {frame: [tracked(1, 500.0), tracked(2, 560.0, predicted=True)] for frame in range(6)}
+    scores = MarkScores(MARKS, tracks, rate_hz=10.0)
+    assert (scores.invented, scores.ghosts) == (1, 6)
+
+
+def test_detected_track_comes_before_a_predicted_one_that_is_nearer() -> None:
+    """Both boxes hold the mark; the predicted one is centred on it."""
+    tracks = {0: [tracked(1, 100.0, predicted=True), tracked(2, 110.0)]}
+    outcome = MarkScores({0: (truth("A", 100.0),)}, tracks, rate_hz=10.0).outcomes[0]
+    assert outcome.track is not None
+    assert outcome.track.id == 2
+
+
+@pytest.mark.parametrize(("yaw_deg", "expected_rad"), [(0, 0.0), (90, math.pi / 2), (180, math.pi)])
+def test_facing_counts_from_the_line_of_sight_to_the_left(
+    yaw_deg: float, expected_rad: float
+) -> None:
+    """A level camera at the origin looks along +x: away is yaw 0, to the image's left +y."""
+    info = CameraInfo(
+        stamp_ns=0,
+        sequence=0,
+        camera="front",
+        frame_id="front_optical_frame",
+        width=640,
+        height=480,
+        fx=500.0,
+        fy=500.0,
+        cx=320.0,
+        cy=240.0,
+    )
+    view = MarkView(info, CameraConfig(source="x").mount_from_optical)
+    assert view.yaw_rad(Mark("A", 320.0, 240.0, yaw_deg)) == pytest.approx(expected_rad)
+    depth_mm = np.full((480, 640), 2000, np.uint16)
+    point_m = view.point_m(Mark("A", 320.0, 240.0, yaw_deg), depth_mm)
+    assert point_m == pytest.approx([2.0, 0.0, 0.0])
