@@ -39,8 +39,6 @@ BUILT_IN_CHECK = ["CMD", "people4d", "health"]
 USED_HEALTHCHECK = frozenset({"test"})
 TIMING = frozenset({"interval", "timeout", "start_period", "start_interval", "retries"})
 
-DURATION = re.compile(r"(?:(\d+)h)?(?:(\d+)m(?!s))?(?:(\d+(?:\.\d+)?)s)?(?:(\d+)ms)?")
-
 Table = Mapping[str, Any]
 
 
@@ -96,11 +94,7 @@ class Service:
 
 
 def read(file: Path, variables: Mapping[str, str]) -> tuple[Service, ...]:
-    """Read the services of a compose file, those of every profile.
-
-    Args:
-        file: The compose file.
-        variables: Values for ${VAR}.
+    """Read the services of a compose file, those of every profile, and fill in variables.
 
     Raises:
         ConfigError: The file cannot be read, or says what only a container could do.
@@ -117,10 +111,6 @@ def read(file: Path, variables: Mapping[str, str]) -> tuple[Service, ...]:
 
 def select(services: Sequence[Service], profiles: Set[str]) -> tuple[Service, ...]:
     """Return the services of a run, in an order in which they can be started.
-
-    Args:
-        services: Those of a compose file.
-        profiles: Profiles whose services run beside those without a profile.
 
     Raises:
         ConfigError: A dependency is unknown, or services wait for each other.
@@ -200,11 +190,10 @@ def _environment(value: Any, path: str) -> dict[str, str]:
 
 
 def _seconds(value: Any, path: str) -> float:
-    match = DURATION.fullmatch(str(value))
-    if not match or not any(match.groups()):
-        raise ValueError(f"{path}: expected a duration such as 10s or 1m30s, got {value!r}")
-    hours, minutes, seconds, milliseconds = (float(group or 0) for group in match.groups())
-    return hours * 3600 + minutes * 60 + seconds + milliseconds / 1000
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)s", str(value))
+    if not match:
+        raise ValueError(f"{path}: expected a duration in seconds such as 10s, got {value!r}")
+    return float(match[1])
 
 
 def _fields(value: Any, used: Set[str], passed_over: Set[str], path: str) -> Table:

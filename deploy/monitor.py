@@ -92,12 +92,7 @@ class FramePath:
 
 
 class Monitor:
-    """Adds up messages in bounded memory.
-
-    Args:
-        process_id: Process that listens: the end of the path.
-        seconds: How long a frame counts.
-    """
+    """Adds up messages of some seconds, in bounded memory, where the path of frames ends."""
 
     def __init__(self, process_id: ProcessId, seconds: float) -> None:
         self._process_id = process_id
@@ -123,16 +118,10 @@ class Monitor:
             yield arrival, path
 
     def add(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
-        """Take a message.
+        """Take a message; return the path of a frame, once its Tracks come.
 
-        Args:
-            arrival: Health, Tracks, or Detections, of which comes what was done for a frame beside
-                its path; others are passed over.
-            now_ns: Wall clock.
-            now_s: Monotonic clock.
-
-        Returns:
-            The path of a frame, once its Tracks come.
+        Of Health, Tracks and Detections the last tell what was done for a frame beside its path;
+        others are passed over. `now_ns` is the wall clock, `now_s` the monotonic clock.
         """
         message = arrival.message
         if isinstance(message, Health):
@@ -170,7 +159,7 @@ class Monitor:
             durations = stage.durations(now_s)
             if durations:
                 stages.setdefault(instance, []).append(durations)
-                origins.setdefault(instance, (stage.service, host))
+                origins.setdefault(instance, (stage.newest.service, host))
         for name, health in healths.items():
             origins.setdefault(name, (health.service, health.host))
         return SystemSnapshot(
@@ -195,12 +184,13 @@ class Monitor:
         return FramePath(tracks, segments(tracks.trace, self.clocks), beside, total)
 
     def _add_frame_path(self, path: FramePath, now_s: float) -> None:
-        for parts_, beside in ((path.parts, False), (path.beside, True)):
-            for part in merge_stages(parts_):
-                key = (part.process, part.stage, beside)
-                if key in self._stages or len(self._stages) < MAX_STAGES:
-                    stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
-                    stage.add(part, now_s, part.start_ns - path.end_to_end.start_ns)
+        stages = [(part, False) for part in merge_stages(path.parts)]
+        stages += [(part, True) for part in merge_stages(path.beside)]
+        for part, beside in stages:
+            key = (part.process, part.stage, beside)
+            if key in self._stages or len(self._stages) < MAX_STAGES:
+                stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
+                stage.add(part, now_s, part.start_ns - path.end_to_end.start_ns)
         self._end_to_end.add(path.end_to_end, now_s, 0)
 
 
@@ -209,15 +199,11 @@ class _Stage:
 
     def __init__(self, seconds: float, beside: bool = False) -> None:
         self._beside = beside
-        self.after_ns = 0  # time since the begin of the path, of the newest frame
-        self.service = self._name = ""
-        self._error_ns: float | None = 0.0
         self._window = SlidingWindow(seconds)
 
     def add(self, part: TraceSegment, now_s: float, after_ns: int) -> None:
         """Take a piece of a message's path, which began some time after its first stage."""
-        self.after_ns = after_ns
-        self.service, self._name, self._error_ns = part.service, part.stage, part.error_ns
+        self.newest, self.after_ns = part, after_ns
         self._window.add(now_s, part.ms)
 
     def durations(self, now_s: float) -> Durations | None:
@@ -226,13 +212,14 @@ class _Stage:
         if not values_ms:
             return None
         p50_ms, p95_ms, p99_ms = percentiles(values_ms)
+        error_ns = self.newest.error_ns
         return Durations(
-            stage=self._name,
+            stage=self.newest.stage,
             p50_ms=p50_ms,
             p95_ms=p95_ms,
             p99_ms=p99_ms,
             count=len(values_ms),
-            error_ms=None if self._error_ns is None else self._error_ns / 1e6,
+            error_ms=None if error_ns is None else error_ns / 1e6,
             beside=self._beside,
         )
 

@@ -47,6 +47,12 @@ Fidelity = Annotated[
     Literal["geometry", "depth", "colour"],
     typer.Option(help="geometry: detections in place of frames. depth: people in flat colours."),
 ]
+VisualOdometry = Annotated[
+    bool, typer.Option("--visual-odometry", help="Motion of the base from images, not wheels.")
+]
+Figures = Annotated[
+    bool, typer.Option(help="Draw figures, if matplotlib is installed, the extra 'evaluate'.")
+]
 Jobs = Annotated[
     int, typer.Option(min=0, help="Processes at once, one thread each; 0: one for each core.")
 ]

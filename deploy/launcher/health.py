@@ -72,12 +72,8 @@ def of_instance(healths: Sequence[Health], instance: str, pid: int = 0) -> Healt
     """Return the heartbeat of a process on this machine, None if there is none.
 
     Each machine has a watchdog-1, and in a container a machine has another name: a process of
-    another machine counts only where none of that name runs here.
-
-    Args:
-        healths: All that came.
-        instance: Name of the process.
-        pid: Its number; another process of that name does not count. 0: any.
+    another machine counts only where none of that name runs here. With a process number another
+    process of that name does not count.
     """
     found = [h for h in healths if h.instance == instance and pid in (0, h.pid)]
     here = socket.gethostname()

@@ -38,14 +38,7 @@ class LaunchError(People4dError):
 
 
 class Launcher:
-    """One system on this machine.
-
-    Args:
-        state: Its folder.
-        services: What shall run, in an order in which it can be started.
-        heartbeats: Heartbeats of its processes.
-        progress: Called with each change.
-    """
+    """One system on this machine; its services are given in an order of start."""
 
     def __init__(
         self,
@@ -71,10 +64,8 @@ class Launcher:
     def start(self, robot: str, connect: str, timeout_s: float) -> None:
         """Start every service once those it waits for are healthy.
 
-        Args:
-            robot: Name of the robot, to be noted.
-            connect: Endpoint of the router, to be noted.
-            timeout_s: Longest time from a service's start until it is healthy.
+        Each has `timeout_s` from its start until it is healthy; `connect`, the endpoint of the
+        router, is noted in the state.
 
         Raises:
             LaunchError: A service fails or is not healthy in time; everything is stopped again.
@@ -93,7 +84,7 @@ class Launcher:
         services = tuple(self.services.values())
         pid = self.supervisor.spawn(services)
         self.state.plan_file.write_bytes(msgspec.json.encode(services))
-        self.state.write(Run(robot=robot, connect=connect, services=tuple(self.services), pid=pid))
+        self.state.run_file.write_bytes(msgspec.json.encode(Run(connect=connect, pid=pid)))
         try:
             self._start_services(timeout_s)
         except BaseException:
@@ -219,15 +210,8 @@ def scale(
 ) -> None:
     """Start or stop processes of a running system, and wait until the new ones work.
 
-    Args:
-        state: Its folder.
-        requests: "service=number".
-        heartbeats: Heartbeats of its processes.
-        timeout_s: Longest time until a new process works.
-        progress: Called with each change.
-
     Raises:
-        ConfigError: A request names no service, or one that runs only once.
+        ConfigError: A request, "service=number", names no service, or one that runs only once.
         LaunchError: A new process does not come up; it is left as it is.
     """
     services = read_plan(state)

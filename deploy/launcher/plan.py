@@ -122,14 +122,8 @@ def read_settings(
 ) -> msgspec.Struct | None:
     """Read the settings of a service as its process will read them.
 
-    Args:
-        service: The service.
-        file: TOML file with one table for each service.
-        environment: Environment variables of the process.
-        overrides: "field=value", which win.
-
-    Returns:
-        Its configuration; None for a program that is no service of this project.
+    The configuration is None for a program that is no service of this project; overrides,
+    "field=value", win over the environment of the process, and that over the TOML file.
 
     Raises:
         ConfigError: A setting is unknown or out of range, or the file cannot be read.
@@ -179,10 +173,7 @@ def replicas_of(
 ) -> dict[str, int]:
     """Return the number of processes of each service.
 
-    Args:
-        scale: "service=number", the last one of a service wins.
-        services: Services of the run, with their default numbers.
-        every: Services of all profiles.
+    The last "service=number" of a service wins, else the number that it has.
 
     Raises:
         ConfigError: A request names no service, or several processes of one that runs once.

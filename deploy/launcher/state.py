@@ -20,14 +20,13 @@ from people4d.messages.base import check_name
 LONGEST_SOCKET_PATH = 108 - 1 - len(".4194304")
 MARK = "PEOPLE4D_RUN"
 POLL_S = 0.05
+GRACE_S = 3.0  # between SIGTERM and SIGKILL
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
-    """Record of a running system: what it was started with."""
+    """Record of a running system."""
 
-    robot: str  # name of the robot
     connect: str  # endpoint of its router, for example tcp/127.0.0.1:7447
-    services: tuple[str, ...]  # names, in the order of their start
     pid: int  # process number of supervisord
 
 
@@ -91,16 +90,8 @@ class State:
             return None
         return run if _is_marked(run.pid, self.folder) else None
 
-    def write(self, run: Run) -> None:
-        """Note what the system was started with."""
-        self.run_file.write_bytes(msgspec.json.encode(run))
-
     def was_stopped(self, timeout_s: float) -> bool:
-        """Wait for a stop to end; return whether there was one, not a killed supervisord.
-
-        Args:
-            timeout_s: Time that the command which stops it may take to tidy up afterwards.
-        """
+        """Wait for a stop to end and tidy up; return False if supervisord was killed instead."""
         deadline_s = time.monotonic() + timeout_s
         while self.run_file.exists():
             if self.read():
@@ -123,18 +114,14 @@ class State:
         """Return processes of this system that are still alive; zombies have no mark."""
         return [p for p in psutil.process_iter() if _is_marked(p.pid, self.folder)]
 
-    def sweep(self, grace_s: float = 3.0) -> int:
-        """End processes that a killed supervisord left behind, and return their number.
-
-        Args:
-            grace_s: Time between SIGTERM and SIGKILL.
-        """
+    def sweep(self) -> int:
+        """End processes that a killed supervisord left behind, and return their number."""
         leftovers = alive = self.leftovers()
         for number in (signal.SIGTERM, signal.SIGKILL):
             for process in alive:
                 with suppress(psutil.NoSuchProcess):
                     process.send_signal(number)
-            deadline_s = time.monotonic() + grace_s
+            deadline_s = time.monotonic() + GRACE_S
             while (alive := self.leftovers()) and time.monotonic() < deadline_s:
                 time.sleep(POLL_S)
         if alive:

@@ -58,12 +58,7 @@ stdout_logfile_maxbytes=10MB
 stdout_logfile_backups=1
 """
 
-AUTORESTART = {
-    "no": "false",
-    "on-failure": "unexpected",
-    "always": "true",
-    "unless-stopped": "true",
-}
+AUTORESTART = {"no": "false", "on-failure": "unexpected"}  # else "true"
 
 
 @dataclass(frozen=True)
@@ -115,7 +110,7 @@ def _program(state: State, service: Service, instance: str, priority: int) -> st
         instance=instance,
         command=" ".join(map(quote, [*env, *local_command(service.command)])),
         priority=priority,
-        autorestart=AUTORESTART[service.restart],
+        autorestart=AUTORESTART.get(service.restart, "true"),
         # A process that is never restarted may end well at once.
         startsecs=0 if service.restart == "no" else 1,
         retries=service.retries,

@@ -72,12 +72,7 @@ class HangDetector:
         self._heard[health.instance] = _Heard(health.pid, now_s, health.state, stalled_s)
 
     def hung(self, processes: Mapping[str, Process], now_s: float) -> dict[str, str]:
-        """Return why each process that hangs is believed to.
-
-        Args:
-            processes: What runs, by name; heartbeats of others do not matter.
-            now_s: Monotonic time in seconds.
-        """
+        """Return the processes of those that run which hang, by name, each with the reason."""
         self._excuse(now_s)
         running = [p for p in processes.values() if p.state == "RUNNING"]
         watched = [p for p in running if p.name in self._heard]
@@ -115,13 +110,7 @@ class HangDetector:
 
 
 class WatchdogNode(Node):
-    """Ends processes that hang, so that supervisord starts them again.
-
-    Args:
-        config: When a process hangs, and how often it is started again.
-        supervisor: Supervisor of the processes.
-        host: Name of this machine; heartbeats of others do not count.
-    """
+    """Ends processes of this host that hang, so that supervisord starts them again."""
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Health,)
 

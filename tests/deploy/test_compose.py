@@ -32,7 +32,7 @@ def test_all_used_fields_are_read(tmp_path: Path) -> None:
         healthcheck: {test: [CMD, people4d, health, second], interval: 30s, retries: 3}
         restart: on-failure:7
         deploy: {replicas: "2"}
-        stop_grace_period: 1h2m3.5s
+        stop_grace_period: 3.5s
         profiles: [extra]
     """
     second = services_of(tmp_path, text, {}, "extra")["second"]
@@ -45,7 +45,7 @@ def test_all_used_fields_are_read(tmp_path: Path) -> None:
         restart="on-failure",
         retries=7,
         replicas=2,
-        stop_grace_s=3723.5,  # 3600 + 2 * 60 + 3.5
+        stop_grace_s=3.5,
         profiles=frozenset({"extra"}),
     )
     assert second.instances == ("second-1", "second-2")

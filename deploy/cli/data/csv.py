@@ -64,10 +64,6 @@ def csv(
 def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
     """Write the people of messages, by rising stamp, to a table; return the number of rows.
 
-    Args:
-        file: .csv or .parquet; its folder is made, an existing file is replaced.
-        messages: By rising stamp.
-
     Raises:
         ConfigError: The ending is another one, or what writes it is not installed.
         SourceError: The file cannot be written.

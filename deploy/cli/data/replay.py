@@ -147,12 +147,9 @@ def clean_cameras(recording: Recording) -> dict[str, CleanDepthSensor]:
 
 
 def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixels: bool) -> Message:
-    """Return a recorded frame as it is to be published.
+    """Return a recorded frame as it is published: with its pixels, or compressed.
 
-    Args:
-        message: As recorded.
-        clean: Reads its depth as a sensor would; None if depth is as a sensor read it.
-        pixels: Whether it goes out with its pixels, or compressed.
+    `clean` reads depth as a sensor would; it is None if depth is as a sensor read it.
 
     Raises:
         DecodeError: An image is corrupt.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deploy.cli.options import Fidelity, Jobs, Settings
+from deploy.cli.options import Fidelity, Figures, Jobs, Settings, VisualOdometry
 from deploy.cli.terminal import (
     can_draw_figures,
     console,
@@ -52,13 +52,8 @@ def evaluate(
         typer.Option(help="Folder of renderings and detections; else one in your cache folder."),
     ] = None,
     set_: Settings = [],  # noqa: B006 (typer copies it)
-    visual_odometry: Annotated[
-        bool,
-        typer.Option("--visual-odometry", help="Motion of the base from images, not wheels."),
-    ] = False,
-    figures: Annotated[
-        bool, typer.Option(help="Draw figures, if matplotlib is installed, the extra 'evaluate'.")
-    ] = True,
+    visual_odometry: VisualOdometry = False,
+    figures: Figures = True,
 ) -> None:
     """Score methods on recordings with truth; the same metrics every time, on any machine."""
     from evaluation.cache import default_folder  # noqa: PLC0415

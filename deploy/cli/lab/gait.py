@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deploy.cli.options import Preset, Settings
+from deploy.cli.options import Figures, Preset, Settings
 from deploy.cli.terminal import can_draw_figures, console, interruptible, plain_table, progress
 from lab import scenario as scenarios
 from people4d.errors import ConfigError
@@ -39,9 +39,7 @@ def gait(
     preset: Preset = "",
     set_: Settings = [],  # noqa: B006 (typer copies it)
     video: Annotated[bool, typer.Option(help="Draw gait.webm, which takes longest.")] = True,
-    figures: Annotated[
-        bool, typer.Option(help="Draw figures, if matplotlib is installed, the extra 'evaluate'.")
-    ] = True,
+    figures: Figures = True,
 ) -> None:
     """Track heads, hands and feet in a recording; write tables, plots and a video."""
     from evaluation.gait.report import GaitReport, read_run  # noqa: PLC0415

@@ -79,18 +79,15 @@ def _show(folder: Path, checks: Sequence[Any]) -> None:
         raise ConfigError(f"{folder} holds no keys", "Make them: people4d keys FOLDER --router ...")
     table = plain_table("host", "role", "good until", "state")
     for found in checks:
-        table.add_row(found.file.parent.name, found.role, *_state(found.ends, found.problem))
+        days = (found.ends - datetime.now(UTC)).days if found.ends else SOON_DAYS
+        until = f"{found.ends:%Y-%m-%d} ({days} days)" if found.ends else "changed"
+        state = "[green]ok[/]" if days >= SOON_DAYS else "[yellow]ends soon, --renew[/]"
+        if found.problem:
+            state = f"[red]{found.problem}[/]"
+        table.add_row(found.file.parent.name, found.role, until, state)
     console.print(table)
     bad = sum(bool(found.problem) for found in checks)
     if bad:
         raise People4dError(
             f"{bad} of {len(checks)} keys in {folder} are not good", "Make new ones: --renew"
         )
-
-
-def _state(ends: datetime | None, problem: str) -> tuple[str, str]:
-    days = (ends - datetime.now(UTC)).days if ends else SOON_DAYS
-    until = f"{ends:%Y-%m-%d} ({days} days)" if ends else "changed"
-    if problem:
-        return until, f"[red]{problem}[/]"
-    return until, "[green]ok[/]" if days >= SOON_DAYS else "[yellow]ends soon, --renew[/]"

@@ -10,7 +10,7 @@ import typer
 
 from common.config import setting
 from common.transport.ports import free_port
-from deploy.cli.options import Preset, ReadyTimeout, Robot, Settings
+from deploy.cli.options import Preset, ReadyTimeout, Robot, Settings, VisualOdometry
 from deploy.cli.terminal import console, print_progress, signals_interrupt
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop
@@ -80,13 +80,7 @@ def up(
     gait: Annotated[
         bool, typer.Option("--gait", help="Follow heads, hands and feet, and tell how people walk.")
     ] = False,
-    visual_odometry: Annotated[
-        bool,
-        typer.Option(
-            "--visual-odometry",
-            help="The robot moves and tells no odometry: see it in its pictures.",
-        ),
-    ] = False,
+    visual_odometry: VisualOdometry = False,
     profile: Annotated[
         list[str], typer.Option(help="Profile of the compose file, whose services run too.")
     ] = [],  # noqa: B006
