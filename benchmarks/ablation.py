@@ -9,12 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.lib.table import markdown, write
-from common.metrics import Row, combine
+from common.metrics.scores import Row, combine
 from evaluation.cache import default_folder
 from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
 from evaluation.recordings.recordings import plan_recordings
-from evaluation.run.preparation import EvaluationPlan, WorkQueue, check_models, render_all, runs_of
+from evaluation.run.preparation import EvaluationPlan, check_models, render_all, runs_of
 from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
 
 SCENARIOS = (
@@ -112,9 +112,8 @@ def main() -> None:
     )
     check_models(plan)
     render_all(plan, report_progress)
-    with Pool(plan.jobs) as pool:
-        work = WorkQueue(pool, report_progress)
-        results = work.do("tracking", try_out, runs_of(plan, work))
+    with Pool(plan.jobs, report_progress) as pool:
+        results = pool.do("tracking", try_out, runs_of(plan, pool))
     table = markdown(header(results), rows(results))
     if asked.dry:
         print(table)

@@ -18,13 +18,14 @@ import numpy as np
 
 from benchmarks.lib.table import markdown, spread, write
 from common.io.recording import RecordingWriter, open_recording
-from common.metrics import Matching, score_matching
+from common.metrics.matching import Matching
+from common.metrics.scores import score_matching
 from deploy.cli.terminal import progress
 from evaluation.cache import default_folder
 from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
 from evaluation.recordings.recordings import EvaluationRecording, plan_recordings
-from evaluation.run.preparation import EvaluationPlan, WorkQueue, render_all, runs_of
+from evaluation.run.preparation import EvaluationPlan, render_all, runs_of
 from evaluation.run.run import execute
 from people4d.messages import F64, Message, Odometry
 
@@ -105,8 +106,8 @@ def _standing(message: Message) -> Message:
 
 def _matchings(recordings: Sequence[EvaluationRecording], method: Method) -> list[Matching]:
     plan = EvaluationPlan((method,), tuple(recordings), default_folder())
-    with Pool(1) as pool, progress() as report:
-        runs = runs_of(plan, WorkQueue(pool, report))
+    with progress() as report, Pool(1, report) as pool:
+        runs = runs_of(plan, pool)
     return [execute(one).matching for one in runs]
 
 

@@ -28,7 +28,9 @@ from benchmarks.lib.rides import (
     rendered_ride,
 )
 from benchmarks.lib.table import markdown, spread, write
-from common.metrics import Scores, box_overlap, combine, match, score_matching
+from common.metrics.matching import match
+from common.metrics.scores import Scores, combine, score_matching
+from common.metrics.similarity import box_overlap
 from lab.camera.synthetic_detections import SyntheticDetectionsConfig
 from services.detector.config import DetectorConfig
 from services.tracker.config import ImageSortConfig

@@ -15,9 +15,9 @@ from benchmarks.real_inputs import ROOT
 from deploy.cli.terminal import progress
 from evaluation.cache import default_folder
 from evaluation.evaluate import Evaluation, evaluate
-from evaluation.evaluate import write as write_report
 from evaluation.methods import Method, read_method
 from evaluation.recordings.recordings import plan_recordings
+from evaluation.report.page import write as write_report
 from evaluation.report.tables import ReportTable
 from evaluation.run.preparation import EvaluationPlan
 

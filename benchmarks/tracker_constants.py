@@ -19,14 +19,11 @@ from benchmarks.real_inputs import ROOT, Played, gather, lockstep, models
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import wrap
-from common.metrics import (
-    EvaluationFrame,
-    GroundDistance,
-    Matcher,
-    ground_truth_of,
-    hypotheses_of,
-)
-from common.metrics.live.scorer import LiveScorer
+from common.metrics.from_messages import ground_truth_of, hypotheses_of
+from common.metrics.live import LiveScorer
+from common.metrics.matching import Matcher
+from common.metrics.record import EvaluationFrame
+from common.metrics.similarity import GroundDistance
 from evaluation.pipeline import pipeline, play, track_again
 from evaluation.recordings.hand_annotations import compare, crossing_camera
 from people4d.messages import Track, Tracks, Truth, TruthPerson

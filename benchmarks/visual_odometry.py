@@ -23,7 +23,8 @@ from benchmarks.odometry import OWN, figures, run, variants
 from common.geometry.transform_buffer import transform_from_odometry
 from common.geometry.transform_history import TransformBufferConfig, TransformHistory
 from common.geometry.transforms import invert, wrap
-from common.metrics import Matching, score_matching
+from common.metrics.matching import Matching
+from common.metrics.scores import score_matching
 from evaluation.cache import default_folder
 from evaluation.methods import read_method
 from evaluation.pool import Pool
@@ -31,7 +32,7 @@ from evaluation.recordings.detections import read_tracker_input
 from evaluation.recordings.hand_annotations import crossing_camera
 from evaluation.recordings.recordings import plan_recordings, render_recording
 from evaluation.recordings.visual_motion import FrameMotion, VisualMotion, write_with_motion
-from evaluation.run.preparation import EvaluationPlan, WorkQueue, runs_of
+from evaluation.run.preparation import EvaluationPlan, runs_of
 from evaluation.run.run import EvaluationRun, execute
 from lab.scenario import load_scenario
 from lab.world import EPOCH_NS, World
@@ -278,8 +279,8 @@ def main() -> None:
     for recording in recordings:
         render_recording(recording, 1, lambda what, share: print(f"{what} {100 * share:.0f} %"))
     plan = EvaluationPlan((read_method("best"),), tuple(recordings), cache)
-    with Pool(1) as pool:
-        evaluated = runs_of(plan, WorkQueue(pool, lambda what, share: print(f"{what} {share:.2f}")))
+    with Pool(1, lambda what, share: print(f"{what} {share:.2f}")) as pool:
+        evaluated = runs_of(plan, pool)
     runs = {
         evaluation_run.recording.scenario: watch(evaluation_run) for evaluation_run in evaluated
     }

@@ -1,35 +1,15 @@
-"""Evaluation of all methods on all recordings: scores, tables, figures and the report."""
+"""Evaluation of all methods on all recordings: scores, tables, figures and filmstrips."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from common.metrics import Row, combine
-from evaluation.pool import Pool
-from evaluation.recordings.recordings import EvaluationRecording, OnProgress
-from evaluation.report.csv_files import (
-    SWITCH_FIELDS,
-    switch_rows,
-    write_bytes,
-    write_csv,
-    write_runs,
-    write_summary,
-    write_table,
-)
+from common.metrics.scores import Row, combine
+from evaluation.pool import OnProgress, Pool
+from evaluation.report.csv_files import SwitchRow, switch_rows
 from evaluation.report.filmstrips import Filmstrip, filmstrips_of
-from evaluation.report.page import ReportContent, ReportFigure, html_of
-from evaluation.report.tables import (
-    OVERVIEW,
-    RATES,
-    TABLES,
-    ReportTable,
-    fill,
-    groups_of,
-    rate_of,
-    row_of,
-)
+from evaluation.report.tables import ReportTable, fill, groups_of, rate_of, read_tables, row_of
 from evaluation.report.trajectories import RunTrajectories, trajectories_of
-from evaluation.run.preparation import EvaluationPlan, WorkQueue, check_models, render_all, runs_of
+from evaluation.run.preparation import EvaluationPlan, check_models, render_all, runs_of
 from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
 
 
@@ -38,11 +18,18 @@ class RunReport:
     """Results of one run."""
 
     scores: RunScores
-    # one row for each ID switch, see `csv_files.SWITCH_FIELDS`
-    switches: tuple[tuple[object, ...], ...]
+    switches: tuple[SwitchRow, ...]  # one row for each ID switch
     filmstrips: tuple[Filmstrip, ...] = ()  # images of the first of them, if the recording is shown
-    # paths of people and tracks, if the recording is shown
-    trajectories: RunTrajectories | None = None
+    trajectories: RunTrajectories | None = None  # likewise
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """A figure of the report."""
+
+    name: str  # name of its file, without the ending
+    title: str
+    png: bytes  # content of the file
 
 
 @dataclass(frozen=True)
@@ -55,13 +42,14 @@ class Evaluation:
     tables: tuple[ReportTable, ...]  # all tables of the report
     figures: tuple[ReportFigure, ...]  # of the first recording of each scenario, and of the errors
 
+    @property
+    def switches(self) -> list[SwitchRow]:
+        """One row for each ID switch of all runs."""
+        return [row for run in self.runs for row in run.switches]
+
 
 def evaluate(plan: EvaluationPlan, on_progress: OnProgress) -> Evaluation:
     """Score all methods on all recordings.
-
-    Args:
-        plan: Methods and recordings.
-        on_progress: Called with the name of the stage and the share of it that is done.
 
     Raises:
         SourceError: A recording cannot be read, or has no truth.
@@ -69,77 +57,38 @@ def evaluate(plan: EvaluationPlan, on_progress: OnProgress) -> Evaluation:
     """
     check_models(plan)
     render_all(plan, on_progress)
-    with Pool(plan.jobs) as pool:
-        work = WorkQueue(pool, on_progress)
-        shown = _shown(plan.recordings)
-        wanted = [(run, run.recording.name in shown) for run in runs_of(plan, work)]
-        runs = work.do("tracking", _run, wanted)
-        figures = _figures(plan, runs, work) if plan.figures else ()
+    with Pool(plan.jobs, on_progress) as pool:
+        # The first recording of each scenario is shown.
+        first = {recording.scenario: recording.name for recording in reversed(plan.recordings)}
+        wanted = [(run, run.recording.name in first.values()) for run in runs_of(plan, pool)]
+        runs = pool.do("tracking", _run, wanted)
+        figures = _figures(plan, runs, pool) if plan.figures else ()
     scores = [run.scores for run in runs]
     rows = [row_of(one) for one in scores]
+    tables = read_tables()
+    overview, rates = tables.pop("overview"), tables["6_5_speed"]
     groups = groups_of(scores, rows)
-    tables = [fill(table, groups) for table in TABLES]
+    filled = {name: fill(table, groups) for name, table in tables.items()}
     if any(one.pipeline_ms for one in scores):
-        rates = groups_of(scores, [rate_of(one) for one in scores])
-        tables.insert(4, fill(RATES, rates))
-    overview = fill(OVERVIEW, groups, spread=False)
-    return Evaluation(tuple(runs), tuple(rows), overview, tuple(tables), figures)
-
-
-def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: str) -> Path:
-    """Write all metrics as CSV files, images, and the report that contains everything.
-
-    Args:
-        plan: Methods and recordings.
-        evaluation: Its results.
-        folder: Folder of the files; it is made if it is absent.
-        command: Command that makes them again.
-
-    Returns:
-        The report.
-
-    Raises:
-        SourceError: The folder cannot be written.
-    """
-    scores = [run.scores for run in evaluation.runs]
-    switches = [row for run in evaluation.runs for row in run.switches]
-    filmstrips = [filmstrip for run in evaluation.runs for filmstrip in run.filmstrips]
-    write_runs(folder / "runs.csv", scores, evaluation.rows)
-    write_summary(folder / "summary.csv", groups_of(scores, evaluation.rows))
-    write_csv(folder / "switches.csv", SWITCH_FIELDS, switches)
-    for table in evaluation.tables:
-        write_table(folder / "tables", table)
-    for figure in evaluation.figures:
-        write_bytes(folder / "figures" / f"{figure.name}.png", figure.png)
-    for number, filmstrip in enumerate(filmstrips, 1):
-        name = f"{number:03d}_{filmstrip.method}_{filmstrip.recording}.png"
-        write_bytes(folder / "switches" / name, filmstrip.png())
-    content = ReportContent(
-        command=command,
-        scores=scores,
-        tables=evaluation.tables,
-        figures=evaluation.figures,
-        filmstrips=filmstrips,
-        switches=len(switches),
-        settings={method.name: method.text() for method in plan.methods},
-    )
-    report = folder / "report.html"
-    write_bytes(report, html_of(content).encode())
-    return report
+        filled[rates.name] = fill(rates, groups_of(scores, [rate_of(one) for one in scores]))
+    else:
+        del filled[rates.name]
+    overview = fill(overview, groups, spread=False)
+    return Evaluation(tuple(runs), tuple(rows), overview, tuple(filled.values()), figures)
 
 
 def _run(wanted: tuple[EvaluationRun, bool]) -> RunReport:
     """Do one run; the flag tells that its trajectories and ID switches are shown."""
     run, shown = wanted
     output = execute(run)
-    rows = tuple(switch_rows(run.method.name, run.recording.name, output))
+    rows = switch_rows(run.method.name, run.recording.name, output)
     if not shown:
         return RunReport(score_run(run, output), rows)
     trajectories = trajectories_of(run.method.name, output)
     return RunReport(score_run(run, output), rows, filmstrips_of(run, output), trajectories)
 
 
-def _draw(wanted: tuple[str, tuple[RunTrajectories, ...]]) -> tuple[ReportFigure, ...]:
+def _draw(wanted: tuple[str, list[RunTrajectories]]) -> tuple[ReportFigure, ...]:
     """Draw the trajectories of all methods on one recording."""
     from evaluation.report import figures  # noqa: PLC0415 (matplotlib may be absent)
 
@@ -152,28 +101,24 @@ def _draw(wanted: tuple[str, tuple[RunTrajectories, ...]]) -> tuple[ReportFigure
     )
 
 
-def _shown(recordings: Sequence[EvaluationRecording]) -> set[str]:
-    """Return the names of the recordings that are shown: the first of each scenario."""
-    first = {recording.scenario: recording.name for recording in reversed(recordings)}
-    return set(first.values())
-
-
 def _figures(
-    plan: EvaluationPlan, runs: Sequence[RunReport], work: WorkQueue
+    plan: EvaluationPlan, runs: Sequence[RunReport], pool: Pool
 ) -> tuple[ReportFigure, ...]:
     from evaluation.report import figures  # noqa: PLC0415 (matplotlib may be absent)
 
-    wanted = []
-    for recording in plan.recordings:
-        name = recording.name
-        shown = [r.trajectories for r in runs if r.scores.recording.name == name]
-        trajectories = tuple(one for one in shown if one is not None)
-        if any(len(one.stamps_s) and one.persons for one in trajectories):
-            wanted.append((name, trajectories))
+    shown: dict[str, list[RunTrajectories]] = {}
+    for run in runs:
+        if run.trajectories:
+            shown.setdefault(run.scores.recording.name, []).append(run.trajectories)
+    wanted = [
+        (name, trajectories)
+        for name, trajectories in shown.items()
+        if any(len(one.stamps_s) and one.persons for one in trajectories)
+    ]
     pooled = {
         method.name: combine(r.scores.scores for r in runs if r.scores.method == method.name)
         for method in plan.methods
     }
     errors = ReportFigure("errors", "Errors over all recordings", figures.histograms(pooled))
-    drawn = work.do("drawing", _draw, wanted)
+    drawn = pool.do("drawing", _draw, wanted)
     return (errors, *(figure for drawing in drawn for figure in drawing))

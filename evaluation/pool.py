@@ -16,6 +16,8 @@ from people4d.errors import People4dError
 A = TypeVar("A")
 B = TypeVar("B")
 
+OnProgress = Callable[[str, float], object]  # name of the stage, share of it that is done
+
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -24,39 +26,40 @@ class Pool:
 
     Args:
         jobs: Processes at once; with one all is done in this process.
+        on_progress: Called when a stage begins, and after each piece of work.
     """
 
-    def __init__(self, jobs: int) -> None:
-        self._jobs = jobs
+    def __init__(self, jobs: int, on_progress: OnProgress) -> None:
+        self._jobs, self._on_progress = jobs, on_progress
         self._stack = ExitStack()
         self._executor: ProcessPoolExecutor | None = None
 
-    def do_all(
-        self, work: Callable[[A], B], items: Sequence[A], done: Callable[[int], object]
-    ) -> list[B]:
-        """Do all pieces of work and return the results in their order.
-
-        Args:
-            work: Does one piece; it must be picklable.
-            items: The pieces.
-            done: Called with the index of each piece when it is done.
+    def do(self, stage: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
+        """Do all pieces of work, which is picklable, and return the results in their order.
 
         Raises:
             People4dError: A process was killed. What a piece raises is raised here.
         """
+        self._on_progress(stage, 0.0)
+        results: dict[int, B] = {}
+        for index, result in self._results(work, items):
+            results[index] = result
+            self._on_progress(stage, len(results) / len(items))
+        return [results[index] for index in range(len(items))]
+
+    def _results(self, work: Callable[[A], B], items: Sequence[A]) -> Iterator[tuple[int, B]]:
+        """Yield index and result of each piece when it is done."""
         if self._jobs == 1 or (len(items) < 2 and self._executor is None):
-            results = []
-            for index, item in enumerate(items):
-                results.append(work(item))
-                done(index)
-            return results
-        executor = self._started()
+            yield from enumerate(map(work, items))
+            return
+        if self._executor is None:
+            self._stack.enter_context(_one_thread_each())
+            # A forked process would have the locks of threads, but not the threads.
+            self._executor = ProcessPoolExecutor(self._jobs, get_context("spawn"), _begin)
         try:
-            futures = {executor.submit(work, item): index for index, item in enumerate(items)}
+            futures = {self._executor.submit(work, item): k for k, item in enumerate(items)}
             for future in as_completed(futures):
-                future.result()
-                done(futures[future])
-            return [future.result() for future in futures]
+                yield futures[future], future.result()
         except BrokenProcessPool as error:
             raise People4dError(
                 "a process of the evaluation was killed, perhaps because memory ran out",
@@ -71,13 +74,6 @@ class Pool:
             self._executor.shutdown(wait=True, cancel_futures=True)
         self._stack.close()
 
-    def _started(self) -> ProcessPoolExecutor:
-        if self._executor is None:
-            self._stack.enter_context(_one_thread_each())
-            # A forked process would have the locks of threads, but not the threads.
-            self._executor = ProcessPoolExecutor(self._jobs, get_context("spawn"), _begin)
-        return self._executor
-
 
 def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends what is interrupted
@@ -87,13 +83,11 @@ def _begin() -> None:
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
     """Let processes that are started meanwhile use one thread: libraries read that on loading."""
-    before = {name: os.environ.get(name) for name in THREADS}
+    before = {name: os.environ[name] for name in THREADS if name in os.environ}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in THREADS:
+            del os.environ[name]
+        os.environ.update(before)

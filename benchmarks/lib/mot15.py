@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.metrics import Hypotheses, Scores, box_overlap, combine, score
 from common.metrics.mot_text import MotInfo, MotRows, read_info, read_rows, sequence
+from common.metrics.record import Hypotheses
+from common.metrics.scores import Scores, combine, score
+from common.metrics.similarity import box_overlap
 from people4d.messages import F64
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 

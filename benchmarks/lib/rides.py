@@ -13,8 +13,7 @@ import numpy as np
 from common.geometry.transform_buffer import transform_from_odometry
 from common.geometry.transform_history import COUNTERS, TransformBufferConfig, TransformHistory
 from common.geometry.transforms import LINK_FROM_OPTICAL
-from common.metrics import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
-from common.metrics.record import BOOL
+from common.metrics.record import BOOL, EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
 from evaluation.recordings.recordings import plan_recordings, render_recording
 from lab.camera.frames import odometry as lab_odometry

@@ -29,25 +29,15 @@ class CameraViews:
         self._infos[info.camera] = info
 
     def outside(self, positions_m: Sequence[F64], frame_id: str, stamp_ns: int) -> BOOL | None:
-        """Check which people are outside of the view of every camera.
+        """Return flags (N) of positions (N of 3 in a frame) outside of the view of every camera.
 
-        Args:
-            positions_m: N of 3 coordinates.
-            frame_id: Their frame.
-            stamp_ns: Time of the positions; cameras may move.
-
-        Returns:
-            N; None if the pose of no camera is known.
+        None if at that time the pose of no camera is known.
         """
-        poses = [
-            (info, self._transforms.lookup(info.frame_id, frame_id, stamp_ns))
-            for info in self._infos.values()
-        ]
-        views = [
-            in_view(np.array(positions_m), pose.matrix, info)
-            for info, pose in poses
-            if pose is not None
-        ]
+        views = []
+        for info in self._infos.values():
+            pose = self._transforms.lookup(info.frame_id, frame_id, stamp_ns)
+            if pose is not None:
+                views.append(in_view(np.array(positions_m), pose.matrix, info))
         return np.asarray(~np.any(views, axis=0)) if views else None
 
 

@@ -1,7 +1,7 @@
 """Evaluation frames from messages."""
 
 from collections.abc import Iterable, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,34 +15,22 @@ P = TypeVar("P", Track, TruthPerson)
 def ground_truth_of(
     people: Sequence[TruthPerson], out_of_view: BOOL | None = None, occluded: BOOL | None = None
 ) -> GroundTruth:
-    """Return people as ground truth.
+    """Return N people, all `plausible`, as ground truth.
 
     Args:
-        people: N, all of them `plausible`.
+        people: N of them.
         out_of_view: N; None if the view is not known.
         occluded: N; None if none is.
     """
-    return GroundTruth(
-        ids=tuple(person.id for person in people),
-        positions_m=_vectors([person.position_m for person in people]),
-        velocities_mps=_vectors([person.velocity_mps for person in people]),
-        yaws_rad=_angles([person.yaw_rad for person in people]),
-        out_of_view=out_of_view,
-        occluded=occluded,
-    )
+    return GroundTruth(**_columns(people), out_of_view=out_of_view, occluded=occluded)
 
 
 def hypotheses_of(tracks: Iterable[Track]) -> Hypotheses:
     """Return plausible tracks as hypotheses; tentative ones are not reported as people."""
     reported = {track.id: track for track in tracks if track.state != "tentative"}
     people = plausible(reported.values())
-    return Hypotheses(
-        ids=tuple(track.id for track in people),
-        positions_m=_vectors([track.position_m for track in people]),
-        velocities_mps=_vectors([track.velocity_mps for track in people]),
-        yaws_rad=_angles([track.yaw_rad for track in people]),
-        predicted=np.array([track.state == "lost" for track in people], np.bool_),
-    )
+    predicted = np.array([track.state == "lost" for track in people], np.bool_)
+    return Hypotheses(**_columns(people), predicted=predicted)
 
 
 def plausible(people: Iterable[P]) -> tuple[P, ...]:
@@ -55,10 +43,14 @@ def plausible(people: Iterable[P]) -> tuple[P, ...]:
     )
 
 
-def _vectors(vectors: Sequence[F64 | None]) -> F64:
-    rows = [np.full(3, np.nan) if vector is None else vector for vector in vectors]
-    return np.array(rows, np.float64).reshape(-1, 3)
+def _columns(people: Sequence[Track] | Sequence[TruthPerson]) -> dict[str, Any]:
+    def column(values: Iterable[F64 | float | None], *width: int) -> F64:
+        rows = [np.full(width, np.nan) if value is None else value for value in values]
+        return np.array(rows, np.float64).reshape(-1, *width)
 
-
-def _angles(angles: Sequence[float | None]) -> F64:
-    return np.array([np.nan if angle is None else angle for angle in angles], np.float64)
+    return {
+        "ids": tuple(person.id for person in people),
+        "positions_m": column((person.position_m for person in people), 3),
+        "velocities_mps": column((person.velocity_mps for person in people), 3),
+        "yaws_rad": column(person.yaw_rad for person in people),
+    }

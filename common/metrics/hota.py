@@ -81,15 +81,10 @@ def count_hota(matching: Matching) -> HotaCounts:
         together = np.zeros(shape)  # TPA of each pair of identities
         np.add.at(together, (persons[hit], tracks[hit]), 1.0)
         either = person_frames[:, None] + track_frames[None] - together
-        columns.append(
-            (
-                np.count_nonzero(hit),
-                similarity[hit].sum(),
-                (together * ratios(together, either)).sum(),
-                (together**2 / np.maximum(person_frames, 1.0)[:, None]).sum(),
-                (together**2 / np.maximum(track_frames, 1.0)[None]).sum(),
-            )
-        )
+        recall = (together**2 / np.maximum(person_frames, 1.0)[:, None]).sum()
+        precision = (together**2 / np.maximum(track_frames, 1.0)[None]).sum()
+        accuracy = (together * ratios(together, either)).sum()
+        columns.append([hit.sum(), similarity[hit].sum(), accuracy, recall, precision])
     tp, *sums = np.array(columns, np.float64).T
     return HotaCounts(tp, person_frames.sum() - tp, track_frames.sum() - tp, *sums)
 
@@ -109,13 +104,11 @@ def _align(matching: Matching, shape: tuple[int, int]) -> tuple[F64, F64, F64]:
 
 def _pairs(matching: Matching, alignment: F64) -> tuple[I64, I64, F64]:
     """Return person, track and similarity of the pairs assigned in all frames."""
-    found: list[tuple[I64, I64, F64]] = []
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for matches in matching.frame_matches:
         persons, tracks, similarity = matches.evaluated
         worth = alignment[np.ix_(persons, tracks)] * similarity
         rows, columns = linear_sum_assignment(worth, maximize=True)
         found.append((persons[rows], tracks[columns], similarity[rows, columns]))
-    if not found:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     persons, tracks, similarity = (np.concatenate(column) for column in zip(*found, strict=True))
     return persons, tracks, similarity

@@ -28,8 +28,8 @@ class Lifetimes(Counts):
     segments: int = 0  # runs of matches of one person to one track
     segments_s: float = 0.0  # [s] matched in them
     people: int = 0  # who were in view at all
-    found: int = 0  # of them who got a track
-    first_track_s: float = 0.0  # [s] from the first frame in view to the first match, over found
+    people_found: int = 0  # of them who got a track
+    first_track_s: float = 0.0  # [s] from the first frame in view to the first match, over those
     returns: int = 0  # times that a person came back into the view
     reidentified: int = 0  # of them under the same track
 
@@ -51,7 +51,7 @@ class Lifetimes(Counts):
     @property
     def mean_first_track_s(self) -> float | None:
         """Mean time to the first track of those who got one; None if none did."""
-        return self.first_track_s / self.found if self.found else None
+        return self.first_track_s / self.people_found if self.people_found else None
 
     @property
     def share_reidentified(self) -> float | None:
@@ -88,7 +88,7 @@ def _lifetime(history: PersonHistory, periods_s: F64, stamps_s: F64) -> Lifetime
         segments=int(np.count_nonzero(np.diff(tracks))) + found,
         segments_s=float(periods_s[frames].sum()),
         people=1,
-        found=int(found),
+        people_found=int(found),
         first_track_s=first_s,
     )
 

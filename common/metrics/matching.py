@@ -6,7 +6,7 @@ recognised as theirs; then both are left out of the counts.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,6 @@ from scipy.optimize import linear_sum_assignment
 from common.metrics.frame_scores import FrameScore, FrameScorer, IdSwitch
 from common.metrics.record import BOOL, I64, EvaluationFrame, EvaluationSequence, FrameMatches, Id
 from common.metrics.similarity import Similarity
-from people4d.messages import F64
 from people4d.messages.base import check_finite, check_shape
 
 PERSISTENCE = 1000.0  # worth of a pair of the frame before: more than all similarities of a frame
@@ -62,44 +61,25 @@ class Matching:
     @cached_property
     def histories(self) -> tuple[PersonHistory, ...]:
         """Each person who had to be tracked at least once."""
-        entries = _Entries()
-        for index, matches in enumerate(self.frame_matches):
-            entries.add(index, matches, self.sequence.frames[index].hypotheses.was_predicted)
-        return entries.histories(self.persons)
+        none = np.zeros((4, 0), np.int64)
+        entries = np.hstack([none, *map(self._entries, range(len(self.frame_matches)))])
+        histories = []
+        for number in np.unique(entries[0]):
+            _, frames, tracks, measured = entries[:, entries[0] == number]
+            histories.append(PersonHistory(self.persons[number], frames, tracks, measured > 0))
+        return tuple(histories)
 
+    def _entries(self, index: int) -> I64:
+        """Return person, frame, track and flag (4xL) of those who had to be tracked in a frame.
 
-@dataclass
-class _Entries:
-    """One entry for each person who had to be tracked in a frame, frame after frame."""
-
-    persons: list[I64] = field(default_factory=list)
-    frames: list[I64] = field(default_factory=list)
-    tracks: list[I64] = field(default_factory=list)
-    measured: list[BOOL] = field(default_factory=list)
-
-    def add(self, index: int, matches: FrameMatches, predicted: BOOL) -> None:
-        tracks = np.full(len(matches.persons), -1)
-        measured = np.zeros(len(matches.persons), np.bool_)
-        tracks[matches.rows] = matches.tracks[matches.columns]
-        measured[matches.rows] = ~predicted[matches.columns]
-        self.persons.append(matches.persons[matches.required])
-        self.frames.append(np.full(np.count_nonzero(matches.required), index))
-        self.tracks.append(tracks[matches.required])
-        self.measured.append(measured[matches.required])
-
-    def histories(self, names: tuple[Id, ...]) -> tuple[PersonHistory, ...]:
-        none = np.zeros(0, np.int64)
-        persons = np.concatenate([none, *self.persons])
-        frames = np.concatenate([none, *self.frames])
-        tracks = np.concatenate([none, *self.tracks])
-        measured = np.concatenate([none.astype(np.bool_), *self.measured])
-        order = np.argsort(persons, kind="stable")  # by person, within a person by frame
-        numbers, starts = np.unique(persons[order], return_index=True)
-        rows = np.split(order, starts[1:])
-        return tuple(
-            PersonHistory(names[n], frames[r], tracks[r], measured[r])
-            for n, r in zip(numbers, rows, strict=False)  # no entry at all still splits into one
-        )
+        The track is -1 where they were missed, the flag 1 where it has a measurement.
+        """
+        matches, frame = self.frame_matches[index], self.sequence.frames[index]
+        entries = np.repeat([[0], [index], [-1], [0]], len(matches.persons), axis=1)
+        entries[0] = matches.persons
+        entries[2, matches.rows] = matches.tracks[matches.columns]
+        entries[3, matches.rows] = ~frame.hypotheses.was_predicted[matches.columns]
+        return entries[:, matches.required]
 
 
 class Matcher:
@@ -123,58 +103,34 @@ class Matcher:
         Raises:
             ValueError: The similarity has another shape than people by tracks, or is not finite.
         """
-        matches = _match_frame(
-            _numbers(self.persons, frame.truth.ids),
-            _numbers(self.tracks, frame.hypotheses.ids),
-            frame.truth.required,
-            _checked(self._similarity(frame.truth, frame.hypotheses), frame),
-            (self._previous, self._threshold),
-        )
-        if len(matches.persons) and len(matches.tracks):  # a frame without either breaks no pair
-            persons, tracks = matches.persons[matches.rows], matches.tracks[matches.columns]
-            self._previous = dict(zip(persons.tolist(), tracks.tolist(), strict=True))
-        return matches
+        persons = _numbers(self.persons, frame.truth.ids)
+        tracks = _numbers(self.tracks, frame.hypotheses.ids)
+        similarity, required = self._similarity(frame.truth, frame.hypotheses), frame.truth.required
+        check_shape("similarity", similarity, (len(persons), len(tracks)))
+        check_finite("similarity", similarity)
+        admissible = similarity >= self._threshold - ROUNDING
+        last = np.array([self._previous.get(one, -1) for one in persons.tolist()], np.int64)
+        persists = last[:, None] == tracks[None]
+        # Two pairs are always worth more than one; people who have to be tracked come first.
+        worth = np.where(admissible, PERSISTENCE * persists + similarity + required[:, None], 0.0)
+        rows, columns = linear_sum_assignment(worth, maximize=True)
+        valid = admissible[rows, columns]
+        rows, columns = rows[valid], columns[valid]
+        if len(persons) and len(tracks):  # a frame without either breaks no pair
+            pairs = zip(persons[rows].tolist(), tracks[columns].tolist(), strict=True)
+            self._previous = dict(pairs)
+        return FrameMatches(persons, tracks, required, similarity, rows, columns)
 
 
 def match(sequence: EvaluationSequence, similarity: Similarity, threshold: float = 0.5) -> Matching:
-    """Match truth and tracks of every frame.
-
-    Args:
-        sequence: Truth and tracks.
-        similarity: Similarity of people and tracks.
-        threshold: Least similarity of a match.
-
-    Returns:
-        The matches; people and tracks by number.
+    """Match truth and tracks of every frame; arguments as of `Matcher`.
 
     Raises:
         ValueError: The similarity has another shape than people by tracks, or is not finite.
     """
     matcher = Matcher(similarity, threshold)
-    frame_matches = tuple(matcher.match(frame) for frame in sequence.frames)
-    return Matching(
-        sequence, tuple(matcher.persons), tuple(matcher.tracks), frame_matches, threshold
-    )
-
-
-def _match_frame(
-    persons: I64, tracks: I64, required: BOOL, similarity: F64, before: tuple[dict[int, int], float]
-) -> FrameMatches:
-    previous, threshold = before
-    admissible = similarity >= threshold - ROUNDING
-    last = np.array([previous.get(person, -1) for person in persons.tolist()], np.int64)
-    persists = last[:, None] == tracks[None]
-    # Two pairs are always worth more than one; people who have to be tracked come first.
-    worth = np.where(admissible, PERSISTENCE * persists + similarity + required[:, None], 0.0)
-    rows, columns = linear_sum_assignment(worth, maximize=True)
-    valid = admissible[rows, columns]
-    return FrameMatches(persons, tracks, required, similarity, rows[valid], columns[valid])
-
-
-def _checked(similarity: F64, frame: EvaluationFrame) -> F64:
-    check_shape("similarity", similarity, (len(frame.truth.ids), len(frame.hypotheses.ids)))
-    check_finite("similarity", similarity)
-    return similarity
+    matches = tuple(map(matcher.match, sequence.frames))
+    return Matching(sequence, tuple(matcher.persons), tuple(matcher.tracks), matches, threshold)
 
 
 def _numbers(known: dict[Id, int], ids: Iterable[Id]) -> I64:

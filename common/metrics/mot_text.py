@@ -8,7 +8,7 @@ benchmarks give x, y, z in metres on the ground; -1, -1, -1 or nothing means tha
 import configparser
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -50,13 +50,7 @@ class MotRows:
         return self._select(self.confidences != 0)
 
     def _select(self, rows: slice | BOOL) -> "MotRows":
-        return MotRows(
-            self.frames[rows],
-            self.ids[rows],
-            self.boxes_xyxy_px[rows],
-            self.confidences[rows],
-            self.positions_m[rows],
-        )
+        return MotRows(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -71,13 +65,7 @@ class MotInfo:
 
 
 def read_rows(path: Path) -> MotRows:
-    """Read detections, ground truth or tracks.
-
-    Args:
-        path: Text file.
-
-    Returns:
-        Its lines, ordered by frame.
+    """Read the lines of detections, ground truth or tracks, ordered by frame.
 
     Raises:
         DecodeError: A line is not as expected, or an identity comes twice in a frame.
@@ -107,12 +95,6 @@ def read_rows(path: Path) -> MotRows:
 def read_info(path: Path) -> MotInfo:
     """Read seqinfo.ini.
 
-    Args:
-        path: The file.
-
-    Returns:
-        Name, rate and sizes.
-
     Raises:
         DecodeError: The file has no section [Sequence], or one of its values is absent or wrong.
     """
@@ -141,30 +123,19 @@ def read_info(path: Path) -> MotInfo:
 def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, Hypotheses]) -> EvaluationSequence:
     """Put ground truth and tracks together; boxes flagged 0 are dropped, as TrackEval does.
 
-    Args:
-        info: Name, rate and number of frames.
-        truth: Ground truth.
-        tracks: Tracked people by frame number, from 1; frames without any may be absent.
-
-    Returns:
-        The sequence, with boxes.
+    Tracked people are by frame number, from 1; frames without any may be absent.
     """
-    evaluated = truth.evaluated()
-    return EvaluationSequence(
-        info.name,
-        tuple(
+    evaluated, frames = truth.evaluated(), []
+    for number in range(1, info.frames + 1):
+        rows = evaluated.of(number)
+        frames.append(
             EvaluationFrame(
                 stamp_ns=round((number - 1) * 1e9 / info.rate_hz),
-                truth=_people(evaluated.of(number)),
+                truth=GroundTruth(ids=tuple(rows.ids.tolist()), boxes_xyxy_px=rows.boxes_xyxy_px),
                 hypotheses=tracks.get(number, Hypotheses()),
             )
-            for number in range(1, info.frames + 1)
-        ),
-    )
-
-
-def _people(rows: MotRows) -> GroundTruth:
-    return GroundTruth(ids=tuple(rows.ids.tolist()), boxes_xyxy_px=rows.boxes_xyxy_px)
+        )
+    return EvaluationSequence(info.name, tuple(frames))
 
 
 def _text(path: Path, limit: int = MAX_BYTES) -> str:
@@ -175,22 +146,22 @@ def _text(path: Path, limit: int = MAX_BYTES) -> str:
 
 
 def _parse(line: str, where: str) -> list[float]:
-    fields = line.strip().rstrip(",").split(",")
-    if not 7 <= len(fields) <= 10:
-        raise DecodeError(f"{where}: expected {LAYOUT}, got {len(fields)} fields")
+    texts = line.strip().rstrip(",").split(",")
+    if not 7 <= len(texts) <= 10:
+        raise DecodeError(f"{where}: expected {LAYOUT}, got {len(texts)} fields")
     try:
-        row = [float(field) for field in fields]
+        row = [float(text) for text in texts]
     except ValueError as error:
         raise DecodeError(f"{where}: expected {LAYOUT}, got {line.strip()!r:.80}") from error
     if not all(map(math.isfinite, row)):
         raise DecodeError(f"{where}: expected finite numbers, got {line.strip()!r:.80}")
     if not 1 <= row[0] <= MAX_NUMBER or abs(row[1]) > MAX_NUMBER or row[0] % 1 or row[1] % 1:
         raise DecodeError(
-            f"{where}: expected a frame from 1 and a whole id, got {fields[0]:.30} and "
-            f"{fields[1]:.30}"
+            f"{where}: expected a frame from 1 and a whole id, got {texts[0]:.30} and "
+            f"{texts[1]:.30}"
         )
     if row[4] <= 0 or row[5] <= 0:
         raise DecodeError(
-            f"{where}: expected width and height > 0, got {fields[4]:.30} and {fields[5]:.30}"
+            f"{where}: expected width and height > 0, got {texts[4]:.30} and {texts[5]:.30}"
         )
     return row if len(row) == 10 else row[:7] + [-1.0] * 3

@@ -13,7 +13,7 @@ VELOCITY_LIMITS_MPS = (0.15, 0.3, 0.5)
 YAW_LIMITS_DEG = (30, 45, 90)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class PoseErrors:
     """Estimate minus truth of K matches; what is unknown is NaN and left out of the figures."""
 
@@ -42,9 +42,8 @@ class PoseErrors:
     def along_across(self, errors: F64) -> F64:
         """Rotate errors (Kx2: x, y) to the camera's axis: along it, and across to its left."""
         ax, ay = self.camera_axis.T
-        return np.column_stack(
-            [errors[:, 0] * ax + errors[:, 1] * ay, errors[:, 1] * ax - errors[:, 0] * ay]
-        )
+        x, y = errors.T
+        return np.column_stack([x * ax + y * ay, y * ax - x * ay])
 
     def yaw_correlation(self) -> float | None:
         """Mardia's circular correlation: both roots are the number of matches, so mean cos(e)."""
@@ -55,8 +54,10 @@ class PoseErrors:
         """Return all figures; None where no match has the quantity."""
         yaw_error_deg = np.degrees(self.yaw_error_rad)
         row: dict[str, float | None] = {"poses": len(self.position_m)}
-        for errors, unit in ((self.position_m, "m"), (self.velocity_mps, "mps")):
-            name = {"m": "position", "mps": "velocity"}[unit]
+        for name, errors, unit in (
+            ("position", self.position_m, "m"),
+            ("velocity", self.velocity_mps, "mps"),
+        ):
             axes = np.column_stack([errors, self.along_across(errors)])
             for axis, values in zip(("x", "y", "along", "across"), axes.T, strict=True):
                 row[f"{name}_rmse_{axis}_{unit}"] = rmse(values)
@@ -85,19 +86,9 @@ def within(errors: F64, limit: float) -> float | None:
 def pool(parts: Sequence[PoseErrors]) -> PoseErrors:
     """Put the matches of several parts together; none gives an empty record."""
     two, one, no = np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_)
-    empty = PoseErrors(
-        position_m=two,
-        velocity_mps=two,
-        yaw_true_rad=one,
-        yaw_estimated_rad=one,
-        camera_axis=two,
-        predicted=no,
-        occluded=no,
-    )
-    names = [field.name for field in fields(PoseErrors)]
-    return PoseErrors(
-        **{n: np.concatenate([getattr(p, n) for p in (empty, *parts)]) for n in names}
-    )
+    empty = PoseErrors(two, two, one, one, two, no, no)
+    columns = [[getattr(p, f.name) for p in (empty, *parts)] for f in fields(PoseErrors)]
+    return PoseErrors(*map(np.concatenate, columns))
 
 
 def frame_errors(frame: EvaluationFrame, matches: FrameMatches) -> PoseErrors:

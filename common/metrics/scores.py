@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from common.metrics.clear import ClearCounts, count_clear
-from common.metrics.counts import ratio
+from common.metrics.counts import Counts, ratio
 from common.metrics.hota import HotaCounts, count_hota
 from common.metrics.identity import IdentityCounts, count_identity
 from common.metrics.lifetimes import Lifetimes, count_lifetimes
@@ -21,8 +21,19 @@ from common.metrics.similarity import Similarity
 Row: TypeAlias = dict[str, float | None]
 
 
+# Figures of a row, in its order
+CLEAR = ("mota", "motp", "recall", "precision", "truths", "misses", "false_alarms", "id_switches")
+TRAJECTORIES = ("fragmentations", "mostly_tracked", "partly_tracked", "mostly_lost")
+IDENTITY = ("idf1", "idp", "idr")
+HOTA = ("hota", "det_a", "ass_a", "loc_a", "det_re", "det_pr", "ass_re", "ass_pr")
+LIFETIMES = (
+    *("duration_s", "coverage", "coverage_measured", "mean_segment_s", "mean_first_track_s"),
+    *("people", "people_found", "returns", "share_reidentified"),
+)
+
+
 @dataclass(frozen=True)
-class Scores:
+class Scores(Counts):
     """Counts and sums from which every metric follows; adding two pools their sequences."""
 
     clear: ClearCounts
@@ -31,35 +42,23 @@ class Scores:
     lifetimes: Lifetimes
     errors: PoseErrors  # of all matches in view, the occluded too
 
-    def __add__(self, other: "Scores") -> "Scores":
-        """Pool the sequences of both."""
-        return Scores(
-            self.clear + other.clear,
-            self.identity + other.identity,
-            self.hota + other.hota,
-            self.lifetimes + other.lifetimes,
-            self.errors + other.errors,
-        )
-
     @property
     def pose(self) -> PoseErrors:
         """Errors on the people who have to be tracked."""
         return self.errors.select(~self.errors.occluded)
 
     @property
-    def pose_measured(self) -> PoseErrors:
-        """Of these, errors of tracks with a measurement in the frame."""
-        return self.errors.select(~self.errors.occluded & ~self.errors.predicted)
+    def pose_parts(self) -> dict[str, PoseErrors]:
+        """Of these, errors of tracks with a measurement in the frame, and predicted ones.
 
-    @property
-    def pose_predicted(self) -> PoseErrors:
-        """Of these, errors of tracks that were predicted."""
-        return self.errors.select(~self.errors.occluded & self.errors.predicted)
-
-    @property
-    def pose_occluded(self) -> PoseErrors:
-        """Errors on the people in view, but occluded."""
-        return self.errors.select(self.errors.occluded)
+        Then errors on the people in view, but occluded.
+        """
+        occluded, predicted = self.errors.occluded, self.errors.predicted
+        return {
+            "measured": self.errors.select(~occluded & ~predicted),
+            "predicted": self.errors.select(~occluded & predicted),
+            "occluded": self.errors.select(occluded),
+        }
 
     @property
     def id_switches_per_min(self) -> float:
@@ -68,59 +67,22 @@ class Scores:
 
     def row(self) -> Row:
         """Return all metrics by name, units in the name, shares 0 to 1; None where undefined."""
-        return self._clear_row() | self._identity_row() | self._life_row() | self.pose.row()
-
-    def _clear_row(self) -> Row:
-        c = self.clear
-        return {
-            "mota": c.mota,
-            "motp": c.motp,
-            "recall": c.recall,
-            "precision": c.precision,
-            "truths": c.truths,
-            "misses": c.misses,
-            "false_alarms": c.false_alarms,
-            "id_switches": c.id_switches,
-            "id_switches_per_min": self.id_switches_per_min,
-            "fragmentations": c.fragmentations,
-            "mostly_tracked": c.mostly_tracked,
-            "partly_tracked": c.partly_tracked,
-            "mostly_lost": c.mostly_lost,
-        }
-
-    def _identity_row(self) -> Row:
-        means = {
-            name: float(getattr(self.hota, name).mean())
-            for name in ("hota", "det_a", "ass_a", "loc_a", "det_re", "det_pr", "ass_re", "ass_pr")
-        }
-        i = self.identity
-        return {"idf1": i.idf1, "idp": i.idp, "idr": i.idr, **means}
-
-    def _life_row(self) -> Row:
-        life = self.lifetimes
-        return {
-            "duration_s": life.duration_s,
-            "coverage": life.coverage,
-            "coverage_measured": life.coverage_measured,
-            "mean_segment_s": life.mean_segment_s,
-            "mean_first_track_s": life.mean_first_track_s,
-            "people": life.people,
-            "people_found": life.found,
-            "returns": life.returns,
-            "share_reidentified": life.share_reidentified,
-        }
+        row: Row = {name: getattr(self.clear, name) for name in CLEAR}
+        row["id_switches_per_min"] = self.id_switches_per_min
+        row |= {name: getattr(self.clear, name) for name in TRAJECTORIES}
+        row |= {name: getattr(self.identity, name) for name in IDENTITY}
+        row |= {name: float(getattr(self.hota, name).mean()) for name in HOTA}
+        row |= {name: getattr(self.lifetimes, name) for name in LIFETIMES}
+        return row | self.pose.row()
 
 
 def score(sequence: EvaluationSequence, similarity: Similarity, threshold: float = 0.5) -> Scores:
-    """Score one sequence.
+    """Return all counts of a sequence (docs/method.md, section 9).
 
     Args:
         sequence: Truth and tracks.
         similarity: Similarity of people and tracks, for example `GroundDistance(1.0)`.
         threshold: Least similarity of a match.
-
-    Returns:
-        All counts of docs/method.md, section 9.
     """
     return score_matching(match(sequence, similarity, threshold))
 
@@ -154,23 +116,14 @@ class SummaryStatistics:
 
 
 def summarise(rows: Sequence[Row]) -> dict[str, SummaryStatistics | None]:
-    """Summarise each figure over the runs that have it.
-
-    Args:
-        rows: One table row for each run, as `Scores.row` gives them.
-
-    Returns:
-        Mean and spread of every figure; None where no run has it.
-    """
-    names = dict.fromkeys(name for row in rows for name in row)
-    return {name: _spread([row.get(name) for row in rows]) for name in names}
-
-
-def _spread(values: Sequence[float | None]) -> SummaryStatistics | None:
-    known = np.array([value for value in values if value is not None], np.float64)
-    if not len(known):
-        return None
-    std = float(known.std(ddof=1)) if len(known) > 1 else 0.0
-    return SummaryStatistics(
-        float(known.mean()), std, float(known.min()), float(known.max()), len(known)
-    )
+    """Summarise each figure over the runs (a row of `Scores.row` each); None where none has it."""
+    summary: dict[str, SummaryStatistics | None] = {}
+    for name in dict.fromkeys(name for row in rows for name in row):
+        known = np.array([row[name] for row in rows if row.get(name) is not None], np.float64)
+        std = float(known.std(ddof=1)) if len(known) > 1 else 0.0
+        summary[name] = (
+            SummaryStatistics(known.mean(), std, known.min(), known.max(), len(known))
+            if len(known)
+            else None
+        )
+    return summary

@@ -14,14 +14,7 @@ Similarity: TypeAlias = Callable[[GroundTruth, Hypotheses], F64]
 
 
 def box_overlap(truth: GroundTruth, tracked: Hypotheses) -> F64:
-    """Return the intersection over union of the boxes in the image.
-
-    Args:
-        truth: N people with boxes.
-        tracked: M people with boxes.
-
-    Returns:
-        NxM, 0 to 1.
+    """Return the intersection over union (NxM, 0 to 1) of the boxes of N people and M tracks.
 
     Raises:
         ValueError: There are people without boxes.
@@ -41,23 +34,12 @@ class GroundDistance:
     max_m: float = 1.0  # [m] largest distance of a match, usually 0.5 to 1
 
     def __post_init__(self) -> None:
-        """Check the distance.
-
-        Raises:
-            ValueError: It is not positive.
-        """
+        """Check the distance."""
         if not self.max_m > 0:
             raise ValueError(f"max_m: expected > 0, got {self.max_m}")
 
     def __call__(self, truth: GroundTruth, tracked: Hypotheses) -> F64:
-        """Return the similarity.
-
-        Args:
-            truth: N people with positions.
-            tracked: M people with positions.
-
-        Returns:
-            NxM, 0 to 1.
+        """Return the similarity (NxM, 0 to 1) of the positions of N people and M tracks.
 
         Raises:
             ValueError: There are people without positions.

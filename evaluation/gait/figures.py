@@ -1,16 +1,14 @@
 """Plots of point trajectories and steps, with matplotlib, an extra of this package."""
 
-from io import BytesIO
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evaluation.gait.tables import GaitTables, PointTrajectory
 from evaluation.gait.viewer import point_colour
+from evaluation.report.figures import hex_of, png_of
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
 
-DPI = 110
 AXES = ("x (m)", "y (m)", "height (m)")
 GAP_S = 0.5
 
@@ -30,7 +28,7 @@ def trajectories_png(tables: GaitTables, person: int) -> bytes:
     for axes in (above, beside):
         axes.grid(alpha=0.3)
     _legend(above)
-    return _png(figure)
+    return png_of(figure)
 
 
 def steps_png(tables: GaitTables, person: int) -> bytes:
@@ -51,7 +49,7 @@ def steps_png(tables: GaitTables, person: int) -> bytes:
     for axes in rows:
         axes.grid(alpha=0.3)
     _legend(rows[0])
-    return _png(figure)
+    return png_of(figure)
 
 
 def _legend(axes: Axes) -> None:
@@ -81,11 +79,4 @@ def _label(name: str) -> str:
 
 
 def _hex(name: str) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*point_colour(name))
-
-
-def _png(figure: Figure) -> bytes:
-    file = BytesIO()
-    figure.set_dpi(DPI)
-    figure.savefig(file, format="png", metadata={"Software": None})
-    return file.getvalue()
+    return hex_of(point_colour(name))

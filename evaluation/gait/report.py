@@ -1,6 +1,6 @@
 """Report of the gait in a recording: tables, plots and images."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from evaluation.gait.run import BoxCorners, GaitRun, estimate_gait
 from evaluation.gait.tables import GaitTables
 from evaluation.gait.viewer import GaitViewer
 from evaluation.methods import read_method
+from evaluation.pool import OnProgress
 from evaluation.report.csv_files import write_bytes
 from lab import scenario as scenarios
 from lab.scenario import load_scenario, split_seed
@@ -29,8 +30,6 @@ from services.report.output import AnnotatedFrame
 
 SERVICE = "gait."
 STILLS, COLUMNS = 6, 2
-
-OnProgress = Callable[[str, float], None]  # source, ratio done
 
 
 def read_run(source: str, box: BoxCorners | None, preset: str, settings: Sequence[str]) -> GaitRun:

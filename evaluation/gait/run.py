@@ -11,7 +11,7 @@ import numpy as np
 from common.geometry.transform_buffer import TransformBuffer
 from common.runtime.node import Node
 from evaluation.methods import Method
-from evaluation.pipeline import pipeline, play
+from evaluation.pipeline import lockstep, pipeline, play
 from people4d.errors import SourceError
 from people4d.messages import (
     CameraInfo,
@@ -53,23 +53,11 @@ class GaitRun:
 def estimate_gait(run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
     """Estimate the gait in a recording; yield the stamp of each frame.
 
-    Args:
-        run: Source and configuration.
-        on_frame: Called with every processed frame.
-
     Raises:
         SourceError: The source cannot be played, or no body is in the box.
         ModelError: A model is absent.
     """
-    camera = msgspec.structs.replace(
-        run.method.camera,
-        source=run.source,
-        playback="lockstep",
-        answer="detections",
-        window=1,
-        start_delay_s=0.0,
-        loop=False,
-    )
+    camera = lockstep(msgspec.structs.replace(run.method.camera, source=run.source))
     estimate = _estimate_all if run.box is None else _estimate_box
     return estimate(camera, run, on_frame)
 
@@ -100,8 +88,8 @@ def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
                 pose = transforms.camera_pose(FRAME_ID, info.frame_id, message.stamp_ns)
                 if pose is None:
                     continue
-                rgb, depth_mm = message.rgb, message.depth_mm
-                frame = GaitFrame(message.stamp_ns, rgb, depth_mm, (observation,), pose)
+                image = message.rgb, message.depth_mm
+                frame = GaitFrame(message.stamp_ns, *image, (observation,), pose)
                 results = estimator.update(frame)
                 _check_results(results, observation)
                 on_frame(info, frame, results or ())

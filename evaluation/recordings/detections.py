@@ -70,15 +70,12 @@ class DetectionJob:
     def file(self, content: str, reid: ReidConfig | None = None) -> Path:
         """Return the file of the detections, or of the embeddings of one of `reids`.
 
-        Args:
-            content: Digest of the source.
-            reid: Configuration of the embeddings; None for the detections.
+        It depends on the digest of the source's content.
         """
         digest = code_digest(DETECTOR_CODE if reid is None else REID_CODE)
-        parts = [content, digest, *map(msgspec.to_builtins, (self.camera, self.detector))]
-        parts.append(model_digest(self.detector))
+        parts = [content, digest, self.camera, self.detector, model_digest(self.detector)]
         if reid:
-            parts += [msgspec.to_builtins(reid), model_digest(reid)]
+            parts += [reid, model_digest(reid)]
         kind = "embeddings" if reid else "detections"
         return self.folder / kind / f"{self.source.stem}-{key_of(*parts)}.mcap"
 
@@ -119,14 +116,11 @@ def detect(job: DetectionJob) -> DetectionFiles:
 def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Message]:
     """Yield the input of a tracker in order; the embeddings of a frame before its detections.
 
-    Args:
-        detections: From `detect`.
-        embeddings: From `detect`; None: the tracker takes none.
-
     Raises:
         SourceError: The recording has more than one camera.
     """
-    vectors = _embeddings(embeddings)
+    found = open_recording(embeddings).messages(Embeddings) if embeddings else ()
+    vectors = {message.stamp_ns: message for _, message in found}
     cameras = set()
     recorded = (message for _, message in open_recording(detections).messages(*TRACKER_INPUT))
     for message in odometry_first(recorded):
@@ -159,13 +153,15 @@ def _run(job: DetectionJob, files: Sequence[Path]) -> None:
                 if isinstance(message, TRACKER_INPUT):
                     writers[0].write(_without_trace(message), message.stamp_ns)
                 if isinstance(message, RgbdFrame):
-                    took_ms[0].append(_detector_ms(step) + model.saved_ms())
+                    others_ms = _stage_ms(step, "send") + _stage_ms(step, "crops")
+                    took_ms[0].append(step.duration_ms - others_ms + model.saved_ms())
                 if not isinstance(message, Crops):
                     continue
                 for k, embedder in enumerate(embedders, 1):
                     start_ns = time.perf_counter_ns()
                     answers = embedder.handle(message, 0)
-                    took_ms[k].append((time.perf_counter_ns() - start_ns) / 1e6 + _crops_ms(step))
+                    answer_ms = (time.perf_counter_ns() - start_ns) / 1e6
+                    took_ms[k].append(answer_ms + _stage_ms(step, "crops"))
                     for answer in answers:
                         writers[k].write(_without_trace(answer), answer.stamp_ns)
         for writer, times in zip(writers, took_ms, strict=True):
@@ -182,21 +178,6 @@ def _without_trace(message: Message) -> Message:
     return msgspec.structs.replace(message, trace=())
 
 
-def _detector_ms(step: PipelineStep) -> float:
-    return step.duration_ms - _stage_ms(step, "send") - _crops_ms(step)
-
-
-def _crops_ms(step: PipelineStep) -> float:
-    return _stage_ms(step, "crops")
-
-
 def _stage_ms(step: PipelineStep, stage: str) -> float:
     spans = [span for span in step.spans if span.stage.endswith(f".{stage}")]
     return sum(span.end_ns - span.start_ns for span in spans) / 1e6
-
-
-def _embeddings(path: Path | None) -> dict[int, Embeddings]:
-    if path is None:
-        return {}
-    found = open_recording(path).messages(Embeddings)
-    return {m.stamp_ns: m for _, m in found if isinstance(m, Embeddings)}

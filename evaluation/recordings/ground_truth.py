@@ -8,10 +8,12 @@ import numpy as np
 from msgspec.structs import replace
 
 from common.geometry.transforms import invert
-from common.metrics import GroundTruth, TruthBuffer, ground_truth_of, in_view
+from common.metrics.alignment.truth_buffer import TruthBuffer
+from common.metrics.field_of_view import in_view
+from common.metrics.from_messages import ground_truth_of
+from common.metrics.record import GroundTruth
 from evaluation.recordings.recordings import EvaluationRecording
 from evaluation.recordings.visibility import SimulatedView, load_views, save_views, simulated_views
-from lab.scenario import Scenario
 from lab.world import EPOCH_NS
 from people4d.errors import SourceError
 from people4d.messages import F64, CameraInfo, Truth, TruthPerson
@@ -37,9 +39,7 @@ class TruthFrame:
     def ground_truth(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
         """Return the people, and those of them who have to be tracked.
 
-        Args:
-            info: Calibration.
-            map_from_camera: 4x4; None: the view is not known, and all are in it.
+        They are all taken to be in view where the pose of the camera (4x4) is not known.
         """
         away = np.array([person.id not in self.captured for person in self.people], np.bool_)
         if map_from_camera is not None:
@@ -66,11 +66,9 @@ class SampledTruth:
         self, shares: Iterable[Mapping[str, float]], poses: Iterable[F64]
     ) -> "SampledTruth":
         """Return it with visible shares and camera poses, one for each frame."""
-        frames = tuple(
-            TruthFrame(frame.people, frame.captured, share, pose) if frame else None
-            for frame, share, pose in zip(self.frames, shares, poses, strict=True)
-        )
-        return SampledTruth(self.frame_id, self.ids, frames)
+        views = zip(self.frames, shares, poses, strict=True)
+        frames = [f and TruthFrame(f.people, f.captured, share, pose) for f, share, pose in views]
+        return SampledTruth(self.frame_id, self.ids, tuple(frames))
 
 
 def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> SampledTruth:
@@ -87,9 +85,7 @@ def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> Samp
             sampled = sample_truth(_numbered(path, epoch_ns), stamps_ns, str(path))
             return _with_rendered_views(sampled, path, [stamp - epoch_ns for stamp in stamps_ns])
     sampled = sample_truth(_messages(recording.path), stamps_ns, str(recording.path))
-    if recording.simulation is None:
-        return sampled
-    views = _simulated_views(recording, recording.simulation, sampled, stamps_ns)
+    views = _simulated_views(recording, sampled, stamps_ns)
     if views is None:
         return sampled
     return sampled.with_views([v.shares for v in views], [v.map_from_camera for v in views])
@@ -145,12 +141,11 @@ def _numbered(path: Path, epoch_ns: int) -> Iterator[Truth]:
 
 
 def _simulated_views(
-    recording: EvaluationRecording,
-    scenario: Scenario,
-    sampled: SampledTruth,
-    stamps_ns: Sequence[int],
+    recording: EvaluationRecording, sampled: SampledTruth, stamps_ns: Sequence[int]
 ) -> list[SimulatedView] | None:
-    """Return the camera's views, from the cache if they are of a rendered scenario."""
+    """Return the camera's views in the virtual lab, from the cache if it was rendered."""
+    if recording.simulation is None:
+        return None
     cache = recording.path.with_suffix(".views.npz") if recording.job else None
     views = load_views(cache, stamps_ns) if cache else None
     if views is None:
@@ -158,7 +153,7 @@ def _simulated_views(
             {person.id: person.position_m for person in frame.people} if frame else {}
             for frame in sampled.frames
         ]
-        views = simulated_views(scenario, recording.seed, positions_m, stamps_ns)
+        views = simulated_views(recording.simulation, recording.seed, positions_m, stamps_ns)
         if views and cache:
             save_views(cache, stamps_ns, views)
     return views

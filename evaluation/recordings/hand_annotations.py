@@ -3,11 +3,13 @@
 All pixels (u, v) were picked in the colour images. The recordings are not published.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from people4d.messages import Detection, Detections, Tracks
 from services.camera.config import CameraConfig
@@ -74,15 +76,14 @@ class AnnotationScores:
 def compare(detections: Sequence[Detections], tracks: Sequence[Tracks]) -> AnnotationScores:
     """Compare a run, of one message of each kind a frame, with the annotations."""
     boxes = found = 0
-    together: dict[tuple[str, int], int] = {}  # frames that a person had an identity
+    together: Counter[tuple[str, int]] = Counter()  # frames that a person had an identity
     for frame, people in CROSSING.items():
         pairs = match(list(people.values()), detections[frame].detections)
         owners = {t.detection: t.id for t in tracks[frame].tracks}
         boxes, found = boxes + len(detections[frame].detections), found + len(pairs)
         for i, j in pairs:
             if j in owners:
-                pair = list(people)[i], owners[j]
-                together[pair] = together.get(pair, 0) + 1
+                together[list(people)[i], owners[j]] += 1
     return AnnotationScores(
         people=sum(map(len, CROSSING.values())),
         found=found,
@@ -102,11 +103,9 @@ def match(points: Sequence[Pixel], detections: Sequence[Detection]) -> list[tupl
     return assign(cost)
 
 
-def _best_sum(together: dict[tuple[str, int], int]) -> int:
+def _best_sum(together: Counter[tuple[str, int]]) -> int:
     """Return the largest sum of counts when names and identities are paired one to one."""
-    names = sorted({name for name, _ in together})
-    identities = sorted({identity for _, identity in together})
-    counts = np.zeros((len(names), len(identities)))
-    for (name, identity), count in together.items():
-        counts[names.index(name), identities.index(identity)] = count
-    return int(sum(counts[i, j] for i, j in assign(-counts)))
+    names, identities = {name for name, _ in together}, {one for _, one in together}
+    counts = np.array([together[name, one] for name in names for one in identities])
+    counts = counts.reshape(len(names), len(identities))
+    return int(counts[linear_sum_assignment(counts, maximize=True)].sum())

@@ -1,16 +1,15 @@
 """Recordings with ground truth: as they are, or scenarios of the virtual lab, rendered once."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-
-import msgspec
 
 import lab
 from common.io.recording import open_recording
 from evaluation.cache import key_of
-from lab.depth.metadata import SimulationMetadata, read_metadata
+from evaluation.pool import OnProgress
+from lab.depth.metadata import read_metadata
 from lab.output.chunks import digest_of
 from lab.output.render import Outputs, render
 from lab.output.sequence import Fidelity, RenderJob
@@ -19,8 +18,6 @@ from people4d.errors import ConfigError, SourceError
 from services.camera.sources import kind_of
 
 LAB_CODE = Path(lab.__file__).parent
-
-OnProgress = Callable[[str, float], object]
 
 
 @dataclass(frozen=True)
@@ -70,12 +67,7 @@ def plan_recordings(
 
 
 def render_recording(recording: EvaluationRecording, jobs: int, on_progress: OnProgress) -> None:
-    """Render a scenario, unless it was rendered before.
-
-    Args:
-        recording: The scenario.
-        jobs: Processes that draw at once.
-        on_progress: Called with the name of the stage and the share of it that is done.
+    """Render a scenario with some processes at once, unless it was rendered before.
 
     Raises:
         SourceError: The cache cannot be written.
@@ -93,20 +85,15 @@ def _scenarios(
 ) -> list[EvaluationRecording]:
     scenario, own = split_seed(name.removeprefix(PREFIX))
     plan = load_scenario(scenario)
-    wanted = [own] if own is not None else list(seeds) or [plan.seed]
-    return [_scenario_recording(plan, seed, fidelity, cache) for seed in wanted]
-
-
-def _scenario_recording(
-    plan: Scenario, seed: int, fidelity: Fidelity, cache: Path
-) -> EvaluationRecording:
-    job = RenderJob(
-        scenario=plan, seed=seed, fidelity=fidelity, truth_per_frame=fidelity != "geometry"
-    )
-    name = f"{plan.name}@{seed}"
-    key = key_of(msgspec.to_builtins(job), digest_of(LAB_CODE))
-    path = cache / "scenes" / f"{name}-{fidelity}-{key[:16]}.mcap"
-    return EvaluationRecording(name, plan.name, path, seed, plan, job)
+    drawn = fidelity != "geometry"
+    recordings = []
+    for seed in [own] if own is not None else list(seeds) or [plan.seed]:
+        job = RenderJob(scenario=plan, seed=seed, fidelity=fidelity, truth_per_frame=drawn)
+        unique = f"{plan.name}@{seed}"
+        key = key_of(job, digest_of(LAB_CODE))
+        path = cache / "scenes" / f"{unique}-{fidelity}-{key[:16]}.mcap"
+        recordings.append(EvaluationRecording(unique, plan.name, path, seed, plan, job))
+    return recordings
 
 
 def _recorded(name: str) -> EvaluationRecording:
@@ -117,8 +104,5 @@ def _recorded(name: str) -> EvaluationRecording:
     stem = path.name if path.is_dir() else path.stem
     if note is None:
         return EvaluationRecording(stem, stem, path)
-    return EvaluationRecording(stem, note.scenario, path, note.seed, _scenario_of(note))
-
-
-def _scenario_of(note: SimulationMetadata) -> Scenario | None:
-    return load_scenario(note.scenario) if note.scenario in scenario_names() else None
+    simulation = load_scenario(note.scenario) if note.scenario in scenario_names() else None
+    return EvaluationRecording(stem, note.scenario, path, note.seed, simulation)

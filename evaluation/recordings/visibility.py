@@ -33,16 +33,10 @@ def simulated_views(
     positions_m: Sequence[Mapping[str, F64]],
     stamps_ns: Sequence[int],
 ) -> list[SimulatedView] | None:
-    """Return the camera's views at some stamps.
+    """Return the camera's view of a rendered scenario at the stamp of each frame.
 
-    Args:
-        scenario: The scenario that was rendered.
-        seed: Seed of its motion.
-        positions_m: Positions of people at each stamp, as recorded.
-        stamps_ns: Stamps of the frames.
-
-    Returns:
-        One for each stamp; None if people move differently in the scenario as it is today.
+    None if the people's recorded positions at the stamps show that they move differently in the
+    scenario as it is today.
     """
     world = World(scenario, seed)
     number = {person_id(k): k for k in range(len(scenario.people))}

@@ -8,13 +8,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
-import msgspec
-
 import services.visual_odometry
 from common.io.recording import RecordingWriter, open_recording
 from evaluation.cache import SHARED_CODE, code_digest, key_of
 from people4d.messages import (
-    CameraInfo,
     Detections,
     Message,
     MovingTransform,
@@ -75,25 +72,21 @@ class VisualMotion:
             self._node.handle(message, 0)
         captures = (item for item in self._source if isinstance(item, SourceFrame))
         for sequence, capture in enumerate(captures):
-            yield self._process(capture, info, sequence)
+            frame = RgbdFrame(
+                stamp_ns=capture.stamp_ns,
+                sequence=sequence,
+                camera=info.camera,
+                rgb=capture.rgb,
+                depth_mm=capture.depth_mm,
+            )
+            start_ns = time.process_time_ns()
+            outputs = self._node.handle(frame, 0)
+            if people := self._detections.get(capture.stamp_ns):
+                self._node.handle(people, 0)
+            took_ms = (time.process_time_ns() - start_ns) / 1e6
+            motion = next((m for m in outputs if isinstance(m, Odometry | MovingTransform)), None)
+            yield FrameMotion(capture.stamp_ns, motion, took_ms)
         self._source.close()
-
-    def _process(self, capture: SourceFrame, info: CameraInfo, sequence: int) -> FrameMotion:
-        frame = RgbdFrame(
-            stamp_ns=capture.stamp_ns,
-            sequence=sequence,
-            camera=info.camera,
-            rgb=capture.rgb,
-            depth_mm=capture.depth_mm,
-        )
-        start_ns = time.process_time_ns()
-        outputs = self._node.handle(frame, 0)
-        people = self._detections.get(capture.stamp_ns)
-        if people:
-            self._node.handle(people, 0)
-        took_ms = (time.process_time_ns() - start_ns) / 1e6
-        motion = next((m for m in outputs if isinstance(m, Odometry | MovingTransform)), None)
-        return FrameMotion(capture.stamp_ns, motion, took_ms)
 
 
 @dataclass(frozen=True)
@@ -101,7 +94,7 @@ class VisualMotionJob:
     """Visual odometry of one recording."""
 
     camera: CameraConfig  # source and playback
-    config: VisualOdometryConfig  # configuration of the visual odometry
+    config: VisualOdometryConfig
     detections: Path  # recording of its detections
     folder: Path  # folder of the cache
 
@@ -112,10 +105,8 @@ def estimate_motion(job: VisualMotionJob) -> Path:
     Raises:
         SourceError: The recording has no images.
     """
-    records = map(msgspec.to_builtins, (job.camera, job.config))
-    key = key_of(
-        job.detections.name, code_digest((*SHARED_CODE, services.visual_odometry)), *records
-    )
+    code = code_digest((*SHARED_CODE, services.visual_odometry))
+    key = key_of(job.detections.name, code, job.camera, job.config)
     path = job.folder / "motion" / f"{Path(job.camera.source).stem}-{key}.mcap"
     if path.exists():
         return path
@@ -123,9 +114,8 @@ def estimate_motion(job: VisualMotionJob) -> Path:
     messages = [message for _, message in stored.messages()]
     new = path.with_suffix(f".{os.getpid()}.new")
     new.parent.mkdir(parents=True, exist_ok=True)
-    write_with_motion(
-        messages, VisualMotion(job.camera, job.config, messages), new, stored.metadata
-    )
+    motions = VisualMotion(job.camera, job.config, messages)
+    write_with_motion(messages, motions, new, stored.metadata)
     new.replace(path)
     return path
 
@@ -133,13 +123,9 @@ def estimate_motion(job: VisualMotionJob) -> Path:
 def write_with_motion(
     messages: Iterable[Message], motions: Iterable[FrameMotion], path: Path, notes: Notes = NO_NOTES
 ) -> None:
-    """Write a recording again, with the estimated motion in place of its odometry.
+    """Write a recording's messages and notes again, with estimated motion in place of odometry.
 
-    Args:
-        messages: Messages of the recording, by time.
-        motions: By time; the motion of a frame is written before its detections.
-        path: The new recording.
-        notes: Notes of the recording.
+    Both are by time; the motion of a frame is written before its detections.
     """
     pending = iter(motions)
     upcoming = next(pending, None)

@@ -10,7 +10,7 @@ from evaluation.report.tables import ReportTable, RunGroup
 from evaluation.run.run import RunOutput, RunScores
 from people4d.errors import SourceError
 
-SWITCH_FIELDS = ("method", "recording", "person", "before", "after", "last_s", "at_s")
+SwitchRow = tuple[object, ...]  # see the header in `write_switches`
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -45,54 +45,49 @@ def write_runs(
     """Write one line for each run with all its metrics."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     header = ["method", "recording", "scenario", "seed", "people_in_truth", *names]
-    write_csv(
-        path,
-        header,
-        (
-            [
-                r.method,
-                r.recording.name,
-                r.recording.scenario,
-                r.recording.seed,
-                r.people,
-                *map(row.get, names),
-            ]
-            for r, row in zip(scores, rows, strict=True)
-        ),
-    )
+    lines = []
+    for result, row in zip(scores, rows, strict=True):
+        recording = result.recording
+        run = [result.method, recording.name, recording.scenario, recording.seed, result.people]
+        lines.append([*run, *map(row.get, names)])
+    write_csv(path, header, lines)
 
 
 def write_summary(path: Path, groups: Sequence[RunGroup]) -> None:
     """Write one line for each metric of each group of runs."""
-    write_csv(
-        path,
-        ["method", "people", "metric", "mean", "std", "least", "most", "runs"],
-        (
-            [g.method, g.people, name, s.mean, s.std, s.least, s.most, s.runs]
-            for g in groups
-            for name, s in g.metrics.items()
-            if s is not None
-        ),
+    header = ["method", "people", "metric", "mean", "std", "least", "most", "runs"]
+    lines = (
+        [g.method, g.people, name, s.mean, s.std, s.least, s.most, s.runs]
+        for g in groups
+        for name, s in g.metrics.items()
+        if s is not None
     )
+    write_csv(path, header, lines)
 
 
-def write_table(folder: Path, table: ReportTable) -> None:
+def write_table(path: Path, table: ReportTable) -> None:
     """Write a table of the report as it is shown there."""
     header = ["method", "source", "people", *(column.title for column in table.columns)]
     rows = (
         [line.method, "published" if line.published else "measured", line.people, *line.cells]
         for line in table.rows
     )
-    write_csv(folder / f"{table.name}.csv", header, rows)
+    write_csv(path, header, rows)
 
 
-def switch_rows(method: str, recording: str, output: RunOutput) -> list[tuple[object, ...]]:
-    """Return one row for each ID switch, see SWITCH_FIELDS."""
+def write_switches(path: Path, rows: Iterable[SwitchRow]) -> None:
+    """Write one line for each ID switch."""
+    header = ("method", "recording", "person", "before", "after", "last_s", "at_s")
+    write_csv(path, header, rows)
+
+
+def switch_rows(method: str, recording: str, output: RunOutput) -> tuple[SwitchRow, ...]:
+    """Return one row for each ID switch of a run."""
     stamps_s = output.matching.sequence.stamps_s
-    return [
+    return tuple(
         (method, recording, s.person, s.before, s.after, stamps_s[s.last_frame], stamps_s[s.frame])
         for s in output.matching.id_switches
-    ]
+    )
 
 
 def _text(value: object) -> object:

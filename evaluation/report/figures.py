@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Wedge
 
 from common.drawing.palette import Colour, colour_of
-from common.metrics import Scores
+from common.metrics.scores import Scores
 from evaluation.report.trajectories import YAW, CameraCoverage, RunTrajectories, X, Y
 from people4d.messages import F64
 
@@ -21,15 +21,17 @@ STRIPES = ("solid", (0, (6, 1.5)), (0, (1.5, 1.5)))
 ARROW_M = 0.35
 BINS = 60
 DPI = 110
+HISTOGRAMS = {
+    "position across (m)": (-0.5, 0.5),
+    "position along the camera's axis (m)": (-0.5, 0.5),
+    "yaw (°)": (0, 180),
+    "velocity across (m/s)": (-1, 1),
+    "velocity along the camera's axis (m/s)": (-1, 1),
+}
 
 
 def floor_plans(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
-    """Draw trajectories on the floor, a panel for each method, as a PNG file.
-
-    Args:
-        recording: Name of the recording.
-        runs: Of all methods.
-    """
+    """Draw the trajectories of all methods on a recording, a panel for each, as a PNG file."""
     start_s, end_s = _window(runs)
     columns = min(3, len(runs))
     rows = -(-len(runs) // columns)
@@ -43,17 +45,13 @@ def floor_plans(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
         axes.set_xlim(high[1], low[1])  # y to the left, x up, as the camera sees it
         axes.set_ylim(low[0], high[0])
         axes.grid(alpha=0.3)
-    return _png(figure)
+    return png_of(figure)
 
 
 def time_series(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
     """Draw position, velocity and yaw of one person over time, all methods together, as PNG.
 
     The person is the one who has to be tracked in the most frames.
-
-    Args:
-        recording: Name of the recording.
-        runs: Of all methods.
     """
     first = runs[0]
     person = int(np.argmax(first.required.sum(axis=0)))
@@ -69,49 +67,31 @@ def time_series(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
     panels[-1].set_xlabel("time (s); grey: out of view or occluded")
     panels[0].set_xlim(first.stamps_s[0], min(first.stamps_s[-1], first.stamps_s[0] + SERIES_S))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return _png(figure)
+    return png_of(figure)
 
 
 def histograms(pooled: Mapping[str, Scores]) -> bytes:
-    """Draw the distribution of the errors of each method over all recordings, as PNG.
-
-    Args:
-        pooled: Scores by name of the method.
-    """
+    """Draw the distribution of the errors over all recordings, by name of the method, as PNG."""
     figure = Figure((11, 6.5), layout="constrained")
     panels = figure.subplots(2, 3).ravel()
-    titles = (
-        "position across (m)",
-        "position along the camera's axis (m)",
-        "yaw (°)",
-        "velocity across (m/s)",
-        "velocity along the camera's axis (m/s)",
-    )
-    ranges = ((-0.5, 0.5), (-0.5, 0.5), (0, 180), (-1, 1), (-1, 1))
     for k, (method, scores) in enumerate(pooled.items()):
         poses = scores.pose
         position_m = poses.along_across(poses.position_m)
         velocity_mps = poses.along_across(poses.velocity_mps)
         yaw_deg = np.degrees(poses.yaw_error_rad)
-        samples = (
-            position_m[:, 1],
-            position_m[:, 0],
-            yaw_deg,
-            velocity_mps[:, 1],
-            velocity_mps[:, 0],
-        )
-        for axes, values, limits in zip(panels, samples, ranges, strict=False):
+        samples = (*position_m.T[::-1], yaw_deg, *velocity_mps.T[::-1])
+        for axes, values, limits in zip(panels, samples, HISTOGRAMS.values(), strict=False):
             known = np.clip(values[np.isfinite(values)], *limits)
             if len(known):
                 weights = np.full(len(known), 100 / len(known))
                 style = {"histtype": "step", "lw": 1.4, **_style(k, method)}
                 axes.hist(known, BINS, range=limits, weights=weights, **style)
-    for axes, title, limits in zip(panels, titles, ranges, strict=False):
+    for axes, (title, limits) in zip(panels, HISTOGRAMS.items(), strict=False):
         axes.set(xlabel=title, xlim=limits, ylabel="% of poses")
         axes.grid(alpha=0.3)
     panels[-1].axis("off")
     panels[-1].legend(*panels[0].get_legend_handles_labels(), loc="center", frameon=False)
-    return _png(figure)
+    return png_of(figure)
 
 
 def _floor_plan(axes: Axes, run: RunTrajectories, start_s: float, end_s: float) -> None:
@@ -125,18 +105,13 @@ def _floor_plan(axes: Axes, run: RunTrajectories, start_s: float, end_s: float) 
     for identity, path in run.paths.items():
         tracked = path[(path[:, 0] >= start_s) & (path[:, 0] <= end_s), 1:]
         if len(tracked):
-            colour = _hex(colour_of(identity))
+            colour = hex_of(colour_of(identity))
             dot = "o" if len(tracked) == 1 else None
             axes.plot(tracked[:, Y], tracked[:, X], color=colour, lw=2, ms=3, marker=dot, zorder=2)
             _arrow(axes, tracked, colour)
-            axes.annotate(
-                f"ID {identity}",
-                (tracked[-1, Y], tracked[-1, X]),
-                color=colour,
-                fontsize=8,
-                textcoords="offset points",
-                xytext=(5, -11),
-            )
+            style: dict[str, Any] = {"color": colour, "fontsize": 8, "textcoords": "offset points"}
+            end = tracked[-1, Y], tracked[-1, X]
+            axes.annotate(f"ID {identity}", end, xytext=(5, -11), **style)
 
 
 def _arrow(axes: Axes, path: F64, colour: str) -> None:
@@ -196,10 +171,8 @@ def _window(runs: Sequence[RunTrajectories]) -> tuple[float, float]:
         return first_s, last_s
     switches_s = np.array([t for run in runs for t in run.switches_s])
     starts_s = np.arange(first_s, last_s - WINDOW_S + 1e-9, 0.5)
-    inside = (switches_s >= starts_s[:, None] + 1) & (
-        switches_s <= starts_s[:, None] + WINDOW_S - 1
-    )
-    counts = inside.sum(axis=1)
+    since_s = switches_s - starts_s[:, None]
+    counts = ((since_s >= 1) & (since_s <= WINDOW_S - 1)).sum(axis=1)
     best = np.flatnonzero(counts == counts.max())
     start_s = float(starts_s[best[len(best) // 2]])
     return start_s, start_s + WINDOW_S
@@ -227,11 +200,13 @@ def _style(k: int, method: str) -> dict[str, Any]:
     }
 
 
-def _hex(colour: Colour) -> str:
+def hex_of(colour: Colour) -> str:
+    """Return a colour as matplotlib takes it."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def _png(figure: Figure) -> bytes:
+def png_of(figure: Figure) -> bytes:
+    """Return a figure as a PNG file, the same bytes for the same figure."""
     file = BytesIO()
     figure.set_dpi(DPI)
     figure.savefig(file, format="png", metadata={"Software": None})

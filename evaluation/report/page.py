@@ -1,175 +1,127 @@
-"""The report: one HTML file that contains everything."""
+"""The report: one HTML file that contains everything, and its tables and images as files."""
 
 import base64
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from html import escape
+from pathlib import Path
+from string import Template
 
+from evaluation.evaluate import Evaluation, ReportFigure
+from evaluation.report.csv_files import (
+    write_bytes,
+    write_runs,
+    write_summary,
+    write_switches,
+    write_table,
+)
 from evaluation.report.filmstrips import Filmstrip
-from evaluation.report.published import SOURCE
-from evaluation.report.tables import ReportTable
+from evaluation.report.tables import SOURCE, ReportTable, groups_of
+from evaluation.run.preparation import EvaluationPlan
 from evaluation.run.run import RunScores
 
-STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 1180px; margin: 2em auto; padding: 0 1em;
-  color: #20242a; background: #fafaf8; }
-h1 { font-size: 1.6em; } h2 { font-size: 1.25em; margin-top: 2.2em; }
-h3 { font-size: 1em; margin: 1.6em 0 .4em; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .4em 0 1em; }
-th, td { padding: .22em .7em; text-align: right; border-bottom: 1px solid #e0e2e4; }
-th:first-child, td:first-child { text-align: left; }
-th { font-weight: 600; vertical-align: bottom; } tr.all td { font-weight: 600; }
-tr.published td { color: #6b7078; background: #f1f1ee; font-weight: 400; }
-tr.label td { color: #6b7078; background: #f1f1ee; font-style: italic; text-align: left; }
-img { max-width: 100%; } .wide { overflow-x: auto; }
-.filmstrip { display: flex; gap: 8px; overflow-x: auto; }
-.filmstrip figure { margin: 0; flex: 0 0 172px; font-size: 12px; line-height: 1.35; }
-.filmstrip img { width: 172px; height: 172px; background: #e0e2e4; display: block; }
-.filmstrip b { display: block; margin-top: 3px; }
-.blank { width: 172px; height: 172px; background: #e0e2e4; }
-nav a { margin-right: 1.2em; } code { background: #eeeeea; padding: .1em .3em; }
-pre { background: #eeeeea; padding: .7em; white-space: pre-wrap; overflow-wrap: anywhere; }
-.quiet { color: #6b7078; }
-"""
 
+def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: str) -> Path:
+    """Write all metrics as CSV files, images, and the report that contains everything.
 
-@dataclass(frozen=True)
-class ReportFigure:
-    """A figure of the report."""
+    Args:
+        plan: Methods and recordings.
+        evaluation: Its results.
+        folder: Folder of the files; it is made if it is absent.
+        command: Command that makes them again.
 
-    name: str  # name of its file, without the ending
-    title: str
-    png: bytes  # content of the file
+    Returns:
+        The report.
 
-
-@dataclass(frozen=True)
-class ReportContent:
-    """Content of the report."""
-
-    command: str  # command that makes it again
-    scores: Sequence[RunScores]  # metrics of all runs
-    tables: Sequence[ReportTable]  # in order
-    figures: Sequence[ReportFigure]  # in order
-    filmstrips: Sequence[Filmstrip]  # ID switches that are shown
-    switches: int  # number of all ID switches
-    settings: dict[str, str]  # settings of each method, as text, by its name
-
-
-def html_of(content: ReportContent) -> str:
-    """Return the report; it needs no other file."""
-    methods = dict.fromkeys(result.method for result in content.scores)
-    parts = [
-        f"<h1>{escape(', '.join(methods))}</h1>",
-        f"<pre>{escape(content.command)}</pre>",
-        "<nav>"
-        + "".join(
-            f'<a href="#{name}">{name}</a>'
-            for name in ("tables", "figures", "switches", "recordings", "settings")
-        )
-        + "</nav>",
-        '<h2 id="tables">Tables</h2>',
-        NOTE,
-        *map(_table, content.tables),
-        '<h2 id="figures">Figures</h2>',
-        *map(_figure, content.figures),
-        "" if content.figures else "<p>None were drawn.</p>",
-        '<h2 id="switches">ID switches</h2>',
-        f"<p>{len(content.filmstrips)} of {content.switches} are shown; all are in "
-        "<code>switches.csv</code>. Each image is centred on the true person; the lines below "
-        "list the tracks and detections near by, and their distance from the true position.</p>",
-        *map(_filmstrip, content.filmstrips),
-        '<h2 id="recordings">Recordings</h2>',
-        _recordings(content.scores),
-        '<h2 id="settings">Settings</h2>',
-        *(
-            f"<details><summary>{escape(name)}</summary><pre>{escape(text)}</pre></details>"
-            for name, text in content.settings.items()
+    Raises:
+        SourceError: The folder cannot be written.
+    """
+    scores = [run.scores for run in evaluation.runs]
+    filmstrips = [filmstrip for run in evaluation.runs for filmstrip in run.filmstrips]
+    write_runs(folder / "runs.csv", scores, evaluation.rows)
+    write_summary(folder / "summary.csv", groups_of(scores, evaluation.rows))
+    write_switches(folder / "switches.csv", evaluation.switches)
+    for table in evaluation.tables:
+        write_table(folder / "tables" / f"{table.name}.csv", table)
+    for figure in evaluation.figures:
+        write_bytes(folder / "figures" / f"{figure.name}.png", figure.png)
+    for number, filmstrip in enumerate(filmstrips, 1):
+        name = f"{number:03d}_{filmstrip.method}_{filmstrip.recording}.png"
+        write_bytes(folder / "switches" / name, filmstrip.png())
+    page = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
+    html = page.substitute(
+        methods=escape(", ".join(dict.fromkeys(result.method for result in scores))),
+        command=escape(command),
+        source=SOURCE,
+        tables="\n".join(map(_report_table, evaluation.tables)),
+        figures="\n".join(map(_figure, evaluation.figures)) or "<p>None were drawn.</p>",
+        shown=len(filmstrips),
+        switches=len(evaluation.switches),
+        filmstrips="\n".join(map(_filmstrip, filmstrips)),
+        recordings=_recordings(scores),
+        settings="\n".join(
+            f"<details><summary>{escape(method.name)}</summary>"
+            f"<pre>{escape(method.text())}</pre></details>"
+            for method in plan.methods
         ),
-    ]
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width">'
-        f"<title>people4d evaluation</title><style>{STYLE}</style></head>\n<body>\n"
-        + "\n".join(part for part in parts if part)
-        + "\n</body></html>\n"
     )
+    report = folder / "report.html"
+    write_bytes(report, html.encode())
+    return report
 
 
-NOTE = (
-    "<p>Mean ± standard deviation over recordings, all and by number of people. Errors are of "
-    "people in view of whom at least 35 % are visible, by tracks that measure or predict them, at "
-    "most 1 m away on the ground; <i>along</i> is the camera's axis on the ground, <i>across</i> "
-    f"its left. Grey rows are not measured here: they are published results ({SOURCE}), "
-    "whose x axis lies across and whose y axis lies along the view.</p>"
-)
-
-
-def _table(table: ReportTable) -> str:
-    head = "".join(f"<th>{escape(name)}</th>" for name in ("method", "people", *_titles(table)))
-    span = len(table.columns) + 2
-    body = []
-    labelled = False
+def _report_table(table: ReportTable) -> str:
+    head = ("method", "people", *(column.title for column in table.columns))
+    rows: list[tuple[str, Sequence[str]]] = []
     for line in table.rows:
-        if line.published and not labelled:
-            body.append(f'<tr class="label"><td colspan="{span}">{escape(SOURCE)}</td></tr>')
-            labelled = True
+        if line.published and "published" not in (kind for kind, _ in rows):
+            rows.append(("label", [SOURCE]))
         kind = "published" if line.published else "all" if line.people == "all" else ""
-        cells = "".join(
-            f"<td>{escape(text)}</td>" for text in (line.method, line.people, *line.cells)
-        )
-        body.append(f'<tr class="{kind}">{cells}</tr>')
-    rows = "\n".join(body)
-    return (
-        f'<h3 id="{table.name}">{escape(table.title)}</h3>\n<div class="wide"><table>'
-        f"<thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table></div>"
-    )
+        rows.append((kind, [line.method, line.people, *line.cells]))
+    title = f'<h3 id="{table.name}">{escape(table.title)}</h3>'
+    return f'{title}\n<div class="wide">{_table(head, rows)}</div>'
 
 
-def _titles(table: ReportTable) -> Iterable[str]:
-    return (column.title for column in table.columns)
+def _recordings(scores: Sequence[RunScores]) -> str:
+    first: dict[str, RunScores] = {}
+    for result in scores:
+        first.setdefault(result.recording.name, result)
+    rows = []
+    for name, result in first.items():
+        visibility = "known" if result.has_visibility else "unknown: none counts as occluded"
+        duration_s = f"{result.scores.lifetimes.duration_s:.1f}"
+        rows.append(("", [name, str(result.people), duration_s, str(result.frames), visibility]))
+    return _table(("recording", "people", "seconds", "frames", "visible share"), rows)
 
 
-def _figure(image: ReportFigure) -> str:
-    source = _data("image/png", image.png)
-    title = escape(image.title)
-    return f'<h3>{title}</h3>\n<img alt="{title}" src="{source}">'
+def _table(head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:
+    """Return a table by the class and the cells of each row; a single cell fills its row."""
+    lines = []
+    for kind, cells in rows:
+        span = f' colspan="{len(head)}"' if len(cells) == 1 else ""
+        texts = "".join(f"<td{span}>{escape(text)}</td>" for text in cells)
+        lines.append(f'<tr class="{kind}">{texts}</tr>')
+    titles = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "\n".join(lines)
+    return f"<table><thead><tr>{titles}</tr></thead><tbody>\n{body}\n</tbody></table>"
+
+
+def _figure(figure: ReportFigure) -> str:
+    title = escape(figure.title)
+    return f"<h3>{title}</h3>\n{_image(title, 'png', figure.png)}"
 
 
 def _filmstrip(filmstrip: Filmstrip) -> str:
     cells = []
     for cell in filmstrip.images:
-        lines = "<br>".join(map(escape, cell.lines))
-        image = '<div class="blank"></div>'
-        if cell.jpeg:
-            image = f'<img alt="{escape(cell.title)}" src="{_data("image/jpeg", cell.jpeg)}">'
-        cells.append(f"<figure>{image}<b>{escape(cell.title)}</b>{lines}</figure>")
+        title, lines = escape(cell.title), "<br>".join(map(escape, cell.lines))
+        image = _image(title, "jpeg", cell.jpeg) if cell.jpeg else '<div class="blank"></div>'
+        cells.append(f"<figure>{image}<b>{title}</b>{lines}</figure>")
     return (
         f"<h3>{escape(filmstrip.method)} on {escape(filmstrip.recording)}</h3>\n"
         f'<p>{escape(filmstrip.sentence)}</p>\n<div class="filmstrip">{"".join(cells)}</div>'
     )
 
 
-def _recordings(scores: Sequence[RunScores]) -> str:
-    head = ("recording", "people", "seconds", "frames", "visible share")
-    recordings = {result.recording.name: result for result in reversed(scores)}
-    rows = [
-        (
-            name,
-            result.people,
-            f"{result.scores.lifetimes.duration_s:.1f}",
-            result.frames,
-            "known" if result.has_visibility else "unknown: none counts as occluded",
-        )
-        for name, result in reversed(recordings.items())
-    ]
-    cells = "".join(f"<th>{name}</th>" for name in head)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(str(value))}</td>" for value in row) + "</tr>\n"
-        for row in rows
-    )
-    return f"<table><thead><tr>{cells}</tr></thead><tbody>\n{body}</tbody></table>"
-
-
-def _data(kind: str, data: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+def _image(title: str, kind: str, data: bytes) -> str:
+    encoded = base64.b64encode(data).decode()
+    return f'<img alt="{title}" src="data:image/{kind};base64,{encoded}">'

@@ -1,18 +1,17 @@
 """Runs of methods on recordings, with detections and ground truth prepared."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 import msgspec
 
 from common.io.recording import open_recording
 from evaluation.cache import model_digest
 from evaluation.methods import Method
-from evaluation.pool import Pool
+from evaluation.pool import OnProgress, Pool
 from evaluation.recordings.detections import (
     DetectionFiles,
     DetectionJob,
@@ -20,14 +19,12 @@ from evaluation.recordings.detections import (
     holds_detections,
 )
 from evaluation.recordings.ground_truth import SampledTruth, read_truth
-from evaluation.recordings.recordings import EvaluationRecording, OnProgress, render_recording
+from evaluation.recordings.recordings import EvaluationRecording, render_recording
 from evaluation.recordings.visual_motion import VisualMotionJob, estimate_motion
 from evaluation.run.run import EvaluationRun
 from people4d.messages import Detections
 from services.visual_odometry.config import VisualOdometryConfig
 
-A = TypeVar("A")
-B = TypeVar("B")
 Key: TypeAlias = tuple[str, bytes]  # recording, and the configuration of its detections
 
 
@@ -42,25 +39,6 @@ class EvaluationPlan:
     figures: bool = True  # True: draw figures, which takes matplotlib
     # visual odometry of the base; None: odometry is as recorded
     motion: VisualOdometryConfig | None = None
-
-
-@dataclass(frozen=True)
-class WorkQueue:
-    """Pieces of work in a pool of processes, with their progress."""
-
-    pool: Pool
-    on_progress: OnProgress  # called with the name of the stage and the share of it that is done
-
-    def do(self, stage: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
-        """Return the results of all pieces, in their order."""
-        finished: list[int] = []
-
-        def done(index: int) -> None:
-            finished.append(index)
-            self.on_progress(stage, len(finished) / len(items))
-
-        self.on_progress(stage, 0.0)
-        return self.pool.do_all(work, items, done)
 
 
 def check_models(plan: EvaluationPlan) -> None:
@@ -84,10 +62,14 @@ def render_all(plan: EvaluationPlan, on_progress: OnProgress) -> None:
         SourceError: The cache cannot be written.
     """
     for recording in plan.recordings:
-        render_recording(recording, plan.jobs, partial(_rendering, on_progress, recording.name))
+
+        def rendering(stage: str, share: float, name: str = recording.name) -> object:
+            return on_progress(f"{stage} {name}", share)
+
+        render_recording(recording, plan.jobs, rendering)
 
 
-def runs_of(plan: EvaluationPlan, work: WorkQueue) -> list[EvaluationRun]:
+def runs_of(plan: EvaluationPlan, pool: Pool) -> list[EvaluationRun]:
     """Return all runs, method by method, with detections and truth.
 
     Raises:
@@ -96,22 +78,22 @@ def runs_of(plan: EvaluationPlan, work: WorkQueue) -> list[EvaluationRun]:
     """
     jobs = _jobs(plan)
     ordered = _network_once(jobs)
-    found = dict(zip(ordered, work.do("detecting", detect, list(ordered.values())), strict=True))
+    found = dict(zip(ordered, pool.do("detecting", detect, list(ordered.values())), strict=True))
     if plan.motion:
-        found = _with_motion(plan.motion, plan.cache, jobs, found, work)
+        found = _with_motion(plan.motion, jobs, found, pool)
+    pairs = [(method, recording) for method in plan.methods for recording in plan.recordings]
     wanted: dict[Key, tuple[EvaluationRecording, Path]] = {}
-    for recording in plan.recordings:
-        for method in plan.methods:
-            detections = found[_key(recording, method)].detections
-            wanted.setdefault(_truth_key(recording, method), (recording, detections))
-    truths = dict(zip(wanted, work.do("truth", _truth, list(wanted.values())), strict=True))
+    for method, recording in pairs:
+        key = recording.name, _encode(method.camera)
+        wanted.setdefault(key, (recording, found[_key(recording, method)].detections))
+    truths = dict(zip(wanted, pool.do("truth", _truth, list(wanted.values())), strict=True))
     runs = []
-    for method in plan.methods:
-        for recording in plan.recordings:
-            key = _key(recording, method)
-            vectors = _embeddings(jobs[key], found[key], method)
-            truth = truths[_truth_key(recording, method)]
-            runs.append(EvaluationRun(method, recording, found[key].detections, vectors, truth))
+    for method, recording in pairs:
+        key = _key(recording, method)
+        files, reid = found[key], method.reid
+        embeddings = files.embeddings[jobs[key].reids.index(reid)] if reid else None
+        truth = truths[recording.name, _encode(method.camera)]
+        runs.append(EvaluationRun(method, recording, files.detections, embeddings, truth))
     return runs
 
 
@@ -131,22 +113,17 @@ def _jobs(plan: EvaluationPlan) -> dict[Key, DetectionJob]:
 
 def _with_motion(
     motion: VisualOdometryConfig,
-    cache: Path,
     jobs: Mapping[Key, DetectionJob],
     found: Mapping[Key, DetectionFiles],
-    work: WorkQueue,
+    pool: Pool,
 ) -> dict[Key, DetectionFiles]:
     """Return the detections with estimated motion in place of odometry."""
-    motions = [
-        VisualMotionJob(
-            msgspec.structs.replace(jobs[key].camera, source=str(jobs[key].source)),
-            motion,
-            files.detections,
-            cache,
-        )
-        for key, files in found.items()
-    ]
-    paths = work.do("estimating motion", estimate_motion, motions)
+    motions = []
+    for key, files in found.items():
+        job = jobs[key]
+        camera = msgspec.structs.replace(job.camera, source=str(job.source))
+        motions.append(VisualMotionJob(camera, motion, files.detections, job.folder))
+    paths = pool.do("estimating motion", estimate_motion, motions)
     pairs = zip(found.items(), paths, strict=True)
     return {key: replace(files, detections=path) for (key, files), path in pairs}
 
@@ -162,10 +139,6 @@ def _network_once(jobs: Mapping[Key, DetectionJob]) -> dict[Key, DetectionJob]:
     return dict(sorted(jobs.items(), key=lambda item: rank[item[0]]))
 
 
-def _embeddings(job: DetectionJob, files: DetectionFiles, method: Method) -> Path | None:
-    return files.embeddings[job.reids.index(method.reid)] if method.reid else None
-
-
 def _truth(wanted: tuple[EvaluationRecording, Path]) -> SampledTruth:
     recording, detections = wanted
     found = open_recording(detections).messages(Detections)
@@ -176,10 +149,6 @@ def _key(recording: EvaluationRecording, method: Method) -> Key:
     return recording.name, _encode(method.camera) + _encode(method.detector)
 
 
-def _truth_key(recording: EvaluationRecording, method: Method) -> Key:
-    return recording.name, _encode(method.camera)
-
-
 def _encode(record: msgspec.Struct) -> bytes:
     return msgspec.json.encode(record)
 
@@ -188,7 +157,3 @@ def _has_no_images(recording: EvaluationRecording) -> bool:
     if recording.job:
         return recording.job.fidelity == "geometry"
     return holds_detections(recording.path)
-
-
-def _rendering(on_progress: OnProgress, name: str, stage: str, share: float) -> None:
-    on_progress(f"{stage} {name}", share)

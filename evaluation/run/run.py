@@ -1,30 +1,40 @@
 """One method on one recording: its tracks beside the ground truth, and all metrics of that."""
 
+import math
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from common.metrics import (
-    EvaluationFrame,
-    EvaluationSequence,
-    GroundDistance,
-    Matching,
-    Scores,
-    hypotheses_of,
-    match,
-    score_matching,
-)
+from common.geometry.transform_buffer import TransformBuffer
+from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
+from common.geometry.transforms import invert
+from common.metrics.from_messages import hypotheses_of
+from common.metrics.matching import Matching, match
+from common.metrics.record import EvaluationFrame, EvaluationSequence
+from common.metrics.scores import Scores, score_matching
+from common.metrics.similarity import GroundDistance
 from evaluation.methods import Method
 from evaluation.pipeline import track_again
 from evaluation.recordings.detections import mean_ms, read_tracker_input
-from evaluation.recordings.ground_truth import SampledTruth, TruthFrame
+from evaluation.recordings.ground_truth import SampledTruth
 from evaluation.recordings.recordings import EvaluationRecording
-from evaluation.run.odometry_drift import OdometryDrift, transform_track
 from people4d.errors import SourceError
-from people4d.messages import F64, CameraInfo, Detections, Message, StaticTransform, Tracks
+from people4d.messages import (
+    F64,
+    CameraInfo,
+    Detections,
+    Message,
+    MovingTransform,
+    Odometry,
+    StaticTransform,
+    Track,
+    Tracks,
+)
+from services.tracker.camera_poses import transform_track
 
 
 @dataclass(frozen=True)
@@ -62,16 +72,6 @@ class RunScores:
     pipeline_ms: float | None  # mean time of the pipeline in a frame; None where it is unknown
 
 
-@dataclass(frozen=True)
-class _FrameInput:
-    """Data that all frames of a run share."""
-
-    info: CameraInfo
-    tracks: dict[int, Tracks]
-    map_from_camera: F64 | None
-    drift: OdometryDrift
-
-
 def execute(run: EvaluationRun) -> RunOutput:
     """Track the people of a recording.
 
@@ -89,15 +89,8 @@ def execute(run: EvaluationRun) -> RunOutput:
     tracks = {message.stamp_ns: message for message in track_again(messages, config)}
     took_ms = (time.perf_counter_ns() - start_ns) / 1e6 / len(detections)
     _check_frame(run, tracks)
-    pose = _pose(messages, run.truth.frame_id, info)
-    drift = OdometryDrift(messages, run.truth.frame_id, info.frame_id)
-    shared = _FrameInput(info, tracks, pose, drift)
-    frames = [
-        _frame(shared, truth, message.stamp_ns)
-        for message, truth in zip(detections, run.truth.frames, strict=True)
-        if truth is not None
-    ]
-    sequence = EvaluationSequence(f"{run.method.name} {run.recording.name}", _in_order(frames))
+    frames = tuple(_frames(run.truth, messages, info, tracks))
+    sequence = EvaluationSequence(f"{run.method.name} {run.recording.name}", frames)
     return RunOutput(info, detections, tracks, match(sequence, GroundDistance()), took_ms)
 
 
@@ -118,35 +111,60 @@ def score_run(run: EvaluationRun, output: RunOutput) -> RunScores:
     )
 
 
-def _frame(shared: _FrameInput, truth: TruthFrame, stamp_ns: int) -> EvaluationFrame:
-    pose = shared.map_from_camera if truth.map_from_camera is None else truth.map_from_camera
-    tracks = shared.tracks.get(stamp_ns)
-    matrix = shared.drift.true_from_estimated(stamp_ns, pose)
-    people = [transform_track(track, matrix) for track in tracks.tracks] if tracks else []
-    return EvaluationFrame(
-        stamp_ns=stamp_ns,
-        truth=truth.ground_truth(shared.info, pose),
-        hypotheses=hypotheses_of(people),
-        map_from_camera=pose,
-    )
+class OdometryDrift:
+    """Error of a robot's estimate of its own pose; it is taken out of tracks, being none of theirs.
+
+    Args:
+        messages: Transforms and odometry of a recording.
+        frame_id: Frame that tracks are in.
+        camera: Name of the optical frame.
+    """
+
+    def __init__(self, messages: Iterable[Message], frame_id: str, camera: str) -> None:
+        self._ends = frame_id, camera
+        self._transforms = TransformBuffer(TransformBufferConfig(history_s=1e9))
+        for message in messages:
+            if isinstance(message, StaticTransform | MovingTransform | Odometry):
+                self._transforms.add(message)
+        self._drives = self._transforms.lookup_static(*self._ends) is None
+
+    def correct(self, track: Track, stamp_ns: int, map_from_camera: F64 | None) -> Track:
+        """Return a track of a stamp without drift, by the true pose of the camera (4x4), if known.
+
+        It is returned as it is if the camera stands, or its true or estimated pose is unknown.
+        """
+        estimated = self._transforms.lookup(*self._ends, stamp_ns) if self._drives else None
+        if estimated is None or map_from_camera is None:
+            return track
+        true_from_estimated = map_from_camera @ invert(estimated.matrix)
+        return transform_track(track, TransformEstimate(true_from_estimated))
 
 
-def _pose(messages: list[Message], frame_id: str, info: CameraInfo) -> F64 | None:
-    """Return map_from_camera from the recording; None if it is not there."""
-    pose = None
+def _frames(
+    truth: SampledTruth, messages: list[Message], info: CameraInfo, tracks: dict[int, Tracks]
+) -> Iterator[EvaluationFrame]:
+    """Yield the frames with truth, but for those whose stamp does not rise: no tracker takes them.
+
+    The pose of a standing camera comes from the recording, if the truth has none.
+    """
+    drift, recorded = OdometryDrift(messages, truth.frame_id, info.frame_id), None
     for message in messages:
         if isinstance(message, StaticTransform) and message.child == info.frame_id:
-            pose = np.array(message.matrix) if message.parent == frame_id else pose
-    return pose
-
-
-def _in_order(frames: list[EvaluationFrame]) -> tuple[EvaluationFrame, ...]:
-    """Leave out frames whose stamp does not rise: no tracker takes them."""
-    ordered: list[EvaluationFrame] = []
-    for frame in frames:
-        if not ordered or frame.stamp_ns > ordered[-1].stamp_ns:
-            ordered.append(frame)
-    return tuple(ordered)
+            recorded = np.array(message.matrix) if message.parent == truth.frame_id else recorded
+    stamps_ns = [message.stamp_ns for message in messages if isinstance(message, Detections)]
+    last_ns = -math.inf
+    for stamp_ns, people in zip(stamps_ns, truth.frames, strict=True):
+        if people is None or stamp_ns <= last_ns:
+            continue
+        last_ns = stamp_ns
+        pose = recorded if people.map_from_camera is None else people.map_from_camera
+        own = tracks[stamp_ns].tracks if stamp_ns in tracks else ()
+        yield EvaluationFrame(
+            stamp_ns=stamp_ns,
+            truth=people.ground_truth(info, pose),
+            hypotheses=hypotheses_of(drift.correct(track, stamp_ns, pose) for track in own),
+            map_from_camera=pose,
+        )
 
 
 def _check_frame(run: EvaluationRun, tracks: dict[int, Tracks]) -> None:

@@ -6,16 +6,15 @@ from typing import Any, Literal
 
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transforms import apply
-from common.metrics import (
+from common.metrics.alignment.alignment import (
     ClockOffset,
     SpaceAlignment,
-    TruthBuffer,
     estimate_clock,
     estimate_motion,
-    trajectories_of,
 )
-from common.metrics.alignment.trajectories import Trajectory
-from common.metrics.live.scorer import TruthAlignment
+from common.metrics.alignment.trajectories import Trajectory, trajectories_of
+from common.metrics.alignment.truth_buffer import TruthBuffer
+from common.metrics.live import TruthAlignment
 from people4d.messages import F64, Alignment, Tracks
 from services.gt_bridge.config import GtBridgeConfig
 

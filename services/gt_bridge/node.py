@@ -8,9 +8,9 @@ import msgspec
 
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
-from common.metrics import transform_truth
+from common.metrics.alignment.alignment import transform_truth
 from common.metrics.from_messages import plausible
-from common.metrics.live.scorer import LiveScorer
+from common.metrics.live import LiveScorer
 from common.runtime.node import Node, Status
 from people4d.messages import (
     CameraInfo,

@@ -8,7 +8,7 @@ import numpy as np
 
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
-from common.metrics.live.scorer import LiveScorer
+from common.metrics.live import LiveScorer
 from common.runtime.synchroniser import SynchronisedFrame
 from common.runtime.throughput import losses
 from people4d.messages import (

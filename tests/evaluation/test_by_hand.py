@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.evaluate import RunReport, evaluate, write
+from evaluation.evaluate import RunReport, evaluate
 from evaluation.methods import read_method
 from evaluation.recordings.recordings import plan_recordings
+from evaluation.report.page import write
 from evaluation.run.preparation import EvaluationPlan
 from people4d.errors import SourceError
 from tests.evaluation import builders

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from evaluation.run.odometry_drift import OdometryDrift, transform_track
+from evaluation.run.run import OdometryDrift
 from people4d.messages import F64, Odometry, StaticTransform, Track
 from tests import builders
 
@@ -41,8 +41,8 @@ def test_drift_of_position_and_yaw_is_removed() -> None:
     drift = OdometryDrift(
         [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), odometry(0, 1.0, 0.0)], "map", CAMERA
     )
-    matrix = drift.true_from_estimated(0, base(2.0, 1.0, math.pi / 2) @ LINK_FROM_OPTICAL)
-    track = transform_track(one(4.0, 0.0, math.pi * 0.75), matrix)
+    camera = base(2.0, 1.0, math.pi / 2) @ LINK_FROM_OPTICAL
+    track = drift.correct(one(4.0, 0.0, math.pi * 0.75), 0, camera)
     np.testing.assert_allclose(track.position_m, [2.0, 4.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(track.velocity_mps, [0.0, 0.5, 0.0], atol=1e-12)
     assert track.yaw_rad == pytest.approx(-math.pi * 0.75)
@@ -50,14 +50,14 @@ def test_drift_of_position_and_yaw_is_removed() -> None:
 
 def test_a_camera_that_stands_does_not_drift() -> None:
     drift = OdometryDrift([fixed("map", CAMERA, LINK_FROM_OPTICAL)], "map", CAMERA)
-    assert drift.true_from_estimated(0, base(9.0, 0.0, 0.0) @ LINK_FROM_OPTICAL) is None
     track = one(1.0, 2.0, 0.0)
-    assert transform_track(track, None) is track
+    assert drift.correct(track, 0, base(9.0, 0.0, 0.0) @ LINK_FROM_OPTICAL) is track
 
 
 def test_where_the_robot_is_must_be_known() -> None:
     drift = OdometryDrift(
         [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), odometry(10, 1, 0)], "map", CAMERA
     )
-    assert drift.true_from_estimated(10, None) is None
-    assert drift.true_from_estimated(9, LINK_FROM_OPTICAL) is None  # before the first odometry
+    track = one(1.0, 2.0, 0.0)
+    assert drift.correct(track, 10, None) is track
+    assert drift.correct(track, 9, LINK_FROM_OPTICAL) is track  # before the first odometry

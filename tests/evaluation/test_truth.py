@@ -122,10 +122,10 @@ def test_visible_shares_are_computed_without_rendering(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_results_come_in_the_order_of_the_work(jobs: int) -> None:
-    finished: list[int] = []
+    finished: list[tuple[str, float]] = []
     wrong: list[Any] = [4, "no number"]
-    with Pool(jobs) as pool:
-        assert pool.do_all(math.sqrt, [16, 4, 36], finished.append) == [4.0, 2.0, 6.0]
-        assert sorted(finished) == [0, 1, 2]
+    with Pool(jobs, lambda stage, share: finished.append((stage, share))) as pool:
+        assert pool.do("roots", math.sqrt, [16, 4, 36]) == [4.0, 2.0, 6.0]
+        assert finished == [("roots", k / 3) for k in range(4)]
         with pytest.raises(TypeError):
-            pool.do_all(math.sqrt, wrong, finished.append)
+            pool.do("roots", math.sqrt, wrong)

@@ -13,15 +13,10 @@ import pytest
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import transform_from
-from common.metrics import (
-    EvaluationFrame,
-    EvaluationSequence,
-    GroundDistance,
-    GroundTruth,
-    Hypotheses,
-    score,
-)
-from common.metrics.live.scorer import MAX_WAITING, LiveScorer
+from common.metrics.live import MAX_WAITING, LiveScorer
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
+from common.metrics.scores import score
+from common.metrics.similarity import GroundDistance
 from people4d.messages import (
     Message,
     MovingTransform,
@@ -336,7 +331,7 @@ def test_absurd_people_are_left_out() -> None:
 
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("common.metrics.live.scorer.MAX_IDENTITIES", 100)
+    monkeypatch.setattr("common.metrics.live.MAX_IDENTITIES", 100)
     bench, numbers = Bench(), itertools.count(1)
     for ms in range(11):  # 10 new tracks each: more than 100 after 11
         crowd = [track(next(numbers), 2.0, 0.0) for _ in range(10)]

@@ -8,13 +8,10 @@ import pytest
 
 from common.config import load
 from common.geometry.transforms import wrap
-from common.metrics import (
-    EvaluationFrame,
-    GroundDistance,
-    Matcher,
-    ground_truth_of,
-    hypotheses_of,
-)
+from common.metrics.from_messages import ground_truth_of, hypotheses_of
+from common.metrics.matching import Matcher
+from common.metrics.record import EvaluationFrame
+from common.metrics.similarity import GroundDistance
 from common.runtime.node import Node
 from evaluation.pipeline import pipeline, play
 from people4d.codec import encode

@@ -12,9 +12,8 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from common.geometry.transforms import apply, transform_from, wrap
+from common.geometry.transforms import apply, rotation_from_rpy, transform_from, wrap
 from common.metrics.alignment.trajectories import Trajectories, TrajectoryPairs, cost, pair_up
-from common.metrics.record import BOOL
 from people4d.messages import F64, Truth, TruthPerson
 
 COARSE_S = 0.1  # [s] step of the first search for the clock
@@ -46,52 +45,32 @@ class SpaceAlignment:
 
 
 def transform_truth(truth: Truth, matrix: F64, frame_id: str) -> Truth:
-    """Bring truth to another frame.
-
-    Args:
-        truth: The people.
-        matrix: 4x4, from the frame of the truth to the other one.
-        frame_id: Name of the other frame.
-    """
+    """Bring truth to another frame, by the 4x4 transform from its own frame to the other one."""
     people = tuple(_moved_person(person, matrix) for person in truth.people)
     return msgspec.structs.replace(truth, frame_id=frame_id, people=people)
 
 
 def fit_2d(source_m: F64, target_m: F64) -> F64:
-    """Return the turn about z and the shift with the least sum of squared distances.
+    """Return the turn about z and the shift (4x4) with the least sum of squared distances.
 
-    Args:
-        source_m: Nx3, at least one point.
-        target_m: Nx3, where they should be.
+    Points (Nx3 each) are at least one.
 
-    Returns:
-        4x4, target from source.
-
-    Source:
-        docs/method.md section 24 [Umeyama 1991], in the plane and without scale.
+    Source: docs/method.md section 24 [Umeyama 1991], in the plane and without scale.
     """
     centre_a, centre_b = source_m.mean(axis=0), target_m.mean(axis=0)
     a, b = source_m - centre_a, target_m - centre_b
-    turn = math.atan2(
-        float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])), float(np.sum(a[:, :2] * b[:, :2]))
-    )
-    c, s = math.cos(turn), math.sin(turn)
-    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    crossed = np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    turn = math.atan2(float(crossed), float(np.sum(a[:, :2] * b[:, :2])))
+    rotation = rotation_from_rpy(0.0, 0.0, turn)
     return transform_from(centre_b - rotation @ centre_a, rotation)
 
 
 def fit_3d(source_m: F64, target_m: F64) -> F64:
-    """Return the rotation and the shift with the least sum of squared distances.
+    """Return the rotation and the shift (4x4) with the least sum of squared distances.
 
-    Args:
-        source_m: Nx3, at least three points that are not on one line.
-        target_m: Nx3, where they should be.
+    Points (Nx3 each) are at least three that are not on one line.
 
-    Returns:
-        4x4, target from source.
-
-    Source:
-        docs/method.md section 24 [Umeyama 1991], without scale.
+    Source: docs/method.md section 24 [Umeyama 1991], without scale.
     """
     centre_a, centre_b = source_m.mean(axis=0), target_m.mean(axis=0)
     U, _, Vt = np.linalg.svd((target_m - centre_b).T @ (source_m - centre_a))
@@ -108,14 +87,8 @@ def estimate_clock(
     A track is where its person was an offset ago, plus a shift: p(t) = q(t - d) + b. After a
     search in steps of 0.1 s, d and b follow from least squares (Gauss-Newton).
 
-    Args:
-        truth: Trajectories of people, on their clock.
-        tracked: Trajectories of tracks, on theirs.
-        widest_s: Largest offset that is searched.
-
-    Returns:
-        The offset; None if there are too few samples, or all people walk alike, so that a shift
-        explains as much as an offset.
+    None if the offset is larger than `widest_s`, there are too few samples, or all people walk
+    alike, so that a shift explains as much as an offset.
     """
     steps = round(widest_s / COARSE_S)
     coarse = COARSE_S * np.arange(-steps, steps + 1)
@@ -138,17 +111,14 @@ def estimate_motion(
 ) -> SpaceAlignment | None:
     """Estimate the motion of the truth to the frame of the tracks, of less than a metre.
 
-    TrajectoryPairs and motion are found in turns, as in iterative closest points.
+    Pairs and motion are found in turns, as in iterative closest points. None if there are too few
+    samples, or they do not fix the rotation: people hardly move, or (in 3D) all along one line.
 
     Args:
         truth: Trajectories of people.
         tracked: Trajectories of tracks.
-        offset_s: What to add to stamps of the truth.
+        offset_s: Added to stamps of the truth.
         dimensions: 2 for a turn about z and a shift, 3 for any rotation.
-
-    Returns:
-        The motion; None if there are too few samples, or they do not fix the rotation: people
-        hardly transform_truth, or (in 3D) all along one line.
     """
     matrix = np.eye(4)
     pairs = pair_up(truth, tracked, offset_s)
@@ -178,7 +148,8 @@ def _clock_step(pairs: TrajectoryPairs) -> ClockOffset | None:
     residual, velocity = (pairs.tracked_m - pairs.true_m)[:, :2], pairs.velocity_mps[:, :2]
     if len(residual) < MIN_SAMPLES:
         return None
-    inliers = _inliers(residual)
+    distance = np.linalg.norm(residual - np.median(residual, axis=0), axis=1)
+    inliers = distance <= OUTLIER * np.median(distance) + 1e-9
     residual, velocity = residual[inliers], velocity[inliers]
     # r = b - v d; without the means, b is gone.
     residual, velocity = residual - residual.mean(axis=0), velocity - velocity.mean(axis=0)
@@ -189,11 +160,6 @@ def _clock_step(pairs: TrajectoryPairs) -> ClockOffset | None:
     left = residual + change_s * velocity
     sigma_s = math.sqrt(float(np.sum(left**2)) / (2 * len(left) - 3) / information)
     return ClockOffset(change_s, sigma_s, len(left))
-
-
-def _inliers(residual: F64) -> BOOL:
-    distance = np.linalg.norm(residual - np.median(residual, axis=0), axis=1)
-    return np.asarray(distance <= OUTLIER * np.median(distance) + 1e-9)
 
 
 def _moved_person(person: TruthPerson, matrix: F64) -> TruthPerson:

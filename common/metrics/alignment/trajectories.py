@@ -54,11 +54,9 @@ class TrajectoryPairs:
 def trajectories_of(
     samples: Iterable[tuple[Hashable, int, F64]], start_ns: int
 ) -> dict[Hashable, Trajectory]:
-    """Gather positions by identity.
+    """Gather positions by identity, seconds since a start.
 
-    Args:
-        samples: Identity, stamp in nanoseconds, position (3); by rising stamp.
-        start_ns: Stamp that counts as 0 s.
+    Samples are identity, stamp in nanoseconds and position (3), by rising stamp.
     """
     rows: dict[Hashable, list[tuple[float, F64]]] = {}
     for identity, stamp_ns, position_m in samples:
@@ -72,16 +70,10 @@ def trajectories_of(
 def pair_up(
     truth: Trajectories, tracked: Trajectories, offset_s: float, matrix: F64 | None = None
 ) -> TrajectoryPairs:
-    """Pair each position of a track with the nearest person at that time.
+    """Pair each position of a track with the nearest person, if that is near and clear.
 
-    Args:
-        truth: Trajectories of people, on their clock.
-        tracked: Trajectories of tracks, on theirs.
-        offset_s: What to add to stamps of the truth.
-        matrix: 4x4, motion of the truth before it is compared; None for none.
-
-    Returns:
-        The pairs, the truth unmoved; without those that are far apart or not clear.
+    The offset is added to stamps of the truth. A motion (4x4) is applied to the truth before it is
+    compared; the pairs have the truth unmoved.
     """
     stamps_s, tracked_m = _samples(tracked)
     true_m, times_s = _everyone(truth, stamps_s - offset_s), stamps_s - offset_s

@@ -2,6 +2,7 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
+from operator import attrgetter
 
 import msgspec
 
@@ -9,6 +10,7 @@ from common.geometry.transforms import wrap
 from people4d.messages import F64, Truth, TruthPerson
 
 MAX_GAP_NS = 200_000_000  # people move 0.3 m in this time; wider gaps are not bridged
+STAMP = attrgetter("stamp_ns")
 CAPACITY = 2048  # messages, 20 s at 100 Hz
 
 
@@ -23,61 +25,43 @@ class TruthBuffer:
     """
 
     def __init__(self, max_gap_ns: int = MAX_GAP_NS, capacity: int = CAPACITY) -> None:
-        self._max_gap_ns = max_gap_ns
-        self._capacity = capacity
-        self._stamps_ns: list[int] = []
-        self._messages: list[Truth] = []
+        self._max_gap_ns, self._capacity = max_gap_ns, capacity
+        self.messages: list[Truth] = []  # oldest first
 
     def add(self, truth: Truth) -> None:
         """Add a message; one that is older than the last clears the buffer."""
-        if self._stamps_ns and truth.stamp_ns < self._stamps_ns[-1]:
-            self.clear()
-        self._stamps_ns.append(truth.stamp_ns)
-        self._messages.append(truth)
-        if len(self._messages) >= 2 * self._capacity:  # rarely: the front of a list is slow
-            del self._stamps_ns[: self._capacity], self._messages[: self._capacity]
-
-    def clear(self) -> None:
-        """Remove all messages."""
-        self._stamps_ns.clear()
-        self._messages.clear()
+        if self.messages and truth.stamp_ns < self.messages[-1].stamp_ns:
+            self.messages.clear()
+        self.messages.append(truth)
+        if len(self.messages) >= 2 * self._capacity:  # rarely: the front of a list is slow
+            del self.messages[: self._capacity]
 
     @property
     def newest_ns(self) -> int | None:
         """Stamp of the last message, None if there is none."""
-        return self._stamps_ns[-1] if self._stamps_ns else None
-
-    @property
-    def messages(self) -> tuple[Truth, ...]:
-        """All messages, oldest first."""
-        return tuple(self._messages)
+        return self.messages[-1].stamp_ns if self.messages else None
 
     def at(self, stamp_ns: int) -> Truth | None:
-        """Return the people at a stamp.
+        """Return all people captured shortly before and shortly after a stamp.
 
-        Args:
-            stamp_ns: Any time, on the clock of the truth.
-
-        Returns:
-            All people captured shortly before and shortly after; None where no message lies close
-            enough on both sides.
+        None where no message lies close enough on both sides.
         """
-        stamps_ns, gap_ns = self._stamps_ns, self._max_gap_ns
-        before = self._messages[
-            bisect_left(stamps_ns, stamp_ns - gap_ns) : bisect_right(stamps_ns, stamp_ns)
-        ]
-        after = self._messages[
-            bisect_left(stamps_ns, stamp_ns) : bisect_right(stamps_ns, stamp_ns + gap_ns)
-        ]
+        gap_ns = self._max_gap_ns
+        before = self._between(stamp_ns - gap_ns, stamp_ns)
+        after = self._between(stamp_ns, stamp_ns + gap_ns)
         if not before or not after or after[0].stamp_ns - before[-1].stamp_ns > gap_ns:
             return None
         earlier, later = _nearest(reversed(before), before[-1]), _nearest(after, before[-1])
         people = tuple(
-            _between(person, later[name][1], _share_of(start_ns, stamp_ns, later[name][0]))
+            _interpolate(person, later[name][1], _share_of(start_ns, stamp_ns, later[name][0]))
             for name, (start_ns, person) in earlier.items()
             if name in later and later[name][0] - start_ns <= gap_ns
         )
         return msgspec.structs.replace(before[-1], stamp_ns=stamp_ns, people=people)
+
+    def _between(self, first_ns: int, last_ns: int) -> list[Truth]:
+        start = bisect_left(self.messages, first_ns, key=STAMP)
+        return self.messages[start : bisect_right(self.messages, last_ns, key=STAMP)]
 
 
 def _share_of(start_ns: int, stamp_ns: int, end_ns: int) -> float:
@@ -95,7 +79,7 @@ def _nearest(messages: Iterable[Truth], like: Truth) -> dict[str, tuple[int, Tru
     return found
 
 
-def _between(a: TruthPerson, b: TruthPerson, share: float) -> TruthPerson:
+def _interpolate(a: TruthPerson, b: TruthPerson, share: float) -> TruthPerson:
     return TruthPerson(
         id=a.id,
         position_m=a.position_m + share * (b.position_m - a.position_m),

@@ -58,9 +58,9 @@ def evaluate(
     """Score methods on recordings with truth; the same metrics every time, on any machine."""
     from evaluation.cache import default_folder  # noqa: PLC0415
     from evaluation.evaluate import evaluate as do  # noqa: PLC0415
-    from evaluation.evaluate import write  # noqa: PLC0415
     from evaluation.methods import read_methods  # noqa: PLC0415
     from evaluation.recordings.recordings import plan_recordings  # noqa: PLC0415
+    from evaluation.report.page import write  # noqa: PLC0415
     from evaluation.run.preparation import EvaluationPlan  # noqa: PLC0415
     from services.visual_odometry.config import VisualOdometryConfig  # noqa: PLC0415
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from common.metrics import EvaluationSequence
+from common.metrics.record import EvaluationSequence
 from tests.common.metrics.samples import MOT15, SEEDS, drawn, mot15
 
 CLEAR = ("CLR_TP", "CLR_FN", "CLR_FP", "IDSW", "MT", "PT", "ML", "MOTA", "MOTP", "CLR_Re", "CLR_Pr")

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from common.geometry.boxes import iou_xyxy
-from common.metrics import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from common.metrics.mot_text import MotRows, read_info, read_rows, sequence
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from people4d.messages import F64
 
 MOT15 = ("ADL-Rundle-6", "ETH-Bahnhof", "KITTI-17", "TUD-Campus", "TUD-Stadtmitte")

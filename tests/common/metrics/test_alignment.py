@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import apply, invert, rotation_from_rpy, transform_from
-from common.metrics import estimate_clock, estimate_motion, fit_2d, fit_3d, transform_truth
+from common.metrics.alignment.alignment import (
+    estimate_clock,
+    estimate_motion,
+    fit_2d,
+    fit_3d,
+    transform_truth,
+)
 from common.metrics.alignment.trajectories import Trajectory
 from people4d.messages import F64, Truth, TruthPerson
 from tests import builders

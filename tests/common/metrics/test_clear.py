@@ -3,19 +3,11 @@
 import numpy as np
 import pytest
 
-from common.metrics import (
-    ClearCounts,
-    EvaluationFrame,
-    EvaluationSequence,
-    GroundDistance,
-    GroundTruth,
-    Hypotheses,
-    IdSwitch,
-    box_overlap,
-    match,
-)
-from common.metrics.clear import count_clear
-from common.metrics.frame_scores import ScoreTotals
+from common.metrics.clear import ClearCounts, count_clear
+from common.metrics.frame_scores import IdSwitch
+from common.metrics.matching import match
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
+from common.metrics.similarity import GroundDistance, box_overlap
 from tests.common.metrics.worlds import sequence, tracked, truth
 
 NEAR = GroundDistance(0.5)
@@ -92,7 +84,11 @@ def test_out_of_view_is_no_fragmentation() -> None:
         )
     )
     assert counts == ClearCounts(
-        ScoreTotals(frames=4, truths=2, matches=2, outside=1, poses=2),
+        frames=4,
+        truths=2,
+        matches=2,
+        outside=1,
+        poses=2,
         mostly_tracked=1,
         similarity=2.0,
     )

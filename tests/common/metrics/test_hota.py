@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from common.metrics import ALPHAS, EvaluationSequence, GroundDistance, HotaCounts, match
-from common.metrics.hota import count_hota
+from common.metrics.hota import ALPHAS, HotaCounts, count_hota
+from common.metrics.matching import match
+from common.metrics.record import EvaluationSequence
+from common.metrics.similarity import GroundDistance
 from tests.common.metrics.worlds import sequence, truth
 
 

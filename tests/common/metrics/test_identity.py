@@ -1,7 +1,9 @@
 """Identity measures worked on paper [Ristani 2016]."""
 
-from common.metrics import EvaluationSequence, GroundDistance, IdentityCounts, match
-from common.metrics.identity import count_identity
+from common.metrics.identity import IdentityCounts, count_identity
+from common.metrics.matching import match
+from common.metrics.record import EvaluationSequence
+from common.metrics.similarity import GroundDistance
 from tests.common.metrics.worlds import sequence, truth
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from common.metrics import TruthBuffer
+from common.metrics.alignment.truth_buffer import TruthBuffer
 from people4d.messages import Truth, TruthPerson
 from tests import builders
 

@@ -2,16 +2,11 @@
 
 import pytest
 
-from common.metrics import (
-    EvaluationSequence,
-    GroundDistance,
-    Lifetimes,
-    ReturnToView,
-    find_returns,
-    match,
-    score,
-)
-from common.metrics.lifetimes import count_lifetimes
+from common.metrics.lifetimes import Lifetimes, ReturnToView, count_lifetimes, find_returns
+from common.metrics.matching import match
+from common.metrics.record import EvaluationSequence
+from common.metrics.scores import score
+from common.metrics.similarity import GroundDistance
 from tests.common.metrics.worlds import sequence, tracked, truth
 
 NEAR = GroundDistance(0.5)
@@ -46,7 +41,7 @@ def test_time_to_first_track() -> None:
         )
     )
     assert lifetimes.mean_first_track_s == 1.0
-    assert (lifetimes.people, lifetimes.found) == (2, 1)
+    assert (lifetimes.people, lifetimes.people_found) == (2, 1)
 
 
 def test_a_predicted_track_covers_without_being_measured() -> None:

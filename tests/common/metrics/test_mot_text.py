@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.metrics import Hypotheses, box_overlap, score
 from common.metrics.mot_text import MotInfo, read_info, read_rows, sequence
+from common.metrics.record import Hypotheses
+from common.metrics.scores import score
+from common.metrics.similarity import box_overlap
 from people4d.errors import DecodeError
 
 

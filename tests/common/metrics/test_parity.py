@@ -10,17 +10,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from common.metrics import (
-    FrameMatches,
-    GroundDistance,
-    Matching,
-    Scores,
-    box_overlap,
-    combine,
-    match,
-)
 from common.metrics.clear import count_clear
-from common.metrics.scores import score_matching
+from common.metrics.matching import Matching, match
+from common.metrics.record import FrameMatches
+from common.metrics.scores import Scores, combine, score_matching
+from common.metrics.similarity import GroundDistance, box_overlap
 from tests.common.metrics.samples import MOT15, SEEDS, drawn, mot15
 
 DRAWN = tuple(f"drawn {seed}" for seed in SEEDS)

@@ -6,16 +6,10 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from common.metrics import (
-    EvaluationFrame,
-    EvaluationSequence,
-    GroundDistance,
-    GroundTruth,
-    Hypotheses,
-    PoseErrors,
-    Scores,
-    score,
-)
+from common.metrics.pose import PoseErrors
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
+from common.metrics.scores import Scores, score
+from common.metrics.similarity import GroundDistance
 from people4d.messages import F64
 
 PI = math.pi
@@ -174,9 +168,9 @@ def test_measured_predicted_and_occluded_apart() -> None:
         frame(0.4, predicted=True, occluded=True),
         frame(0.8, predicted=True, occluded=False, out=True),
     )
-    assert result.pose_measured.position_m[:, 0].tolist() == [0.1]
-    assert result.pose_predicted.position_m[:, 0].tolist() == [0.2]
-    assert result.pose_occluded.position_m[:, 0].tolist() == [0.4]
+    assert result.pose_parts["measured"].position_m[:, 0].tolist() == [0.1]
+    assert result.pose_parts["predicted"].position_m[:, 0].tolist() == [0.2]
+    assert result.pose_parts["occluded"].position_m[:, 0].tolist() == [0.4]
     assert result.pose.position_m[:, 0].tolist() == [0.1, 0.2]
     assert result.lifetimes.coverage == 1.0
     assert result.lifetimes.coverage_measured == 0.5

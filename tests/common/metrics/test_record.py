@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
-from common.metrics import (
-    EvaluationFrame,
-    EvaluationSequence,
-    GroundDistance,
-    GroundTruth,
-    Hypotheses,
-    box_overlap,
-    match,
-)
+from common.metrics.matching import match
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
+from common.metrics.similarity import GroundDistance, box_overlap
 
 
 def test_an_identity_comes_once_in_a_frame() -> None:

@@ -5,18 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from common.metrics import (
-    EvaluationFrame,
-    EvaluationSequence,
-    GroundDistance,
-    GroundTruth,
-    Hypotheses,
-    Scores,
-    SummaryStatistics,
-    combine,
-    score,
-    summarise,
-)
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
+from common.metrics.scores import Scores, SummaryStatistics, combine, score, summarise
+from common.metrics.similarity import GroundDistance
 from tests.common.metrics.samples import SEEDS, drawn
 from tests.common.metrics.worlds import sequence
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert, transform_from
-from common.metrics import in_view
+from common.metrics.field_of_view import in_view
 from tests import builders
 
 # f = 100 px, 200 x 100 px, axis in the middle: 45 degrees to either side, 26.6 up and down.

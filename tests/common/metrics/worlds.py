@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from common.metrics import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses, Id
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses, Id
 
 Positions: TypeAlias = Mapping[Any, float]  # id -> x in metres
 

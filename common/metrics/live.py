@@ -11,18 +11,20 @@ from common.geometry.transforms import wrap
 from common.metrics.alignment.alignment import transform_truth
 from common.metrics.alignment.truth_buffer import TruthBuffer
 from common.metrics.field_of_view import CameraViews
-from common.metrics.frame_scores import FrameScore, FrameScorer
+from common.metrics.frame_scores import FrameScore, FrameScorer, ScoreTotals
 from common.metrics.from_messages import ground_truth_of, hypotheses_of, plausible
-from common.metrics.live.totals import IdConsistency, RunningTotals
 from common.metrics.matching import Matcher
 from common.metrics.pose import PoseErrors
 from common.metrics.record import EvaluationFrame, FrameMatches
 from common.metrics.similarity import GroundDistance
-from people4d.messages import F64, Alignment, PersonScore, Score, Tracks, Truth
+from people4d.messages import F64, Alignment, PersonScore, Score, Tally, Tracks, Truth
 
 MAX_WAITING = 64  # tracks that wait for truth: two seconds of a camera
 RESTART_NS = 10**9  # tracks from so long before the last ones begin a new playback
 MAX_IDENTITIES = 100_000  # after so many the count begins anew, so that memory is bounded
+
+RECENT_NS = 10 * 10**9
+MAX_RECENT = 1024  # frames: 10 s at 100 frames a second
 
 
 class TruthAlignment:
@@ -159,6 +161,51 @@ class LiveScorer:
             id_consistency=self._scores.consistency.share(),
             alignment=self._alignment.estimate,
         )
+
+
+class RunningTotals:
+    """Totals of the last 10 s and of all frames."""
+
+    def __init__(self) -> None:
+        self._window: deque[tuple[int, ScoreTotals]] = deque(maxlen=MAX_RECENT)
+        self._total = ScoreTotals()
+        self._first_ns = self._last_ns = 0
+
+    def add(self, stamp_ns: int, totals: ScoreTotals) -> None:
+        """Add one frame."""
+        self._first_ns = self._first_ns if self._total.frames else stamp_ns
+        self._last_ns = stamp_ns
+        self._total += totals
+        self._window.append((stamp_ns, totals))
+        while self._window[0][0] <= stamp_ns - RECENT_NS:
+            self._window.popleft()
+
+    def recent(self) -> Tally:
+        """Return the totals of the last 10 s."""
+        first_ns = self._window[0][0] if self._window else self._last_ns
+        sums = sum((totals for _, totals in self._window), start=ScoreTotals())
+        return sums.tally(self._last_ns - first_ns)
+
+    def total(self) -> Tally:
+        """Return the totals of all frames."""
+        return self._total.tally(self._last_ns - self._first_ns)
+
+
+class IdConsistency:
+    """Share of each person's matches under their most frequent track."""
+
+    def __init__(self) -> None:
+        self._tracks: dict[str, Counter[int]] = {}
+
+    def add(self, person: str, track: int) -> None:
+        """Count a match."""
+        self._tracks.setdefault(person, Counter())[track] += 1
+
+    def share(self, *persons: str) -> float | None:
+        """Return the share over some people, all if none is named; None without a match."""
+        counters = [self._tracks[p] for p in persons or self._tracks if p in self._tracks]
+        matches = sum(counter.total() for counter in counters)
+        return sum(max(c.values()) for c in counters) / matches if matches else None
 
 
 class SequenceScorer:

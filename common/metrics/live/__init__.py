@@ -1,1 +1,0 @@
-"""Tracks scored against ground truth while both come in."""
