@@ -14,16 +14,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from benchmarks.lib.hand_marks import Mark
-from common.metrics import (
-    EvaluationFrame,
-    EvaluationSequence,
-    GroundTruth,
-    Hypotheses,
-    Matching,
-    match,
-    score_matching,
-)
 from common.metrics.counts import ratio
+from common.metrics.matching import Matching, match
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
+from common.metrics.scores import score_matching
 from people4d.messages import F64
 from services.tracker.sort3d.association import assign
 

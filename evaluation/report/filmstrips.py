@@ -63,12 +63,12 @@ def filmstrips_of(run: EvaluationRun, output: RunOutput) -> tuple[Filmstrip, ...
         return ()
     images = images_at(run, {frames[row].stamp_ns for rows in rows_of.values() for row in rows})
     detections = {message.stamp_ns: message for message in output.detections}
-    strips = []
+    filmstrips = []
     for switch, rows in rows_of.items():
         sentence = _sentence(switch, output, detections)
         cells = tuple(_cell(switch, row, output, images, detections) for row in rows)
-        strips.append(Filmstrip(run.method.name, run.recording.name, sentence, cells))
-    return tuple(strips)
+        filmstrips.append(Filmstrip(run.method.name, run.recording.name, sentence, cells))
+    return tuple(filmstrips)
 
 
 def images_at(run: EvaluationRun, stamps_ns: Collection[int]) -> dict[int, U8]:
