@@ -10,14 +10,7 @@ from typing import Any, Literal
 import msgspec
 import typer
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import Progress, TaskID, TimeElapsedColumn
 from rich.table import Table
 
 COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "exited": "dim", "": "dim"}
@@ -67,14 +60,9 @@ def cores() -> int:
 @contextmanager
 def progress() -> Iterator[Report]:
     """Show a bar for each thing that is being done; call what it gives with its share."""
-    columns = (
-        TextColumn("{task.description:<18}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True)) as bars:
+    with Progress(
+        *Progress.get_default_columns(), TimeElapsedColumn(), console=Console(stderr=True)
+    ) as bars:
         tasks: dict[str, TaskID] = {}
 
         def report(what: str, share: float) -> None:

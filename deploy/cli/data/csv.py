@@ -62,12 +62,7 @@ def csv(
 
 
 def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
-    """Write the people of messages, by rising stamp, to a table; return the number of rows.
-
-    Raises:
-        ConfigError: The ending is another one, or what writes it is not installed.
-        SourceError: The file cannot be written.
-    """
+    """Write the people of messages, by rising stamp, to a table; return the number of rows."""
     writers = {".csv": _open_csv, ".parquet": _open_parquet}
     if file.suffix not in writers:
         raise ConfigError(f"{file} is of no known kind", f"Write {' or '.join(writers)}.")

@@ -38,11 +38,7 @@ def info(
 
 
 def read_info(path: Path) -> Info:
-    """Describe a recording, a ROS bag or a folder of images.
-
-    Raises:
-        SourceError: The path does not exist, is damaged, or is of no known kind.
-    """
+    """Describe a recording, a ROS bag or a folder of images."""
     description = describe(path)
     lab = None
     if description.kind == "recording" and description.calibration:

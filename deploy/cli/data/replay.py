@@ -54,11 +54,7 @@ def record(
 
 
 def kinds_of(topics: str) -> tuple[type[Message], ...]:
-    """Return the message types of topics named with commas between.
-
-    Raises:
-        ConfigError: There is no such topic.
-    """
+    """Return the message types of topics named with commas between."""
     names = [name.strip() for name in topics.split(",") if name.strip()]
     for name in names:
         if name not in BY_NAME:
@@ -115,11 +111,7 @@ def replay(
 
 
 def check_publishers(bus: ZenohBus, robot: str, kinds: set[type[Message]]) -> None:
-    """Check that no live service publishes what is to be replayed.
-
-    Raises:
-        ConfigError: A service does: its messages and the recorded ones would mix.
-    """
+    """Check that no live service publishes what is to be replayed."""
     topics = [BY_MESSAGE[kind] for kind in kinds]
     if CompressedRgbdFrame in kinds:
         topics.append(BY_MESSAGE[RgbdFrame])
@@ -134,11 +126,7 @@ def check_publishers(bus: ZenohBus, robot: str, kinds: set[type[Message]]) -> No
 
 
 def clean_cameras(recording: Recording) -> dict[str, CleanDepthSensor]:
-    """Return the depth sensor of each camera; none if depth is not clean.
-
-    Raises:
-        SourceError: The recording's metadata of its simulation are damaged.
-    """
+    """Return the depth sensor of each camera; none if depth is not clean."""
     metadata = read_metadata(recording)
     if metadata is None or metadata.depth != "clean":
         return {}
@@ -150,9 +138,6 @@ def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixel
     """Return a recorded frame as it is published: with its pixels, or compressed.
 
     `clean` reads depth as a sensor would; it is None if depth is as a sensor read it.
-
-    Raises:
-        DecodeError: An image is corrupt.
     """
     frame = decompress(message) if pixels or clean else None
     if frame is None or clean is None:

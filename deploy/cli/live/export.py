@@ -69,12 +69,7 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
 
 
 def prometheus_exporter(address: str, port: int) -> Exporter:
-    """Return what serves Prometheus.
-
-    Raises:
-        ConfigError: Its library is not installed.
-        People4dError: Nothing can listen there.
-    """
+    """Return what serves Prometheus."""
     try:
         from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
     except ModuleNotFoundError as error:
@@ -85,11 +80,7 @@ def prometheus_exporter(address: str, port: int) -> Exporter:
 
 
 def otlp_exporter(robot: str, url: str) -> Exporter:
-    """Return what sends to a collector by OTLP over HTTP.
-
-    Raises:
-        ConfigError: Its libraries are not installed.
-    """
+    """Return what sends to a collector by OTLP over HTTP."""
     try:
         from opentelemetry.exporter.otlp.proto.http.metric_exporter import (  # noqa: PLC0415
             OTLPMetricExporter,

@@ -60,13 +60,14 @@ def top(
                     time.sleep(every_s)
                     live.update(drawn(snapshot()), refresh=True)
         while True:
+            if not once:
+                time.sleep(every_s)
             if json:
                 print_json(snapshot())
             else:
                 console.print(drawn(snapshot()))
             if once:
                 return
-            time.sleep(every_s)
 
 
 @contextmanager
@@ -88,11 +89,7 @@ def _snapshots(client: Client, seconds: float) -> Iterator[Callable[[], SystemSn
 
 
 def _wait(snapshot: Callable[[], SystemSnapshot], seconds: float) -> None:
-    """Listen for a time, and longer if nothing came yet.
-
-    Raises:
-        People4dError: Nothing came.
-    """
+    """Listen for a time, and longer if nothing came yet."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s or not snapshot().processes:
         if time.monotonic() > end_s + seconds:
