@@ -29,6 +29,7 @@ from benchmarks.lib.gait_points import (
 )
 from benchmarks.lib.gait_recordings import GaitRecording
 from benchmarks.lib.table import machine, markdown, spread
+from evaluation.gait.step_errors import StepErrors
 
 REPORT = Path(__file__).with_suffix(".md")
 FIGURE = Path(__file__).parents[1] / "docs" / "pictures" / "gait-errors.png"
@@ -209,8 +210,8 @@ _VARIANTS = (gait_points.SERVICE.name, gait_points.NO_KEYPOINTS.name)
 
 def _steps(plan: Plan, runs: Mapping[tuple[str, str], Sequence[PointResults]]) -> str:
     keys = [(seed, number) for seed in plan.recordings for number in plan.filters]
-    found: dict[str, list[gait_steps.Errors]] = {}
-    by_recording: dict[str, list[gait_steps.Errors]] = {}
+    found: dict[str, list[StepErrors]] = {}
+    by_recording: dict[str, list[StepErrors]] = {}
     for scenario, case in STEADY.items():
         for variant in _VARIANTS:
             for (seed, _), run in zip(keys, runs[case, variant], strict=True):

@@ -13,13 +13,13 @@ import msgspec
 import numpy as np
 
 from benchmarks.lib.gait_recordings import GaitRecording, overlap
+from benchmarks.lib.numpy_scores import scores
 from benchmarks.lib.table import markdown, spread
 from people4d.messages import F64, U8
 from services.gait.colour.colour_layer import ColourLayer
 from services.gait.colour.colour_ratio import ColourRatio
 from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch, sample_grid
 from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
-from tests.gait.numpy_histogram import scores
 
 SUCCESS = 0.5  # overlap from which on a frame counts
 PARTICLES = tuple(range(20, 180, 20))
