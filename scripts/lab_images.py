@@ -47,7 +47,7 @@ def explained(name: str, share: float) -> Tile:
 
 
 def prepare(name: str, share: float, seed: int | None) -> tuple[FrameRenderer, int]:
-    """Return a film and the index of a frame at a share of its time."""
+    """Return a renderer and the index of a frame at a share of its time."""
     renderer = FrameRenderer(World(load_scenario(name), seed), RenderSettings(samples=2, threads=2))
     return renderer, int(share * (renderer.world.frame_count - 1))
 

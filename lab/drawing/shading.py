@@ -212,47 +212,36 @@ def _from_lights(
     turn = (TURNS[step, 0], TURNS[step, 1])
     red, green, blue, shine = 0.0, 0.0, 0.0, 0.0
     for index in range(len(light.lights)):
-        lamp = light.lights
-        x, y, z = lamp[index, 0] - point[0], lamp[index, 1] - point[1], lamp[index, 2] - point[2]
+        lamp, q = light.lights[index], light.projections[index]
+        x, y, z = lamp[0] - point[0], lamp[1] - point[1], lamp[2] - point[2]
         squared = x * x + y * y + z * z
         distance = math.sqrt(squared)
         near = 1.0 / distance
         x, y, z = x * near, y * near, z * near
         falling = normal[0] * x + normal[1] * y + normal[2] * z
-        emitted = -(x * lamp[index, 3] + y * lamp[index, 4] + z * lamp[index, 5])
+        emitted = -(x * lamp[3] + y * lamp[4] + z * lamp[5])
         wrapped = (falling + WRAP) / (1 + WRAP) if skin > 0 else falling
         if wrapped <= 0.0 or emitted <= 0.0:
             continue
-        power = emitted / (squared + lamp[index, 9] * lamp[index, 9])
-        q = light.projections
+        power = emitted / (squared + lamp[9] * lamp[9])
         # The point is moved off its surface, so that it does not shadow itself.
-        sx, sy, sz = (
-            point[0] + 0.01 * normal[0],
-            point[1] + 0.01 * normal[1],
-            point[2] + 0.01 * normal[2],
-        )
-        depth = q[index, 2, 0] * sx + q[index, 2, 1] * sy + q[index, 2, 2] * sz + q[index, 2, 3]
+        sx, sy = point[0] + 0.01 * normal[0], point[1] + 0.01 * normal[1]
+        sz = point[2] + 0.01 * normal[2]
+        depth = q[2, 0] * sx + q[2, 1] * sy + q[2, 2] * sz + q[2, 3]
         if depth > 0.05:
             scale = 1.0 / depth
-            u = (
-                q[index, 0, 0] * sx + q[index, 0, 1] * sy + q[index, 0, 2] * sz + q[index, 0, 3]
-            ) * scale
-            v = (
-                q[index, 1, 0] * sx + q[index, 1, 1] * sy + q[index, 1, 2] * sz + q[index, 1, 3]
-            ) * scale
-            radius = SOFT_PX * lamp[index, 9]
+            u = (q[0, 0] * sx + q[0, 1] * sy + q[0, 2] * sz + q[0, 3]) * scale
+            v = (q[1, 0] * sx + q[1, 1] * sy + q[1, 2] * sz + q[1, 3]) * scale
+            radius = SOFT_PX * lamp[9]
             # A slanted surface is nearer to the light on one side of the readings.
             slant = (1.0 - falling * falling) / max(falling, 0.12)
             bias = BIAS_M + 0.7 * depth * radius / FOCAL_PX * slant
             around = (radius * turn[0], radius * turn[1])
             power *= lit_share(light.maps, index, (u, v), 1.0 / (depth - bias), around)
-        red += power * wrapped * lamp[index, 6]
-        green += (
-            power
-            * (wrapped if skin == 0 else 0.4 * wrapped + 0.6 * max(falling, 0.0))
-            * lamp[index, 7]
-        )
-        blue += power * (wrapped if skin == 0 else max(falling, 0.0)) * lamp[index, 8]
+        straight = max(falling, 0.0)
+        red += power * wrapped * lamp[6]
+        green += power * (wrapped if skin == 0 else 0.4 * wrapped + 0.6 * straight) * lamp[7]
+        blue += power * (wrapped if skin == 0 else straight) * lamp[8]
         if falling > 0.0 and gloss > 0.0:
             hx, hy, hz = x + eye[0], y + eye[1], z + eye[2]
             length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
@@ -260,5 +249,5 @@ def _from_lights(
             if peak > 0.7:
                 # Schlick's stand-in for peak ** sharpness [Schlick 1993].
                 peak /= sharpness - (sharpness - 1.0) * peak
-                shine += power * lamp[index, 7] * peak * (sharpness + 8.0) / 12.0
+                shine += power * lamp[7] * peak * (sharpness + 8.0) / 12.0
     return red, green, blue, shine

@@ -22,7 +22,6 @@ COMFORT_M = 0.95  # centre to centre; people deviate to pass no nearer
 PERSONAL_M = 0.62  # nearer than that they would rather stop
 ROBOT_EXTRA_M = 0.15  # more distance from a robot
 STOOL_LESS_M, OWN_STOOL_LESS_M = 0.2, 0.35  # less distance from a stool, and from one's own
-BOUND_MARGIN_M = 1.0  # margin around the positions of all plans
 
 # Candidates: turned away from the goal to either side, and shares of the free speed.
 _OFFSETS = np.radians([0, 8, -8, 16, -16, 26, -26, 38, -38, 52, -52, 70, -70, 90, -90, 115, -115])

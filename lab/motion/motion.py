@@ -12,13 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from common.geometry.transforms import transform_from
 from lab.bodies.skeleton import SEGMENTS, BodyPose, Skeleton
 from lab.motion.bouts import WalkPath
-from lab.motion.crowd import (
-    BOUND_MARGIN_M,
-    CrowdPaths,
-    PositionFunction,
-    Surroundings,
-    simulate_paths,
-)
+from lab.motion.crowd import CrowdPaths, PositionFunction, Surroundings, simulate_paths
 from lab.motion.footfalls import FootStances, StepPlan
 from lab.motion.kinematics import Individual, pose_arrays
 from lab.motion.walker import STEP_S, Walker
@@ -26,6 +20,7 @@ from lab.scenario import PersonPlan
 from people4d.messages import F64
 
 BEFORE_S, AFTER_S = 1.5, 3.5  # simulated before the start; after the end, to plan whole steps
+ANYWHERE_M: F64 = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
 SMOOTH_S = 0.08  # of the inertia of a body that follows its plan
 
 
@@ -82,7 +77,7 @@ def simulate(
     duration_s: float,
     seed: int,
     obstacle: PositionFunction | None = None,
-    area_m: F64 | None = None,
+    area_m: F64 = ANYWHERE_M,
 ) -> tuple[PersonMotion, ...]:
     """Return the motions of people who follow their plans and avoid each other.
 
@@ -93,35 +88,20 @@ def simulate(
         seed: Of the small differences between people and of sway.
         obstacle: Position of a thing to avoid, such as the robot, at a time from -2 s on: x, y and
             maybe more in metres, frame: map.
-        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map; None:
-            the surroundings of all positions of the plans.
+        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map.
     """
     steps = round((duration_s + BEFORE_S + AFTER_S) / STEP_S) + 1
     times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - BEFORE_S
     walkers = [
         Walker(plan, skeleton.stature_m) for plan, skeleton in zip(people, skeletons, strict=True)
     ]
-    bounds_m = _bounds(people) if area_m is None else area_m
     stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
-    paths = simulate_paths(walkers, times_s, Surroundings(bounds_m, stools_m, obstacle))
+    paths = simulate_paths(walkers, times_s, Surroundings(area_m, stools_m, obstacle))
     drawn = [
         Individual.draw(skeleton, seed, index, plan.gestures)
         for index, (skeleton, plan) in enumerate(zip(skeletons, people, strict=True))
     ]
     return tuple(_motion(paths, index, person) for index, person in enumerate(drawn))
-
-
-def _bounds(people: Sequence[PersonPlan]) -> F64:
-    """Return the area in which people stay: around all positions of their plans."""
-    positions = np.array(
-        [position for p in people for position in (p.start, *(w.to for w in p.path))]
-    )
-    positions = positions.reshape(-1, 2)
-    if not len(positions):
-        return np.zeros((2, 2))
-    return np.stack(
-        [positions.min(axis=0) - BOUND_MARGIN_M, positions.max(axis=0) + BOUND_MARGIN_M]
-    )
 
 
 def _motion(paths: CrowdPaths, index: int, person: Individual) -> PersonMotion:
