@@ -11,6 +11,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from people4d.messages import F64
+from services.tracker.interface import Measurement
+from services.tracker.motion.track_record import TrackRecord
 
 T = TypeVar("T")
 D = TypeVar("D")
@@ -108,17 +110,13 @@ def adaptive_gate(previous_m: F64, sigmas: float = 1.6) -> float:
     return float(previous_m.mean() + sigmas * previous_m.std()) if previous_m.size else np.inf
 
 
-def cosine_distances(a: Sequence[F64 | None], b: Sequence[F64 | None]) -> F64:
-    """Return 1 - a.b (0 to 2) of each pair of embeddings, NaN where one is unknown.
-
-    Args:
-        a: N unit vectors of one length, None where unknown.
-        b: M unit vectors of the same length, None where unknown.
-    """
-    length = next((len(v) for v in (*a, *b) if v is not None), 0)
-    blank = np.zeros(length)
-    left = np.array([blank if v is None else v for v in a]).reshape(len(a), length)
-    right = np.array([blank if v is None else v for v in b]).reshape(len(b), length)
-    known = np.outer([v is not None for v in a], [v is not None for v in b])
-    apart: F64 = np.where(known, np.clip(1.0 - left @ right.T, 0.0, 2.0), np.nan)
+def cosine_distances(
+    a: Sequence[TrackRecord | Measurement], b: Sequence[TrackRecord | Measurement]
+) -> F64:
+    """Return 1 - a.b (NxM, 0 to 2) of the embeddings of each pair, NaN where one is unknown."""
+    known = [one.embedding for one in (*a, *b) if one.embedding is not None]
+    unknown = np.full(len(known[0]) if known else 1, np.nan)
+    rows = [unknown if one.embedding is None else one.embedding for one in (*a, *b)]
+    vectors = np.array(rows).reshape(-1, len(unknown))
+    apart: F64 = np.clip(1.0 - vectors[: len(a)] @ vectors[len(a) :].T, 0.0, 2.0)
     return apart

@@ -16,8 +16,7 @@ from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
 from services.tracker.motion.yaw import make_yaw
 from services.tracker.strongsort3d.base_drift import BaseDrift
 from services.tracker.strongsort3d.contact import Contact
-from services.tracker.strongsort3d.field_of_view import FieldOfView
-from services.tracker.strongsort3d.occlusion import Occlusion
+from services.tracker.strongsort3d.occlusion import FieldOfView, Occlusion
 from services.tracker.strongsort3d.policies import (
     ContactPolicy,
     IdentityPolicy,

@@ -36,9 +36,9 @@ class Contact(ContactPolicy):
 
     def appearance(self, d_cos: F64, pairs: CandidatePairs) -> F64:
         """Let position decide among similar tracks and for crops that show several people."""
-        config, own = self._config, [t.embedding for t in pairs.records]
+        config, records = self._config, pairs.records
         limit = config.ambiguous_factor * pairs.frame.cosine_distance_max
-        d_cos = pool_ambiguous(d_cos, association.cosine_distances(own, own), limit)
+        d_cos = pool_ambiguous(d_cos, association.cosine_distances(records, records), limit)
         d_cos[:, ~pairs.unoccluded()] /= config.occluded_factor
         d_cos[:, ~pairs.separate()] /= config.overlapping_factor
         return d_cos

@@ -16,17 +16,14 @@ from services.tracker.interface import Measurement, Observation, in_order
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_record import TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet
-from services.tracker.sort3d.association import associate, distances
+from services.tracker.sort3d.association import associate, cosine_distances, distances
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
-from services.tracker.strongsort3d.appearance import (
-    cosine_distances,
-    embedder_of,
-    update_embeddings,
-)
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
     CandidatePairs,
+    ContactPolicy,
     FrameContext,
+    Match,
     Policies,
 )
 
@@ -152,3 +149,33 @@ def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfi
     cost: F64 = config.motion_weight * d_m2 + (1 - config.motion_weight) * d_cos
     cost[(d_m2 > config.mahalanobis_max) | (d_cos > c_cos)] = np.inf
     return cost
+
+
+def embedder_of(observation: Observation) -> tuple[str, int] | None:
+    """Return name and length of a frame's embeddings; None if there are none.
+
+    Raises:
+        ValueError: The lengths differ.
+    """
+    lengths = {len(m.embedding) for m in observation.measurements if m.embedding is not None}
+    if len(lengths) > 1:
+        raise ValueError(f"embeddings: expected one length, got {lengths}")
+    return (observation.embedder, lengths.pop()) if lengths else None
+
+
+def update_embeddings(
+    matches: Sequence[Match], frame: FrameContext, contact: ContactPolicy
+) -> None:
+    """Update the embeddings of matched tracks: e <- alpha e + (1 - alpha) f."""
+    for match in matches:
+        record, measurement = match
+        if measurement.embedding is not None and contact.updates_embedding(match, frame):
+            alpha = contact.alpha(frame.config.ema_alpha, record)
+            record.embedding = moving_average(record.embedding, measurement.embedding, alpha)
+
+
+def moving_average(e: F64 | None, f: F64, alpha: float) -> F64:
+    """Return alpha e + (1 - alpha) f at unit length; f if e is unknown or the sum vanishes."""
+    mixed = f if e is None else alpha * e + (1 - alpha) * f
+    length = float(np.linalg.norm(mixed))
+    return mixed / length if length > 1e-6 else f

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from people4d.messages import F64
+from services.tracker.interface import Measurement
 from services.tracker.sort3d import sort3d
 from services.tracker.sort3d.association import (
     adaptive_gate,
@@ -14,7 +16,7 @@ from services.tracker.sort3d.association import (
     min_max,
 )
 from services.tracker.strongsort3d import strongsort3d
-from services.tracker.strongsort3d.appearance import moving_average
+from services.tracker.strongsort3d.strongsort3d import moving_average
 from tests.tracker.scene import published
 
 INF = np.inf
@@ -94,14 +96,19 @@ def test_motion_stands_in_for_unknown_appearance() -> None:
     np.testing.assert_allclose(cost, [[0.225147, INF]])
 
 
+def with_embedding(embedding: F64 | None) -> Measurement:
+    return Measurement(0, np.array([0.0, 0, 1, 1]), 1.0, np.zeros(3), 1.0, embedding=embedding)
+
+
 def test_cosine_distances() -> None:
     # a.b of (1, 0) with (0.6, 0.8) is 0.6: distance 0.4; with itself 0; with (-1, 0) 2.
     a = np.array([1.0, 0.0])
-    apart = cosine_distances([a, None], [np.array([0.6, 0.8]), a, -a, None])
+    other = [with_embedding(vector) for vector in (np.array([0.6, 0.8]), a, -a, None)]
+    apart = cosine_distances([with_embedding(a), with_embedding(None)], other)
     np.testing.assert_allclose(apart[0, :3], [0.4, 0.0, 2.0])
     assert np.isnan(apart[1]).all()
     assert np.isnan(apart[0, 3])
-    assert np.isnan(cosine_distances([None], [None])).all()
+    assert np.isnan(cosine_distances([with_embedding(None)], [with_embedding(None)])).all()
 
 
 def test_distances() -> None:

@@ -21,7 +21,7 @@ from services.tracker.config import (
 )
 from services.tracker.interface import Measurement, Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
-from services.tracker.strongsort3d.field_of_view import visible_ratios
+from services.tracker.strongsort3d.occlusion import visible_ratios
 from tests.tracker.scene import FOCAL_PX, frame, published, published_config, unit
 
 EDGES = (-320 / FOCAL_PX, 320 / FOCAL_PX)  # 28 degrees to each side
