@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from common.drawing.palette import GREY, WHITE, Colour, colour_of
-from common.drawing.strokes import put_label, put_path
+from common.drawing.strokes import GREY, WHITE, Colour, colour_of, put_label, put_path
 from common.geometry.transforms import apply, project
 from people4d.messages import F32, F64, U8, CameraInfo, Detection, Detections, Mask, Track, Tracks
 

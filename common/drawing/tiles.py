@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from common.drawing.palette import PAPER, Colour
-from common.drawing.strokes import put_label
+from common.drawing.strokes import PAPER, Colour, put_label
 from people4d.messages import U8
 
 GAP = 8  # [px] between tiles

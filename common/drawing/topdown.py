@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from common.drawing.palette import FAINT, GREY, PAPER, colour_of
-from common.drawing.strokes import put_label, put_path, put_text
+from common.drawing.strokes import FAINT, GREY, PAPER, colour_of, put_label, put_path, put_text
 from people4d.messages import F64, U8
 
 MARGIN_M = 0.5

@@ -6,7 +6,14 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 MAX_TEXT_BYTES = 2**20  # of a configuration, a calibration, a list of settings
+MAX_CHARACTERS = 2**18  # of YAML
+MAX_DEPTH = 32  # of nested lists and maps
+
+# libyaml's loader, where installed, does not recurse and is quick.
+EVENTS: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def read_bytes(path: Path, limit: int) -> bytes:
@@ -55,3 +62,25 @@ def inside(folder: Path, name: str) -> Path:
     if not resolved.is_relative_to(folder.resolve()):
         raise ValueError(f"{name!r:.80} leads out of the folder {folder}")
     return path
+
+
+def parse_yaml(text: str) -> Any:
+    """Parse YAML without aliases, a few lines of which expand to a list of any length.
+
+    Raises:
+        ValueError: It is not YAML, is too long or too deep, or has aliases.
+    """
+    if len(text) > MAX_CHARACTERS:
+        raise ValueError(f"it is longer than {MAX_CHARACTERS} characters")
+    depth = 0
+    try:
+        for event in yaml.parse(text, EVENTS):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                raise ValueError("lists or maps are nested too deeply")
+            if isinstance(event, yaml.AliasEvent):
+                raise ValueError("it has aliases (*), which are not supported")
+        return yaml.load(text, EVENTS)
+    except yaml.YAMLError as error:
+        raise ValueError(" ".join(str(error).split())[:200]) from error

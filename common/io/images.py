@@ -1,9 +1,11 @@
 """RGB-D frames to and from JPEG (colour) and 16-bit PNG (depth)."""
 
 import struct
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from common.io.image_header import JPEG, PNG, image_size
 from people4d.errors import DecodeError
@@ -106,6 +108,15 @@ def decode_png16(data: bytes) -> U16:
     if depth is None or depth.shape != (height, width) or depth.dtype != np.uint16:
         raise DecodeError("depth_png: expected a complete PNG, got a corrupt one")
     return np.asarray(depth, np.uint16)
+
+
+def decode_image(data: bytes, flags: int, name: str = "image") -> npt.NDArray[Any]:
+    """Return the pixels of an untrusted file as OpenCV decodes it; DecodeError if it is corrupt."""
+    image_size(data, name)
+    image = _decode(data, flags)
+    if image is None:
+        raise DecodeError(f"{name}: expected a JPEG or PNG file, got a corrupt one")
+    return image
 
 
 def _decode(data: bytes, flags: int) -> "cv2.typing.MatLike | None":

@@ -105,7 +105,11 @@ def _record(file: BinaryIO, position: int, end: int, index: McapIndex) -> int | 
         index.description_bytes += size
         if index.description_bytes > MAX_DESCRIPTION_BYTES:
             raise DecodeError(f"its metadata has more than {MAX_DESCRIPTION_BYTES} bytes")
-        _describe(opcode, _small(file, size), index)
+        if size > MAX_HEADER_BYTES:
+            raise DecodeError(
+                f"it has a header or metadata of {size} bytes, more than {MAX_HEADER_BYTES}"
+            )
+        _describe(opcode, ReadDataStream(BytesIO(file.read(size))), index)
     elif opcode == Opcode.MESSAGE:
         _message(file, start, size, index)
     elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
@@ -127,25 +131,16 @@ def _chunk(file: BinaryIO, start: int, end: int) -> int:
 def _describe(opcode: int, record: ReadDataStream, index: McapIndex) -> None:
     if opcode == Opcode.HEADER:
         index.profile = Header.read(record).profile
-        return
-    if opcode == Opcode.METADATA:
+    elif opcode == Opcode.METADATA:
         metadata = Metadata.read(record)
         index.metadata[metadata.name] = metadata.metadata
-        if len(index.metadata) > MAX_METADATA:
-            raise DecodeError(f"it has more than {MAX_METADATA} metadata records")
-        return
-    channel = Channel.read(record)
-    index.topics[channel.id] = channel.topic
+    else:
+        channel = Channel.read(record)
+        index.topics[channel.id] = channel.topic
+    if len(index.metadata) > MAX_METADATA:
+        raise DecodeError(f"it has more than {MAX_METADATA} metadata records")
     if len(index.topics) > MAX_CHANNELS:
         raise DecodeError(f"it has more than {MAX_CHANNELS} channels")
-
-
-def _small(file: BinaryIO, size: int) -> ReadDataStream:
-    if size > MAX_HEADER_BYTES:
-        raise DecodeError(
-            f"it has a header or metadata of {size} bytes, more than {MAX_HEADER_BYTES}"
-        )
-    return ReadDataStream(BytesIO(file.read(size)))
 
 
 def _message(file: BinaryIO, start: int, size: int, index: McapIndex) -> None:

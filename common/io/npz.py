@@ -25,8 +25,7 @@ def read_arrays(
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is no NPZ file, lacks an array, or one is damaged, too large or not of
-            numbers.
+        ValueError: It is no NPZ file, lacks an array, or one is damaged, too large or no numbers.
     """
     try:
         with zipfile.ZipFile(path) as file:

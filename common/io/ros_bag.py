@@ -4,6 +4,7 @@ Only known types are read, since definitions in a bag would be made into code. A
 differ from the known ones of the same name is refused.
 """
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -53,10 +54,9 @@ class Bag:
                 raise ValueError(f"expected names of topics and types, got {texts!r:.80}")
         self.bad_messages = 0  # messages that could not be deserialised
         self.types = {c.topic: c.msgtype for c in reader.connections}
-        self.counts: dict[str, int] = {}
+        self.counts = Counter[str]()
         for connection in reader.connections:
-            count = self.counts.get(connection.topic, 0) + connection.msgcount
-            self.counts[connection.topic] = count
+            self.counts[connection.topic] += connection.msgcount
         self.duration_s = max(reader.duration, 0) / 1e9 if any(self.counts.values()) else 0.0
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:

@@ -20,8 +20,7 @@ from rosbags.rosbag2 import Reader as Reader2
 from rosbags.rosbag2 import reader as rosbag2_reader
 from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
-from common.io.files import inside, read_text
-from common.io.yaml import MAX_CHARACTERS, parse_yaml
+from common.io.files import MAX_CHARACTERS, inside, parse_yaml, read_text
 
 MAX_CHUNK_BYTES = 256 * 2**20  # of one chunk, unpacked; bags are written in chunks of one megabyte
 MAX_OPEN_BYTES = 512 * 2**20  # of all chunks whose times overlap: they are in memory together

@@ -17,11 +17,7 @@ MAX_BYTES = 2**20
 
 
 def parse_key(field: str, text: str, example: str) -> str:
-    """Return the key that "zenoh:KEY" names, for example "odom" of the ROS topic /odom.
-
-    Raises:
-        ConfigError: It is not a key; the text names the setting and an example.
-    """
+    """Return the key in "zenoh:KEY", as of the ROS topic /KEY; ConfigError if it is none."""
     key = text.removeprefix(SCHEME).strip("/")
     if not KEY.fullmatch(key):
         raise ConfigError(

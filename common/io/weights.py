@@ -46,11 +46,7 @@ class ModelFile(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
-    """Read a manifest (TOML, one table a model) as models by name, in the file's order.
-
-    Raises:
-        ConfigError: The file cannot be read, or a table is invalid.
-    """
+    """Read a manifest (TOML) as models by name, in its order; ConfigError if it is invalid."""
     try:
         tables = read_toml(path)
     except OSError as error:

@@ -7,8 +7,19 @@ from types import MappingProxyType
 import cv2
 import numpy as np
 
-from common.drawing.palette import FAINT, GREY, INK, PAPER, PEOPLE, WHITE, Colour, colour_of
-from common.drawing.strokes import put_label, put_path, put_text
+from common.drawing.strokes import (
+    FAINT,
+    GREY,
+    INK,
+    PAPER,
+    PEOPLE,
+    WHITE,
+    Colour,
+    colour_of,
+    put_label,
+    put_path,
+    put_text,
+)
 from common.geometry.transforms import apply, invert, project
 from people4d.messages import F64, U8, CameraInfo, PersonGait
 from services.gait.cascade import GaitEstimate

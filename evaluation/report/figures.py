@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Wedge
 
-from common.drawing.palette import Colour, colour_of
+from common.drawing.strokes import Colour, colour_of
 from common.metrics.scores import Scores
 from evaluation.report.trajectories import YAW, CameraCoverage, RunTrajectories, X, Y
 from people4d.messages import F64

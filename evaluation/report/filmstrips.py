@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from common.drawing.palette import FAINT
 from common.drawing.people import CameraView, annotate
+from common.drawing.strokes import FAINT
 from common.geometry.transforms import apply, invert, project
 from common.io.images import decode_jpeg, encode_jpeg
 from common.io.recording import open_recording

@@ -8,7 +8,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from common.config import Config
-from common.drawing.palette import PEOPLE, Colour
+from common.drawing.strokes import PEOPLE, Colour
 from lab.camera.wheels import wheel_odometry
 from lab.depth.config import DepthSensorConfig
 from lab.depth.sensor import DepthSensor

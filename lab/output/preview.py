@@ -6,9 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from common.drawing.palette import PAPER
 from common.drawing.people import CameraView, annotate
-from common.drawing.strokes import put_label
+from common.drawing.strokes import PAPER, put_label
 from common.drawing.tiles import Tile, grid, shrink
 from common.drawing.topdown import Trajectories, draw_map
 from common.drawing.video import open_video

@@ -9,9 +9,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from common.io.files import parse_toml, read_text
+from common.io.files import parse_toml, parse_yaml, read_text
 from common.io.npz import read_arrays
-from common.io.yaml import parse_yaml
 from people4d.errors import SourceError
 from people4d.messages import F64, CameraInfo, StaticTransform
 from services.camera.folder.mat_file import read_mat
@@ -57,11 +56,7 @@ class MatNames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 def read_calibration(path: Path, names: MatNames) -> Calibration:
-    """Read a calibration from .toml, .json, ROS camera_info .yaml, .npz or .mat, with these names.
-
-    Raises:
-        SourceError: The file is absent, of an unknown kind or incomplete.
-    """
+    """Read .toml, .json, ROS camera_info .yaml, .npz or .mat; SourceError if it is incomplete."""
     readers: dict[str, Callable[[], Calibration]] = {
         ".toml": lambda: _from_table(parse_toml(read_text(path))),
         ".json": lambda: _from_table(json.loads(read_text(path))),
@@ -84,11 +79,7 @@ def read_calibration(path: Path, names: MatNames) -> Calibration:
 def camera_info(
     intrinsics: Intrinsics, size: tuple[int, int], frame_id: str = OPTICAL_FRAME
 ) -> CameraInfo:
-    """Return the calibration of a camera whose images have a size (height, width) as a message.
-
-    Raises:
-        SourceError: The calibration is of another image size, or its numbers are invalid.
-    """
+    """Return a calibration as a message; SourceError if it does not fit images of this size."""
     height, width = size
     if (intrinsics.height or height, intrinsics.width or width) != size:
         raise SourceError(

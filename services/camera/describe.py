@@ -45,11 +45,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def describe(path: Path) -> Description:
-    """Describe a recording, a ROS bag or a folder of images.
-
-    Raises:
-        SourceError: The path does not exist, is damaged, or is of no known kind.
-    """
+    """Describe a recording, a ROS bag or a folder of images; SourceError if it is damaged."""
     kind = kind_of(str(path))
     if kind not in DESCRIBERS:
         raise SourceError(f"{path} is not a recording")

@@ -5,10 +5,7 @@ MAX_LATE_NS = 1_000_000_000  # beyond this delay, lost time is not caught up
 
 
 class Pacing:
-    """Times at which frames are sent; those of a live camera as they come.
-
-    Times are monotonic, stamps those of the frames.
-    """
+    """Times (monotonic) at which frames are sent; those of a live camera as they come."""
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:  # noqa: ARG002
         """Return the time to send the next frame, None if it waits for an answer."""

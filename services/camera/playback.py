@@ -27,10 +27,7 @@ class Selection:
 
 
 def play(source: Source, selection: Selection) -> Iterator[SourceItem]:
-    """Yield the selected part of a source, again and again if it loops.
-
-    Each repetition shifts the stamps by the duration and one frame more, so that they always rise.
-    """
+    """Yield the selected part of a source; each repetition shifts the stamps, so that they rise."""
     sent, shift_ns = 0, 0
     while True:
         first_ns = last_ns = count = 0
@@ -56,11 +53,7 @@ def loop_period_ns(first_ns: int, last_ns: int, count: int) -> int:
 
 
 def loop_period_s(source: str) -> float:
-    """Return the time that a looping camera adds to its stamps each round [s].
-
-    Raises:
-        SourceError: The recording, ROS bag or folder cannot be read.
-    """
+    """Return the time that a looping camera adds to its stamps each round [s]."""
     kind = kind_of(source)
     if kind == "plugin":
         return 0.0  # it does not end

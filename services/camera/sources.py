@@ -57,8 +57,8 @@ def check_source(config: CameraConfig) -> None:
     """Open a source to check it; lab and plug-ins are opened by their process.
 
     Raises:
-        ConfigError: No source is named, or an option is unknown or wrong.
-        SourceError: The source does not exist or cannot be read.
+        ConfigError: No source is named, or an option is wrong.
+        SourceError: It cannot be read.
     """
     if not config.source:
         raise ConfigError(

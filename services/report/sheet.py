@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from common.drawing.palette import GREY, INK, PAPER
-from common.drawing.strokes import put_text, text_width
+from common.drawing.strokes import GREY, INK, PAPER, put_text, text_width
 from common.drawing.tiles import GAP, Tile, grid
 from common.drawing.topdown import Trajectories, draw_map
 from people4d.messages import U8

@@ -4,8 +4,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.drawing.palette import INK, PAPER, PEOPLE, WHITE, colour_of, ink_on
 from common.drawing.people import CameraView, annotate
+from common.drawing.strokes import INK, PAPER, PEOPLE, WHITE, colour_of, ink_on
 from common.drawing.tiles import Tile, shrink
 from common.drawing.topdown import Trajectories, draw_map
 from common.geometry.transforms import invert

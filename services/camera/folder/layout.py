@@ -68,11 +68,7 @@ def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> Fo
 
 
 def listed(folder: Path, slop_s: float) -> FolderLayout:
-    """Pair files that rgb.txt and depth.txt list with their times, as data sets of TUM do.
-
-    Raises:
-        SourceError: A list cannot be read, or no two images are within `slop_s` of each other.
-    """
+    """Pair files that TUM's rgb.txt and depth.txt list with times; SourceError if none pair."""
     pairing = Pairing[tuple[int, Path]](round(slop_s * 1e9))
     entries = [
         (stamp_ns, stream, path)
@@ -94,11 +90,7 @@ def listed(folder: Path, slop_s: float) -> FolderLayout:
 
 
 def wheel_odometry(times_s: F64, poses: F64) -> list[Odometry]:
-    """Return odometry from N times and Nx3 poses (x, y in metres, yaw in radians).
-
-    Raises:
-        SourceError: The shapes differ, or a number is not finite.
-    """
+    """Return odometry from N times and Nx3 poses (x, y in metres, yaw in radians)."""
     times_s = _checked(times_s)
     poses = np.asarray(poses, np.float64)
     if poses.shape != (len(times_s), 3) or not np.all(np.isfinite(poses)):

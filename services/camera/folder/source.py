@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from common.config import Config
 from common.io.files import read_bytes
-from common.io.image_header import MAX_FILE_BYTES, image_size
+from common.io.image_header import MAX_FILE_BYTES
+from common.io.images import decode_image
 from common.io.npz import read_arrays
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, U8, U16, Odometry
@@ -28,7 +29,6 @@ from services.camera.calibration import (
 )
 from services.camera.folder.layout import (
     LISTS,
-    FolderLayout,
     ImagePair,
     listed,
     numbered,
@@ -62,11 +62,7 @@ class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class FolderSource(Source):
-    """Plays the image pairs of a folder.
-
-    Raises:
-        SourceError: There are no pairs, no calibration, or one that does not fit.
-    """
+    """Plays the image pairs of a folder; SourceError if it lacks pairs or a fitting calibration."""
 
     options_type = FolderOptions
 
@@ -76,14 +72,19 @@ class FolderSource(Source):
         tum = all((path / name).is_file() for name in LISTS) and not options.colour
         self._units_per_m = options.depth_scale or (5000.0 if tum else 1000.0)
         times_s, self._odometry = _track(path, options)
-        layout = _layout(path, options, tum, times_s)
+        if tum:
+            layout = listed(path, options.sync_slop_s)
+        else:
+            stamps = options.fps if times_s is None else times_s
+            layout = numbered(path, (options.colour, options.depth), stamps)
         self.pairs = layout.pairs
         self.counters["unpaired"] = layout.unpaired
         rgb, depth = self._first()
         calibration = _calibration(path, options)
         if calibration.colour is None:
             raise SourceError(
-                f"calibration of {path} has no colour camera", "Set options.intrinsics."
+                f"folder {path} has no calibration ({', '.join(CALIBRATIONS)})",
+                "Set options.intrinsics.fx, fy, cx and cy, or options.calibration to a file.",
             )
         self.info = camera_info(calibration.colour, (rgb.shape[0], rgb.shape[1]))
         self.registration = registration(calibration, self.info, (depth.shape[0], depth.shape[1]))
@@ -142,13 +143,6 @@ class FolderSource(Source):
         return np.where(scaled <= 65535, scaled, 0).astype(np.uint16)
 
 
-def _layout(path: Path, options: FolderOptions, tum: bool, times_s: F64 | None) -> FolderLayout:
-    if tum:
-        return listed(path, options.sync_slop_s)
-    stamps = options.fps if times_s is None else times_s
-    return numbered(path, (options.colour, options.depth), stamps)
-
-
 def _track(path: Path, options: FolderOptions) -> tuple[F64 | None, list[Odometry]]:
     """Read times and odometry from an NPZ, if there is one."""
     file = Path(options.track) if options.track else path / TRACK
@@ -175,29 +169,17 @@ def _calibration(path: Path, options: FolderOptions) -> Calibration:
         "translation_m": options.translation_m,
         "depth_offset_px": options.depth_offset_px,
     }
-    calibration = msgspec.structs.replace(
-        calibration, **{name: value for name, value in options_given.items() if value is not None}
-    )
-    if calibration.colour is None:
-        raise SourceError(
-            f"folder {path} has no calibration ({', '.join(CALIBRATIONS)})",
-            "Set options.intrinsics.fx, fy, cx and cy, or options.calibration to a file.",
-        )
-    return calibration
+    known = {name: value for name, value in options_given.items() if value is not None}
+    return msgspec.structs.replace(calibration, **known)
 
 
 def _read_image(path: Path, flags: int) -> npt.NDArray[Any]:
     try:
         if not path.is_file():  # opening a pipe would block
             raise SourceError(f"{path} is not a file")
-        data = read_bytes(path, MAX_FILE_BYTES)
-        image_size(data)
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    except (OSError, DecodeError, cv2.error) as error:
+        return decode_image(read_bytes(path, MAX_FILE_BYTES), flags)
+    except (OSError, DecodeError) as error:
         raise SourceError(f"{path} is not a readable image: {error}") from error
-    if image is None:
-        raise SourceError(f"{path} is not a readable image")
-    return image
 
 
 def _read_mat(path: Path, name: str) -> npt.NDArray[Any]:

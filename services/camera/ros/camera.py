@@ -74,11 +74,7 @@ class _Head:
 
 
 def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
-    """Read calibration and transforms of a bag.
-
-    Raises:
-        SourceError: There is no usable calibration, or depth is neither aligned nor can it be.
-    """
+    """Read calibration and mount of a bag; SourceError if depth is not aligned and cannot be."""
     colour, depth = _heads(bag, topics)
     tree = _tree(bag, options.tf_as_static)
     calibration = _calibration(topics, options, tree, (colour, depth))
@@ -251,11 +247,7 @@ def _static_mount(
 
 
 def intrinsics_of(message: Any, rectified: bool = False) -> Intrinsics:
-    """Read a CameraInfo of ROS 1 (fields K, D, P) or ROS 2; of rectified images P holds.
-
-    Raises:
-        SourceError: Its numbers cannot be used, or its distortion model is not supported.
-    """
+    """Read a CameraInfo of ROS 1 or ROS 2, of rectified images P; SourceError if it is unusable."""
     k, d, p = (
         np.asarray(getattr(message, name, getattr(message, name.upper(), ())), np.float64)
         for name in ("k", "d", "p")

@@ -3,6 +3,7 @@
 import heapq
 import shutil
 import sqlite3
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -105,14 +106,10 @@ def export(
 
 
 class BagWriter:
-    """Writes a new ROS 2 bag; use it in a `with` block, which leaves nothing after an error.
-
-    Raises:
-        SourceError: The folder exists or cannot be written.
-    """
+    """Writes a new ROS 2 bag or raises SourceError; a `with` block removes it after an error."""
 
     def __init__(self, path: Path, info: CameraInfo, bag_format: BagFormat = BagFormat()) -> None:
-        self.counts: dict[str, int] = {}  # messages by topic
+        self.counts = Counter[str]()  # messages by topic
         self._path = path
         self._info = info
         self._format = bag_format
@@ -198,7 +195,7 @@ class BagWriter:
         with self._source_errors():
             data = self._store.serialize_cdr(ros.make(self._store, kind, fields), kind)
             self._writer.write(self._connections[topic], max(time_ns, 0), data)
-        self.counts[topic] = self.counts.get(topic, 0) + 1
+        self.counts[topic] += 1
 
     @contextmanager
     def _source_errors(self) -> Iterator[None]:

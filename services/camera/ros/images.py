@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.io.image_header import image_size
+from common.io.images import decode_image
 from people4d.errors import DecodeError
 from people4d.messages import U8, U16
 from people4d.messages.base import MAX_PIXELS
@@ -31,7 +31,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 def colour_image(message: Any) -> U8:
     """Return an Image or CompressedImage as HxWx3, red first; DecodeError if it cannot be used."""
     if hasattr(message, "format"):
-        bgr = _decode_file(message.data.tobytes(), cv2.IMREAD_COLOR)
+        bgr = decode_image(message.data.tobytes(), cv2.IMREAD_COLOR)
         return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
     if message.encoding not in COLOURS:
         names = ", ".join(COLOURS)
@@ -99,18 +99,7 @@ def _compressed_depth(layout: str, data: bytes) -> U16:
 
 
 def _png16(data: bytes) -> U16:
-    depth = _decode_file(data, cv2.IMREAD_UNCHANGED)
+    depth = decode_image(data, cv2.IMREAD_UNCHANGED)
     if depth.dtype != np.uint16 or depth.ndim != 2:
         raise DecodeError(f"depth image: expected 16 bits grey, got {depth.dtype} {depth.shape}")
     return np.asarray(depth, np.uint16)
-
-
-def _decode_file(data: bytes, flags: int) -> npt.NDArray[Any]:
-    image_size(data, "image")
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    except cv2.error:
-        image = None
-    if image is None:
-        raise DecodeError("image: expected a JPEG or PNG file, got a corrupt one")
-    return image

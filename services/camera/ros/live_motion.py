@@ -34,13 +34,10 @@ class TransformMessage(Message, frozen=True, kw_only=True):
 
 
 class LiveMotion:
-    """Topics of ROS 2 from which the motion of the camera follows.
+    """Topics of ROS 2 from which the motion of the camera follows; ConfigError if a key is not one.
 
     Only transforms between the camera and the root of its tree are passed on, and the one between
     the base and the frame of its odometry only without odometry.
-
-    Raises:
-        ConfigError: A key is not one.
     """
 
     def __init__(self, config: MotionConfig) -> None:

@@ -25,11 +25,7 @@ StampedImage = tuple[int, Any]  # stamp in nanoseconds and an image message
 
 
 class RosbagSource(Source):
-    """Plays the colour and depth images of a .bag, .db3 or .mcap file or folder of a ROS 2 bag.
-
-    Raises:
-        SourceError: The bag cannot be read, or lacks colour, depth or calibration.
-    """
+    """Plays a bag; SourceError if it is damaged, or lacks colour, depth or calibration."""
 
     options_type = RosbagOptions
 

@@ -25,11 +25,7 @@ class Topics:
 
 
 def find_topics(types: Mapping[str, str], wanted: Topics) -> Topics:
-    """Choose topics among those of a bag, with their types, by type and name, where none is wanted.
-
-    Raises:
-        SourceError: A topic is missing, or several are possible.
-    """
+    """Choose topics that are not wanted by name; SourceError if one is absent or ambiguous."""
     for name in astuple(wanted):
         if name and name not in types:
             raise SourceError(f"bag has no topic {name}", f"It has {_list(types)}.")

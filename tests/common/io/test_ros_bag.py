@@ -18,8 +18,8 @@ from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
 from common.io import ros_bag_guard
+from common.io.files import parse_yaml
 from common.io.ros_bag import make_typestore, open_bag
-from common.io.yaml import parse_yaml
 from people4d.errors import SourceError
 
 TEXT = "std_msgs/msg/String"

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from common.drawing.palette import PEOPLE
+from common.drawing.strokes import PEOPLE
 from lab.camera.frames import FrameRenderer, RenderSettings
 from lab.output.preview import Preview, depth_image, write_sheet, write_video
 from lab.scenario import load_scenario
