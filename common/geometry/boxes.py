@@ -7,11 +7,7 @@ from people4d.messages import F64
 
 
 def iou_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
-    """Return the intersection over union of Nx4 and Mx4 boxes.
-
-    Returns:
-        NxM, 0 to 1; 0 where a box is empty.
-    """
+    """Return the intersection over union (NxM, 0 if empty) of Nx4 and Mx4 boxes."""
     a = np.asarray(a, np.float64).reshape(-1, 1, 4)
     b = np.asarray(b, np.float64).reshape(1, -1, 4)
     sides = np.minimum(a[..., 2:], b[..., 2:]) - np.maximum(a[..., :2], b[..., :2])
@@ -24,11 +20,7 @@ def iou_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
 
 
 def nms(boxes: npt.ArrayLike, scores: npt.ArrayLike, iou_max: float) -> list[int]:
-    """Suppress boxes (Nx4) that overlap a better one by more than `iou_max`.
-
-    Returns:
-        Indices of the remaining boxes, best score first.
-    """
+    """Return the indices of boxes (Nx4) that overlap no better one by more, best score first."""
     overlap = iou_xyxy(boxes, boxes)
     selected: list[int] = []
     for index in np.argsort(-np.asarray(scores, np.float64), kind="stable"):

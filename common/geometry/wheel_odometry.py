@@ -44,7 +44,10 @@ class WheelOdometry:
         Returns:
             The pose: dtheta = (right - left) / track, the distance along the mean heading.
         """
-        left_m, right_m = self._steps_m(left, right)
+        tick_m = 2 * math.pi * self._config.radius_m / self._config.ticks_per_turn
+        last_left, last_right = self._ticks or (left, right)
+        left_m = self._step(left - last_left) * tick_m
+        right_m = self._step(right - last_right) * tick_m
         x_m, y_m, theta_rad = self._pose
         turn_rad = (right_m - left_m) / self._config.track_m
         forward_m, middle_rad = (left_m + right_m) / 2, theta_rad + turn_rad / 2
@@ -62,13 +65,6 @@ class WheelOdometry:
             y_m=y_m,
             theta_rad=self._pose[2],
         )
-
-    def _steps_m(self, left: float, right: float) -> tuple[float, float]:
-        if self._ticks is None:
-            return 0.0, 0.0
-        tick_m = 2 * math.pi * self._config.radius_m / self._config.ticks_per_turn
-        steps = self._step(left - self._ticks[0]), self._step(right - self._ticks[1])
-        return steps[0] * tick_m, steps[1] * tick_m
 
     def _step(self, ticks: float) -> float:
         """Return the shortest step that explains a difference of readings."""

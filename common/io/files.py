@@ -65,11 +65,7 @@ def inside(folder: Path, name: str) -> Path:
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML without aliases, a few lines of which expand to a list of any length.
-
-    Raises:
-        ValueError: It is not YAML, is too long or too deep, or has aliases.
-    """
+    """Parse YAML; ValueError if it is too long or too deep, or has aliases, which may expand."""
     if len(text) > MAX_CHARACTERS:
         raise ValueError(f"it is longer than {MAX_CHARACTERS} characters")
     depth = 0

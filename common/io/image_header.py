@@ -23,11 +23,7 @@ _CHUNK = struct.Struct(">I4s")
 
 
 def image_size(data: bytes, name: str = "image") -> tuple[int, int]:
-    """Return width and height of a JPEG, PNG, BMP, PGM or PPM file, untrusted.
-
-    Raises:
-        DecodeError: It is none of them, or is too large for an image of a camera.
-    """
+    """Return width and height of an untrusted JPEG, PNG, BMP, PGM or PPM file, or DecodeError."""
     try:
         width, height = _size(data)
     except ValueError as error:

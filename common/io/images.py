@@ -12,21 +12,15 @@ from people4d.errors import DecodeError
 from people4d.messages import U8, U16, CompressedRgbdFrame, RgbdFrame
 
 
-def compress(frame: RgbdFrame, quality: int = 90, png_level: int = 1) -> CompressedRgbdFrame:
-    """Compress a frame for a recording or a slow link; depth is lossless.
-
-    Args:
-        frame: The frame.
-        quality: JPEG quality, 1 to 100.
-        png_level: Effort for depth, 0 to 9; 1 keeps up with a camera.
-    """
+def compress(frame: RgbdFrame, quality: int = 90) -> CompressedRgbdFrame:
+    """Compress a frame with a JPEG quality of 1 to 100; depth is lossless."""
     return CompressedRgbdFrame(
         stamp_ns=frame.stamp_ns,
         sequence=frame.sequence,
         trace=frame.trace,
         camera=frame.camera,
         rgb_jpeg=encode_jpeg(frame.rgb, quality),
-        depth_png=encode_png16(frame.depth_mm, png_level),
+        depth_png=encode_png16(frame.depth_mm),
     )
 
 

@@ -12,7 +12,7 @@ from people4d.messages import CameraInfo
 from people4d.topics import prefix, topic_of_key
 from services.camera.folder.source import TRACK, FolderSource
 from services.camera.ros.source import RosbagSource
-from services.camera.ros.types import ODOMETRY, open_bag
+from services.camera.ros.topics import ODOMETRY, open_bag
 from services.camera.source import Source
 from services.camera.sources import kind_of, open_source
 

@@ -42,10 +42,7 @@ class CameraNode(Node):
     """Publishes calibration and transform once, then frames and odometry; closes its source.
 
     A thread reads and decodes ahead and wakes the loop; without a loop, `wake_ns` polls every 2 ms.
-
-    Raises:
-        ConfigError: The playback does not suit the source.
-        SourceError: The mounting is not a rigid transform.
+    ConfigError if the playback does not suit the source.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (Tracks, Detections)
@@ -209,11 +206,7 @@ class CameraNode(Node):
 
 
 def _acquired_ns(reading: PrefetchedItem, item: SourceFrame) -> int:
-    """Return the acquisition time of a live frame, or when its reading began.
-
-    Waiting for a new image is no latency, but ageing in the driver is. A stamp that cannot be of
-    this clock is ignored.
-    """
+    """Return the acquisition time of a live frame; if it is of another clock, that of reading."""
     age_ns = reading.end_ns - item.stamp_ns
     return item.stamp_ns if 0 <= age_ns < MAX_AGE_NS else reading.start_ns
 

@@ -36,11 +36,7 @@ class SimulatedSensor(Protocol):
     """A depth sensor that is applied to the true depth in a recording."""
 
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
-        """Return the readings of the sensor, HxW, from the true depth at a time.
-
-        Raises:
-            DecodeError: The image has another size than the calibration.
-        """
+        """Return the readings of the true depth, HxW; DecodeError if it is of another size."""
         ...
 
 
@@ -57,10 +53,7 @@ class RecordingOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=
 class RecordingSource(Source):
     """Plays one camera of a recording, with its calibration, transforms and odometry.
 
-    Raises:
-        SourceError: The file is not a recording, has no such camera, or needs a depth sensor that
-            cannot be made.
-        ConfigError: The depth sensor has no such settings.
+    SourceError if there is no such camera or depth sensor, ConfigError for wrong settings of it.
     """
 
     options_type = RecordingOptions

@@ -19,7 +19,7 @@ from services.camera.ros.camera import intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
 from services.camera.ros.motion import FrameTree, edges_of, odometry_of
-from services.camera.ros.types import RGBD, RGBD_DEFINITION
+from services.camera.ros.topics import RGBD, RGBD_DEFINITION
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.live import LiveTruth
 from services.gt_bridge.sources.people_msgs import people_typestore, truth_of

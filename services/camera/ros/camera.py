@@ -26,8 +26,7 @@ from services.camera.calibration import (
 from services.camera.folder.registration import Registration
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.motion import FrameTree, edges_of
-from services.camera.ros.topics import Topics
-from services.camera.ros.types import OLD_TF, TF
+from services.camera.ros.topics import OLD_TF, TF, Topics
 
 TF_HEADS = 2000  # messages of /tf that are searched for moving transforms: some ten seconds
 MAX_BAD_HEADS = 30  # corrupt images after which a topic is unusable: one second
@@ -149,7 +148,6 @@ def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
 def _calibration(
     topics: Topics, options: RosbagOptions, tree: FrameTree, heads: tuple[_Head, _Head]
 ) -> Calibration:
-    """Gather the calibration, with that of depth only where depth has to be registered."""
     if options.calibration:
         return read_calibration(Path(options.calibration), MatNames())
     colour, depth = heads

@@ -29,7 +29,7 @@ from people4d.errors import SourceError
 from people4d.messages import CameraInfo, MovingTransform, StaticTransform, Tracks, Truth
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros import messages as ros
-from services.camera.ros.types import CAMERA_INFO, COMPRESSED, DEFINITIONS, IMAGE, ODOMETRY, TF
+from services.camera.ros.topics import CAMERA_INFO, COMPRESSED, DEFINITIONS, IMAGE, ODOMETRY, TF
 from services.camera.source import MotionMessage, SourceFrame
 
 VERSION: Literal[8] = 8  # of the bag's metadata: what ROS 2 from Humble on reads

@@ -21,7 +21,7 @@ from services.camera.ros.motion import (
     odometry_of,
     stamp_of,
 )
-from services.camera.ros.types import JOINTS, ODOMETRY, TF, ros2_types
+from services.camera.ros.topics import JOINTS, ODOMETRY, TF, ros2_types
 
 COUNTERS = ("moving_transforms", "live_odometry", "bad_transforms", "other_transforms")
 

@@ -14,8 +14,7 @@ from services.camera.folder.pairing import Pairing
 from services.camera.ros.camera import RosbagOptions, read_camera
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.motion import WheelReader, edges_of, odometry_of, stamp_of
-from services.camera.ros.topics import Topics, find_topics
-from services.camera.ros.types import JOINTS, OLD_TF, TF, open_bag
+from services.camera.ros.topics import JOINTS, OLD_TF, TF, Topics, find_topics, open_bag
 from services.camera.source import MotionMessage, Source, SourceFrame
 
 NUMBER = re.compile(r"std_msgs/msg/(U?Int(8|16|32|64)|Float(32|64))")

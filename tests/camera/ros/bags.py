@@ -13,7 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from common.io.ros_bag import make_typestore
-from services.camera.ros.types import DEFINITIONS
+from services.camera.ros.topics import DEFINITIONS
 
 COLOUR, DEPTH = "/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw"
 INFO, ODOMETRY, TF = "/camera/color/camera_info", "/odom", "/tf_static"

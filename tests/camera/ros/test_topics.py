@@ -3,8 +3,7 @@
 import pytest
 
 from people4d.errors import SourceError
-from services.camera.ros.topics import Topics, find_topics
-from services.camera.ros.types import CAMERA_INFO, COMPRESSED, IMAGE, ODOMETRY
+from services.camera.ros.topics import CAMERA_INFO, COMPRESSED, IMAGE, ODOMETRY, Topics, find_topics
 
 NONE = Topics("", "", "", "", "")
 
