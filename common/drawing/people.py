@@ -116,10 +116,9 @@ def _draw_arrow(image: U8, ends: F64, colour: Colour) -> None:
     start, tip = np.clip(ends, -9999, 9999)
     back = (start - tip) / max(float(np.linalg.norm(start - tip)), 1e-6) * 5 * _line(image)
     side = np.array([-back[1], back[0]]) * 0.6
-    for path in ((start, tip), (tip + back + side, tip, tip + back - side)):
-        put_path(image, np.stack(path), WHITE, 3 * _line(image))
-    for path in ((start, tip), (tip + back + side, tip, tip + back - side)):
-        put_path(image, np.stack(path), colour, _line(image) + 1)
+    for stroke, width in ((WHITE, 3 * _line(image)), (colour, _line(image) + 1)):
+        for path in ((start, tip), (tip + back + side, tip, tip + back - side)):
+            put_path(image, np.stack(path), stroke, width)
 
 
 def _label(track: Track | None, person: Detection, view: CameraView | None) -> str:

@@ -106,7 +106,7 @@ def _folder(path: Path, source: Source | None) -> Description:
         kind="folder",
         duration_s=(max(stamps) - min(stamps)) / 1e9,
         frames=len(pairs),
-        has_odometry=isinstance(source, FolderSource) and source.has_odometry,
+        has_odometry=isinstance(source, FolderSource) and bool(source.odometry),
         has_truth=(path / TRACK).is_file(),
     )
 

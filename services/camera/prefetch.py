@@ -99,15 +99,17 @@ class Prefetch:
             if self._live:
                 self._make_room(frame)
             else:
-                self._changed.wait_for(lambda: self._stopped.is_set() or self._has_room())
+                self._changed.wait_for(
+                    lambda: (
+                        self._stopped.is_set()
+                        or (self._frames < self._room and len(self._items) < MAX_ITEMS)
+                    )
+                )
             self._items.append(reading)
             self._frames += frame
         if self._live:
             self.reason = ""
         self._wake()
-
-    def _has_room(self) -> bool:
-        return self._frames < self._room and len(self._items) < MAX_ITEMS
 
     def _make_room(self, frame: bool) -> None:
         """Drop waiting frames for a newer one, and the oldest of too many items."""

@@ -71,7 +71,7 @@ class FolderSource(Source):
         self._options = options
         tum = all((path / name).is_file() for name in LISTS) and not options.colour
         self._units_per_m = options.depth_scale or (5000.0 if tum else 1000.0)
-        times_s, self._odometry = _track(path, options)
+        times_s, self.odometry = _track(path, options)
         if tum:
             layout = listed(path, options.sync_slop_s)
         else:
@@ -95,7 +95,7 @@ class FolderSource(Source):
 
     def __iter__(self) -> Iterator[SourceFrame | Odometry]:
         """Yield the frames, each after the odometry up to its time."""
-        odometry = iter(self._odometry)
+        odometry = iter(self.odometry)
         ahead = next(odometry, None)
         for pair in self.pairs:
             while ahead and ahead.stamp_ns <= pair.stamp_ns:
@@ -109,11 +109,6 @@ class FolderSource(Source):
                 self.counters["bad_images"] += 1
                 continue
             yield SourceFrame(rgb, depth_mm, pair.stamp_ns)
-
-    @property
-    def has_odometry(self) -> bool:
-        """The folder has wheel odometry."""
-        return bool(self._odometry)
 
     def _first(self) -> tuple[U8, U16]:
         """Return the first readable pair, which determines the size."""

@@ -102,8 +102,8 @@ def _heads(bag: Bag, topics: Topics) -> tuple[_Head, _Head]:
     if topics.colour == topics.depth:
         rgbd = bag.first(topics.colour)
         return (
-            _Head(_size(colour_image, rgbd.rgb), _frame(rgbd.rgb), rgbd.rgb_camera_info),
-            _Head(_size(depth_image, rgbd.depth), _frame(rgbd.depth), rgbd.depth_camera_info),
+            _to_head(rgbd.rgb, colour_image, rgbd.rgb_camera_info),
+            _to_head(rgbd.depth, depth_image, rgbd.depth_camera_info),
         )
     return (
         _head(bag, topics.colour, topics.colour_info, colour_image),
@@ -115,21 +115,15 @@ def _head(bag: Bag, topic: str, info_topic: str, decode: Callable[[Any], U8 | U1
     reason = "it is empty"
     for _, _, message in islice(bag.messages([topic]), MAX_BAD_HEADS):
         try:
-            size = _size(decode, message)
+            return _to_head(message, decode, bag.first(info_topic) if info_topic else None)
         except DecodeError as error:
             reason = error.problem
-            continue
-        return _Head(size, _frame(message), bag.first(info_topic) if info_topic else None)
     raise SourceError(f"{topic} has no readable image: {reason}")
 
 
-def _size(decode: Callable[[Any], U8 | U16], message: Any) -> tuple[int, int]:
+def _to_head(message: Any, decode: Callable[[Any], U8 | U16], info: Any | None) -> _Head:
     height, width = decode(message).shape[:2]
-    return height, width
-
-
-def _frame(message: Any) -> str:
-    return str(message.header.frame_id).strip("/")
+    return _Head((height, width), str(message.header.frame_id).strip("/"), info)
 
 
 def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:

@@ -105,7 +105,7 @@ def test_track_gives_times_odometry_and_a_moving_mount(tmp_path: Path) -> None:
     np.savez(tmp_path / "gt.npz", K=intrinsics, t=times_s, T_world_cam=poses)
     still = FolderSource(tmp_path, FolderOptions())
     assert [t.parent for t in still.transforms] == ["map"]
-    assert not still.has_odometry
+    assert not still.odometry
 
 
 def test_mat_depth_is_registered_with_the_calibration_of_a_mat_file(tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_lab(shared: Path) -> None:
     assert (len(source.pairs), first.rgb.shape, source.info.fx) == (150, (480, 640, 3), 615.0)
     assert source.transforms[0].matrix[2, 3] == pytest.approx(1.15)
     robot = FolderSource(shared / "data/lab/robot", FolderOptions())
-    assert (robot.transforms[0].parent, robot.has_odometry) == ("base_link", True)
+    assert (robot.transforms[0].parent, bool(robot.odometry)) == ("base_link", True)
 
 
 def test_registered_depth_edges_meet_colour_edges(shared: Path) -> None:
