@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 
 from benchmarks.lib.mark_scores import MarkOutcome, MarkScores, TrackedPerson
-from common.drawing.palette import GREY, INK, WHITE, colour_of
-from common.drawing.strokes import put_label
+from common.drawing.strokes import GREY, INK, WHITE, colour_of, put_label
 from common.drawing.tiles import Tile, grid, shrink
 from people4d.messages import U8
 from services.camera.source import SourceFrame
