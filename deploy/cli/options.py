@@ -20,17 +20,17 @@ Connect = Annotated[
     typer.Option(
         envvar="PEOPLE4D_CONNECT",
         metavar="ENDPOINT",
-        help="Router, for example tcp/192.168.1.7:7447; without it the one that runs here.",
+        help="Router, for example tcp/192.168.1.7:7447; default: the one on this machine.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Once = Annotated[bool, typer.Option("--once", help="Show one message and end.")]
+Once = Annotated[bool, typer.Option("--once", help="Show one message and exit.")]
 Timeout = Annotated[
     float | None,
-    typer.Option("--timeout", help="End after so many seconds without a message."),
+    typer.Option("--timeout", help="Exit after this many seconds without a message."),
 ]
 ReadyTimeout = Annotated[
-    float, typer.Option("--timeout", help="Seconds that a process may take to get ready.")
+    float, typer.Option("--timeout", help="Longest wait in seconds until a process is ready.")
 ]
 Preset = Annotated[
     str, typer.Option(help=f"Method with its settings: {', '.join(PRESETS)}, or a TOML file.")

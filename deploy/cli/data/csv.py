@@ -29,16 +29,18 @@ def csv(
     recording: Annotated[Path, typer.Argument(help="A people4d recording.")],
     table: Annotated[Path, typer.Argument(help="The table to write: .csv or .parquet.")],
     truth: Annotated[
-        str, typer.Option(help="Truth of another file: recording, bag, CSV, MOT text or gt.npz.")
+        str,
+        typer.Option(help="Ground truth from another file: recording, bag, CSV, MOT text, gt.npz."),
     ] = "",
     offset_s: Annotated[
-        float, typer.Option("--offset", help="Seconds to add to the stamps of that truth.")
+        float, typer.Option("--offset", help="Seconds to add to the stamps of the ground truth.")
     ] = 0.0,
     at_tracks: Annotated[
-        bool, typer.Option("--at-tracks", help="Truth interpolated to the stamps of the tracks.")
+        bool,
+        typer.Option("--at-tracks", help="Interpolate ground truth to the stamps of the tracks."),
     ] = False,
 ) -> None:
-    """Write truth and tracks of a recording to a table, one row for each person and stamp."""
+    """Write ground truth and tracks of a recording to a table: a row for each person and stamp."""
     opened = open_recording(recording)
     source = open_truth(GtBridgeConfig(truth=truth)) if truth else _of_kind(opened, Truth)
     offset_ns = round(offset_s * 1e9)

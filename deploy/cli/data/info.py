@@ -24,7 +24,7 @@ def info(
     recording: Annotated[Path, typer.Argument(help="Recording, ROS bag or folder of images.")],
     json: Json = False,
 ) -> None:
-    """Show what a recording, bag or folder of images holds, and whether it can be played."""
+    """Show the content of a recording, bag or folder of images, and whether it can be played."""
     found = read_info(recording)
     if json:
         print_json(found)

@@ -15,10 +15,13 @@ COLOURS = {"altered": "red", "absent": "yellow"}  # else green
 
 def models(
     verify_: Annotated[
-        bool, typer.Option("--verify", help="Check the files; exit with 1 if one is altered.")
+        bool,
+        typer.Option(
+            "--verify", help="Compare files with known checksums; exit with 1 if one differs."
+        ),
     ] = False,
 ) -> None:
-    """List the models: whether they are here, their licence and input, and how to get them."""
+    """List the models: presence, licence, input and source."""
     folders_ = folders()
     manifest = load_manifest()
     states = {name: state_of(model, folders_, verify_) for name, model in manifest.items()}

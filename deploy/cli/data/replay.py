@@ -27,10 +27,10 @@ USUAL = ("camera_info", "static_transforms", "odometry", "detections", "embeddin
 def record(
     file: Annotated[Path, typer.Argument(help="The recording, for example out.mcap.")],
     topics: Annotated[
-        str, typer.Option(help=f"Topics with commas between: {', '.join(BY_NAME)}.")
+        str, typer.Option(help=f"Topics, separated by commas: {', '.join(BY_NAME)}.")
     ] = ",".join(USUAL),
     seconds: Annotated[
-        float | None, typer.Option("--for", help="Seconds to record; else until Ctrl-C.")
+        float | None, typer.Option("--for", help="Seconds to record; default: until Ctrl-C.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     robot: Robot = "robot",
@@ -65,19 +65,25 @@ def kinds_of(topics: str) -> tuple[type[Message], ...]:
 def replay(
     file: Annotated[Path, typer.Argument(help="A people4d recording.")],
     topics: Annotated[
-        str, typer.Option(help="Topics with commas between; frames come as recorded. All if none.")
+        str, typer.Option(help="Topics, separated by commas; frames as recorded. Default: all.")
     ] = "",
     clean_depth: Annotated[
         bool,
-        typer.Option("--clean-depth", help="Simulated depth as stored, without a sensor's errors."),
+        typer.Option(
+            "--clean-depth", help="Simulated depth as stored, without the errors of a sensor."
+        ),
     ] = False,
-    speed: Annotated[float, typer.Option(min=0.01, help="Times the recorded rate.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Again and again, until Ctrl-C.")] = False,
+    speed: Annotated[float, typer.Option(min=0.01, help="Multiple of the recorded rate.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Repeat until Ctrl-C.")] = False,
     hold_s: Annotated[
-        float, typer.Option("--hold", help="Seconds to stay at the end, for late joiners.")
+        float,
+        typer.Option("--hold", help="Seconds to stay connected at the end, for late subscribers."),
     ] = 1.0,
     force: Annotated[
-        bool, typer.Option("--force", help="Publish beside services that publish the same topics.")
+        bool,
+        typer.Option(
+            "--force", help="Publish even if a running service publishes the same topics."
+        ),
     ] = False,
     robot: Robot = "robot",
     connect: Connect = "",

@@ -37,25 +37,25 @@ def evaluate(
         list[str],
         typer.Option(
             metavar="SOURCE",
-            help="Recording, ROS bag or folder with its truth, or lab:SCENARIO; several with "
-            "commas between, or the option again.",
+            help="Recording, ROS bag or folder with ground truth, or lab:SCENARIO; several "
+            "separated by commas, or by repeating the option.",
         ),
     ],
     seeds: Annotated[
-        str, typer.Option(help="Seeds of every scenario, for example 1,2,3; else its own.")
+        str, typer.Option(help="Seeds of every scenario, for example 1,2,3; default: its own.")
     ] = "",
     fidelity: Fidelity = "colour",
     out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("out/evaluation"),
     jobs: Jobs = 0,
     cache: Annotated[
         Path | None,
-        typer.Option(help="Folder of renderings and detections; else one in your cache folder."),
+        typer.Option(help="Folder of renderings and detections; default: in your cache folder."),
     ] = None,
     set_: Settings = [],  # noqa: B006 (typer copies it)
     visual_odometry: VisualOdometry = False,
     figures: Figures = True,
 ) -> None:
-    """Score methods on recordings with truth; the same metrics every time, on any machine."""
+    """Score methods on recordings with ground truth; the metrics are reproducible."""
     from evaluation.cache import default_folder  # noqa: PLC0415
     from evaluation.evaluate import evaluate as do  # noqa: PLC0415
     from evaluation.methods import read_methods  # noqa: PLC0415

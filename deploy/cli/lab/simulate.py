@@ -19,12 +19,12 @@ ScenarioName = Annotated[
 ]
 Seed = Annotated[
     int | None,
-    typer.Option(min=0, help="Seed of light, motion and noise; else the scenario's own."),
+    typer.Option(min=0, help="Seed of light, motion and noise; default: the scenario's own."),
 ]
 
 
 def list_() -> None:
-    """List the scenarios and the people that can be in them."""
+    """List the scenarios and the simulated people."""
     from lab.bodies.cast import cast_names  # noqa: PLC0415
 
     columns = ("scenario", ">people", ">length", "room", "camera", "about")
@@ -50,22 +50,23 @@ def render(
     scenario: ScenarioName,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder, or name of the recording; else here, named as the scenario."),
+        typer.Option(help="Folder or name of the recording; default: the scenario's name, here."),
     ] = None,
     seed: Seed = None,
     fidelity: Fidelity = "colour",
     format_: Annotated[
         Literal["recording", "ros2", "both"],
-        typer.Option("--format", help="The project's own recording, a ROS 2 bag, or both."),
+        typer.Option("--format", help="People4d recording, ROS 2 bag, or both."),
     ] = "recording",
     jobs: Jobs = 0,
     quality: Annotated[int, typer.Option(min=1, max=100, help="JPEG quality of colour.")] = 90,
     samples: Annotated[
-        int, typer.Option(min=1, max=2, help="Along each side of a pixel; 1: ragged edges, quick.")
+        int,
+        typer.Option(min=1, max=2, help="Samples along each side of a pixel; 1: fast, aliased."),
     ] = 2,
     depth: Annotated[
         Literal["clean", "measured"],
-        typer.Option(help="clean: small; the sensor's errors are added whenever it is played."),
+        typer.Option(help="clean: small file; the sensor's errors are added during playback."),
     ] = "clean",
     truth_per_frame: Annotated[
         bool,
@@ -78,7 +79,7 @@ def render(
         typer.Option(
             "--set",
             metavar="FIELD=VALUE",
-            help="Errors: sensor.noise_px=0.14, detector.recall=0.9 (of geometry), and others.",
+            help="Sensor errors, for example sensor.noise_px=0.14; detector.recall=0.9 (geometry).",
         ),
     ] = [],  # noqa: B006 (typer copies it)
 ) -> None:
@@ -119,15 +120,16 @@ def render(
 def preview(
     scenario: ScenarioName,
     out: Annotated[
-        Path | None, typer.Option(help="A .png or .webm file; else a .png named as the scenario.")
+        Path | None,
+        typer.Option(help="A .png or .webm file; default: a .png named after the scenario."),
     ] = None,
     seed: Seed = None,
     every_s: Annotated[
         float | None,
-        typer.Option("--every", min=0.0, help="Seconds from picture to picture."),
+        typer.Option("--every", min=0.0, help="Seconds between images."),
     ] = None,
     fidelity: Annotated[
-        Literal["depth", "colour"], typer.Option(help="depth: people in flat colours, quick.")
+        Literal["depth", "colour"], typer.Option(help="depth: people in flat colours, fast.")
     ] = "colour",
 ) -> None:
     """Draw a scenario with skeletons, boxes, depth, masks and a map, as one page or a video."""
@@ -154,13 +156,13 @@ def export(
     recording: Annotated[Path, typer.Argument(help="A people4d recording, simulated or real.")],
     out: Annotated[Path, typer.Argument(help="Folder of the ROS 2 bag.")],
     storage: Annotated[
-        Literal["mcap", "sqlite3"], typer.Option(help="What the bag is stored as.")
+        Literal["mcap", "sqlite3"], typer.Option(help="Storage format of the bag.")
     ] = "mcap",
     compressed: Annotated[
         bool, typer.Option("--compressed", help="JPEG colour and PNG depth, ten times smaller.")
     ] = False,
     namespace: Annotated[str, typer.Option(help="First part of the image topics.")] = "camera",
-    camera: Annotated[str, typer.Option(help="Which camera, if there are several.")] = "",
+    camera: Annotated[str, typer.Option(help="Camera, if there are several.")] = "",
 ) -> None:
     """Write a recording as a ROS 2 bag with the topics of a RealSense driver."""
     from services.camera.ros import export as ros_export  # noqa: PLC0415

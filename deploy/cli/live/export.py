@@ -24,9 +24,10 @@ METRICS_S = 10.0
 
 def export(
     prometheus: Annotated[
-        int | None, typer.Option(metavar="PORT", min=0, max=65535, help="Serve /metrics there.")
+        int | None,
+        typer.Option(metavar="PORT", min=0, max=65535, help="Serve /metrics on this port."),
     ] = None,
-    address: Annotated[str, typer.Option(help="Address to serve at.")] = "127.0.0.1",
+    address: Annotated[str, typer.Option(help="Address of the server.")] = "127.0.0.1",
     otlp: Annotated[
         str,
         typer.Option(

@@ -30,19 +30,19 @@ FIRST_S = 3.0  # how long --once listens at least: heartbeats come twice a secon
 
 def top(
     seconds: Annotated[
-        float, typer.Option("--window", min=1, help="Seconds that figures of stages go back.")
+        float, typer.Option("--window", min=1, help="Period of the figures of stages, in seconds.")
     ] = 10.0,
     every_s: Annotated[
-        float, typer.Option("--every", min=0.2, help="Seconds between pictures.")
+        float, typer.Option("--every", min=0.2, help="Seconds between snapshots.")
     ] = 1,
-    once: Annotated[bool, typer.Option("--once", help="Show one snapshot and end.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Show one snapshot and exit.")] = False,
     json: Json = False,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Show where time goes, live: latency of every stage, rates, losses, ages, processor, memory.
+    """Show the duration of every stage, rates, losses, ages, processor and memory, live.
 
-    A snapshot over the last --window seconds; Ctrl-C ends it.
+    Figures cover the last --window seconds; Ctrl-C ends the command.
     """
     console = Console(highlight=False)
     if not console.is_terminal:

@@ -17,16 +17,16 @@ from people4d.errors import People4dError
 def trace(
     recording: Annotated[
         Path | None,
-        typer.Argument(help="Recording with detections, embeddings or people; else live."),
+        typer.Argument(help="Recording with detections, embeddings or people; default: live."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="The file.")] = Path("trace.json"),
-    seconds: Annotated[float, typer.Option(min=0.1, help="How long to listen.")] = 5.0,
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write.")] = Path("trace.json"),
+    seconds: Annotated[float, typer.Option(min=0.1, help="Seconds to listen.")] = 5.0,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Write the way of frames through all processes, for https://ui.perfetto.dev.
+    """Write the path of frames through all processes, for https://ui.perfetto.dev.
 
-    Chrome's own chrome://tracing opens it, too. --seconds counts for a live system only.
+    chrome://tracing opens the file, too. --seconds applies to a live system only.
     """
     traces = FrameTraces()
     if recording:

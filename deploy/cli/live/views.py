@@ -32,7 +32,7 @@ def listen(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Show the people around the robot, live."""
+    """Show the tracks, live."""
     with open_client(connect, robot) as client:
         messages = client.messages(Tracks, timeout_s=timeout_s)
         if not _show(messages, lambda tracks: table_of(tracks, time.time_ns()), once, json):
@@ -49,7 +49,7 @@ def score(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Score tracks against the truth, live; needs a system with --truth."""
+    """Show the errors of tracks against the ground truth, live; needs a system with --truth."""
     with open_client(connect, robot) as client:
         messages = client.messages(Score, timeout_s=timeout_s)
         if not _show(messages, render_score, once, json):

@@ -24,7 +24,7 @@ CONTEXT_SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": 
 
 
 def down(robot: Robot = "robot") -> None:
-    """Stop everything that people4d up started, last started first."""
+    """Stop the system that people4d up started, in reverse order."""
     stopped = launcher.stop(State.of_robot(robot))
     typer.echo("Stopped." if stopped else f"Nothing runs for {robot}.")
 
@@ -32,15 +32,15 @@ def down(robot: Robot = "robot") -> None:
 def scale(
     requests: Annotated[
         list[str] | None,
-        typer.Argument(metavar="SERVICE=N...", help="Number of equal processes, detector=3."),
+        typer.Argument(metavar="SERVICE=N...", help="Number of replicas, detector=3."),
     ] = None,
     robot: Robot = "robot",
     timeout_s: ReadyTimeout = 60.0,
 ) -> None:
-    """Change how many processes of a service run, while everything goes on.
+    """Change the number of replicas of a service while the system runs.
 
-    Detectors share the frames of all cameras by turns, reids the pictures of people.
-    Without SERVICE=N it tells how many there are.
+    Detectors share the frames of all cameras, reid processes the crops.
+    Without SERVICE=N it prints the present numbers.
     """
     state = State.of_robot(robot)
     running = state.read()
@@ -57,14 +57,16 @@ def health(
     timeout_s: Annotated[
         float, typer.Option("--timeout", min=0.1, help="Longest wait in seconds.")
     ] = 3.0,
-    ready: Annotated[bool, typer.Option("--ready", help="Degraded is not good enough.")] = False,
+    ready: Annotated[
+        bool, typer.Option("--ready", help="Require ready; degraded is not sufficient.")
+    ] = False,
     here: Annotated[bool, typer.Option("--here", help="Only a process on this host.")] = False,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Exit with 0 once a process of the service tells that it works, if with limits.
+    """Exit with 0 once a process of the service is ready or degraded.
 
-    `people4d doctor` looks at the whole system and says what to do.
+    `people4d doctor` checks the entire system and suggests remedies.
     """
     host = socket.gethostname()
     deadline_s = time.monotonic() + timeout_s

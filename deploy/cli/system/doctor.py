@@ -31,7 +31,7 @@ def doctor(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Find why there is no output, and how to fix it; exit with 1 if there is a problem."""
+    """Find out why there is no output, with a remedy; exit with 1 if there is a problem."""
     diagnostics = _examine(robot, connect, seconds, config)
     if json:
         print_json(diagnostics)

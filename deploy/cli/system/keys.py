@@ -21,25 +21,25 @@ SOON_DAYS = 30
 
 
 def keys(
-    folder: Annotated[Path, typer.Argument(help="Where they are or shall be, for example keys.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of the keys, for example keys.")],
     router: Annotated[
         list[str],
-        typer.Option(metavar="ADDRESS", help="Name or address that other hosts reach the router."),
+        typer.Option(
+            metavar="ADDRESS", help="Name or address by which other hosts reach the router."
+        ),
     ] = [],  # noqa: B006 (typer copies it)
     host: Annotated[
         list[str],
-        typer.Option(metavar="HOST=ROLE,...", help="A host and who runs on it; may be repeated."),
+        typer.Option(metavar="HOST=ROLE,...", help="A host and its roles; may be repeated."),
     ] = list(HOSTS),  # noqa: B006
-    days: Annotated[int, typer.Option(min=1, help="How long certificates are good.")] = 365,
+    days: Annotated[int, typer.Option(min=1, help="Validity of the certificates in days.")] = 365,
     passwords: Annotated[
         bool, typer.Option("--passwords", help="Passwords in place of certificates.")
     ] = False,
     check: Annotated[
-        bool, typer.Option("--check", help="Only tell what is there; exit with 1 if it is bad.")
+        bool, typer.Option("--check", help="Only check the keys; exit with 1 if one is invalid.")
     ] = False,
-    renew: Annotated[
-        bool, typer.Option("--renew", help="Make all anew where there are some already.")
-    ] = False,
+    renew: Annotated[bool, typer.Option("--renew", help="Replace existing keys.")] = False,
 ) -> None:
     """Make certificates (or passwords) for each role and host, or check them."""
     try:

@@ -22,11 +22,15 @@ def logs(
     service: Annotated[
         str, typer.Argument(help="Service or process, for example detector or detector-2.")
     ] = "",
-    follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on until Ctrl-C.")] = False,
-    lines: Annotated[int, typer.Option("--lines", "-n", min=0, help="Last lines of each.")] = 20,
+    follow: Annotated[
+        bool, typer.Option("--follow", "-f", help="Follow the logs until Ctrl-C.")
+    ] = False,
+    lines: Annotated[
+        int, typer.Option("--lines", "-n", min=0, help="Number of last lines of each log.")
+    ] = 20,
     robot: Robot = "robot",
 ) -> None:
-    """Show what the processes wrote, of the present run or the last one."""
+    """Show the logs of the processes, of the present run or the last one."""
     files = _files(State.of_robot(robot).folder, service)
     colours = {file: COLOURS[n % len(COLOURS)] for n, file in enumerate(files)}
 

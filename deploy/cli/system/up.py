@@ -54,7 +54,7 @@ def up(
     truth: Annotated[
         str,
         typer.Option(
-            help="Motion capture: recording, bag, CSV, MOT text, gt.npz, or zenoh:KEY, live."
+            help="Ground truth: recording, bag, CSV, MOT text, gt.npz, or zenoh:KEY (live)."
         ),
     ] = "",
     preset: Preset = "",
@@ -63,13 +63,11 @@ def up(
     embedder: Annotated[str, typer.Option(help="Appearance model.")] = "",
     playback: Annotated[
         Literal["", "recorded", "lockstep"],
-        typer.Option(help="At the recorded rate, or as fast as it goes without losing a frame."),
+        typer.Option(help="At the recorded rate, or as fast as possible without losing a frame."),
     ] = "",
-    loop: Annotated[bool, typer.Option("--loop", help="Play the source again and again.")] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="Play the source repeatedly.")] = False,
     set_: Settings = [],  # noqa: B006 (typer copies it)
-    scale: Annotated[
-        list[str], typer.Option(metavar="SERVICE=N", help="Number of equal processes.")
-    ] = [],  # noqa: B006
+    scale: Annotated[list[str], typer.Option(metavar="SERVICE=N", help="Number of replicas.")] = [],  # noqa: B006
     config: Annotated[
         Path | None, typer.Option(help="TOML file with a table for each service.")
     ] = None,
@@ -78,22 +76,24 @@ def up(
         typer.Option(help="Run to the end of the source, write a report to this folder, stop."),
     ] = None,
     gait: Annotated[
-        bool, typer.Option("--gait", help="Follow heads, hands and feet, and tell how people walk.")
+        bool, typer.Option("--gait", help="Track heads, hands and feet, and measure gait.")
     ] = False,
     visual_odometry: VisualOdometry = False,
     profile: Annotated[
-        list[str], typer.Option(help="Profile of the compose file, whose services run too.")
+        list[str], typer.Option(help="Profile of the compose file; its services run, too.")
     ] = [],  # noqa: B006
     robot: Robot = "robot",
     host: Annotated[
         str, typer.Option(help="Address of the router; 0.0.0.0 lets other machines connect.")
     ] = HOST,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the router.")] = PORT,
-    detach: Annotated[bool, typer.Option("--detach", "-d", help="Return once all is up.")] = False,
+    detach: Annotated[
+        bool, typer.Option("--detach", "-d", help="Return once all services are ready.")
+    ] = False,
     timeout_s: ReadyTimeout = START_TIMEOUT_S,
     compose: Annotated[Path, typer.Option(help="Another compose file.")] = COMPOSE_FILE,
 ) -> None:
-    """Start everything on this machine, in order, and watch it; Ctrl-C stops it.
+    """Start the system on this machine and supervise it; Ctrl-C stops it.
 
     Settings come from the configuration file, then PEOPLE4D_<SERVICE>_<FIELD> in the environment,
     then the preset, then the other options.
@@ -140,9 +140,9 @@ def up(
 def demo(
     preset: Preset = "",
     report: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/demo"),
-    robot: Annotated[str, typer.Option(help="Name of the robot; empty takes one of its own.")] = "",
+    robot: Annotated[str, typer.Option(help="Name of the robot; default: a name of its own.")] = "",
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of the router; 0 takes a free one.")
+        int, typer.Option(min=0, max=65535, help="Port of the router; 0: a free one.")
     ] = 0,
 ) -> None:
     """Run the pipeline on the shipped recording, frame by frame, and write a report."""
