@@ -21,7 +21,7 @@ Clocks = Mapping[str, HostOffset]
 
 
 class FrameTraces:
-    """Gathers the traces of frames from messages; what several tell of one is put together."""
+    """Gathers the traces of frames from messages; those of one frame are merged."""
 
     def __init__(self) -> None:
         self.traces: dict[Frame, list[tuple[Span, ...]]] = defaultdict(list)
@@ -144,7 +144,7 @@ class _Writer:
             yield event | {"pid": self._pid(part.process), "ts": self._us(part.start_ns)} | ends
 
     def _slice(self, part: TraceSegment, tid: int, fields: Event) -> Event:
-        """Return a slice; one that ends before it begins is a mark that tells so."""
+        """Return a slice; one that ends before it begins becomes a mark."""
         pid = self._pid(part.process)
         event = {"name": part.stage, "cat": part.service, "pid": pid, "tid": tid, "args": fields}
         event["ts"] = self._us(part.start_ns)

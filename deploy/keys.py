@@ -202,7 +202,7 @@ def _open_to_others(file: Path) -> str:
 
 
 def _write(file: Path, data: bytes, mode: int) -> None:
-    """Write a file that is never open to others, not for a moment, and never half written."""
+    """Write a file at once, readable by its owner only from its creation on."""
     fresh = file.with_name(f".{file.name}.new")
     fresh.unlink(missing_ok=True)
     with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as stream:

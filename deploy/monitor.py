@@ -67,7 +67,7 @@ class ClockSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SystemSnapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """A system at one moment."""
+    """State of a system at one time."""
 
     seconds: float  # [s] how long figures of stages go back
     # from the first stage of a frame to the arrival of its tracks; null: no frames
@@ -120,7 +120,7 @@ class Monitor:
     def add(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
         """Take a message; return the path of a frame, once its Tracks come.
 
-        Of Health, Tracks and Detections the last tell what was done for a frame beside its path;
+        Of Health, Tracks and Detections the last show the work on a frame beside its path;
         others are passed over. `now_ns` is the wall clock, `now_s` the monotonic clock.
         """
         message = arrival.message
@@ -230,7 +230,7 @@ def of_frame(trace: Sequence[Span]) -> bool:
 
 
 def clocks_of(healths: Iterable[Health]) -> dict[str, HostOffset]:
-    """Return of each host that tells it how far its clock is ahead, from its surest process."""
+    """Return the clock offset of each host, from its process with the smallest error."""
     found: dict[str, HostOffset] = {}
     for health in healths:
         offset_ms, error_ms = (health.gauges.get(f"clock_{n}_ms") for n in ("offset", "error"))

@@ -21,7 +21,7 @@ EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
     ),
     (
         *("calibration", "problem", "detector", "wrong_size"),
-        "frames are not of the size that CameraInfo tells: {fault}",
+        "frames are not of the size of CameraInfo: {fault}",
         "Calibrate at the size that is streamed, or stream at the size calibrated.",
     ),
     (
@@ -65,7 +65,7 @@ def names(evidence: Evidence) -> Iterator[Diagnostic]:
         yield problem("twice", what, "Give each its own name: --instance.", *twice)
     elif len(trackers) > 1:
         listing = ", ".join(f"{t.instance} on {t.host} (process {t.pid})" for t in trackers)
-        what = f"{len(trackers)} trackers tell people at once, with numbers of their own: {listing}"
+        what = f"{len(trackers)} trackers publish people, each with ids of its own: {listing}"
         yield problem("twice", what, "Stop all but one.", *(t.instance for t in trackers))
 
 
@@ -130,7 +130,7 @@ def frames(evidence: Evidence) -> Iterator[Diagnostic]:
     if not all(sent):
         quiet = cameras[sent.index(0)]
         name, why = quiet.last.instance, quiet.fault or "it says nothing of why"
-        hint = "Is it plugged in, or its recording at its end? people4d logs camera tells more."
+        hint = "Is it plugged in, or its recording at its end? See people4d logs camera."
         yield problem("frames", f"{name} sends no frames: {why}", hint, name, *about)
     elif detectors and not any(v.since("received_frames") for v in detectors):
         what = "frames leave the camera, but do not reach the detector"
@@ -270,7 +270,7 @@ def others(diagnostics: Sequence[Diagnostic], evidence: Evidence) -> Iterator[Di
     for name, vitals in sorted(evidence.vitals.items()):
         if vitals.fault and name not in explained and vitals.last.state != "starting":
             what = f"{name} is {vitals.last.state}: {vitals.fault}"
-            hint = f"people4d logs {vitals.last.service} may tell more."
+            hint = f"See people4d logs {vitals.last.service}."
             yield warning("state", what, hint, name)
 
 

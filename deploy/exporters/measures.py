@@ -61,7 +61,7 @@ class Exporter(ABC):
 
 
 def samples(healths: Iterable[Health]) -> Iterator[Sample]:
-    """Return all values that heartbeats tell."""
+    """Return all values of heartbeats."""
     healths = list(healths)
     for health in healths:
         yield from _of_process(health)

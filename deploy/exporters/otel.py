@@ -70,7 +70,7 @@ class OtelExporter(Exporter):
             piece = tracer.start_span(
                 part.name, inside, start_time=part.start_ns, attributes=_clock(part)
             )
-            # A span cannot end before it begins; the attribute tells that it did.
+            # A span cannot end before it begins; the attribute marks one that did.
             piece.end(max(part.end_ns, part.start_ns))
         frame.end(max(end_to_end.end_ns, end_to_end.start_ns))
         for part in path.stages:

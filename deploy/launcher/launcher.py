@@ -251,7 +251,7 @@ def read_plan(state: State) -> tuple[Service, ...]:
         return msgspec.json.decode(state.plan_file.read_bytes(), type=tuple[Service, ...])
     except (OSError, msgspec.DecodeError) as error:
         raise People4dError(
-            f"{state.plan_file} does not tell what runs ({error})",
+            f"{state.plan_file} cannot be read ({error})",
             "Run people4d down, then people4d up.",
         ) from error
 

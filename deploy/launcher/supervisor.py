@@ -184,7 +184,7 @@ class Supervisor:
 
     def start(self, instance: str) -> None:
         """Start one process and return at once."""
-        with contextlib.suppress(xmlrpc.client.Fault):  # its state tells what went wrong
+        with contextlib.suppress(xmlrpc.client.Fault):  # its state shows what went wrong
             self._call("supervisor.startProcess", instance, False)
 
     def kill(self, instance: str) -> None:

@@ -1,7 +1,7 @@
 """Finds processes that hang, and has them started again: `python -m deploy.launcher.watchdog`.
 
 supervisord starts again what dies; whether a process that lives still does anything, only its
-heartbeat tells.
+heartbeat shows.
 """
 
 import os
@@ -147,7 +147,7 @@ class WatchdogNode(Node):
         return self._due_ns
 
     def status(self) -> Status:
-        """Tell who was ended lately, and who is left alone."""
+        """Return the processes that were ended lately, and those left alone."""
         problems = [*self._left_alone.values(), *filter(None, [self._gone])]
         when_s, what = self._last
         lately = [what] if self._now_s - when_s < REPORT_S else []

@@ -69,7 +69,7 @@ def test_impossible_scale_is_rejected(state: State) -> None:
     with pytest.raises(ConfigError, match="there is no service 'singer'"):
         progress_of(state, "singer=2")
     state.plan_file.unlink()
-    with pytest.raises(People4dError, match="does not tell what runs"):
+    with pytest.raises(People4dError, match="cannot be read"):
         progress_of(state, "many=2")
 
 

@@ -102,7 +102,7 @@ def replay(
     with closing(open_bus(connect, robot)) as bus, suppress(KeyboardInterrupt):
         if not force:
             check_publishers(bus, robot, {type(m) for _, m in recording.messages(*wanted)})
-        # Subscribers and this publisher need a moment to learn of each other.
+        # Subscribers and this publisher need some time to discover each other.
         time.sleep(MEET_S)
         for _ in count() if loop else range(1):
             for message in paced(recording, wanted, speed):

@@ -171,7 +171,7 @@ def _stages(snapshot: SystemSnapshot) -> Table:
 
 
 def _error(durations: Durations) -> str:
-    """Tell what clocks bring into a duration, nothing on one host."""
+    """Format the error that clocks bring into a duration; empty on one host."""
     if durations.error_ms is None:
         return " (clocks not compared)"
     return f" ± {durations.error_ms:.2f}" if durations.error_ms else ""

@@ -72,7 +72,7 @@ def ps(
 
 
 def _heartbeats(connect: str, robot: str, optional: bool) -> list[Health]:
-    """Listen for a moment; without a router there is nothing to hear from own processes."""
+    """Listen for two heartbeats; without a router, own processes are shown without any."""
     try:
         with closing(Heartbeats(connect, robot)) as heartbeats:
             heartbeats.connect(timeout_s=2.0)

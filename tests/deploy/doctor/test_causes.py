@@ -190,7 +190,7 @@ def test_missing_transform_and_two_trackers_are_found(network: Network) -> None:
     nodes = [("camera-1", Filming(first=(INFO,))), ("detector-1", detector())]
     with running(network, *nodes, ("tracker-1", tracker()), ("tracker-2", tracker())) as system:
         assert f"map <- {INFO.frame_id}" in system.examine("transform").what
-        assert "2 trackers tell people at once" in system.examine("twice").what
+        assert "2 trackers publish people" in system.examine("twice").what
 
 
 def test_silent_camera_is_found(network: Network) -> None:

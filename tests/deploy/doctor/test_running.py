@@ -123,7 +123,7 @@ def test_two_trackers_are_a_problem(heard: Heard) -> None:
     heard.counters["tracker-9"] = ({}, {})
     heard.fields["tracker-9"] = {"host": "nuc", "pid": 77}
     found = heard.found("twice")
-    assert "2 trackers tell people at once" in found.what
+    assert "2 trackers publish people" in found.what
     assert "tracker-9 on nuc (process 77)" in found.what
 
 
