@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.lib.hand_marks import Mark, MarkView
 from benchmarks.lib.mark_scores import MarkScores, MarkTruth, TrackedPerson, figures
-from people4d.messages import CameraInfo
 from services.camera.config import CameraConfig
+from tests import builders
 
 
 def truth(person: str, u_px: float) -> MarkTruth:
@@ -67,18 +67,7 @@ def test_facing_counts_from_the_line_of_sight_to_the_left(
     yaw_deg: float, expected_rad: float
 ) -> None:
     """A level camera at the origin looks along +x: away is yaw 0, to the image's left +y."""
-    info = CameraInfo(
-        stamp_ns=0,
-        sequence=0,
-        camera="front",
-        frame_id="front_optical_frame",
-        width=640,
-        height=480,
-        fx=500.0,
-        fy=500.0,
-        cx=320.0,
-        cy=240.0,
-    )
+    info = builders.camera_info(fx=500.0)
     view = MarkView(info, CameraConfig(source="x").mount_from_optical)
     assert view.yaw_rad(Mark("A", 320.0, 240.0, yaw_deg)) == pytest.approx(expected_rad)
     depth_mm = np.full((480, 640), 2000, np.uint16)
