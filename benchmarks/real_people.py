@@ -14,8 +14,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.lib.hand_marks import HIDDEN, read_files, read_frames
-from benchmarks.lib.mark_scores import (
+from benchmarks.lib.mark_sheets import write_sheet
+from benchmarks.lib.marked_recording import FrameOutput, MarkedRecording, marked, run
+from benchmarks.lib.peers import PeerRun, PeerSequence, run_peers
+from benchmarks.lib.table import markdown, write
+from evaluation.methods import Method, read_method
+from evaluation.recordings.hand_annotations import FPS, crossing_camera
+from evaluation.recordings.hand_marks import HIDDEN, read_files, read_frames
+from evaluation.recordings.mark_scores import (
     INVENTED_FRAMES,
     Figures,
     MarkOutcome,
@@ -24,12 +30,6 @@ from benchmarks.lib.mark_scores import (
     TrackedPerson,
     figures,
 )
-from benchmarks.lib.mark_sheets import write_sheet
-from benchmarks.lib.marked_recording import FrameOutput, MarkedRecording, marked, run
-from benchmarks.lib.peers import PeerRun, PeerSequence, run_peers
-from benchmarks.lib.table import markdown, write
-from evaluation.methods import Method, read_method
-from evaluation.recordings.hand_annotations import FPS, crossing_camera
 from services.camera.config import CameraConfig
 
 ROOT = Path(__file__).resolve().parents[1]

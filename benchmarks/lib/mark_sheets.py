@@ -6,9 +6,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.lib.mark_scores import MarkOutcome, MarkScores, TrackedPerson
 from common.drawing.strokes import GREY, INK, WHITE, colour_of, put_label
 from common.drawing.tiles import Tile, grid, shrink
+from evaluation.recordings.mark_scores import MarkOutcome, MarkScores, TrackedPerson
 from people4d.messages import U8
 from services.camera.source import SourceFrame
 

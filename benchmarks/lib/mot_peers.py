@@ -107,10 +107,10 @@ def boxmot(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
     blank = np.zeros((480, 640, 3), np.uint8)
 
     def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
-        kept = scores >= gate
-        rows = np.column_stack([boxes, scores, np.zeros(len(scores))])[kept]
-        told = np.asarray(tracker.update(rows, blank)).reshape(-1, 8)
-        return told[:, 4], told[:, :4]
+        accepted = scores >= gate
+        rows = np.column_stack([boxes, scores, np.zeros(len(scores))])[accepted]
+        tracks = np.asarray(tracker.update(rows, blank)).reshape(-1, 8)
+        return tracks[:, 4], tracks[:, :4]
 
     return update
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.lib.hand_marks import Mark, MarkView
-from benchmarks.lib.mark_scores import MarkScores, MarkTruth, TrackedPerson, figures
+from evaluation.recordings.hand_marks import Mark, MarkView
+from evaluation.recordings.mark_scores import MarkScores, MarkTruth, TrackedPerson, figures
 from services.camera.config import CameraConfig
 from tests import builders
 
@@ -63,7 +63,7 @@ def test_detected_track_comes_before_a_predicted_one_that_is_nearer() -> None:
 
 
 @pytest.mark.parametrize(("yaw_deg", "expected_rad"), [(0, 0.0), (90, math.pi / 2), (180, math.pi)])
-def test_facing_counts_from_the_line_of_sight_to_the_left(
+def test_facing_is_measured_from_the_viewing_ray_to_the_left(
     yaw_deg: float, expected_rad: float
 ) -> None:
     """A level camera at the origin looks along +x: away is yaw 0, to the image's left +y."""
