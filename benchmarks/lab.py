@@ -18,8 +18,9 @@ from lab.scenario import load_scenario
 from lab.truth.frames import PersonView
 from lab.world import World
 from people4d.messages import F32, F64, U8
-from services.detector.config import DetectorConfig
-from services.detector.models import DetectedPerson, ModelSettings, PersonModel, load_model
+from services.detector.config import DetectorConfig, ModelSettings
+from services.detector.models.base import DetectedPerson, PersonModel
+from services.detector.models.registry import load_model
 
 MODELS = Path(__file__).resolve().parents[2] / "shared" / "data" / "models"
 COST_SCENARIOS = ("short_walk", "crossing", "four_dense")

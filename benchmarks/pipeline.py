@@ -22,7 +22,7 @@ from common.inference import OnnxSession
 from common.io.weights import choose, find, folders, load_manifest
 from common.runtime.latency import merge_stages, segments
 from people4d.messages import Span, Tracks
-from services.detector.models import ModelSettings
+from services.detector.config import ModelSettings
 from services.detector.models.network import ImageInput
 
 SOURCE = "benchmarks.lib.live_camera:StoredDemo"  # a camera that costs nothing

@@ -25,8 +25,8 @@ from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 from services.reid.config import ReidConfig
 from services.report.config import ReportConfig
+from services.report.folder import AnnotatedFrame
 from services.report.node import ReportNode
-from services.report.output import AnnotatedFrame
 from services.report.statistics import RunSummary
 
 ROOT = Path(__file__).parents[1]

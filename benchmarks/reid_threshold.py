@@ -14,7 +14,7 @@ from common.inference import OnnxSession
 from lab.truth.frames import PersonView
 from people4d.messages import F32, F64, U8, Crop
 from services.detector.crops import crop_person
-from services.detector.models import DetectedPerson, InstanceMask
+from services.detector.models.base import DetectedPerson, InstanceMask
 from services.reid import histogram, osnet
 from services.reid.embedders import Embedder
 from services.reid.histogram import HistogramEmbedder

@@ -27,7 +27,7 @@ from common.io.weights import choose, find, folders, load_manifest
 from people4d.client import Client
 from people4d.codec import encode
 from people4d.messages import Tracks
-from services.detector.models import ModelSettings
+from services.detector.config import ModelSettings
 from services.detector.models.network import ImageInput
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -28,10 +28,9 @@ class Method:
 
     name: str  # name of the preset
     camera: CameraConfig  # playback of recordings, without a source
-    detector: DetectorConfig  # configuration of the detector
-    # configuration of re-identification; None if the tracker takes no embeddings
-    reid: ReidConfig | None
-    tracker: TrackerConfig  # configuration of the tracker
+    detector: DetectorConfig
+    reid: ReidConfig | None  # None if the tracker takes no embeddings
+    tracker: TrackerConfig
 
     def text(self) -> str:
         """Return all settings, a line each."""
@@ -59,11 +58,9 @@ def read_methods(presets: Sequence[str], settings: Sequence[str] = ()) -> list[M
 
 
 def read_method(preset: str, settings: Sequence[str] = ()) -> Method:
-    """Return the method of a preset, as `people4d up --preset` would run it.
+    """Return the method of a preset or TOML file, as `people4d up --preset` would run it.
 
-    Args:
-        preset: Name of a preset, or path of a TOML file of that form.
-        settings: "service.field=value", which win over the preset.
+    Settings ("service.field=value") win over the preset.
 
     Raises:
         ConfigError: The preset or a setting is unknown, or a value is out of range.

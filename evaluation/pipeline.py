@@ -61,11 +61,7 @@ def lockstep(camera: CameraConfig) -> CameraConfig:
 
 
 def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[PipelineStep]:
-    """Play a source in lock-step through nodes.
-
-    Args:
-        camera: Source and playback, in `lockstep`.
-        nodes: Detector and the nodes that follow.
+    """Play a source in lock-step through detector and following nodes.
 
     Yields:
         Calibration and transform, then one step a frame.

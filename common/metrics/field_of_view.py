@@ -42,15 +42,9 @@ class CameraViews:
 
 
 def in_view(points_m: F64, camera_from_map: F64, info: CameraInfo) -> BOOL:
-    """Check which points lie in the image and in the range of depth, occluded or not.
+    """Return flags (N) of the points in the image and in the range of depth, occluded or not.
 
-    Args:
-        points_m: Nx3, for example torsos, frame: map.
-        camera_from_map: 4x4, to the optical frame.
-        info: Calibration and depth range.
-
-    Returns:
-        N, True inside.
+    Points are Nx3, for example torsos in the map; the transform (4x4) is to the optical frame.
     """
     points = apply(camera_from_map, np.reshape(points_m, (-1, 3)))
     inside: BOOL = (points[:, 2] > NEAR_M) & (points[:, 2] <= info.max_depth_m)

@@ -110,15 +110,10 @@ class ReturnToView:
 
 
 def find_returns(matching: Matching, away_s: float = AWAY_S) -> tuple[ReturnToView, ...]:
-    """Find all returns of people who had a track before.
+    """Find all returns of people who had a track before, in order of time.
 
-    Args:
-        matching: A sequence, matched.
-        away_s: Least time out of the view, seconds. Hidden behind something is in the view.
-
-    Returns:
-        One record for each return, in order of time; a visit in which the person never had to be
-        tracked is none.
+    They were out of the view for `away_s` at least; hidden behind something is in the view. A
+    visit in which the person never had to be tracked is no return.
     """
     views = _frames_in_view(matching)
     found = [

@@ -209,11 +209,7 @@ class IdConsistency:
 
 
 class SequenceScorer:
-    """Scores of one playback, frame by frame.
-
-    Args:
-        gate_m: Largest distance on the ground between a person and their track.
-    """
+    """Scores of one playback, frame by frame."""
 
     def __init__(self, gate_m: float) -> None:
         self.totals = RunningTotals()

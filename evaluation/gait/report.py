@@ -25,21 +25,14 @@ from services.gait.config import GaitConfig
 from services.gait.estimator import GaitFrame, GaitResult
 from services.presets import preset_settings
 from services.report.even_sample import EvenSample
-from services.report.folder import VideoFile
-from services.report.output import AnnotatedFrame
+from services.report.folder import AnnotatedFrame, VideoFile
 
 SERVICE = "gait."
 STILLS, COLUMNS = 6, 2
 
 
 def read_run(source: str, box: BoxCorners | None, preset: str, settings: Sequence[str]) -> GaitRun:
-    """Return a run with its configuration.
-
-    Args:
-        source: Recording, bag, folder or lab:SCENARIO.
-        box: Of the person; None: all people.
-        preset: Name of a preset, or a TOML file; empty: as configured.
-        settings: "service.field=value", which override the preset.
+    """Return a run with its configuration: that of a preset, and settings that override it.
 
     Raises:
         ConfigError: A preset or setting is unknown, or a value is out of range.
@@ -54,11 +47,7 @@ def read_run(source: str, box: BoxCorners | None, preset: str, settings: Sequenc
 class GaitReport:
     """Runs gait estimation and writes its results to a folder.
 
-    Args:
-        run: Source and configuration.
-        folder: Of the files.
-        video: Draw every frame.
-        figures: Draw plots, which takes matplotlib.
+    A `video` draws every frame; `figures` take matplotlib.
     """
 
     def __init__(self, run: GaitRun, folder: Path, video: bool, figures: bool) -> None:

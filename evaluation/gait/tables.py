@@ -41,11 +41,7 @@ class _Row:
 
 
 class GaitTables:
-    """Collects the results of all frames.
-
-    Args:
-        config: Limits of steps.
-    """
+    """Collects the results of all frames; the configuration limits steps."""
 
     def __init__(self, config: StepConfig) -> None:
         self._config = config

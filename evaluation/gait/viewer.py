@@ -54,12 +54,7 @@ def point_colour(name: str) -> Colour:
 
 
 class GaitViewer:
-    """Draws frames with their results.
-
-    Args:
-        info: Calibration of the camera.
-        spin: Configuration of spin images.
-    """
+    """Draws frames with their results."""
 
     def __init__(self, info: CameraInfo, spin: SpinConfig) -> None:
         self._info, self._spin = info, spin
@@ -77,14 +72,9 @@ class GaitViewer:
                 trajectory.popleft()
 
     def draw(self, frame: GaitFrame, results: Sequence[GaitResult]) -> U8:
-        """Return the image of an added frame, with the nearest body beside it.
+        """Return the image (HxWx3) of an added frame, with the nearest body beside it.
 
-        Args:
-            frame: The frame.
-            results: People in it, nearest first, with their details.
-
-        Returns:
-            HxWx3, red first.
+        People in it are nearest first, with their details.
         """
         scale = HEIGHT_PX / frame.rgb.shape[0]
         size = round(frame.rgb.shape[1] * scale), HEIGHT_PX

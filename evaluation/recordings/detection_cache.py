@@ -32,17 +32,11 @@ class DetectionCache:
     """Detections of one model by image."""
 
     name: str = ""  # name of the model
-    # detections by `digest` of the image
-    frames: dict[int, CachedDetections] = field(default_factory=dict)
+    frames: dict[int, CachedDetections] = field(default_factory=dict)  # by `digest` of the image
 
 
 class CachingModel:
-    """A model that runs only on images that are not in a cache.
-
-    Args:
-        model: The model.
-        cache: Its detections so far; new ones are added.
-    """
+    """A model that runs only on images that are not in a cache; new detections are added to it."""
 
     def __init__(self, model: PersonModel, cache: DetectionCache) -> None:
         self.name = cache.name = model.name

@@ -37,7 +37,7 @@ from services.camera.config import CameraConfig
 from services.camera.sources import kind_of
 from services.detector.build import build as build_detector
 from services.detector.config import DetectorConfig, ModelSettings
-from services.detector.models import load_model
+from services.detector.models.registry import load_model
 from services.reid.build import build as build_reid
 from services.reid.config import ReidConfig
 
@@ -51,8 +51,8 @@ class DetectionJob:
 
     source: Path  # recording, bag or folder
     camera: CameraConfig  # playback
-    detector: DetectorConfig  # configuration of the detector
-    reids: tuple[ReidConfig, ...]  # configurations of re-identification, each on its own
+    detector: DetectorConfig
+    reids: tuple[ReidConfig, ...]  # each on its own
     folder: Path  # folder of the cache
 
     @property

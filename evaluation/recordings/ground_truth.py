@@ -29,11 +29,9 @@ UNBOUNDED = 2**40  # messages in a buffer
 class TruthFrame:
     """The people at one stamp."""
 
-    # all whose position is known, exactly or interpolated over a long gap
-    people: tuple[TruthPerson, ...]
+    people: tuple[TruthPerson, ...]  # whose position is known, or interpolated over a long gap
     captured: frozenset[str]  # those whose position is known exactly; others need not be tracked
-    # visible share of each body, 0 to 1; empty if unknown
-    shares: Mapping[str, float] = field(default_factory=dict)
+    shares: Mapping[str, float] = field(default_factory=dict)  # visible, 0 to 1; empty if unknown
     map_from_camera: F64 | None = None  # 4x4, if the truth contains it
 
     def ground_truth(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
@@ -92,12 +90,9 @@ def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> Samp
 
 
 def sample_truth(messages: Iterable[Truth], stamps_ns: Sequence[int], source: str) -> SampledTruth:
-    """Return the people of messages at other stamps.
+    """Return the people of messages of a source at other stamps.
 
-    Args:
-        messages: By rising stamp; an older one begins a second round, which is left out.
-        stamps_ns: Stamps of the frames.
-        source: Name of the source, for the error.
+    Messages are by rising stamp; an older one begins a second round, which is left out.
 
     Raises:
         SourceError: There is no message, or they are in several frames.

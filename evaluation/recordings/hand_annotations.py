@@ -68,9 +68,7 @@ class AnnotationScores:
     people: int  # annotated people over all frames
     found: int  # those that were detected
     false: int  # boxes without a person, or on a person with another box
-    # annotated people tracked under their own identity, for the best one-to-one assignment of
-    # people and identities
-    identified: int
+    identified: int  # tracked under their own identity, by the best one-to-one assignment
 
 
 def compare(detections: Sequence[Detections], tracks: Sequence[Tracks]) -> AnnotationScores:

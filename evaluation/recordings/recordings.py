@@ -28,10 +28,8 @@ class EvaluationRecording:
     scenario: str  # name that repetitions with other seeds share
     path: Path  # recording, bag or folder
     seed: int | None = None  # seed of the simulation; None: it is none, or the seed is not known
-    # the scenario; None: the recording is not of the virtual lab
-    simulation: Scenario | None = field(default=None, repr=False)
-    # rendering to be done; None: it exists already
-    job: RenderJob | None = field(default=None, repr=False)
+    simulation: Scenario | None = field(default=None, repr=False)  # None: not of the virtual lab
+    job: RenderJob | None = field(default=None, repr=False)  # rendering; None: it exists already
 
     @property
     def truth_file(self) -> Path:
@@ -42,13 +40,9 @@ class EvaluationRecording:
 def plan_recordings(
     names: Sequence[str], seeds: Sequence[int], fidelity: Fidelity, cache: Path
 ) -> list[EvaluationRecording]:
-    """Return recordings and scenarios, in the order given.
+    """Return recordings and scenarios (lab:SCENARIO or lab:SCENARIO@SEED), in the order given.
 
-    Args:
-        names: Recordings, ROS bags, folders, lab:SCENARIO or lab:SCENARIO@SEED.
-        seeds: Seeds of every scenario that names none; empty: its own.
-        fidelity: How much of a scenario is rendered.
-        cache: Folder of rendered scenarios.
+    Scenarios that name no seed are rendered to the cache for each of `seeds`, or their own.
 
     Raises:
         ConfigError: There is no such scenario, or two recordings have the same name.

@@ -22,8 +22,7 @@ CHECKS = 5  # stamps at which that is checked
 class SimulatedView:
     """View of the camera at one stamp."""
 
-    # by identity, part of the body that is in the image and not occluded
-    shares: Mapping[str, float]
+    shares: Mapping[str, float]  # by identity, of the body in the image and not occluded
     map_from_camera: F64  # 4x4
 
 

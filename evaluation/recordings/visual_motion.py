@@ -41,10 +41,8 @@ class FrameMotion:
 class VisualMotion:
     """Visual odometry on a recording; the same input gives the same output.
 
-    Args:
-        camera: Playback; its mount is used where the recording has no transforms.
-        config: Configuration of the visual odometry.
-        detections: Messages of which Detections mask people, after their frame.
+    The camera's mount is used where the recording has no transforms. Detections mask people after
+    their frame.
 
     Raises:
         SourceError: It cannot be read.

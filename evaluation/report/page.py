@@ -23,14 +23,8 @@ from evaluation.run.run import RunScores
 def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: str) -> Path:
     """Write all metrics as CSV files, images, and the report that contains everything.
 
-    Args:
-        plan: Methods and recordings.
-        evaluation: Its results.
-        folder: Folder of the files; it is made if it is absent.
-        command: Command that makes them again.
-
     Returns:
-        The report.
+        The report, which names the command that makes it again.
 
     Raises:
         SourceError: The folder cannot be written.

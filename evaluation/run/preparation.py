@@ -37,8 +37,7 @@ class EvaluationPlan:
     cache: Path  # folder of renderings and detections, which are made once
     jobs: int = 1  # processes at once; the result does not depend on it
     figures: bool = True  # True: draw figures, which takes matplotlib
-    # visual odometry of the base; None: odometry is as recorded
-    motion: VisualOdometryConfig | None = None
+    motion: VisualOdometryConfig | None = None  # of the base; None: odometry is as recorded
 
 
 def check_models(plan: EvaluationPlan) -> None:
@@ -154,6 +153,5 @@ def _encode(record: msgspec.Struct) -> bytes:
 
 
 def _has_no_images(recording: EvaluationRecording) -> bool:
-    if recording.job:
-        return recording.job.fidelity == "geometry"
-    return holds_detections(recording.path)
+    job = recording.job
+    return job.fidelity == "geometry" if job else holds_detections(recording.path)

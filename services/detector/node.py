@@ -9,15 +9,7 @@ from typing import ClassVar
 
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
-from people4d.messages import (
-    CameraInfo,
-    Crops,
-    Detection,
-    Detections,
-    Mask,
-    Message,
-    RgbdFrame,
-)
+from people4d.messages import CameraInfo, Crops, Detection, Detections, Mask, Message, RgbdFrame
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person
 from services.detector.models.base import DetectedPerson, PersonModel
@@ -37,10 +29,6 @@ class DetectorNode(Node):
 
     Cameras may be several; each frame needs the CameraInfo of its camera before it. `handle` may be
     called from several threads at once if the model may.
-
-    Args:
-        model: Detects people in the colour image.
-        config: Methods of positions and headings, crops.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
@@ -77,9 +65,7 @@ class DetectorNode(Node):
     def status(self) -> Status:
         """Return counters, and as the reason the faults of the newest frames."""
         with self._lock:
-            reason = "; ".join(
-                f"camera {camera}: {fault}" for camera, fault in self._faults.items()
-            )
+            reason = "; ".join(f"camera {name}: {fault}" for name, fault in self._faults.items())
             counters = dict(self._counters)
         return Status(state="degraded" if reason else "ready", reason=reason, counters=counters)
 
@@ -108,8 +94,7 @@ class DetectorNode(Node):
         outputs: list[Message] = []
         if self._config.crops:
             # Crops first: the tracker waits longest for their embeddings.
-            publish = self._loop.publish or outputs.append
-            publish(self._crops(people, frame))
+            (self._loop.publish or outputs.append)(self._crops(people, frame))
         with span("locate"):
             detections = self._detections(people, image)
         with self._lock:
@@ -156,13 +141,11 @@ class DetectorNode(Node):
     def _detections(
         self, people: Sequence[DetectedPerson], image: DepthImage
     ) -> tuple[Detection, ...]:
-        joint = self._orientation.method == "joint"
         torsos: Sequence[LayeredTorso | None] = [None] * len(people)
-        if joint or self._config.position == "torso":
+        if self._orientation.method == "joint" or self._config.position == "torso":
             torsos = self._positions.torsos(people, image)
         yaws = [
-            self._joint_yaw(person, torso, image) if joint else self._separate_yaw(person, image)
-            for person, torso in zip(people, torsos, strict=True)
+            self._yaw(person, torso, image) for person, torso in zip(people, torsos, strict=True)
         ]
         positions = [
             self._positions.estimate(person, torso, image, None if yaw is None else yaw.rad)
@@ -170,26 +153,24 @@ class DetectorNode(Node):
         ]
         return tuple(map(_detection, people, yaws, positions))
 
-    def _joint_yaw(
+    def _yaw(
         self, person: DetectedPerson, torso: LayeredTorso | None, image: DepthImage
     ) -> YawEstimate | None:
-        if person.keypoints is None or torso is None:
+        keypoints, config = person.keypoints, self._orientation
+        if keypoints is None:
             return None
-        layer_m, confidence_min = torso[1].depth_m, self._keypoints.confidence_min
-        return joint_yaw(person.keypoints, layer_m, image, confidence_min, self._orientation.body)
-
-    def _separate_yaw(self, person: DetectedPerson, image: DepthImage) -> YawEstimate | None:
-        if person.keypoints is None:
+        if config.method == "separate":
+            yaws = separate_yaws(keypoints, image, config, self._keypoints)
+            return yaws.fuse(config.weighted)
+        if torso is None:
             return None
-        yaws = separate_yaws(person.keypoints, image, self._orientation, self._keypoints)
-        return yaws.fuse(self._orientation.weighted)
+        confidence_min = self._keypoints.confidence_min
+        return joint_yaw(keypoints, torso[1].depth_m, image, confidence_min, config.body)
 
     def _crops(self, people: Sequence[DetectedPerson], frame: RgbdFrame) -> Crops:
         with span("crops"):
-            crops = [
-                crop_person(index, person, frame.rgb, self._config.crop_height_max_px)
-                for index, person in enumerate(people)
-            ]
+            height_px = self._config.crop_height_max_px
+            crops = [crop_person(k, one, frame.rgb, height_px) for k, one in enumerate(people)]
         return Crops(
             stamp_ns=frame.stamp_ns,
             sequence=frame.sequence,

@@ -25,12 +25,7 @@ DIMENSIONS: Mapping[str, Literal[2, 3]] = {"2d": 2, "3d": 3}
 
 
 class EstimatedAlignment(TruthAlignment):
-    """Alignment that is estimated every few seconds.
-
-    Args:
-        config: Unknowns to be estimated, and whether the estimate is applied.
-        transforms: Transform buffer, which the caller fills.
-    """
+    """Alignment that is estimated every few seconds, as far as configured."""
 
     def __init__(self, config: GtBridgeConfig, transforms: TransformBuffer) -> None:
         self._config, self._transforms = config, transforms

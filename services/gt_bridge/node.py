@@ -34,10 +34,8 @@ HISTORY = TransformBufferConfig(history_s=30.0)  # truth may come late, and alig
 class GtBridgeNode(Node):
     """Publishes the truth in the configured frame, and a score for each Tracks message.
 
-    Args:
-        truth: Messages by rising stamp, iterated anew when playback begins again; live truth has
-            topics to be read instead.
-        config: The configuration.
+    Truth is by rising stamp, iterated anew when playback begins again; live truth has topics to be
+    read instead.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (

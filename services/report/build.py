@@ -1,7 +1,5 @@
 """Build the node of the service from its configuration."""
 
-from pathlib import Path
-
 from common.runtime.node import Node
 from services.report.config import ReportConfig
 from services.report.folder import ReportFolder
@@ -10,4 +8,4 @@ from services.report.node import ReportNode
 
 def build(config: ReportConfig) -> Node:
     """Make the folder and the node."""
-    return ReportNode(config, ReportFolder(Path(config.folder)))
+    return ReportNode(config, ReportFolder(config))

@@ -2,7 +2,9 @@
 
 import logging
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import cv2
 import msgspec
@@ -12,7 +14,6 @@ from common.drawing.video import open_video
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8
 from services.report.config import ReportConfig
-from services.report.output import AnnotatedFrame
 from services.report.statistics import RunSummary
 from services.report.text import text
 
@@ -23,20 +24,38 @@ HZ_RANGE = 1.0, 120.0
 log = logging.getLogger("people4d")
 
 
+@dataclass(frozen=True, slots=True)
+class AnnotatedFrame:
+    """One annotated frame."""
+
+    camera: str
+    stamp_ns: int
+    image: U8  # HxWx3, red first
+
+
+class ReportOutput(Protocol):
+    """Destination of the report."""
+
+    def add_frame(self, frame: AnnotatedFrame) -> None:
+        """Take the next frame of the video."""
+        ...
+
+    def finish(self, sheet: U8, summary: RunSummary) -> None:
+        """Take the contact sheet (HxWx3, red first) and the summary; called once."""
+        ...
+
+
 class ReportFolder:
     """Writes the report into a folder, and its summary to standard output.
-
-    Args:
-        path: The folder; it is made if it is not there.
 
     Raises:
         ConfigError: The folder cannot be made or written to.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, config: ReportConfig) -> None:
+        check_folder(config)
+        self._path = Path(config.folder)
         self._videos: dict[str, VideoFile] = {}
-        prepare_folder(path)
 
     def add_frame(self, frame: AnnotatedFrame) -> None:
         """Append a frame to the video of its camera."""
@@ -70,12 +89,13 @@ class ReportFolder:
         sys.stdout.flush()
 
 
-def prepare_folder(path: Path) -> None:
-    """Make the folder of a report, marked as not complete.
+def check_folder(config: ReportConfig) -> None:
+    """Make the folder of the report, marked as not complete.
 
     Raises:
         ConfigError: The folder cannot be made or written to.
     """
+    path = Path(config.folder)
     try:
         path.mkdir(parents=True, exist_ok=True)
         (path / "summary.txt").write_text("The run has not ended yet.\n", encoding="utf-8")
@@ -86,21 +106,8 @@ def prepare_folder(path: Path) -> None:
         ) from error
 
 
-def check_folder(config: ReportConfig) -> None:
-    """Check that the folder of the report can be written.
-
-    Raises:
-        ConfigError: The folder cannot be made or written to.
-    """
-    prepare_folder(Path(config.folder))
-
-
 class VideoFile:
-    """A video whose rate comes from the stamps of its first frames.
-
-    Args:
-        path: The file.
-    """
+    """A video whose rate comes from the stamps of its first frames."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

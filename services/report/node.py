@@ -22,19 +22,14 @@ from people4d.messages import (
 )
 from services.report.config import ReportConfig
 from services.report.even_sample import EvenSample
-from services.report.output import AnnotatedFrame, ReportOutput
+from services.report.folder import AnnotatedFrame, ReportOutput
 from services.report.sheet import contact_sheet
 from services.report.statistics import RunStatistics
 from services.report.trajectories import TrajectoryStore
 
 
 class ReportNode(Node):
-    """Joins frames with what was made of them; memory is bounded however long the run.
-
-    Args:
-        config: The configuration.
-        output: Destination of frames and summary.
-    """
+    """Joins frames with what was made of them; memory is bounded however long the run."""
 
     inputs: ClassVar[tuple[type[Message], ...]] = (
         RgbdFrame,

@@ -21,16 +21,7 @@ LEAST_WIDTH = 1440  # [px] so that the figures have room where there are few til
 
 
 def contact_sheet(tiles: Sequence[Tile], trajectories: Trajectories, summary: RunSummary) -> U8:
-    """Compose the page.
-
-    Args:
-        tiles: Frames in order of time, all of one width.
-        trajectories: Content of the map.
-        summary: Figures.
-
-    Returns:
-        HxWx3, red first.
-    """
+    """Compose the page (HxWx3) of frames, all of one width, the map, and the figures."""
     frames = grid(tiles, COLUMNS) if tiles else np.full((0, LEAST_WIDTH, 3), PAPER, np.uint8)
     width = max(frames.shape[1], LEAST_WIDTH)
     lines = 2 * len(facts(summary)) + TABLE_LINE * len(latency_table(summary))

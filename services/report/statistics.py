@@ -1,6 +1,7 @@
 """Statistics of a run."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -9,6 +10,7 @@ import numpy as np
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.metrics.live import LiveScorer
+from common.runtime.latency import end_to_end, merge_stages, percentiles, segments
 from common.runtime.synchroniser import SynchronisedFrame
 from common.runtime.throughput import losses
 from people4d.messages import (
@@ -19,17 +21,59 @@ from people4d.messages import (
     MovingTransform,
     Odometry,
     RgbdFrame,
+    Span,
     StaticTransform,
     Tally,
     Tracks,
     Truth,
 )
 from services.report.even_sample import EvenSample
-from services.report.latency import Latency, Percentiles
 
+SAMPLES = 10_000  # of each stage
+MAX_STAGES = 128
+END_TO_END = "end_to_end"
 MAX_TRACKS = 100_000
 MAX_INSTANCES = 64
 MAX_ERRORS = 10_000  # position errors of the median
+
+
+class Percentiles(msgspec.Struct, frozen=True, kw_only=True):
+    """Distribution of a duration."""
+
+    p50_ms: float  # [ms] median
+    p95_ms: float  # [ms]
+    p99_ms: float  # [ms]
+    count: int  # messages measured
+
+
+class Latency:
+    """Durations of all segments of the trace, and end to end, which is their sum.
+
+    Between machines whose clocks differ, `transport` holds the difference of the clocks.
+    """
+
+    def __init__(self) -> None:
+        self._samples: dict[str, EvenSample[float]] = {}
+
+    def add(self, trace: Sequence[Span]) -> None:
+        """Take the trace of one message, oldest stage first; segments of one name are one."""
+        for segment in merge_stages(segments(trace)):
+            self._add(segment.name, segment.ms)
+        if total := end_to_end(trace):
+            self._add(END_TO_END, total.ms)
+
+    def percentiles(self) -> dict[str, Percentiles]:
+        """Return the distribution of each stage in the order of the trace, end to end last."""
+        rows = {}
+        for name in sorted(self._samples, key=lambda name: name == END_TO_END):
+            p50, p95, p99 = percentiles(self._samples[name].values)
+            count = self._samples[name].count
+            rows[name] = Percentiles(p50_ms=p50, p95_ms=p95, p99_ms=p99, count=count)
+        return rows
+
+    def _add(self, name: str, duration_ms: float) -> None:
+        if name in self._samples or len(self._samples) < MAX_STAGES:
+            self._samples.setdefault(name, EvenSample(SAMPLES)).add(duration_ms)
 
 
 class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,7 +101,7 @@ class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 @dataclass(slots=True)
-class _Span:
+class _Events:
     """First, last and number of some events."""
 
     first_ns: int = 0
@@ -79,8 +123,8 @@ class RunStatistics:
 
     def __init__(self) -> None:
         self._now_ns = 0
-        self._frames: dict[str, _Span] = {}
-        self._processed = _Span()
+        self._frames: dict[str, _Events] = {}
+        self._processed = _Events()
         self._answers: Counter[str] = Counter()
         self._detections: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
@@ -94,16 +138,11 @@ class RunStatistics:
         self._health: dict[str, Health] = {}
 
     def add(self, message: Message, now_ns: int) -> None:
-        """Count a message.
-
-        Args:
-            message: Any of those the report listens to.
-            now_ns: Monotonic time at which it came.
-        """
+        """Count a message that the report listens to; it came at this monotonic time."""
         self._now_ns = now_ns
         self._received[type(message).__name__] += 1
         if isinstance(message, RgbdFrame):
-            self._frames.setdefault(message.camera, _Span()).add(message.stamp_ns)
+            self._frames.setdefault(message.camera, _Events()).add(message.stamp_ns)
         elif isinstance(message, Detections):
             self._names["model"] = message.model
             self._detections["all"] += len(message.detections)

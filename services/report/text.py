@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from services.report.latency import END_TO_END
-from services.report.statistics import RunSummary
+from services.report.statistics import END_TO_END, RunSummary
 
 NONE = "none"
 

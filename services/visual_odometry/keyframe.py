@@ -14,12 +14,14 @@ from services.visual_odometry.corners import (
     find_corners,
     read_depth_m,
 )
-from services.visual_odometry.fit import MotionFit
-from services.visual_odometry.reprojection import BaseMount, Flags, Indices, Matches
+from services.visual_odometry.fit import MotionFit, MotionPrior
+from services.visual_odometry.reprojection import PLANAR, BaseMount, Flags, Indices, Matches
 
 UNKNOWN_M = 0.5  # standard deviation of a depth from which on it counts as unknown
 INVERSE_MIN = 0.005  # [1/m] inverse depth
 IMPROVED = 0.6  # of the first standard deviation: a depth estimated better is propagated
+# On the standard deviation of a motion as it adds up: errors of keyframes are correlated
+DRIFT_FACTOR = 2.5
 FAR, FAR_SIGMA = 0.6, 0.3  # of the least inverse depth that is read: all between it and none
 
 
@@ -117,20 +119,22 @@ class Keyframe:
 
     def propagate(
         self,
-        fixed_from_base: F64,
-        found: "FoundLandmarks",
+        comparison: "Comparison",
         mount: BaseMount,
+        camera: ReducedCamera,
         config: CornerConfig,
     ) -> Landmarks:
-        """Return its landmarks beyond the range of the sensor, as found again at another pose."""
-        old = self.points.chosen(found.rows)
-        positions = apply(self._now_from_then(fixed_from_base, mount), old.positions_m)
+        """Return its landmarks beyond the range of the sensor, as found again in a frame."""
+        rows = np.flatnonzero(comparison.found)[comparison.fit.inliers]
+        old, pixels = self.points.chosen(rows), comparison.pixels[rows]
+        now_from_then = self._now_from_then(comparison.pose.matrix, mount)
+        positions = apply(now_from_then, old.positions_m)
         improved = (old.sigmas > config.sigma_inverse) & (old.sigmas < IMPROVED * old.first[:, 1])
         improved &= positions[:, 2] > 0.1
         inverse = 1 / np.where(improved, positions[:, 2], 1.0)
         sigmas = old.sigmas * (inverse / old.inverse_depths) ** 2
         first = np.column_stack([inverse, sigmas])
-        now = Landmarks(found.pixels, found.rays, inverse, sigmas, first, old.people)
+        now = Landmarks(pixels, camera.rays(pixels), inverse, sigmas, first, old.people)
         return now.chosen(improved & ~old.people)
 
     def _now_from_then(self, fixed_from_base: F64, mount: BaseMount) -> F64:
@@ -139,38 +143,68 @@ class Keyframe:
 
 
 @dataclass(frozen=True)
-class FoundLandmarks:
-    """Landmarks of a keyframe found in a later frame."""
+class Attempt:
+    """A keyframe to compare a frame with."""
 
-    rows: Indices  # N
-    pixels: F32  # [px] Nx2, there
-    rays: F64  # Nx2, there
+    keyframe: Keyframe
+    guess_px: F32  # Nx2, predicted pixels of its landmarks
+    prior: MotionPrior  # of the motion since
 
 
 @dataclass(frozen=True)
-class LandmarkCandidates:
-    """Landmarks of a frame that may become a keyframe."""
+class Comparison:
+    """A keyframe that a frame was compared with, and the motion since."""
 
-    points: Landmarks  # corners with a depth reading, or too far for the sensor
-    near: int  # number of those of the room with a depth reading
-    count: int  # number of all corners
+    keyframe: Keyframe
+    pixels: F32  # Nx2, of its landmarks
+    found: Flags  # N, landmarks that were found again
+    fit: MotionFit
+    overlap: float  # share of its landmarks that were found again and agree
+
+    @property
+    def pose(self) -> PoseEstimate:
+        """Pose of the base: that of the keyframe, and the motion since."""
+        then = self.keyframe.pose
+        matrix = then.matrix @ self.fit.before_from_now
+        lever = np.eye(3)
+        away_m = matrix[:2, 3] - then.matrix[:2, 3]
+        lever[:2, 2] = -away_m[1], away_m[0]  # effect of an error of the keyframe's yaw
+        own = on_floor(self.fit.covariance + self.fit.common)
+        own = DRIFT_FACTOR**2 * rotated_covariance(own, matrix)
+        return PoseEstimate(matrix, lever @ then.covariance @ lever.T + own)
+
+
+def rotated_covariance(covariance: F64, fixed_from_base: F64) -> F64:
+    """Return the covariance (3x3) of x, y and yaw in the fixed frame, from that in the base."""
+    rotation = np.eye(3)
+    rotation[:2, :2] = fixed_from_base[:2, :2]
+    return np.asarray(rotation @ covariance @ rotation.T)
+
+
+def on_floor(covariance: F64) -> F64:
+    """Return the entries (3x3) of x, y and yaw of a covariance of a twist (KxK)."""
+    return covariance[np.ix_(PLANAR, PLANAR)] if len(covariance) > len(PLANAR) else covariance
 
 
 def detect_landmarks(
     frame: OdometryFrame, grey: U8, camera: ReducedCamera, config: CornerConfig
-) -> LandmarkCandidates:
-    """Return the landmarks of a frame, whose reduced image is given."""
+) -> tuple[Landmarks, int, int]:
+    """Return the landmarks of a frame, whose reduced image is given.
+
+    Landmarks are corners with a depth reading, or too far for the sensor. Beside them, the number
+    of those of the room with a depth reading, and the number of all corners.
+    """
     corners = find_corners(grey, config)
     pixels = camera.to_full(corners)
     depths_m, far = read_depth_m(frame.depth_mm, pixels, config)
     near = np.isfinite(depths_m)
     people = frame.people.cover(pixels, depths_m, config)
-    some = (
-        np.flatnonzero(near & ~people)[: config.near_max],
-        np.flatnonzero(far & ~people)[: config.far_max],
-        np.flatnonzero(near & people)[: config.people_max],
+    groups = (
+        (near & ~people, config.near_max),
+        (far & ~people, config.far_max),
+        (near & people, config.people_max),
     )
-    good = np.concatenate(some)
+    good = np.concatenate([np.flatnonzero(which)[:most] for which, most in groups])
     near, people = near[good], people[good]
     # Points out of range of the sensor are anywhere beyond.
     beyond = 1 / camera.info.max_depth_m
@@ -178,7 +212,7 @@ def detect_landmarks(
     sigmas = np.where(near, config.sigma_inverse, FAR_SIGMA * beyond)
     first = np.column_stack([inverse, sigmas])
     points = Landmarks(corners[good], camera.rays(corners[good]), inverse, sigmas, first, people)
-    return LandmarkCandidates(points, int((near & ~people).sum()), len(corners))
+    return points, int((near & ~people).sum()), len(corners)
 
 
 def merge(old: Landmarks, new: Landmarks, cell_px: int) -> Landmarks:
@@ -187,9 +221,5 @@ def merge(old: Landmarks, new: Landmarks, cell_px: int) -> Landmarks:
     cells = (new.pixels // cell_px).astype(int).tolist()
     free = np.array([tuple(cell) not in taken for cell in cells], np.bool_)
     some = new.chosen(free)
-    return Landmarks(
-        *(
-            np.concatenate([getattr(old, field.name), getattr(some, field.name)])
-            for field in fields(old)
-        )
-    )
+    columns = [(getattr(old, field.name), getattr(some, field.name)) for field in fields(old)]
+    return Landmarks(*map(np.concatenate, columns))

@@ -47,9 +47,6 @@ class VisualOdometryNode(Node):
     Every frame is answered by an Odometry of its stamp (a MovingTransform if the base moves
     freely), or by nothing, counted `unanswered` beside its cause. Where another process publishes
     odometry of the base, this one is silent: two origins would make people jump.
-
-    Args:
-        config: The configuration.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (
@@ -83,7 +80,8 @@ class VisualOdometryNode(Node):
         if isinstance(message, Detections):
             self._mark_people(message)
         elif isinstance(message, CameraInfo):
-            self._calibrate(message)
+            if message.camera in self._infos or len(self._infos) < 64:  # more are no cameras
+                self._infos[message.camera] = message
         elif isinstance(message, StaticTransform):
             self._frames.add(message)
         elif isinstance(message, Odometry):
@@ -136,15 +134,11 @@ class VisualOdometryNode(Node):
     def _ready(self, frame: RgbdFrame) -> Odometer | None:
         """Return the odometer, made anew if calibration or mounting changed."""
         info = self._infos.get(frame.camera)
-        if info is None:
-            self._missing("no_camera_info")
-            return None
-        if frame.rgb.shape[:2] != (info.height, info.width):
-            self._missing("wrong_size")
-            return None
-        mount = self._frames.lookup(self._config.child_frame_id, info.frame_id)
-        if mount is None:
-            self._missing("no_transform")
+        mount = self._frames.lookup(self._config.child_frame_id, info.frame_id) if info else None
+        if info is None or mount is None or frame.rgb.shape[:2] != (info.height, info.width):
+            sized = info is not None and frame.rgb.shape[:2] == (info.height, info.width)
+            self._cause = "no_transform" if sized else "wrong_size" if info else "no_camera_info"
+            self._counters[self._cause] += 1
             return None
         changed = self._mount is not None and not (
             np.array_equal(mount, self._mount) and _calibration(info) == _calibration(self._info)
@@ -158,10 +152,6 @@ class VisualOdometryNode(Node):
                 self._config, camera, camera_mount, self._counters, self._pose
             )
         return self._odometer
-
-    def _missing(self, cause: str) -> None:
-        self._counters[cause] += 1
-        self._cause = cause
 
     def _with_people(self, frame: RgbdFrame) -> OdometryFrame:
         people = PeopleRegions()
@@ -179,10 +169,6 @@ class VisualOdometryNode(Node):
             self._found = detections.stamp_ns, found
         if self._odometer:
             self._odometer.mark(detections.stamp_ns, found)
-
-    def _calibrate(self, info: CameraInfo) -> None:
-        if info.camera in self._infos or len(self._infos) < 64:  # more are no cameras
-            self._infos[info.camera] = info
 
     def _check_origin(self, odometry: Odometry) -> None:
         if odometry.child_frame_id != self._config.child_frame_id:

@@ -9,23 +9,25 @@ import numpy as np
 from common.geometry.transform_history import displacement
 from common.geometry.transforms import invert
 from people4d.messages import F32, F64, U8
-from services.visual_odometry.comparison import (
+from services.visual_odometry.config import VisualOdometryConfig
+from services.visual_odometry.corners import (
+    OdometryFrame,
+    PeopleRegions,
+    ReducedCamera,
+    shift_px,
+    small,
+    track_points,
+)
+from services.visual_odometry.fit import MotionPrior, fit_motion
+from services.visual_odometry.keyframe import (
     Attempt,
     Comparison,
-    on_floor,
-    rotated_covariance,
-)
-from services.visual_odometry.config import VisualOdometryConfig
-from services.visual_odometry.corners import OdometryFrame, PeopleRegions, ReducedCamera
-from services.visual_odometry.fit import MotionPrior, fit_motion
-from services.visual_odometry.flow import shift_px, small, track_points
-from services.visual_odometry.keyframe import (
-    FoundLandmarks,
     Keyframe,
-    Landmarks,
     PoseEstimate,
     detect_landmarks,
     merge,
+    on_floor,
+    rotated_covariance,
 )
 from services.visual_odometry.motion_state import (
     MotionState,
@@ -59,13 +61,6 @@ class Odometer:
     it), `not_followed` (another image altogether, blur, darkness), `too_few_agree`, `uncertain`,
     `implausible`. After a long time without a pose (`lost`) the predicted one is taken; its
     covariance has grown accordingly.
-
-    Args:
-        config: The configuration.
-        camera: Calibration.
-        mount: Of the camera.
-        counters: Counts `COUNTERS`.
-        start: Pose of the base in the first frame.
     """
 
     def __init__(
@@ -218,20 +213,16 @@ class Odometer:
         return replace(comparison, keyframe=keyframe)
 
     def _add_keyframe(
-        self,
-        frame: OdometryFrame,
-        grey: U8,
-        pose: PoseEstimate,
-        before: Comparison | None = None,
+        self, frame: OdometryFrame, grey: U8, pose: PoseEstimate, before: Comparison | None = None
     ) -> bool:
         """Make a frame a keyframe, if it has enough landmarks."""
-        config = self._config
-        corners = detect_landmarks(frame, grey, self._camera, config.corners)
-        points = corners.points
+        config, corners = self._config, self._config.corners
+        points, near, count = detect_landmarks(frame, grey, self._camera, corners)
         if before:
-            points = merge(self._propagated(pose, before), points, config.corners.cell_px)
-        if len(points.pixels) < config.fit.points_min or corners.near < config.corners.near_min:
-            plain = corners.count < config.fit.points_min
+            propagated = before.keyframe.propagate(before, self._mount, self._camera, corners)
+            points = merge(propagated, points, corners.cell_px)
+        if len(points.pixels) < config.fit.points_min or near < corners.near_min:
+            plain = count < config.fit.points_min
             self._counters["no_texture" if plain else "no_depth"] += 1
             return False
         self._counters["keyframes"] += 1
@@ -239,12 +230,6 @@ class Odometer:
         self._keyframes = self._keyframes[-config.keyframes + 1 :] if config.keyframes > 1 else []
         self._keyframes.append(Keyframe(frame.stamp_ns, grey, points, pose))
         return True
-
-    def _propagated(self, pose: PoseEstimate, before: Comparison) -> Landmarks:
-        rows = np.flatnonzero(before.found)[before.fit.inliers]
-        pixels = before.pixels[rows]
-        found = FoundLandmarks(rows, pixels, self._camera.rays(pixels))
-        return before.keyframe.propagate(pose.matrix, found, self._mount, self._config.corners)
 
     def _recover(self, frame: OdometryFrame, grey: U8) -> None:
         """After some time without a pose, begin anew at the predicted one."""

@@ -2,7 +2,7 @@ import numpy as np
 
 from people4d.messages import F32, U8
 from services.detector.crops import crop_person, cut_box
-from services.detector.models import DetectedPerson, InstanceMask
+from services.detector.models.base import DetectedPerson, InstanceMask
 
 
 def image(height: int = 20, width: int = 30) -> U8:

@@ -15,7 +15,7 @@ from people4d.errors import ConfigError, ModelError
 from people4d.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Span
 from services.detector.build import build
 from services.detector.config import DetectorConfig, KeypointConfig
-from services.detector.models import DetectedPerson, InstanceMask
+from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.node import DetectorNode
 from tests import builders
 from tests.detector.cameras import INFO, lab_info

@@ -14,7 +14,7 @@ from evaluation.recordings.detection_cache import (
     save,
 )
 from people4d.messages import U8
-from services.detector.models import DetectedPerson, InstanceMask
+from services.detector.models.base import DetectedPerson, InstanceMask
 
 
 def image(value: int) -> U8:

@@ -14,8 +14,8 @@ from people4d.messages import U8, Detections, Message, Score, Tally, Tracks, Tru
 from services.gt_bridge.build import build as build_gt_bridge
 from services.gt_bridge.config import GtBridgeConfig
 from services.report.config import ReportConfig
+from services.report.folder import AnnotatedFrame
 from services.report.node import ReportNode
-from services.report.output import AnnotatedFrame
 from services.report.statistics import RunSummary
 from tests.evaluation import builders
 

@@ -21,8 +21,7 @@ from services.camera.ros.live_motion import LiveMotion
 from services.camera.ros.motion import FrameTree, edges_of, odometry_of
 from services.camera.ros.topics import RGBD, RGBD_DEFINITION
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources.live import LiveTruth
-from services.gt_bridge.sources.people_msgs import people_typestore, truth_of
+from services.gt_bridge.sources.ros import LiveTruth, people_typestore, truth_of
 from tests.camera.ros.bags import Ros, compressed_depth, depth_mm, rgb
 from tests.contract.examples import FULL, SPARSE
 from tests.fuzz.target import Target

@@ -12,9 +12,8 @@ from common.runtime.synchroniser import Synchroniser
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8, Message
 from services.report.config import ReportConfig
-from services.report.folder import ReportFolder, frame_rate_hz
+from services.report.folder import AnnotatedFrame, ReportFolder, frame_rate_hz
 from services.report.node import ReportNode
-from services.report.output import AnnotatedFrame
 from services.report.statistics import RunSummary
 from tests.report.builders import (
     MS,
@@ -139,7 +138,7 @@ def test_a_complete_frame_releases_the_older_ones() -> None:
 
 
 def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    node = ReportNode(ReportConfig(), ReportFolder(tmp_path / "out"))
+    node = ReportNode(ReportConfig(), ReportFolder(ReportConfig(folder=str(tmp_path / "out"))))
     run(node, *stream(25))
     out = tmp_path / "out"
     assert sorted(p.name for p in out.iterdir()) == [
@@ -157,7 +156,7 @@ def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_run_of_few_frames_gives_a_video(tmp_path: Path) -> None:
-    run(ReportNode(ReportConfig(), ReportFolder(tmp_path)), *stream(3))
+    run(ReportNode(ReportConfig(), ReportFolder(ReportConfig(folder=str(tmp_path)))), *stream(3))
     video = cv2.VideoCapture(str(tmp_path / "people_front.webm"))
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 3
 
@@ -165,7 +164,7 @@ def test_a_run_of_few_frames_gives_a_video(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="cannot be written"):
-        ReportFolder(tmp_path / "file")
+        ReportFolder(ReportConfig(folder=str(tmp_path / "file")))
 
 
 def test_frame_rate() -> None:
@@ -185,7 +184,7 @@ def test_a_full_disk_gives_one_sentence_and_no_summary(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "summary.json").write_text("{}")  # of the run before
-    node = ReportNode(ReportConfig(video=False), ReportFolder(tmp_path))
+    node = ReportNode(ReportConfig(video=False), ReportFolder(ReportConfig(folder=str(tmp_path))))
     (tmp_path / "summary.txt").unlink()
     (tmp_path / "summary.txt").symlink_to("/dev/full")
     with pytest.raises(People4dError, match=r"cannot be written to .*: No space left on device"):

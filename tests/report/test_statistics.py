@@ -6,8 +6,7 @@ import pytest
 from common.runtime.synchroniser import SynchronisedFrame
 from people4d.messages import Detection, Message
 from services.report.even_sample import EvenSample
-from services.report.latency import Latency
-from services.report.statistics import RunStatistics, RunSummary
+from services.report.statistics import Latency, RunStatistics, RunSummary
 from services.report.text import facts, latency_table, text
 from tests.report.builders import (
     MS,

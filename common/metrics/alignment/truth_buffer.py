@@ -15,13 +15,9 @@ CAPACITY = 2048  # messages, 20 s at 100 Hz
 
 
 class TruthBuffer:
-    """Truth of the last seconds, interpolated to any stamp in between.
+    """Truth of the last messages (`capacity`), interpolated to any stamp in between.
 
     A person who is absent for a few samples is filled in, too, as long as the gap is short.
-
-    Args:
-        max_gap_ns: Longest time between the samples of a person that is bridged.
-        capacity: Messages that are stored.
     """
 
     def __init__(self, max_gap_ns: int = MAX_GAP_NS, capacity: int = CAPACITY) -> None:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from people4d.messages import F32, U8
 from services.detector.config import ModelSettings
 
@@ -14,6 +16,19 @@ class InstanceMask:
     window: U8  # HxW, 1 = person
     x_px: int  # [px] column of the window's first pixel
     y_px: int  # [px] row of the window's first pixel
+
+    def cut(self, box: tuple[int, int, int, int]) -> U8:
+        """Return the pixels inside a box (left, top, right, bottom)."""
+        left, top, right, bottom = box
+        height, width = self.window.shape
+        cut = np.zeros((bottom - top, right - left), np.uint8)
+        first_u, last_u = max(left, self.x_px), min(right, self.x_px + width)
+        first_v, last_v = max(top, self.y_px), min(bottom, self.y_px + height)
+        if first_u < last_u and first_v < last_v:
+            own = self.window[first_v - self.y_px : last_v - self.y_px]
+            own = own[:, first_u - self.x_px : last_u - self.x_px]
+            cut[first_v - top : last_v - top, first_u - left : last_u - left] = own
+        return cut
 
 
 @dataclass(frozen=True)
@@ -32,14 +47,7 @@ class PersonModel(Protocol):
     name: str  # of the model, for results
 
     def detect(self, rgb: U8) -> list[DetectedPerson]:
-        """Find people.
-
-        Args:
-            rgb: HxWx3 colour image.
-
-        Returns:
-            The people, best score first.
-        """
+        """Find people in an HxWx3 colour image, best score first."""
         ...
 
 

@@ -27,14 +27,14 @@ class Letterbox:
     scale_x: float  # scaled width / image width: rounded to pixels, so not quite scale_y
     scale_y: float  # scaled height / image height
 
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Height and width of the image in pixels."""
+        return round(self.height / self.scale_y), round(self.width / self.scale_x)
+
     @classmethod
     def fit(cls, image_size: tuple[int, int], input_size: tuple[int, int]) -> "Letterbox":
-        """Find the largest part of the input that holds the full image.
-
-        Args:
-            image_size: Height and width of the image in pixels, at least 1.
-            input_size: Height and width of the network's input in pixels.
-        """
+        """Find the largest part of the input that holds the full image; sizes are height, width."""
         image_height, image_width = image_size
         input_height, input_width = input_size
         scale = min(input_height / image_height, input_width / image_width)
@@ -52,12 +52,7 @@ class Letterbox:
         )
 
     def fill(self, rgb: U8, grey: int) -> U8:
-        """Return the network's input as bytes.
-
-        Args:
-            rgb: HxWx3 image of the size given to `fit`.
-            grey: Value of the bars, as in the network's training.
-        """
+        """Return the network's input (HxWx3) of an image of the size given to `fit`, bars grey."""
         shape = (self.input_height, self.input_width, 3)
         canvas = np.full(shape, grey, np.uint8)
         inside = canvas[self.top : self.top + self.height, self.left : self.left + self.width]

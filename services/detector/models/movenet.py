@@ -5,27 +5,23 @@ box and a first guess of the keypoints; a heat map per keypoint, read near that 
 below the grid's step. Cut at these raw heads, it has no limit of six people.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from common.geometry.boxes import iou_xyxy
-from common.inference import Array, Session
-from common.transport.trace import span
-from people4d.messages import F32, F64, U8
-from services.detector.config import ModelSettings
+from common.inference import Array
+from people4d.messages import F32, F64
 from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
-from services.detector.models.network import ImageInput, check_output
+from services.detector.models.network import NetworkModel, Outputs, check_output
 
 STRIDE = 4  # [px] of the input per cell of the heads
 PEAK_CELLS = 5  # a centre is the highest of so many cells around it
 CENTRES_PER_PERSON = 3  # peaks that are read, for each person that may be returned
 KEYPOINT_MIN = 0.127  # confidence above which the original counts a keypoint
 SPREAD = 0.3  # variance of the keypoint search, a fraction of the grid's shorter side, halved
-DEFAULT_SIZE = (256, 320)
 
 # Measured at 256x320 on 640x480 frames of up to five people who hide each other. Of 103 people whom
 # YOLOv8n-pose gives more than 0.5, this finds 95 % at a least score of 0.05, 93 % at 0.10, 86 % at
@@ -33,22 +29,13 @@ DEFAULT_SIZE = (256, 320)
 # false boxes set in earlier: take 0.15 there (92 %, none false).
 SCORE_MIN = 0.10
 IOU_MAX = 0.6
-SIMILARITY_MAX = (
-    0.5  # two people side by side stay below 0.4, two centres on one body are above 0.5
-)
+SIMILARITY_MAX = 0.5  # two people side by side stay below 0.4, two centres on one body are above
 # Spread of people's labels per COCO keypoint, as a fraction of the person's size.
-LABEL_SPREAD = (
-    np.array([26, 25, 25, 35, 35, 79, 79, 72, 72, 62, 62, 107, 107, 87, 87, 89, 89]) / 1e3
-)
+LABEL_MM = [26, 25, 25, 35, 35, 79, 79, 72, 72, 62, 62, 107, 107, 87, 87, 89, 89]
+LABEL_SPREAD = np.array(LABEL_MM) / 1e3
 
-HEADS = {
-    "center": 1,
-    "box_scale": 2,
-    "box_offset": 2,
-    "kpt_heatmap": 17,
-    "kpt_regress": 34,
-    "kpt_offset": 34,
-}
+HEADS = {"center": 1, "box_scale": 2, "box_offset": 2}  # channels
+HEADS |= {"kpt_heatmap": 17, "kpt_regress": 34, "kpt_offset": 34}
 
 
 @dataclass(frozen=True)
@@ -60,43 +47,29 @@ class MoveNetCandidates:
     keypoints: F64  # Nx17x3 x, y, confidence
 
 
-class MoveNet:
-    """MoveNet MultiPose on a network cut at its raw heads.
+class MoveNet(NetworkModel):
+    """MoveNet MultiPose on a network cut at its raw heads."""
 
-    Args:
-        session: The network.
-        settings: Thresholds and input size.
-        name: Name of the model, for results.
+    kind = "movenet"
+    default_size = (256, 320)
+    default_limits = (SCORE_MIN, IOU_MAX)
+    grey, highest = 0, 255.0
 
-    Raises:
-        ModelError: The network is not MoveNet with raw heads.
-    """
+    def _check(self, outputs: Outputs) -> None:
+        check_heads(outputs, self._input.size, self.name)
 
-    def __init__(self, session: Session, settings: ModelSettings, name: str = "movenet") -> None:
-        self.name = name
-        self._session = session
-        self._input = ImageInput.of(session, settings, DEFAULT_SIZE)
-        self._limits = Limits.of(settings, SCORE_MIN, IOU_MAX)
-        check_heads(self._input.try_out(session, name), self._input.size, name)
-
-    def detect(self, rgb: U8) -> list[DetectedPerson]:
-        """Find people in an HxWx3 colour image, best score first."""
-        with span("preprocess"):
-            letterbox, image = self._input.prepare(rgb, grey=0, highest=255.0)
-        heads = self._session.run(image)
-        with span("postprocess"):
-            candidates = decode(heads, self._limits)
-            selected = select(candidates, self._limits)
-            return [to_person(candidates, index, letterbox) for index in selected]
+    def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
+        candidates = decode(outputs, self._limits)
+        return [to_person(candidates, k, letterbox) for k in select(candidates, self._limits)]
 
 
-def check_heads(heads: Mapping[str, Array], size: tuple[int, int], name: str) -> None:
+def check_heads(heads: Outputs, size: tuple[int, int], name: str) -> None:
     """Check the outputs of a run on an input of the given height and width."""
     for head, channels in HEADS.items():
         check_output(heads, head, (1, channels, size[0] // STRIDE, size[1] // STRIDE), name)
 
 
-def decode(heads: Mapping[str, Array], limits: Limits) -> MoveNetCandidates:
+def decode(heads: Outputs, limits: Limits) -> MoveNetCandidates:
     """Read the people from the heads (1xCxHxW each); some may be there twice.
 
     A person's score is that of the centre times the mean of the confident keypoints, so centres
@@ -123,7 +96,7 @@ def find_centres(logits: Array, score_min: float) -> tuple[Array, Array, F64]:
     return rows, columns, heat[rows, columns].astype(np.float64)
 
 
-def read_boxes(heads: Mapping[str, Array], rows: Array, columns: Array) -> F64:
+def read_boxes(heads: Outputs, rows: Array, columns: Array) -> F64:
     """Return the boxes (Nx4 xyxy, in cells) at the given centres, clipped to the grid.
 
     Against true boxes they have a median overlap of 0.95; the extent of the keypoints has 0.67.
@@ -137,7 +110,7 @@ def read_boxes(heads: Mapping[str, Array], rows: Array, columns: Array) -> F64:
     return clipped
 
 
-def read_keypoints(heads: Mapping[str, Array], row: int, column: int, box: F64) -> F64:
+def read_keypoints(heads: Outputs, row: int, column: int, box: F64) -> F64:
     """Return 17x3 (x, y in cells, confidence) of the person centred at a cell.
 
     Each keypoint is the cell inside the box where heat times nearness to the regressed guess is
@@ -156,9 +129,8 @@ def read_keypoints(heads: Mapping[str, Array], row: int, column: int, box: F64) 
     best = flat.argmax(axis=1)
     rows, columns = top + best // (right - left), left + best % (right - left)
     each = np.arange(17)
-    offset = heads["kpt_offset"][0].reshape(17, 2, *heads["center"].shape[2:])[
-        each, :, rows, columns
-    ]
+    offsets = heads["kpt_offset"][0].reshape(17, 2, *heads["center"].shape[2:])
+    offset = offsets[each, :, rows, columns]
     return np.stack([columns + offset[:, 1], rows + offset[:, 0], flat[each, best]], axis=1)
 
 
@@ -205,5 +177,4 @@ def to_person(candidates: MoveNetCandidates, index: int, letterbox: Letterbox) -
 
 def sigmoid(logits: Array) -> F32:
     """Return 1 / (1 + exp(-x))."""
-    value = 1 / (1 + np.exp(-logits.astype(np.float32)))
-    return value.astype(np.float32, copy=False)
+    return np.asarray(1 / (1 + np.exp(-logits.astype(np.float32))), np.float32)

@@ -1,15 +1,20 @@
-"""The image input of a network: its layout, size and number type."""
+"""People models around a network: its image input, and the run from image to people."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
 from common.inference import Array, Session
+from common.transport.trace import span
 from people4d.errors import ModelError
 from people4d.messages import U8
 from services.detector.config import SIDE_STEP, ModelSettings
+from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
+
+Outputs: TypeAlias = Mapping[str, Array]  # of a run, by name
 
 
 @dataclass(frozen=True)
@@ -25,12 +30,7 @@ class ImageInput:
     def of(
         cls, session: Session, settings: ModelSettings, default_size: tuple[int, int]
     ) -> "ImageInput":
-        """Read the input of a network.
-
-        Args:
-            session: The network.
-            settings: Size of a network that takes any.
-            default_size: Height and width for such a network without settings.
+        """Read the input of a network; one that takes any size gets that of settings, or default.
 
         Raises:
             ModelError: The network takes no single colour image, or not of that size.
@@ -62,12 +62,9 @@ class ImageInput:
         return self.height, self.width
 
     def prepare(self, rgb: U8, grey: int, highest: float) -> tuple[Letterbox, Array]:
-        """Fit an image into the network's input.
+        """Fit an image (HxWx3) of any size into the network's input.
 
-        Args:
-            rgb: HxWx3 colour image of any size.
-            grey: Value of the bars beside it, as in the network's training.
-            highest: Value of the byte 255 where the network takes floats.
+        The bars beside it are `grey`; where the network takes floats, the byte 255 is `highest`.
 
         Returns:
             Position of the image, and the array that the network takes.
@@ -76,12 +73,7 @@ class ImageInput:
         return letterbox, self.tensor(letterbox.fill(rgb, grey), highest)
 
     def tensor(self, image: U8, highest: float) -> Array:
-        """Return the array that the network takes.
-
-        Args:
-            image: HxWx3 of this size.
-            highest: Value of the byte 255 where the network takes floats.
-        """
+        """Return the array that the network takes, of an image (HxWx3) of this size."""
         planes = image.transpose(2, 0, 1) if self.channels_first else image
         if self.dtype == np.uint8:
             return np.ascontiguousarray(planes)[None]
@@ -103,16 +95,51 @@ class ImageInput:
             raise ModelError(f"{name}: cannot be run on an image: {reason}") from error
 
 
+class NetworkModel:
+    """A people model around a network; each kind reads the people from the network's outputs.
+
+    Args:
+        session: The network.
+        settings: Thresholds and input size.
+        name: Name of the model, for results; empty: its kind.
+
+    Raises:
+        ModelError: The network has not the input or the outputs of this kind.
+    """
+
+    kind: ClassVar[str]
+    default_size: ClassVar[tuple[int, int]]  # [px] height, width
+    default_limits: ClassVar[tuple[float, float]]  # least score, largest overlap
+    grey: ClassVar[int]  # value of the bars beside an image, as in the network's training
+    highest: ClassVar[float]  # value of the byte 255 where the network takes floats
+
+    def __init__(self, session: Session, settings: ModelSettings, name: str = "") -> None:
+        self.name = name or self.kind
+        self._session = session
+        self._input = ImageInput.of(session, settings, self.default_size)
+        self._limits = Limits.of(settings, *self.default_limits)
+        self._check(self._input.try_out(session, self.name))
+
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
+        """Find people in an HxWx3 colour image, best score first."""
+        with span("preprocess"):
+            letterbox, image = self._input.prepare(rgb, self.grey, self.highest)
+        outputs = self._session.run(image)
+        with span("postprocess"):
+            return self._people(outputs, letterbox)
+
+    def _check(self, outputs: Outputs) -> None:
+        """Check that a run has the outputs of this kind."""
+        raise NotImplementedError
+
+    def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
+        raise NotImplementedError
+
+
 def check_output(
     outputs: Mapping[str, Array], name: str, shape: tuple[int | None, ...], model: str
 ) -> None:
-    """Check one output of a network.
-
-    Args:
-        outputs: Outputs of a run.
-        name: Output to check.
-        shape: Expected lengths, None for any.
-        model: Name of the model, for the error.
+    """Check the shape of one output of a run; None is any length.
 
     Raises:
         ModelError: The output is absent or of another shape.
@@ -120,10 +147,8 @@ def check_output(
     array = outputs.get(name)
     if array is None:
         raise ModelError(f"{model}: expected an output {name}, got {', '.join(outputs)}")
-    same_axes = array.ndim == len(shape)
-    if not same_axes or any(
-        want not in (None, got) for want, got in zip(shape, array.shape, strict=True)
-    ):
+    wrong = [want not in (None, got) for want, got in zip(shape, array.shape, strict=False)]
+    if array.ndim != len(shape) or any(wrong):
         raise ModelError(f"{model}: expected {name} of {_text(shape)}, got {_text(array.shape)}")
 
 

@@ -1,7 +1,7 @@
 """The people models by kind, and loading one as configured."""
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
 from common import registry
 from common.inference import Array, OnnxSession, Session
@@ -16,22 +16,13 @@ MODELS: dict[str, str] = {
     "yolov8-pose": "services.detector.models.yolo:YoloPose",
     "yolov8-seg": "services.detector.models.yolo_seg:YoloSeg",
 }
+# Builds a model of one kind, by its name; raises ModelError if the network is not of this kind.
+Factory: TypeAlias = Callable[[Session, ModelSettings, str], PersonModel]
 PROBE_SIZE = (256, 320)  # [px] at which a network of unknown kind that takes any size is run
-
-
-class Factory(Protocol):
-    """Builds a model of one kind around its network."""
-
-    def __call__(self, session: Session, settings: ModelSettings, name: str) -> PersonModel:
-        """Build it; raises ModelError if the network is not of this kind."""
-        ...
 
 
 def load_model(settings: ModelSettings) -> PersonModel:
     """Find, check and load the configured model.
-
-    Args:
-        settings: `model` is a name of the manifest or the path of an .onnx file.
 
     Raises:
         ConfigError: The kind is unknown or cannot be loaded.
@@ -62,10 +53,7 @@ def check_model(settings: ModelSettings) -> None:
 
 
 def find_factory(kind: str) -> Factory:
-    """Return the factory of models of a kind; its module is imported only now.
-
-    Args:
-        kind: Name in MODELS, or "module:Class" of a class with the constructor of `Factory`.
+    """Return the factory of a kind: a name in MODELS, or "module:Class" of a class like `Factory`.
 
     Raises:
         ConfigError: The kind is unknown or cannot be imported.

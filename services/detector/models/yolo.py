@@ -9,13 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.geometry.boxes import nms
-from common.inference import Array, Session
-from common.transport.trace import span
-from people4d.messages import F32, U8
-from services.detector.config import ModelSettings
+from common.inference import Array
+from people4d.messages import F32
 from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
-from services.detector.models.network import ImageInput, check_output
+from services.detector.models.network import NetworkModel, Outputs, check_output
 
 GREY = 114  # of the bars that the networks were trained with
 DEFAULT_SIZE = (480, 640)
@@ -36,37 +34,21 @@ class YoloCandidates:
     extras: F32  # NxE: keypoints or mask coefficients
 
 
-class YoloPose:
-    """YOLOv8-pose: one class, 17 keypoints.
+class YoloPose(NetworkModel):
+    """YOLOv8-pose: one class, 17 keypoints."""
 
-    Args:
-        session: The network.
-        settings: Thresholds and input size.
-        name: Name of the model, for results.
+    kind = "yolov8-pose"
+    default_size = DEFAULT_SIZE
+    default_limits = (SCORE_MIN, IOU_MAX)
+    grey, highest = GREY, 1.0
 
-    Raises:
-        ModelError: The network has not the outputs of YOLOv8-pose.
-    """
-
-    def __init__(
-        self, session: Session, settings: ModelSettings, name: str = "yolov8-pose"
-    ) -> None:
-        self.name = name
-        self._session = session
-        self._input = ImageInput.of(session, settings, DEFAULT_SIZE)
-        self._limits = Limits.of(settings, SCORE_MIN, IOU_MAX)
-        outputs = self._input.try_out(session, name)
+    def _check(self, outputs: Outputs) -> None:
         self._output = next(iter(outputs), "")
-        check_output(outputs, self._output, (1, POSE_ROWS, None), name)
+        check_output(outputs, self._output, (1, POSE_ROWS, None), self.name)
 
-    def detect(self, rgb: U8) -> list[DetectedPerson]:
-        """Find people in an HxWx3 colour image, best score first."""
-        with span("preprocess"):
-            letterbox, image = self._input.prepare(rgb, GREY, highest=1.0)
-        outputs = self._session.run(image)
-        with span("postprocess"):
-            found = decode(outputs[self._output][0], 1, self._limits)
-            return [pose_person(found, index, letterbox) for index in range(len(found.scores))]
+    def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
+        found = decode(outputs[self._output][0], 1, self._limits)
+        return [pose_person(found, index, letterbox) for index in range(len(found.scores))]
 
 
 def decode(columns: Array, classes: int, limits: Limits) -> YoloCandidates:

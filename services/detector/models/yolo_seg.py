@@ -4,20 +4,17 @@ A mask is 32 coefficients; the sum of 32 prototype images with them is its logit
 the input's size. Only the part under the box is computed, then drawn at the image's own size.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from common.inference import Array, Session
-from common.transport.trace import span
 from people4d.errors import ModelError
-from people4d.messages import F32, F64, U8
-from services.detector.config import ModelSettings
-from services.detector.models.base import DetectedPerson, InstanceMask, Limits
+from people4d.messages import F32, F64
+from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.models.letterbox import Letterbox
-from services.detector.models.network import ImageInput, check_output
+from services.detector.models.network import NetworkModel, Outputs, check_output
 from services.detector.models.yolo import (
     BOX_ROWS,
     DEFAULT_SIZE,
@@ -35,45 +32,30 @@ MASK_ROWS = 32
 SHARED_MAX = 0.75
 
 
-class YoloSeg:
-    """YOLOv8-seg: classes with "person" as the first, and a mask per box.
+class YoloSeg(NetworkModel):
+    """YOLOv8-seg: classes with "person" as the first, and a mask per box."""
 
-    Args:
-        session: The network.
-        settings: Thresholds and input size.
-        name: Name of the model, for results.
+    kind = "yolov8-seg"
+    default_size = DEFAULT_SIZE
+    default_limits = (SCORE_MIN, IOU_MAX)
+    grey, highest = GREY, 1.0
 
-    Raises:
-        ModelError: The network has not the outputs of YOLOv8-seg.
-    """
-
-    def __init__(self, session: Session, settings: ModelSettings, name: str = "yolov8-seg") -> None:
-        self.name = name
-        self._session = session
-        self._input = ImageInput.of(session, settings, DEFAULT_SIZE)
-        self._limits = Limits.of(settings, SCORE_MIN, IOU_MAX)
-        outputs = self._input.try_out(session, name)
-        self._boxes, self._prototypes = output_names(outputs, name)
-        check_output(outputs, self._boxes, (1, None, None), name)
-        check_output(outputs, self._prototypes, (1, MASK_ROWS, None, None), name)
+    def _check(self, outputs: Outputs) -> None:
+        self._boxes, self._prototypes = output_names(outputs, self.name)
+        check_output(outputs, self._boxes, (1, None, None), self.name)
+        check_output(outputs, self._prototypes, (1, MASK_ROWS, None, None), self.name)
         self._classes = outputs[self._boxes].shape[1] - BOX_ROWS - MASK_ROWS
         if self._classes < 1:
-            raise ModelError(f"{name}: expected {self._boxes} of 1x(4+classes+32)xN")
+            raise ModelError(f"{self.name}: expected {self._boxes} of 1x(4+classes+32)xN")
 
-    def detect(self, rgb: U8) -> list[DetectedPerson]:
-        """Find people in an HxWx3 colour image, best score first."""
-        with span("preprocess"):
-            letterbox, image = self._input.prepare(rgb, GREY, highest=1.0)
-        outputs = self._session.run(image)
-        with span("postprocess"):
-            found = decode(outputs[self._boxes][0], self._classes, self._limits)
-            prototypes = outputs[self._prototypes][0].astype(np.float32, copy=False)
-            view = MaskView(letterbox, rgb.shape[0], rgb.shape[1], prototypes)
-            people = [mask_person(found, index, view) for index in range(len(found.scores))]
-            return each_once(people)
+    def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
+        found = decode(outputs[self._boxes][0], self._classes, self._limits)
+        prototypes = outputs[self._prototypes][0].astype(np.float32, copy=False)
+        view = MaskView(letterbox, *letterbox.image_size, prototypes)
+        return each_once([mask_person(found, index, view) for index in range(len(found.scores))])
 
 
-def output_names(outputs: Mapping[str, Array], name: str) -> tuple[str, str]:
+def output_names(outputs: Outputs, name: str) -> tuple[str, str]:
     """Return the names of the boxes (3 axes) and of the mask prototypes (4 axes)."""
     by_axes = {array.ndim: output for output, array in outputs.items()}
     if by_axes.keys() != {3, 4} or len(outputs) != 2:
@@ -115,16 +97,10 @@ def shared_part(a: InstanceMask | None, b: InstanceMask | None) -> float:
     """Return the pixels that two masks share, over those of the smaller mask, 0 to 1."""
     if a is None or b is None:
         return 0.0
-    left, right = max(a.x_px, b.x_px), min(a.x_px + a.window.shape[1], b.x_px + b.window.shape[1])
-    top, bottom = max(a.y_px, b.y_px), min(a.y_px + a.window.shape[0], b.y_px + b.window.shape[0])
     smaller = min(np.count_nonzero(a.window), np.count_nonzero(b.window))
-    if right <= left or bottom <= top or not smaller:
-        return 0.0
-    cut_a, cut_b = (
-        mask.window[top - mask.y_px : bottom - mask.y_px, left - mask.x_px : right - mask.x_px]
-        for mask in (a, b)
-    )
-    return np.count_nonzero(cut_a & cut_b) / smaller
+    height, width = a.window.shape
+    shared = a.window & b.cut((a.x_px, a.y_px, a.x_px + width, a.y_px + height))
+    return np.count_nonzero(shared) / smaller if smaller else 0.0
 
 
 def draw_mask(box: F64, coefficients: F32, view: MaskView) -> InstanceMask | None:

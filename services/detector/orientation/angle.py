@@ -36,7 +36,7 @@ def confident_pixels(keypoints: F32, confidence_min: float) -> F64:
 def bearing(pixels: F64, info: CameraInfo) -> float:
     """Return the direction of the line of sight to the torso, 0 = optical axis, + to the left.
 
-    Pixels are 17x2, u and v, NaN where unknown.
+    Pixels (17x2) are NaN where unknown.
     """
     torso = pixels[[*SHOULDERS, *HIPS]]
     torso = torso[np.isfinite(torso[:, 0])]

@@ -91,10 +91,9 @@ def along(pair: JointPairConfig, hiding_m: float) -> F64:
 def _cues(observation: YawObservation, fx: float, config: BodyModelConfig) -> Iterator[F64]:
     """Yield the log likelihoods by shoulders, hips and head."""
     z_m = observation.z_m
-    used = {"shoulders": config.use_shoulders, "hips": config.use_hips}
-    for name, pair in {"shoulders": config.shoulders, "hips": config.hips}.items():
-        if not used[name]:
-            continue
+    pairs = {"shoulders": config.shoulders} if config.use_shoulders else {}
+    pairs |= {"hips": config.hips} if config.use_hips else {}
+    for name, pair in pairs.items():
         offset = observation.pairs[name]
         sigma_m = across_sigma(pair, z_m, fx, config)
         yield _log(offset.across_m - across(pair), sigma_m, config.outliers_across, SPAN_M)
@@ -137,9 +136,6 @@ def best_angle(log_p: F64) -> YawEstimate | None:
 
     Both are those of the angles around the best one. A small probability elsewhere, the other way
     round for example, is left to the filter over time; more than that increases the variance.
-
-    Args:
-        log_p: Logarithm of the likelihood of each of `ANGLES`, up to a constant.
     """
     if np.ptp(log_p) < 1e-9:
         return None

@@ -58,14 +58,9 @@ def observe_body(
     confidence_min: float,
     config: BodyModelConfig,
 ) -> YawObservation:
-    """Measure a body.
+    """Measure the body of a person in a layer of depth.
 
-    Args:
-        keypoints: 17x3, u and v in pixels and confidence, COCO order.
-        layer_m: Depth of the layer that the person is in.
-        image: Depth and calibration.
-        confidence_min: Keypoints must be more confident than this, 0 to 1.
-        config: Windows of the joints.
+    Keypoints are 17x3, u and v in pixels and confidence, which must be more than `confidence_min`.
     """
     pixels = confident_pixels(keypoints, confidence_min)
     ray_rad = bearing(pixels, image.info)

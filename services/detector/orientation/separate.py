@@ -34,19 +34,15 @@ class YawPair:
     ratio: YawEstimate | None  # psi_2, the bearing added
 
     def fuse(self, weighted: bool = False) -> YawEstimate | None:
-        """Return the circular mean (eq. 4.18); None of opposite angles.
-
-        Args:
-            weighted: Each angle counts by 1 / sigma^2; else equally.
-        """
+        """Return the circular mean (eq. 4.18), weighted by 1 / sigma^2 if so chosen."""
         psi = [angle for angle in (self.vector, self.ratio) if angle is not None]
         weights = [angle.sigma_rad**-2 if weighted else 1.0 for angle in psi]
-        sines = sum(w * math.sin(a.rad) for w, a in zip(weights, psi, strict=True))
-        cosines = sum(w * math.cos(a.rad) for w, a in zip(weights, psi, strict=True))
+        pairs = list(zip(weights, psi, strict=True))
+        sines = sum(weight * math.sin(angle.rad) for weight, angle in pairs)
+        cosines = sum(weight * math.cos(angle.rad) for weight, angle in pairs)
         if math.hypot(sines, cosines) <= 1e-6 * sum(weights):
             return None
-        parts = [w * a.sigma_rad for w, a in zip(weights, psi, strict=True)]
-        sigma_rad = math.hypot(*parts) / sum(weights)
+        sigma_rad = math.hypot(*(w * angle.sigma_rad for w, angle in pairs)) / sum(weights)
         if len(psi) == 2:  # that differ by more than their sigmas explain
             apart_rad = abs(wrap(psi[0].rad - psi[1].rad))
             sigma_rad *= max(1.0, apart_rad / math.hypot(*(a.sigma_rad for a in psi)))

@@ -20,16 +20,13 @@ def surface_to_axis(right_m: F64, relative_rad: float | None, config: EllipseCon
     """Return the distance from the surface to the axis, along the line of sight.
 
     The ellipse (p.f)^2 / a^2 + (p.l)^2 / b^2 = 1, f and l the unit vectors forward and to the left
-    of the person, solved for the side that faces the camera.
+    of the person, a and b half its depth and width, solved for the side that faces the camera.
 
     Args:
         right_m: N points on the surface, to the right of the axis, in metres.
         relative_rad: Yaw from the line of sight, 0 = facing away, + to the left; None if it is
             unknown: then the torso is taken to be as deep as wide, of the same area.
-        config: Half depth a and half width b.
-
-    Returns:
-        N in metres.
+        config: Cross section.
     """
     a, b = config.half_depth_m, config.half_width_m
     if relative_rad is None:
@@ -77,7 +74,7 @@ def joint_sigma(z_m: float, info: CameraInfo, config: UncertaintyConfig) -> floa
 def variance_along(z_m: float, readings_m: F64, sigma_m: float, config: UncertaintyConfig) -> float:
     """Return the variance, in m^2, of the mean of N readings along the line of sight.
 
-    All readings share `sigma_m` besides the standard deviation of the body.
+    All share `sigma_m`.
     """
     count = len(readings_m)
     sensor_m2 = (config.depth_per_m * z_m**2) ** 2 / count

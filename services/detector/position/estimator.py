@@ -20,12 +20,7 @@ from services.detector.position.torso import LayeredTorso, TorsoEstimator
 
 
 class PositionEstimator:
-    """Estimates positions of people from depth.
-
-    Args:
-        config: The method and its constants.
-        model: Name of the people model.
-    """
+    """Estimates positions of people from depth, by the method that suits a people model."""
 
     def __init__(self, config: DetectorConfig, model: str) -> None:
         self._config = config
@@ -36,13 +31,9 @@ class PositionEstimator:
     def torsos(
         self, people: Sequence[DetectedPerson], image: DepthImage
     ) -> list[LayeredTorso | None]:
-        """Return the torsos of the people of a frame, each with the layer of depth that it is in.
-
-        None for people without keypoints, or without depth that is theirs.
-        """
-        points = [p.keypoints for p in people if p.keypoints is not None]
-        found = iter(self._torso.find(points, self._keypoints.confidence_min, image))
-        return [None if person.keypoints is None else next(found) for person in people]
+        """Return the torsos of people, or None, see `TorsoEstimator.find`."""
+        keypoints = [person.keypoints for person in people]
+        return self._torso.find(keypoints, self._keypoints.confidence_min, image)
 
     def estimate(
         self,
@@ -57,12 +48,11 @@ class PositionEstimator:
         """
         if self._config.position != "torso":
             return self._from_surface(person, image, yaw_rad)
-        if person.keypoints is not None:
-            estimate = None if torso is None else self._torso.estimate(*torso, image, yaw_rad)
-        elif person.mask is not None:
+        estimate = None
+        if person.keypoints is None and person.mask is not None:
             estimate = self._torso.estimate_from_mask(person.mask, image, yaw_rad)
-        else:
-            estimate = None
+        elif torso is not None:
+            estimate = self._torso.estimate(*torso, image, yaw_rad)
         if estimate is None or self._config.covariance:
             return estimate
         return replace(estimate, covariance_m2=None)

@@ -31,12 +31,8 @@ def torso_middle(
     its left and its down, are estimated from the known joints by least squares, with priors from
     the yaw and an upright body. All four known: c is their mean.
 
-    Args:
-        joints_m: 4x2, to the right and downward at the person's depth.
-        known: 4, which of them are known, at least one.
-        yaw_rad: Yaw in the camera's body frame; None if unknown.
-        sigma_m: Standard deviation of a joint.
-        config: Positions of joints.
+    Joints are 4x2, to the right and downward at the person's depth, of a standard deviation; at
+    least one is known. The yaw is in the camera's body frame.
     """
     body = np.column_stack([np.ones(4), joint_offsets(config)])[known]
     # Yaw unknown: the left points cos(yaw) to the right, whose mean is 0 and variance a half.
@@ -55,13 +51,8 @@ def size_depth(
 ) -> float | None:
     """Return the depth in metres at which a torso would be of common size; None if unknown.
 
-    A foreshortened torso appears smaller, so the largest of its measures counts.
-
-    Args:
-        joints_px: 4x2, u and v.
-        known: 4, which of them are known.
-        info: Calibration.
-        config: Common sizes.
+    A foreshortened torso appears smaller, so the largest of its measures counts. Joints are 4x2, u
+    and v.
     """
     shoulders, hips = joints_px[:2], joints_px[2:]
     depths_per_px = []  # common size over size in the image

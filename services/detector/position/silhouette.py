@@ -20,8 +20,7 @@ def grow_mask(
 
     None if no keypoint inside box and image is confident and validly read.
 
-    Source:
-        docs/method.md section 8.2 [Liu 2018], with the torso's component instead of the largest.
+    Source: docs/method.md section 8.2 [Liu 2018], with the torso's component, not the largest.
     """
     depth_mm, max_depth_m = image.depth_mm, image.info.max_depth_m
     left, top, right, bottom = cut_box(person.box_xyxy_px, depth_mm.shape)
@@ -41,16 +40,9 @@ def grow_mask(
 
 
 def fill_holes(depth_mm: U16) -> U16:
-    """Set pixels without a reading to the median of the readings among their 8 neighbours.
+    """Set pixels without a reading (0) to the median of the readings among their 8 neighbours.
 
-    Args:
-        depth_mm: Depth image, 0 = no reading.
-
-    Returns:
-        The filled image; pixels without any neighbour that was read stay 0.
-
-    Source:
-        docs/method.md section 8.2 [Liu 2018].
+    Source: docs/method.md section 8.2 [Liu 2018].
     """
     read = (depth_mm > 0).astype(np.uint8)
     rows, columns = np.nonzero((read == 0) & (cv2.dilate(read, np.ones((3, 3), np.uint8)) > 0))

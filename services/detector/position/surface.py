@@ -36,11 +36,8 @@ class PositionEstimate:
 def mask_centroid(mask: InstanceMask, image: DepthImage) -> F64 | None:
     """Return the surface point at the centroid of a mask: 3 in metres, optical frame.
 
-    None if the centroid lies outside of the mask (a bent body) or on a pixel without a valid
-    reading.
-
-    Source:
-        docs/method.md section 2, mask [PIC4SeR].
+    None if that lies outside of the mask (a bent body) or on a pixel without a valid reading.
+    Source: docs/method.md section 2, mask [PIC4SeR].
     """
     moments = cv2.moments(mask.window, binaryImage=True)
     if moments["m00"] == 0:
@@ -58,9 +55,7 @@ def keypoint_mean(keypoints: F32, image: DepthImage, config: KeypointConfig) -> 
     """Return the mean of the surface points at the confident keypoints: 3 in metres, optical frame.
 
     None if no keypoint (17x3, u and v in pixels, confidence) is both confident and validly read.
-
-    Source:
-        docs/method.md section 2, keypoints [PIC4SeR].
+    Source: docs/method.md section 2, keypoints [PIC4SeR].
     """
     depth_m = keypoint_depth(keypoints, image, config)
     used = np.isfinite(depth_m)
@@ -82,16 +77,13 @@ def keypoint_depth(keypoints: F32, image: DepthImage, config: KeypointConfig) ->
 def read_depth(
     pixels: F64, image: DepthImage, window_px: int = 1, max_depth_m: float | None = None
 ) -> F64:
-    """Return the median of the valid readings around each pixel.
+    """Return the median of the valid readings around pixels (Nx2), N in metres, NaN if none.
 
     Args:
-        pixels: Nx2, u and v; rounded to the nearest pixel.
+        pixels: u and v, rounded to the nearest pixel.
         image: The depth.
         window_px: Odd side of the window; its part beyond the image is left out.
         max_depth_m: Readings beyond are invalid; None: as the calibration states.
-
-    Returns:
-        N in metres, NaN where there is no valid reading.
     """
     depth_mm = image.depth_mm
     furthest_m = image.info.max_depth_m if max_depth_m is None else max_depth_m

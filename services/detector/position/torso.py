@@ -63,13 +63,7 @@ class _Middle:
 
 
 class TorsoEstimator:
-    """Estimates positions of torsos.
-
-    Args:
-        config: Windows, layers and proportions.
-        ellipse: Moves positions from the surface to the axis; None: they stay on the surface.
-        uncertainty: Standard deviations of readings, bodies and joints.
-    """
+    """Estimates positions of torsos; without an ellipse they stay on the surface."""
 
     def __init__(
         self, config: TorsoConfig, ellipse: EllipseConfig | None, uncertainty: UncertaintyConfig
@@ -79,25 +73,24 @@ class TorsoEstimator:
         self._uncertainty = uncertainty
 
     def find(
-        self, keypoints: Sequence[F32], confidence_min: float, image: DepthImage
+        self, keypoints: Sequence[F32 | None], confidence_min: float, image: DepthImage
     ) -> list[LayeredTorso | None]:
         """Return the torso of each person of a frame, and the layer of depth that it is in.
 
-        Args:
-            keypoints: 17x3 each, u and v in pixels and confidence, COCO order.
-            confidence_min: Joints must be more confident than this, 0 to 1.
-            image: The depth.
-
-        Returns:
-            None where no joint is confident and inside the image, or no depth is the person's.
+        Keypoints are 17x3 each, u and v in pixels and confidence. None where no joint is more
+        confident than the minimum and inside the image, or no depth is the person's.
         """
-        torsos = [self._joints(points, confidence_min, image) for points in keypoints]
+        torsos = [
+            None if points is None else self._joints(points, confidence_min, image)
+            for points in keypoints
+        ]
         samples = [torso.samples for torso in torsos if torso is not None]
         layers = iter(assign_layers(samples, self._config.layer))
-        pairs = [(torso, next(layers)) if torso else (None, None) for torso in torsos]
-        return [
-            None if torso is None or layer is None else (torso, layer) for torso, layer in pairs
-        ]
+        found: list[LayeredTorso | None] = []
+        for torso in torsos:
+            layer = next(layers) if torso else None
+            found.append((torso, layer) if torso and layer else None)
+        return found
 
     def _joints(
         self, keypoints: F32, confidence_min: float, image: DepthImage

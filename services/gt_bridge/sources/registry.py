@@ -14,12 +14,12 @@ from services.gt_bridge.config import GtBridgeConfig
 # Imported on use. Each class takes the configuration and is iterated, each time from the start. One
 # for live truth is a LiveTruthSource, too.
 TRUTH_SOURCES: dict[str, str] = {
-    "recording": "services.gt_bridge.sources.recording:RecordingTruth",
-    "rosbag": "services.gt_bridge.sources.rosbag:RosbagTruth",
-    "npz": "services.gt_bridge.sources.npz:NpzTruth",
+    "recording": "services.gt_bridge.sources.files:RecordingTruth",
+    "rosbag": "services.gt_bridge.sources.ros:RosbagTruth",
+    "npz": "services.gt_bridge.sources.files:NpzTruth",
     "csv": "services.gt_bridge.sources.csv_file:CsvTruth",
-    "mot": "services.gt_bridge.sources.mot:MotTruth",
-    "live": "services.gt_bridge.sources.live:LiveTruth",
+    "mot": "services.gt_bridge.sources.files:MotTruth",
+    "live": "services.gt_bridge.sources.ros:LiveTruth",
 }
 SCHEME = "zenoh:"  # before the key of live truth
 KINDS = {".csv": "csv", ".txt": "mot"}

@@ -24,7 +24,7 @@ from services.camera.ros.export import BagFormat, export
 from services.camera.ros.source import RosbagSource
 from services.camera.source import SourceFrame
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources.rosbag import RosbagTruth
+from services.gt_bridge.sources.ros import RosbagTruth
 from tests import builders
 
 S = 10**9

@@ -21,7 +21,7 @@ from people4d.codec import encode
 from people4d.messages import U8, Message, RgbdFrame, StaticTransform
 from people4d.topics import BY_MESSAGE
 from services.detector.config import DetectorConfig
-from services.detector.models import DetectedPerson
+from services.detector.models.base import DetectedPerson
 from services.detector.node import DetectorNode
 from services.tracker.build import make_tracker
 from services.tracker.config import TrackerConfig

@@ -12,7 +12,9 @@ from rosbags.highlevel import AnyReader
 
 from common.geometry.boxes import iou_xyxy
 from people4d.messages import F64, U8
-from services.detector.models import DetectedPerson, ModelSettings, PersonModel, load_model
+from services.detector.config import ModelSettings
+from services.detector.models.base import DetectedPerson, PersonModel
+from services.detector.models.registry import load_model
 
 LEFT, RIGHT = 5, 6  # shoulders in COCO order
 YOLO = ["yolov8n-pose_640", "yolov8n-seg_640"]

@@ -7,8 +7,9 @@ from common.inference import Session
 from common.io import weights
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import U8
-from services.detector.models import DetectedPerson, ModelSettings, load_model
-from services.detector.models.registry import MODELS, find_factory, kind_of
+from services.detector.config import ModelSettings
+from services.detector.models.base import DetectedPerson
+from services.detector.models.registry import MODELS, find_factory, kind_of, load_model
 
 
 class NoPeople:

@@ -5,7 +5,7 @@ import numpy as np
 
 from people4d.messages import F32, U8, U16
 from services.detector.config import GrowthConfig
-from services.detector.models import DetectedPerson, InstanceMask
+from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.silhouette import fill_holes, grow_mask
 from services.detector.position.surface import DepthImage
 from tests.detector.cameras import INFO

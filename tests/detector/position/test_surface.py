@@ -7,7 +7,7 @@ import pytest
 from common.geometry.transforms import apply, invert
 from people4d.messages import F32, F64, U8
 from services.detector.config import KeypointConfig
-from services.detector.models import InstanceMask
+from services.detector.models.base import InstanceMask
 from services.detector.position.surface import (
     DepthImage,
     keypoint_mean,

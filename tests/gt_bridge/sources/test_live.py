@@ -19,9 +19,8 @@ from people4d.errors import ConfigError, DecodeError
 from people4d.messages import Health, Score, Truth
 from services.gt_bridge.config import FixedTransform, GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
-from services.gt_bridge.sources.live import LiveTruth
-from services.gt_bridge.sources.people_msgs import people_typestore
 from services.gt_bridge.sources.registry import open_truth
+from services.gt_bridge.sources.ros import LiveTruth, people_typestore
 from tests.gt_bridge.scene import POSE, track, tracks, truth
 from tests.network import WAIT_S, Network, Watcher
 

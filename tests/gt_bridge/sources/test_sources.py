@@ -14,8 +14,8 @@ from common.io.ros_bag import PEOPLE
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources.people_msgs import people_typestore
 from services.gt_bridge.sources.registry import open_truth
+from services.gt_bridge.sources.ros import people_typestore
 from tests import ROOT, builders
 
 

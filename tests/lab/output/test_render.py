@@ -29,8 +29,8 @@ from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.source import RosbagSource
 from services.camera.source import SourceFrame
 from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources.recording import RecordingTruth
-from services.gt_bridge.sources.rosbag import RosbagTruth
+from services.gt_bridge.sources.files import RecordingTruth
+from services.gt_bridge.sources.ros import RosbagTruth
 from services.tracker.build import make_tracker
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode

@@ -1,0 +1,139 @@
+"""Truth from people_msgs/People: in ROS 1 and ROS 2 bags, and live."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.typesys.store import Typestore
+
+from common.io.ros_bag import PEOPLE, PEOPLE_DEFINITIONS, make_typestore, open_bag
+from common.io.ros_cdr import cdr_decoder, parse_key
+from people4d.errors import DecodeError, SourceError
+from people4d.messages import F64, Truth, TruthPerson
+from people4d.topics import ForeignTopic
+from services.gt_bridge.config import GtBridgeConfig
+
+
+class RosbagTruth:
+    """The People messages of one topic of a bag.
+
+    Raises:
+        SourceError: The bag cannot be read, has no such topic, or has several and none is named.
+    """
+
+    def __init__(self, config: GtBridgeConfig) -> None:
+        self._path = Path(config.truth)
+        with open_bag(self._path, PEOPLE_DEFINITIONS) as bag:
+            self._topic = self._choose(config.topic, bag.types)
+
+    def __iter__(self) -> Iterator[Truth]:
+        """Yield the messages in the order in which they were recorded.
+
+        Raises:
+            SourceError: The bag is damaged, or its frame has a name that cannot be used.
+        """
+        with open_bag(self._path, PEOPLE_DEFINITIONS) as bag:
+            for sequence, (_, _, message) in enumerate(bag.messages([self._topic])):
+                try:
+                    truth = truth_of(message, sequence)
+                except ValueError as error:
+                    raise SourceError(f"truth {self._path}: {error}") from error
+                yield truth
+            if bag.bad_messages:
+                raise SourceError(f"truth {self._path}: {bag.bad_messages} messages cannot be read")
+
+    def _choose(self, wanted: str, types: Mapping[str, str]) -> str:
+        """Return the wanted topic; empty where the bag holds no truth."""
+        topics = sorted(topic for topic, kind in types.items() if kind == PEOPLE)
+        if wanted and wanted not in topics:
+            raise SourceError(
+                f"truth {self._path} has no topic {wanted} of people_msgs/People",
+                f"It has {', '.join(topics) or 'none of that type'}.",
+            )
+        if not wanted and len(topics) > 1:
+            raise SourceError(
+                f"truth {self._path} has {len(topics)} topics of people_msgs/People",
+                f"Set topic to one of {', '.join(topics)}.",
+            )
+        return wanted or (topics[0] if topics else "")
+
+
+class LiveTruth:
+    """Live truth: the messages on a key, in CDR, as zenoh-bridge-ros2dds passes them on.
+
+    The key of the ROS topic /vicon/people is "vicon/people".
+
+    Raises:
+        ConfigError: The key is not one.
+    """
+
+    def __init__(self, config: GtBridgeConfig) -> None:
+        key = parse_key("truth", config.truth, "vicon/people")
+        self.decode = cdr_decoder(people_typestore(), PEOPLE, _stamped)
+        self.topics: Sequence[ForeignTopic] = (
+            ForeignTopic("captured", key, Truth, 100, "queue", 256, "motion capture", self.decode),
+        )
+
+    def __iter__(self) -> Iterator[Truth]:
+        """Yield nothing: live truth comes as messages."""
+        return iter(())
+
+
+def _stamped(message: Any) -> Truth:
+    truth = truth_of(message, 0)
+    if truth.stamp_ns == 0:
+        raise DecodeError(
+            "people: expected the time of capture in header.stamp, got 0",
+            "Let the motion-capture node stamp its messages.",
+        )
+    return truth
+
+
+def people_typestore(version: int = 2) -> Typestore:
+    """Return the message types of ROS 1 or 2, people_msgs among them."""
+    return make_typestore(version, PEOPLE_DEFINITIONS)
+
+
+def truth_of(message: Any, sequence: int) -> Truth:
+    """Turn a People message to Truth; people with NaN are left out.
+
+    Args:
+        message: As rosbags deserialises it.
+        sequence: Number of the message.
+
+    Raises:
+        ValueError: The frame has a name that cannot be used.
+    """
+    stamp = message.header.stamp
+    return Truth(
+        stamp_ns=stamp.sec * 10**9 + stamp.nanosec,
+        sequence=sequence,
+        frame_id=message.header.frame_id.strip("/").replace("/", "_") or "map",
+        people=tuple(
+            TruthPerson(
+                id=person.name,
+                position_m=_vector(person.position),
+                velocity_mps=_vector(person.velocity),
+                yaw_rad=_angle(person, "yaw_rad"),
+                path_yaw_rad=_angle(person, "path_yaw_rad"),
+            )
+            for person in message.people
+            if np.all(np.isfinite([_vector(person.position), _vector(person.velocity)]))
+        ),
+    )
+
+
+def _angle(person: Any, tag: str) -> float | None:
+    """Return an angle from a tag that exported recordings have, None if there is none."""
+    tags = dict(zip(person.tagnames, person.tags, strict=False))
+    try:
+        angle_rad = float(tags.get(tag, "nan"))
+    except ValueError:
+        return None
+    return angle_rad if math.isfinite(angle_rad) else None
+
+
+def _vector(point: Any) -> F64:
+    return np.array([point.x, point.y, point.z], np.float64)
