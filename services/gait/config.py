@@ -93,11 +93,7 @@ class BodyConfig(Config, frozen=True, kw_only=True):
     normal_passes: Passes = 1  # of averaging normals with their neighbours'; published: 0
 
     def __post_init__(self) -> None:
-        """Check ranges and order.
-
-        Raises:
-            ValueError: A value is out of range.
-        """
+        """Check ranges and order."""
         super().__post_init__()
         if self.neck_rows[0] >= self.neck_rows[1]:
             raise ValueError(f"neck_rows: expected first < second, got {self.neck_rows}")
@@ -178,11 +174,7 @@ class DepthLayerConfig(Config, frozen=True, kw_only=True):
     adaptation_max_m: Positive = 0.10  # [m] in all
 
     def __post_init__(self) -> None:
-        """Check ranges and names.
-
-        Raises:
-            ValueError: A value is out of range.
-        """
+        """Check ranges and names."""
         super().__post_init__()
         if len(set(self.points)) < len(self.points) or not all(self.points):
             raise ValueError(f"points: expected different names, got {self.points}")
@@ -228,11 +220,7 @@ class StepConfig(Config, frozen=True, kw_only=True):
     time_spread: Positive = 0.1  # the same of its time
 
     def __post_init__(self) -> None:
-        """Check ranges and order.
-
-        Raises:
-            ValueError: A value is out of range.
-        """
+        """Check ranges and order."""
         super().__post_init__()
         if self.step_min_s >= self.step_max_s:
             raise ValueError(

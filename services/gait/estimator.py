@@ -116,11 +116,8 @@ def _published_box(estimate: GaitEstimate) -> F32 | None:
 def to_fixed_frame(name: str, point: PointEstimate, pose: F64, motion: F64) -> BodyPoint | None:
     """Return a point of the optical frame in the fixed frame, None if it was never measured.
 
-    Args:
-        name: Of the point.
-        point: In the optical frame.
-        pose: 4x4, fixed_from_optical.
-        motion: 4x4, its time derivative: a point at rest in the image of a moving camera moves.
+    The time derivative (4x4) of the pose counts: a point at rest in the image of a moving camera
+    moves.
     """
     rotation, here = pose[:3, :3], np.append(point.position_m, 1.0)
     rotations = np.kron(np.eye(2), rotation)

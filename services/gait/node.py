@@ -99,7 +99,6 @@ class GaitNode(Node):
         return Status(counters={**self._counters, **self._transforms.counters})
 
     def _wait(self, parts: FrameParts, now_ns: int) -> None:
-        """Let a frame wait for a newer one, within limits."""
         settle_ns = int(self._config.settle_s * 1e9)
         self._first_ns = self._first_ns if self._ready else now_ns
         self._counters["passed_over"] += parts[0].camera in self._ready

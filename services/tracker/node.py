@@ -295,7 +295,6 @@ class TrackerNode(StatefulNode):
         )
 
     def _image_tracks(self, detections: Detections, tracks: Tracks) -> list[Message]:
-        """Return the tracks in the image, if the tracker has them."""
         image_tracks = self._tracker.image_tracks()
         if image_tracks is None:
             return []

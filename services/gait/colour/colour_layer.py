@@ -116,7 +116,6 @@ class ColourLayer:
         return hsv_patch(rgb, boxes if self._ratio is None else boxes * self._ratio.reach)
 
     def _learn(self, one: _BoxFilter, rgb: U8, box: F64) -> None:
-        """Learn a person's colours from the first box."""
         reference = self._histogram(rgb, box[None])[0]
         # The part of the box outside of the image is not the person's.
         one.reference = reference / max(reference.sum(), 1e-9)
@@ -125,7 +124,6 @@ class ColourLayer:
         one.initial = None
 
     def _log_weights(self, one: _BoxFilter, patch: HsvPatch, boxes: F64) -> F64:
-        """Return the logarithms of the weights of boxes, N."""
         config = self._config
         if self._ratio is None or one.model is None:
             distances = self._histogram.distances(patch, boxes, one.reference)

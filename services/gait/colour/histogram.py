@@ -61,8 +61,11 @@ class HueSaturationHistogram:
 
         A row sums to the ratio of the points that are inside of the image.
         """
-        found = np.empty((len(boxes), self.bins))
-        _histograms(hsv_patch(rgb, boxes), self.tables, self._grid, boxes, found)
+        patch, found = hsv_patch(rgb, boxes), np.empty((len(boxes), self.bins))
+        bins = np.empty((len(self._grid.v), len(self._grid.u)), np.int32)
+        for box, row in zip(boxes, found, strict=True):
+            sample_bins(patch, self.tables, self._grid, box, bins)
+            row[:] = np.bincount(bins[bins >= 0], minlength=self.bins) / bins.size
         return found
 
     def distances(self, patch: HsvPatch, boxes: F64, reference: F64) -> F64:
@@ -103,18 +106,6 @@ def sample_bins(patch: HsvPatch, tables: Tables, grid: SampleGrid, box: F64, bin
             if 0 <= column < width:
                 hue, saturation = patch.hsv[row, column, 0], patch.hsv[row, column, 1]
                 bins[j, i] = tables[0][hue] + tables[1][saturation]
-
-
-@compiled
-def _histograms(patch: HsvPatch, tables: Tables, grid: SampleGrid, boxes: F64, found: F64) -> None:
-    bins = np.empty((len(grid.v), len(grid.u)), np.int32)
-    for m in range(len(boxes)):
-        sample_bins(patch, tables, grid, boxes[m], bins)
-        counts = np.zeros(found.shape[1], np.int32)
-        for b in bins.flat:
-            if b >= 0:
-                counts[b] += 1
-        found[m] = counts / bins.size
 
 
 @compiled

@@ -8,7 +8,6 @@ import numpy as np
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, CameraInfo
 from services.gait.config import DepthLayerConfig
-from services.gait.points.acceptance import Acceptance
 from services.gait.points.assignment import assign, initial_extremities
 from services.gait.points.body import (
     Extremity,
@@ -32,6 +31,7 @@ from services.gait.points.keypoints import (
     sigma_px,
 )
 from services.gait.points.likelihood import (
+    Acceptance,
     PointEvidence,
     combined_weights,
     reference_spin_image,
@@ -172,7 +172,6 @@ class DepthLayer:
         return [one for one in find_extremities(body, self._config) if inside[one.basin]]
 
     def _anchors(self, observation: MeshObservation, body: MeasuredBody) -> Mapping[str, Anchor]:
-        """Return the expected pixels of points by keypoints."""
         if not (self._combined and self._config.keypoints):
             return {}
         found = anchors(observation.keypoints, self._config)
@@ -182,7 +181,6 @@ class DepthLayer:
         return {name: anchor for name, anchor in found.items() if name in self._points}
 
     def _assign(self, expected: Mapping[str, Anchor], extremities: Sequence[Extremity]) -> None:
-        """Assign extremities to points."""
         anchors_m = {
             name: deproject(anchor.pixel, [point.motion.position_m[2]], self._info)[0]
             for name, anchor in expected.items()
@@ -282,7 +280,6 @@ class DepthLayer:
         point.tip_distance_m = lengths_m(self._config).get(point.kind, np.nan)
 
     def _swap(self, left: str, right: str) -> None:
-        """Give the points of a pair each other's name."""
         points = self._points
         points[left], points[right] = points[right], points[left]
         points[left].name, points[right].name = left, right

@@ -35,8 +35,6 @@ class FootTrajectory:
 
 @dataclass(frozen=True)
 class _Samples:
-    """Samples of both feet, in the order of time."""
-
     times_s: F64  # N
     ground_m: F64  # Nx2, on the ground
     sides: F64  # N, 1: assigned to the left foot, -1: to the right one

@@ -3,6 +3,8 @@
 from typing import TypeAlias
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from common.compiled import compiled
 from people4d.messages import F64
@@ -20,8 +22,8 @@ def bridge_pieces(grid: I32, points_m: F64, edges: Edges, cells: int, gap_m: flo
     """
     indptr, indices, lengths = edges
     count = len(points_m)
-    piece = np.full(count, -1, np.int32)
-    pieces = _pieces(indptr, indices, piece)
+    graph = csr_array((lengths, indices, indptr), shape=(count, count))
+    pieces, piece = connected_components(graph, directed=False)
     if pieces < 2:
         return edges
     joined = np.zeros(pieces, np.bool_)
@@ -43,30 +45,6 @@ def bridge_pieces(grid: I32, points_m: F64, edges: Edges, cells: int, gap_m: flo
     bounds = np.concatenate([[0], np.cumsum(np.bincount(at, minlength=count))]).astype(np.int32)
     merged = np.concatenate([indices, np.array(ends, np.int32)])[order]
     return bounds, merged, np.concatenate([lengths, spans])[order]
-
-
-@compiled
-def _pieces(indptr: I32, indices: I32, piece: I32) -> int:
-    """Number the connected components of a mesh; return their count."""
-    stack = np.empty(len(piece), np.int32)
-    count = 0
-    for start in range(len(piece)):
-        if piece[start] >= 0:
-            continue
-        piece[start] = count
-        stack[0] = start
-        size = 1
-        while size > 0:
-            size -= 1
-            here = stack[size]
-            for k in range(indptr[here], indptr[here + 1]):
-                there = indices[k]
-                if piece[there] < 0:
-                    piece[there] = count
-                    stack[size] = there
-                    size += 1
-        count += 1
-    return count
 
 
 @compiled

@@ -108,7 +108,6 @@ class FloorDetector:
         return FloorPlane(normals[best], float(-a[best] @ normals[best]))
 
     def _fit(self, points: F64) -> FloorPlane | None:
-        """Return the plane of least squares."""
         if len(points) < 10:
             return None
         middle = points.mean(axis=0)

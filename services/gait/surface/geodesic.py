@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from common.compiled import compiled
 from people4d.messages import F64
 from services.gait.surface.mesh import BodyMesh
-from services.gait.surface.segmentation import I32, I64
+from services.gait.surface.segmentation import I32, I64, root_of
 
 
 def geodesic_m(mesh: BodyMesh, source_vertex: npt.ArrayLike) -> F64:
@@ -83,15 +83,15 @@ def _flood(
         if best < 0:
             island[v], basin[v] = v, v
             continue
-        top = _root(island, best)
+        top = root_of(island, best)
         island[v] = top
-        basin[v] = _root(merged, basin[best])
+        basin[v] = root_of(merged, basin[best])
         for k in range(indptr[v], indptr[v + 1]):
             w = indices[k]
             if island[w] < 0:
                 continue
-            other = _root(island, w)
-            top = _root(island, v)
+            other = root_of(island, w)
+            top = root_of(island, v)
             if other == top:
                 continue
             low, high = (other, top) if height[other] <= height[top] else (top, other)
@@ -99,16 +99,8 @@ def _flood(
             if height[low] - height[v] >= least:
                 persistence[low] = height[low] - height[v]
             else:
-                merged[low] = _root(merged, basin[v] if low == other else basin[w])
+                merged[low] = root_of(merged, basin[v] if low == other else basin[w])
     for v in order:
-        basin[v] = _root(merged, basin[v])
+        basin[v] = root_of(merged, basin[v])
         if island[v] == v:
             persistence[v] = max(height[v] - height[order[-1]], least)
-
-
-@compiled
-def _root(parents: I64, vertex: int) -> int:
-    while parents[vertex] != vertex:
-        parents[vertex] = parents[parents[vertex]]
-        vertex = parents[vertex]
-    return vertex

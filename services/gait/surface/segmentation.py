@@ -132,10 +132,10 @@ def _label(
             limit = max(least_m, per_m * here + per_m2 * here * here)
             label = 0
             if column > 0 and abs(depth_m[row, column - 1] - here) < limit:
-                label = _root(parents, labels[row, column - 1])
+                label = root_of(parents, labels[row, column - 1])
             above = labels[row - 1, column] if row > 0 else 0
             if above > 0 and abs(depth_m[row - 1, column] - here) < limit:
-                above = _root(parents, above)
+                above = root_of(parents, above)
                 low = min(label, above) if label > 0 else above
                 parents[max(label, above)] = low
                 label = low
@@ -147,7 +147,7 @@ def _label(
     numbers = np.zeros(count + 1, np.int32)
     roots = 0
     for label in range(1, count + 1):  # the first of a component comes before the rest
-        root = _root(parents, label)
+        root = root_of(parents, label)
         if root == label:
             roots += 1
             numbers[label] = roots
@@ -162,7 +162,8 @@ def _label(
 
 
 @compiled
-def _root(parents: I32, label: int) -> int:
+def root_of(parents: I32 | I64, label: int) -> int:
+    """Return the root of a node in a tree of parents, whose paths are halved."""
     while parents[label] != label:
         parents[label] = parents[parents[label]]
         label = parents[label]

@@ -130,7 +130,6 @@ def _match(tracks: Records, boxes: F64, free: BOOL, iou_min: float, missed_max: 
 
 @compiled
 def _count(track: Any, found: BoxDetections, settings: SortSettings) -> None:
-    """Update the counts of a track after the association."""
     if track.detection == NONE:
         track.streak = 0
         return
@@ -152,7 +151,6 @@ def _survives(track: Any, settings: SortSettings) -> bool:
 
 @compiled
 def _begin(track: Any, identity: int, j: int, found: BoxDetections, settings: SortSettings) -> None:
-    """Begin a track with detection j."""
     begin(track, found.boxes[j])
     track.id = identity
     track.detection = j

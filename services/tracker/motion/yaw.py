@@ -137,7 +137,6 @@ class KeypointYaw(VelocityYaw):
         return np.maximum(R, np.square(y / self._config.outlier_sigmas) - variance)
 
     def _start(self, psi_rad: float, variance: float) -> YawState:
-        """Begin as measured, with a rate of 0 and its variance."""
         rate = self._config.sigma_start_rate_radps**2
         return YawState(_wrap(np.array([psi_rad, 0.0])), np.diag([variance, rate]))
 
@@ -155,16 +154,13 @@ def make_yaw(config: TrackerConfig) -> VelocityYaw:
 
 
 def _wrap(angles_rad: F64) -> F64:
-    """Return angles in -pi to pi."""
     return np.arctan2(np.sin(angles_rad), np.cos(angles_rad))
 
 
 def _stack(states: Sequence[YawState]) -> tuple[F64, F64]:
-    """Return the states (Nx2) and covariances (Nx2x2) of N tracks."""
     return np.array([s.x for s in states]), np.array([s.P for s in states])
 
 
 def _unstack(x: F64, P: F64) -> list[YawState]:
-    """Return N states, psi wrapped."""
     x = np.column_stack([_wrap(x[:, 0]), x[:, 1]])
     return [YawState(*state) for state in zip(x, P, strict=True)]

@@ -107,7 +107,6 @@ class StrongSort3d(TrackSetTracker):
         return CandidatePairs(records, detections, self.tracks.positions_m(records), frame)
 
     def _appearance_cost(self, pairs: CandidatePairs) -> F64:
-        """Return the cost of round 1."""
         motion, contact, records = self._motion, self._policies.contact, pairs.records
         if not records or not pairs.detections:
             return np.full((len(records), len(pairs.detections)), np.inf)
@@ -118,7 +117,6 @@ class StrongSort3d(TrackSetTracker):
         return combined_cost(d_m2, d_cos, pairs.frame.cosine_distance_max, self._config)
 
     def _distance_cost(self, pairs: CandidatePairs) -> F64:
-        """Return the cost of round 2: the 3D distance."""
         contact, records = self._policies.contact, pairs.records
         if not records or not pairs.detections:
             return np.full((len(records), len(pairs.detections)), np.inf)
