@@ -11,9 +11,9 @@ from benchmarks.lib.gait_points import SERVICE, PointVariant, observations_in, t
 from benchmarks.lib.gait_recordings import GaitRecording, RecordedFrame
 from benchmarks.lib.table import markdown
 from people4d.messages import F64
+from services.gait.build import warm_up
 from services.gait.cascade import Cascade
 from services.gait.config import GaitConfig
-from services.gait.warm_up import warm_up
 
 # Functions whose time, with their callees, is a row; none of them calls another. Then ms a frame
 # before optimisation: recording of seed 71, AMD EPYC, 2 cores, Python 3.11.7.

@@ -136,7 +136,7 @@ class Cascade:
         found = self._colours.update(rgb) if tracked else {}
         for person, box in detected.items():
             state, estimate = self._people[person], found.get(person)
-            if estimate is None or not _is_same_box(estimate.box_xyxy_px, box):
+            if estimate is None or iou_xyxy(estimate.box_xyxy_px, box)[0, 0] < SAME_BOX_IOU:
                 self._colours.start(person, rgb, box)
             state.box, state.detected_ns = box, stamp_ns
         for person in missed:
@@ -200,7 +200,3 @@ def _valid_box(observation: PersonObservation) -> F64 | None:
     box = np.asarray(observation.box_xyxy_px, np.float64)
     valid = box.shape == (4,) and np.all(np.isfinite(box)) and np.all(box[:2] < box[2:])
     return box if valid else None
-
-
-def _is_same_box(a: F64, b: F64) -> bool:
-    return float(iou_xyxy(a, b)[0, 0]) >= SAME_BOX_IOU

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from people4d.messages import F32, F64, U8, U16, BodyPoint, CameraInfo, PersonGait
+from people4d.messages import F64, U8, U16, BodyPoint, CameraInfo, PersonGait
 from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
 from services.gait.config import GaitConfig
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
@@ -93,11 +93,13 @@ class GaitEstimator:
             point.position_m if (point := points.get(foot)) and point.state == "measured" else None
             for foot in (LEFT_FOOT, RIGHT_FOOT)
         )
+        box = estimate.box_xyxy_px
+        box = None if box is None else np.clip(box, -BOX_MAX_PX, BOX_MAX_PX)
         return PersonGait(
             id=estimate.id,
             points=tuple(point for point in points.values() if point),
             measures=meter.update(frame.stamp_ns / 1e9, left, right),
-            box_xyxy_px=_published_box(estimate),
+            box_xyxy_px=None if box is None else box.astype(np.float32),
         )
 
     def _camera_motion(self, frame: GaitFrame) -> F64:
@@ -106,11 +108,6 @@ class GaitEstimator:
             return np.zeros((4, 4))
         dt_s = (frame.stamp_ns - self._last.stamp_ns) / 1e9
         return np.asarray((frame.fixed_from_optical - self._last.fixed_from_optical) / dt_s)
-
-
-def _published_box(estimate: GaitEstimate) -> F32 | None:
-    box = estimate.box_xyxy_px
-    return None if box is None else np.clip(box, -BOX_MAX_PX, BOX_MAX_PX).astype(np.float32)
 
 
 def to_fixed_frame(name: str, point: PointEstimate, pose: F64, motion: F64) -> BodyPoint | None:

@@ -23,8 +23,8 @@ from people4d.messages import (
     Tracks,
     Truth,
 )
+from services.gait.build import warm_up
 from services.gait.config import GaitConfig
-from services.gait.warm_up import warm_up
 
 PEOPLE4D = (sys.executable, "-m", "deploy.cli")
 TIMEOUT_S = 20.0

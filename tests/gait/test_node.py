@@ -17,12 +17,11 @@ from people4d.messages import (
     Track,
     Tracks,
 )
-from services.gait.build import build
+from services.gait.build import build, warm_up
 from services.gait.config import GaitConfig
 from services.gait.estimator import to_fixed_frame
 from services.gait.node import GaitNode
 from services.gait.points.point_filter import PointEstimate
-from services.gait.warm_up import warm_up
 from tests import builders
 
 HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0

@@ -9,8 +9,8 @@ from types import FunctionType, ModuleType
 from numba.core.dispatcher import Dispatcher
 
 import services.gait
+from services.gait.build import warm_up
 from services.gait.config import GaitConfig
-from services.gait.warm_up import warm_up
 
 
 def modules() -> list[ModuleType]:

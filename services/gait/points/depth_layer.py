@@ -107,10 +107,13 @@ class DepthLayer:
         body = self._measure(observation)
         if body is None:
             for point in self._points.values():
-                self._miss(point, observation.dt_s)
+                if point.motion is not None:
+                    point.motion.predict(observation.dt_s)
+                point.mark_missed(observation.dt_s)
             return self._estimates()
         expected = self._anchors(observation, body)
-        extremities = self._extremities(body) if self._combined or not self._started() else []
+        starts = any(point.motion is None for point in self._points.values())
+        extremities = self._extremities(body) if self._combined or starts else []
         self._assign(expected, extremities)
         self._propagate(observation.dt_s, expected)
         self._measure_points(observation.dt_s, body, expected)
@@ -135,16 +138,8 @@ class DepthLayer:
     def _new(self, name: str) -> PointFilter:
         return PointFilter(name, self._config, self._info, self._generator)
 
-    def _started(self) -> bool:
-        return all(point.motion is not None for point in self._points.values())
-
     def _estimates(self) -> dict[str, PointEstimate]:
         return {name: point.estimate() for name, point in self._points.items()}
-
-    def _miss(self, point: PointFilter, dt_s: float) -> None:
-        if point.motion is not None:
-            point.motion.predict(dt_s)
-        point.mark_missed(dt_s)
 
     def _measure(self, observation: MeshObservation) -> MeasuredBody | None:
         """Measure what all points need: heights, geodesic distances, extrema."""

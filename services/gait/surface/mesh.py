@@ -10,7 +10,7 @@ from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, CameraInfo
 from services.gait.config import BodyConfig
 from services.gait.surface.bridges import bridge_pieces
-from services.gait.surface.segmentation import I32, I64, BodySegment, Mask
+from services.gait.surface.segmentation import I32, I64, BodySegment, Mask, slopes
 
 # Neighbours in the grid, clockwise from the right: row and column.
 NEIGHBOURS = np.array(
@@ -64,10 +64,10 @@ def build_mesh(body: BodySegment, info: CameraInfo, config: BodyConfig) -> BodyM
     rows, columns = -(-body.mask.shape[0] // step), -(-body.mask.shape[1] // step)
     grid = np.full((rows, columns), -1, np.int32)
     samples = np.empty((rows * columns, 3))
-    count = _sample(body.depth_m, body.mask, step, _slopes(config), grid, samples)
+    count = _sample(body.depth_m, body.mask, step, slopes(config), grid, samples)
     samples = samples[:count]
     if config.smooth_px:
-        _smooth_depth(body.depth_m, config.smooth_px, _slopes(config), samples)
+        _smooth_depth(body.depth_m, config.smooth_px, slopes(config), samples)
     pixels = samples[:, :2] + (body.left_px, body.top_px)
     points = deproject(pixels, samples[:, 2], info)
     limits = _edge_limits_m(samples[:, 2], step, info, config)
@@ -113,11 +113,6 @@ def _edge_limits_m(depth_m: F64, step_px: int, info: CameraInfo, config: BodyCon
     return np.maximum(config.edge_m, np.hypot(config.edge_stretch * diagonal_m, noise_m))
 
 
-def _slopes(config: BodyConfig) -> tuple[float, float, float]:
-    noise = config.noise_sigmas * config.noise_per_m2
-    return config.continuity_m, config.continuity_per_m, noise
-
-
 @compiled
 def _sample(
     depth_m: F32,
@@ -151,11 +146,8 @@ def _sample(
                         z += depth_m[r, c]
                         number += 1
             grid[row, column] = count
-            samples[count, 0], samples[count, 1], samples[count, 2] = (
-                u / number,
-                v / number,
-                z / number,
-            )
+            samples[count, 0], samples[count, 1] = u / number, v / number
+            samples[count, 2] = z / number
             count += 1
     return count
 

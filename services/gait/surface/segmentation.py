@@ -102,21 +102,18 @@ def components(depth_m: F32, config: BodyConfig) -> tuple[I32, I64]:
     """
     labels = np.zeros(depth_m.shape, np.int32)
     sizes = np.zeros(depth_m.size + 1, np.int64)
-    count = _label(
-        depth_m,
-        config.continuity_m,
-        config.continuity_per_m,
-        config.noise_sigmas * config.noise_per_m2,
-        labels,
-        sizes,
-    )
+    count = _label(depth_m, slopes(config), labels, sizes)
     return labels, sizes[: count + 1]
 
 
+def slopes(config: BodyConfig) -> tuple[float, float, float]:
+    """Return the depth step of a surface: a constant, by the distance and by its square."""
+    noise = config.noise_sigmas * config.noise_per_m2
+    return config.continuity_m, config.continuity_per_m, noise
+
+
 @compiled
-def _label(
-    depth_m: F32, least_m: float, per_m: float, per_m2: float, labels: I32, sizes: I64
-) -> int:
+def _label(depth_m: F32, steps: tuple[float, float, float], labels: I32, sizes: I64) -> int:
     """Label pixels by their neighbours above and on the left, then merge equivalent labels.
 
     Two passes over the rows [Rosenfeld 1966] are several times faster than following outlines.
@@ -129,7 +126,7 @@ def _label(
             here = depth_m[row, column]
             if here <= 0:
                 continue
-            limit = max(least_m, per_m * here + per_m2 * here * here)
+            limit = max(steps[0], steps[1] * here + steps[2] * here * here)
             label = 0
             if column > 0 and abs(depth_m[row, column - 1] - here) < limit:
                 label = root_of(parents, labels[row, column - 1])

@@ -51,9 +51,11 @@ class Contact(ContactPolicy):
         return far | self._unreachable_hidden(pairs)
 
     def mismatch(self, d_cos: F64, pairs: CandidatePairs) -> BOOL:
-        """Return the pairs (NxM) whose appearance differs too much, see `appearance_mismatch`."""
+        """Return the pairs (NxM) of a confirmed track and an unoccluded crop that differ."""
         limit = self._config.round2_factor * pairs.frame.cosine_distance_max
-        return appearance_mismatch(pairs.records, d_cos, pairs.unoccluded(), limit)
+        confirmed = np.array([t.confirmed for t in pairs.records], np.bool_)
+        differ = np.nan_to_num(d_cos) > limit
+        return np.asarray(differ & confirmed[:, None] & pairs.unoccluded())
 
     def updates_embedding(self, match: Match, frame: FrameContext) -> bool:
         """Check that the crop shows one person, or that the track has no embedding yet."""
@@ -130,14 +132,3 @@ def pool_ambiguous(d_cos: F64, own: F64, limit: float) -> F64:
     for row in np.flatnonzero(similar.sum(axis=1) > 1):
         pooled[row] = np.nanmin(d_cos[similar[row]], axis=0, initial=np.inf)
     return np.where(np.isnan(d_cos), d_cos, pooled)
-
-
-def appearance_mismatch(
-    records: Sequence[TrackRecord], d_cos: F64, unoccluded: BOOL, limit: float
-) -> BOOL:
-    """Return the pairs (NxM) of a confirmed track and an unoccluded crop of another appearance.
-
-    Their cosine distance (NaN where unknown) is above the limit.
-    """
-    confirmed = np.array([t.confirmed for t in records], np.bool_)
-    return np.asarray((np.nan_to_num(d_cos) > limit) & confirmed[:, None] & unoccluded)
