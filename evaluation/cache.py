@@ -67,10 +67,8 @@ def model_digest(config: DetectorConfig | ReidConfig) -> str:
     """
     if isinstance(config, ReidConfig) and config.embedder != "osnet":
         return ""  # it has no file
-    if Path(config.model).suffix == ".onnx":
-        return weights.checksum(Path(config.model).expanduser())
-    model = weights.choose(config.model, weights.load_manifest())
-    return weights.checksum(weights.find(model, weights.folders(config.folder)))
+    path, entry = weights.locate(config.model, config.folder)
+    return entry.sha256 if entry else weights.checksum(path)
 
 
 def _digest(files: Iterable[Path], root: Path) -> str:

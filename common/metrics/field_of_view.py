@@ -14,11 +14,7 @@ MAX_REPROJECTION = 0.01  # [m] per metre of depth: so near a pixel must lead bac
 
 
 class CameraViews:
-    """Fields of view of all cameras.
-
-    Args:
-        transforms: Transform buffer, which the caller fills.
-    """
+    """Fields of view of all cameras; the caller fills the transform buffer."""
 
     def __init__(self, transforms: TransformBuffer) -> None:
         self._transforms = transforms

@@ -15,12 +15,9 @@ P = TypeVar("P", Track, TruthPerson)
 def ground_truth_of(
     people: Sequence[TruthPerson], out_of_view: BOOL | None = None, occluded: BOOL | None = None
 ) -> GroundTruth:
-    """Return N people, all `plausible`, as ground truth.
+    """Return N people, all `plausible`, as ground truth, with flags (N each).
 
-    Args:
-        people: N of them.
-        out_of_view: N; None if the view is not known.
-        occluded: N; None if none is.
+    `out_of_view` is None if the view is not known, `occluded` if none is.
     """
     return GroundTruth(**_columns(people), out_of_view=out_of_view, occluded=occluded)
 

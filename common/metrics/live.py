@@ -83,16 +83,13 @@ class LiveScorer:
 
     def add_tracks(self, tracks: Tracks) -> None:
         """Take tracks; they wait for the truth around them."""
-        if (
-            self._since_ns is not None
-            and self._since_ns - RESTART_NS < tracks.stamp_ns < self._since_ns
-        ):
+        before_ns = [
+            ns - tracks.stamp_ns for ns in (self._since_ns, self._last_ns) if ns is not None
+        ]
+        if any(0 < ns < RESTART_NS for ns in before_ns):
             self._counters["late_tracks"] += 1
             return
         if self._last_ns is not None and tracks.stamp_ns < self._last_ns:
-            if tracks.stamp_ns > self._last_ns - RESTART_NS:
-                self._counters["late_tracks"] += 1
-                return
             self.restart()
         self._last_ns = tracks.stamp_ns
         if self._truth.newest_ns is None:

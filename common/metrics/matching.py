@@ -83,11 +83,9 @@ class Matching:
 
 
 class Matcher:
-    """Match frame after frame, for sequences that are not over yet.
+    """Matches frame after frame, for sequences that are not over yet.
 
-    Args:
-        similarity: Similarity of people and tracks.
-        threshold: Least similarity of a match.
+    A match has a similarity of at least the threshold.
     """
 
     def __init__(self, similarity: Similarity, threshold: float = 0.5) -> None:

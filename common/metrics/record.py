@@ -27,11 +27,7 @@ class PeopleColumns:
     yaws_rad: F64 | None = None  # [rad] N, 0 = +x, counter-clockwise; NaN where unknown
 
     def __post_init__(self) -> None:
-        """Check that the columns belong together.
-
-        Raises:
-            ValueError: A shape differs, an identity comes twice, a box or position is not finite.
-        """
+        """Check that the columns belong together, and boxes and positions are finite."""
         n = len(self.ids)
         if len(set(self.ids)) < n:
             raise ValueError(f"ids: expected each at most once in a frame, got {self.ids}")
@@ -141,11 +137,7 @@ class EvaluationSequence:
     frames: tuple[EvaluationFrame, ...]
 
     def __post_init__(self) -> None:
-        """Check the order of time.
-
-        Raises:
-            ValueError: A frame is not later than the one before.
-        """
+        """Check that each frame is later than the one before."""
         for before, after in pairwise(self.frames):
             if after.stamp_ns <= before.stamp_ns:
                 raise ValueError(

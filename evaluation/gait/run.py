@@ -106,11 +106,7 @@ def colour_only(config: GaitConfig) -> GaitConfig:
 
 
 def _check_results(results: Sequence[GaitResult] | None, observation: PersonObservation) -> None:
-    """Check that the person of the first frame can be tracked.
-
-    Raises:
-        SourceError: Frames have the wrong size, or no body is in the box.
-    """
+    """Check that the person of the first frame can be tracked."""
     if results is None:
         raise SourceError("the size of the frames differs from the calibration")
     found = results and any(point.state != "lost" for point in results[0].person.points)

@@ -96,7 +96,7 @@ class GaitTables:
         Raises:
             SourceError: A file cannot be written.
         """
-        write_csv(folder / "gait.csv", POINT_FIELDS, (_cells(row) for row in self._rows))
+        write_csv(folder / "gait.csv", POINT_FIELDS, map(_cells, self._rows))
         write_csv(folder / "steps.csv", STEP_FIELDS, self._step_cells())
         rows = ([one, *msgspec.structs.astuple(self.measures(one))] for one in self.people)
         header = ("person", *GaitMeasures.__struct_fields__)

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Wedge
 
 from common.drawing.strokes import Colour, colour_of
+from common.metrics.record import I64
 from common.metrics.scores import Scores
 from evaluation.report.trajectories import YAW, CameraCoverage, RunTrajectories, X, Y
 from people4d.messages import F64
@@ -134,11 +135,12 @@ def _draw_camera(axes: Axes, camera: CameraCoverage) -> None:
 
 def _series(axes: Axes, runs: Sequence[RunTrajectories], person: int, column: int) -> None:
     first = runs[0]
-    truth = _degrees(first.true[:, person, column], column)
+    scale = 180 / np.pi if column == YAW else 1.0
+    truth = first.true[:, person, column] * scale
     for start, end in _runs(~first.required[:, person]):
         axes.axvspan(first.stamps_s[start], first.stamps_s[end], color="0.85", lw=0)
     for k, run in enumerate(runs):
-        tracked = _degrees(run.tracked[:, person, column], column)
+        tracked = run.tracked[:, person, column] * scale
         # A line does not join two tracks, nor two sides of the circle.
         breaks = np.flatnonzero(np.diff(run.tracks[:, person]) != 0)
         axes.plot(*_broken(run.stamps_s, tracked, breaks, column), lw=1.2, **_style(k, run.method))
@@ -146,16 +148,11 @@ def _series(axes: Axes, runs: Sequence[RunTrajectories], person: int, column: in
     axes.plot(*_broken(first.stamps_s, truth, none, column), "k--", lw=1.1, label="truth")
 
 
-def _broken(times_s: F64, values: F64, breaks: F64 | np.ndarray, column: int) -> tuple[F64, F64]:
+def _broken(times_s: F64, values: F64, gaps: I64, column: int) -> tuple[F64, F64]:
     """Put a gap after some samples, and where an angle goes round."""
-    gaps = np.asarray(breaks, np.int64)
     if column == YAW:
         gaps = np.union1d(gaps, np.flatnonzero(np.abs(np.diff(values)) > 180))
     return np.insert(times_s, gaps + 1, times_s[gaps]), np.insert(values, gaps + 1, np.nan)
-
-
-def _degrees(values: F64, column: int) -> F64:
-    return np.degrees(values) if column == YAW else values
 
 
 def _runs(marks: np.ndarray) -> list[tuple[int, int]]:

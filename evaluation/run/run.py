@@ -114,10 +114,8 @@ def score_run(run: EvaluationRun, output: RunOutput) -> RunScores:
 class OdometryDrift:
     """Error of a robot's estimate of its own pose; it is taken out of tracks, being none of theirs.
 
-    Args:
-        messages: Transforms and odometry of a recording.
-        frame_id: Frame that tracks are in.
-        camera: Name of the optical frame.
+    It comes from the transforms and odometry of a recording, between the frame of the tracks and
+    the optical frame of the camera.
     """
 
     def __init__(self, messages: Iterable[Message], frame_id: str, camera: str) -> None:

@@ -55,9 +55,8 @@ class EstimatedAlignment(TruthAlignment):
             if track.state == "confirmed"
         )
         people = self._positions(truth, frame_id, start_ns - PERIOD_NS)
-        self._set(
-            *self._solve(trajectories_of(people, start_ns), trajectories_of(tracked, start_ns))
-        )
+        truths, tracks = trajectories_of(people, start_ns), trajectories_of(tracked, start_ns)
+        self._set(*self._solve(truths, tracks))
 
     def _set(self, clock: ClockOffset | None, motion: SpaceAlignment | None) -> None:
         applied = self._config.apply_alignment and (clock is not None or motion is not None)

@@ -6,11 +6,5 @@ from common.runtime import process
 from services.report.build import build
 from services.report.config import ReportConfig
 
-
-def main() -> int:
-    """Run until stopped, then write the report."""
-    return process.main("report", ReportConfig, build)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(process.main("report", ReportConfig, build))

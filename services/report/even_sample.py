@@ -8,8 +8,7 @@ T = TypeVar("T")
 class EvenSample(Generic[T]):
     """Every k-th value; k doubles whenever twice the capacity is full.
 
-    Args:
-        capacity: Least number of values, once as many were added; at most twice as many.
+    From as many values on, the sample has the capacity at least, and twice that at most.
     """
 
     def __init__(self, capacity: int) -> None:

@@ -21,7 +21,7 @@ def facts(summary: RunSummary) -> list[tuple[str, str]]:
         ("people", _people(summary)),
         ("tracks", _tracks(summary)),
         ("truth", _score(summary)),
-        *(_drops(summary)),
+        *_drops(summary),
         *([("missing", ", ".join(summary.missing))] if summary.missing else []),
     ]
 

@@ -56,17 +56,13 @@ class MoveNet(NetworkModel):
     grey, highest = 0, 255.0
 
     def _check(self, outputs: Outputs) -> None:
-        check_heads(outputs, self._input.size, self.name)
+        height, width = (side // STRIDE for side in self._input.size)
+        for head, channels in HEADS.items():
+            check_output(outputs, head, (1, channels, height, width), self.name)
 
     def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
         candidates = decode(outputs, self._limits)
         return [to_person(candidates, k, letterbox) for k in select(candidates, self._limits)]
-
-
-def check_heads(heads: Outputs, size: tuple[int, int], name: str) -> None:
-    """Check the outputs of a run on an input of the given height and width."""
-    for head, channels in HEADS.items():
-        check_output(heads, head, (1, channels, size[0] // STRIDE, size[1] // STRIDE), name)
 
 
 def decode(heads: Outputs, limits: Limits) -> MoveNetCandidates:

@@ -97,11 +97,7 @@ def people_typestore(version: int = 2) -> Typestore:
 
 
 def truth_of(message: Any, sequence: int) -> Truth:
-    """Turn a People message to Truth; people with NaN are left out.
-
-    Args:
-        message: As rosbags deserialises it.
-        sequence: Number of the message.
+    """Turn a People message, as rosbags deserialises it, to Truth; people with NaN are left out.
 
     Raises:
         ValueError: The frame has a name that cannot be used.
