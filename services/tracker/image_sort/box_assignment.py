@@ -30,12 +30,39 @@ def assign(gain: F64) -> I64:
     Pairs of gain 0 may not be matched.
     """
     n, m = gain.shape
-    cost = np.zeros((n, m + n))  # a column of its own for each row: no match
-    cost[:, :m] = -gain
-    column_of = shortest_paths(cost)
+    column_of = np.full(n, -1, np.int64)
+    choices, last = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    rivals = np.zeros(m, np.int64)
     for i in range(n):
-        if cost[i, column_of[i]] == 0:
-            column_of[i] = -1
+        for j in range(m):
+            if gain[i, j] > 0:
+                choices[i] += 1
+                last[i] = j
+                rivals[j] += 1
+    # A pair without rivals needs no search, and most pairs have none.
+    open_rows, open_columns = np.empty(n, np.int64), np.empty(m, np.int64)
+    rows = columns = 0
+    for i in range(n):
+        if choices[i] == 1 and rivals[last[i]] == 1:
+            column_of[i] = last[i]
+            rivals[last[i]] = 0
+        elif choices[i] > 0:
+            open_rows[rows] = i
+            rows += 1
+    for j in range(m):
+        if rivals[j] > 0:
+            open_columns[columns] = j
+            columns += 1
+    if rows == 0:
+        return column_of
+    cost = np.zeros((rows, columns + rows))  # a column of its own for each row: no match
+    for i in range(rows):
+        for j in range(columns):
+            cost[i, j] = -gain[open_rows[i], open_columns[j]]
+    found = shortest_paths(cost)
+    for i in range(rows):
+        if found[i] < columns and cost[i, found[i]] < 0:
+            column_of[open_rows[i]] = open_columns[found[i]]
     return column_of
 
 
