@@ -1,5 +1,6 @@
 """Fixtures of several folders of tests."""
 
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,6 +24,13 @@ def network() -> Iterator[Network]:
     network = Network()
     yield network
     network.close()
+
+
+@pytest.fixture
+def state_folder() -> Iterator[Path]:
+    """Folder for the state of a system; its path is short, since a socket's path is limited."""
+    with tempfile.TemporaryDirectory(prefix="p4d") as folder:
+        yield Path(folder)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -15,6 +15,7 @@ def test_the_period_is_what_a_looping_camera_adds_to_its_stamps() -> None:
     assert loop_period_s(str(DEMO)) == pytest.approx(8.999999999, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_period_is_that_of_the_frames_played() -> None:
     source = open_source(str(DEMO))
     frames = (item for item in play(source, Selection(loop=True)) if isinstance(item, SourceFrame))

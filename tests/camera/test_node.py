@@ -227,6 +227,7 @@ def test_live_camera_gives_its_newest_frame() -> None:
         assert counters["skipped"] == 21 - sent
 
 
+@pytest.mark.slow
 def test_live_camera_that_fails_is_opened_again() -> None:
     class Flaky(MemorySource):
         attempts = 0

@@ -5,6 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.processes
+
 PROGRAM = (
     "from lab.depth.noise import NoiseField, Persistence; "
     "persistence = Persistence(frozen_share=0, correlation_s=1); "

@@ -19,6 +19,7 @@ def messages() -> list[Message]:
     return [decode(encode(message)) for message in itertools.chain(in_order(), out_of_order())]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("service", SERVICES)
 def test_odd_messages_do_not_make_a_node_raise(
     service: str, messages: list[Message], tmp_path: Path

@@ -26,6 +26,8 @@ from people4d.messages import (
 from services.gait.build import warm_up
 from services.gait.config import GaitConfig
 
+pytestmark = pytest.mark.processes
+
 PEOPLE4D = (sys.executable, "-m", "deploy.cli")
 TIMEOUT_S = 20.0
 FRAMES = 15
@@ -110,6 +112,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.timeout(400)
 def test_each_stage_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
     detected, known, tracked = (tmp_path / f"{name}.mcap" for name in ("seen", "known", "tracked"))
 

@@ -23,6 +23,8 @@ from people4d.errors import ConfigError
 from people4d.messages import Health, Span, Tracks
 from tests import builders
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 
 def run(*arguments: str, state: Path | None = None) -> tuple[int, str, str]:
     environment = {"PEOPLE4D_STATE": str(state)} if state else {}

@@ -31,6 +31,8 @@ from tests.deploy.test_top import talking
 from tests.deploy.traces import BEGIN_NS, MS, healths, span, trace_of, tracks
 from tests.network import WAIT_S
 
+pytestmark = pytest.mark.network
+
 __all__ = ["talking"]  # a fixture
 
 

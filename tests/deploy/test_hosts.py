@@ -17,6 +17,7 @@ def request(host: str, environment: dict[str, str]) -> LaunchRequest:
     )
 
 
+@pytest.mark.slow
 def test_host_of_the_camera_has_the_router(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     wanted = request("nuc", {"PEOPLE4D_KEYS": "keys/nuc", "PEOPLE4D_CONNECT": ROUTER})

@@ -18,6 +18,8 @@ from people4d.errors import ConfigError
 from people4d.messages import Detections
 from tests.lab.scenarios import FRAMES, write_scenario
 
+pytestmark = [pytest.mark.processes, pytest.mark.render]
+
 
 def run(*arguments: object) -> tuple[int, str, str]:
     result = CliRunner().invoke(app, ["lab", *map(str, arguments)])

@@ -18,6 +18,8 @@ from deploy.launcher.launcher import Launcher, LaunchError, stop, tail
 from deploy.launcher.state import State
 from people4d.errors import People4dError
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 TIMEOUT_S = 10.0
 
 TOY = """

@@ -59,6 +59,7 @@ def test_gait_runs_only_with_its_option() -> None:
     assert "gait" in [one.service for one in services["camera"].depends_on]
 
 
+@pytest.mark.slow
 def test_visual_odometry_runs_only_with_its_option() -> None:
     assert "visual_odometry" not in planned(LaunchRequest(environment={}))
     settings = ["visual_odometry.planar=false"]

@@ -13,6 +13,8 @@ from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
 from people4d.errors import ConfigError, People4dError
 
+pytestmark = pytest.mark.processes
+
 TIMEOUT_S = 10.0
 TOY = """
 services:

@@ -14,6 +14,8 @@ from people4d.messages import Alignment, PersonScore, Score
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network
 
+pytestmark = pytest.mark.network
+
 
 def example() -> Score:
     message = BY_NAME["Score"]

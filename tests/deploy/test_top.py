@@ -16,6 +16,8 @@ from deploy.monitor import Monitor, SystemSnapshot
 from tests.deploy.traces import BEGIN_NS, MS, arrival, detections, healths, span, tracks
 from tests.network import Network
 
+pytestmark = pytest.mark.network
+
 HERE = ProcessId("here", "top-1", "nuc")
 
 

@@ -13,6 +13,8 @@ from people4d.client import Client
 from people4d.messages import Health
 from tests import DEMO, ROOT
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 PACKAGES = ("people4d", "common", "services", "lab", "evaluation", "deploy", "models")
 BLOCK = """
   toy: # counts people
@@ -104,8 +106,8 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_service_is_a_folder_and_a_block_of_compose_yaml(project: Path) -> None:
-    environment = {**os.environ, "PYTHONPATH": str(project), "PEOPLE4D_STATE": str(project / "s")}
+def test_service_is_a_folder_and_a_block_of_compose_yaml(project: Path, state_folder: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(project), "PEOPLE4D_STATE": str(state_folder)}
     port = free_port()
 
     def people4d(*arguments: str) -> None:

@@ -16,6 +16,8 @@ from people4d.messages import Message
 from tests.deploy.test_top import talking
 from tests.deploy.traces import detections, healths, tracks
 
+pytestmark = pytest.mark.network
+
 __all__ = ["talking"]  # a fixture
 
 Event = dict[str, Any]

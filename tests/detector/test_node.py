@@ -296,6 +296,7 @@ def test_a_missing_model_is_reported_at_the_start() -> None:
         build(DetectorConfig(model="/nowhere.onnx"))
 
 
+@pytest.mark.slow
 def test_default_positions_of_people_in_the_simulated_room(shared: Path) -> None:
     # Measured over all frames: positions on the surface err by 0.105 m in the median.
     folder = shared / "data" / "lab" / "two"

@@ -34,6 +34,8 @@ from tests.contract.examples import BY_NAME
 from tests.docs.pages import Block, Command, blocks, commands
 from tests.network import Network
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 INCOMPLETE = {"MissingParameter", "NoArgsIsHelpError", "BadOptionUsage"}
 LANGUAGES = {"python", "javascript", "toml", "yaml", "sh", "text"}
 ENDPOINT = re.compile(r"tcp/[\d.]+:7447")

@@ -13,6 +13,8 @@ from deploy.cli import app
 from deploy.cli.system.up import DEMO
 from tests.lab.scenarios import write_scenario
 
+pytestmark = pytest.mark.slow
+
 METHODS = ("seg-sort", "pose-strongsort-movenet")
 TABLES = (
     *("6_1_id_switches", "6_2_position", "6_3_velocity", "6_4_orientation"),

@@ -33,6 +33,7 @@ def rows_of(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(text))
 
 
+@pytest.mark.slow
 def test_all_people_are_detected_and_tracked(tmp_path: Path) -> None:
     out = tmp_path / "out"
     status, output = run(DEMO, "--out", out, "--set", "camera.max_frames=4", "--no-figures")
@@ -54,6 +55,7 @@ def test_all_people_are_detected_and_tracked(tmp_path: Path) -> None:
     assert cv2.imread(os.fspath(out / "frames.png")) is not None
 
 
+@pytest.mark.slow
 def test_box_is_tracked_by_colour(tmp_path: Path) -> None:
     out = tmp_path / "out"
     settings = ("--set", "camera.max_frames=4", "--no-video")
@@ -70,6 +72,7 @@ def test_box_is_tracked_by_colour(tmp_path: Path) -> None:
         assert cv2.imread(os.fspath(out / name)) is not None, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

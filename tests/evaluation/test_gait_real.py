@@ -49,6 +49,7 @@ def off_m(info: CameraInfo, frame: GaitFrame, result: GaitResult) -> list[float]
     return errors
 
 
+@pytest.mark.slow
 def test_people_who_cross_before_an_xtion(shared: Path) -> None:
     # From frame 26 on a person comes in and walks away from the camera.
     settings = ("camera.options.fps=10", "camera.start_s=2.6", "camera.max_frames=14")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from common.io.recording import open_recording
 from evaluation.methods import read_method
@@ -88,6 +89,7 @@ def live_scores(path: Path, tracks: dict[int, Tracks]) -> tuple[Tally, RunSummar
     return scores[-1].total, output.summary
 
 
+@pytest.mark.slow
 def test_every_shared_figure_is_equal_to_the_bit(tmp_path: Path) -> None:
     path = scene(tmp_path / "walk.mcap")
     recording = EvaluationRecording("walk", "walk", path)

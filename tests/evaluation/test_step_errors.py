@@ -22,6 +22,7 @@ def falls(step_s: float = 0.5, step_m: float = 0.6) -> list[Footfall]:
     ]
 
 
+@pytest.mark.slow
 def test_true_trajectories_have_no_errors() -> None:
     errors = compare_steps(TIMES_S, walked(), falls())
     # Feet come down 15 times; from the second on each is detected.
@@ -34,6 +35,7 @@ def test_true_trajectories_have_no_errors() -> None:
     assert np.nanmax(np.abs(errors.means)) < 0.01  # at first there is no asymmetry
 
 
+@pytest.mark.slow
 def test_wrong_cadence_is_reported() -> None:
     # The same feet, while the true steps were of 0.55 s and 0.5 m: in a stride of 1 s there is time
     # for 1 / 0.55 steps. Cadence is too high by a tenth, length by 0.1 m.

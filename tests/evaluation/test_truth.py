@@ -19,6 +19,8 @@ from people4d.errors import SourceError
 from tests.evaluation import builders
 from tests.lab.scenarios import DRIVE, FRAMES, write_scenario
 
+pytestmark = pytest.mark.render
+
 MS = 1_000_000
 
 

@@ -96,6 +96,7 @@ def test_without_depth_no_point_is_measured() -> None:
     assert states(estimate) <= {"lost"}
 
 
+@pytest.mark.slow
 def test_deleted_person_is_tracked_again() -> None:
     cascade = Cascade(CascadeConfig(), INFO)
     play(cascade, 5, [observation()])

@@ -198,6 +198,7 @@ def test_truth_without_a_transform_stays_in_its_frame_and_degrades() -> None:
     assert "no transform map <- mocap" in node.status().reason
 
 
+@pytest.mark.slow
 def test_odd_messages_raise_nothing_while_scoring() -> None:
     people = [person("a", 1.0, 2.0, vx=0.1, yaw_deg=20), person("far", 1e300, 0.0)]
     node = GtBridgeNode(

@@ -253,6 +253,7 @@ def test_live_totals_equal_the_offline_metrics(seed: int) -> None:
     assert total.yaw_correlation == pytest.approx(row["yaw_correlation"])
 
 
+@pytest.mark.slow
 def test_either_stream_may_be_ahead() -> None:
     truths, tracked = walks(0)
     merged = sorted([*truths, *tracked], key=lambda message: message.stamp_ns)
@@ -364,6 +365,7 @@ def late_truth(offset_ms: float, shift_m: float = 0.0) -> list[Message]:
     return messages
 
 
+@pytest.mark.slow
 def test_a_clock_offset_is_reported_but_not_applied() -> None:
     last = Bench(align_clock_s=0.5).feed(late_truth(80))[-1]
     assert last.alignment is not None
@@ -373,6 +375,7 @@ def test_a_clock_offset_is_reported_but_not_applied() -> None:
     assert last.recent.position_rmse_m == pytest.approx(math.hypot(0.1, 0.064), abs=0.003)
 
 
+@pytest.mark.slow
 def test_a_clock_offset_is_applied_if_wanted() -> None:
     last = Bench(align_clock_s=0.5, apply_alignment=True).feed(late_truth(80))[-1]
     assert last.alignment is not None
@@ -382,6 +385,7 @@ def test_a_clock_offset_is_applied_if_wanted() -> None:
     assert error == pytest.approx([-0.1, 0.0], abs=0.004)  # only the bias is left
 
 
+@pytest.mark.slow
 def test_clock_and_frame_are_found_together() -> None:
     bench = Bench(align_clock_s=0.5, align_space="2d", apply_alignment=True)
     last = bench.feed(late_truth(80, shift_m=0.3))[-1]
@@ -395,5 +399,6 @@ def test_clock_and_frame_are_found_together() -> None:
     assert error == pytest.approx([0.0, 0.0], abs=0.01)
 
 
+@pytest.mark.slow
 def test_alignment_is_absent_unless_asked_for() -> None:
     assert Bench().feed(late_truth(80))[-1].alignment is None

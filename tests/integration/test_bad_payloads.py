@@ -21,6 +21,8 @@ from tests.contract.examples import BY_NAME, FULL
 from tests.network import WAIT_S, Network, Watcher
 from tests.services import SERVICES, node_of
 
+pytestmark = pytest.mark.network
+
 
 class All(Echo):
     """Takes every message there is, and tells how many of each came."""

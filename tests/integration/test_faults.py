@@ -31,6 +31,8 @@ from tests.integration.system import (
     works_again,
 )
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 # docs/operation/faults.md has the measured times; on a busy machine they may be this much longer.
 BACK_S = 10.0
 

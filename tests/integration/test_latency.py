@@ -19,6 +19,8 @@ from tests.deploy.test_trace_file import check, names
 from tests.integration.processes import LiveCamera, pipeline
 from tests.network import Network
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 FRAMES = 20
 WARM_UP = 5
 SERVICES: dict[str, Sequence[str]] = {

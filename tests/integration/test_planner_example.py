@@ -4,10 +4,13 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from people4d.messages import Tracks
 from tests import ROOT, builders
 from tests.network import Network
+
+pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 EXAMPLE = ROOT / "docs" / "examples" / "planner.py"
 

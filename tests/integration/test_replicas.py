@@ -17,6 +17,8 @@ from tests.contract.examples import BY_NAME
 from tests.integration.processes import StoredCamera, pipeline, start, wait_ready
 from tests.network import Network, Watcher
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 # A replica that fails is replaced within 1.5 s; on a busy machine it may take this much longer.
 REPLACED_S = 4.0
 FRAMES = 12  # of StoredCamera

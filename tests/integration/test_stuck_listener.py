@@ -7,10 +7,13 @@ import subprocess
 import sys
 import time
 
+import pytest
 import zenoh
 
 from common.transport.zenoh_bus import read_config
 from tests.network import WAIT_S, Network
+
+pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 KEY = "people4d/v1/robot/people"
 PAYLOAD = bytes(20_000)

@@ -12,6 +12,8 @@ import pytest
 from scripts.namespaces import Hosts, hosts, missing
 from tests import ROOT
 
+pytestmark = pytest.mark.processes
+
 BLOCK = re.compile(r"^```sh on=(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 HOSTS = ("tracker", "nuc")  # where something runs
 TIMEOUT_S = 100.0
@@ -24,13 +26,13 @@ def environment(host: str, home: Path) -> dict[str, str]:
     return {
         **inherited,
         "PATH": f"{bin_folder}:{os.environ['PATH']}",
-        "PEOPLE4D_STATE": str(home / f"state-{host}"),  # they share this machine's disk
+        "PEOPLE4D_STATE": str(home / host),  # they share this machine's disk
         "OMP_NUM_THREADS": "1",
     }
 
 
 @pytest.fixture
-def world(tmp_path: Path) -> Iterator[Hosts]:
+def world(tmp_path: Path, state_folder: Path) -> Iterator[Hosts]:
     if why := missing():
         pytest.skip(why)
     for name in ("deploy", "docs"):
@@ -41,11 +43,13 @@ def world(tmp_path: Path) -> Iterator[Hosts]:
         finally:
             for host in HOSTS:
                 down = [sys.executable, "-m", "deploy.cli", "down"]
-                world.run(host, down, env=environment(host, tmp_path), cwd=ROOT)
+                world.run(host, down, env=environment(host, state_folder), cwd=ROOT)
 
 
 @pytest.mark.timeout(300)
-def test_documented_commands_bring_tracks_to_the_planner(world: Hosts, tmp_path: Path) -> None:
+def test_documented_commands_bring_tracks_to_the_planner(
+    world: Hosts, tmp_path: Path, state_folder: Path
+) -> None:
     blocks = BLOCK.findall((ROOT / "docs" / "launch" / "hosts.md").read_text(encoding="utf-8"))
     assert [host for host, _ in blocks] == ["nuc", "nuc", "tracker", "planner"]
     for host, text in blocks:
@@ -53,7 +57,7 @@ def test_documented_commands_bring_tracks_to_the_planner(world: Hosts, tmp_path:
             printed = world.run(
                 host,
                 ["bash", "-ec", text],
-                env=environment(host, tmp_path),
+                env=environment(host, state_folder),
                 cwd=tmp_path,
                 timeout=TIMEOUT_S,
             )

@@ -6,10 +6,14 @@ import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import pytest
+
 from people4d.messages import Health, Message, Tracks
 from tests.integration.processes import start
 from tests.network import Network, Watcher
 from tests.tracker.test_node import TRANSFORM, detected, embeddings_of, person
+
+pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 TWO = ([1.0, 0.0], [0.0, 1.0])
 OTHERS = ([-1.0, 0.0], [0.0, -1.0])

@@ -140,6 +140,7 @@ def test_thesis_scenarios_are_a_minute_in_its_room(name: str) -> None:
     assert not scenario.camera.drive
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", THESIS)
 def test_people_of_thesis_scenarios_leave_the_view_and_return(name: str) -> None:
     in_view = watch(world(name), 0.1).in_view
@@ -149,6 +150,7 @@ def test_people_of_thesis_scenarios_leave_the_view_and_return(name: str) -> None
     assert in_view.mean() > 0.75  # but most of the time they are there
 
 
+@pytest.mark.slow
 def test_thesis_scenarios_rise_in_occlusion() -> None:
     watches = [watch(world(name), 0.1) for name in THESIS]
     shares = [watched.hidden[watched.in_view].mean() for watched in watches]
@@ -157,6 +159,7 @@ def test_thesis_scenarios_rise_in_occlusion() -> None:
     assert 0.2 < shares[-1] < 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ODOMETRY)
 def test_odometry_scenarios_have_the_frames_and_turns_of_the_table(name: str) -> None:
     fps, frames, _, turn_deg = ODOMETRY[name]
@@ -169,6 +172,7 @@ def test_odometry_scenarios_have_the_frames_and_turns_of_the_table(name: str) ->
     assert np.mean(turns) == pytest.approx(turn_deg, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ODOMETRY)
 def test_odometry_scenarios_show_as_many_people_as_the_table(name: str) -> None:
     _, frames, boxes, _ = ODOMETRY[name]
@@ -176,6 +180,7 @@ def test_odometry_scenarios_show_as_many_people_as_the_table(name: str) -> None:
     assert in_view.sum() / len(in_view) == pytest.approx(boxes / frames, rel=0.1)
 
 
+@pytest.mark.slow
 def test_who_moves_in_odometry_scenarios_is_as_their_names_say() -> None:
     for name in ODOMETRY:
         of = world(name)
@@ -186,6 +191,7 @@ def test_who_moves_in_odometry_scenarios_is_as_their_names_say() -> None:
         assert (driven_m > 0.2) if "rm" in name else (driven_m == 0)  # robot moving or turning
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", scenario_names())
 def test_people_avoid_walls_and_each_other(name: str) -> None:
     of = world(name)

@@ -31,6 +31,8 @@ from services.camera.sources import kind_of, open_source
 from tests import builders
 from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 
+pytestmark = [pytest.mark.processes, pytest.mark.render]
+
 S = 10**9
 
 

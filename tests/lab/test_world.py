@@ -11,6 +11,8 @@ from lab.scenario import load_scenario
 from lab.world import EPOCH_NS, World
 from tests.lab.worlds import world
 
+pytestmark = pytest.mark.processes
+
 DIGEST = """
 import hashlib
 from lab.drawing.renderer import draw_depth

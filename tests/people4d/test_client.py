@@ -16,6 +16,8 @@ from people4d.messages import Health, Message, Tracks, Truth
 from tests.contract.examples import BY_NAME
 from tests.network import Network
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 
 @pytest.fixture
 def publishing(network: Network) -> Iterator[str]:

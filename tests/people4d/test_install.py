@@ -24,6 +24,8 @@ from tests import DEMO, ROOT
 from tests.contract.examples import BY_NAME
 from tests.network import Network
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 PACKAGES = ("people4d", "common", "services", "lab", "evaluation", "deploy", "models")
 FILES = ("pyproject.toml", "README.md", "LICENSE", "NOTICE", "people4d_command.py")
 CONTRACT = ("zenoh", "msgpack", "msgspec", "numpy")
@@ -138,15 +140,13 @@ def test_types_are_declared(planner: Path) -> None:
 
 
 def test_pipeline_with_a_plug_in_runs_beside_modules_named_like_ours(
-    robot: Path, folder: Path
+    robot: Path, folder: Path, state_folder: Path
 ) -> None:
     (folder / "people4d.py").write_text("raise ImportError('people4d.py of the user')\n")
     module, _, name = TRACKERS["sort3d"].partition(":")
     (folder / "mine.py").write_text(f"from {module} import {name} as Mine\n")
     port = free_port()
-    variables = clean(
-        PYTHONPATH=str(folder), PEOPLE4D_STATE=str(folder / "state"), OMP_NUM_THREADS="1"
-    )
+    variables = clean(PYTHONPATH=str(folder), PEOPLE4D_STATE=str(state_folder), OMP_NUM_THREADS="1")
     options = ("--detach", "--loop", "--port", str(port), "--tracker", "mine:Mine")
     try:
         done = run(robot / "people4d", "up", *options, "--source", DEMO, cwd=folder, env=variables)

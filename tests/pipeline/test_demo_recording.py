@@ -36,6 +36,8 @@ from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
 from tests import ROOT
 
+pytestmark = pytest.mark.slow
+
 DEMO = ROOT / "deploy" / "demo" / "crossing.mcap"
 FRAMES = 135
 SETTINGS = DEMO.parents[1] / "config" / "people4d.toml"  # what `people4d up` runs with

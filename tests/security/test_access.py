@@ -15,6 +15,8 @@ from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.security.guarded import PREFIX, WAIT_S, Guarded, Listener, guarded, settle
 from tests.services import SERVICES, node_of
 
+pytestmark = pytest.mark.network
+
 # Written from the purpose of each service, not from the table.
 PUBLISHERS = {
     "frames": "camera",

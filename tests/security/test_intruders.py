@@ -21,6 +21,8 @@ from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.network import Watcher
 from tests.security.guarded import PREFIX, ROBOT, WAIT_S, Guarded, Listener, guarded, settle
 
+pytestmark = pytest.mark.network
+
 TRACKS = f"{PREFIX}/people"
 FRAMES = f"{PREFIX}/raw/front/rgbd"
 REFUSED_S = 0.5  # for a connection that must not open; one that does takes 20 ms

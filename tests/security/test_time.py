@@ -10,6 +10,8 @@ from common.transport.clock import CLOCK, serve_time
 from common.transport.zenoh_bus import ZenohBus
 from tests.security.guarded import WAIT_S, guarded
 
+pytestmark = pytest.mark.network
+
 
 def gets_reply(bus: ZenohBus, seconds: float) -> bool:
     """Query until a reply comes; return False if none does."""

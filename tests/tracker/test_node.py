@@ -110,6 +110,7 @@ def test_positions_are_published_in_the_map() -> None:
     np.testing.assert_allclose(results.tracks[0].position_m, [13.0, -0.5, 1.0])
 
 
+@pytest.mark.slow
 def test_any_order_of_arrival_gives_the_same_tracks() -> None:
     frames = [detected(k, [person(-0.5 + 0.02 * k), person(0.5 - 0.02 * k)]) for k in range(3)]
     messages: list[Message] = [*frames, *(embeddings_of(f, [[1, 0], [0, 1]]) for f in frames)]

@@ -11,6 +11,8 @@ from services.tracker.build import make_tracker
 from services.tracker.interface import Measurement, Observation
 from tests.tracker.scene import published_config, unit
 
+pytestmark = pytest.mark.slow
+
 VISIBLE_MIN = 0.3
 
 

@@ -172,6 +172,7 @@ def test_a_white_wall_is_reported() -> None:
     assert status.counters["unanswered"] == 7
 
 
+@pytest.mark.slow
 def test_standing_person_before_a_turning_base_has_no_speed() -> None:
     """The tracker places people by it: somebody at (3, 0.5) has no speed while the base turns."""
     bus = MemoryBus([node(), build_tracker(TrackerConfig(tracker="sort3d"))])

@@ -71,6 +71,7 @@ def test_a_base_that_drives_and_turns_is_followed() -> None:
     assert counters["lost"] == 0
 
 
+@pytest.mark.slow
 def test_standing_base_does_not_drift() -> None:
     """Forty noisy pictures of one view: one keyframe, and no error that grows."""
     one, counters = odometer()
@@ -81,6 +82,7 @@ def test_standing_base_does_not_drift() -> None:
     assert counters["keyframes"] == 1
 
 
+@pytest.mark.slow
 def test_base_that_turns_back_uses_the_first_keyframe_again() -> None:
     """40 degrees to the left and back: at the end the error is that of one picture, as at first."""
     angles = [20 * (1 - math.cos(math.pi * k / 15)) for k in range(31)]
@@ -93,6 +95,7 @@ def test_base_that_turns_back_uses_the_first_keyframe_again() -> None:
     assert max(p.covariance[2, 2] for p in poses_found if p) > last.covariance[2, 2]
 
 
+@pytest.mark.slow
 def test_error_is_within_its_covariance() -> None:
     """Five keyframes on: yaw and position are within three standard deviations."""
     poses = [base(theta_rad=math.radians(4 * k)) for k in range(30)]
@@ -107,6 +110,7 @@ def test_error_is_within_its_covariance() -> None:
     assert sigmas[2] < math.radians(2)
 
 
+@pytest.mark.slow
 def test_people_who_walk_do_not_move_the_camera() -> None:
     """Somebody crosses at 2 m, a third of the picture wide, 6 cm a frame, not detected."""
     one, _ = odometer()

@@ -31,6 +31,8 @@ from tests.deploy.test_alone import (  # noqa: F401  # a fixture is one by its n
 from tests.visual_odometry.room import BASE_FROM_OPTICAL, INFO, base
 from tests.visual_odometry.test_node import MOUNT, found, frame
 
+pytestmark = [pytest.mark.processes, pytest.mark.slow]
+
 FRAMES = 10
 WRONG = builders.odometry(stamp_ns=1, x_m=9.0, theta_rad=1.0)
 

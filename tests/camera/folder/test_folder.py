@@ -176,6 +176,7 @@ def test_empty_folder_and_wrong_options(tmp_path: Path) -> None:
         open_source(str(tmp_path), options={"fps": 0})
 
 
+@pytest.mark.slow
 def test_lab(shared: Path) -> None:
     source = FolderSource(shared / "data/lab/two", FolderOptions())
     first = captures(source)[0]
@@ -185,6 +186,7 @@ def test_lab(shared: Path) -> None:
     assert (robot.transforms[0].parent, bool(robot.odometry)) == ("base_link", True)
 
 
+@pytest.mark.slow
 def test_registered_depth_edges_meet_colour_edges(shared: Path) -> None:
     # Unregistered, the outlines of people in depth are 9 px off; registered, at most 1 px. Sum of
     # the colour gradient across depth outlines, by horizontal shift: its peak tells the offset.

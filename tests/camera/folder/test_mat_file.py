@@ -63,6 +63,7 @@ def test_numbers_are_those_that_scipy_reads(kind: str, tmp_path: Path) -> None:
 NUMBER = matrix(6, (1, 1), element(9, bytes(8)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "message"),
     [

@@ -106,6 +106,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_any_reader_finds_the_topics_of_a_driver(
     recording: Path, tmp_path: Path, storage: str
@@ -137,6 +138,7 @@ def test_static_transforms_reach_late_subscribers(recording: Path, tmp_path: Pat
     assert profiles["/tf"][0]["durability"] == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compressed", [False, True])
 def test_a_bag_plays_as_the_recording_does(
     recording: Path, tmp_path: Path, compressed: bool

@@ -29,6 +29,8 @@ from tests.camera.ros.bags import Ros
 from tests.camera.ros.test_motion import NO_TURN, joints, quaternion, tf
 from tests.network import WAIT_S, Network, Watcher
 
+pytestmark = pytest.mark.network
+
 ROS = Ros(2)
 S = 10**9
 ALL = MotionConfig(odometry="zenoh:odom", transforms=("zenoh:/tf", "zenoh:tf_static"))

@@ -102,6 +102,7 @@ def expected(steps: float) -> F64:
     return base @ neck @ pan @ tilt @ optical
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("version", "name"), BAGS)
 @pytest.mark.parametrize("with_odometry", [True, False])
 def test_a_pan_tilt_camera_is_where_the_chain_says(

@@ -215,6 +215,7 @@ def test_fisheye_calibration_is_refused(tmp_path: Path) -> None:
         RosbagSource(written(tmp_path, entries), RosbagOptions())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("version", "name"), FORMATS)
 def test_cut_and_damaged_bags_end_in_one_sentence(tmp_path: Path, version: int, name: str) -> None:
     ros = Ros(version)

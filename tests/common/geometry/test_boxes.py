@@ -1,6 +1,7 @@
 """Boxes in the image."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,6 +31,7 @@ BOXES = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(BOXES, BOXES, st.integers(-50, 50))
 def test_iou_is_symmetric_bounded_and_does_not_care_where(

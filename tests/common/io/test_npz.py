@@ -74,6 +74,7 @@ def test_what_is_no_array_of_numbers_is_refused(data: bytes, message: str, tmp_p
         read_arrays(npz(tmp_path / "a.npz", data), ["a"])
 
 
+@pytest.mark.slow
 def test_an_array_that_unpacks_to_a_gigabyte_is_not_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file, file.open("a.npy", "w") as part:

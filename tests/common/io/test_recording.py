@@ -142,6 +142,7 @@ def test_a_file_with_chunks_is_read(tmp_path: Path) -> None:
     assert seconds(path) == list(range(10))
 
 
+@pytest.mark.slow
 def test_every_cut_is_readable_up_to_the_cut(tmp_path: Path) -> None:
     path = write(tmp_path / "x.mcap", *((k * S, odometry(k)) for k in range(5)))
     data = path.read_bytes()

@@ -108,6 +108,7 @@ def peak_of(path: Path) -> tuple[str, int]:
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("limit")
 @pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
 def test_a_chunk_of_ros_1_is_not_unpacked_beyond_a_limit(compression: str, tmp_path: Path) -> None:
@@ -151,6 +152,7 @@ def test_a_packed_file_that_would_fill_the_disk_is_not_unpacked(tmp_path: Path) 
     assert "unpacks to more than 200 times its size" in refusal(path)
 
 
+@pytest.mark.slow
 def test_a_packed_message_is_not_unpacked_beyond_a_limit(tmp_path: Path) -> None:
     path = write2(tmp_path / "a", "SQLITE3", "MESSAGE")
     with sqlite3.connect(path / "a.db3") as database:
@@ -160,6 +162,7 @@ def test_a_packed_message_is_not_unpacked_beyond_a_limit(tmp_path: Path) -> None
         assert bag.bad_messages == 1
 
 
+@pytest.mark.slow
 def test_chunks_that_share_their_index_do_not_multiply_it(tmp_path: Path) -> None:
     data = write1(tmp_path / "a.bag", count=300).read_bytes()
     at = data.index(b"op=\x06") - 8  # the record of the only chunk, to the end of the file

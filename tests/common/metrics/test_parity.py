@@ -65,6 +65,7 @@ def assert_like_trackeval(scores: Scores, name: str) -> None:
         assert np.asarray(ours[key]) == pytest.approx(np.array(value), abs=1e-8), key
 
 
+@pytest.mark.slow
 def test_trackeval(name: str, matching: Matching) -> None:
     assert_like_trackeval(score_matching(matching), name)
 
@@ -73,6 +74,7 @@ def test_trackeval_pooled() -> None:
     assert_like_trackeval(combine(score_matching(matched_drawn(name)) for name in DRAWN), "drawn")
 
 
+@pytest.mark.slow
 def test_trackeval_pooled_mot15(shared: Path) -> None:
     folders = (shared / "data" / "mot15" / name for name in MOT15)
     assert_like_trackeval(combine(score_matching(matched_mot15(f)) for f in folders), "MOT15")

@@ -19,6 +19,8 @@ from people4d.topics import BY_NAME
 from tests.common.nodes import Echo
 from tests.network import WAIT_S, Network, Watcher
 
+pytestmark = pytest.mark.network
+
 PROCESS_ID = ProcessId("detector", "detector-1", "robot")
 NO_CLOCK = {"clock_steps": 0, "bad_clock": 0}
 

@@ -27,6 +27,8 @@ from tests.common.nodes import Echo, Source, detections
 from tests.contract.examples import SPAN
 from tests.network import WAIT_S, Network, Watcher
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 PROCESS_ID = ProcessId("echo", "echo-1", "robot")
 
 

@@ -15,6 +15,8 @@ from people4d.messages import Detections, Health, Message, Tracks
 from tests.common.nodes import Echo, detections
 from tests.network import WAIT_S, Network, Watcher
 
+pytestmark = pytest.mark.network
+
 
 class Shared(Echo):
     """Answers Detections with Tracks, in turns with its replicas."""

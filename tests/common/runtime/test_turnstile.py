@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 import msgspec
+import pytest
 
 from common.runtime.node import LoopCallbacks
 from people4d.messages import Message, RgbdFrame, Truth
@@ -13,6 +14,8 @@ from tests.common.nodes import Echo
 from tests.common.runtime.test_loop import running
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network
+
+pytestmark = pytest.mark.network
 
 
 class Heavy(Echo):

@@ -22,6 +22,8 @@ from common.transport.clock import (
 )
 from tests.network import WAIT_S, Network
 
+pytestmark = pytest.mark.network
+
 MS = 1_000_000
 S = 1_000_000_000
 

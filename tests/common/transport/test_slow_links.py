@@ -12,6 +12,8 @@ from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.errors import ConfigError
 from tests.network import WAIT_S
 
+pytestmark = pytest.mark.network
+
 TRACKS, HEALTH = "people4d/v1/robot/people", "people4d/v1/robot/health/a/b"
 
 

@@ -123,6 +123,7 @@ def test_a_full_trace_stays_valid() -> None:
     assert len(decode(encode(full, tracer.publishing(full))).trace) == MAX_TRACE
 
 
+@pytest.mark.slow
 def test_every_stage_of_a_service_is_in_the_table() -> None:
     """The names are parsed from the code, so that each has a meaning."""
     names = set()

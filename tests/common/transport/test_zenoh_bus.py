@@ -20,6 +20,8 @@ from people4d.topics import BY_NAME, LOCKSTEP_MAX
 from tests.contract.examples import BY_NAME as EXAMPLES
 from tests.network import WAIT_S, Network, Watcher
 
+pytestmark = pytest.mark.network
+
 
 def numbered(name: str, sequence: int) -> Message:
     return msgspec.structs.replace(EXAMPLES[name], sequence=sequence)

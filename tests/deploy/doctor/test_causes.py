@@ -31,6 +31,8 @@ from tests.detector.cameras import INFO
 from tests.detector.test_node import FixedModel, frame, person
 from tests.network import WAIT_S, Network
 
+pytestmark = pytest.mark.network
+
 PERIOD_NS = 40_000_000
 LISTEN_S = 0.6  # six heartbeats
 POSE = builders.static_transform(np.eye(4), child=INFO.frame_id)

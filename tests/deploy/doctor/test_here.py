@@ -13,6 +13,8 @@ from deploy.doctor import here
 from deploy.doctor.evidence import Diagnostic
 from tests.security.guarded import guarded
 
+pytestmark = pytest.mark.network
+
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,12 +47,14 @@ def boxes(people: list[DetectedPerson]) -> npt.NDArray[np.float32]:
     return np.array([person.box_xyxy_px for person in people]).reshape(-1, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_nine_people(shared: Path, name: str) -> None:
     image = read(shared / "data" / "rgbd" / "tue" / "example.jpg")
     assert len(model(name, shared).detect(image)) == 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_man_in_front_is_found_once_in_every_bag(shared: Path, name: str) -> None:
     bags = sorted((shared / "data" / "rgbd" / "tue").glob("*.bag"))
@@ -67,6 +69,7 @@ def test_man_in_front_is_found_once_in_every_bag(shared: Path, name: str) -> Non
         assert middle[0, 3] > 460
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_simulated_people_are_found_where_they_are(shared: Path, name: str) -> None:
     folder = shared / "data" / "lab" / "two"

@@ -81,6 +81,7 @@ def test_kind_is_recognised_by_the_outputs() -> None:
     assert kind_of({"output": zeros(1, 512)}) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "name"),
     [

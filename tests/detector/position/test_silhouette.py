@@ -2,6 +2,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from people4d.messages import F32, U8, U16
 from services.detector.config import GrowthConfig
@@ -133,6 +134,7 @@ def test_without_seeds_there_is_no_mask() -> None:
     assert grow_mask(person_at(12, 17, (25, 0, 40, 60)), DepthImage(body(), INFO), FIXED) is None
 
 
+@pytest.mark.slow
 def test_masks_of_the_simulated_room(shared: Path) -> None:
     # Measured over all frames with MoveNet's keypoints: median overlap 0.86, tenth percentile 0.80.
     folder = shared / "data" / "lab" / "two"

@@ -66,11 +66,13 @@ MODELS = [
 PUBLISHED: dict[str, Any] = {"weights": "distance", "tau": PUBLISHED_TAU}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fields", MODELS, ids=lambda f: "-".join(map(str, f.values())))
 def test_walking_person_is_tracked_by_every_model(fields: dict[str, Any]) -> None:
     assert success(**fields) >= 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fields", MODELS[::3], ids=lambda f: "-".join(map(str, f.values())))
 def test_walking_person_is_mostly_tracked_with_published_constants(fields: dict[str, Any]) -> None:
     assert success(**fields, **PUBLISHED) >= 0.5
@@ -95,12 +97,14 @@ def success_before_a_shelf(**fields: Any) -> float:
     return float(np.mean(hits))
 
 
+@pytest.mark.slow
 def test_shelf_of_the_same_colours_does_not_attract_the_box() -> None:
     assert success_before_a_shelf() >= 0.95
     # A histogram of all of a box does not distinguish them.
     assert success_before_a_shelf(**PUBLISHED) < 0.7
 
 
+@pytest.mark.slow
 def test_box_of_an_approaching_person_grows() -> None:
     # From 120 to 240 px of height in 80 frames, as of a walk from 4 m to 2 m.
     def box(frame: int) -> F64:
@@ -114,6 +118,7 @@ def test_box_of_an_approaching_person_grows() -> None:
     assert iou_xyxy(found, box(80)[0])[0, 0] >= 0.7
 
 
+@pytest.mark.slow
 def test_three_people_are_tracked_together() -> None:
     assert success(people=3) >= 0.95
 

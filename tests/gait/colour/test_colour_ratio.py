@@ -50,6 +50,7 @@ def test_sample_probability_falls_from_the_middle_to_the_sides() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_box_of_the_person_scores_best() -> None:
     rgb, box = scene()
     ratios = ratio_of()

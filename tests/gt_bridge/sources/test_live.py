@@ -24,6 +24,8 @@ from services.gt_bridge.sources.ros import LiveTruth, people_typestore
 from tests.gt_bridge.scene import POSE, track, tracks, truth
 from tests.network import WAIT_S, Network, Watcher
 
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
 STORE = people_typestore()
 SOURCE = LiveTruth(GtBridgeConfig(truth="zenoh:vicon/people"))
 

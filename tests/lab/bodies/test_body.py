@@ -19,6 +19,8 @@ from lab.drawing.mesh import Material, Mesh
 from people4d.errors import ConfigError
 from people4d.messages import F64
 
+pytestmark = pytest.mark.processes
+
 ASSETS = Path(lab.__file__).parent / "assets"
 EVERYBODY = pytest.mark.parametrize("name", cast_names())
 # What a segment turns about, and where its own end is.

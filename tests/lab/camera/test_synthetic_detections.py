@@ -104,6 +104,7 @@ def test_position_lies_on_the_surface_that_faces_the_camera() -> None:
         assert found.position_m == pytest.approx([0, -0.01, 4.0 - thick_m], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_heading_of_the_chest() -> None:
     # Optical frame: x right, y down, z forward. Facing the camera: -z; image-left (+90 deg): -x.
     for yaw_deg, heading in ((180, [0, 0, -1]), (0, [0, 0, 1]), (120, [-0.8660254, 0, -0.5])):
@@ -162,6 +163,7 @@ def test_people_outside_of_the_image_are_not_detected() -> None:
     assert far.position_m is None
 
 
+@pytest.mark.slow
 def test_rates_are_as_configured() -> None:
     config = SyntheticDetectionsConfig(recall=0.9, false_alarms=0.2, no_position=0.1)
     source = SyntheticDetections(config, INFO, 11)
@@ -186,6 +188,7 @@ def box(keypoints_m: F64) -> F64:
     return silhouettes([keypoints_m], OPTICAL_FROM_MAP, INFO)[0].box_xyxy_px
 
 
+@pytest.mark.slow
 def test_keypoint_noise_grows_with_the_person_and_lasts() -> None:
     config = SyntheticDetectionsConfig(recall=1, false_alarms=0, noise_s=0.2)
     detections = SyntheticDetections(config, INFO, 5)
@@ -208,6 +211,7 @@ def test_keypoint_noise_grows_with_the_person_and_lasts() -> None:
     )
 
 
+@pytest.mark.slow
 def test_depth_noise_follows_the_sensor() -> None:
     sensor = DepthSensorConfig(noise_px=0.07)
     config = msgspec.structs.replace(FAULTLESS, sensor=sensor, readings=4)

@@ -95,6 +95,7 @@ def test_constant_errors_scale_distances_and_turns() -> None:
     assert math.degrees(turned) == pytest.approx(160 * 1.01 * 1.02, abs=0.05)
 
 
+@pytest.mark.slow
 def test_errors_stay_within_the_covariance() -> None:
     # The mean of e^T P^-1 e over many runs is 3 if the covariance is right. The constant errors
     # are drawn here as a robot's maker would: normal, with the size that is told.

@@ -34,12 +34,14 @@ def box() -> F32:
     return depth_m
 
 
+@pytest.mark.slow
 def test_exact_sensor_rounds_to_millimetres() -> None:
     depth_mm = np.random.default_rng(1).integers(1, 65_000, (120, 160)).astype(np.uint16)
     depth_m = depth_mm.astype(np.float32) / np.float32(1000)
     assert np.array_equal(sensor(EXACT).measure(depth_m, None, 3.0), depth_mm)
 
 
+@pytest.mark.slow
 def test_nothing_is_read_where_nothing_is() -> None:
     depth_m = wall(2.0)
     depth_m[:40], depth_m[40:60], depth_m[60:70], depth_m[70:80] = np.inf, 0, np.nan, -1
@@ -52,6 +54,7 @@ def test_nothing_is_read_where_nothing_is() -> None:
         assert not sensor(DepthSensorConfig()).measure(wall(nothing), None, 1.0).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth_m", [1.0, 2.0, 3.0, 4.0])
 def test_noise_grows_with_the_square_of_the_distance(depth_m: float) -> None:
     # z^2 s / (f b): 1 m: 0.07 / (385 * 0.05) = 3.64 mm; 2 m: 14.5; 3 m: 32.7; 4 m: 58.2 mm.
@@ -83,6 +86,7 @@ def test_noise_is_partly_smooth_over_the_image() -> None:
     assert abs(np.mean(errors[:, 60:] * errors[:, :-60]) / np.mean(errors**2)) < 0.1
 
 
+@pytest.mark.slow
 def test_disparity_has_steps() -> None:
     # Whole steps of 1/32 px: z = 385 * 0.05 / (k / 32) = 616 / k metres. 3 m lies between
     # k = 205 (3.005 m) and k = 206 (2.990 m).
@@ -130,6 +134,7 @@ def test_left_band_is_as_wide_as_the_disparity() -> None:
     assert shadow_columns(sensor(config).measure(wall(3.0), None, 0.0)) == list(range(10))
 
 
+@pytest.mark.slow
 def test_range_is_limited() -> None:
     config = msgspec.structs.replace(EXACT, min_depth_m=0.28, max_depth_m=5.0)
     for depth_m, in_view in ((0.27, False), (0.29, True), (4.99, True), (5.01, False)):
@@ -143,6 +148,7 @@ def test_holes_have_their_share() -> None:
     assert share == pytest.approx(0.05, abs=0.012)
 
 
+@pytest.mark.slow
 def test_edges_are_ragged_and_holed() -> None:
     ragged = sensor(msgspec.structs.replace(EXACT, ragged_px=1.2)).measure(box(), None, 0.0)
     borders = {int(np.flatnonzero(row == 1000)[0]) for row in ragged[35:85]}

@@ -10,6 +10,8 @@ from lab.drawing.renderer import body_extents, draw_depth
 from people4d.messages import F64
 from tests import builders
 
+pytestmark = pytest.mark.render
+
 INFO = builders.camera_info(width=80, height=60, fx=70.0, fy=75.0, cx=38.5, cy=31.0)
 SIZE = (INFO.height, INFO.width)
 

@@ -14,6 +14,8 @@ from lab.drawing.solids import Finish, box, panel
 from people4d.messages import F32, F64
 from tests import builders
 
+pytestmark = pytest.mark.render
+
 INFO = builders.camera_info(width=80, height=60, fx=77.0, cx=39.5, cy=29.5)
 PLASTER = Finish(Material.FABRIC, (0.5, 0.5, 0.5))
 

@@ -13,6 +13,8 @@ from lab.scenario import WALKABLE_M
 from people4d.messages import F64
 from tests import builders
 
+pytestmark = pytest.mark.render
+
 INFO = builders.camera_info(width=80, height=60, fx=40.0, cx=39.5, cy=29.5)
 
 

@@ -61,6 +61,7 @@ def motion(name: str) -> PersonMotion:
     return simulate([PLANS[name]], [BODY], 9.0, 3)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANS)
 def test_a_flat_foot_does_not_slide(name: str) -> None:
     times_s = np.arange(-0.5, 9.5, 0.004)

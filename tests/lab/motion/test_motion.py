@@ -66,6 +66,7 @@ def test_rotations_are_rotations_at_any_time() -> None:
             assert np.linalg.det(rotation) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("person", [0, 1])
 def test_the_torso_moves_smoothly(person: int) -> None:
     times_s = np.arange(-1.0, 21.0, 0.005)

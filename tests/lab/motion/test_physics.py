@@ -17,6 +17,8 @@ from lab.world import World
 from people4d.messages import F64
 from tests.lab.worlds import world
 
+pytestmark = pytest.mark.render
+
 G_MPS2 = 9.81
 
 

@@ -14,6 +14,8 @@ from lab.world import World
 from people4d.errors import SourceError
 from tests.lab.scenarios import FRAMES, SIZE, write_scenario
 
+pytestmark = pytest.mark.render
+
 HEIGHT, WIDTH = SIZE
 
 

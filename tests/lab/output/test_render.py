@@ -36,6 +36,8 @@ from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
 from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 
+pytestmark = pytest.mark.render
+
 
 @pytest.fixture(autouse=True)
 def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,8 @@ from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from tests.lab.worlds import world
 
+pytestmark = pytest.mark.render
+
 NOSE, EYES, EARS = 0, slice(1, 3), slice(3, 5)
 
 

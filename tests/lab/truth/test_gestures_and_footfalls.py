@@ -15,6 +15,8 @@ from lab.truth.motion_capture import footfalls
 from lab.world import World
 from people4d.messages import F64
 
+pytestmark = pytest.mark.render
+
 WRISTS = (9, 10)  # left, right, COCO
 STANDING = Scenario(
     about="One stands and faces the camera.",
