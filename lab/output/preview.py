@@ -10,7 +10,7 @@ from common.drawing.people import CameraView, annotate
 from common.drawing.strokes import PAPER, put_label
 from common.drawing.tiles import Tile, grid, shrink
 from common.drawing.topdown import Trajectories, draw_map
-from common.drawing.video import open_video
+from common.drawing.video import VideoWriter
 from lab.camera.frames import FrameRenderer, flat
 from lab.truth.frames import PersonView, person_views
 from lab.world import World
@@ -123,11 +123,11 @@ def write_video(
     """Write a video of frames that follow each other at an even distance; see `write_sheet`."""
     rate_hz = 1 / (preview.time_s(frames[1]) - preview.time_s(frames[0])) if len(frames) > 1 else 1
     width, height = preview.size
-    writer = open_video(path, rate_hz, (width, height))
+    writer = VideoWriter(path, rate_hz, (width, height))
     for done, index in enumerate(frames, 1):
-        writer.write(cv2.cvtColor(preview.image(index), cv2.COLOR_RGB2BGR))
+        writer.write(preview.image(index))
         progress(done / len(frames))
-    writer.release()
+    writer.close()
 
 
 def _messages(world: World, index: int, people: Sequence[PersonView]) -> tuple[Detections, Tracks]:

@@ -2,6 +2,7 @@
 
 import logging
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -10,7 +11,7 @@ import cv2
 import msgspec
 import numpy as np
 
-from common.drawing.video import open_video
+from common.drawing.video import VideoWriter
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8
 from services.report.config import ReportConfig
@@ -111,8 +112,8 @@ class VideoFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._first: list[AnnotatedFrame] = []
-        self._writer: cv2.VideoWriter | None = None
+        self._waiting: list[AnnotatedFrame] = []  # not written yet
+        self._writer: VideoWriter | None = None
         self._size = (0, 0)
         self._failed = False
 
@@ -120,39 +121,39 @@ class VideoFile:
         """Append a frame; one of another size than the first is scaled to it."""
         if self._failed:
             return
-        if self._writer is None:
-            self._first.append(frame)
-            if len(self._first) >= RATE_FRAMES:
-                self._open()
-            return
-        self._append(self._writer, frame.image)
+        self._waiting.append(frame)
+        if self._writer or len(self._waiting) >= RATE_FRAMES:
+            self._try(self._write_waiting)
 
     def close(self) -> None:
         """Finish the file."""
-        if self._writer is None and self._first:
-            self._open()
-        if self._writer is not None:
-            self._writer.release()
+        self._try(self._write_waiting)
+        if self._writer:
+            self._try(self._writer.close)
 
-    def _open(self) -> None:
-        height, width = self._first[0].image.shape[:2]
-        self._size = width, height
-        rate_hz = frame_rate_hz([frame.stamp_ns for frame in self._first])
-        first, self._first = self._first, []
+    def _try(self, work: Callable[[], None]) -> None:
         try:
-            self._writer = open_video(self._path, rate_hz, self._size)
+            if not self._failed:
+                work()
         except People4dError as error:
             log.warning("%s; the other files are", error.problem)
             self._failed = True
-            return
-        for frame in first:
-            self._append(self._writer, frame.image)
 
-    def _append(self, writer: cv2.VideoWriter, image: U8) -> None:
-        bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-        if image.shape[1::-1] != self._size:
-            bgr = cv2.resize(bgr, self._size, interpolation=cv2.INTER_AREA)
-        writer.write(bgr)
+    def _write_waiting(self) -> None:
+        if not self._waiting:
+            return
+        if self._writer is None:
+            height, width = self._waiting[0].image.shape[:2]
+            self._size = width, height
+            rate_hz = frame_rate_hz([frame.stamp_ns for frame in self._waiting])
+            self._writer = VideoWriter(self._path, rate_hz, self._size)
+        for frame in self._waiting:
+            image = frame.image
+            if image.shape[1::-1] != self._size:
+                scaled = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
+                image = scaled.astype(np.uint8)
+            self._writer.write(image)
+        self._waiting.clear()
 
 
 def frame_rate_hz(stamps_ns: list[int]) -> float:
