@@ -68,7 +68,7 @@ def check_source(config: CameraConfig) -> None:
         )
     kind = kind_of(config.source) if config.kind == "auto" else config.kind
     if kind not in ("lab", "plugin"):
-        open_source(config.source, kind, config.options)
+        open_source(config.source, kind, config.options).close()
 
 
 def kind_of(source: str) -> str:

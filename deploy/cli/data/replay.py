@@ -18,7 +18,7 @@ from deploy.cli.options import Connect, Robot, open_bus, open_client
 from lab.depth.metadata import CleanDepthSensor, read_metadata
 from people4d.errors import ConfigError
 from people4d.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
-from people4d.topics import BY_MESSAGE, BY_NAME
+from people4d.topics import BY_MESSAGE, BY_NAME, prefix, topic_of_key
 
 MEET_S = 1.0
 USUAL = ("camera_info", "static_transforms", "odometry", "detections", "embeddings", "people")
@@ -101,7 +101,7 @@ def replay(
     sent = 0
     with closing(open_bus(connect, robot)) as bus, suppress(KeyboardInterrupt):
         if not force:
-            check_publishers(bus, robot, {type(m) for _, m in recording.messages(*wanted)})
+            check_publishers(bus, robot, recorded_kinds(recording) & set(wanted or BY_MESSAGE))
         # Subscribers and this publisher need some time to discover each other.
         time.sleep(MEET_S)
         for _ in count() if loop else range(1):
@@ -114,6 +114,12 @@ def replay(
                 sent += 1
         time.sleep(hold_s)
     typer.echo(f"Published {sent} messages.")
+
+
+def recorded_kinds(recording: Recording) -> set[type[Message]]:
+    """Return the types of the messages of a recording, by its index: nothing is decoded."""
+    topics = (topic_of_key(f"{prefix('*')}/{name}") for name in recording.summary.topics)
+    return {topic.message for topic in topics if topic}
 
 
 def check_publishers(bus: ZenohBus, robot: str, kinds: set[type[Message]]) -> None:
