@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from people4d.client import Client, subscribe
     from people4d.errors import ConfigError, DecodeError, People4dError
-    from people4d.messages import Gait, Health, ImageTrack, ImageTracks, Message, Track, Tracks
+    from people4d.messages import (
+        Gait,
+        Health,
+        ImageTrack,
+        ImageTracks,
+        Message,
+        Predictions,
+        Skeletons,
+        Track,
+        Tracks,
+    )
 
 __all__ = [
     "Client",
@@ -22,6 +32,8 @@ __all__ = [
     "ImageTracks",
     "Message",
     "People4dError",
+    "Predictions",
+    "Skeletons",
     "Track",
     "Tracks",
     "subscribe",

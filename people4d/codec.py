@@ -4,8 +4,11 @@ On the wire a message is one map: `message` (type), `version`, then its fields b
 is a map of `dtype` (numpy name, little-endian), `shape` and `data` (row-major bytes).
 """
 
+import contextlib
 import itertools
+import threading
 from collections.abc import Callable
+from functools import cache
 from typing import Any, get_args
 
 import msgpack
@@ -25,6 +28,8 @@ MAX_CONTAINERS = 65536
 MAX_AXES = 4
 
 MESSAGES: dict[str, type[Message]] = {topic.message.__name__: topic.message for topic in TOPICS}
+_prepared = threading.Event()  # msgspec has what it needs of every type
+_preparing = threading.Lock()
 
 
 def encode(message: Message, publishing: Callable[[], Span] | None = None) -> bytes:
@@ -71,10 +76,21 @@ def decode(payload: bytes) -> Message:
             f"{name}: expected version {kind.VERSION}, got {describe(version)}",
             "Run the same people4d release on all machines.",
         )
+    if not _prepared.is_set():
+        _prepare()
     try:
         return msgspec.convert(fields, kind, dec_hook=_map_to_array)
     except (msgspec.ValidationError, RecursionError) as error:
         raise DecodeError(explain(error, fields, kind.__name__)) from error
+
+
+def _prepare() -> None:
+    """Let msgspec examine all types in one thread: in two at once, it crashes the process."""
+    with _preparing:
+        for kind in MESSAGES.values():
+            with contextlib.suppress(msgspec.ValidationError):
+                msgspec.convert({}, kind, dec_hook=_map_to_array)
+        _prepared.set()
 
 
 def _unpack(payload: bytes) -> dict[str, Any]:
@@ -114,29 +130,42 @@ def _array_to_map(value: Any) -> Any:
         return value.item()
     if not isinstance(value, np.ndarray):
         raise NotImplementedError(f"cannot encode {type(value).__name__}")
-    array = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
+    name, on_wire = _wire_type(value.dtype)
+    array = np.ascontiguousarray(value, on_wire)
     # A memoryview cannot be cast while an axis has no length.
     data = array.data.cast("B") if array.size else b""
-    return {"dtype": value.dtype.name, "shape": value.shape, "data": data}
+    return {"dtype": name, "shape": value.shape, "data": data}
+
+
+@cache
+def _wire_type(dtype: np.dtype[Any]) -> tuple[str, np.dtype[Any]]:
+    """Return the name of a type of numbers, and that type with the bytes as on the wire."""
+    return dtype.name, dtype.newbyteorder("<")
+
+
+@cache
+def _annotated_type(kind: Any) -> tuple[str, np.dtype[Any]]:
+    """Return the same of the annotation of an array."""
+    return _wire_type(np.dtype(get_args(get_args(kind)[1])[0]))
 
 
 def _map_to_array(kind: Any, value: Any) -> npt.NDArray[Any]:
-    want = np.dtype(get_args(get_args(kind)[1])[0])
+    name, on_wire = _annotated_type(kind)
     if not isinstance(value, dict) or value.keys() != {"dtype", "shape", "data"}:
         raise ValueError(f"expected an array (dtype, shape, data), got {type(value).__name__}")
     shape, data = value["shape"], value["data"]
-    if value["dtype"] != want.name:
-        raise ValueError(f"expected dtype {want.name}, got {describe(value['dtype'])}")
+    if value["dtype"] != name:
+        raise ValueError(f"expected dtype {name}, got {describe(value['dtype'])}")
     if not isinstance(data, bytes):
         raise ValueError(f"expected bytes as data, got {type(data).__name__}")
     if not isinstance(shape, list) or len(shape) > MAX_AXES:
         raise ValueError(f"expected a shape of at most {MAX_AXES} axes, got {describe(shape)}")
-    if not all(type(n) is int and 0 <= n <= MAX_BYTES for n in shape):
-        lengths = ", ".join(map(describe, shape))
-        raise ValueError(f"expected a shape of lengths from 0 to {MAX_BYTES}, got {lengths}")
-    size = want.itemsize
+    size = on_wire.itemsize
     for n in shape:
+        if type(n) is not int or not 0 <= n <= MAX_BYTES:
+            lengths = ", ".join(map(describe, shape))
+            raise ValueError(f"expected a shape of lengths from 0 to {MAX_BYTES}, got {lengths}")
         size *= n
     if len(data) != size:
         raise ValueError(f"expected {size} bytes for shape {shape}, got {len(data)}")
-    return np.frombuffer(data, want.newbyteorder("<")).reshape(shape)
+    return np.frombuffer(data, on_wire).reshape(shape)

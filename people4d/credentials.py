@@ -20,7 +20,7 @@ def settings(folder: Path, mode: str, role: str = "") -> dict[str, Any]:
 
     Args:
         folder: Folder of certificates or passwords.
-        mode: "router", "peer" or "client".
+        mode: "router", "peer", "client" or "area".
         role: Role to prove; empty: the only one in the folder, else the operator.
 
     Returns:

@@ -29,3 +29,7 @@ class SourceError(People4dError):
 
 class ModelError(People4dError):
     """A model file is absent, altered or not of the expected form."""
+
+
+class CalibrationError(People4dError):
+    """Observations do not determine the poses of cameras."""

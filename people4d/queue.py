@@ -5,14 +5,20 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from heapq import heapify, heappop, heappush
 
 from people4d.codec import decode
 from people4d.errors import DecodeError
 from people4d.messages import Message, RgbdFrame, Tracks
-from people4d.topics import ForeignTopic, Topic
+from people4d.topics import BY_MESSAGE, ForeignTopic, Topic
 
 FRESH_S = 3.0
+# Of all messages that wait, however many keys they came on; beyond it the oldest are dropped
+WAITING_MAX = 2048
+WAITING_MAX_BYTES = 128 * 2**20  # encoded
+OUTDATED_MAX = 64  # entries of messages that newer ones replaced
+SOURCES_MAX = 1024  # publishers whose sequence numbers are followed
 
 
 @dataclass(frozen=True)
@@ -23,24 +29,48 @@ class Arrival:
     received_ns: int  # wall clock when its bytes were there
     decoded_ns: int  # wall clock when it was decoded
     ticket: int = -1  # order in which messages were taken out
+    size: int = 0  # [bytes] encoded
+
+
+class RefusedPayload(bytes):
+    """Stands for a payload that is not read: empty.
+
+    Args:
+        reason: What was expected, and what came.
+    """
+
+    def __new__(cls, reason: str) -> "RefusedPayload":
+        """Return it."""
+        made = super().__new__(cls)
+        made.reason = reason
+        return made
+
+    reason: str
 
 
 class MessageQueue:
     """One bounded queue per key, emptied oldest first across keys.
 
     Of a "newest" topic only the newest messages wait, unless they must not be skipped (lock-step).
-    Bytes that do not decode, messages pushed out and gaps in the sequence are counted.
+    Bytes that do not decode, messages pushed out and gaps in the sequence are counted. However many
+    keys there are, what waits is limited in bytes, and only keys with waiting messages cost time.
 
     Args:
         newest: Number of messages of a "newest" topic that wait.
+        counts_gaps: False where messages are left out on purpose.
     """
 
-    def __init__(self, newest: int = 1) -> None:
-        self._newest = newest
+    def __init__(self, newest: int = 1, counts_gaps: bool = True) -> None:
+        self._newest, self._counts_gaps = newest, counts_gaps
         self.counters: Counter[str] = Counter()
         self.last_error = ""
         self._failed_s = -math.inf
-        self._queues: dict[str, deque[Arrival]] = {}
+        self._queues: dict[str, deque[Arrival]] = {}  # by key, none of them empty
+        # Oldest message of each key with the number of its entry, as a heap; others are outdated
+        self._order: list[tuple[int, int, str]] = []
+        self._entries: dict[str, int] = {}  # number of the valid entry, by key
+        self._entered = 0
+        self._waiting = self._waiting_bytes = 0
         self._last: dict[str, int] = {}
         self._changed = threading.Condition()
         self._woken = False
@@ -60,6 +90,8 @@ class MessageQueue:
         self, topic: Topic, key: str, payload: bytes, received_ns: int, again: bool = False
     ) -> None:
         try:
+            if isinstance(payload, RefusedPayload):
+                raise DecodeError(f"{topic.name}: {payload.reason}")
             message = topic.decode(payload) if isinstance(topic, ForeignTopic) else decode(payload)
             if type(message) is not topic.message:
                 raise DecodeError(
@@ -71,22 +103,35 @@ class MessageQueue:
                 self.last_error = str(error)
                 self._failed_s = time.monotonic()
             return
-        arrival = Arrival(message, received_ns, time.time_ns())
+        arrival = Arrival(message, received_ns, time.time_ns(), size=len(payload))
+        self._add(topic, key, arrival, again)
+
+    def _add(self, topic: Topic, key: str, arrival: Arrival, again: bool = False) -> None:
+        message = arrival.message
         with self._changed:
             if not again:
                 # Tracks of several cameras come on one key, each with its camera's numbers.
                 source = f"{key} {message.camera}" if isinstance(message, Tracks) else key
                 self._count_gap(topic, source, message.sequence)
-            queue = self._queues.setdefault(key, deque())
             skippable = not (isinstance(message, RgbdFrame) and message.lockstep)
             is_newest = topic.delivery == "newest" and skippable
             keep = (self._newest if is_newest else topic.depth) - 1
-            while len(queue) > keep:
-                queue.popleft()
+            while len(self._queues.get(key, ())) > keep:
+                self._pop(key)
                 self.counters[f"dropped_{topic.name}"] += 1
+            queue = self._queues.setdefault(key, deque())
             queue.append(arrival)
+            self._waiting, self._waiting_bytes = (
+                self._waiting + 1,
+                self._waiting_bytes + arrival.size,
+            )
             if again:  # it has waited longest
                 queue.rotate()
+            if queue[0] is arrival:
+                self._enter(key)
+            while self._waiting > 1 and self._is_full():
+                dropped = BY_MESSAGE.get(type(self._pop_oldest().message), topic)
+                self.counters[f"dropped_{dropped.name}"] += 1
             self._changed.notify()
 
     def follow(self, subscription: Iterable[tuple[str, bytes]], topic: Topic) -> threading.Thread:
@@ -95,6 +140,7 @@ class MessageQueue:
         def receive() -> None:
             for key, payload in subscription:
                 self.put(topic, key, payload)
+                del payload  # it would take memory until the next one comes
 
         thread = threading.Thread(target=receive, name=topic.name, daemon=True)
         thread.start()
@@ -110,14 +156,13 @@ class MessageQueue:
             The message; None when the time is up or `wake` was called.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._woken or any(self._queues.values()), timeout_s)
+            self._changed.wait_for(lambda: self._woken or self._queues, timeout_s)
             self._woken = False
-            waiting = [queue for queue in self._queues.values() if queue]
-            if not waiting:
+            if not self._queues:
                 return None
-            oldest = min(waiting, key=lambda queue: queue[0].received_ns).popleft()
+            oldest = self._pop_oldest()
             self._taken += 1
-            return Arrival(oldest.message, oldest.received_ns, oldest.decoded_ns, self._taken - 1)
+            return replace(oldest, ticket=self._taken - 1)
 
     def wake(self) -> None:
         """End a waiting `get` now."""
@@ -129,11 +174,43 @@ class MessageQueue:
         """Check that bytes failed to decode within the last seconds."""
         return time.monotonic() - self._failed_s < FRESH_S
 
+    def _is_full(self) -> bool:
+        return self._waiting > WAITING_MAX or self._waiting_bytes > WAITING_MAX_BYTES
+
+    def _pop_oldest(self) -> Arrival:
+        while True:  # most entries are valid
+            _, number, key = heappop(self._order)
+            if self._entries.get(key) == number:
+                return self._pop(key)
+
+    def _enter(self, key: str) -> None:
+        """Enter the first message of a key into the order of all keys."""
+        self._entered += 1
+        self._entries[key] = self._entered
+        heappush(self._order, (self._queues[key][0].received_ns, self._entered, key))
+        if len(self._order) > 2 * len(self._queues) + OUTDATED_MAX:
+            self._order = [
+                entry for entry in self._order if self._entries.get(entry[2]) == entry[1]
+            ]
+            heapify(self._order)
+
+    def _pop(self, key: str) -> Arrival:
+        queue = self._queues[key]
+        arrival = queue.popleft()
+        if queue:
+            self._enter(key)
+        else:
+            del self._queues[key], self._entries[key]
+        self._waiting, self._waiting_bytes = self._waiting - 1, self._waiting_bytes - arrival.size
+        return arrival
+
     def _count_gap(self, topic: Topic, source: str, sequence: int) -> None:
         self.counters[f"received_{topic.name}"] += 1
-        last = self._last.get(source)
-        self._last[source] = sequence
-        numbered = topic.delivery == "newest" or topic.message is Tracks
+        last = self._last.pop(source, None)
+        self._last[source] = sequence  # the one heard of last is the last to be forgotten
+        if len(self._last) > SOURCES_MAX:
+            del self._last[next(iter(self._last))]
+        numbered = self._counts_gaps and (topic.delivery == "newest" or topic.message is Tracks)
         # A sequence that goes back is a restarted publisher, not a gap.
         if numbered and last is not None and sequence > last + 1:
             self.counters[f"gaps_{topic.name}"] += sequence - last - 1

@@ -1,9 +1,12 @@
 """Zenoh sessions of a robot's network: configuration, credentials and subscriptions."""
 
+import contextlib
+import ctypes
 import json
 import os
 import re
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,13 +17,15 @@ import zenoh.ext
 from people4d import credentials
 from people4d.errors import ConfigError, People4dError
 from people4d.messages.base import check_name
-from people4d.topics import LOCKSTEP_MAX, Topic, prefix, query_key
+from people4d.queue import RefusedPayload
+from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX, LOCKSTEP_MAX, Topic, prefix, query_key
 
 BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")  # of the machine that Zenoh was built on
 
 CONFIGS = Path(__file__).parent / "zenoh"
 CLOSE_S = 2.0
 ANSWER_S = 2.0
+KEY_FORGOTTEN_S = 10.0  # without a message, after which a key makes room for another
 ENCRYPTED = ("tls", "quic")
 IGNORED = {("connect", "router"), ("listen", "client")}
 
@@ -33,7 +38,7 @@ def read_config(
     Args:
         file: The file, or a folder of one for each mode; None for $PEOPLE4D_ZENOH, else the
             shipped ones.
-        default: Mode, which names the file in a folder: "peer", "router" or "client".
+        default: Mode, which names the file in a folder: "peer", "router", "client" or "area".
         environment: PEOPLE4D_CONNECT and PEOPLE4D_LISTEN (endpoints, comma-separated) win over the
             file, so that one file serves every host; the others are in docs/launch/hosts.md;
             None for the process's own environment.
@@ -105,29 +110,96 @@ def _open(config: zenoh.Config) -> zenoh.Session:
         ) from error
 
 
-class ZenohSubscription:
-    """Payloads of one topic; iterate in a thread of its own."""
+class KeyLimit:
+    """Bound on the keys of a subscription, against invented names.
 
-    def __init__(self, subscriber: Any) -> None:
+    Those that are heard of stay; a new one takes the slot of one that was silent for long.
+
+    Args:
+        keys_max: Number of keys.
+    """
+
+    def __init__(self, keys_max: int) -> None:
+        self.keys_max = keys_max
+        self._heard_s: dict[str, float] = {}  # monotonic, the one heard of last is the last
+
+    def admits(self, key: str, now_s: float) -> bool:
+        """Note a message; return False if there are too many other keys."""
+        if self._heard_s.pop(key, None) is None and len(self._heard_s) >= self.keys_max:
+            oldest = next(iter(self._heard_s))
+            if now_s - self._heard_s[oldest] < KEY_FORGOTTEN_S:
+                return False
+            del self._heard_s[oldest]
+        self._heard_s[key] = now_s
+        return True
+
+
+class ZenohSubscription:
+    """Payloads of one topic; iterate in a thread of its own.
+
+    Args:
+        subscriber: Of Zenoh.
+        max_bytes: Longest payload that is read.
+        keys_max: Keys of which payloads are read.
+        but: Identifier of a session whose payloads are passed over; None: of none.
+    """
+
+    def __init__(
+        self,
+        subscriber: Any,
+        max_bytes: int = IMAGE_MAX_BYTES,
+        keys_max: int = KEYS_MAX,
+        but: str | None = None,
+    ) -> None:
         self._subscriber = subscriber
+        self._max_bytes = max_bytes
+        self._keys = KeyLimit(keys_max)
+        self._but = but
         self._closed = False
         self._receiving = threading.Lock()
 
     def __iter__(self) -> Iterator[tuple[str, bytes]]:
-        """Yield key and payload until closed."""
-        for sample in self.samples():
-            if sample.kind == zenoh.SampleKind.PUT:
-                yield str(sample.key_expr), sample.payload.to_bytes()
+        """Yield key and payload until closed, `RefusedPayload` for one that is not to be read."""
+        while (sample := self._receive()) is not None:
+            if sample.kind == zenoh.SampleKind.PUT and not self._is_passed_over(sample):
+                key, size = str(sample.key_expr), len(sample.payload)
+                if size > self._max_bytes:
+                    text = f"expected at most {self._max_bytes} bytes, got {size}"
+                    received = key, RefusedPayload(text)
+                elif not self._keys.admits(key, time.monotonic()):
+                    text = f"expected at most {self._keys.keys_max} publishers at once, got more"
+                    received = key, RefusedPayload(text)
+                else:
+                    received = key, sample.payload.to_bytes()
+                del sample  # it would take memory until the next one comes
+                if size > self._max_bytes:
+                    _release_memory()
+                yield received
+                del received
 
     def samples(self) -> Iterator[Any]:
         """Yield all samples, as Zenoh gives them, until closed."""
-        while not self._closed:
-            try:
-                with self._receiving:
-                    sample = self._subscriber.handler.recv()
-            except zenoh.ZError:
-                return
+        while (sample := self._receive()) is not None:
             yield sample
+            del sample  # it would take memory until the next one comes
+
+    def _is_passed_over(self, sample: Any) -> bool:
+        # The cache of this session replies to its own subscribers, too.
+        source = sample.source_info if self._but else None
+        return source is not None and str(source.source_id.zid) == self._but
+
+    def _receive(self) -> Any:
+        """Wait for a sample; None once closed."""
+        try:
+            with self._receiving:
+                return None if self._closed else self._subscriber.handler.recv()
+        except zenoh.ZError:
+            return None
+
+    @property
+    def closed(self) -> bool:
+        """True once the iteration was ended."""
+        return self._closed
 
     def close(self) -> None:
         """End the iteration."""
@@ -176,16 +248,17 @@ class ZenohSession:
         channel: Any = zenoh.handlers.RingChannel(
             LOCKSTEP_MAX if topic.delivery == "newest" else topic.depth
         )
+        origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
         subscriber: Any
         if topic.delivery == "latched":
             history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
             subscriber = zenoh.ext.declare_advanced_subscriber(
-                self._session, key, channel, history=history
+                self._session, key, channel, allowed_origin=origin, history=history
             )
         else:
-            origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
             subscriber = self._session.declare_subscriber(key, channel, allowed_origin=origin)
-        return self._keep(subscriber)
+        self_id = None if own else str(self._session.info.zid())
+        return self._keep(subscriber, topic.max_bytes, topic.keys_max, self_id)
 
     def present(self) -> list[tuple[str, str, str]]:
         """Return robot, service and instance of every live process, of all robots."""
@@ -197,16 +270,24 @@ class ZenohSession:
         return [(robot, service, instance) for *_, robot, _, service, instance in parts]
 
     def query(self, name: str, on_reply: Callable[[bytes], None]) -> None:
-        """Send a query; `on_reply` gets the reply in another thread, or is never called."""
-        channel: Any = zenoh.handlers.FifoChannel(1)
-        replies = self._session.get(query_key(self.robot, name), channel, timeout=ANSWER_S)
+        """Send a query; `on_reply` gets the reply in another thread, or is never called.
 
-        def receive() -> None:
+        It is not sent while one of the same name is under way.
+        """
+        channel: Any = zenoh.handlers.FifoChannel(1)
+
+        def ask() -> None:  # a congested link holds up a query, so the caller does not send it
+            try:
+                replies = self._session.get(query_key(self.robot, name), channel, timeout=ANSWER_S)
+            except zenoh.ZError:  # the session was closed
+                return
             for reply in replies:
                 if reply.ok:
                     on_reply(reply.ok.payload.to_bytes())
 
-        self._start(receive, f"query {name}")
+        thread_name = f"query {name}"
+        if all(thread.name != thread_name for thread in self._threads if thread.is_alive()):
+            self._start(ask, thread_name)
 
     def close(self) -> None:
         """End all subscriptions and leave the network."""
@@ -217,8 +298,15 @@ class ZenohSession:
         for thread in self._threads:
             thread.join(CLOSE_S)
 
-    def _keep(self, subscriber: Any) -> ZenohSubscription:
-        self._subscriptions.append(ZenohSubscription(subscriber))
+    def _keep(
+        self,
+        subscriber: Any,
+        max_bytes: int = IMAGE_MAX_BYTES,
+        keys_max: int = KEYS_MAX,
+        but: str | None = None,
+    ) -> ZenohSubscription:
+        self._subscriptions = [one for one in self._subscriptions if not one.closed]
+        self._subscriptions.append(ZenohSubscription(subscriber, max_bytes, keys_max, but))
         return self._subscriptions[-1]
 
     def _start(self, work: Callable[[], None], name: str) -> None:
@@ -226,6 +314,15 @@ class ZenohSession:
         self._threads = [thread for thread in self._threads if thread.is_alive()]
         self._threads.append(threading.Thread(target=work, name=name, daemon=True))
         self._threads[-1].start()
+
+
+def _release_memory() -> None:
+    """Return freed memory to the system, where the C library can.
+
+    Zenoh receives a long payload in pieces, which otherwise stay in the arenas of its threads.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def check_chunk(field: str, name: str) -> None:

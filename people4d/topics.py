@@ -6,27 +6,37 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from people4d.messages import (
+    AreaPeople,
     CameraInfo,
     CompressedRgbdFrame,
     Crops,
     Detections,
     Embeddings,
+    Event,
     Gait,
     Health,
     ImageTracks,
     Message,
     MovingTransform,
     Odometry,
+    Predictions,
     RgbdFrame,
     Score,
+    Skeletons,
     StaticTransform,
     Tracks,
     Truth,
+    ZoneEdit,
+    Zones,
 )
 
 VERSION = "v1"
 EVERY_SERVICE = "every service"
 LOCKSTEP_MAX = 8  # frames in flight at once where none may be skipped
+IMAGE_MAX_BYTES = 64 * 2**20  # of one message with images
+OTHER_MAX_BYTES = 16 * 2**20  # of any other message
+# Keys of a topic of which a subscriber reads at once; of transforms, which have one for each frame
+KEYS_MAX, TRANSFORMS_MAX = 256, 1024
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,17 @@ class Topic:
     readers: str = field(default="", kw_only=True)
     # it may leave the host that it was made on, where access is restricted
     leaves_host: bool = field(default=True, kw_only=True)
+
+    @property
+    def max_bytes(self) -> int:
+        """Longest message in bytes; longer ones are dropped before they are read."""
+        return IMAGE_MAX_BYTES if self.key.startswith("raw/") else OTHER_MAX_BYTES
+
+    @property
+    def keys_max(self) -> int:
+        """Keys that are read at once; messages on further ones are dropped before they are read."""
+        is_transform = self.key.startswith(("transforms/", "moving/"))
+        return TRANSFORMS_MAX if is_transform else KEYS_MAX
 
     @property
     def producers(self) -> frozenset[str]:
@@ -95,28 +116,46 @@ class _Fields(dict[str, str]):
 # fmt: off
 TOPICS: tuple[Topic, ...] = (
     Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 32, "camera",
-          readers="detector gait visual_odometry report operator", leaves_host=False),
+          readers="dashboard detector gait visual_odometry report operator", leaves_host=False),
     Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 32, "camera",
-          readers="detector report operator"),
+          readers="dashboard detector report operator"),
     Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera",
-          readers="detector tracker gait visual_odometry gt_bridge report planner operator"),
+          readers="dashboard detector tracker skeleton gait visual_odometry gt_bridge report "
+                  "planner operator"),
     Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera",
-          readers="tracker gait visual_odometry gt_bridge report planner operator"),
+          readers="dashboard events tracker skeleton gait visual_odometry gt_bridge predictor "
+                  "ros2_bridge report planner operator"),
     Topic("moving_transforms", "moving/{child}", MovingTransform, 50, "queue", 256,
           "camera visual_odometry",
-          readers="tracker gait gt_bridge report operator"),
+          readers="dashboard events tracker skeleton gait gt_bridge predictor ros2_bridge report "
+                  "operator"),
     Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera visual_odometry",
-          readers="tracker gait visual_odometry gt_bridge report operator"),
+          readers="dashboard events tracker skeleton gait visual_odometry gt_bridge predictor "
+                  "ros2_bridge report operator"),
     Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector",
-          readers="camera detector tracker gait visual_odometry gt_bridge report operator"),
+          readers="dashboard camera detector tracker skeleton gait visual_odometry gt_bridge "
+                  "ros2_bridge report operator"),
     Topic("crops", "raw/{camera}/crops", Crops, 30, "queue", 8, "detector",
           readers="reid operator", leaves_host=False),
     Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid",
           readers="reid tracker operator"),
-    Topic("people", "people", Tracks, 30, "queue", 64, "tracker",
-          readers="camera tracker gait gt_bridge report planner operator"),
+    Topic("people", "people", Tracks, 30, "queue", 64, "tracker site",
+          readers="dashboard events camera tracker skeleton gait gt_bridge predictor ros2_bridge "
+                  "report site planner operator"),
+    Topic("area_people", "area_people", AreaPeople, 4, "queue", 16, "tracker",
+          readers="tracker operator"),
     Topic("gait", "gait", Gait, 30, "queue", 64, "gait",
           readers="report planner operator"),
+    Topic("predictions", "predictions", Predictions, 10, "queue", 64, "predictor",
+          readers="dashboard ros2_bridge report planner operator"),
+    Topic("skeletons", "skeletons", Skeletons, 30, "queue", 64, "skeleton",
+          readers="dashboard report planner operator"),
+    Topic("events", "events", Event, 1, "queue", 256, "events",
+          readers="dashboard planner operator"),
+    Topic("zones", "zones", Zones, 0, "latched", 8, "events",
+          readers="dashboard planner operator"),
+    Topic("zone_edits", "zone_edits", ZoneEdit, 1, "queue", 8, "dashboard",
+          readers="events operator"),
     Topic("boxes", "boxes/{camera}", ImageTracks, 30, "queue", 64, "tracker",
           readers="planner operator"),
     Topic("truth", "truth", Truth, 100, "queue", 256, "gt_bridge",

@@ -20,13 +20,23 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 import msgspec
 import numpy as np
 
-from people4d.codec import MAX_BYTES
 from people4d.messages import Message
 from people4d.messages.base import NAME_FORM, Name, Record
-from people4d.topics import TOPICS, VERSION, Topic
-from people4d.validation import Shape, range_text
+from people4d.topics import IMAGE_MAX_BYTES, OTHER_MAX_BYTES, TOPICS, VERSION, Topic
+from people4d.validation import Magnitude, Shape, range_text
 
-SOURCES = ("base", "camera", "people", "gait", "score", "status")
+SOURCES = (
+    "base",
+    "camera",
+    "people",
+    "areas",
+    "gait",
+    "prediction",
+    "events",
+    "score",
+    "skeleton",
+    "status",
+)
 TEMPLATE = Path(__file__).with_name("message_docs.template.md")
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "development" / "messages.md"
 
@@ -119,7 +129,7 @@ def _kind(hint: Any) -> str:
 def _annotated(kind: Any, *extras: Any) -> str:
     words = _kind(kind)
     for extra in extras:
-        if isinstance(extra, Shape):
+        if isinstance(extra, Shape | Magnitude):
             words += f" {extra}"
         elif isinstance(extra, msgspec.Meta) and kind in (int, float):
             words += f" {range_text([extra])}"
@@ -153,7 +163,8 @@ def generate() -> str:
     versions = [f'"{message.__name__}": {message.VERSION},' for message in topics]
     return TEMPLATE.read_text("utf-8").format(
         version=VERSION,
-        max_mib=MAX_BYTES // 2**20,
+        image_max_mib=IMAGE_MAX_BYTES // 2**20,
+        other_max_mib=OTHER_MAX_BYTES // 2**20,
         name_form=NAME_FORM,
         versions="\n".join(f"    {' '.join(row)}" for row in batched(versions, 4)),
         topics=_topics(),

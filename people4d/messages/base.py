@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import Meta
 
-from people4d.validation import FINITE_ARRAY, INFINITE, Rule, Shape, check, require
+from people4d.validation import FINITE_ARRAY, INFINITE, Magnitude, Rule, Shape, check, require
 
 # A dot or dash at the start would make "..", a hidden file or a flag of a name.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
@@ -20,6 +20,11 @@ NAME_FORM = "1 to 64 of A-Z a-z 0-9 _ . -, not . or - first"
 MAX_TRACE = 64
 MAX_SIDE = 16384  # [px]
 MAX_PIXELS = 4096 * 4096  # more is no RGB-D camera; it bounds what is allocated for an image
+# Beyond these a value is a fault of its sender, and squares and sums would overflow downstream.
+MAX_STAMP_NS = 2**62  # [ns] the year 2116; sums and differences of two stamps fit 64 bits
+MAX_M = 1e7  # [m] from the origin, and [m/s]; coordinates of UTM stay below
+MAX_COVARIANCE = 1e14  # [m^2] square of that
+MAX_PX = 1e6  # [px] a position in or beside an image
 MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
 
 Positive = Annotated[float, Meta(gt=0)]
@@ -47,13 +52,15 @@ U16 = npt.NDArray[np.uint16]
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
-Vector2 = Annotated[F64, Shape(2)]
-Vector3 = Annotated[F64, Shape(3)]
-Matrix3 = Annotated[F64, Shape(3, 3)]
-Matrix4 = Annotated[F64, Shape(4, 4)]
-Matrix6 = Annotated[F64, Shape(6, 6)]
-Box = Annotated[F32, Shape(4)]
-Keypoints = Annotated[F32, Shape(17, 3)]
+Metres = Annotated[float, Meta(ge=-MAX_M, le=MAX_M)]
+Radians = Annotated[float, Meta(ge=-100, le=100)]
+Vector2 = Annotated[F64, Shape(2), Magnitude(MAX_M)]
+Vector3 = Annotated[F64, Shape(3), Magnitude(MAX_M)]
+Matrix3 = Annotated[F64, Shape(3, 3), Magnitude(MAX_COVARIANCE)]
+Matrix4 = Annotated[F64, Shape(4, 4), Magnitude(MAX_M)]
+Matrix6 = Annotated[F64, Shape(6, 6), Magnitude(MAX_COVARIANCE)]
+Box = Annotated[F32, Shape(4), Magnitude(MAX_PX)]
+Keypoints = Annotated[F32, Shape(17, 3), Magnitude(MAX_PX)]
 RgbImage = Annotated[
     U8,
     Shape("H", "W", 3),
@@ -61,11 +68,15 @@ RgbImage = Annotated[
 ]
 
 
+# The same of spans, which are no records: msgspec checks it when it decodes.
+PlainText = Annotated[str, Meta(max_length=256, pattern=r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]*$")]
+
+
 class Span(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One stage that a message passed, on the clock of the host named by its process."""
 
-    stage: str  # "<service>.<stage>", for example "detector.inference"
-    process: str  # instance that did the work, "<instance>@<host>"
+    stage: PlainText  # "<service>.<stage>", for example "detector.inference"
+    process: PlainText  # instance that did the work, "<instance>@<host>"
     start_ns: int  # [ns] wall clock (Unix epoch) when the stage began
     end_ns: int  # [ns] wall clock (Unix epoch) when the stage ended
 
@@ -88,7 +99,7 @@ class Message(Record, frozen=True, kw_only=True):
     VERSION: ClassVar[int] = 1
 
     # [ns] acquisition time of the data (Unix epoch, or the recording's own clock)
-    stamp_ns: Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
+    stamp_ns: Annotated[int, Meta(ge=-MAX_STAMP_NS, le=MAX_STAMP_NS)]
     # counts up by one per frame of a camera, else per message of its publisher
     sequence: Annotated[int, Meta(ge=0, le=MAX_SEQUENCE)]
     # stages passed so far, oldest first

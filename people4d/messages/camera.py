@@ -3,21 +3,28 @@
 from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from people4d.messages.base import (
+    MAX_PX,
     U16,
     ImageSide,
     Matrix3,
     Matrix4,
     Message,
+    Metres,
     Name,
-    Positive,
+    Radians,
     RgbImage,
     Vector3,
     check_size,
 )
 from people4d.validation import Shape
 
+FocalLength = Annotated[float, Meta(ge=1, le=1e5)]
+Pixel = Annotated[float, Meta(ge=-MAX_PX, le=MAX_PX)]
+Coefficient = Annotated[float, Meta(ge=-1e4, le=1e4)]
+Range = Annotated[float, Meta(gt=0, le=1e3)]
 DISTORTION_LENGTHS = {"none": (0,), "plumb_bob": (4, 5), "rational_polynomial": (8,)}
 
 
@@ -28,13 +35,14 @@ class CameraInfo(Message, frozen=True, kw_only=True):
     frame_id: Name  # name of its optical frame: x right, y down, z forward
     width: ImageSide  # [px] of the images
     height: ImageSide  # [px] of the images
-    fx: Positive  # [px] focal length, horizontal
-    fy: Positive  # [px] focal length, vertical
-    cx: float  # [px] principal point, horizontal
-    cy: float  # [px] principal point, vertical
+    fx: FocalLength  # [px] focal length, horizontal
+    fy: FocalLength  # [px] focal length, vertical
+    cx: Pixel  # [px] principal point, horizontal
+    cy: Pixel  # [px] principal point, vertical
     distortion_model: str = "none"  # "none", "plumb_bob" (4 or 5) or "rational_polynomial" (8)
-    distortion: tuple[float, ...] = ()  # coefficients in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6
-    max_depth_m: Positive = 5.0  # [m] readings beyond are invalid
+    # coefficients in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6
+    distortion: tuple[Coefficient, ...] = ()
+    max_depth_m: Range = 5.0  # [m] readings beyond are invalid
 
     def __post_init__(self) -> None:
         """Check that the calibration can be used."""
@@ -118,9 +126,9 @@ class Odometry(Message, frozen=True, kw_only=True):
 
     frame_id: Name  # frame of the pose, for example "odom"
     child_frame_id: Name  # frame of the base, for example "base_link"
-    x_m: float  # [m] frame: frame_id, forward at start
-    y_m: float  # [m] frame: frame_id, left at start
-    theta_rad: float  # [rad] yaw, counter-clockwise, in (-pi, pi]
+    x_m: Metres  # [m] frame: frame_id, forward at start
+    y_m: Metres  # [m] frame: frame_id, left at start
+    theta_rad: Radians  # [rad] yaw, counter-clockwise, in (-pi, pi]
     covariance: Matrix3 | None = None  # [m, rad] of x, y, theta; absent if unknown
     # [m/s, rad/s] vx, vy, omega in child_frame_id; absent if unknown
     twist: Vector3 | None = None

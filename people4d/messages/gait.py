@@ -30,7 +30,7 @@ class BodyPoint(Record, frozen=True, kw_only=True):
 class GaitMeasures(Record, frozen=True, kw_only=True):
     """Gait of a person over the last seconds; empty while standing."""
 
-    steps: Count = 0  # number that the measures come from
+    steps: Count = 0  # number of steps in these seconds
     step_length_m: float | None = None  # [m] along the path, from one foot to the other; or absent
     # [m] from one contact of a foot to its next one; or absent
     stride_length_m: float | None = None

@@ -1,12 +1,16 @@
 """Messages about people: detections, appearance, tracks and motion-capture truth."""
 
+import math
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from people4d.messages.base import (
     F32,
     F64,
+    MAX_M,
+    MAX_PX,
     U8,
     Box,
     Count,
@@ -17,15 +21,18 @@ from people4d.messages.base import (
     Matrix6,
     Message,
     Name,
-    Positive,
     PositiveInt,
     Probability,
+    Radians,
     Record,
     RgbImage,
+    Text,
     Vector3,
     check_size,
 )
-from people4d.validation import Shape
+from people4d.validation import Magnitude, Shape
+
+CLEARLY_POSITIVE = 1e-9  # least eigenvalue over the largest, at which rounding errors are small
 
 
 class Mask(Record, frozen=True, kw_only=True):
@@ -65,20 +72,21 @@ class Detection(Record, frozen=True, kw_only=True):
     score: Probability  # detection confidence
     # [px] u, v, confidence (0 to 1), COCO order; absent if none
     keypoints: Keypoints | None = None
+    # [m] depth of the surface at each keypoint, 0 where none is read; absent if unknown
+    keypoint_depths_m: Annotated[F32, Shape(17), Magnitude(MAX_M)] | None = None
     mask: Mask | None = None  # instance mask; absent if the model gives none
     position_m: Vector3 | None = None  # [m] frame: camera optical; absent if depth gave none
     # [m^2] covariance of position_m, frame: camera optical; absent if unknown
     position_covariance_m2: Matrix3 | None = None
     heading: Vector3 | None = None  # unit, frame: camera optical; of the chest; absent if unknown
     # [rad] standard deviation about the vertical; absent if unknown
-    heading_sigma_rad: Positive | None = None
+    heading_sigma_rad: Annotated[float, Meta(gt=0, le=100)] | None = None
 
     def __post_init__(self) -> None:
         """Check the fields, and that the heading is a unit vector."""
         super().__post_init__()
         self._check_covariance()
-        with np.errstate(over="ignore"):
-            length = 1.0 if self.heading is None else float(np.linalg.norm(self.heading))
+        length = 1.0 if self.heading is None else math.hypot(*self.heading.tolist())
         if abs(length - 1) > 1e-3:
             raise ValueError(f"heading: expected unit length, got {length}")
 
@@ -88,11 +96,21 @@ class Detection(Record, frozen=True, kw_only=True):
             return
         if self.position_m is None:
             raise ValueError("position_covariance_m2: expected with position_m only")
-        if np.any(covariance != covariance.T) or not _is_positive_definite(covariance):
+        if not _is_symmetric_positive_definite(covariance):
             raise ValueError("position_covariance_m2: expected symmetric and positive definite")
 
 
-def _is_positive_definite(matrix: F64) -> bool:
+def _is_symmetric_positive_definite(matrix: F64) -> bool:
+    """Check a matrix (3x3) of finite numbers."""
+    (a, b, c), (b_, d, e), (c_, e_, f) = matrix.tolist()
+    if (b, c, e) != (b_, c_, e_):
+        return False
+    # By the leading minors, which takes a tenth of the time, unless rounding could decide: the
+    # least eigenvalue is at least the determinant over the square of the trace.
+    minor, trace = a * d - b * b, a + d + f
+    determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
+    if a > 0 and minor > 0 and determinant > CLEARLY_POSITIVE * trace**3:
+        return True
     try:
         with np.errstate(all="ignore"):
             return bool(np.linalg.eigvalsh(matrix)[0] > 0)
@@ -107,25 +125,35 @@ class Detections(Message, frozen=True, kw_only=True):
 
     camera: Name  # name of the camera
     frame_id: Name  # optical frame of positions
-    model: str  # name of the detection model
+    model: Text  # name of the detection model
     width: ImageSide  # [px] of the image
     height: ImageSide  # [px] of the image
     detections: tuple[Detection, ...] = ()  # in no particular order; other messages refer by index
-    detector: str = ""  # instance that made them; empty: unknown
+    detector: Text = ""  # instance that made them; empty: unknown
     # instances that share the frames in turn, this one included
-    replicas: tuple[str, ...] = ()
+    replicas: tuple[Text, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the fields and the number of pixels."""
         super().__post_init__()
         check_size(self.width, self.height)
 
+    def at(self, index: int | None) -> Detection | None:
+        """Return the detection that another message refers to; None if there is none."""
+        if index is None or index >= len(self.detections):
+            return None
+        return self.detections[index]
+
+
+# Colour of the pixels of a crop that show what stands before the person: ImageNet's mean
+HIDDEN_RGB = (124, 116, 104)
+
 
 class Crop(Record, frozen=True, kw_only=True):
     """The image of one detected person."""
 
     detection: Index  # index into Detections.detections of the same camera and stamp
-    rgb: RgbImage  # red first, the box cut to the image
+    rgb: RgbImage  # red first, the box cut to the image; HIDDEN_RGB where others hide the person
     # non-zero = person; absent if the model gives none
     mask: Annotated[U8, Shape("H", "W")] | None = None
     keypoints: Keypoints | None = None  # [px] in the crop: u, v, confidence; absent if none
@@ -152,11 +180,12 @@ class Embeddings(Message, frozen=True, kw_only=True):
     """Appearance of the people of one frame."""
 
     camera: Name  # name of the camera
-    model: str  # name of the embedder; only embeddings of one model compare
+    model: Text  # name of the embedder; only embeddings of one model compare
     detections: tuple[
         Index, ...
     ]  # N indices into Detections.detections of the same camera and stamp
-    vectors: Annotated[F32, Shape("N", "D")]  # unit length; cosine distance is 1 - a.b
+    # unit length; cosine distance is 1 - a.b
+    vectors: Annotated[F32, Shape("N", "D"), Magnitude(1e3)]
 
     def __post_init__(self) -> None:
         """Check the fields, and that each detection has one vector."""
@@ -177,7 +206,7 @@ class Track(Record, frozen=True, kw_only=True):
     velocity_mps: Vector3  # [m/s] frame: Tracks.frame_id
     covariance: Matrix6  # [m, m/s] of position and velocity, frame: Tracks.frame_id
     # [rad] of the chest, 0 = +x, counter-clockwise, (-pi, pi]; absent if unknown
-    yaw_rad: float | None
+    yaw_rad: Radians | None
     hits: Count  # frames in which the person was matched
     age: Count  # frames since the track began
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
@@ -188,7 +217,7 @@ class Track(Record, frozen=True, kw_only=True):
     # person is ambiguous. Absent if the tracker does not estimate it
     identity: Literal["new", "continued", "reidentified", "refused"] | None = None
     identity_confidence: Probability | None = None  # of that decision; absent if unknown
-    identity_reason: str = ""  # of that decision; empty if unknown
+    identity_reason: Text = ""  # of that decision; empty if unknown
 
 
 class Tracks(Message, frozen=True, kw_only=True):
@@ -197,7 +226,7 @@ class Tracks(Message, frozen=True, kw_only=True):
     VERSION: ClassVar[int] = 2
 
     frame_id: Name  # frame of tracks, "map" unless configured otherwise
-    tracker: str  # name of the tracking method
+    tracker: Text  # name of the tracking method
     camera: Name  # camera whose frame caused this message
     tracks: tuple[Track, ...] = ()  # confirmed and lost tracks, and tentative ones if configured
 
@@ -208,7 +237,7 @@ class ImageTrack(Record, frozen=True, kw_only=True):
     id: PositiveInt  # identity; equals that in Tracks, where the position is known
     state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not matched in this frame
     # [px] left, top, right, bottom, filtered; may reach beyond the image
-    box_xyxy_px: Annotated[F64, Shape(4)]
+    box_xyxy_px: Annotated[F64, Shape(4), Magnitude(MAX_PX)]
     hits: Count  # frames in which the person was matched
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
     detection: Index | None  # index into Detections.detections of this stamp; absent if not matched
@@ -224,7 +253,7 @@ class ImageTracks(Message, frozen=True, kw_only=True):
     VERSION: ClassVar[int] = 2
 
     camera: Name  # name of the camera
-    tracker: str  # name of the tracking method
+    tracker: Text  # name of the tracking method
     width: ImageSide  # [px] of the image
     height: ImageSide  # [px] of the image
     tracks: tuple[ImageTrack, ...] = ()  # confirmed and lost, and tentative ones if configured
@@ -233,11 +262,12 @@ class ImageTracks(Message, frozen=True, kw_only=True):
 class TruthPerson(Record, frozen=True, kw_only=True):
     """One person as measured by motion capture."""
 
-    id: str  # identity in the motion-capture system
+    id: Text  # identity in the motion-capture system
     position_m: Vector3  # [m] torso, frame: Truth.frame_id
     velocity_mps: Vector3 | None = None  # [m/s] frame: Truth.frame_id; absent if unknown
-    yaw_rad: float | None = None  # [rad] of the chest, 0 = +x, counter-clockwise; absent if unknown
-    path_yaw_rad: float | None = None  # [rad] of the direction walked; absent if unknown
+    # [rad] of the chest, 0 = +x, counter-clockwise; absent if unknown
+    yaw_rad: Radians | None = None
+    path_yaw_rad: Radians | None = None  # [rad] of the direction walked; absent if unknown
 
 
 class Truth(Message, frozen=True, kw_only=True):

@@ -2,13 +2,13 @@
 
 from typing import Literal
 
-from people4d.messages.base import Matrix4, Message, Name, Record, Vector2
+from people4d.messages.base import Matrix4, Message, Name, Record, Text, Vector2
 
 
 class PersonScore(Record, frozen=True, kw_only=True):
     """One true person in one frame and the track matched to them; errors are track minus truth."""
 
-    id: str  # identity in the truth
+    id: Text  # identity in the truth
     view: Literal["inside", "outside", "unknown"]  # of image and depth range; outside: not scored
     track: int | None = None  # id of the matched track; absent if none
     predicted: bool = False  # that track was not matched to a detection in this frame

@@ -4,6 +4,8 @@ import numpy as np
 
 from people4d.messages import (
     Alignment,
+    AreaPeople,
+    AreaPerson,
     BodyPoint,
     CameraInfo,
     CompressedRgbdFrame,
@@ -12,6 +14,7 @@ from people4d.messages import (
     Detection,
     Detections,
     Embeddings,
+    Event,
     Gait,
     GaitMeasures,
     Health,
@@ -19,12 +22,18 @@ from people4d.messages import (
     ImageTracks,
     Mask,
     Message,
+    MotionProbabilities,
     MovingTransform,
     Odometry,
     PersonGait,
+    PersonPrediction,
     PersonScore,
+    PersonSkeleton,
+    Predictions,
     RgbdFrame,
+    RobotEncounter,
     Score,
+    Skeletons,
     Span,
     StaticTransform,
     Tally,
@@ -32,6 +41,9 @@ from people4d.messages import (
     Tracks,
     Truth,
     TruthPerson,
+    Zone,
+    ZoneEdit,
+    Zones,
 )
 
 SPAN = Span(stage="camera.read", process="camera-1@host", start_ns=5, end_ns=9)
@@ -89,6 +101,12 @@ NOTHING = Tally(
     id_switches=0,
 )
 
+ZONE = Zone(
+    name="door",
+    corners_m=np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.5], [0.0, 1.5]]),
+    dwell_s=10.0,
+    count=3,
+)
 FULL: tuple[Message, ...] = (
     CameraInfo(
         stamp_ns=STAMP_NS,
@@ -178,6 +196,25 @@ FULL: tuple[Message, ...] = (
         detections=(0, 2),
         vectors=np.eye(2, 4, dtype=np.float32),
     ),
+    AreaPeople(
+        stamp_ns=STAMP_NS,
+        sequence=7,
+        trace=(SPAN,),
+        area="hall_a",
+        number=1,
+        run=2**52,
+        frame_id="map",
+        embedder="histogram",
+        people=(
+            AreaPerson(
+                id=1001,
+                position_m=np.array([1.0, 2.0, 3.0]),
+                unmatched_s=0.5,
+                matches=9,
+                views=np.eye(2, 4, dtype=np.float32),
+            ),
+        ),
+    ),
     Tracks(
         stamp_ns=STAMP_NS,
         sequence=8,
@@ -238,6 +275,63 @@ FULL: tuple[Message, ...] = (
             ),
         ),
     ),
+    Predictions(
+        stamp_ns=STAMP_NS,
+        sequence=8,
+        trace=(SPAN,),
+        frame_id="map",
+        camera="front",
+        horizons_s=(0.5, 1.0),
+        people=(
+            PersonPrediction(
+                id=7,
+                state="lost",
+                position_m=np.array([1.0, 2.0, 3.0]),
+                velocity_mps=np.array([0.5, 0.25]),
+                motion=MotionProbabilities(standing=0.25, going_on=0.5, turning=0.25),
+                means_m=np.array([[1.25, 2.125], [1.5, 2.25]]),
+                covariances_m2=np.array([[[0.5, 0.25], [0.25, 1.0]], [[1.0, 0.0], [0.0, 2.0]]]),
+                group=3,
+                robot=RobotEncounter(
+                    closest_approach_s=0.75, closest_distance_m=1.5, path_distance_m=0.5
+                ),
+            ),
+        ),
+        robot_m=np.array([[0.25, 0.0], [0.5, 0.0]]),
+    ),
+    Skeletons(
+        stamp_ns=STAMP_NS,
+        sequence=8,
+        trace=(SPAN,),
+        frame_id="map",
+        camera="front",
+        people=(
+            PersonSkeleton(
+                id=7,
+                state="confirmed",
+                positions_m=(np.arange(51).reshape(17, 3) / 8).astype(np.float32),
+                covariances_m2=np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)),
+                measured=(True, *[False] * 16),
+            ),
+        ),
+    ),
+    Event(
+        stamp_ns=STAMP_NS,
+        sequence=4,
+        trace=(SPAN,),
+        kind="left",
+        id=7,
+        zone="door",
+        position_m=np.array([1.0, -2.0, 0.9]),
+        frame_id="odom",
+        dwell_s=12.5,
+        count=2,
+        distance_m=0.75,
+        confidence=0.5,
+        reason="two people look alike",
+    ),
+    Zones(stamp_ns=STAMP_NS, sequence=3, trace=(SPAN,), zones=(ZONE,), problem="too late"),
+    ZoneEdit(stamp_ns=STAMP_NS, sequence=2, trace=(SPAN,), base=3, zones=(ZONE,)),
     Truth(
         stamp_ns=STAMP_NS,
         sequence=9,
@@ -348,6 +442,7 @@ SPARSE: tuple[Message, ...] = (
         detections=(),
         vectors=np.zeros((0, 512), np.float32),
     ),
+    AreaPeople(stamp_ns=0, sequence=0, area="a", number=1, run=0, frame_id="map", embedder=""),
     Tracks(stamp_ns=0, sequence=0, frame_id="map", tracker="t", camera="c"),
     ImageTracks(stamp_ns=0, sequence=0, camera="c", tracker="t", width=1, height=1),
     Gait(
@@ -357,6 +452,34 @@ SPARSE: tuple[Message, ...] = (
         camera="c",
         people=(PersonGait(id=1, measures=GaitMeasures()),),
     ),
+    Skeletons(stamp_ns=0, sequence=0, frame_id="map", camera="c"),
+    Predictions(stamp_ns=0, sequence=0, frame_id="map", camera="c", horizons_s=(0.5,)),
+    Predictions(
+        stamp_ns=0,
+        sequence=0,
+        frame_id="map",
+        camera="c",
+        horizons_s=(0.5,),
+        people=(
+            PersonPrediction(
+                id=1,
+                state="confirmed",
+                position_m=np.zeros(3),
+                velocity_mps=np.zeros(2),
+                motion=MotionProbabilities(standing=1.0, going_on=0.0, turning=0.0),
+                means_m=np.zeros((1, 2)),
+                covariances_m2=np.eye(2)[None],
+            ),
+        ),
+    ),
+    Event(stamp_ns=0, sequence=0, kind="count_reached", zone="z", count=3),
+    Zones(stamp_ns=0, sequence=0),
+    Zones(
+        stamp_ns=0,
+        sequence=0,
+        zones=(Zone(name="z", corners_m=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])),),
+    ),
+    ZoneEdit(stamp_ns=0, sequence=0, base=0),
     Truth(
         stamp_ns=0, sequence=0, frame_id="map", people=(TruthPerson(id="", position_m=np.ones(3)),)
     ),

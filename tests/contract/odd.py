@@ -18,10 +18,11 @@ from people4d.messages import (
     Track,
     TruthPerson,
 )
+from people4d.messages.base import MAX_STAMP_NS
 from tests.contract.examples import BY_NAME, DETECTION, FULL, KEYPOINTS, RGB, TRACK
 
-FAR = 1e12
-LAST_NS = 2**63 - 1
+FAR = 9e6  # [m] barely accepted
+LAST_NS = MAX_STAMP_NS
 
 
 def like(name: str, **fields: Any) -> Message:
@@ -35,9 +36,9 @@ def infos() -> Iterator[CameraInfo]:
     assert isinstance(base, CameraInfo)
     yield base
     plain = msgspec.structs.replace(base, distortion_model="none", distortion=())
-    yield msgspec.structs.replace(plain, width=1, height=1, cx=-FAR, cy=FAR)
-    yield msgspec.structs.replace(plain, fx=1e-300, fy=1e300)
-    yield msgspec.structs.replace(base, distortion=(FAR, -FAR, FAR, -FAR))
+    yield msgspec.structs.replace(plain, width=1, height=1, cx=-1e6, cy=1e6)
+    yield msgspec.structs.replace(plain, fx=1.0, fy=1e5)
+    yield msgspec.structs.replace(base, distortion=(1e4, -1e4, 1e4, -1e4))
     yield msgspec.structs.replace(plain, width=64, height=48, frame_id="other", max_depth_m=1e-9)
     yield msgspec.structs.replace(plain, width=64, height=48, fx=60.0, fy=60.0, cx=32.0, cy=24.0)
 
@@ -57,13 +58,13 @@ def frames() -> Iterator[RgbdFrame]:
 
 def odd_detections() -> Iterator[Detection]:
     """Detections: boxes without area, inside out, far off; keypoints and masks off the image."""
-    boxes = ([0, 0, 0, 0], [9, 9, -9, -9], [-FAR, -FAR, FAR, FAR], [1e30, 1e30, 3e30, 3e30])
+    boxes = ([0, 0, 0, 0], [9, 9, -9, -9], [-1e6, -1e6, 1e6, 1e6], [3e5, 3e5, 1e6, 1e6])
     for box in boxes:
         yield Detection(box_xyxy_px=np.array(box, np.float32), score=0.0)
         yield msgspec.structs.replace(DETECTION, box_xyxy_px=np.array(box, np.float32), score=1.0)
-    for position in ([0.0, 0.0, 0.0], [FAR, FAR, FAR], [0.0, 0.0, -3.0], [1e200, -1e200, 1e200]):
+    for position in ([0.0, 0.0, 0.0], [FAR, FAR, FAR], [0.0, 0.0, -3.0], [FAR, -FAR, FAR]):
         yield msgspec.structs.replace(DETECTION, position_m=np.array(position))
-    for keypoints in (KEYPOINTS * 0, KEYPOINTS + np.float32(1e20), -KEYPOINTS):
+    for keypoints in (KEYPOINTS * 0, KEYPOINTS * 0 + np.float32(1e6), -KEYPOINTS):
         yield msgspec.structs.replace(DETECTION, keypoints=keypoints)
     mask = Mask(x_px=10**9, y_px=10**9, width=1, height=1, bits=b"\x80")
     yield msgspec.structs.replace(DETECTION, mask=mask)
@@ -88,13 +89,13 @@ def appearances() -> Iterator[Message]:
     shapes = ((1, 1, 3), (1, 500, 3), (500, 1, 3), (2, 3, 3))
     crops = [Crop(detection=i, rgb=np.zeros(shape, np.uint8)) for i, shape in enumerate(shapes)]
     crops.append(Crop(detection=9, rgb=RGB, mask=np.zeros((2, 3), np.uint8), keypoints=KEYPOINTS))
-    crops.append(Crop(detection=9, rgb=RGB, keypoints=KEYPOINTS * np.float32(1e20)))
+    crops.append(Crop(detection=9, rgb=RGB, keypoints=KEYPOINTS * 0 + np.float32(1e6)))
     for crop in crops:
         yield like("Crops", crops=(crop,))
     yield like("Crops", crops=tuple(crops))
     yield like("Crops", crops=())
     for indices, length in (((), 4), ((0,), 4), ((0,), 512), ((0, 0), 4), ((10**9,), 4), ((0,), 0)):
-        for value in (0.0, 0.5, 1e30):
+        for value in (0.0, 0.5, 1e3):
             vectors = np.full((len(indices), length), value, np.float32)
             yield like("Embeddings", model="m", detections=indices, vectors=vectors)
 

@@ -79,7 +79,7 @@ def test_a_type_the_wire_does_not_have_is_refused() -> None:
 def test_types_are_named_in_plain_words() -> None:
     assert list(fields_of(Documented)) == [
         ("e", "array uint16 NxD", "required", "[m] each"),
-        ("a", "array float32 17x3 or nil", "nil", "[px] u, v"),
+        ("a", "array float32 17x3 +-1e+06 or nil", "nil", "[px] u, v"),
         ("b", "list of [Track](#track)", "empty", "parts"),
         ("c", "text: on, off", "on", "on: a first line, and a second one"),
         ("d", "map of text to float 0 to 1", "empty", "by name"),

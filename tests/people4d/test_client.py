@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -66,7 +67,9 @@ def test_messages_between_the_call_and_the_loop_are_not_lost(network: Network) -
     bus = network.open(robot)
     with Client(network.endpoint, robot) as client:
         messages = client.messages(Truth, timeout_s=10.0)
-        bus.publish(BY_NAME["Truth"])
+        for _ in range(20):  # the subscription takes a moment to reach the publisher
+            bus.publish(BY_NAME["Truth"])
+            time.sleep(0.05)
         assert isinstance(next(messages), Truth)
 
 

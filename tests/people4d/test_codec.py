@@ -3,6 +3,8 @@
 import contextlib
 import random
 import re
+import subprocess
+import sys
 import tracemalloc
 from typing import Any
 
@@ -131,7 +133,8 @@ REFUSED: list[tuple[bytes, str]] = [
     (truth_at(ARRAY | {"data": "x"}), "expected bytes as data, got str"),
     (
         truth_at(ARRAY | {"data": np.full(3, np.nan).tobytes()}),
-        "Truth.people[0].position_m: expected finite numbers, got NaN or infinity",
+        "Truth.people[0].position_m: expected finite numbers of -1e+07 to 1e+07, "
+        "got NaN or infinity",
     ),
     (bytes(MAX_BYTES + 1), f"expected at most {MAX_BYTES} bytes, got {MAX_BYTES + 1}"),
 ]
@@ -197,3 +200,41 @@ def test_numpy_scalars_are_encoded_as_plain_numbers() -> None:
     )
     again: Any = decode(encode(odometry))
     assert (again.sequence, again.x_m, again.y_m) == (4, 1.5, 2.5)
+
+
+FIRST_DECODE = """
+import os, sys, threading
+import msgpack
+from people4d.codec import MESSAGES, decode
+from people4d.errors import DecodeError
+
+def decode_all():
+    begin.wait()
+    for payload in payloads:
+        try:
+            decode(payload)
+        except DecodeError:
+            pass
+
+payloads = [msgpack.packb({"message": n, "version": m.VERSION}) for n, m in MESSAGES.items()]
+crashed = 0
+for _ in range(120):
+    child = os.fork()  # before the first message, no type is examined
+    if not child:
+        sys.setswitchinterval(1e-6)
+        begin = threading.Barrier(6)
+        threads = [threading.Thread(target=decode_all) for _ in range(6)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        os._exit(0)
+    crashed += os.waitpid(child, 0)[1] != 0
+sys.exit(crashed)
+"""
+
+
+def test_first_messages_in_several_threads_do_not_crash_the_process() -> None:
+    # msgspec examined the types in several threads at once: about 5 of these 120 ended by SIGSEGV.
+    done = subprocess.run([sys.executable, "-c", FIRST_DECODE], check=False, timeout=100)
+    assert done.returncode == 0

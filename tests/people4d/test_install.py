@@ -152,7 +152,7 @@ def test_pipeline_with_a_plug_in_runs_beside_modules_named_like_ours(
         done = run(robot / "people4d", "up", *options, "--source", DEMO, cwd=folder, env=variables)
         assert done.returncode == 0, done.stderr
         with Client(f"tcp/127.0.0.1:{port}") as client:
-            assert next(client.messages(Tracks, timeout_s=30.0))
+            assert next(client.messages(Tracks, timeout_s=90.0))
     finally:
         done = run(robot / "people4d", "down", cwd=folder, env=variables)
     assert done.returncode == 0, done.stderr

@@ -1,0 +1,57 @@
+"""People of one area for the trackers of its neighbours."""
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from people4d.messages.base import (
+    F32,
+    Message,
+    Name,
+    PositiveInt,
+    Record,
+    Text,
+    Vector3,
+)
+from people4d.validation import Magnitude, Shape
+
+AREAS_MAX = 1000  # areas of a site have numbers below it
+ID_MAX = 10**12
+PEOPLE_MAX = 256  # of one message
+UNIT_ERROR = 0.01  # largest difference of a view's length from 1
+
+
+class AreaPerson(Record, frozen=True, kw_only=True):
+    """One person that a tracker knows, present or not."""
+
+    id: Annotated[int, Meta(ge=1, le=ID_MAX)]  # identity, unique over the site
+    position_m: Vector3  # [m] frame: AreaPeople.frame_id, at the last match
+    unmatched_s: Annotated[float, Meta(ge=0, le=3600)]  # [s] since the last match
+    matches: PositiveInt  # frames in which this tracker matched the person
+    # unit length, as different from each other as possible; cosine distance is 1 - a.b
+    views: Annotated[F32, Shape("V", "D"), Magnitude(1.1)]
+
+    def __post_init__(self) -> None:
+        """Check the fields, and the length of the views."""
+        super().__post_init__()
+        lengths = np.linalg.norm(self.views, axis=1)
+        if np.any(np.abs(lengths - 1) > UNIT_ERROR):
+            raise ValueError("views: expected unit length, got others")
+
+
+class AreaPeople(Message, frozen=True, kw_only=True):
+    """People of one area, several times a second, those who left some seconds ago among them.
+
+    A tracker of a neighbouring area takes the identity over when such a person comes there. Its
+    `stamp_ns` is the tracker's time when it is sent.
+    """
+
+    area: Name  # name of the area: its robot name
+    number: Annotated[int, Meta(ge=1, lt=AREAS_MAX)]  # of the area, unique in the site
+    # random number of the tracker's process: two trackers that call themselves alike differ in it
+    run: Annotated[int, Meta(ge=0, lt=2**53)]
+    frame_id: Name  # frame of the positions
+    embedder: Text  # name of the model of the views
+    # present and absent people with views, those seen last if there are more
+    people: Annotated[tuple[AreaPerson, ...], Meta(max_length=PEOPLE_MAX)] = ()

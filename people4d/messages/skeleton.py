@@ -1,0 +1,47 @@
+"""Skeletons: the joints of people in 3D."""
+
+from typing import Annotated, Literal
+
+from people4d.messages.base import (
+    F32,
+    MAX_COVARIANCE,
+    MAX_M,
+    Message,
+    Name,
+    PositiveInt,
+    Record,
+)
+from people4d.validation import Magnitude, Shape
+
+# The order of keypoints (COCO)
+JOINTS = (
+    *("nose", "left_eye", "right_eye", "left_ear", "right_ear"),
+    *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist"),
+    *("left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"),
+)
+
+
+class PersonSkeleton(Record, frozen=True, kw_only=True):
+    """One person's joints, 17 in COCO order: inside of the body, not on its surface."""
+
+    id: PositiveInt  # as in Tracks
+    state: Literal["tentative", "confirmed", "lost"]  # as in Tracks; lost: all joints are predicted
+    # [m] of each joint, frame: Skeletons.frame_id
+    positions_m: Annotated[F32, Shape(17, 3), Magnitude(MAX_M)]
+    # [m^2] covariance of each joint, frame: Skeletons.frame_id
+    covariances_m2: Annotated[F32, Shape(17, 3, 3), Magnitude(MAX_COVARIANCE)]
+    measured: tuple[bool, ...]  # of each joint: visible in this frame; else hidden and predicted
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that each joint is said to be measured or not."""
+        super().__post_init__()
+        if len(self.measured) != len(JOINTS):
+            raise ValueError(f"measured: expected {len(JOINTS)}, got {len(self.measured)}")
+
+
+class Skeletons(Message, frozen=True, kw_only=True):
+    """Skeletons of the people in one frame, of hidden people too."""
+
+    frame_id: Name  # frame of joints, that of Tracks
+    camera: Name  # camera whose frame was measured
+    people: tuple[PersonSkeleton, ...] = ()  # each id once, in the order of Tracks
