@@ -1,14 +1,19 @@
 """The linear Kalman filter, for one track or for a stack of them.
 
-Shapes are written for N tracks with n state variables and m measured ones: states x (Nxn),
-covariances P (Nxnxn), measurements z (Nxm), their matrix H (mxn) and noise R (Nxmxm). Leading axes
-broadcast, so the same functions serve one track. Source: docs/method.md, section 3 [Kalman 1960].
+Shapes are written for N tracks with n state variables, of which the first m are measured: states x
+(Nxn), covariances P (Nxnxn), measurements z (Nxm) and their noise R (Nxmxm), so that H = [I 0].
+Leading axes broadcast, so the same functions serve one track. Source: docs/method.md, section 3
+[Kalman 1960].
 """
 
+from functools import cache
+from typing import TypeVar
+
 import numpy as np
-import numpy.typing as npt
 
 from people4d.messages import F64
+
+A = TypeVar("A", float, F64)
 
 
 def predict(x: F64, P: F64, F: F64, Q: F64) -> tuple[F64, F64]:
@@ -16,41 +21,62 @@ def predict(x: F64, P: F64, F: F64, Q: F64) -> tuple[F64, F64]:
     return x @ F.T, F @ P @ F.T + Q
 
 
-def innovation(x: F64, P: F64, z: F64, H: F64, R: F64) -> tuple[F64, F64]:
+def innovation(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
     """Return measurements less predictions (Nxm) and its covariance S (Nxmxm)."""
-    return z - x @ H.T, H @ P @ H.T + R
+    m = z.shape[-1]
+    return z - x[..., :m], P[..., :m, :m] + R
 
 
-def gating_distances(x: F64, P: F64, z: F64, H: F64, R: F64) -> F64:
-    """Return the squared Mahalanobis distances (NxM) of N predictions and M measurements."""
-    y, S = innovation(x[:, None], P[:, None], z[None], H, R[None])
-    weighted = np.linalg.solve(S, y[..., None])[..., 0]
-    distances: F64 = np.sum(y * weighted, axis=-1)
+def mahalanobis(y: F64, S: F64) -> F64:
+    """Return the squared Mahalanobis distances (N) of innovations (Nxm) with covariances S."""
+    distances: F64 = np.add.reduce(y * np.linalg.solve(S, y[..., None])[..., 0], axis=-1)
     return distances
 
 
-def update(x: F64, P: F64, z: F64, H: F64, R: F64) -> tuple[F64, F64]:
+def squared_lengths(y: F64, inverse: F64) -> F64:
+    """Return the squared Mahalanobis distances (N) of y (Nxm) by inverse covariances (Nxmxm)."""
+    lengths: F64 = np.add.reduce(y * (inverse @ y[..., None])[..., 0], axis=-1)
+    return lengths
+
+
+def gating_distances(x: F64, P: F64, z: F64, R: F64) -> F64:
+    """Return the squared Mahalanobis distances (NxM) of N predictions and M measurements."""
+    return mahalanobis(*innovation(x[:, None], P[:, None], z, R))
+
+
+def update(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
     """Return predicted states and covariances updated with one measurement each.
 
     The covariance follows Joseph's form, which keeps it symmetric and positive definite.
     """
-    y, S = innovation(x, P, z, H, R)
-    K = np.linalg.solve(S, H @ P).swapaxes(-1, -2)
-    A = np.eye(P.shape[-1]) - K @ H
+    y, S = innovation(x, P, z, R)
+    return corrected(x, P, y, R, np.asarray(np.linalg.inv(S), np.float64))
+
+
+def corrected(x: F64, P: F64, y: F64, R: F64, inverse: F64) -> tuple[F64, F64]:
+    """Return the same from innovations y (Nxm) and the inverse of S (Nxmxm)."""
+    m = y.shape[-1]
+    K = P[..., :m] @ inverse
+    A = np.empty_like(P)  # I - K H
+    A[...] = _identity(P.shape[-1])
+    A[..., :m] -= K
     updated = A @ P @ A.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
     x = x + (K @ y[..., None])[..., 0]
     return x, (updated + updated.swapaxes(-1, -2)) / 2
 
 
-def acceleration_noise(dt_s: float, sigma_a: npt.ArrayLike) -> tuple[F64, F64, F64]:
+_identity = cache(np.eye)
+
+
+def acceleration_noise(dt_s: float, sigma_a: A) -> tuple[A, A, A]:
     """Return Q of piecewise-constant white acceleration: position, cross term and velocity.
 
     Args:
         dt_s: Time step in seconds.
-        sigma_a: Standard deviation of the acceleration, any shape.
+        sigma_a: Standard deviation of the acceleration, one number or an array.
 
     Returns:
         sigma_a^2 dt^4/4, sigma_a^2 dt^3/2 and sigma_a^2 dt^2, in the shape of sigma_a.
     """
-    variance = np.square(np.asarray(sigma_a, np.float64))
+    variance = sigma_a * sigma_a
     return variance * dt_s**4 / 4, variance * dt_s**3 / 2, variance * dt_s**2

@@ -1,7 +1,7 @@
 """Frames linked by rigid transforms, and the chain of transforms between any two of them."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -10,8 +10,11 @@ from common.geometry.transforms import LINK_FROM_OPTICAL, invert
 from people4d.messages import F64, StaticTransform
 
 OPTICAL, LINK = "_optical_frame", "_link"
+PATHS_MAX = 4096
+TRANSFORMS_MAX = 512  # a bound against invented frames; a humanoid robot has about 100
 Edge: TypeAlias = tuple[str, str]  # (target, source)
 Edges: TypeAlias = dict[Edge, F64]  # each with its target_from_source
+Neighbours: TypeAlias = dict[str, dict[str, F64]]  # by source and target, target_from_source
 
 
 class FrameGraph:
@@ -22,17 +25,38 @@ class FrameGraph:
     """
 
     def __init__(self) -> None:
-        self._edges: Edges = {}
+        self._neighbours: Neighbours = {}
+        self.changes = 0  # so often transforms were added or replaced
+        self._count = 0
+        self._with_links: Neighbours | None = None  # cache of _linked
         self._paths: dict[Edge, Edges | None] = {}  # cache of searches
 
-    def add(self, transform: StaticTransform) -> None:
-        """Add a transform; it replaces an earlier one between the same frames."""
-        self.link(transform.parent, transform.child, transform.matrix)
+    def add(self, transform: StaticTransform) -> bool:
+        """Add a transform; it replaces an earlier one between the same frames.
 
-    def link(self, parent: str, child: str, matrix: F64) -> None:
-        """Add a transform, 4x4 parent_from_child; it replaces an earlier one."""
-        _link(self._edges, parent, child, matrix)
+        Returns:
+            False if there are too many already.
+        """
+        return self.link(transform.parent, transform.child, transform.matrix)
+
+    def link(self, parent: str, child: str, matrix: F64) -> bool:
+        """Add a transform, 4x4 parent_from_child; it replaces an earlier one.
+
+        Returns:
+            False if there are too many already.
+        """
+        before = self._neighbours.get(child, {}).get(parent)
+        if before is not None and np.array_equal(before, matrix):
+            return True
+        if before is None:
+            if self._count >= TRANSFORMS_MAX:
+                return False
+            self._count += 1
+        _link(self._neighbours, parent, child, matrix)
+        self.changes += 1
         self._paths.clear()
+        self._with_links = None
+        return True
 
     def lookup(self, target: str, source: str) -> F64 | None:
         """Return target_from_source through the fewest transforms, None if they are not linked."""
@@ -46,19 +70,40 @@ class FrameGraph:
             Empty for one and the same frame, None if the frames are not linked.
         """
         if (target, source) not in self._paths:
-            path = _search(self._edges, target, source)
+            if len(self._paths) >= PATHS_MAX:
+                self._paths.clear()
+            path = _search(self._neighbours, target, source)
             if path is None:
-                path = _search(self._with_links(), target, source)
+                self._with_links = self._with_links or self._linked()
+                path = _search(self._with_links, target, source)
             self._paths[target, source] = path
         return self._paths[target, source]
 
-    def _with_links(self) -> Edges:
-        edges = dict(self._edges)
-        for optical in sorted({name for name, _ in edges if name.endswith(OPTICAL)}):
+    def _linked(self) -> Neighbours:
+        """Return the transforms with those between optical frames and their links."""
+        neighbours = {source: dict(targets) for source, targets in self._neighbours.items()}
+        for optical in sorted(name for name in self._neighbours if name.endswith(OPTICAL)):
             link = optical.removesuffix(OPTICAL) + LINK
-            if _search(self._edges, link, optical) is None:
-                _link(edges, link, optical, LINK_FROM_OPTICAL)
-        return edges
+            if _search(self._neighbours, link, optical) is None:
+                _link(neighbours, link, optical, LINK_FROM_OPTICAL)
+        return neighbours
+
+
+def find_loop(parents: Mapping[str, str]) -> list[str]:
+    """Return frames of which each has the next as its parent and the last is the first, or none.
+
+    Args:
+        parents: Parent of each frame by its name.
+    """
+    checked = set[str]()
+    for child in parents:
+        chain = [child]
+        while (parent := parents.get(chain[-1])) is not None and parent not in checked:
+            if parent in chain:
+                return [*chain[chain.index(parent) :], parent]
+            chain.append(parent)
+        checked.update(chain)
+    return []
 
 
 def compose(matrices: Iterable[F64]) -> F64:
@@ -69,26 +114,26 @@ def compose(matrices: Iterable[F64]) -> F64:
     return product
 
 
-def _link(edges: Edges, parent: str, child: str, matrix: F64) -> None:
-    edges[parent, child] = matrix
-    edges[child, parent] = invert(matrix)
+def _link(neighbours: Neighbours, parent: str, child: str, matrix: F64) -> None:
+    neighbours.setdefault(child, {})[parent] = matrix
+    neighbours.setdefault(parent, {})[child] = invert(matrix)
 
 
-def _search(edges: Edges, target: str, source: str) -> Edges | None:
+def _search(neighbours: Neighbours, target: str, source: str) -> Edges | None:
     """Search breadth first from the source."""
-    towards_source: dict[str, Edge | None] = {source: None}
+    before: dict[str, str | None] = {source: None}
     queue = deque([source])
-    while queue and target not in towards_source:
+    while queue and target not in before:
         frame = queue.popleft()
-        for edge in edges:
-            if edge[1] == frame and edge[0] not in towards_source:
-                towards_source[edge[0]] = edge
-                queue.append(edge[0])
-    if target not in towards_source:
+        for other in neighbours.get(frame, {}):
+            if other not in before:
+                before[other] = frame
+                queue.append(other)
+    if target not in before:
         return None
     path: Edges = {}
-    step = towards_source[target]
-    while step:
-        path[step] = edges[step]
-        step = towards_source[step[1]]
+    frame, step = target, before[target]
+    while step is not None:
+        path[frame, step] = neighbours[step][frame]
+        frame, step = step, before[step]
     return path

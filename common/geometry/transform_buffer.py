@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from common.geometry.frame_graph import Edge, FrameGraph, compose
+from common.geometry.planar_covariance import is_plausible
 from common.geometry.transform_history import (
     COUNTERS,
     TransformBufferConfig,
@@ -15,6 +16,9 @@ from common.geometry.transform_history import (
 )
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
+
+MOVING_MAX = 128  # moving transforms, a bound against invented frames
+KNOWN_MAX = 1024  # pairs of frames
 
 
 class TransformBuffer:
@@ -28,38 +32,61 @@ class TransformBuffer:
         self._odometry: set[Edge] = set()  # histories that come from odometry
         self._known: set[Edge] = set()  # poses of cameras
 
+    @property
+    def changes(self) -> int:
+        """Number of times that fixed transforms, or the links between frames, have changed."""
+        return self._graph.changes
+
     def add(self, message: StaticTransform | MovingTransform | Odometry) -> None:
         """Add a static transform, or a moving one at its stamp."""
         if isinstance(message, StaticTransform):
-            self._graph.add(message)
+            self.counters["refused_transforms"] += not self._graph.add(message)
         elif isinstance(message, MovingTransform):
             self._add_sample((message.parent, message.child), message.stamp_ns, message.matrix)
         else:
             edge = message.frame_id, message.child_frame_id
-            self._odometry.add(edge)
-            self._add_sample(edge, message.stamp_ns, transform_from_odometry(message))
+            matrix = transform_from_odometry(message)
+            self._add_sample(edge, message.stamp_ns, matrix, self._usable(message.covariance))
+            if edge in self._histories and edge not in self._odometry:
+                self._odometry.add(edge)
+                self._graph.changes += 1
 
-    def _add_sample(self, edge: Edge, stamp_ns: int, matrix: F64) -> None:
+    def _usable(self, covariance: F64 | None) -> F64 | None:
+        """Return the covariance of odometry; None, and count it, if it cannot be one."""
+        limits = self._config.covariance_sigma_max_m, self._config.covariance_sigma_max_rad
+        if covariance is None or is_plausible(covariance, *limits):
+            return covariance
+        self.counters["motion_bad_covariances"] += 1
+        return None
+
+    def _add_sample(
+        self, edge: Edge, stamp_ns: int, matrix: F64, covariance: F64 | None = None
+    ) -> None:
         if edge not in self._histories:
+            if len(self._histories) >= MOVING_MAX or not self._graph.link(*edge, np.eye(4)):
+                self.counters["refused_transforms"] += 1
+                return
             self._histories[edge] = TransformHistory(self._config, self.counters)
-            self._graph.link(*edge, np.eye(4))
-        self._histories[edge].add(stamp_ns, matrix)
+        self._histories[edge].add(stamp_ns, matrix, covariance)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> TransformEstimate | None:
         """Return target_from_source at a time; None if the frames are not linked then."""
         path = self._graph.path(target, source)
         if path is None:
             return None
-        estimates = []
-        for edge, matrix in path.items():
-            estimate = self._at(edge, matrix, stamp_ns)
+        estimates, matrix, base = list[TransformEstimate](), np.eye(4), None
+        for edge, fixed in path.items():
+            estimate = self._at(edge, fixed, stamp_ns)
             if estimate is None:
                 return None
+            base = base or (estimate.base and estimate.base.in_frame(matrix))
+            matrix = matrix @ estimate.matrix
             estimates.append(estimate)
         return TransformEstimate(
-            compose(one.matrix for one in estimates),
+            matrix,
             math.hypot(*(one.sigma_m for one in estimates)),
             math.hypot(*(one.sigma_rad for one in estimates)),
+            base,
         )
 
     def camera_pose(self, frame_id: str, optical_frame_id: str, stamp_ns: int) -> F64 | None:
@@ -69,7 +96,8 @@ class TransformBuffer:
         """
         found = self.lookup(frame_id, optical_frame_id, stamp_ns)
         if found is not None:
-            self._known.add((frame_id, optical_frame_id))
+            if len(self._known) < KNOWN_MAX:
+                self._known.add((frame_id, optical_frame_id))
             return found.matrix
         return None if (frame_id, optical_frame_id) in self._known else LINK_FROM_OPTICAL
 
@@ -106,7 +134,7 @@ class TransformBuffer:
         if edge[::-1] not in self._histories:
             return TransformEstimate(fixed)
         reverse = self._histories[edge[::-1]].at(stamp_ns)
-        return replace(reverse, matrix=invert(reverse.matrix)) if reverse else None
+        return replace(reverse, matrix=invert(reverse.matrix), base=None) if reverse else None
 
 
 def transform_from_odometry(odometry: Odometry) -> F64:

@@ -52,7 +52,10 @@ def deproject(pixels: npt.ArrayLike, depth_m: npt.ArrayLike, info: CameraInfo) -
         )[:, 0]
     else:
         rays = (uv - (info.cx, info.cy)) / (info.fx, info.fy)
-    return np.column_stack([rays * z[:, None], z])
+    points_m = np.empty((len(z), 3))
+    np.multiply(rays, z[:, None], out=points_m[:, :2])
+    points_m[:, 2] = z
+    return points_m
 
 
 def project(points_m: npt.ArrayLike, info: CameraInfo) -> F64:

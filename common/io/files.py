@@ -1,4 +1,4 @@
-"""Untrusted files: read up to a size, and never outside of their folder."""
+"""Files: untrusted ones read up to a size, never outside of their folder; own ones replaced."""
 
 import errno
 import os
@@ -31,6 +31,31 @@ def read_bytes(path: Path, limit: int) -> bytes:
 def read_text(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
     """Read a file as UTF-8; OSError as in `read_bytes`, ValueError if it is no UTF-8."""
     return read_bytes(path, limit).decode("utf-8-sig")
+
+
+def write_private(path: Path, content: bytes) -> None:
+    """Replace a file by one that only its owner reads, as `replace_file`; makes its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, content, 0o600)
+
+
+def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
+    """Replace a file by one of a mode, less the process's mask; it is never there by half.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -45,6 +45,7 @@ class McapIndex:
     entries: list[MessageEntry] = field(default_factory=list)
     truncated: bool = False  # the file is cut short or damaged; messages before are there
     topics: dict[int, str] = field(default_factory=dict)  # by number of the channel
+    encodings: dict[str, str] = field(default_factory=dict)  # encoding of messages by topic
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
     description_bytes: int = 0  # of headers, channels and metadata records read so far
 
@@ -137,6 +138,7 @@ def _describe(opcode: int, record: ReadDataStream, index: McapIndex) -> None:
     else:
         channel = Channel.read(record)
         index.topics[channel.id] = channel.topic
+        index.encodings[channel.topic] = channel.message_encoding
     if len(index.metadata) > MAX_METADATA:
         raise DecodeError(f"it has more than {MAX_METADATA} metadata records")
     if len(index.topics) > MAX_CHANNELS:

@@ -5,11 +5,12 @@ that a recording replays under any robot's name. Messages are not compressed (co
 depth PNG already) and each is a record of its own, so that a crash costs at most the last one.
 """
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import BinaryIO, Literal, Protocol, Self
 
 import msgspec
 from mcap.writer import CompressionType, IndexType, Writer
@@ -24,6 +25,42 @@ from people4d.topics import BY_MESSAGE, prefix, topic_of_key
 PROFILE = "people4d"
 ENCODING = "msgpack"
 
+Container = Literal["records", "chunks", "compressed"]
+
+
+class ForeignMessage(Protocol):
+    """A message in the encoding of other programs."""
+
+    @property
+    def topic(self) -> str:
+        """Name of its channel, which no topic of ours has."""
+        ...
+
+    @property
+    def encoding(self) -> str:
+        """Encoding of the message, for example "protobuf"."""
+        ...
+
+    @property
+    def schema_name(self) -> str:
+        """Name of its schema."""
+        ...
+
+    @property
+    def schema_encoding(self) -> str:
+        """Encoding of its schema."""
+        ...
+
+    @property
+    def schema(self) -> bytes:
+        """Its schema."""
+        ...
+
+    @property
+    def data(self) -> bytes:
+        """The message."""
+        ...
+
 
 class RecordingWriter:
     """Writes messages to a file; use it in a `with` block.
@@ -34,24 +71,30 @@ class RecordingWriter:
     Args:
         path: The file; its folder is made, an existing file is replaced.
         quality: JPEG quality of frames that arrive uncompressed, 1 to 100.
+        container: "records": each message is a record of its own, so that a crash costs at most
+            the last; "chunks": with an index, which viewers need to seek, so that a crash costs at
+            most a megabyte; "compressed": likewise, with Zstandard and no profile, for messages of
+            other programs alone.
     """
 
-    def __init__(self, path: Path, quality: int = 90) -> None:
+    def __init__(self, path: Path, quality: int = 90, container: Container = "records") -> None:
         self._path = path
         self._quality = quality
         self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file: BinaryIO = path.open("wb")
         except OSError as error:
             raise SourceError(f"recording {path} cannot be written: {error.strerror}") from error
+        chunks, compressed = container != "records", container == "compressed"
         self._writer = Writer(
             self._file,
-            compression=CompressionType.NONE,
-            index_types=IndexType.NONE,
-            use_chunking=False,
+            compression=CompressionType.ZSTD if compressed else CompressionType.NONE,
+            index_types=IndexType.ALL if chunks else IndexType.NONE,
+            use_chunking=chunks,
         )
-        self._writer.start(PROFILE, "people4d")
+        self._writer.start("" if compressed else PROFILE, "people4d")
 
     def write(self, message: Message, log_time_ns: int) -> None:
         """Append a message at its time of reception; an uncompressed frame is compressed first."""
@@ -66,10 +109,25 @@ class RecordingWriter:
                 sequence=message.sequence & 0xFFFFFFFF,
             )
 
+    def write_foreign(self, message: ForeignMessage, log_time_ns: int) -> None:
+        """Append a message for other programs, which our readers pass over."""
+        with self._source_errors():
+            self._writer.add_message(
+                self._foreign_channel(message),
+                log_time=max(log_time_ns, 0),
+                data=message.data,
+                publish_time=max(log_time_ns, 0),
+            )
+
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record, best before the first message; it replaces an earlier one."""
         with self._source_errors():
             self._writer.add_metadata(name, dict(values))
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of the file so far."""
+        return 0 if self._file.closed else self._file.tell()
 
     def close(self) -> None:
         """Finish and close the file; does nothing after it could not be written."""
@@ -103,11 +161,25 @@ class RecordingWriter:
             self._channels[topic] = self._writer.register_channel(topic, ENCODING, schema_id=0)
         return self._channels[topic]
 
+    def _foreign_channel(self, message: ForeignMessage) -> int:
+        if message.topic not in self._channels:
+            schema = self._schemas.get(message.schema_name)
+            if schema is None:
+                schema = self._writer.register_schema(
+                    message.schema_name, message.schema_encoding, message.schema
+                )
+                self._schemas[message.schema_name] = schema
+            self._channels[message.topic] = self._writer.register_channel(
+                message.topic, message.encoding, schema
+            )
+        return self._channels[message.topic]
+
 
 class RecordingSummary(msgspec.Struct, frozen=True, kw_only=True):
     """Contents of a recording."""
 
     topics: dict[str, int]  # number of messages by topic, sorted by topic
+    encodings: dict[str, str]  # of messages by topic, "msgpack" unless another program reads it
     start_ns: int  # [ns] log time of the first message; 0 if there is none
     duration_s: float  # [s] from the first to the last message
     truncated: bool  # True: the file is cut short or damaged; messages before are there
@@ -128,6 +200,7 @@ class Recording:
         start_ns, end_ns = (entries[k].log_time_ns if entries else 0 for k in (0, -1))
         return RecordingSummary(
             topics=dict(sorted(Counter(entry.topic for entry in entries).items())),
+            encodings=dict(self._index.encodings),
             start_ns=start_ns,
             duration_s=(end_ns - start_ns) / 1e9,
             truncated=self._index.truncated,
@@ -138,31 +211,48 @@ class Recording:
         """Metadata records by name."""
         return self._index.metadata
 
-    def messages(self, *types: type[Message]) -> Iterator[tuple[int, Message]]:
+    def messages(
+        self, *types: type[Message], start_s: float = 0.0, end_s: float = math.inf
+    ) -> Iterator[tuple[int, Message]]:
         """Iterate over messages in the order of their log time.
 
         Args:
             types: Types wanted; all if none is given. Frames are CompressedRgbdFrame.
+            start_s: [s] from the first message of the recording, where to start. The last message
+                of each latched topic before comes first, at the log time of the start.
+            end_s: [s] from the first message of the recording, where to end.
 
         Yields:
             Log time in nanoseconds and the message. Messages that cannot be decoded are skipped
-            and counted in `bad_messages`.
+            and counted in `bad_messages`; topics in the encoding of other programs are passed over.
 
         Raises:
             SourceError: The file vanished since it was opened.
         """
-        topics = {topic for topic in self._index.topics.values() if _holds(topic, types)}
+        topics = {topic for topic in self._index.topics.values() if self._holds(topic, types)}
         wanted = [entry for entry in self._index.entries if entry.topic in topics]
+        first_ns = self._index.entries[0].log_time_ns if self._index.entries else 0
+        begin_ns = first_ns + round(start_s * 1e9)
+        latched = {e.topic: e for e in wanted if e.log_time_ns < begin_ns and _is_latched(e.topic)}
+        wanted = [*latched.values(), *(e for e in wanted if e.log_time_ns >= begin_ns)]
         try:
             with self._path.open("rb") as file:
                 for entry in wanted:
+                    if (entry.log_time_ns - first_ns) / 1e9 > end_s:
+                        break
                     message = _read(file, entry)
                     if message is None or (types and not isinstance(message, types)):
                         self.bad_messages += 1
                     else:
-                        yield entry.log_time_ns, message
+                        yield max(entry.log_time_ns, begin_ns), message
         except OSError as error:
             raise SourceError(f"recording {self._path} cannot be read: {error.strerror}") from error
+
+    def _holds(self, topic: str, types: tuple[type[Message], ...]) -> bool:
+        if self._index.encodings[topic] not in ("", ENCODING):
+            return False
+        known = topic_of_key(f"{prefix('robot')}/{topic}")
+        return not types or (known is not None and known.message in types)
 
 
 def open_recording(path: Path) -> Recording:
@@ -188,9 +278,9 @@ def open_recording(path: Path) -> Recording:
     return Recording(path, index)
 
 
-def _holds(topic: str, types: tuple[type[Message], ...]) -> bool:
+def _is_latched(topic: str) -> bool:
     known = topic_of_key(f"{prefix('robot')}/{topic}")
-    return not types or (known is not None and known.message in types)
+    return known is not None and known.delivery == "latched"
 
 
 def _read(file: BinaryIO, entry: MessageEntry) -> Message | None:

@@ -17,24 +17,23 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from common.io.ros_bag_guard import guarded, unzstd
+from common.ros2 import types
 from people4d.codec import MAX_BYTES
 from people4d.errors import SourceError
 
 PEOPLE = "people_msgs/msg/People"
-PEOPLE_DEFINITIONS = {
-    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\n"
-    "geometry_msgs/Point velocity\nfloat64 reliability\nstring[] tagnames\nstring[] tags\n",
-    PEOPLE: "std_msgs/Header header\npeople_msgs/Person[] people\n",
-}
+# Of the definitions that are shipped, those that bags hold, of ROS 1, too.
+SHIPPED = ("people_msgs/msg/Person", PEOPLE, "realsense2_camera_msgs/msg/RGBD")
 
 
 def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
-    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), and further ones.
+    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), those of SHIPPED, and further ones.
 
     Definitions are texts of further types by name, in the order of their dependencies.
     """
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
-    for name, text in definitions.items():
+    shipped = {name: types.definitions()[name] for name in SHIPPED}
+    for name, text in (shipped | dict(definitions)).items():
         store.register(get_types_from_msg(text, name))
     return store
 
@@ -128,7 +127,7 @@ def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
 
 def _check_time(time_ns: object) -> None:
     # A database may hold text in a column of numbers; MCAP has unsigned numbers of 64 bits.
-    if type(time_ns) is not int or not 0 <= time_ns < 2**63:
+    if type(time_ns) is not int or not 0 <= time_ns < 2**62:
         raise ValueError(f"expected nanoseconds, got {time_ns!r:.40}")
 
 

@@ -13,6 +13,7 @@ import msgspec
 from common.config import Config
 from common.io.files import read_toml
 from people4d.errors import ConfigError, ModelError
+from people4d.messages.base import Positive
 from people4d.validation import Rule
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -34,13 +35,15 @@ class ModelFile(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One model of the manifest."""
 
     name: Printable  # in configurations
-    kind: Printable  # movenet, yolov8-pose, yolov8-seg (detector) or osnet (re-identification)
+    # movenet, yolov8-pose, yolov8-seg (detector), appearance or osnet (re-identification)
+    kind: Printable
     # Name in one of the model folders
     file: Annotated[str, Rule("a plain file name", lambda name: bool(FILE_NAME.fullmatch(name)))]
     licence: Printable  # of the weights, as their source states it
     input: Printable  # shape, range and colour order of the input
     get: Printable  # how to get or make the file, commands included
     url: Printable = ""  # page of the source; empty: none
+    score_scale: Positive = 1.0  # its scores are so many times those of its kind
     # Of the file; empty: every export differs, so any file is taken
     sha256: Annotated[str, Rule("64 hexadecimal digits", lambda t: bool(SHA256.fullmatch(t)))] = ""
 

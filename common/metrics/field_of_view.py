@@ -9,6 +9,7 @@ from common.geometry.transforms import apply, deproject, project
 from common.metrics.record import BOOL
 from people4d.messages import F64, CameraInfo
 
+CAMERAS_MAX = 64  # further names of cameras are ignored
 NEAR_M = 1e-3  # [m] what is nearer along the axis, or behind, has no pixel
 MAX_REPROJECTION = 0.01  # [m] per metre of depth: so near a pixel must lead back to its point
 
@@ -22,7 +23,8 @@ class CameraViews:
 
     def add(self, info: CameraInfo) -> None:
         """Take the calibration of a camera."""
-        self._infos[info.camera] = info
+        if info.camera in self._infos or len(self._infos) < CAMERAS_MAX:
+            self._infos[info.camera] = info
 
     def outside(self, positions_m: Sequence[F64], frame_id: str, stamp_ns: int) -> BOOL | None:
         """Return flags (N) of positions (N of 3 in a frame) outside of the view of every camera.

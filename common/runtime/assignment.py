@@ -14,9 +14,20 @@ from dataclasses import dataclass
 import msgspec
 
 from common.runtime.node import Sharing
+from people4d.messages import Message
 from people4d.topics import BY_MESSAGE, Topic
 
 SILENT_S = 1.2  # [s] without a heartbeat, two of which come in a second, that means: it hangs
+REPLICAS_MAX = 16  # names, a bound against invented ones
+# A replica that answers none of so many messages in so many seconds does not work, whatever its
+# heartbeats say, and gets no more for a while
+UNANSWERED_MIN = 3
+UNANSWERED_S = 5.0
+EXCLUDED_S = 60.0
+# Replicas that have answered nothing yet are tried so many at a time, each for so long, so that
+# invented ones leave most frames to the others
+TRIED_MAX = 2
+TRIED_S = 3.0
 
 
 class MessageHeader(msgspec.Struct, frozen=True):
@@ -38,12 +49,22 @@ def read_header(payload: bytes) -> MessageHeader | None:
         return None
 
 
-@dataclass(frozen=True)
+def header_of(message: Message) -> MessageHeader:
+    """Return the header of a message; a camera that it does not name is empty."""
+    fields = msgspec.structs.asdict(message)
+    return MessageHeader(
+        camera=fields.get("camera", ""),
+        sequence=message.sequence,
+        lockstep=fields.get("lockstep", False),
+    )
+
+
+@dataclass(frozen=True, eq=False)
 class PendingMessage:
     """A message that another replica handles."""
 
     key: str  # full key that it came on
-    payload: bytes  # its bytes
+    payload: bytes | Message  # its bytes; the message itself where this process published it
     received_ns: int  # wall clock when they came
     header: MessageHeader  # fields by which it is assigned
 
@@ -70,7 +91,9 @@ class Membership:
     """Live replicas, by liveliness tokens and heartbeats.
 
     A token vanishes with its process, in milliseconds. A process that hangs keeps its token for
-    seconds, but sends no heartbeats. This process itself counts as live while it has a token.
+    seconds, but sends no heartbeats. One that has both, but answers nothing, is excluded for a
+    while; of those that have never answered only some are tried at a time. This process itself
+    counts as live while it has a token.
 
     Args:
         own_name: Name of this replica.
@@ -82,9 +105,14 @@ class Membership:
         self._announced: set[str] = set()
         self._heartbeats_s: dict[str, float] = {}  # time of the last
         self._stalled: set[str] = set()
+        self._unanswered: dict[str, tuple[int, float]] = {}  # messages, time of the first
+        self._excluded_s: dict[str, float] = {}  # time since which
+        self._proven: set[str] = set()  # those that have answered
 
     def add(self, name: str, now_s: float) -> None:
         """Note that a replica has a token."""
+        if len(self._announced) >= REPLICAS_MAX and name not in {*self._announced, self._own_name}:
+            return
         self._announced.add(name)
         self._heartbeats_s[name] = now_s
         self._stalled.discard(name)
@@ -92,6 +120,26 @@ class Membership:
     def remove(self, name: str) -> None:
         """Note that the token of a replica has vanished."""
         self._announced.discard(name)
+        self._proven.discard(name)
+        for notes in (self._heartbeats_s, self._unanswered, self._excluded_s):
+            notes.pop(name, None)
+
+    def note_assigned(self, name: str, now_s: float) -> None:
+        """Note that a message is another replica's."""
+        count, first_s = self._unanswered.get(name, (0, now_s))
+        self._unanswered[name] = count + 1, first_s
+        unanswered, longest_s = (
+            (UNANSWERED_MIN, UNANSWERED_S) if name in self._proven else (1, TRIED_S)
+        )
+        if count + 1 >= unanswered and now_s - first_s > longest_s:
+            self._excluded_s[name] = now_s
+            del self._unanswered[name]
+
+    def note_answered(self, name: str) -> None:
+        """Note that a message of a replica was answered."""
+        self._unanswered.pop(name, None)
+        if name in self._announced:
+            self._proven.add(name)
 
     def note_heartbeat(self, name: str, stalled: bool, now_s: float) -> None:
         """Note a heartbeat.
@@ -101,6 +149,8 @@ class Membership:
             stalled: State in the heartbeat.
             now_s: Monotonic time in seconds.
         """
+        if name not in self._announced:
+            return
         self._heartbeats_s[name] = now_s
         (self._stalled.add if stalled else self._stalled.discard)(name)
 
@@ -110,13 +160,19 @@ class Membership:
 
     def update(self, now_s: float) -> bool:
         """Find the live replicas; return True if they have changed."""
-        replicas = tuple(sorted(name for name in self._announced if self._is_live(name, now_s)))
+        live = sorted(name for name in self._announced if self._is_live(name, now_s))
+        known = {name for name in live if name in self._proven or name == self._own_name}
+        tried = [name for name in live if name not in known][:TRIED_MAX]
+        replicas = tuple(sorted([*known, *tried]))
         changed, self.replicas = replicas != self.replicas, replicas
         return changed
 
     def _is_live(self, name: str, now_s: float) -> bool:
         if name == self._own_name:
             return True
+        excluded_s = self._excluded_s.get(name)
+        if excluded_s is not None and now_s - excluded_s < EXCLUDED_S:
+            return False
         return name not in self._stalled and now_s - self._heartbeats_s[name] < SILENT_S
 
 
@@ -141,19 +197,24 @@ class Assignment:
         """Names of the live replicas, sorted."""
         return self._membership.replicas
 
-    def is_ours(self, message: PendingMessage) -> bool:
+    def is_ours(self, message: PendingMessage, now_s: float) -> bool:
         """Assign a message that came; it becomes pending if it is another replica's."""
         with self._lock:
-            ours = self._assigned(message) == self._own_name
-            if ours:
+            name = self._assigned(message)
+            if name == self._own_name:
                 self._newest[message.key] = message.header.sequence
             else:
+                if name:
+                    self._membership.note_assigned(name, now_s)
                 self._add_pending(message)
-            return ours
+            return name == self._own_name
 
     def answered(self, header: MessageHeader) -> None:
         """Forget the pending message that another replica has answered."""
         with self._lock:
+            name = assigned_replica(self._membership.replicas, header.camera, header.sequence)
+            if name:
+                self._membership.note_answered(name)
             for key, pending in self._pending.items():
                 self._pending[key] = deque(m for m in pending if not _same(m.header, header))
 

@@ -112,6 +112,9 @@ class Checkpoint:
             node.restore(saved.state, saved.next_number)
         except DecodeError as error:
             log.warning("%s: it begins anew", error)
+        except Exception:  # damaged where no check finds it; a restart must not fail for ever
+            log.exception("the saved state is damaged: it begins anew")
+            node.restore(b"", saved.next_number)
         self.save_number()
 
     def save_number(self) -> None:

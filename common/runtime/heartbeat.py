@@ -13,6 +13,7 @@ from typing import Literal
 
 import psutil
 
+from common.runtime.error_log import ErrorLog
 from common.runtime.inbox import Inbox
 from common.runtime.node import Node, Status
 from common.runtime.throughput import Throughput
@@ -25,6 +26,7 @@ from people4d.topics import BY_MESSAGE
 
 PERIOD_S = 0.5
 STALLED_AFTER_S = 2.0
+REASON_MAX = 1000  # characters
 
 log = logging.getLogger("people4d")
 
@@ -41,6 +43,7 @@ class Activity:
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
         self.problem = ""  # of the process beside its node, one sentence
+        self.errors = ErrorLog()
         self._since: dict[int, float] = {}
         self._lock = threading.Lock()
         self._received_ns: dict[str, int] = {}
@@ -63,6 +66,11 @@ class Activity:
         """Count an event."""
         with self._lock:
             self.counters[name] += 1
+
+    def note_error(self, error: Exception, what: str) -> None:
+        """Count an exception and keep it as a reason; see `ErrorLog.note`."""
+        self.count("errors")
+        self.errors.note(error, what)
 
     @contextlib.contextmanager
     def busy(self) -> Iterator[None]:
@@ -146,10 +154,10 @@ class Heartbeat:
             pid=os.getpid(),
             release=release(),
             state="stopping" if now == "finished" else now,
-            # It may quote an error of other code, of many lines.
-            reason="".join(c if c.isprintable() else " " for c in reason),
+            # It may quote an error of other code, of many lines and any length.
+            reason="".join(c if c.isprintable() else " " for c in reason[:REASON_MAX]),
             counters=dict(counters),
-            gauges=self._gauges(counters),
+            gauges=self._gauges(counters) | status.gauges,
         )
 
     def _assess(
@@ -166,7 +174,8 @@ class Heartbeat:
             return status.state, status.reason
         if self._inbox.last_error_is_fresh():
             losing = self._inbox.last_error
-        problems = [problem for problem in (self._activity.problem, missing, losing) if problem]
+        found = (self._activity.errors.reason(), self._activity.problem, missing, losing)
+        problems = [problem for problem in found if problem]
         reasons = [status.reason, *problems] if status.reason else problems
         degraded = bool(problems) or status.state == "degraded"
         return ("degraded" if degraded else "ready"), "; ".join(reasons)

@@ -1,9 +1,12 @@
 """Queue of messages that wait for a busy node, or for the answers of its replicas."""
 
 import time
+from collections.abc import Callable
 
-from common.runtime.assignment import Assignment, PendingMessage, read_header
-from people4d.queue import MessageQueue
+from common.runtime.assignment import Assignment, PendingMessage, header_of, read_header
+from common.transport.exchange import size_of
+from people4d.messages import Message
+from people4d.queue import Arrival, MessageQueue
 from people4d.topics import Topic
 
 
@@ -13,11 +16,17 @@ class Inbox(MessageQueue):
     Args:
         assignment: Divides messages between replicas; None: there is one replica.
         frames_waiting: Length of the queue of a "newest" topic.
+        admits: Checks that a payload is of use; None: all are.
     """
 
-    def __init__(self, assignment: Assignment | None = None, frames_waiting: int = 1) -> None:
-        super().__init__(frames_waiting)
-        self._assignment = assignment
+    def __init__(
+        self,
+        assignment: Assignment | None = None,
+        frames_waiting: int = 1,
+        admits: Callable[[Topic, bytes], bool] | None = None,
+    ) -> None:
+        super().__init__(frames_waiting, counts_gaps=admits is None)
+        self._assignment, self._admits = assignment, admits
 
     def put(self, topic: Topic, key: str, payload: bytes) -> None:
         """Decode a payload and add it unless it is assigned to another replica.
@@ -28,19 +37,50 @@ class Inbox(MessageQueue):
             payload: Untrusted bytes.
         """
         received_ns = time.time_ns()
-        if self._assignment and topic is self._assignment.topic:
+        if self._admits and not self._admits(topic, payload):
+            return
+        if self._shares(topic):
             header = read_header(payload)
-            pending = PendingMessage(key, payload, received_ns, header) if header else None
-            if pending and not self._assignment.is_ours(pending):
-                with self._changed:
-                    self.counters[f"left_{topic.name}"] += 1
-                    self._count_gap(topic, key, pending.header.sequence)
+            if header and self._is_left(topic, PendingMessage(key, payload, received_ns, header)):
                 return
         self._put(topic, key, payload, received_ns)
+
+    def take(self, topic: Topic, key: str, message: Message) -> None:
+        """Add a message of another service of this process unless it is another replica's.
+
+        Args:
+            topic: Its topic.
+            key: Full key that it would have on the network.
+            message: The message as a receiver would decode it.
+        """
+        now_ns = time.time_ns()
+        if self._shares(topic):
+            pending = PendingMessage(key, message, now_ns, header_of(message))
+            if self._is_left(topic, pending):
+                return
+        self._add(topic, key, Arrival(message, now_ns, now_ns, size=size_of(message)))
+
+    def _shares(self, topic: Topic) -> bool:
+        return self._assignment is not None and topic is self._assignment.topic
+
+    def _is_left(self, topic: Topic, message: PendingMessage) -> bool:
+        """Check whether a message is assigned to another replica, and count it if so."""
+        if not self._assignment or self._assignment.is_ours(message, time.monotonic()):
+            return False
+        with self._changed:
+            self.counters[f"left_{topic.name}"] += 1
+            self._count_gap(topic, message.key, message.header.sequence)
+        return True
 
     def take_over(self, message: PendingMessage) -> None:
         """Add a message that another replica should have handled."""
         if self._assignment:
             topic = self._assignment.topic
             self.counters[f"taken_over_{topic.name}"] += 1
-            self._put(topic, message.key, message.payload, message.received_ns, again=True)
+            if isinstance(message.payload, bytes):
+                self._put(topic, message.key, message.payload, message.received_ns, again=True)
+                return
+            now_ns = time.time_ns()
+            size = size_of(message.payload)
+            arrival = Arrival(message.payload, message.received_ns, now_ns, size=size)
+            self._add(topic, message.key, arrival, again=True)

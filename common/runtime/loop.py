@@ -3,7 +3,8 @@
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,6 @@ from common.transport.trace import ProcessId, Tracer, span
 from common.transport.zenoh_bus import ZenohBus
 from people4d.messages import Message, RgbdFrame, Span
 from people4d.queue import Arrival
-from people4d.session import ZenohSubscription
 from people4d.topics import BY_MESSAGE, Topic
 
 LONGEST_WAIT_S = 0.25
@@ -81,7 +81,9 @@ class Loop:
         self._replica = (
             Replica(bus, process_id, node.sharing, self._activity) if node.sharing else None
         )
-        self.inbox = Inbox(self._replica.assignment if self._replica else None, node.frames_waiting)
+        admits = None if type(node).admits is Node.admits else node.admits
+        assignment = self._replica.assignment if self._replica else None
+        self.inbox = Inbox(assignment, node.frames_waiting, admits)
         self._node = node
         self._bus = bus
         self._process_id = process_id
@@ -94,6 +96,10 @@ class Loop:
         self._turn = threading.Condition()
         self._published = 0
         self._readers: list[threading.Thread] = []
+        self._state_folder = settings.state_folder
+        self._demanded: dict[type[Message], ExitStack] = {}
+        self._demanding = threading.Lock()
+        self.ready = threading.Event()  # it has subscribed to everything
 
     def run(self) -> None:
         """Handle messages until `stop` or the end of the node, then those that still wait."""
@@ -103,6 +109,9 @@ class Loop:
                 release=self._turnstile.release,
                 publish=self._send,
                 replicas=self._replica.names if self._replica else lambda: ("", ()),
+                demand=self._demand,
+                robot=self._bus.robot,
+                state_folder=self._state_folder,
             )
         )
         own = (BY_MESSAGE[kind] for kind in self._node.inputs)
@@ -113,11 +122,13 @@ class Loop:
             helper.start()
         self._join()
         heartbeat = Heartbeat(self._node, self._bus, self._process_id, self.inbox, self._activity)
+        self.ready.set()
         try:
             self._serve_and_tick()
         finally:
             self.stop()
             self._leave()
+            self._demand(())
             for subscription in subscriptions:
                 subscription.close()
             for reader in self._readers:  # their messages already count as received
@@ -155,12 +166,26 @@ class Loop:
         if self._replica:
             self._replica.leave()
         else:
-            self._bus.withdraw()
+            self._bus.withdraw(self._process_id.service)
 
-    def _subscribe(self, topic: Topic) -> ZenohSubscription:
-        subscription = self._bus.subscribe(topic)
+    def _subscribe(self, topic: Topic) -> ExitStack:
+        """Subscribe to a topic until the result is closed."""
+        ends, subscription = ExitStack(), self._bus.subscribe(topic)
+        ends.callback(subscription.close)
+        self._readers = [reader for reader in self._readers if reader.is_alive()]
         self._readers.append(self.inbox.follow(subscription, topic))
-        return subscription
+        if self._bus.exchange:
+            ends.enter_context(self._bus.exchange.subscribe(topic, self.inbox.take))
+        return ends
+
+    def _demand(self, kinds: Collection[type[Message]]) -> None:
+        """Subscribe to inputs on demand, and end the others."""
+        with self._demanding:
+            for kind in set(self._demanded).difference(kinds):
+                self._demanded.pop(kind).close()
+            for kind in kinds:
+                if kind not in self._demanded and not self._stopped:
+                    self._demanded[kind] = self._subscribe(BY_MESSAGE[kind])
 
     def _take(self, timeout_s: float) -> Arrival | None:
         """Take a message; one that a newer may replace only when the network is free for it."""
@@ -253,9 +278,8 @@ class Loop:
             self._working.spans = spans
             try:
                 return work(), spans
-            except Exception:  # a bug in a node must not end the stream
-                self._activity.count("errors")
-                log.exception("the node failed")
+            except Exception as error:  # a bug in a node must not end the stream
+                self._activity.note_error(error, "the node failed")
                 return (), spans
 
     def _publish(self, outputs: Iterable[Message], spans: list[Span]) -> None:
@@ -264,9 +288,9 @@ class Loop:
             try:
                 self._bus.publish(traced, self._tracer.publishing(traced))
                 self._activity.count(f"sent_{BY_MESSAGE[type(message)].name}")
-            except Exception:  # one bad message must not end the thread that sends
-                self._activity.count("errors")
-                log.exception("%s could not be sent", type(message).__name__)
+            except Exception as error:  # one bad message must not end the thread that sends
+                name = type(message).__name__
+                self._activity.note_error(error, f"{name} could not be sent")
 
 
 def _name(message: Message) -> str:

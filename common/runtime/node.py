@@ -1,14 +1,15 @@
 """Base class of every service's node: messages in, messages out, no input or output of its own."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar, Literal
 
 import msgspec
 
 from people4d.messages import Message
-from people4d.topics import ForeignTopic
+from people4d.topics import ForeignTopic, Topic
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
@@ -17,6 +18,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     state: Literal["starting", "ready", "degraded", "finished"] = "ready"
     reason: str = ""  # why it is not ready, one sentence; finished: the process may end
     counters: dict[str, int] = msgspec.field(default_factory=dict)  # events, drops by cause
+    # values of now by name; the suffix is the unit
+    gauges: dict[str, float] = msgspec.field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,11 @@ class LoopCallbacks:
     publish: Callable[[Message], None] | None = None
     # returns the name of this process, and those of all that share its work
     replicas: Callable[[], tuple[str, tuple[str, ...]]] = lambda: ("", ())
+    # subscribes to inputs on demand, and ends those before that are not among them
+    demand: Callable[[Collection[type[Message]]], None] = lambda _: None
+    robot: str = ""  # name of the robot
+    # folder of the robot's state; None: what the process writes is not to outlive it
+    state_folder: Path | None = None
 
 
 NO_LOOP = LoopCallbacks()
@@ -59,19 +67,31 @@ class Node(ABC):
         periodic_outputs: Types that the node publishes by itself; the heartbeat reports when none
             are published.
         sharing: Work that replicas share, None if the node can have none.
+        inputs_on_demand: Types that `handle` gets once `LoopCallbacks.demand` asked for them.
         foreign_inputs: Topics of other programs that `handle` gets, too.
         frames_waiting: Length of the queue of a topic of which only the newest messages count.
+        workers: Threads that call `handle` at once; more than one needs a thread-safe node. Outputs
+            have the order of the inputs.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = ()
     required_inputs: ClassVar[tuple[type[Message], ...]] = ()
     periodic_outputs: ClassVar[tuple[type[Message], ...]] = ()
     sharing: ClassVar[Sharing | None] = None
+    inputs_on_demand: ClassVar[tuple[type[Message], ...]] = ()
     foreign_inputs: Sequence[ForeignTopic] = ()
     frames_waiting: int = 1
+    workers: int = 1
 
     def attach(self, loop: LoopCallbacks) -> None:  # noqa: B027
         """Take the callbacks of the loop that runs this node; called once, before all else."""
+
+    def admits(self, topic: Topic, payload: bytes) -> bool:  # noqa: ARG002
+        """Check before it is decoded that a message is of use; called by threads that receive.
+
+        A message that is not admitted is not counted, nor is the gap in its sequence.
+        """
+        return True
 
     @abstractmethod
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:

@@ -1,6 +1,7 @@
 """The one way to run a node as a process: flags, configuration, bus, signals, exit code."""
 
 import argparse
+import ctypes
 import faulthandler
 import logging
 import os
@@ -9,6 +10,7 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,9 +22,9 @@ from common.runtime.checkpoint import FOLDER, state_folder
 from common.runtime.loop import Loop, LoopSettings
 from common.runtime.node import Node
 from common.transport.clock import serve_time
-from common.transport.trace import ProcessId
+from common.transport.trace import JOINED, ProcessId
 from common.transport.zenoh_bus import ZenohBus, read_config
-from people4d.errors import People4dError
+from people4d.errors import ConfigError, People4dError
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -37,7 +39,6 @@ def main(
     service: str,
     kind: type[T],
     build: Callable[[T], Node],
-    workers: int = 1,
     mode: str = "peer",
     arguments: Sequence[str] | None = None,
 ) -> int:
@@ -47,34 +48,25 @@ def main(
         service: Name of the service and of its table in the configuration file.
         kind: Record of its configuration.
         build: Makes the node from the configuration.
-        workers: Threads that handle messages at once; more than one needs a thread-safe node.
         mode: Shipped Zenoh configuration that is used when none is given.
         arguments: Command line, None for the process's own.
 
     Returns:
         Exit code: 0 done, 1 a failure, logged in one sentence.
     """
-    flags = _parser(service).parse_args(arguments)
-    host = socket.gethostname()
-    process_id = ProcessId(service, flags.instance or _instance(service, host), host)
-    logging.basicConfig(
-        level=logging.DEBUG if flags.debug else logging.INFO,
-        format=f"%(asctime)s {process_id.instance} %(levelname)s %(message)s",
-        stream=sys.stderr,
-    )
-    cv2.setNumThreads(1)
-    sys.setswitchinterval(SWITCH_S)
-    faulthandler.register(signal.SIGUSR2, all_threads=True)  # dumps all stacks
-    _on_stop_signals(lambda: sys.exit(0))  # until there is a loop to stop
+    flags = parser(f"services.{service}", f"Run the {service} service.").parse_args(arguments)
+    (process_id,) = process_ids([service], flags.instance)
+    prepare(process_id.instance, flags.debug)
     try:
         config = load(kind, service, flags.config, flags.set)
         bus = ZenohBus(read_config(flags.zenoh, mode, role=service), flags.robot)
         try:
             node = build(config)
+            release_memory()
             if mode == "router":  # all processes reach it
                 serve_time(bus)
-            loop = Loop(node, bus, process_id, _loop_settings(workers, flags))
-            _on_stop_signals(loop.stop)
+            loop = Loop(node, bus, process_id, loop_settings(node, flags))
+            on_stop_signals(loop.stop)
             log.info("started")
             loop.run()
             log.info("stopped")
@@ -86,17 +78,60 @@ def main(
     return 0
 
 
-def _loop_settings(workers: int, flags: argparse.Namespace) -> LoopSettings:
+def prepare(name: str, debug: bool) -> None:
+    """Prepare this process to run loops: its log, libraries and signals.
+
+    Args:
+        name: Its name in the log.
+        debug: Log debug messages.
+    """
+    logging.basicConfig(
+        level=logging.DEBUG if debug else logging.INFO,
+        format=f"%(asctime)s {name} %(levelname)s %(message)s",
+        stream=sys.stderr,
+    )
+    cv2.setNumThreads(1)
+    sys.setswitchinterval(SWITCH_S)
+    faulthandler.register(signal.SIGUSR2, all_threads=True)  # dumps all stacks
+    on_stop_signals(lambda: sys.exit(0))  # until there is a loop to stop
+
+
+def process_ids(services: Sequence[str], instance: str | None) -> list[ProcessId]:
+    """Return the identities of the services of this process.
+
+    Args:
+        services: Their names.
+        instance: Their names as instances, with + between; None or empty: new ones.
+    """
+    host = socket.gethostname()
+    given = instance.split(JOINED) if instance else [_instance(s, host) for s in services]
+    if len(given) != len(services):
+        raise ConfigError(
+            f"instance {instance!r} names {len(given)} of {len(services)} services",
+            f"Name one for each service, with {JOINED} between.",
+        )
+    return [ProcessId(s, name, host) for s, name in zip(services, given, strict=True)]
+
+
+def loop_settings(node: Node, flags: argparse.Namespace) -> LoopSettings:
+    """Return the settings of a node's loop."""
     # A name made for this process is that of no later one, unless a container gives it again.
     resumable = flags.instance or os.environ.get(FOLDER)
     return LoopSettings(
-        workers=workers,
+        workers=node.workers,
         traced=os.environ.get("PEOPLE4D_TRACE") != "off",
         state_folder=state_folder(flags.robot) if resumable else None,
     )
 
 
-def _on_stop_signals(stop: Callable[[], None]) -> None:
+def release_memory() -> None:
+    """Return to the system what loading models took and left, where the C library can."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def on_stop_signals(stop: Callable[[], None]) -> None:
+    """Call `stop` when this process is asked to end."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop())
 
@@ -106,17 +141,21 @@ def _instance(service: str, host: str) -> str:
     return f"{service}-{re.sub(r'[^A-Za-z0-9.-]', '-', host)[:32]}-{os.getpid()}"
 
 
-def _parser(service: str) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=f"python -m services.{service}", description=f"Run the {service} service."
-    )
+def parser(module: str, description: str) -> argparse.ArgumentParser:
+    """Return a parser of the options of every process.
+
+    Args:
+        module: Module that the process runs.
+        description: What it does.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m {module}", description=description)
     environment = os.environ
     config = environment.get("PEOPLE4D_CONFIG")
     parser.add_argument(
         "--config",
         type=Path,
         default=Path(config) if config else None,
-        help=f"TOML file, table [{service}]; default $PEOPLE4D_CONFIG",
+        help="TOML file with a table for each service; default $PEOPLE4D_CONFIG",
     )
     parser.add_argument(
         "--set",

@@ -102,7 +102,7 @@ class Replica:
             if not self._joined:
                 return
             self._joined = False
-            self._bus.withdraw()
+            self._bus.withdraw(self._service)
             self.assignment.remove_replica(self._name, time.monotonic())
 
     def _watch(self, members: ZenohMembers) -> None:
@@ -150,6 +150,7 @@ class Replica:
         def receive() -> None:
             for _, payload in subscription:
                 take(payload)
+                del payload  # it would take memory until the next one comes
 
         _start(receive)
 

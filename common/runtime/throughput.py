@@ -18,6 +18,10 @@ PROGRESS = {
     "with_heading",
     "odometry",
     "pictures",
+    "images",
+    "viewers",
+    "viewers_served",
+    "history_mb",
     "predictions",
 }
 PROGRESS_PREFIXES = ("received_", "sent_", "left_", "taken_over_")  # left: to a replica

@@ -15,6 +15,7 @@ from people4d.topics import EVERY_SERVICE, TOPICS, Topic, prefix, query_key
 WATCHDOG = "watchdog"  # only reads the health of the others
 ROUTER = "router"
 CLIENT_ROLES = ("planner", "operator")  # of programs that are no service of ours
+PIXELS = "raw/"  # prefix of the keys of topics with images
 LOCAL_INTERFACES = ("lo",)  # of links that do not leave the host
 
 # Messages of Zenoh that a publisher sends, and that a subscriber sends. Tokens, queries and replies
@@ -44,16 +45,19 @@ def may_read(role: str, topic: Topic) -> bool:
     return topic.readers == "*" or role in topic.readers.split()
 
 
-def access_control(proof: Proof, local: Sequence[str] = LOCAL_INTERFACES) -> dict[str, Any]:
+def access_control(
+    proof: Proof, local: Sequence[str] = LOCAL_INTERFACES, privacy: bool = False
+) -> dict[str, Any]:
     """Return Zenoh's `access_control` for a router or a peer that others connect to.
 
     Args:
         proof: Proof of the other's role: its certificate's name or its user name.
         local: Interfaces on which topics may pass that do not leave the host.
+        privacy: True: no topic with pixels leaves the host.
     """
     subjects, policies, rules = [], [], list[Rule]()
     for role in roles():
-        own = [rule for topic in TOPICS for rule in _topic_rules(role, topic)]
+        own = [rule for topic in TOPICS for rule in _topic_rules(role, topic, privacy)]
         own += [*_presence_rules(role), *_clock_rules(role)]
         rules += own
         for name, limit in ((role, {}), (f"{role} local", {"interfaces": list(local)})):
@@ -66,6 +70,40 @@ def access_control(proof: Proof, local: Sequence[str] = LOCAL_INTERFACES) -> dic
         "rules": rules,
         "subjects": subjects,
         "policies": [policy for policy in policies if policy["rules"]],
+    }
+
+
+def has_pixels(topic: Topic) -> bool:
+    """Check that the messages of a topic hold images."""
+    return topic.key.startswith(PIXELS)
+
+
+def privacy_control(local: Sequence[str] = LOCAL_INTERFACES) -> dict[str, Any]:
+    """Return Zenoh's `access_control` without roles: pixels pass on interfaces of the host only.
+
+    On other interfaces only the topics in the table pass that hold no pixels, with tokens of
+    processes and queries of the time; a topic that is not in the table might hold any. Any
+    subscription may come, so that programs that subscribe to everything hear the rest.
+
+    Args:
+        local: Interfaces on which everything passes.
+    """
+    keys = [key for topic in TOPICS if not has_pixels(topic) for key in _keys(topic, "")]
+    keys += [f"{prefix('*')}/alive/**", query_key("*", CLOCK)]
+    every, rule = ["**", "**/@adv/**"], {"permission": "allow", "flows": ["ingress", "egress"]}
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            {**rule, "id": "subscribe", "messages": list(SUBSCRIBER), "key_exprs": every},
+            {**rule, "id": "no pixels", "messages": list(PUBLISHER), "key_exprs": keys},
+            {**rule, "id": "everything", "messages": list(PUBLISHER), "key_exprs": every},
+        ],
+        "subjects": [{"id": "any"}, {"id": "this host", "interfaces": list(local)}],
+        "policies": [
+            {"subjects": ["any"], "rules": ["subscribe", "no pixels"]},
+            {"subjects": ["this host"], "rules": ["everything"]},
+        ],
     }
 
 
@@ -90,9 +128,10 @@ def downsampling(interfaces: Sequence[str], highest_hz: float) -> list[dict[str,
     return [{**slow, "rules": rules}]
 
 
-def _topic_rules(role: str, topic: Topic) -> Iterator[Rule]:
+def _topic_rules(role: str, topic: Topic, privacy: bool) -> Iterator[Rule]:
     """Yield the rules of one role on one topic; the router forwards all of them."""
-    name = role if topic.leaves_host else f"{role} local"
+    leaves_host = topic.leaves_host and not (privacy and has_pixels(topic))
+    name = role if leaves_host else f"{role} local"
     keys = _keys(topic, "")
     own = _keys(topic, role) if topic.producer == EVERY_SERVICE and role != ROUTER else keys
     if may_publish(role, topic) or role == ROUTER:

@@ -195,7 +195,7 @@ class ClockMonitor:
     def _receive(self, sent_ns: int, payload: bytes, received_ns: int) -> None:
         try:
             reply = msgspec.msgpack.decode(payload, type=TimeReply)
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, UnicodeDecodeError):
             self.bad_replies += 1
             return
         stamps_ns = sent_ns, reply.query_received_ns, reply.reply_sent_ns, received_ns

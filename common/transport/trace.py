@@ -14,6 +14,8 @@ from people4d.messages.base import MAX_TRACE
 
 M = TypeVar("M", bound=Message)
 
+JOINED = "+"  # between the instances of one process
+
 # Stages in the order in which a frame passes them: "<service>.<stage>". Those marked with * are not
 # measured by a process: they lie between two stages, see common.runtime.latency.
 STAGES = {
@@ -33,6 +35,8 @@ STAGES = {
     "embedding": "crops become appearance vectors without a network",
     "association": "detections are matched with the tracks, and tracks updated",
     "prediction": "tracks go on without a frame",
+    "predict": "positions in the coming seconds are predicted",
+    "joints": "joints of people are estimated",
     "points": "heads, hands and feet are followed in depth",
     "motion": "the motion of the base is estimated from images",
     "handle": "all the work of a process that measures no stages of its own",

@@ -5,7 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry.transform_buffer import TransformBuffer, transform_from_odometry
+from common.geometry.frame_graph import TRANSFORMS_MAX
+from common.geometry.transform_buffer import (
+    MOVING_MAX,
+    TransformBuffer,
+    transform_from_odometry,
+)
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
@@ -129,3 +134,17 @@ def test_lookup_static_refuses_moving_transforms() -> None:
     np.testing.assert_array_equal(mount, MOUNT.matrix)
     assert made.lookup_static("odom", CAMERA) is None
     assert made.lookup_static("map", CAMERA) is None
+
+
+def test_invented_frames_are_refused_and_known_ones_go_on() -> None:
+    made = frames(MOUNT, odometry(0, 0.0))
+    for number in range(2000):
+        made.add(fixed(f"a{number}_optical_frame", f"b{number}", np.eye(4)))
+        made.add(builders.moving_transform(np.eye(4), parent="odom", child=f"c{number}"))
+        assert made.fixed_frame("base_link") == "odom"
+    made.add(odometry(100, 0.4))
+    found = made.lookup("odom", CAMERA, 100_000_000)
+    assert found is not None
+    np.testing.assert_allclose(found.matrix[:3, 3], [0.6, 0.0, 1.0])
+    assert made.counters["refused_transforms"] >= 2 * 2000 - TRANSFORMS_MAX
+    assert len(made._histories) == MOVING_MAX

@@ -100,6 +100,37 @@ def test_messages_come_back_by_log_time(tmp_path: Path) -> None:
     assert (summary.start_ns, summary.duration_s, summary.truncated) == (S, 2.0, False)
 
 
+def test_seek_begins_with_the_latched_messages_before(tmp_path: Path) -> None:
+    late = builders.static_transform(np.eye(4), child="late")
+    path = write(
+        tmp_path / "x.mcap",
+        *((k * S, transform()) for k in (0, 1)),
+        *((k * S, odometry(k)) for k in (2, 3, 4, 5)),
+        (6 * S, late),
+    )
+    recording = open_recording(path)
+    got = [(t / S, type(m)) for t, m in recording.messages(start_s=3.0, end_s=4.0)]
+    assert got == [(3.0, StaticTransform), (3.0, Odometry), (4.0, Odometry)]
+    assert len(list(recording.messages())) == 7
+
+
+def test_topics_of_other_programs_are_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, use_chunking=False)
+        writer.start("people4d", "another tool")
+        schema = writer.register_schema("foxglove.Log", "protobuf", b"")
+        other = writer.register_channel("/log", "protobuf", schema)
+        own = writer.register_channel("odometry", "msgpack", 0)
+        writer.add_message(other, 0, b"12", 0)
+        writer.add_message(own, S, encode(odometry(1)), S)
+        writer.finish()  # type: ignore[no-untyped-call]
+    recording = open_recording(path)
+    assert [type(m) for _, m in recording.messages()] == [Odometry]
+    assert recording.bad_messages == 0
+    assert recording.summary.encodings == {"/log": "protobuf", "odometry": "msgpack"}
+
+
 def test_only_the_types_asked_for(tmp_path: Path) -> None:
     path = write(tmp_path / "x.mcap", (1, transform()), (2, odometry(2)))
     recording = open_recording(path)

@@ -1,6 +1,7 @@
 import hashlib
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from common.io import weights
@@ -12,7 +13,7 @@ ABC = hashlib.sha256(b"abc").hexdigest()
 
 def model(**fields: str) -> ModelFile:
     known = {"name": "m", "kind": "movenet", "file": "m.onnx", "licence": "MIT", "input": "bytes"}
-    return ModelFile(**(known | {"get": "Run make-it."} | fields))
+    return msgspec.convert(known | {"get": "Run make-it."} | fields, ModelFile)
 
 
 def manifest(tmp_path: Path, text: str) -> Path:

@@ -9,7 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.runtime.assignment import (
+    EXCLUDED_S,
+    REPLICAS_MAX,
     SILENT_S,
+    TRIED_MAX,
     Assignment,
     Membership,
     MessageHeader,
@@ -60,6 +63,65 @@ def test_replicas_with_a_token_are_live_and_sorted() -> None:
     assert membership("b", "a").replicas == ("a", "b")
     assert membership("b").replicas == ("b",)  # this process has not announced itself yet
     assert membership().replicas == ()
+
+
+def test_invented_replicas_are_bounded_and_heartbeats_without_a_token_forgotten() -> None:
+    many = membership("a", *(f"x{number}" for number in range(300)))
+    assert len(many.replicas) == 1 + TRIED_MAX
+    assert "a" in many.replicas
+    for number in range(1000):
+        many.note_heartbeat(f"y{number}", stalled=False, now_s=0.0)
+    assert len(many._heartbeats_s) == REPLICAS_MAX
+
+
+def test_invented_replicas_leave_a_third_of_the_frames_and_are_excluded_in_turn() -> None:
+    one = assignment("a", *(f"x{number}" for number in range(300)))
+    ours = []
+    for number in range(600):
+        now_s = number / 15
+        for name in range(300):
+            one.note_heartbeat(f"x{name}", stalled=False, now_s=now_s)
+        if one.is_ours(frame(number), now_s):
+            ours.append(number)
+        one.reassign(now_s)
+    # Of three in turns one is real; all 15 are tried within 15 / 2 * 3 s and a frame each.
+    assert max(b - a for a, b in itertools.pairwise(ours)) <= 1 + TRIED_MAX
+    assert ours[-200:] == list(range(400, 600))
+
+
+def test_replicas_that_answer_are_all_used() -> None:
+    one = assignment("a", "b", "c", "d", "e", sharing=CROPS)
+    for number in range(40):
+        if not one.is_ours(frame(number), 0.1):
+            one.answered(MessageHeader("front", number))
+        one.reassign(0.1)
+    assert one.replicas == ("a", "b", "c", "d", "e")
+
+
+def test_replica_that_answers_nothing_is_excluded_for_a_while() -> None:
+    two = membership("a", "b")
+    two.note_answered("b")
+    for second in range(7):
+        two.note_heartbeat("b", stalled=False, now_s=second)
+        two.note_assigned("b", second)
+        two.update(second)
+        # Three messages and more than 5 s since the first: at the seventh.
+        assert two.replicas == (("a", "b") if second < 6 else ("a",))
+    two.note_heartbeat("b", stalled=False, now_s=6 + EXCLUDED_S)
+    two.update(6 + EXCLUDED_S)
+    assert two.replicas == ("a", "b")
+
+
+def test_replica_that_answers_slowly_is_not_excluded() -> None:
+    two = membership("a", "b")
+    two.note_answered("b")
+    for second in range(60):
+        two.note_heartbeat("b", stalled=False, now_s=second)
+        two.note_assigned("b", second)
+        if second % 5 == 4:
+            two.note_answered("b")
+        two.update(second)
+        assert two.replicas == ("a", "b")
 
 
 def test_token_that_vanishes_removes_its_replica_at_once() -> None:
@@ -134,7 +196,7 @@ def numbers(messages: list[PendingMessage]) -> list[int]:
 def divide(
     assignments: list[Assignment], sequences: range, lockstep: bool = False
 ) -> list[list[int]]:
-    return [[k for k in sequences if one.is_ours(frame(k, lockstep))] for one in assignments]
+    return [[k for k in sequences if one.is_ours(frame(k, lockstep), 0.0)] for one in assignments]
 
 
 @pytest.mark.parametrize("name", ["RgbdFrame", "Crops", "Detections", "Embeddings"])
@@ -171,7 +233,7 @@ def test_single_replica_gets_every_frame() -> None:
 
 def test_replica_that_joins_gets_pending_messages() -> None:
     one = Assignment("a", FRAMES)
-    assert not one.is_ours(frame(0, lockstep=True))
+    assert not one.is_ours(frame(0, lockstep=True), 0.0)
     assert numbers(one.add_replica("a", 0.0)) == [0]
 
 
@@ -215,7 +277,7 @@ def test_replica_that_joins_leaves_earlier_frames_to_the_others() -> None:
 
 def test_pending_crops_are_limited_to_the_depth_of_their_queue() -> None:
     one = assignment("a", "b", sharing=CROPS)
-    others = [k for k in range(100) if not one.is_ours(frame(k))]
+    others = [k for k in range(100) if not one.is_ours(frame(k), 0.0)]
     assert numbers(one.remove_replica("b", 1.0)) == others[-8:]
 
 
@@ -228,7 +290,7 @@ def test_memberships_that_differ_briefly_lose_no_frame() -> None:
 
     def come(sequences: range) -> None:
         for me, one in assignments.items():
-            mine = [k for k in sequences if one.is_ours(frame(k, lockstep=True))]
+            mine = [k for k in sequences if one.is_ours(frame(k, lockstep=True), 0.0)]
             done.update(mine)
             for other in assignments:
                 if other != me:

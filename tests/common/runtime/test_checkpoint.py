@@ -39,6 +39,8 @@ class Numbering(Echo, StatefulNode):
         self.next = max(self.next, next_number)
         if saved == b"damaged":
             raise DecodeError("this is damaged")
+        if saved == b"odd":
+            raise IndexError("this is damaged, but no check finds it")
         self.saved = saved
 
 
@@ -106,12 +108,13 @@ def test_state_without_its_number_is_restored_with_a_new_number(tmp_path: Path) 
     assert node.saved == b"last 1"
 
 
-def test_damaged_state_is_lost_but_not_its_number(tmp_path: Path) -> None:
+@pytest.mark.parametrize("state", [b"damaged", b"odd"])
+def test_damaged_state_is_lost_but_not_its_number(tmp_path: Path, state: bytes) -> None:
     process = Process(tmp_path)
     for number in range(3):
         process.handle(number)
     process.checkpoint.save_state()
-    CheckpointStore(tmp_path, "tracker-1").write_state(b"damaged")
+    CheckpointStore(tmp_path, "tracker-1").write_state(state)
     node = Process(tmp_path).node
     assert (node.next, node.saved) == (4, b"")
 

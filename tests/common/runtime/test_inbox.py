@@ -1,14 +1,19 @@
 """Messages that wait for a busy node."""
 
+import sys
 import threading
+from collections.abc import Callable
 
 import msgspec
+import pytest
 
+from common.runtime.assignment import Assignment
 from common.runtime.inbox import Inbox
+from common.runtime.node import Sharing
 from people4d.codec import encode
 from people4d.errors import DecodeError
-from people4d.messages import Message, Truth
-from people4d.queue import Arrival
+from people4d.messages import Detections, Message, RgbdFrame, Truth
+from people4d.queue import WAITING_MAX, Arrival
 from people4d.topics import BY_NAME, ForeignTopic, Topic
 from tests import builders
 from tests.contract.examples import BY_NAME as EXAMPLES
@@ -72,6 +77,59 @@ def test_the_oldest_comes_first_across_keys() -> None:
     put(inbox, DETECTIONS, 3, "right")
     put(inbox, DETECTIONS, 4, "left")
     assert taken(inbox) == [1, 2, 3, 4]
+
+
+def test_the_oldest_comes_first_where_newer_ones_replaced_others() -> None:
+    inbox = Inbox()
+    put(inbox, DETECTIONS, 1, "front")
+    for sequence in range(500):
+        put(inbox, FRAMES, sequence, "left")
+    put(inbox, DETECTIONS, 501, "back")
+    put(inbox, FRAMES, 502, "left")
+    assert len(inbox._order) < 200
+    assert taken(inbox) == [1, 501, 502]
+
+
+def test_messages_of_a_key_stay_in_order_while_the_wall_clock_is_set_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    inbox, now_ns = Inbox(), 10**18
+    monkeypatch.setattr("time.time_ns", lambda: now_ns)
+    for sequence in range(3):
+        put(inbox, DETECTIONS, sequence, "left")
+        now_ns -= 10**9
+    put(inbox, DETECTIONS, 3, "right")
+    assert taken(inbox) == [3, 0, 1, 2]
+
+
+def calls_of(work: Callable[[], object]) -> int:
+    """Count the calls of functions, a measure of cost that no busy machine changes."""
+    count = 0
+
+    def note(*_: object) -> None:
+        nonlocal count
+        count += 1
+
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+def test_cost_of_a_message_does_not_grow_with_the_keys_that_wait() -> None:
+    few, many = Inbox(), Inbox()
+    for inbox, keys in ((few, 2), (many, WAITING_MAX)):
+        for sequence in range(keys):
+            put(inbox, DETECTIONS, sequence, f"k{sequence}")
+
+    def pass_one(inbox: Inbox) -> None:
+        put(inbox, DETECTIONS, 7, "next")
+        inbox.get(0.0)
+
+    pass_one(few)  # imports and caches
+    assert calls_of(lambda: pass_one(many)) < calls_of(lambda: pass_one(few)) + 50
 
 
 def test_tickets_count_what_was_taken_out() -> None:
@@ -218,3 +276,58 @@ def test_several_frames_wait_if_the_node_wants_them() -> None:
         put(inbox, FRAMES, sequence)
     assert taken(inbox) == [2, 3, 4]
     assert inbox.counters == {"received_frames": 5, "dropped_frames": 2}
+
+
+def test_many_invented_keys_are_bounded_and_cost_nothing_once_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("people4d.queue.WAITING_MAX", 100)
+    monkeypatch.setattr("people4d.queue.SOURCES_MAX", 100)
+    inbox = Inbox()
+    for sequence in range(1000):
+        put(inbox, DETECTIONS, sequence, f"k{sequence}")
+    assert inbox.counters["dropped_detections"] == 900
+    assert taken(inbox) == list(range(900, 1000))
+    assert not inbox._queues
+    assert len(inbox._last) == 100
+
+
+def test_what_waits_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    size = len(encode(EXAMPLES["Detections"]))
+    monkeypatch.setattr("people4d.queue.WAITING_MAX_BYTES", 10 * size)
+    inbox = Inbox()
+    for sequence in range(30):
+        put(inbox, DETECTIONS, sequence, f"k{sequence % 3}")
+    assert taken(inbox)[-1] == 29
+    assert inbox.counters["dropped_detections"] >= 20
+    assert inbox._waiting_bytes == 0
+
+
+def test_a_message_of_this_process_is_added_as_it_is() -> None:
+    inbox, frame = Inbox(), EXAMPLES["RgbdFrame"]
+    inbox.take(BY_NAME["frames"], "k", frame)
+    arrival = inbox.get(0.0)
+    assert arrival is not None
+    assert arrival.message is frame
+    assert arrival.size == frame.rgb.nbytes + frame.depth_mm.nbytes  # type: ignore[attr-defined]
+    assert inbox.counters["received_frames"] == 1
+
+
+def test_a_frame_of_this_process_goes_to_one_replica_and_to_the_other_if_that_leaves() -> None:
+    assignment = Assignment("detector-1", Sharing(RgbdFrame, Detections))
+    for name in ("detector-1", "detector-2"):
+        assignment.add_replica(name, 0.0)
+        assignment.note_heartbeat(name, stalled=False, now_s=1e9)
+    inbox = Inbox(assignment)
+    frames = [
+        msgspec.structs.replace(EXAMPLES["RgbdFrame"], sequence=k, lockstep=True) for k in range(6)
+    ]
+    for frame in frames:
+        inbox.take(BY_NAME["frames"], "k", frame)
+    first = taken(inbox)
+    assert first in ([0, 2, 4], [1, 3, 5])
+    assert inbox.counters["left_frames"] == 3
+    for message in assignment.remove_replica("detector-2", 0.0):
+        inbox.take_over(message)
+    assert sorted([*first, *taken(inbox)]) == list(range(6))
+    assert inbox.counters["taken_over_frames"] == 3

@@ -117,6 +117,21 @@ def test_an_error_in_the_node_is_counted_and_holds_up_nothing(
         run.watcher.wait_for_counters(errors=2, received_detections=5, sent_people=3)
 
 
+def test_an_error_in_every_message_degrades_the_process_and_is_logged_once(
+    network: Network, caplog: pytest.LogCaptureFixture
+) -> None:
+    # A detector that failed on every frame was called ready.
+    with running(network, Echo()) as run:
+        run.send(*(detections(sequence, "bad") for sequence in range(12)))
+        health = run.watcher.wait_for_counters(errors=12)
+    assert health.state == "degraded"
+    assert health.reason.startswith("the node failed (RuntimeError in nodes.py line ")
+    assert "12 in all" in health.reason
+    tracebacks = [record for record in caplog.records if record.exc_info]
+    assert len(tracebacks) == 1
+    assert [r.message for r in caplog.records if "10 times by now" in r.message]
+
+
 class Unsendable(Truth, frozen=True, kw_only=True):
     """A message that is not in the table of topics."""
 
@@ -154,7 +169,7 @@ def test_a_node_that_is_finished_ends_the_loop_after_its_outputs(network: Networ
     Loop(source, network.open(robot), PROCESS_ID).run()
     assert source.closed.is_set()
     assert [watcher.wait(Truth).sequence for _ in range(5)] == list(range(5))
-    assert watcher.wait(Health, lambda h: h.state == "stopping").counters["sent_truth"] == 5
+    watcher.wait(Health, lambda h: h.state == "stopping" and h.counters["sent_truth"] == 5)
 
 
 def test_waiting_messages_are_handled_after_a_stop(network: Network) -> None:

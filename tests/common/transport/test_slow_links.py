@@ -61,7 +61,7 @@ def test_topics_with_one_key_are_slowed_down() -> None:
     (rules,) = downsampling(["wlan0"], 10.0)
     assert rules["interfaces"] == ["wlan0"]
     keys = {rule["key_expr"].rpartition("/")[2]: rule["freq"] for rule in rules["rules"]}
-    names = ("odometry", "people", "gait", "truth", "score")
+    names = ("odometry", "people", "gait", "skeletons", "truth", "score")
     assert keys == dict.fromkeys(names, 10.0)
     assert downsampling(["wlan0"], 100.0) == []  # nothing comes more often
 

@@ -1,36 +1,18 @@
-"""Sessions of an inference library: arrays in, arrays out."""
+"""Sessions of onnxruntime."""
 
 import threading
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
-import onnxruntime
 
+from common.inference.session import Array
 from common.transport.trace import span
 from people4d.errors import ModelError
 
-Array = npt.NDArray[np.generic]
-
-
-class Session(Protocol):
-    """A network that is ready to run."""
-
-    @property
-    def input_shape(self) -> tuple[int | None, ...]:
-        """Lengths of the first input's axes, None where any length goes."""
-        ...
-
-    @property
-    def input_dtype(self) -> np.dtype[np.generic]:
-        """Type of the first input's elements."""
-        ...
-
-    def run(self, image: Array) -> Mapping[str, Array]:
-        """Run the network on its one input and return the outputs by name."""
-        ...
+# Quantises the weights of convolutions that were left in float because they must not be, and
+# those in one range for all channels: MoveNet with one such layer is useless (onnxruntime 1.31).
+DISABLED = ["WeightBiasQuantization"]
 
 
 class OnnxSession:
@@ -39,22 +21,32 @@ class OnnxSession:
     Args:
         path: The .onnx file.
         threads: Threads that one run may use; they do not spin while idle.
+        optimised: Let onnxruntime fuse operators.
 
     Raises:
         ModelError: The file is absent or not a network that can be run.
     """
 
-    def __init__(self, path: Path, threads: int = 1) -> None:
+    def __init__(self, path: Path, threads: int = 1, optimised: bool = True) -> None:
+        import onnxruntime  # noqa: PLC0415  # it starts a thread, and many services never need it
+
+        self.optimised = optimised
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         options.inter_op_num_threads = 1
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.log_severity_level = 3
+        if not optimised:
+            level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
+            options.graph_optimization_level = level
         if not path.is_file():
             raise ModelError(f"model file {path} does not exist", "See: people4d models.")
         try:
             self._session = onnxruntime.InferenceSession(
-                str(path), options, providers=["CPUExecutionProvider"]
+                str(path),
+                options,
+                providers=["CPUExecutionProvider"],
+                disabled_optimizers=DISABLED,
             )
         except Exception as error:  # onnxruntime raises its own types, all of them Exception
             reason = str(error).splitlines()[0][:200]

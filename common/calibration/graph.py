@@ -1,0 +1,102 @@
+"""Pose graph of cameras: first poses from the surest pairs, and the pairs that contradict them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.calibration.pairs import LevelPaths, LevelPose, PairResult
+
+MATCHED_MIN = 40  # positions together that link two cameras: 4 s
+AMBIGUOUS = 0.75  # share of the best score from which a different pose is as good
+LOOP_M, LOOP_RAD, LOOP_S = 0.5, 0.2, 0.25  # by which a pair may differ from the poses of others
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class GraphResult:
+    """Poses of all cameras that are linked to the reference."""
+
+    poses: Mapping[str, LevelPose]  # by camera, in the level frame of the reference
+    linked: Sequence[Pair]  # pairs that the poses agree with
+    contradicting: Sequence[Pair]  # pairs that do not
+    ambiguous: Sequence[Pair]  # pairs with two poses that are as good, and no others to decide
+
+
+def is_ambiguous(result: PairResult) -> bool:
+    """Check that a pair has two different answers."""
+    best, second = result.best, result.second
+    return best is not None and second is not None and second.score > AMBIGUOUS * best.score
+
+
+def solve_graph(
+    cameras: Mapping[str, LevelPaths], pairs: Mapping[Pair, PairResult], reference: str
+) -> GraphResult:
+    """Return the poses along the strongest pairs; a pair that is ambiguous links nothing.
+
+    Args:
+        cameras: Paths by name.
+        pairs: Results by names of two cameras, a and b.
+        reference: Camera whose level frame is that of the poses.
+    """
+    usable = {
+        pair: result.best
+        for pair, result in pairs.items()
+        if result.best is not None and result.best.matched >= MATCHED_MIN and result.best.score > 0
+    }
+    decided = {pair: pose for pair, pose in usable.items() if not is_ambiguous(pairs[pair])}
+    poses = {reference: LevelPose(0.0, np.zeros(3), 0.0)}
+    while True:
+        edges = [
+            (pose.score, pair, pose)
+            for pair, pose in decided.items()
+            if (pair[0] in poses) != (pair[1] in poses)
+        ]
+        if not edges:
+            break
+        _, (one, other), pose = max(edges, key=lambda edge: edge[0])
+        if one in poses:
+            poses[other] = joined(poses[one], pose)
+        else:
+            poses[one] = joined(poses[other], inverse(pose))
+    linked, contradicting = list[Pair](), list[Pair]()
+    for pair, pose in decided.items():
+        if pair[0] not in poses:
+            continue
+        expected = relative(poses[pair[0]], poses[pair[1]])
+        (linked if agrees(pose, expected, cameras[pair[1]]) else contradicting).append(pair)
+    ambiguous = [
+        pair
+        for pair in usable
+        if pair not in decided and not (pair[0] in poses and pair[1] in poses)
+    ]
+    return GraphResult(poses, linked, contradicting, ambiguous)
+
+
+def joined(first: LevelPose, then: LevelPose) -> LevelPose:
+    """Return the pose of c in a, of b in a and c in b."""
+    return LevelPose(
+        first.yaw_rad + then.yaw_rad,
+        first.apply(then.translation_m),
+        first.offset_s + then.offset_s,
+    )
+
+
+def inverse(pose: LevelPose) -> LevelPose:
+    """Return the pose of a in b."""
+    return LevelPose(-pose.yaw_rad, -(pose.translation_m @ pose.rotation), -pose.offset_s)
+
+
+def relative(a: LevelPose, b: LevelPose) -> LevelPose:
+    """Return the pose of b in a, of both in a third frame."""
+    return joined(inverse(a), b)
+
+
+def agrees(pose: LevelPose, expected: LevelPose, b: LevelPaths) -> bool:
+    """Check that two poses of camera b bring its people to about the same positions and times."""
+    middle = np.nanmean(b.positions_m, axis=(0, 1))
+    turned = (pose.yaw_rad - expected.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+    moved = float(np.linalg.norm(pose.apply(middle) - expected.apply(middle)))
+    late = abs(pose.offset_s - expected.offset_s)
+    return bool(moved < LOOP_M and abs(turned) < LOOP_RAD and late < LOOP_S)

@@ -1,0 +1,136 @@
+"""Detections of several cameras, collected for their calibration."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from common.geometry.transforms import deproject
+from people4d.messages import F64, CameraInfo, Detection, Detections
+
+FRAMES_MAX = 60_000  # of one camera: 33 minutes at 30 Hz
+CAMERAS_MAX = 64  # names, a bound against invented ones
+SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]  # COCO
+CONTRADICTIONS_MAX = 10  # of a camera that is started anew, or whose detectors are
+CONFIDENCE_MIN = 0.3  # of keypoints that are used
+
+
+@dataclass(frozen=True, slots=True)
+class ObservedPerson:
+    """One person in one frame; optical frame of the camera."""
+
+    position_m: F64  # 3, torso
+    low_ray: F64 | None  # 3, towards the middle of the ankles, or of the hips; None: not found
+    is_low_ankle: bool  # of low_ray: ankles
+    high_ray: F64 | None  # 3, towards the middle of the shoulders
+
+
+@dataclass(slots=True)
+class ObservedFrame:
+    """The people in one frame."""
+
+    stamp_ns: int  # on the camera's clock
+    people: tuple[ObservedPerson, ...]
+
+
+@dataclass(slots=True)
+class CameraObservations:
+    """All frames of one camera."""
+
+    camera: str
+    frame_id: str = ""  # optical frame
+    info: CameraInfo | None = None
+    frames: list[ObservedFrame] = field(default_factory=list)
+    delay_ns: int | None = None  # least time from stamp to arrival, on two clocks
+    unlocated: int = 0  # people without a position
+    sequence: int = -1  # of the last frame
+    contradictions: int = 0  # frames that are later by their stamp and not by their number
+
+    @property
+    def people(self) -> int:
+        """Number of people with a position, over all frames."""
+        return sum(len(frame.people) for frame in self.frames)
+
+    @property
+    def is_of_several(self) -> bool:
+        """True if two cameras or more have this name."""
+        return self.contradictions > max(CONTRADICTIONS_MAX, len(self.frames) // 10)
+
+
+class ObservationCollector:
+    """Collects what a calibration needs from messages."""
+
+    def __init__(self) -> None:
+        self._cameras: dict[str, CameraObservations] = {}
+        self.dropped: dict[str, int] = defaultdict(int)  # frames by reason
+
+    @property
+    def cameras(self) -> list[CameraObservations]:
+        """The cameras that sent detections, by name."""
+        return sorted((c for c in self._cameras.values() if c.frames), key=lambda c: c.camera)
+
+    def copy(self) -> "ObservationCollector":
+        """Return what was collected so far, which later messages do not change."""
+        other = ObservationCollector()
+        other._cameras = {
+            name: replace(camera, frames=list(camera.frames))
+            for name, camera in self._cameras.items()
+        }
+        return other
+
+    def add(self, message: CameraInfo | Detections, arrived_ns: int) -> None:
+        """Take a message; frames that go back in time, or are too many, are counted and dropped.
+
+        Args:
+            message: Calibration or detections of any camera.
+            arrived_ns: Time of arrival, or in the recording, on one clock for all cameras.
+        """
+        known = self._cameras.get(message.camera)
+        if known is None:
+            if len(self._cameras) >= CAMERAS_MAX:
+                self.dropped["cameras"] += 1
+                return
+            known = self._cameras[message.camera] = CameraObservations(message.camera)
+        if isinstance(message, CameraInfo):
+            known.info = message
+            return
+        if known.frames:
+            is_later = message.stamp_ns > known.frames[-1].stamp_ns
+            known.contradictions += is_later != (message.sequence > known.sequence)
+            if not is_later:
+                self.dropped["disorder"] += 1
+                return
+        if len(known.frames) >= FRAMES_MAX:
+            self.dropped["too_many"] += 1
+            return
+        known.frame_id, known.sequence = message.frame_id, message.sequence
+        people = tuple(_person(d, known.info) for d in message.detections if _is_located(d))
+        known.unlocated += len(message.detections) - len(people)
+        known.frames.append(ObservedFrame(message.stamp_ns, people))
+        delay_ns = arrived_ns - message.stamp_ns
+        known.delay_ns = delay_ns if known.delay_ns is None else min(known.delay_ns, delay_ns)
+
+
+def _is_located(detection: Detection) -> bool:
+    return detection.position_m is not None and float(detection.position_m[2]) > 0.1
+
+
+def _person(detection: Detection, info: CameraInfo | None) -> ObservedPerson:
+    assert detection.position_m is not None
+    ankles = _ray(detection, ANKLES, info)
+    low = _ray(detection, HIPS, info) if ankles is None else ankles
+    high = _ray(detection, SHOULDERS, info)
+    return ObservedPerson(detection.position_m, low, ankles is not None, high)
+
+
+def _ray(detection: Detection, joints: list[int], info: CameraInfo | None) -> F64 | None:
+    """Return the direction (3, z = 1) of the middle of two joints; None if one is not found."""
+    if info is None or detection.keypoints is None:
+        return None
+    points = detection.keypoints[joints]
+    if float(points[:, 2].min()) < CONFIDENCE_MIN:
+        return None
+    middle = points[:, :2].mean(axis=0).astype(np.float64)
+    if not (0 < middle[1] < info.height - 1):
+        return None
+    return np.asarray(deproject(middle[None], 1.0, info)[0])

@@ -1,0 +1,294 @@
+"""Relative pose and clock offset of two cameras, from paths whose persons are not known.
+
+Each pair of paths that overlap in time proposes a pose for each offset of the clocks; the pose that
+brings the most people of both cameras together, and lets the fewest vanish, is taken.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from common.calibration.tracklets import STEP_S, Tracklet
+from people4d.messages import F64, CameraInfo
+
+BOOL = npt.NDArray[np.bool_]
+OVERLAP_STEPS = 15  # of two paths that propose a pose
+EXTENT_M = 0.6  # of the shorter of them
+RMS_MAX_M = 0.15  # of their distance at the proposed pose
+PROPOSALS_MAX = 240  # that are scored
+GATE_M, HEIGHT_GATE_M = 0.3, 0.3  # of two positions of one person
+APART_M = 0.7  # a person without another so near is missing in the other camera
+MISSING_WEIGHT = 0.5
+MARGIN = 0.1  # of the image in which people may be missed
+NEAR_M, FAR_SHARE = 1.2, 0.8  # depth in which people are found, share of the largest
+DISTINCT_M, DISTINCT_RAD, DISTINCT_S = 0.5, 0.25, 0.35  # of two different answers
+REFINED = 4  # answers that are refined
+ROUNDS = 6
+
+
+@dataclass(frozen=True)
+class LevelPaths:
+    """Paths of one camera in axes x forward, y left, z up, by grid step."""
+
+    camera: str
+    level_from_optical: F64  # 3x3
+    info: CameraInfo | None
+    paths: Sequence[Tracklet]
+
+    @cached_property
+    def first(self) -> int:
+        """First grid step."""
+        return min((p.first for p in self.paths), default=0)
+
+    @cached_property
+    def _arrays(self) -> tuple[F64, F64]:
+        last = max((p.last for p in self.paths), default=self.first)
+        rows: list[int] = []  # step after the last of each column
+        columns: list[int] = []
+        for path in sorted(self.paths, key=lambda p: p.first):
+            free = next((k for k, end in enumerate(rows) if end <= path.first), len(rows))
+            rows[free : free + 1] = [path.last]
+            columns.append(free)
+        shape = (last - self.first, max(len(rows), 1), 3)
+        positions, velocities = np.full(shape, np.nan), np.full(shape, np.nan)
+        turn = self.level_from_optical.T
+        for path, column in zip(sorted(self.paths, key=lambda p: p.first), columns, strict=True):
+            steps = slice(path.first - self.first, path.last - self.first)
+            positions[steps, column] = path.positions_m @ turn
+            velocities[steps, column] = path.velocities_mps @ turn
+        return positions, velocities
+
+    @property
+    def positions_m(self) -> F64:
+        """Positions, TxKx3, NaN where there are fewer people."""
+        return self._arrays[0]
+
+    @property
+    def velocities_mps(self) -> F64:
+        """Velocities, TxKx3."""
+        return self._arrays[1]
+
+    def in_view(self, points_m: F64) -> BOOL:
+        """Check that points (...x3) are where this camera finds people."""
+        if self.info is None:
+            return np.zeros(points_m.shape[:-1], np.bool_)
+        optical = points_m @ self.level_from_optical
+        info, z = self.info, optical[..., 2]
+        with np.errstate(all="ignore"):
+            u = optical[..., 0] / z * info.fx + info.cx
+            v = optical[..., 1] / z * info.fy + info.cy
+        inside = (u > MARGIN * info.width) & (u < (1 - MARGIN) * info.width)
+        inside &= (v > MARGIN * info.height) & (v < (1 - MARGIN) * info.height)
+        return np.asarray(inside & (z > NEAR_M) & (z < FAR_SHARE * info.max_depth_m))
+
+
+@dataclass(frozen=True, slots=True)
+class LevelPose:
+    """Pose of camera b in the level frame of camera a, and b's clock minus a's."""
+
+    yaw_rad: float
+    translation_m: F64  # 3
+    offset_s: float
+    score: float = 0.0
+    matched: int = 0  # positions of one person in both
+    missing: int = 0
+    tilted: F64 | None = None  # 3x3, in place of the yaw
+
+    @property
+    def rotation(self) -> F64:
+        """3x3, a from b."""
+        if self.tilted is not None:
+            return self.tilted
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+    def apply(self, points_m: F64) -> F64:
+        """Return points (...x3) of b in the level frame of a."""
+        return np.asarray(points_m @ self.rotation.T + self.translation_m)
+
+    def is_distinct(self, other: "LevelPose", at_m: F64) -> bool:
+        """Check that another pose is a different answer for people about a position (b)."""
+        turned = (self.yaw_rad - other.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+        moved = np.linalg.norm(self.apply(at_m) - other.apply(at_m))
+        return bool(
+            abs(turned) > DISTINCT_RAD
+            or moved > DISTINCT_M
+            or abs(self.offset_s - other.offset_s) > DISTINCT_S
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Correspondences:
+    """Positions of the same people in two cameras; level frames."""
+
+    steps: npt.NDArray[np.int64]  # N, of a
+    a_m: F64  # Nx3
+    b_m: F64  # Nx3, at the grid step of b that comes nearest
+    a_mps: F64  # Nx3
+    b_mps: F64  # Nx3
+    shift: int  # that step of b minus that of a
+
+
+@dataclass(frozen=True)
+class PairResult:
+    """The best pose of a pair, and the best different one."""
+
+    best: LevelPose | None
+    second: LevelPose | None = None
+
+
+def match_pair(a: LevelPaths, b: LevelPaths, offset_s: float, search_s: float) -> PairResult:
+    """Return the pose of camera b in a, with its clock.
+
+    Args:
+        a: The one camera.
+        b: The other.
+        offset_s: Expected clock of b minus that of a.
+        search_s: Largest difference from that.
+    """
+    shifts = range(round((offset_s - search_s) / STEP_S), round((offset_s + search_s) / STEP_S) + 1)
+    proposals = _proposals(a, b, shifts)
+    if not proposals:
+        return PairResult(None)
+    scored = sorted((score(a, b, p) for p in proposals), key=lambda p: -p.score)
+    middle = np.nanmean(b.positions_m, axis=(0, 1))
+    chosen: list[LevelPose] = []
+    for pose in scored:
+        if len(chosen) < REFINED and all(pose.is_distinct(other, middle) for other in chosen):
+            chosen.append(pose)
+    refined = sorted((refine(a, b, pose) for pose in chosen), key=lambda p: -p.score)
+    best = refined[0]
+    others = [p for p in refined[1:] if p.is_distinct(best, middle)]
+    return PairResult(best, others[0] if others else None)
+
+
+def _proposals(a: LevelPaths, b: LevelPaths, shifts: range) -> list[LevelPose]:
+    found: list[tuple[float, LevelPose]] = []
+    for one in a.paths:
+        if one.extent_m < EXTENT_M:
+            continue
+        first_m = one.positions_m @ a.level_from_optical.T
+        for other in b.paths:
+            if other.extent_m < EXTENT_M:
+                continue
+            second_m = other.positions_m @ b.level_from_optical.T
+            for shift in shifts:
+                begin = max(one.first, other.first - shift)
+                end = min(one.last, other.last - shift)
+                if end - begin < OVERLAP_STEPS:
+                    continue
+                p = first_m[begin - one.first : end - one.first]
+                q = second_m[begin + shift - other.first : end + shift - other.first]
+                pose, rms_m, spread_m = _aligned(p, q, shift)
+                if rms_m < RMS_MAX_M and spread_m > EXTENT_M / 3:
+                    found.append((min(end - begin, 60) * spread_m / (rms_m + 0.03), pose))
+    found.sort(key=lambda item: -item[0])
+    return [pose for _, pose in found[:PROPOSALS_MAX]]
+
+
+def _aligned(p: F64, q: F64, shift: int) -> tuple[LevelPose, float, float]:
+    """Return the pose that brings path q to path p, the distance left, and the spread of p."""
+    zp, zq = p[:, 0] + 1j * p[:, 1], q[:, 0] + 1j * q[:, 1]
+    mp, mq = zp.mean(), zq.mean()
+    inner = np.vdot(zq - mq, zp - mp)
+    turn = inner / max(abs(inner), 1e-12)
+    left = (zp - mp) - turn * (zq - mq)
+    dz = p[:, 2] - q[:, 2]
+    offset = mp - turn * mq
+    pose = LevelPose(
+        float(np.angle(turn)),
+        np.array([offset.real, offset.imag, float(dz.mean())]),
+        shift * STEP_S,
+    )
+    rms_m = float(np.sqrt((np.abs(left) ** 2).mean() + dz.var()))
+    return pose, rms_m, float(np.sqrt((np.abs(zp - mp) ** 2).mean()))
+
+
+def _overlap(a: LevelPaths, b: LevelPaths, shift: int) -> tuple[slice, slice]:
+    """Return the rows of both arrays at the same times."""
+    begin = max(a.first, b.first - shift)
+    end = min(a.first + len(a.positions_m), b.first + len(b.positions_m) - shift)
+    end = max(begin, end)
+    return (
+        slice(begin - a.first, end - a.first),
+        slice(begin + shift - b.first, end + shift - b.first),
+    )
+
+
+def _distances(pa: F64, pb: F64) -> F64:
+    """Return distances (TxKaxKb), infinite where heights differ too much or one is absent."""
+    apart = pa[:, :, None] - pb[:, None, :]
+    level = np.hypot(apart[..., 0], apart[..., 1])
+    level[~(np.abs(apart[..., 2]) < HEIGHT_GATE_M)] = np.inf
+    return np.asarray(np.where(np.isnan(level), np.inf, level))
+
+
+def score(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
+    """Return a pose with its score: people together, less those who are missing."""
+    rows_a, rows_b = _overlap(a, b, round(pose.offset_s / STEP_S))
+    pa, pb = a.positions_m[rows_a], pose.apply(b.positions_m[rows_b])
+    if not len(pa):
+        return replace(pose, score=0.0, matched=0, missing=0)
+    distance = _distances(pa, pb)
+    matched = int((distance.min(axis=1) < GATE_M).sum())
+    back = (pa - pose.translation_m) @ pose.rotation
+    # One who is missing in the other camera, though it finds people there.
+    lone_b = a.in_view(pb) & ~np.isnan(pb[..., 0]) & (distance.min(axis=1) > APART_M)
+    lone_a = b.in_view(back) & ~np.isnan(pa[..., 0]) & (distance.min(axis=2) > APART_M)
+    missing = int(lone_a.sum() + lone_b.sum())
+    return replace(pose, score=matched - MISSING_WEIGHT * missing, matched=matched, missing=missing)
+
+
+def correspond(a: LevelPaths, b: LevelPaths, pose: LevelPose, gate_m: float) -> Correspondences:
+    """Return the positions of the same people in both cameras at a pose, nearest to each other."""
+    shift = round(pose.offset_s / STEP_S)
+    rows_a, rows_b = _overlap(a, b, shift)
+    pa, pb = a.positions_m[rows_a], b.positions_m[rows_b]
+    if not len(pa):
+        empty = np.zeros((0, 3))
+        return Correspondences(np.zeros(0, np.int64), empty, empty, empty, empty, shift)
+    va, vb = a.velocities_mps[rows_a], b.velocities_mps[rows_b]
+    late_s = pose.offset_s - shift * STEP_S
+    distance = _distances(pa, pose.apply(pb + vb * late_s))
+    nearest = distance.argmin(axis=2)
+    mutual = distance.argmin(axis=1)
+    t, i = np.nonzero(distance.min(axis=2) < gate_m)
+    j = nearest[t, i]
+    good = mutual[t, j] == i
+    t, i, j = t[good], i[good], j[good]
+    steps = t + rows_a.start + a.first
+    return Correspondences(steps, pa[t, i], pb[t, j], va[t, i], vb[t, j], shift)
+
+
+def refine(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
+    """Return a pose fitted to all positions that it brings together, with its score."""
+    for k in range(ROUNDS):
+        found = correspond(a, b, pose, GATE_M if k < 3 else 0.2)
+        if len(found.steps) < OVERLAP_STEPS:
+            break
+        late_s = pose.offset_s - found.shift * STEP_S
+        b_m = pose.apply(found.b_m + found.b_mps * late_s)
+        velocity = found.b_mps @ pose.rotation.T
+        error = found.a_m - b_m
+        about = b_m - pose.translation_m
+        n = len(error)
+        jacobian = np.zeros((n, 3, 5))  # yaw, translation, offset
+        jacobian[:, 0, 0], jacobian[:, 1, 0] = -about[:, 1], about[:, 0]
+        jacobian[:, [0, 1, 2], [1, 2, 3]] = 1.0
+        jacobian[:, :, 4] = velocity
+        size = np.linalg.norm(error, axis=1)
+        weight = np.sqrt(np.minimum(1.0, 0.06 / np.maximum(size, 1e-6)))[:, None]
+        left = (jacobian * weight[..., None]).reshape(-1, 5)
+        damped = np.vstack([left, np.diag([0.0, 0.0, 0.0, 0.0, 0.1])])
+        right = np.append((error * weight).ravel(), np.zeros(5))
+        step, *_ = np.linalg.lstsq(damped, right, rcond=None)
+        pose = replace(
+            pose,
+            yaw_rad=pose.yaw_rad + float(step[0]),
+            translation_m=pose.translation_m + step[1:4],
+            offset_s=pose.offset_s + float(np.clip(step[4], -0.1, 0.1)),
+        )
+    return score(a, b, pose)

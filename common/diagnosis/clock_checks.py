@@ -1,0 +1,66 @@
+"""Checks of the clocks of hosts and cameras."""
+
+import re
+from collections.abc import Iterator, Mapping
+
+from common.diagnosis.evidence import Diagnostic, Evidence, Vitals, ok, problem, warning
+
+CAMERA_OFFSET = re.compile(r"camera_offset_(.+)_ms")
+APART_NS = 50_000_000  # [ns] by which clocks may differ before people are published too late
+LATE_NS = 1_000_000_000  # [ns] heartbeats are never so long in transit
+
+
+def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that the clocks of hosts and cameras agree, and that none was set."""
+    processes = evidence.vitals.values()
+    behind_ms = {v.last.host: ns / 1e6 for v in processes if (ns := _behind_ns(v))}
+    stepped = sorted(name for name, v in evidence.vitals.items() if v.since("clock_steps"))
+    jumps = sum(v.total("stamp_jumps", "clock_resets") for v in processes)
+    cameras = list(_camera_clocks(evidence))
+    if behind_ms:
+        hint = "Let all hosts keep time by one server: chrony or systemd-timesyncd."
+        yield problem("clocks", f"clocks of hosts are apart: {_listing(behind_ms)}", hint)
+    if stepped:
+        what = f"a clock was set while {', '.join(stepped)} ran"
+        yield problem("clocks", what, "Let it be steered, not set: chrony does, date does not.")
+    yield from cameras
+    if not (behind_ms or stepped or cameras) and jumps:
+        what = f"stamps of frames jumped {jumps} times since the start: people got new numbers"
+        hint = "A recording that is repeated does so; of a live camera, look at its host's clock."
+        yield warning("clocks", what, hint)
+    elif processes and not (behind_ms or stepped or cameras):
+        yield ok("clocks", "all clocks agree")
+
+
+def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Report cameras whose stamps are of another clock."""
+    for vitals in evidence.of("tracker"):
+        name, gauges = vitals.last.instance, vitals.last.gauges
+        found = ((CAMERA_OFFSET.fullmatch(gauge), ms) for gauge, ms in gauges.items())
+        behind_ms = {m[1]: -ms for m, ms in found if m and abs(ms) > APART_NS / 1e6}
+        apart = [part for part in vitals.last.reason.split("; ") if "tracked apart" in part]
+        if apart:
+            hint = "Let their hosts keep time by one server; two recordings are played one by one."
+            yield problem("clocks", "; ".join(apart), hint, name)
+        elif behind_ms:
+            what = f"stamps of cameras are apart, and corrected: {_listing(behind_ms)}"
+            hint = "Let their hosts keep time by one server: chrony or systemd-timesyncd."
+            yield warning("clocks", what, hint)
+
+
+def _listing(behind_ms: Mapping[str, float]) -> str:
+    return ", ".join(
+        f"{name} is {abs(ms):.0f} ms {'behind' if ms > 0 else 'ahead'}"
+        for name, ms in sorted(behind_ms.items())
+    )
+
+
+def _behind_ns(vitals: Vitals) -> float:
+    """Return how far the clock of a host is surely behind, 0 if that is within bounds."""
+    gauges = vitals.last.gauges
+    if "clock_offset_ms" in gauges:
+        ahead_ns, error_ns = gauges["clock_offset_ms"] * 1e6, gauges["clock_error_ms"] * 1e6
+        return -ahead_ns if abs(ahead_ns) - error_ns > APART_NS else 0.0
+    # Without a reference: a heartbeat cannot come before it was sent, nor very late.
+    late_ns = vitals.late_ns
+    return float(late_ns) if late_ns < -APART_NS or late_ns > LATE_NS else 0.0

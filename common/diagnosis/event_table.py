@@ -1,0 +1,82 @@
+"""Events that say by themselves what is wrong."""
+
+from common.diagnosis.evidence import Level
+
+OTHER_MODEL = "people4d models --verify checks the file; another: --model NAME."
+OTHER_TYPES = "Build the nodes with the definitions in common/ros2/definitions, or change those."
+
+# Messages of ROS 2 that cannot be read: counter, what is wrong, and hint.
+UNREADABLE = (
+    ("bad_message", "messages of ROS 2 come that are not of their type", OTHER_TYPES),
+    ("other_type", "a topic of ROS 2 has another type, or another definition of it", OTHER_TYPES),
+    (
+        *("other_qos", "a publisher of ROS 2 is less reliable than asked for: nothing of it comes"),
+        "Let it publish reliably, or latched, as ros2 topic info -v shows it.",
+    ),
+    (
+        *("no_attachment", "messages come on keys of rmw_zenoh without its attachment"),
+        "Is ros2.transport right? zenoh-bridge-ros2dds needs ros2dds.",
+    ),
+)
+
+# Check, level, service, counter of the event, what is wrong (with {fault}, the reason that the
+# process gives), and hint.
+EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
+    (
+        *("calibration", "problem", "detector", "no_calibration"),
+        "no CameraInfo comes: frames are dropped, since detections get no positions",
+        "Give the camera its calibration: --set camera.options.calibration=FILE.",
+    ),
+    (
+        *("calibration", "problem", "detector", "wrong_size"),
+        "frames are not of the size of CameraInfo: {fault}",
+        "Calibrate at the size that is streamed, or stream at the size calibrated.",
+    ),
+    (
+        *("odometry", "warning", "tracker", "predicted_base"),
+        "odometry comes too late or not: the robot's motion is guessed",
+        "Is odometry published (people4d ps), at 20 Hz or more, with stamps in time?",
+    ),
+    ("model", "problem", "detector", "model_errors", "{fault}", OTHER_MODEL),
+    ("model", "problem", "reid", "embedder_errors", "{fault}", OTHER_MODEL),
+    (
+        *("ros2", "problem", "ros2_bridge", "reader_unlinked"),
+        "people are not sent to ROS 2: {fault}",
+        "Does the robot publish its transforms (ros2 topic echo /tf)? Else leave reader_frame out.",
+    ),
+    (
+        *("ros2", "problem", "ros2_bridge", "unknown_frame"),
+        "people are not sent to ROS 2: {fault}",
+        "Set ros2_bridge.frame_id to a frame that transforms or odometry of people4d lead to.",
+    ),
+    (
+        *("ros2", "warning", "ros2_bridge", "reader_restamped"),
+        "transforms of ROS 2 come later than people, which are moved back to their stamps",
+        "Publish transforms sooner, or set a longer ros2_bridge.reader_wait_s.",
+    ),
+    (
+        *("ros2", "warning", "camera", "tf_loops"),
+        "transforms of ROS 2 form a loop: those that close it are dropped",
+        "Two nodes publish the same frames: ros2 run tf2_tools view_frames shows which.",
+    ),
+    (
+        *("ros2", "warning", "ros2_bridge", "tf_loops"),
+        "transforms on /tf close a loop; the last one is left out",
+        "Two nodes publish the same frames: ros2 run tf2_tools view_frames shows which.",
+    ),
+    (
+        *("ros2", "warning", "ros2_bridge", "ros2_unfit"),
+        "messages are not sent to ROS 2, since their stamps or numbers are beyond its types",
+        "Look at the clock of the camera.",
+    ),
+    (
+        *("ros2", "problem", "ros2_bridge", "send_errors"),
+        "messages cannot be sent to ROS 2",
+        "Start the service again, and see people4d logs ros2_bridge.",
+    ),
+    *(
+        ("ros2", "warning", service, counter, what, hint)
+        for service in ("ros2_bridge", "camera", "gt_bridge")
+        for counter, what, hint in UNREADABLE
+    ),
+)

@@ -1,0 +1,126 @@
+"""Evidence: messages of a running system, collected over a few seconds; and diagnostics."""
+
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Literal
+
+import msgspec
+
+from common.runtime.heartbeat import release
+from people4d.client import Client
+from people4d.messages import CameraInfo, Detections, Health, Message, StaticTransform, Tracks
+
+Level = Literal["ok", "warning", "problem"]
+HEARD = (Health, CameraInfo, StaticTransform, Detections, Tracks)
+
+
+class Diagnostic(msgspec.Struct, frozen=True, kw_only=True):
+    """The result of one check."""
+
+    check: str  # its name, one word
+    level: Level = "ok"  # warning: it works, but not as it could
+    what: str  # what was found, one sentence
+    hint: str = ""  # what to do about it, one sentence; empty if nothing need be done
+    about: tuple[str, ...] = ()  # processes that this explains
+
+
+def ok(check: str, what: str) -> Diagnostic:
+    """Make a diagnostic that nothing is wrong."""
+    return Diagnostic(check=check, what=what)
+
+
+def warning(check: str, what: str, hint: str, *about: str) -> Diagnostic:
+    """Make a diagnostic of something that limits."""
+    return Diagnostic(check=check, level="warning", what=what, hint=hint, about=about)
+
+
+def problem(check: str, what: str, hint: str, *about: str) -> Diagnostic:
+    """Make a diagnostic of something that keeps people from being published."""
+    return Diagnostic(check=check, level="problem", what=what, hint=hint, about=about)
+
+
+@dataclass(slots=True)
+class Vitals:
+    """The heartbeats of one process."""
+
+    first: Health  # the first one heard
+    last: Health  # the last one heard
+    late_ns: int  # least time from the stamp of a heartbeat to its arrival, by this machine's clock
+    # process numbers and hosts that used its name
+    pids: set[tuple[str, int]] = field(default_factory=set)
+
+    @property
+    def fault(self) -> str:
+        """Reason of a process that is not ready; empty if it is."""
+        return "" if self.last.state == "ready" else self.last.reason or f"it is {self.last.state}"
+
+    def total(self, *names: str) -> int:
+        """Return how often events were counted since the process began."""
+        return sum(self.last.counters.get(name, 0) for name in names)
+
+    def since(self, *names: str) -> int:
+        """Return how often events were counted while this was heard."""
+        return self.total(*names) - sum(self.first.counters.get(name, 0) for name in names)
+
+
+@dataclass(slots=True)
+class Evidence:
+    """All that was heard."""
+
+    robot: str  # name of the robot listened to
+    release: str = field(default_factory=release)  # release of people4d here
+    elapsed_s: float = 0.0  # how long was listened
+    vitals: dict[str, Vitals] = field(default_factory=dict)  # processes by name
+    # robot, service and process of everyone whose token is there, of all robots
+    present: list[tuple[str, str, str]] = field(default_factory=list)
+    infos: dict[str, CameraInfo] = field(default_factory=dict)  # calibrations by camera
+    # transforms by their child
+    transforms: dict[str, StaticTransform] = field(default_factory=dict)
+    detections: list[Detections] = field(default_factory=list)  # detections by camera
+    tracks: list[Tracks] = field(default_factory=list)  # people messages
+    # messages that could not be read, by topic
+    refused: Counter[str] = field(default_factory=Counter)
+    refusal: str = ""  # why the last of these could not be read
+
+    def of(self, service: str) -> list[Vitals]:
+        """Return the processes of a service."""
+        return [v for v in self.vitals.values() if v.last.service == service]
+
+    def hear(self, message: Message, now_ns: int) -> None:
+        """Take a message; `now_ns` is this machine's wall clock."""
+        if isinstance(message, Health):
+            self._hear_health(message, now_ns - message.stamp_ns)
+        elif isinstance(message, CameraInfo):
+            self.infos[message.camera] = message
+        elif isinstance(message, StaticTransform):
+            self.transforms[message.child] = message
+        elif isinstance(message, Detections):
+            self.detections.append(message)
+        elif isinstance(message, Tracks):
+            self.tracks.append(message)
+
+    def _hear_health(self, health: Health, late_ns: int) -> None:
+        if health.state == "stopping":
+            self.vitals.pop(health.instance, None)
+            return
+        vitals = self.vitals.setdefault(health.instance, Vitals(health, health, late_ns))
+        vitals.last, vitals.late_ns = health, min(vitals.late_ns, late_ns)
+        vitals.pids.add((health.host, health.pid))
+
+
+def listen(client: Client, seconds: float) -> Evidence:
+    """Listen to a system for some seconds; heartbeats come twice a second."""
+    evidence = Evidence(robot=client.session.robot)
+    start_s = time.monotonic()
+    for message in client.messages(*HEARD, timeout_s=seconds):
+        evidence.hear(message, time.time_ns())
+        if time.monotonic() > start_s + seconds:
+            break
+    evidence.elapsed_s = time.monotonic() - start_s
+    evidence.present = client.session.present()
+    for name, count in client.queue.counters.items():
+        if name.startswith("bad_"):
+            evidence.refused[name.removeprefix("bad_")] = count
+    evidence.refusal = client.queue.last_error
+    return evidence

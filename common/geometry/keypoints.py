@@ -1,0 +1,31 @@
+"""Keypoints of detections, lifted to 3D by the depth that was read at them."""
+
+import numpy as np
+
+from common.geometry.transforms import deproject
+from people4d.messages import F64, CameraInfo, Detection
+
+CONFIDENCE_MIN = 0.3  # of a keypoint that is lifted
+REACH_M = 1.0  # depth farther from the person's own is that of something else
+
+
+def lift(person: Detection, info: CameraInfo) -> F64 | None:
+    """Return the keypoints of a person on the surface that the camera sees at them.
+
+    Args:
+        person: The detection.
+        info: Calibration of the camera.
+
+    Returns:
+        17x3 [m], optical frame; NaN where the keypoint is uncertain or has no depth of the person;
+        None if the detection has no keypoints or no depth at them.
+    """
+    if person.keypoints is None or person.keypoint_depths_m is None:
+        return None
+    depth_m = person.keypoint_depths_m.astype(float)
+    valid = (person.keypoints[:, 2] >= CONFIDENCE_MIN) & (depth_m > 0)
+    if person.position_m is not None:
+        valid &= np.abs(depth_m - person.position_m[2]) < REACH_M
+    points = deproject(person.keypoints[:, :2], depth_m, info)
+    points[~valid] = np.nan
+    return points

@@ -1,0 +1,79 @@
+"""Engines: a network is opened with one of them, and those of integers are compared."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from common.inference.onnx import OnnxSession
+from common.inference.session import Array, Engine, Session
+
+PROBE_SIDES = (256, 320)  # [px] height and width at which a network that takes any size is compared
+# Mean correlation of the outputs with those of the graph as it is in the file. The rounding of
+# another order of operations leaves 0.88 for MoveNet on this image; wrong fusion left 0.5.
+CORRELATION_MIN = 0.75
+
+log = logging.getLogger("people4d")
+
+
+def open_session(path: Path, threads: int = 1, engine: Engine = "onnxruntime") -> Session:
+    """Open a network with an engine.
+
+    Networks of integers are compared with the graph as it is in the file, on one image: some
+    versions of the libraries fuse such graphs wrongly. What differs is run as it is in the file,
+    which is slower.
+
+    Raises:
+        ModelError: The file is absent or cannot be run, or the engine is not installed.
+    """
+    session: Session
+    if engine == "openvino":
+        from common.inference.openvino import OpenVinoSession  # noqa: PLC0415  # an extra
+
+        session = OpenVinoSession(path, threads)
+    else:
+        session = OnnxSession(path, threads)
+    if not is_quantized(path):
+        return session
+    reference = OnnxSession(path, threads, optimised=False)
+    found = mean_correlation(session, reference)
+    if found >= CORRELATION_MIN:
+        return session
+    log.warning(
+        "%s: %s computes another result than the file says (correlation %.3f, expected %.2f); "
+        "it runs without optimisation",
+        *(path.name, engine, found, CORRELATION_MIN),
+    )
+    return reference
+
+
+def is_quantized(path: Path) -> bool:
+    """Return whether a network computes with integers."""
+    return b"QuantizeLinear" in path.read_bytes()
+
+
+def mean_correlation(session: Session, reference: Session) -> float:
+    """Return the mean correlation of the outputs of two sessions of one network, on one image."""
+    image = probe_image(session)
+    expected, got = reference.run(image), session.run(image)
+    return float(np.mean([correlation(got[name], array) for name, array in expected.items()]))
+
+
+def probe_image(session: Session) -> Array:
+    """Return an image of noise as a network takes it: bytes to 255, floats to 1."""
+    free = iter(PROBE_SIDES)
+    shape = [
+        axis or (1 if index == 0 else next(free)) for index, axis in enumerate(session.input_shape)
+    ]
+    image = np.random.default_rng(0).random(shape)
+    if session.input_dtype == np.uint8:
+        image *= 255
+    return image.astype(session.input_dtype)
+
+
+def correlation(one: Array, other: Array) -> float:
+    """Return the correlation of two arrays' values; of constant ones 1 if they are equal."""
+    a, b = (np.asarray(x, np.float64).ravel() for x in (one, other))
+    a, b = a - a.mean(), b - b.mean()
+    spread = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / spread if spread else float(np.allclose(one, other))

@@ -1,0 +1,102 @@
+"""Sessions of OpenVINO, an engine for Intel's processors; the extra people4d[openvino]."""
+
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.inference.session import Array
+from common.transport.trace import span
+from people4d.errors import ModelError
+
+SHAPES_MAX = 8  # sizes of an image for which a network stays compiled
+
+
+class OpenVinoSession:
+    """A network in ONNX format on the CPU; one run at a time, compiled for each size of an image.
+
+    Args:
+        path: The .onnx file.
+        threads: Threads that one run may use; they are pinned to no core.
+
+    Raises:
+        ModelError: OpenVINO is not installed, or the file is absent or no network that it can run.
+    """
+
+    def __init__(self, path: Path, threads: int = 1) -> None:
+        try:
+            import openvino  # noqa: PLC0415  # an extra
+        except ImportError:
+            raise ModelError(
+                "the engine openvino is not installed",
+                "Install it: pip install people4d[openvino].",
+            ) from None
+        if not path.is_file():
+            raise ModelError(f"model file {path} does not exist", "See: people4d models.")
+        self._core: Any = openvino.Core()
+        self._settings = {
+            "INFERENCE_NUM_THREADS": threads,
+            "NUM_STREAMS": 1,
+            "ENABLE_CPU_PINNING": False,
+            "INFERENCE_PRECISION_HINT": "f32",  # floats stay floats where the CPU has bfloat16
+        }
+        self._path = path
+        try:
+            model = self._core.read_model(path)
+            self._shape = tuple(
+                axis.get_length() if axis.is_static else None
+                for axis in model.inputs[0].partial_shape
+            )
+            self._dtype: np.dtype[np.generic] = np.dtype(model.inputs[0].element_type.to_dtype())
+        except Exception as error:  # OpenVINO raises RuntimeError and types of its own
+            raise self._error(error) from error
+        self._names = [min(output.get_names(), key=len) for output in model.outputs]
+        self._requests: dict[tuple[int, ...], Any] = {}
+        self._turn = threading.Lock()
+
+    @property
+    def input_shape(self) -> tuple[int | None, ...]:
+        """Lengths of the first input's axes, None where any length goes."""
+        return self._shape
+
+    @property
+    def input_dtype(self) -> np.dtype[np.generic]:
+        """Type of the first input's elements."""
+        return self._dtype
+
+    def run(self, image: Array) -> Mapping[str, Array]:
+        """Run the network on its one input and return the outputs by name."""
+        with span("inference_wait"):
+            self._turn.acquire()
+        try:
+            with span("inference"):
+                request = self._request(image.shape)
+                request.infer({0: image}, share_inputs=True)
+                outputs = [request.get_output_tensor(k).data for k in range(len(self._names))]
+                return dict(zip(self._names, map(np.copy, outputs), strict=True))
+        finally:
+            self._turn.release()
+
+    def _request(self, shape: tuple[int, ...]) -> Any:
+        """Return what runs images of a shape; batches of any number share one."""
+        wanted = tuple(
+            -1 if axis is None and index == 0 else length
+            for index, (axis, length) in enumerate(zip(self._shape, shape, strict=True))
+        )
+        if wanted not in self._requests:
+            if len(self._requests) >= SHAPES_MAX:
+                self._requests.pop(next(iter(self._requests)))
+            model = self._core.read_model(self._path)
+            model.reshape(list(wanted))
+            try:
+                compiled = self._core.compile_model(model, "CPU", self._settings)
+            except Exception as error:
+                raise self._error(error) from error
+            self._requests[wanted] = compiled.create_infer_request()
+        return self._requests[wanted]
+
+    def _error(self, error: Exception) -> ModelError:
+        reason = (str(error).splitlines() or [""])[-1][:200]
+        return ModelError(f"model file {self._path} cannot be loaded: {reason}")

@@ -1,0 +1,34 @@
+"""Zones as plain values, for files and pages."""
+
+import msgspec
+import numpy as np
+
+from people4d.messages import Zone
+
+
+class PlainZone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One zone."""
+
+    name: str
+    corners_m: list[tuple[float, float]]  # [m] x, y
+    dwell_s: float | None = None  # [s]
+    count: int | None = None
+
+    @classmethod
+    def of(cls, zone: Zone) -> "PlainZone":
+        """Return the values of a zone."""
+        corners_m = [(float(x), float(y)) for x, y in zone.corners_m]
+        return cls(zone.name, corners_m, zone.dwell_s, zone.count)
+
+    def zone(self) -> Zone:
+        """Return the zone.
+
+        Raises:
+            ValueError: It crosses itself, or the like.
+        """
+        return Zone(
+            name=self.name,
+            corners_m=np.array(self.corners_m, float).reshape(-1, 2),
+            dwell_s=self.dwell_s,
+            count=self.count,
+        )

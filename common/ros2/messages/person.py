@@ -1,0 +1,227 @@
+"""People as consumers of ROS read them: integer ids, a yaw and its rate, a group, an age."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from common.geometry.transforms import wrap
+from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
+
+MOVING_MPS = 0.1  # a slower person stands, as for nav2_social_costmap_plugin
+FORGOTTEN_S = 5.0  # after which a person that returns is a new one here
+RATE_S = 0.4  # time constant of the yaw rate
+RATE_MAX_RADPS = 3.0
+ALONE = -1  # group of a person without one
+
+
+@dataclass(slots=True)  # frozen ones take three times as long to make
+class RosPerson:
+    """One person at the stamp of `RosPeople`; not to be changed."""
+
+    id: int  # never given to two people
+    slot: int  # 1 to the number of people in the message
+    group: int  # ALONE if there is none
+    name: str  # identity as text
+    state: str  # of the track; "truth" for truth
+    position_m: tuple[float, float, float]
+    velocity_mps: tuple[float, float, float]
+    covariance: F64  # 6x6 of position and velocity [m, m/s]; zero if unknown
+    yaw_rad: float  # of the chest; direction of walking, else 0, if it is unknown
+    yaw_known: bool
+    yaw_rate_radps: float
+    age_s: float  # since the first message with this person
+    detection: int | None  # index into Detections of this stamp
+    score: float  # 0 to 1
+    path_yaw_rad: float | None = None  # direction walked, of truth
+
+    @property
+    def moves(self) -> bool:
+        """Moves, and does not only stand."""
+        return math.hypot(*self.velocity_mps[:2]) >= MOVING_MPS
+
+
+@dataclass(frozen=True, slots=True)
+class RosPeople:
+    """The people of one message."""
+
+    stamp_ns: int
+    frame_id: str
+    people: tuple[RosPerson, ...]
+
+    def at(self, stamp_ns: int) -> "RosPeople":
+        """Return them at another time, with their velocities."""
+        dt_s = (stamp_ns - self.stamp_ns) / 1e9
+        moved = (
+            replace(
+                person,
+                position_m=_moved(person.position_m, person.velocity_mps, dt_s),
+                yaw_rad=wrap(person.yaw_rad + person.yaw_rate_radps * dt_s),
+            )
+            for person in self.people
+        )
+        return RosPeople(stamp_ns, self.frame_id, tuple(moved))
+
+    def transformed(self, target_from_source: F64, frame_id: str) -> "RosPeople":
+        """Return them in another frame, whose z axis is vertical, too."""
+        rotation, turn_rad = target_from_source[:3, :3], yaw_of(target_from_source)
+        both = np.kron(np.eye(2), rotation)
+        turned = (
+            replace(
+                person,
+                position_m=_triple(rotation @ person.position_m + target_from_source[:3, 3]),
+                velocity_mps=_triple(rotation @ person.velocity_mps),
+                covariance=both @ person.covariance @ both.T,
+                yaw_rad=wrap(person.yaw_rad + turn_rad),
+            )
+            for person in self.people
+        )
+        return RosPeople(self.stamp_ns, frame_id, tuple(turned))
+
+
+def yaw_of(transform: F64) -> float:
+    """Return the turn of a 4x4 transform about z."""
+    return math.atan2(transform[1, 0], transform[0, 0])
+
+
+@dataclass(slots=True)
+class _Memory:
+    """Past of one person."""
+
+    number: int
+    slot: int
+    first_ns: int
+    stamp_ns: int
+    yaw_rad: float | None
+    rate_radps: float = 0.0
+
+
+class RosPeopleView:
+    """Makes RosPeople of messages in the order of their stamps; remembers people between them."""
+
+    def __init__(self) -> None:
+        self._memories: dict[str, _Memory] = {}
+        self._numbers = 0  # of truth whose identity is no number
+
+    def tracks(
+        self, message: Tracks, groups: Mapping[int, int], states: Sequence[str] = ()
+    ) -> RosPeople:
+        """Return tracks; `groups` are those of people by id, `states` those of tracks to take."""
+        tracks = [one for one in message.tracks if not states or one.state in states]
+        names = [str(track.id) for track in tracks]
+        memories = self._update(message.stamp_ns, names, [track.yaw_rad for track in tracks])
+        people = (
+            self._person(message.stamp_ns, memory, track, groups.get(track.id, ALONE))
+            for track, memory in zip(tracks, memories, strict=True)
+        )
+        return RosPeople(message.stamp_ns, message.frame_id, tuple(people))
+
+    def truth(self, message: Truth) -> RosPeople:
+        """Return truth; people whose identity is no number are numbered."""
+        names = [person.id for person in message.people]
+        memories = self._update(message.stamp_ns, names, [one.yaw_rad for one in message.people])
+        people = (
+            self._person(message.stamp_ns, memory, person, ALONE)
+            for person, memory in zip(message.people, memories, strict=True)
+        )
+        return RosPeople(message.stamp_ns, message.frame_id, tuple(people))
+
+    def _person(
+        self, stamp_ns: int, memory: _Memory, source: Track | TruthPerson, group: int
+    ) -> RosPerson:
+        speed = source.velocity_mps
+        velocity = (0.0, 0.0, 0.0) if speed is None else _triple(speed)
+        yaw_rad = source.yaw_rad
+        if yaw_rad is None:
+            moves = math.hypot(*velocity[:2]) >= MOVING_MPS
+            yaw_rad = math.atan2(velocity[1], velocity[0]) if moves else 0.0
+        track = source if isinstance(source, Track) else None
+        return RosPerson(
+            id=memory.number,
+            slot=memory.slot,
+            group=group,
+            name=str(source.id),
+            state=track.state if track else "truth",
+            position_m=_triple(source.position_m),
+            velocity_mps=velocity,
+            covariance=track.covariance if track else np.zeros((6, 6)),
+            yaw_rad=yaw_rad,
+            yaw_known=source.yaw_rad is not None,
+            yaw_rate_radps=memory.rate_radps,
+            age_s=(stamp_ns - memory.first_ns) / 1e9,
+            detection=track.detection if track else None,
+            score=track.score if track else 1.0,
+            path_yaw_rad=None if isinstance(source, Track) else source.path_yaw_rad,
+        )
+
+    def _update(
+        self, stamp_ns: int, names: Sequence[str], yaws_rad: Sequence[float | None]
+    ) -> list[_Memory]:
+        """Return the memories of the people of one message, brought to its time."""
+        if len(self._memories) > len(names):
+            self._forget(stamp_ns, set(names))
+        memories = [
+            self._remember(name, stamp_ns, yaw_rad)
+            for name, yaw_rad in zip(names, yaws_rad, strict=True)
+        ]
+        _assign_slots(memories)
+        return memories
+
+    def _forget(self, stamp_ns: int, present: Collection[str]) -> None:
+        """Remove people who have been absent for long, or were of another run of a recording."""
+        old_ns = stamp_ns - round(FORGOTTEN_S * 1e9)
+        self._memories = {
+            name: memory
+            for name, memory in self._memories.items()
+            if name in present or old_ns <= memory.stamp_ns <= stamp_ns
+        }
+
+    def _remember(self, name: str, stamp_ns: int, yaw_rad: float | None) -> _Memory:
+        memory = self._memories.get(name)
+        if memory is None or memory.stamp_ns > stamp_ns:  # a recording began again
+            number = memory.number if memory else self._number(name)
+            memory = _Memory(number, 0, stamp_ns, stamp_ns, yaw_rad)
+            self._memories[name] = memory
+            return memory
+        dt_s = (stamp_ns - memory.stamp_ns) / 1e9
+        if yaw_rad is None or memory.yaw_rad is None:
+            memory.rate_radps = 0.0
+        elif dt_s > 0:
+            rate = wrap(yaw_rad - memory.yaw_rad) / dt_s
+            rate = min(max(rate, -RATE_MAX_RADPS), RATE_MAX_RADPS)
+            memory.rate_radps += (rate - memory.rate_radps) * -math.expm1(-dt_s / RATE_S)
+        memory.stamp_ns, memory.yaw_rad = stamp_ns, yaw_rad
+        return memory
+
+    def _number(self, name: str) -> int:
+        """Return the number of a new person: the identity itself if it is one that ROS can hold."""
+        if name.isascii() and name.isdecimal() and int(name) < 2**31:
+            return int(name)
+        self._numbers += 1
+        return 10**9 + self._numbers
+
+
+def _assign_slots(memories: Sequence[_Memory]) -> None:
+    """Give each person a slot from 1 to their number; those that have one hold it if they can."""
+    free = set(range(1, len(memories) + 1))
+    seekers = []
+    for memory in memories:
+        if memory.slot in free:
+            free.remove(memory.slot)
+        else:
+            seekers.append(memory)
+    for memory, slot in zip(seekers, sorted(free), strict=True):
+        memory.slot = slot
+
+
+def _moved(
+    position: tuple[float, float, float], velocity: tuple[float, float, float], dt_s: float
+) -> tuple[float, float, float]:
+    (x, y, z), (vx, vy, vz) = position, velocity
+    return x + vx * dt_s, y + vy * dt_s, z + vz * dt_s
+
+
+def _triple(values: F64) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z

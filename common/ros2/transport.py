@@ -1,0 +1,108 @@
+"""Interface to the topics of ROS 2, whatever carries them."""
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from people4d.errors import DecodeError
+
+COUNTERS = (
+    *("bad_message", "other_type", "other_qos", "no_attachment"),
+    *("receive_errors", "send_errors"),
+)
+
+
+@dataclass(frozen=True)
+class Qos:
+    """Quality of service of a publisher or subscription, history "keep last"."""
+
+    reliability: Literal["reliable", "best_effort"] = "reliable"
+    # transient_local: late joiners get the last `depth` messages
+    durability: Literal["volatile", "transient_local"] = "volatile"
+    depth: int = 10  # messages in the queue
+
+
+DEFAULT = Qos()
+SENSOR_DATA = Qos("best_effort", "volatile", 5)
+LATCHED = Qos("reliable", "transient_local", 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Ros2Sample:
+    """One message as it came."""
+
+    cdr: bytes  # with its header of 4 bytes
+    sent_ns: int  # [ns] wall clock of its publisher when it was sent; 0: unknown
+
+
+Receive = Callable[[Ros2Sample], None]
+
+
+class Ros2Publisher(ABC):
+    """Publisher of one topic, see `Ros2Transport.publisher`."""
+
+    @abstractmethod
+    def send(self, cdr: bytes) -> None:
+        """Publish a message; a failure is counted as send_errors, not raised."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Leave the topic."""
+
+
+class Ros2Transport(ABC):
+    """Node of ROS 2 with its publishers and subscriptions.
+
+    Attributes:
+        counters: Messages dropped, by cause: bad_message (no CDR of its type), other_type (another
+            type or type hash on the topic; on DDS a publisher with one, too), other_qos (publishers
+            with less quality of service than asked for, on DDS), no_attachment (rmw_zenoh's is
+            absent or cut), receive_errors and send_errors.
+    """
+
+    def __init__(self) -> None:
+        self.counters = Counter(dict.fromkeys(COUNTERS, 0))
+
+    @abstractmethod
+    def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Ros2Publisher:
+        """Announce a topic.
+
+        Args:
+            topic: Name; without a slash in front it is below the node's namespace.
+            kind: Type, for example "people_msgs/msg/People".
+            qos: Quality of service.
+
+        Raises:
+            ConfigError: The name is none of ROS, or the type is unknown.
+        """
+
+    @abstractmethod
+    def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
+        """Receive a topic until `close`.
+
+        Args:
+            topic: As of `publisher`.
+            kind: Type; messages of another are dropped and counted.
+            receive: Called in a thread of the subscription, which goes on whatever it raises:
+                DecodeError is counted as bad_message, all else as receive_errors. While it works,
+                only the newest `depth` messages wait.
+            qos: Quality of service.
+
+        Raises:
+            ConfigError: The name is none of ROS, or the type is unknown.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all publishers and subscriptions, and leave the network."""
+
+    def deliver(self, receive: Receive, sample: Ros2Sample) -> None:
+        """Pass a message on, and count what it raises."""
+        try:
+            receive(sample)
+        except DecodeError:
+            self.counters["bad_message"] += 1
+        except Exception:  # a receiver's bug must not end the subscription
+            self.counters["receive_errors"] += 1

@@ -1,0 +1,41 @@
+"""Transports by name."""
+
+from collections.abc import Callable
+
+from common import registry
+from common.ros2.config import Ros2Config
+from common.ros2.transport import Ros2Transport
+from people4d.errors import ConfigError
+
+# Imported on use: each needs another library.
+TRANSPORTS = {
+    "zenoh": "common.ros2.rmw_zenoh:RmwZenoh",
+    "ros2dds": "common.ros2.ros2dds:Ros2Dds",
+    "dds": "common.ros2.dds:Dds",
+}
+
+
+def find_transport(config: Ros2Config) -> type[Ros2Transport]:
+    """Return the class of a transport.
+
+    Raises:
+        ConfigError: There is none of this name, or its library is not installed.
+    """
+    try:
+        found: type[Ros2Transport] = registry.find("transport", TRANSPORTS, config.transport)
+    except ConfigError as error:
+        if config.transport == "dds":
+            raise ConfigError(error.problem, "pip install 'people4d[dds]'") from error
+        raise
+    return found
+
+
+def open_transport(config: Ros2Config) -> Ros2Transport:
+    """Join the ROS 2 graph.
+
+    Raises:
+        ConfigError: A setting is wrong, or the transport's library is not installed.
+        People4dError: There is no connection.
+    """
+    factory: Callable[[Ros2Config], Ros2Transport] = find_transport(config)
+    return factory(config)

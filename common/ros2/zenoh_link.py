@@ -1,0 +1,129 @@
+"""Zenoh session on the keys of ROS 2, of which `rmw_zenoh` and `ros2dds` make a transport."""
+
+import os
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from common.ros2.config import Ros2Config
+from common.ros2.transport import Qos, Ros2Publisher
+from people4d import session
+from people4d.errors import ConfigError
+from people4d.session import ZenohSession, ZenohSubscription
+
+LOCAL = ("127.0.0.1", "localhost", "[::1]")
+
+OnSample = Callable[[bytes, bytes | None, str], None]  # payload, attachment, key
+
+
+def read_config(config: Ros2Config) -> zenoh.Config:
+    """Return the configuration of Zenoh: of the robot's own network, or for other endpoints.
+
+    Raises:
+        ConfigError: A file or variable of it is not usable.
+    """
+    if not config.endpoints:
+        if os.environ.get("PEOPLE4D_KEYS"):
+            raise ConfigError(
+                "the robot's router lets in roles of people4d only, which nodes of ROS 2 have not",
+                "Run rmw_zenohd on another port, and set ros2.endpoints to it.",
+            )
+        return session.read_config(None, "peer")
+    # Peers on other hosts cannot reach this one on the loopback interface: routers forward then.
+    local = all(any(host in endpoint for host in LOCAL) for endpoint in config.endpoints)
+    environment = {"PEOPLE4D_CONNECT": ",".join(config.endpoints)}
+    return session.read_config(session.CONFIGS, "peer" if local else "client", environment)
+
+
+class ZenohPublisher(Ros2Publisher):
+    """Publisher of one key, announced by a token."""
+
+    def __init__(
+        self, publisher: Any, withdraw: Callable[[], None], counters: Counter[str]
+    ) -> None:
+        self._publisher, self._withdraw, self._counters = publisher, withdraw, counters
+
+    def send(self, cdr: bytes) -> None:
+        """Publish a message, see `Ros2Publisher.send`."""
+        try:
+            self._publisher.put(cdr, attachment=self._attachment())
+        except Exception:  # for example of a closed session
+            self._counters["send_errors"] += 1
+
+    def close(self) -> None:
+        """Leave the topic."""
+        self._withdraw()
+        self._publisher.undeclare()
+
+    def _attachment(self) -> bytes | None:
+        """Return what accompanies the next message; None: nothing."""
+        return None
+
+
+class ZenohLink(ZenohSession):
+    """Publishes and receives raw bytes with attachments on any key, and declares tokens.
+
+    Raises:
+        ConfigError: An endpoint is none, or a file of the configuration is not usable.
+        People4dError: There is no session.
+    """
+
+    def __init__(self, config: Ros2Config) -> None:
+        super().__init__(read_config(config), "ros2")
+        self._tokens: list[Any] = []
+
+    @property
+    def identity(self) -> str:
+        """Identity of the session, as Zenoh writes it."""
+        return str(self._session.info.zid())
+
+    def publisher(self, key: str, qos: Qos) -> Any:
+        """Declare a publisher; late joiners get its last messages if the quality says so."""
+        drop: Any = zenoh.CongestionControl.DROP  # a consumer that hangs must not hold up others
+        if qos.durability == "volatile":
+            return self._session.declare_publisher(key, congestion_control=drop, express=True)
+        return zenoh.ext.declare_advanced_publisher(
+            self._session,
+            key,
+            congestion_control=drop,
+            express=True,
+            cache=zenoh.ext.CacheConfig(max_samples=qos.depth),
+            publisher_detection=True,
+        )
+
+    def receive(self, key: str, qos: Qos, on_sample: OnSample) -> None:
+        """Call a function with each message of others on a key, in a thread of its own."""
+        channel: Any = zenoh.handlers.RingChannel(max(qos.depth, 1))
+        subscriber: Any
+        others = zenoh.Locality.REMOTE
+        if qos.durability == "volatile":
+            subscriber = self._session.declare_subscriber(key, channel, allowed_origin=others)
+        else:
+            history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth)
+            subscriber = zenoh.ext.declare_advanced_subscriber(
+                self._session, key, channel, history=history, allowed_origin=others
+            )
+        subscription = self._keep(subscriber)
+        self._start(lambda: _pass_on(subscription, on_sample), f"receive {key}")
+
+    def declare_token(self, key: str) -> Callable[[], None]:
+        """Declare a liveliness token, and return what withdraws it; closing does, too."""
+        token: Any = self._session.liveliness().declare_token(key)
+        self._tokens.append(token)
+
+        def withdraw() -> None:
+            if token in self._tokens:
+                self._tokens.remove(token)
+                token.undeclare()
+
+        return withdraw
+
+
+def _pass_on(subscription: ZenohSubscription, on_sample: OnSample) -> None:
+    for sample in subscription.samples():
+        if sample.kind == zenoh.SampleKind.PUT:
+            attachment = sample.attachment.to_bytes() if sample.attachment else None
+            on_sample(sample.payload.to_bytes(), attachment, str(sample.key_expr))

@@ -1,0 +1,269 @@
+"""Monitor of a running system: processes, stages and clocks, over the last seconds."""
+
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from common.runtime.latency import (
+    SlidingWindow,
+    TraceSegment,
+    end_to_end,
+    merge_stages,
+    percentiles,
+    segments,
+)
+from common.runtime.throughput import losses
+from common.transport.clock import ClockMonitor, HostOffset
+from common.transport.trace import ProcessId, Tracer
+from people4d.client import Client
+from people4d.messages import Detections, Health, Span, Tracks
+from people4d.queue import Arrival
+
+FRESH_S = 3.0  # a process that has been silent for longer is gone
+MAX_PROCESSES = 256
+MAX_STAGES = 2048
+MAX_WAITING = 256  # frames whose detections came and tracks did not
+
+
+class Durations(msgspec.Struct, frozen=True, kw_only=True):
+    """Durations of one stage, over the last seconds."""
+
+    stage: str  # see common.transport.trace.STAGES; "end_to_end": from the first stage to the last
+    p50_ms: float  # [ms] median
+    p95_ms: float  # [ms]
+    p99_ms: float  # [ms]
+    count: int  # messages measured
+    # [ms] bound of what clocks bring into it: 0 on one host; null: between hosts whose clocks were
+    # not compared, so that the figures hold their difference
+    error_ms: float | None
+    beside: bool = False  # done for the same frames, but nothing on their path had to wait for it
+
+
+class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """One process."""
+
+    service: str  # its service
+    instance: str  # its name
+    host: str  # machine
+    state: str = ""  # state in its heartbeat; empty if none came
+    reason: str = ""  # why it is not ready
+    rates_hz: dict[str, float] = {}  # [Hz] messages received_ and sent_, by topic
+    ages_ms: dict[str, float] = {}  # [ms] since the newest input came, by topic
+    losses: dict[str, int] = {}  # messages lost and errors since its start, by cause
+    cpu_percent: float | None = None  # of one core
+    memory_mb: float | None = None  # resident
+    stages: list[Durations] = []  # in the order of the path
+
+
+class ClockSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """The clock of one host."""
+
+    host: str  # machine
+    offset_ms: float | None  # [ms] ahead of the router's clock; null: not known
+    error_ms: float | None  # [ms] bound of the error of that
+
+
+class SystemSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """State of a system at one time."""
+
+    seconds: float  # [s] how long figures of stages go back
+    # from the first stage of a frame to the arrival of its tracks; null: no frames
+    end_to_end: Durations | None
+    clocks: list[ClockSnapshot]  # of all hosts that were heard of
+    processes: list[ProcessSnapshot]  # those on the path in its order, then the others
+
+
+@dataclass(frozen=True)
+class FramePath:
+    """The path of one frame."""
+
+    tracks: Tracks  # what it ended in
+    parts: list[TraceSegment]  # its pieces, to the one who listens
+    beside: list[TraceSegment]  # what was done for the frame while its path went on elsewhere
+    end_to_end: TraceSegment  # from the first stage to the last
+
+    @property
+    def stages(self) -> list[TraceSegment]:
+        """Stages of all processes, each once, those beside the path last."""
+        return merge_stages(self.parts) + merge_stages(self.beside)
+
+
+class Monitor:
+    """Adds up messages of some seconds, in bounded memory, where the path of frames ends."""
+
+    def __init__(self, process_id: ProcessId, seconds: float) -> None:
+        self._process_id = process_id
+        self._tracer = Tracer(process_id)
+        self._seconds = seconds
+        self._lock = threading.Lock()
+        self._health: dict[str, tuple[float, Health]] = {}
+        self._stages: dict[tuple[str, str, bool], _Stage] = {}
+        self._detections: dict[tuple[str, int], tuple[Span, ...]] = {}  # traces by camera, stamp
+        self._end_to_end = _Stage(seconds)
+        self.clocks: dict[str, HostOffset] = {}
+
+    def follow(self, client: Client) -> Iterator[tuple[Arrival, FramePath | None]]:
+        """Take the messages of a system as they come; yield each with the path that it ends."""
+        clock = ClockMonitor(client.session)
+        for arrival in client.arrivals(Health, Tracks, Detections):
+            clock.query()
+            with self._lock:
+                offset = clock.offset()
+                if offset:
+                    self.clocks[self._process_id.host] = offset
+                path = self.add(arrival, time.time_ns(), time.monotonic())
+            yield arrival, path
+
+    def add(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
+        """Take a message; return the path of a frame, once its Tracks come.
+
+        Of Health, Tracks and Detections the last show the work on a frame beside its path;
+        others are passed over. `now_ns` is the wall clock, `now_s` the monotonic clock.
+        """
+        message = arrival.message
+        if isinstance(message, Health):
+            if message.instance in self._health or len(self._health) < MAX_PROCESSES:
+                self._health[message.instance] = (now_s, message)
+                self.clocks |= clocks_of(self.healths(now_s))
+        elif isinstance(message, Detections):
+            self._detections[message.camera, message.stamp_ns] = message.trace
+            while len(self._detections) > MAX_WAITING:
+                del self._detections[next(iter(self._detections))]
+        elif isinstance(message, Tracks) and of_frame(message.trace):
+            taken = self._tracer.taken(message, arrival.received_ns, arrival.decoded_ns, now_ns)
+            path = self._frame_path(taken)
+            self._add_frame_path(path, now_s)
+            return path
+        return None
+
+    def healths(self, now_s: float) -> list[Health]:
+        """Return the fresh heartbeats, sorted by instance."""
+        fresh = (h for when_s, h in self._health.values() if now_s - when_s < FRESH_S)
+        return sorted(fresh, key=lambda health: health.instance)
+
+    def snapshot(self, now_s: float) -> SystemSnapshot:
+        """Return the system as it is now."""
+        with self._lock:
+            return self._snapshot(now_s)
+
+    def _snapshot(self, now_s: float) -> SystemSnapshot:
+        healths = {health.instance: health for health in self.healths(now_s)}
+        stages: dict[str, list[Durations]] = {}
+        origins: dict[str, tuple[str, str]] = {}
+        in_order = sorted(self._stages.items(), key=lambda item: item[1].after_ns)
+        for (process, *_), stage in in_order:
+            instance, _, host = process.partition("@")
+            durations = stage.durations(now_s)
+            if durations:
+                stages.setdefault(instance, []).append(durations)
+                origins.setdefault(instance, (stage.newest.service, host))
+        for name, health in healths.items():
+            origins.setdefault(name, (health.service, health.host))
+        return SystemSnapshot(
+            seconds=self._seconds,
+            end_to_end=self._end_to_end.durations(now_s),
+            clocks=[
+                _clock(host, self.clocks.get(host))
+                for host in sorted({host for _, host in origins.values()})
+            ],
+            processes=[
+                _process(name, *origin, healths.get(name), stages.get(name, []))
+                for name, origin in origins.items()
+            ],
+        )
+
+    def _frame_path(self, tracks: Tracks) -> FramePath:
+        passed = set(tracks.trace)
+        trace = self._detections.pop((tracks.camera, tracks.stamp_ns), ())
+        beside = [segments([span], self.clocks)[0] for span in trace if span not in passed]
+        total = end_to_end(tracks.trace, self.clocks)
+        assert total is not None, "only messages with a trace have a path"
+        return FramePath(tracks, segments(tracks.trace, self.clocks), beside, total)
+
+    def _add_frame_path(self, path: FramePath, now_s: float) -> None:
+        stages = [(part, False) for part in merge_stages(path.parts)]
+        stages += [(part, True) for part in merge_stages(path.beside)]
+        for part, beside in stages:
+            key = (part.process, part.stage, beside)
+            if key in self._stages or len(self._stages) < MAX_STAGES:
+                stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
+                stage.add(part, now_s, part.start_ns - path.end_to_end.start_ns)
+        self._end_to_end.add(path.end_to_end, now_s, 0)
+
+
+class _Stage:
+    """Durations of one stage of one process, on the path of frames or beside it."""
+
+    def __init__(self, seconds: float, beside: bool = False) -> None:
+        self._beside = beside
+        self._window = SlidingWindow(seconds)
+
+    def add(self, part: TraceSegment, now_s: float, after_ns: int) -> None:
+        """Take a piece of a message's path, which began some time after its first stage."""
+        self.newest, self.after_ns = part, after_ns
+        self._window.add(now_s, part.ms)
+
+    def durations(self, now_s: float) -> Durations | None:
+        """Return the durations that count now, None if there are none."""
+        values_ms = self._window.values(now_s)
+        if not values_ms:
+            return None
+        p50_ms, p95_ms, p99_ms = percentiles(values_ms)
+        error_ns = self.newest.error_ns
+        return Durations(
+            stage=self.newest.stage,
+            p50_ms=p50_ms,
+            p95_ms=p95_ms,
+            p99_ms=p99_ms,
+            count=len(values_ms),
+            error_ms=None if error_ns is None else error_ns / 1e6,
+            beside=self._beside,
+        )
+
+
+def of_frame(trace: Sequence[Span]) -> bool:
+    """Return True for the trace of a frame; predictions are made without one."""
+    return bool(trace) and not any(span.stage.endswith(".prediction") for span in trace)
+
+
+def clocks_of(healths: Iterable[Health]) -> dict[str, HostOffset]:
+    """Return the clock offset of each host, from its process with the smallest error."""
+    found: dict[str, HostOffset] = {}
+    for health in healths:
+        offset_ms, error_ms = (health.gauges.get(f"clock_{n}_ms") for n in ("offset", "error"))
+        if offset_ms is None or error_ms is None:
+            continue
+        offset, best = HostOffset(offset_ms * 1e6, error_ms * 1e6), found.get(health.host)
+        if best is None or offset.error_ns < best.error_ns:
+            found[health.host] = offset
+    return found
+
+
+def _process(
+    instance: str, service: str, host: str, health: Health | None, stages: list[Durations]
+) -> ProcessSnapshot:
+    named = ProcessSnapshot(service=service, instance=instance, host=host, stages=stages)
+    if health is None:
+        return named
+    gauges = health.gauges
+    return msgspec.structs.replace(
+        named,
+        state=health.state,
+        reason=health.reason,
+        rates_hz={n.removesuffix("_hz"): v for n, v in gauges.items() if n.endswith("_hz")},
+        ages_ms={n[4:-3]: v for n, v in gauges.items() if n.startswith("age_")},
+        losses=losses(health.counters),
+        cpu_percent=gauges.get("cpu_percent"),
+        memory_mb=gauges.get("memory_mb"),
+    )
+
+
+def _clock(host: str, offset: HostOffset | None) -> ClockSnapshot:
+    if offset is None:
+        return ClockSnapshot(host=host, offset_ms=None, error_ms=None)
+    return ClockSnapshot(
+        host=host, offset_ms=offset.offset_ns / 1e6, error_ms=offset.error_ns / 1e6
+    )

@@ -1,0 +1,356 @@
+"""Diagnostics of a running system, from made-up messages."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.diagnosis.checks import examine
+from common.diagnosis.evidence import Diagnostic, Evidence
+from people4d.messages import Detection, Detections, Health, Track
+from tests import builders
+
+S = 10**9
+
+
+def health(instance: str, **fields: Any) -> Health:
+    service = instance.partition("-")[0]
+    given: dict[str, Any] = {"stamp_ns": 0, "pid": 1, "host": "robot", "release": "1.0"}
+    given |= {"sequence": 0, "service": service, "instance": instance, "state": "ready"} | fields
+    return Health(**given)
+
+
+def detections(*people: Detection, sequence: int = 0) -> Detections:
+    return builders.detections(
+        *people, stamp_ns=sequence, sequence=sequence, frame_id="optical", width=64, height=48
+    )
+
+
+PERSON = Detection(
+    box_xyxy_px=np.array([1, 1, 9, 9], np.float32), score=0.9, position_m=np.array([0.0, 0.0, 2.0])
+)
+NOWHERE = Detection(box_xyxy_px=np.array([1, 1, 9, 9], np.float32), score=0.9)
+TRACK = builders.track()
+
+# One second of a system that works, by service: counters at its begin and at its end.
+WORKS: dict[str, tuple[dict[str, int], dict[str, int]]] = {
+    "router-1": ({}, {}),
+    "camera-1": ({"sent_frames": 10}, {"sent_frames": 40}),
+    "detector-1": (
+        {"received_frames": 10, "frames": 10, "no_depth": 0},
+        {"received_frames": 40, "frames": 40, "no_depth": 0},
+    ),
+    "tracker-1": ({"clock_resets": 0}, {"clock_resets": 0}),
+}
+
+
+class Heard:
+    """A system that works, heard for a second; tests change what they cause."""
+
+    def __init__(self) -> None:
+        self.evidence = Evidence(robot="robot", release="1.0", elapsed_s=1.0)
+        self.counters = {name: (dict(a), dict(b)) for name, (a, b) in WORKS.items()}
+        self.fields: dict[str, dict[str, Any]] = {name: {} for name in WORKS}
+        self.late_ns = 1_000_000
+        self.people: tuple[Detection, ...] = (PERSON,)
+        self.tracks: tuple[Track, ...] = (TRACK,)
+
+    def count(self, instance: str, **counts: int) -> None:
+        """Let counters rise by so much while the doctor listens."""
+        first, last = self.counters[instance]
+        for name, count in counts.items():
+            last[name] = first.get(name, 0) + count
+
+    def diagnostics(self) -> list[Diagnostic]:
+        for name, (first, last) in self.counters.items():
+            for counters, stamp_ns in ((first, 0), (last, S)):
+                heartbeat = health(
+                    name, counters=counters, **({"stamp_ns": stamp_ns} | self.fields[name])
+                )
+                self.evidence.hear(heartbeat, heartbeat.stamp_ns + self.late_ns)
+        for number in range(30):
+            self.evidence.hear(detections(*self.people, sequence=number), 0)
+            self.evidence.hear(
+                builders.tracks(stamp_ns=number, sequence=number, tracks=self.tracks),
+                0,
+            )
+        present = [("robot", name.partition("-")[0], name) for name in self.counters]
+        self.evidence.present = self.evidence.present or present
+        return examine(self.evidence)
+
+    def found(self, check: str) -> Diagnostic:
+        """Return the diagnostic of a check that is not content."""
+        (found,) = [f for f in self.diagnostics() if f.check == check and f.level != "ok"]
+        assert found.hint
+        return found
+
+
+@pytest.fixture
+def heard() -> Heard:
+    return Heard()
+
+
+def test_working_system_has_no_problem(heard: Heard) -> None:
+    diagnostics = heard.diagnostics()
+    assert {f.level for f in diagnostics} == {"ok"}
+    what = {f.check: f.what for f in diagnostics}
+    assert what["frames"] == "30 frames a second come"
+    assert what["output"] == "30 messages about people a second, of up to 1 people"
+    assert what["services"] == "camera, detector, router, tracker run"
+
+
+def test_exceptions_of_a_process_are_a_problem_with_their_count(heard: Heard) -> None:
+    reason = "the node failed (ValueError in node.py line 7): no, 40 in all"
+    heard.fields["detector-1"] = {"state": "degraded", "reason": reason}
+    heard.counters["detector-1"][0]["errors"] = 10
+    heard.counters["detector-1"][1]["errors"] = 40
+    found = heard.found("exceptions")
+    assert found.level == "problem"
+    assert found.what == f"detector-1 fails, 40 times since its start: {reason}"
+
+
+def test_few_messages_about_people_for_many_frames_are_a_warning(heard: Heard) -> None:
+    heard.count("camera-1", sent_frames=450)
+    found = heard.found("output")
+    assert found.level == "warning"
+    assert found.what.endswith("of up to 1 people, but 450 frames a second come")
+
+
+def test_past_exceptions_are_a_warning(heard: Heard) -> None:
+    for counters in heard.counters["detector-1"]:
+        counters["errors"] = 3
+    assert heard.found("exceptions").level == "warning"
+
+
+def test_heartbeats_of_processes_without_a_token_are_a_warning(heard: Heard) -> None:
+    heard.evidence.present = [("robot", name.partition("-")[0], name) for name in heard.counters]
+    for number in range(5000):
+        invented = health(f"detector-{number + 100}", state="degraded", reason="x")
+        heard.evidence.hear(invented, invented.stamp_ns)
+    found = heard.found("unannounced")
+    assert found.level == "warning"
+    assert "and 4995 more" in found.what
+    assert len(found.what) < 200
+    assert [f for f in heard.diagnostics() if f.check == "state"] == []
+
+
+def test_absent_service_is_a_problem(heard: Heard) -> None:
+    del heard.counters["detector-1"]
+    found = heard.found("services")
+    assert found.level == "problem"
+    assert found.what == "detector does not run; camera, router, tracker does"
+
+
+def test_tracker_of_cameras_on_other_hosts_needs_none_here(heard: Heard) -> None:
+    del heard.counters["camera-1"], heard.counters["detector-1"]
+    heard.count("tracker-1", received_detections=30)
+    assert not [f for f in heard.diagnostics() if f.level == "problem"]
+
+
+def test_site_needs_no_camera(heard: Heard) -> None:
+    heard.counters = {"site-1": ({}, {})}
+    heard.fields = {"site-1": {}}
+    assert not [f for f in heard.diagnostics() if f.level == "problem"]
+
+
+def test_wrong_robot_name_is_a_problem(heard: Heard) -> None:
+    heard.counters.clear()
+    heard.evidence.present = [("left", "tracker", "tracker-1"), ("right", "camera", "camera-1")]
+    found = heard.found("robot")
+    assert found.what == "no robot is called robot; there is left, right"
+    assert found.hint == "Add --robot left."
+
+
+def test_process_with_token_but_no_heartbeat_hangs(heard: Heard) -> None:
+    heard.evidence.present = [("robot", "reid", "reid-1")]
+    assert heard.found("services").what == "reid-1 sent no heartbeat"
+
+
+def test_two_trackers_are_a_problem(heard: Heard) -> None:
+    heard.counters["tracker-9"] = ({}, {})
+    heard.fields["tracker-9"] = {"host": "nuc", "pid": 77}
+    found = heard.found("twice")
+    assert "2 trackers publish people" in found.what
+    assert "tracker-9 on nuc (process 77)" in found.what
+
+
+def test_two_processes_of_one_name_are_a_problem(heard: Heard) -> None:
+    heard.evidence.hear(health("tracker-1", host="nuc", pid=77), 0)
+    assert "several processes call themselves tracker-1" in heard.found("twice").what
+
+
+def test_different_releases_are_reported(heard: Heard) -> None:
+    heard.fields["tracker-1"] = {"release": "0.9"}
+    heard.fields["camera-1"] = {"release": ""}
+    what = heard.found("release").what
+    assert "0.9: tracker-1" in what
+    assert "an older one: camera-1" in what
+    assert "1.0: here, router-1, detector-1" in what
+
+
+def test_messages_of_another_version_are_reported(heard: Heard) -> None:
+    heard.evidence.refused["people"] = 3
+    heard.evidence.refusal = "Tracks: expected version 1, got 2"
+    assert "(people): Tracks: expected version 1, got 2" in heard.found("release").what
+
+
+def test_clocks_apart_by_the_reference_are_a_problem(heard: Heard) -> None:
+    # 200 ms ahead of the reference, sure to 3 ms; 40 ms would be borne, and so 200 sure to 180.
+    heard.fields["camera-1"] = {
+        "host": "nuc",
+        "gauges": {"clock_offset_ms": 200.0, "clock_error_ms": 3.0},
+    }
+    assert heard.found("clocks").what == "clocks of hosts are apart: nuc is 200 ms ahead"
+
+
+@pytest.mark.parametrize(("offset_ms", "error_ms"), [(40.0, 1.0), (200.0, 180.0)])
+def test_clocks_within_the_error_bound_are_good(
+    heard: Heard, offset_ms: float, error_ms: float
+) -> None:
+    heard.fields["camera-1"] = {
+        "gauges": {"clock_offset_ms": offset_ms, "clock_error_ms": error_ms}
+    }
+    assert {f.level for f in heard.diagnostics()} == {"ok"}
+
+
+def test_clocks_apart_without_a_reference_are_a_problem(heard: Heard) -> None:
+    heard.late_ns = -2 * S  # they come two seconds before they were sent
+    assert heard.found("clocks").what == "clocks of hosts are apart: robot is 2000 ms ahead"
+
+
+def test_camera_of_another_clock_is_reported(heard: Heard) -> None:
+    gauges = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": -500.0}
+    heard.fields["tracker-1"] = {"gauges": gauges}
+    found = heard.found("clocks")
+    assert found.level == "warning"
+    assert found.what == "stamps of cameras are apart, and corrected: back is 500 ms behind"
+    reason = "the clock of camera back is 9.0 s behind that of front: it is tracked apart"
+    heard.fields["tracker-1"] |= {"state": "degraded", "reason": f"no embeddings; {reason}"}
+    found = heard.found("clocks")
+    assert (found.level, found.what) == ("problem", reason)
+
+
+def test_clock_that_was_set_is_reported(heard: Heard) -> None:
+    heard.count("tracker-1", clock_steps=1)
+    assert heard.found("clocks").what == "a clock was set while tracker-1 ran"
+
+
+def test_jump_of_stamps_is_reported(heard: Heard) -> None:
+    heard.count("tracker-1", clock_resets=2)
+    found = heard.found("clocks")
+    assert (found.level, found.what.partition(" since")[0]) == (
+        "warning",
+        "stamps of frames jumped 2 times",
+    )
+
+
+def test_silent_camera_is_reported_with_its_reason(heard: Heard) -> None:
+    heard.count("camera-1", sent_frames=0)
+    heard.count("detector-1", received_frames=0)
+    heard.fields["camera-1"] = {"state": "degraded", "reason": "the source failed: unplugged"}
+    heard.fields["detector-1"] = {"state": "degraded", "reason": "no frames for 5 s"}
+    found = heard.found("frames")
+    assert found.what == "camera-1 sends no frames: the source failed: unplugged"
+    assert [f.check for f in heard.diagnostics() if f.level != "ok"] == ["frames"]
+
+
+def test_frames_that_do_not_arrive_are_a_problem(heard: Heard) -> None:
+    heard.count("detector-1", received_frames=0)
+    assert "do not reach the detector" in heard.found("frames").what
+
+
+def test_unpaired_colour_and_depth_are_reported(heard: Heard) -> None:
+    heard.count("camera-1", unpaired=60, sent_frames=30)
+    assert "60 pictures, 40 pairs" in heard.found("pairs").what
+
+
+def test_absent_or_wrong_calibration_is_a_problem(heard: Heard) -> None:
+    heard.count("detector-1", no_calibration=30)
+    assert "no CameraInfo comes" in heard.found("calibration").what
+    other = Heard()
+    other.count("detector-1", wrong_size=30)
+    other.fields["detector-1"] = {"state": "degraded", "reason": "expected 640x480, got 320x240"}
+    assert "expected 640x480, got 320x240" in other.found("calibration").what
+
+
+def test_people_that_ros_cannot_use_are_a_problem(heard: Heard) -> None:
+    reason = "nothing links the frame of people to odom on /tf"
+    heard.counters["ros2_bridge-1"] = {}, {}
+    heard.count("ros2_bridge-1", reader_unlinked=30, other_type=2)
+    heard.fields["ros2_bridge-1"] = {"state": "degraded", "reason": reason}
+    found = [one for one in heard.diagnostics() if one.check == "ros2"]
+    assert [one.level for one in found] == ["problem", "warning"]
+    assert reason in found[0].what
+    assert "another type" in found[1].what
+
+
+def test_messages_of_ros_that_cannot_be_read_are_reported_by_cause(heard: Heard) -> None:
+    causes = ("bad_message", "other_type", "other_qos", "no_attachment", "tf_loops")
+    heard.count("camera-1", **dict.fromkeys(causes, 3))
+    found = [one for one in heard.diagnostics() if one.check == "ros2"]
+    assert len(found) == len(causes)
+    assert all(one.about == ("camera-1",) and one.hint for one in found)
+
+
+def test_absent_transform_is_a_problem(heard: Heard) -> None:
+    reason = "no transform map <- optical: the camera is taken as the origin"
+    heard.fields["tracker-1"] = {"state": "degraded", "reason": reason}
+    assert heard.found("transform").what == reason
+
+
+def test_absent_odometry_is_reported(heard: Heard) -> None:
+    heard.count("tracker-1", predicted_base=30)
+    assert heard.found("odometry").level == "warning"
+
+
+def test_empty_depth_is_a_problem(heard: Heard) -> None:
+    heard.count("detector-1", no_depth=30, frames=30)
+    assert "all zero in 30 of 30 frames" in heard.found("depth").what
+    other = Heard()
+    other.count("detector-1", no_depth=2, frames=30)  # a frame now and then is no fault
+    assert all(f.check != "depth" for f in other.diagnostics())
+
+
+def test_failing_model_is_a_problem(heard: Heard) -> None:
+    heard.count("detector-1", model_errors=5)
+    heard.fields["detector-1"] = {"state": "degraded", "reason": "the model failed: burst"}
+    assert heard.found("model").what == "the model failed: burst"
+
+
+def test_overload_is_reported(heard: Heard) -> None:
+    reason = "too slow: of 30.0 frames a second 19.0 are skipped"
+    heard.fields["detector-1"] = {"state": "degraded", "reason": reason}
+    found = heard.found("load")
+    assert (found.level, found.what) == ("warning", f"detector-1 is {reason}")
+    assert [f.check for f in heard.diagnostics() if f.level != "ok"] == ["load"]
+
+
+def test_process_busy_with_one_message_is_a_problem(heard: Heard) -> None:
+    reason = "busy with one message for 5 s"
+    heard.fields["detector-1"] = {"state": "stalled", "reason": reason}
+    found = heard.found("hanging")
+    assert (found.level, found.what) == ("problem", f"detector-1 is stalled: {reason}")
+
+
+def test_no_detection_no_position_and_no_track_are_reported_apart(heard: Heard) -> None:
+    heard.people, heard.tracks = (), ()
+    found = heard.found("people")
+    assert (found.level, found.what) == ("warning", "the detector finds no person in 30 frames")
+    nowhere = Heard()
+    nowhere.people = (NOWHERE,)
+    assert nowhere.found("people").what == "30 people are found, none of them has a position"
+    no_tracks = Heard()
+    no_tracks.tracks = ()
+    assert "no track is published" in no_tracks.found("people").what
+
+
+def test_unexplained_reason_of_a_process_is_quoted(heard: Heard) -> None:
+    reason = "its state cannot be kept in /x (No space left on device)"
+    heard.fields["tracker-1"] = {"state": "degraded", "reason": reason}
+    assert heard.found("state").what == f"tracker-1 is degraded: {reason}"
+
+
+def test_process_that_stops_properly_is_no_problem(heard: Heard) -> None:
+    heard.evidence.hear(health("report-1"), 0)
+    heard.evidence.hear(health("report-1", state="stopping"), 0)
+    assert {f.level for f in heard.diagnostics()} == {"ok"}
