@@ -1,7 +1,6 @@
 """Calibration of an RGB-D camera, from configuration or from a file."""
 
 import json
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,12 @@ import numpy as np
 
 from common.io.files import parse_toml, parse_yaml, read_text
 from common.io.npz import read_arrays
+from common.ros2.frame_names import OPTICAL_FRAME, frame_name
 from people4d.errors import SourceError
 from people4d.messages import F64, CameraInfo, StaticTransform
 from services.camera.folder.mat_file import read_mat
 from services.camera.folder.registration import Registration
 
-OPTICAL_FRAME = "camera_optical_frame"
 DISTORTION_MODELS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
 
 
@@ -132,12 +131,6 @@ def registration(
     depth = camera_info(calibration.depth, depth_size, "depth")
     static_transform("colour", "depth", colour_from_depth)  # checks that it is rigid
     return Registration(depth, colour, colour_from_depth, calibration.depth_offset_px)
-
-
-def frame_name(name: str) -> str:
-    """Return the name of a frame as messages allow it: no slashes, at most 64 characters."""
-    allowed = re.sub(r"[^A-Za-z0-9_.-]", "_", name.strip("/")).lstrip(".-")
-    return allowed[:64] or OPTICAL_FRAME
 
 
 def _from_table(table: Mapping[str, Any]) -> Calibration:

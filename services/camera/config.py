@@ -52,6 +52,8 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     max_depth_m: Positive | None = None  # [m] of valid readings; None: the source's, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
+    # file of people4d calibrate with the pose of this camera, in place of the source's and mount_*
+    transforms: str = ""
     mount_parent: Name = "map"  # frame of the mount; used if the source has no transform
     motion: MotionConfig = MotionConfig()  # of the robot, beside the source's
     playback: Literal["auto", "recorded", "lockstep", "live"] = "auto"  # auto: recorded, or live
@@ -67,7 +69,8 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     stride: PositiveInt = 1  # send every n-th frame
     # [Hz] at most so many frames are also sent as JPEG and PNG, which may leave the host; 0: none
     compressed_hz: NonNegative = 0.0
-    start_delay_s: NonNegative = 0.5  # [s] from calibration to first frame, for late subscribers
+    # [s] from calibration to the first frame of a recording, for late subscribers
+    start_delay_s: NonNegative = 0.5
 
     @property
     def mount_from_optical(self) -> F64:

@@ -2,12 +2,15 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 import numpy as np
 
+from common.calibration.transforms_file import MAP, read_pose
 from common.io.images import compress
+from common.ros2.frame_names import OPTICAL_FRAME
 from common.runtime.node import LoopCallbacks, Node, Status
 from common.transport.trace import record, span
 from people4d.errors import ConfigError
@@ -20,12 +23,12 @@ from people4d.messages import (
     Tracks,
 )
 from people4d.topics import ForeignTopic
-from services.camera.calibration import OPTICAL_FRAME, static_transform
+from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
 from services.camera.pacing import LockstepPacing, Pacing, RecordedPacing, is_jump
 from services.camera.playback import Selection, play
 from services.camera.prefetch import Prefetch, PrefetchedItem
-from services.camera.source import Source, SourceFrame
+from services.camera.source import Source, SourceFrame, SourceSetup
 
 if TYPE_CHECKING:
     from services.camera.ros.live_motion import LiveMotion
@@ -53,8 +56,8 @@ class CameraNode(Node):
         self._source = source
         self._lockstep = config.playback == "lockstep"
         self._pacing = _pacing(config, source.live)
-        self._info = _info(config, source)
-        self._transforms = _transforms(config, source, self._info.frame_id)
+        self._info: CameraInfo | None = None
+        self._transforms: Sequence[StaticTransform] = ()
         self._motion = _motion(config)
         self.foreign_inputs: Sequence[ForeignTopic] = self._motion.topics if self._motion else ()
         selection = Selection(
@@ -78,12 +81,13 @@ class CameraNode(Node):
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Register an answer, after which `tick` sends the next frame; forward motion."""
         if self._motion and type(message) not in self.inputs:
-            parents = [self._info.frame_id, *(t.parent for t in self._transforms)]
-            return self._motion.convert(message, parents)
+            own = [self._info.frame_id] if self._info else []
+            return self._motion.convert(message, [*own, *(t.parent for t in self._transforms)])
         answer = ANSWERS[self._config.answer]
         if (
             isinstance(message, Tracks | Detections)
             and isinstance(message, answer)
+            and self._info
             and message.camera == self._info.camera
         ):
             self._pacing.answered(message.stamp_ns)
@@ -94,9 +98,14 @@ class CameraNode(Node):
         """Return calibration first, then the frames and odometry that are due."""
         self._tick_ns = now_ns
         if self._begin_ns is None:
-            self._begin_ns = now_ns + int(self._config.start_delay_s * 1e9)
+            # A live camera sends again soon what came before the subscribers.
+            delay_s = 0.0 if self._source.live else self._config.start_delay_s
+            self._begin_ns = now_ns + int(delay_s * 1e9)
             self._prefetch.start(self._wake or (lambda: None))
-            return [self._info, *self._transforms]
+            if self._source.calibrates_late:
+                return []
+            source = self._source
+            return self._calibrate(source.info, source.transforms, source.moves)
         given_up = self._pacing.give_up(now_ns)
         self._unanswered = self._unanswered or given_up > 0
         self._counters["unanswered"] += given_up
@@ -130,7 +139,7 @@ class CameraNode(Node):
         counters = Counter(self._source.counters) + self._counters
         counters += Counter(self._motion.counters if self._motion else {})
         counters += Counter(source_errors=self._prefetch.errors, skipped=self._prefetch.skipped)
-        reason = self._prefetch.reason
+        reason = self._prefetch.reason or self._source.problem
         if self._unanswered and not reason:
             reason = f"frames get no answer on {self._config.answer}"
         if self._motion and self._motion.silent and self._sequence and not reason:
@@ -149,6 +158,7 @@ class CameraNode(Node):
 
     def close(self) -> None:
         """Stop reading and close the source."""
+        self._source.interrupt()
         self._prefetch.stop(STOP_S)
         self._source.close()
 
@@ -168,6 +178,8 @@ class CameraNode(Node):
 
     def _message(self, reading: PrefetchedItem, now_ns: int) -> list[Message]:
         item = reading.item
+        if isinstance(item, SourceSetup):
+            return self._calibrate(item.info, item.transforms, item.moves)
         if not isinstance(item, SourceFrame):
             return [item]
         jumped = self._stamp_ns is not None and is_jump(item.stamp_ns - self._stamp_ns)
@@ -186,8 +198,27 @@ class CameraNode(Node):
             self._next_compressed_ns = now_ns + int(1e9 / self._config.compressed_hz)
         return [frame]
 
+    def _calibrate(
+        self, info: CameraInfo, transforms: Sequence[StaticTransform], moves: bool
+    ) -> list[Message]:
+        """Take calibration and pose, and return them as they are to be published."""
+        self._info = _info(self._config, info)
+        if self._config.transforms:
+            pose = read_pose(Path(self._config.transforms), self._info.camera)
+            self._transforms = [static_transform(MAP, self._info.frame_id, pose)]
+            return [self._info, *self._transforms]
+        mount = _mount(self._config, self._info.frame_id)
+        self._transforms = (
+            _renamed(transforms, info.frame_id, self._info.frame_id)
+            if transforms or moves
+            else [mount]
+        )
+        return [self._info, *self._transforms]
+
     def _frame(self, item: SourceFrame) -> RgbdFrame | None:
         """Make the message; None, and counted, if the images do not fit."""
+        if self._info is None:
+            return None
         size = (self._info.height, self._info.width)
         if item.rgb.shape != (*size, 3) or item.depth_mm.shape != size:
             self._counters["wrong_size"] += 1
@@ -231,29 +262,32 @@ def _pacing(config: CameraConfig, live: bool) -> Pacing:
     return Pacing() if live else RecordedPacing(config.speed)
 
 
-def _info(config: CameraConfig, source: Source) -> CameraInfo:
-    camera = config.camera or source.info.camera
+def _info(config: CameraConfig, info: CameraInfo) -> CameraInfo:
+    camera = config.camera or info.camera
     # Two cameras without frame names must not share one.
-    unnamed = source.info.frame_id == OPTICAL_FRAME
+    unnamed = info.frame_id == OPTICAL_FRAME
     return msgspec.structs.replace(
-        source.info,
+        info,
         stamp_ns=0,
         sequence=0,
         trace=(),
         camera=camera,
-        frame_id=f"{camera}_optical_frame" if unnamed else source.info.frame_id,
-        max_depth_m=config.max_depth_m or source.info.max_depth_m,
+        frame_id=f"{camera}_optical_frame" if unnamed else info.frame_id,
+        max_depth_m=config.max_depth_m or info.max_depth_m,
     )
 
 
-def _transforms(config: CameraConfig, source: Source, frame_id: str) -> list[StaticTransform]:
-    """Return the source's transforms, else the configured mount."""
-    if source.transforms or source.moves:
-        own = source.info.frame_id
-        return [
-            msgspec.structs.replace(
-                transform, child=frame_id if transform.child == own else transform.child
-            )
-            for transform in source.transforms
-        ]
-    return [static_transform(config.mount_parent, frame_id, config.mount_from_optical)]
+def _mount(config: CameraConfig, frame_id: str) -> StaticTransform:
+    return static_transform(config.mount_parent, frame_id, config.mount_from_optical)
+
+
+def _renamed(
+    transforms: Sequence[StaticTransform], own: str, frame_id: str
+) -> list[StaticTransform]:
+    """Return transforms with the camera's frame under its published name."""
+    return [
+        msgspec.structs.replace(
+            transform, child=frame_id if transform.child == own else transform.child
+        )
+        for transform in transforms
+    ]

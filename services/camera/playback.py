@@ -9,7 +9,7 @@ import msgspec
 from common.io.odometry_order import odometry_first
 from common.io.recording import open_recording
 from people4d.messages import CompressedRgbdFrame, MovingTransform, Odometry, RgbdFrame
-from services.camera.source import Source, SourceFrame, SourceItem
+from services.camera.source import Source, SourceFrame, SourceItem, SourceSetup
 from services.camera.sources import kind_of, open_source
 
 ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there is one frame only
@@ -33,7 +33,7 @@ def play(source: Source, selection: Selection) -> Iterator[SourceItem]:
         first_ns = last_ns = count = 0
         for item in _one_round(source, selection):
             yield _shifted(item, shift_ns)
-            if isinstance(item, Odometry | MovingTransform):
+            if isinstance(item, Odometry | MovingTransform | SourceSetup):
                 continue
             first_ns = min(first_ns, item.stamp_ns) if count else item.stamp_ns
             last_ns = max(last_ns, item.stamp_ns) if count else item.stamp_ns
@@ -55,7 +55,7 @@ def loop_period_ns(first_ns: int, last_ns: int, count: int) -> int:
 def loop_period_s(source: str) -> float:
     """Return the time that a looping camera adds to its stamps each round [s]."""
     kind = kind_of(source)
-    if kind == "plugin":
+    if kind in ("plugin", "ros2"):
         return 0.0  # it does not end
     if kind == "recording":
         messages = open_recording(Path(source)).messages(CompressedRgbdFrame, RgbdFrame)
@@ -73,7 +73,7 @@ def _one_round(source: Source, selection: Selection) -> Iterator[SourceItem]:
     index = 0
     items = source.part(selection.start_s, selection.duration_s)
     for item in items if source.live else odometry_first(items):
-        if isinstance(item, Odometry | MovingTransform):
+        if isinstance(item, Odometry | MovingTransform | SourceSetup):
             yield item
             continue
         if index % selection.stride == 0:
@@ -85,6 +85,6 @@ def _shifted(item: SourceItem, shift_ns: int) -> SourceItem:
     if not shift_ns:
         return item
     stamp_ns = item.stamp_ns + shift_ns
-    if isinstance(item, SourceFrame):
+    if isinstance(item, SourceFrame | SourceSetup):
         return replace(item, stamp_ns=stamp_ns)
     return msgspec.structs.replace(item, stamp_ns=stamp_ns)

@@ -22,7 +22,7 @@ from people4d.messages import (
     RgbdFrame,
     StaticTransform,
 )
-from services.camera.source import Source, SourceFrame, SourceItem
+from services.camera.source import MotionMessage, Source, SourceFrame
 
 M = TypeVar("M", bound=Message)
 
@@ -79,7 +79,7 @@ class RecordingSource(Source):
         rest = [transform for child, transform in transforms.items() if child not in cameras]
         self.transforms = [mount, *rest] if mount else []
 
-    def __iter__(self) -> Iterator[SourceItem]:
+    def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
         """Yield frames and motion in the order in which they were recorded."""
         types = (CompressedRgbdFrame, RgbdFrame, MovingTransform, Odometry)
         for _, message in self._recording.messages(*types):

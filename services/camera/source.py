@@ -22,15 +22,26 @@ class SourceFrame:
     stamp_ns: int  # acquisition time in nanoseconds
 
 
-SourceItem: TypeAlias = SourceFrame | MotionMessage
+@dataclass(frozen=True)
+class SourceSetup:
+    """Calibration and mount that become known, or change, while a source runs."""
+
+    info: CameraInfo  # of the frames that follow
+    transforms: Sequence[StaticTransform]  # pose of the camera; empty if unknown
+    moves: bool  # True: transforms of the camera follow, so no mount is needed
+    stamp_ns: int  # of the next frame [ns]
+
+
+SourceItem: TypeAlias = SourceFrame | MotionMessage | SourceSetup
 
 
 class Source(ABC):
     """A camera or a recording of one.
 
-    A source sets `info` in its constructor and yields frames, and odometry if it has any, in the
-    order of their acquisition. It may raise `SourceError` at any time; earlier items are used. A
-    recording can be iterated more than once, from the start each time.
+    A source sets `info` in its constructor, unless `calibrates_late`, and yields frames, and
+    odometry if it has any, in the order of their acquisition. It may raise `SourceError` at any
+    time; earlier items are used. A recording can be iterated more than once, from the start each
+    time.
     """
 
     options_type: ClassVar[type[Config]] = Config  # options that the constructor takes
@@ -40,6 +51,9 @@ class Source(ABC):
     moves: bool = False  # True: it yields transforms of the camera, so no mount is needed
     counters: Mapping[str, int] = MappingProxyType({})  # events since opening, drops by cause
     live: bool = False  # True: a device, whose newest frame matters; False: a recording
+    # True: `info` is not set; a SourceSetup comes before the first frame
+    calibrates_late: ClassVar[bool] = False
+    problem: str = ""  # why no frames come, one sentence; empty if they do
 
     @abstractmethod
     def __iter__(self) -> Iterator[SourceItem]:
@@ -62,6 +76,9 @@ class Source(ABC):
                 return
             if started:
                 yield item
+
+    def interrupt(self) -> None:  # noqa: B027
+        """Let a waiting iterator end soon; called from another thread, before `close`."""
 
     def close(self) -> None:
         """Release the device or the file; the base class has nothing to release."""

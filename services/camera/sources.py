@@ -15,6 +15,7 @@ from services.camera.config import CameraConfig
 from services.camera.source import Source
 
 LAB = "lab:"  # before the name of a scenario
+ROS2 = re.compile(r"ros2(\+\w*)?:.*")
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 # Imported on use, since ROS bags take long to import and the lab is a layer above the services.
 SOURCES = {
@@ -22,16 +23,18 @@ SOURCES = {
     "rosbag": "services.camera.ros.source:RosbagSource",
     "folder": "services.camera.folder.source:FolderSource",
     "lab": "lab.source:LabSource",
+    "ros2": "services.camera.ros.live:LiveRosSource",
 }
 
 
 def open_source(
     source: str, kind: str = "auto", options: Mapping[str, Any] | None = None
 ) -> Source:
-    """Open a recording, a bag, a folder, a scenario of the virtual lab or a plug-in camera.
+    """Open a recording, a bag, a folder, a scenario of the lab, ROS 2 topics or a plug-in camera.
 
     Args:
-        source: Path, `lab:NAME` of a scenario, or `module:Class` of a plug-in camera.
+        source: Path, `lab:NAME` of a scenario, `ros2:/NAMESPACE` or `ros2:DRIVER` of ROS 2 topics,
+            or `module:Class` of a plug-in camera.
         kind: Name in SOURCES, "plugin", or "auto" to find it from the path.
         options: Of the kind of source; a plug-in gets them as keyword arguments.
 
@@ -48,7 +51,7 @@ def open_source(
         names = ", ".join(["auto", *SOURCES, "plugin"])
         raise ConfigError(f"kind: expected one of {names}, got {kind!r}")
     factory = registry.find("source", SOURCES, kind)
-    argument = source.removeprefix(LAB) if kind == "lab" else Path(source)
+    argument: str | Path = source.removeprefix(LAB) if kind in ("lab", "ros2") else Path(source)
     opened: Source = factory(argument, _read_options(factory.options_type, options))
     return opened
 
@@ -63,8 +66,8 @@ def check_source(config: CameraConfig) -> None:
     if not config.source:
         raise ConfigError(
             "no camera is named",
-            "Add --source PATH (recording, ROS bag, image folder, lab:SCENARIO, or module:Class of "
-            "a camera), or see it work with: people4d demo",
+            "Add --source PATH (recording, ROS bag, image folder, lab:SCENARIO, ros2:/camera, or "
+            "module:Class of a camera), or see it work with: people4d demo",
         )
     kind = kind_of(config.source) if config.kind == "auto" else config.kind
     if kind not in ("lab", "plugin"):
@@ -77,11 +80,14 @@ def kind_of(source: str) -> str:
     if not source or not path.exists():
         if source.startswith(LAB):
             return "lab"
+        if ROS2.fullmatch(source):
+            return "ros2"
         if PLUGIN.fullmatch(source):
             return "plugin"
         raise SourceError(
             f"source {source!r} does not exist",
-            "Give a recording, a ROS bag, a folder of images, lab:SCENARIO or module:Class.",
+            "Give a recording, a ROS bag, a folder of images, lab:SCENARIO, ros2:/camera or "
+            "module:Class.",
         )
     if path.is_dir():
         bag = (path / "metadata.yaml").exists() or any(path.glob("*.db3"))

@@ -1,11 +1,14 @@
 """The camera node, on its own and in the run loop's clothes."""
 
 import math
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -146,6 +149,18 @@ def test_frames_wait_for_the_start_delay() -> None:
         assert p.frames() == []
         p.play()
         assert len(p.frames()) == 1
+
+
+def test_frames_of_a_live_camera_do_not_wait_for_the_start_delay() -> None:
+    with player(with_(start_delay_s=100.0), MemorySource([capture(0)], live=True)) as p:
+        p.until(lambda: len(p.frames()) == 1)
+
+
+def test_the_process_loads_no_library_that_only_some_sources_need() -> None:
+    # A camera that is started again is away for as long as its imports take.
+    code = "import sys, services.camera.__main__; print(*sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"scipy", "rosbags", "numba", "onnxruntime"}.intersection(done.stdout.split())
 
 
 def test_lockstep_sends_the_next_frame_on_the_answer() -> None:
@@ -325,6 +340,20 @@ def test_transform_of_the_source_wins_over_the_mount() -> None:
         assert info.max_depth_m == 3.0
         assert transform.child == info.frame_id == "left_optical_frame"
         assert transform.matrix[0, 3] == 7
+
+
+def test_calibrated_pose_wins_over_that_of_the_source(tmp_path: Path) -> None:
+    file = tmp_path / "poses.toml"
+    rows = "[[0, 0, 1, 2], [-1, 0, 0, 3], [0, -1, 0, 1], [0, 0, 0, 1]]"
+    file.write_text(f'reference = "left"\n[cameras.left]\nframe_id = "x"\nmatrix = {rows}\n')
+    source = MemorySource([])
+    source.transforms = [static_transform("map", source.info.frame_id, np.eye(4))]
+    with player(with_(transforms=str(file), camera="left"), source) as p:
+        p.tick()
+        (_, transform) = p.out
+        assert isinstance(transform, StaticTransform)
+        assert (transform.parent, transform.child) == ("map", "left_optical_frame")
+        assert transform.matrix[:3, 3].tolist() == [2, 3, 1]
 
 
 def test_without_a_wake_callback_the_node_asks_to_be_polled() -> None:

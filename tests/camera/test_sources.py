@@ -120,7 +120,8 @@ def test_kind_follows_from_the_path(tmp_path: Path) -> None:
     assert kind_of("package.module:Class") == "plugin"
     assert isinstance(open_source(str(folder)), RosbagSource)
     assert kind_of("lab:two_easy") == "lab"
-    assert set(SOURCES) == {"recording", "rosbag", "folder", "lab"}
+    assert kind_of("ros2+dds:/camera") == "ros2"
+    assert set(SOURCES) == {"recording", "rosbag", "folder", "lab", "ros2"}
 
 
 @pytest.mark.parametrize(

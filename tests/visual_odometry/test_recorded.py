@@ -22,6 +22,7 @@ from services.camera.config import CameraConfig
 from services.visual_odometry.config import VisualOdometryConfig
 from tests import builders
 from tests.deploy.test_alone import (  # noqa: F401  # a fixture is one by its name
+    SLOWLY,
     environment,
     people,
     people4d,
@@ -108,7 +109,7 @@ def test_the_process_publishes_odometry(
         stack.enter_context(service("visual_odometry", environment))
         stack.enter_context(recording(out, "odometry", environment))
         topics = "frames,camera_info,static_transforms,detections"
-        people4d(environment, "replay", str(ride), "--topics", topics, "--speed", "0.5")
+        people4d(environment, "replay", str(ride), "--topics", topics, *SLOWLY)
     odometry = [m for m in people(out, Odometry) if isinstance(m, Odometry)]
     assert len(odometry) >= FRAMES // 2
     for one in odometry:

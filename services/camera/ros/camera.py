@@ -11,6 +11,7 @@ import numpy as np
 from common.config import Config
 from common.geometry.wheel_odometry import JointConfig
 from common.io.ros_bag import Bag
+from common.ros2.transforms import edges_of
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, U8, U16, CameraInfo, StaticTransform
 from services.camera.calibration import (
@@ -25,7 +26,7 @@ from services.camera.calibration import (
 )
 from services.camera.folder.registration import Registration
 from services.camera.ros.images import colour_image, depth_image
-from services.camera.ros.motion import FrameTree, edges_of
+from services.camera.ros.motion import FrameTree
 from services.camera.ros.topics import OLD_TF, TF, Topics
 
 TF_HEADS = 2000  # messages of /tf that are searched for moving transforms: some ten seconds
@@ -64,8 +65,8 @@ class RosCamera:
 
 
 @dataclass(frozen=True)
-class _Head:
-    """The first image of a stream: its size (height, width), frame and CameraInfo."""
+class ImageHead:
+    """An image of a stream: its size (height, width), frame and CameraInfo."""
 
     size: tuple[int, int]
     frame: str
@@ -74,16 +75,37 @@ class _Head:
 
 def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
     """Read calibration and mount of a bag; SourceError if depth is not aligned and cannot be."""
-    colour, depth = _heads(bag, topics)
     tree = _tree(bag, options.tf_as_static)
-    calibration = _calibration(topics, options, tree, (colour, depth))
+    return make_camera(topics, options, _heads(bag, topics), tree, _base(bag, topics, options))
+
+
+def make_camera(
+    topics: Topics,
+    options: RosbagOptions,
+    heads: tuple[ImageHead, ImageHead],
+    tree: FrameTree,
+    base: tuple[str, str] | None,
+) -> RosCamera:
+    """Put calibration and mount together.
+
+    Args:
+        topics: Topics that are played.
+        options: Options of the source.
+        heads: First images of colour and of depth.
+        tree: Coordinate frames.
+        base: Frames of odometry: that of the pose and that of the base.
+
+    Raises:
+        SourceError: There is no usable calibration, or depth is not aligned and cannot be.
+    """
+    colour, depth = heads
+    calibration = _calibration(topics, options, tree, heads)
     if calibration.colour is None:
         raise SourceError(f"calibration {options.calibration} has no colour camera")
     info = camera_info(calibration.colour, colour.size, colour.frame)
     register = registration(calibration, info, depth.size)
     if register is None and depth.size != colour.size:
         raise SourceError(f"depth is {depth.size}, colour {colour.size}: it cannot be aligned")
-    base = _base(bag, topics, options)
     path = _path(tree, colour.frame, base, options)
     moving = frozenset((parent, child) for parent, child, matrix in path if matrix is None)
     moving -= {base}
@@ -98,7 +120,7 @@ def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
     return RosCamera(info, register, transforms, moving)
 
 
-def _heads(bag: Bag, topics: Topics) -> tuple[_Head, _Head]:
+def _heads(bag: Bag, topics: Topics) -> tuple[ImageHead, ImageHead]:
     if topics.colour == topics.depth:
         rgbd = bag.first(topics.colour)
         return (
@@ -111,7 +133,7 @@ def _heads(bag: Bag, topics: Topics) -> tuple[_Head, _Head]:
     )
 
 
-def _head(bag: Bag, topic: str, info_topic: str, decode: Callable[[Any], U8 | U16]) -> _Head:
+def _head(bag: Bag, topic: str, info_topic: str, decode: Callable[[Any], U8 | U16]) -> ImageHead:
     reason = "it is empty"
     for _, _, message in islice(bag.messages([topic]), MAX_BAD_HEADS):
         try:
@@ -121,9 +143,9 @@ def _head(bag: Bag, topic: str, info_topic: str, decode: Callable[[Any], U8 | U1
     raise SourceError(f"{topic} has no readable image: {reason}")
 
 
-def _to_head(message: Any, decode: Callable[[Any], U8 | U16], info: Any | None) -> _Head:
+def _to_head(message: Any, decode: Callable[[Any], U8 | U16], info: Any | None) -> ImageHead:
     height, width = decode(message).shape[:2]
-    return _Head((height, width), str(message.header.frame_id).strip("/"), info)
+    return ImageHead((height, width), str(message.header.frame_id).strip("/"), info)
 
 
 def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
@@ -140,14 +162,14 @@ def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
 
 
 def _calibration(
-    topics: Topics, options: RosbagOptions, tree: FrameTree, heads: tuple[_Head, _Head]
+    topics: Topics, options: RosbagOptions, tree: FrameTree, heads: tuple[ImageHead, ImageHead]
 ) -> Calibration:
     if options.calibration:
         return read_calibration(Path(options.calibration), MatNames())
     colour, depth = heads
     if colour.info is None:
         raise SourceError(
-            f"bag has no calibration (CameraInfo) for {topics.colour}",
+            f"there is no calibration (CameraInfo) for {topics.colour}",
             "Set options.colour_info_topic, or options.calibration to a file.",
         )
     intrinsics = intrinsics_of(colour.info, rectified="image_rect" in topics.colour)
@@ -161,7 +183,7 @@ def _calibration(
         missing = "CameraInfo of depth" if depth_intrinsics is None else "transform between them"
         raise SourceError(
             f"depth (frame {depth.frame}) is not aligned to colour (frame {colour.frame}) and "
-            f"the bag has no {missing}",
+            f"there is no {missing}",
             "Set options.depth_aligned=true if it is, or options.calibration to a file.",
         )
     return Calibration(
@@ -175,7 +197,7 @@ def _calibration(
 
 def _aligned(
     options: RosbagOptions,
-    heads: tuple[_Head, _Head],
+    heads: tuple[ImageHead, ImageHead],
     intrinsics: tuple[Intrinsics, Intrinsics | None],
 ) -> bool:
     """Depth is aligned if it has the size of colour, and its frame or its calibration too."""

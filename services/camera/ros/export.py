@@ -24,12 +24,16 @@ from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
 from common.geometry.transform_buffer import transform_from_odometry
 from common.io.recording import open_recording
-from common.io.ros_bag import PEOPLE, PEOPLE_DEFINITIONS, make_typestore
+from common.ros2 import types
+from common.ros2.messages.basic import ODOMETRY, TF, header, odometry, transforms
+from common.ros2.messages.people import PEOPLE, people
+from common.ros2.messages.person import RosPeopleView
+from common.ros2.types import Fields
 from people4d.errors import SourceError
 from people4d.messages import CameraInfo, MovingTransform, StaticTransform, Tracks, Truth
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros import messages as ros
-from services.camera.ros.topics import CAMERA_INFO, COMPRESSED, DEFINITIONS, IMAGE, ODOMETRY, TF
+from services.camera.ros.topics import CAMERA_INFO, COMPRESSED, IMAGE
 from services.camera.source import MotionMessage, SourceFrame
 
 VERSION: Literal[8] = 8  # of the bag's metadata: what ROS 2 from Humble on reads
@@ -58,10 +62,11 @@ class BagFormat:
     storage: str = "mcap"  # name in STORAGES
     compressed: bool = False  # colour as JPEG and depth as PNG instead of raw pixels
     namespace: str = "camera"  # first part of the image topics, the `camera_name` of a driver
+    people: str = "nav2"  # convention of people_msgs, see `common.ros2.messages.people`
 
 
 ExportItem = SourceFrame | MotionMessage | Truth | Tracks
-BagEntry = tuple[str, str, ros.Fields]  # topic, type and fields of a message
+BagEntry = tuple[str, str, Fields]  # topic, type and fields of a message
 
 
 def export(
@@ -113,7 +118,7 @@ class BagWriter:
         self._path = path
         self._info = info
         self._format = bag_format
-        self._store = make_typestore(2, DEFINITIONS | PEOPLE_DEFINITIONS)
+        self._truth, self._tracks = RosPeopleView(), RosPeopleView()
         self._connections: dict[str, Connection] = {}
         try:
             plugin = STORAGES[bag_format.storage]
@@ -127,11 +132,11 @@ class BagWriter:
         for entry in self._entries(item):
             self._append(entry, item.stamp_ns)
 
-    def write_transforms(self, transforms: Sequence[StaticTransform], time_ns: int) -> None:
+    def write_transforms(self, static: Sequence[StaticTransform], time_ns: int) -> None:
         """Append static transforms, for late subscribers too."""
-        if transforms:
-            edges = ((one.parent, one.child, one.matrix) for one in transforms)
-            self._append(("/tf_static", TF, ros.transforms(edges, time_ns)), time_ns)
+        if static:
+            edges = ((one.parent, one.child, one.matrix) for one in static)
+            self._append(("/tf_static", TF, transforms(edges, time_ns)), time_ns)
 
     def __enter__(self) -> Self:
         return self
@@ -147,20 +152,22 @@ class BagWriter:
     def _entries(self, item: ExportItem) -> list[BagEntry]:
         if isinstance(item, SourceFrame):
             return self._frame(item)
-        if isinstance(item, Truth | Tracks):
-            topic = "/truth" if isinstance(item, Truth) else "/people"
-            return [(topic, PEOPLE, ros.people(item))]
+        if isinstance(item, Truth):
+            return [("/truth", PEOPLE, people(self._truth.truth(item), self._format.people))]
+        if isinstance(item, Tracks):
+            tracks = self._tracks.tracks(item, groups={})
+            return [("/people", PEOPLE, people(tracks, self._format.people))]
         if isinstance(item, MovingTransform):
             edge = item.parent, item.child, item.matrix
-            return [("/tf", TF, ros.transforms([edge], item.stamp_ns))]
+            return [("/tf", TF, transforms([edge], item.stamp_ns))]
         base = item.frame_id, item.child_frame_id, transform_from_odometry(item)
         return [
-            ("/odom", ODOMETRY, ros.odometry(item)),
-            ("/tf", TF, ros.transforms([base], item.stamp_ns)),
+            ("/odom", ODOMETRY, odometry(item)),
+            ("/tf", TF, transforms([base], item.stamp_ns)),
         ]
 
     def _frame(self, frame: SourceFrame) -> list[BagEntry]:
-        head = ros.header(frame.stamp_ns, self._info.frame_id)
+        head = header(frame.stamp_ns, self._info.frame_id)
         colour, depth = (
             f"/{self._format.namespace}/{stream}" for stream in ("color", "aligned_depth_to_color")
         )
@@ -189,11 +196,11 @@ class BagWriter:
             self._connections[topic] = self._writer.add_connection(
                 topic,
                 kind,
-                typestore=self._store,
+                typestore=types.typestore(),
                 offered_qos_profiles=[LATCHED if topic == "/tf_static" else VOLATILE],
             )
         with self._source_errors():
-            data = self._store.serialize_cdr(ros.make(self._store, kind, fields), kind)
+            data = types.encode(kind, fields)
             self._writer.write(self._connections[topic], max(time_ns, 0), data)
         self.counts[topic] += 1
 

@@ -8,19 +8,14 @@ from typing import Any
 import msgspec
 
 from common.io.ros_cdr import cdr_decoder, parse_key
+from common.ros2.frame_names import frame_name
+from common.ros2.transforms import StampedTransform, edges_of, stamp_of
 from people4d.errors import DecodeError
 from people4d.messages import Message, MovingTransform, Odometry, StaticTransform
 from people4d.topics import ForeignTopic
-from services.camera.calibration import frame_name, static_transform
+from services.camera.calibration import static_transform
 from services.camera.config import MotionConfig
-from services.camera.ros.motion import (
-    FrameTree,
-    StampedTransform,
-    WheelReader,
-    edges_of,
-    odometry_of,
-    stamp_of,
-)
+from services.camera.ros.motion import FrameTree, WheelReader, odometry_of
 from services.camera.ros.topics import JOINTS, ODOMETRY, TF, ros2_types
 
 COUNTERS = ("moving_transforms", "live_odometry", "bad_transforms", "other_transforms")

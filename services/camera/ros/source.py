@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from common.io.ros_bag import Bag
+from common.ros2.transforms import edges_of, stamp_of
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import Odometry
 from services.camera.folder.pairing import Pairing
 from services.camera.ros.camera import RosbagOptions, read_camera
 from services.camera.ros.images import colour_image, depth_image
-from services.camera.ros.motion import WheelReader, edges_of, odometry_of, stamp_of
+from services.camera.ros.motion import WheelReader, odometry_of
 from services.camera.ros.topics import JOINTS, OLD_TF, TF, Topics, find_topics, open_bag
 from services.camera.source import MotionMessage, Source, SourceFrame
 

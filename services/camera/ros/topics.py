@@ -19,15 +19,8 @@ JOINTS = "sensor_msgs/msg/JointState"
 TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # the latter in old ROS 1
 RGBD = "realsense2_camera_msgs/msg/RGBD"
 TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
-RGBD_DEFINITION = """
-std_msgs/Header header
-sensor_msgs/CameraInfo rgb_camera_info
-sensor_msgs/CameraInfo depth_camera_info
-sensor_msgs/Image rgb
-sensor_msgs/Image depth
-"""
 # Types that rosbags lacks, some in ROS 1 only.
-DEFINITIONS = {RGBD: RGBD_DEFINITION, TF: TF_DEFINITION, OLD_TF: TF_DEFINITION}
+DEFINITIONS = {TF: TF_DEFINITION, OLD_TF: TF_DEFINITION}
 
 # Transports append their name to the topic; the earlier here, the better for depth and colour.
 TRANSPORTS = ("", "/compressedDepth", "/compressed")

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from services.camera.ros.motion import FrameTree, edges_of
+from common.ros2.transforms import edges_of
+from services.camera.ros.motion import FrameTree
 from tests.camera.ros.bags import Ros
 
 ROS = Ros(2)

@@ -122,7 +122,8 @@ def test_any_reader_finds_the_topics_of_a_driver(
     assert times_ns == sorted(times_ns)
     assert times_ns[0] == START_NS
     assert (person.name, person.reliability) == ("7", 0.75)
-    assert dict(zip(person.tagnames, person.tags, strict=True)) == {"state": "lost"}
+    expected = {"id": "7", "group": "-1", "state": "lost"}
+    assert dict(zip(person.tagnames, person.tags, strict=True)) == expected
 
 
 def test_static_transforms_reach_late_subscribers(recording: Path, tmp_path: Path) -> None:

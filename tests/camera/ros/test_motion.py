@@ -13,6 +13,7 @@ from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import rotation_from_rpy, transform_from
 from common.geometry.wheel_odometry import JointConfig, WheelConfig
+from common.ros2.transforms import edges_of
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 from services.camera.calibration import Intrinsics, camera_info
@@ -20,7 +21,7 @@ from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
 from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.export import BagWriter, ExportItem
-from services.camera.ros.motion import FrameTree, WheelReader, edges_of
+from services.camera.ros.motion import FrameTree, WheelReader
 from services.camera.ros.source import RosbagSource
 from services.camera.source import SourceFrame
 from tests import builders

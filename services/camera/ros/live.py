@@ -1,0 +1,283 @@
+"""RGB-D frames of a camera whose driver runs in ROS 2, received live, without ROS."""
+
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from typing import Any, ClassVar
+
+import msgspec
+
+from common.ros2 import types
+from common.ros2.config import Ros2Config
+from common.ros2.transforms import edges_of, stamp_of
+from common.ros2.transport import SENSOR_DATA, Qos, Ros2Sample, Ros2Transport
+from common.ros2.transports import open_transport
+from common.text import listed
+from people4d.errors import DecodeError
+from people4d.messages import Odometry
+from people4d.messages.base import Positive
+from services.camera.folder.pairing import Pairing
+from services.camera.ros.camera import RosbagOptions
+from services.camera.ros.drivers import candidates, image_kind, info_topic
+from services.camera.ros.images import colour_image, depth_image
+from services.camera.ros.live_camera import LiveCamera
+from services.camera.ros.motion import WheelReader, odometry_of
+from services.camera.ros.sample_queue import IMAGES_MAX, OTHERS_MAX, SampleQueue, TopicSample
+from services.camera.ros.topics import CAMERA_INFO, JOINTS, ODOMETRY, RGBD, TF, Topics
+from services.camera.source import MotionMessage, Source, SourceFrame, SourceItem
+
+STATIC = Qos("reliable", "transient_local", 100)  # one message of each node that publishes any
+POLL_S = 0.2
+SETTLE_S = 0.5  # after the first images: better topics may still come
+TF_WAIT_S = 1.0  # for transforms before the first frame
+SHOWN = 4  # topics in a sentence
+COUNTERS = ("bad_message", "bad_images", "tf_loops", "unlinked_frames", "uncalibrated")
+
+
+class LiveRosOptions(RosbagOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Options of live topics; empty topics are those of the driver, odometry: none."""
+
+    namespace: str = ""  # of the driver; empty: its usual one, or that of the source
+    sync_slop_s: Positive = 0.1  # [s] largest distance in time of colour and depth
+    # Topics of TFMessage; whose name ends in tf_static: latched
+    tf_topics: tuple[str, ...] = ("/tf", "/tf_static")
+    # frame of the robot that the camera hangs on in /tf; empty: that of odometry
+    base_frame: str = ""
+    timeout_s: Positive = 3.0  # [s] after which a silent topic is reported
+    ros2: Ros2Config = Ros2Config(node="people4d_camera")  # its transport: as in the source
+
+
+class LiveRosSource(Source):
+    """Receives a camera's topics; ConfigError if the source or an option is wrong.
+
+    Of several topics that a driver may have, the best that delivers is used. Calibration and mount
+    follow the messages: a driver may start later, or change its resolution.
+    """
+
+    options_type = LiveRosOptions
+    live = True
+    calibrates_late: ClassVar[bool] = True
+
+    def __init__(self, source: str, options: LiveRosOptions) -> None:
+        self.counters: Counter[str] = Counter(dict.fromkeys(COUNTERS, 0))
+        self._options = options
+        self._candidates = candidates(
+            source, options.namespace, options.colour_topic, options.depth_topic
+        )
+        transport: Any = self._candidates.transport
+        self._config = msgspec.structs.replace(options.ros2, transport=transport)
+        self._queue = SampleQueue(self.counters)
+        self._pairing = Pairing[tuple[int, Any]](int(options.sync_slop_s * 1e9))
+        self._wheels = WheelReader(options.wheels)
+        self._since_s = 0.0
+        self.problem = "waits for the first messages"
+
+    def __iter__(self) -> Iterator[SourceItem]:
+        """Yield calibration, frames and motion until closed."""
+        while not self._queue.closed:
+            chosen = self._choose()
+            if chosen:
+                yield from self._play(*chosen)
+
+    def interrupt(self) -> None:
+        """End the iteration soon."""
+        self._queue.close()
+
+    def _choose(self) -> tuple[str, str] | None:
+        """Receive all topics that the driver may have; return the best that deliver."""
+        images = (*self._candidates.colours, *self._candidates.depths)
+        if len(set(images)) <= 2:
+            return self._candidates.colours[0], self._candidates.depths[0]
+        first_s: float | None = None
+        with closing(self._receive({topic: image_kind(topic) for topic in images})) as received:
+            while not self._queue.closed:
+                self._queue.get(POLL_S)
+                received.count()
+                chosen = self._candidates.choose(self._queue.last_s)
+                now_s = time.monotonic()
+                if chosen:
+                    first_s = first_s or now_s
+                    if now_s > first_s + SETTLE_S:
+                        return chosen
+                elif now_s > self._since_s + self._options.timeout_s:
+                    self.problem = self._silence(images)
+        return None
+
+    def _play(self, colour: str, depth: str) -> Iterator[SourceItem]:
+        options = self._options
+        if colour == depth:  # RGBD messages, which hold both CameraInfo
+            infos: tuple[str, str] = ("rgb_camera_info", "depth_camera_info")
+            kinds: dict[str, str] = {}
+        else:
+            infos = (
+                options.colour_info_topic or info_topic(colour),
+                options.depth_info_topic or info_topic(depth),
+            )
+            kinds = dict.fromkeys(infos, CAMERA_INFO)
+        topics = Topics(colour, depth, *infos, options.odometry_topic)
+        kinds |= {topic: image_kind(topic) for topic in (colour, depth)}
+        kinds |= dict.fromkeys(options.tf_topics, TF)
+        kinds |= {topic: ODOMETRY for topic in (options.odometry_topic,) if topic}
+        kinds |= dict.fromkeys(options.wheel_topics, JOINTS)
+        camera = LiveCamera(topics, options, self.counters)
+        if options.base_frame:
+            camera.add_base("", options.base_frame)
+        with closing(self._receive(kinds)) as received:
+            while not self._queue.closed:
+                sample = self._queue.get(POLL_S)
+                received.count()
+                if sample:
+                    yield from self._items(sample, kinds[sample.topic], topics, camera)
+                silent = self._silent((colour, depth))
+                self.problem = self._silence(silent) if silent else camera.problem
+                if len(silent) == len({colour, depth}) and len(self._candidates.colours) > 1:
+                    return  # the driver may have come back with other topics
+
+    def _receive(self, kinds: dict[str, str]) -> "_Received":
+        """Receive topics of some types, after dropping what waits."""
+        self._queue.clear()
+        self._since_s = time.monotonic()
+        transport = open_transport(self._config)
+        for topic, kind in kinds.items():
+            image = "Image" in kind or kind == RGBD
+            latched = kind == TF and topic.endswith("tf_static")
+            qos = STATIC if latched else SENSOR_DATA
+            most = IMAGES_MAX if image else OTHERS_MAX
+            transport.subscribe(topic, kind, partial(self._put, topic, most), qos)
+        return _Received(transport, self.counters)
+
+    def _put(self, topic: str, most: int, sample: Ros2Sample) -> None:
+        self._queue.put(topic, sample.cdr, sample.sent_ns, most)
+
+    def _items(
+        self, sample: TopicSample, kind: str, topics: Topics, camera: LiveCamera
+    ) -> Iterator[SourceItem]:
+        try:
+            message = types.decode(kind, sample.cdr)
+        except DecodeError:
+            self.counters["bad_message"] += 1
+            return
+        if kind == CAMERA_INFO:
+            camera.add_info(sample.topic, message)
+        elif kind == TF:
+            yield from self._transforms(sample, message, camera)
+        elif kind in (ODOMETRY, JOINTS):
+            yield from self._odometry(sample, kind, message, camera)
+        else:
+            yield from self._images(sample, kind, message, topics, camera)
+
+    def _images(
+        self, sample: TopicSample, kind: str, message: Any, topics: Topics, camera: LiveCamera
+    ) -> Iterator[SourceItem]:
+        stamp_ns = self._stamp(message, sample)
+        if kind == RGBD:
+            camera.add_info(topics.colour_info, message.rgb_camera_info)
+            camera.add_info(topics.depth_info, message.depth_camera_info)
+            yield from self._frame(stamp_ns, message.rgb, message.depth, camera)
+            return
+        stream: Any = "colour" if sample.topic == topics.colour else "depth"
+        pairs = self._pairing.add(stream, stamp_ns, (stamp_ns, message))
+        self.counters["unpaired"] = self._pairing.unpaired
+        for (colour_ns, colour), (_, depth) in pairs:
+            yield from self._frame(colour_ns, colour, depth, camera)
+
+    def _frame(
+        self, stamp_ns: int, colour: Any, depth: Any, camera: LiveCamera
+    ) -> Iterator[SourceItem]:
+        early = time.monotonic() < self._since_s + TF_WAIT_S
+        if early and self._options.tf_topics and not (camera.camera or camera.knows_frames):
+            return
+        try:
+            rgb, depth_mm = colour_image(colour), depth_image(depth)
+        except DecodeError:
+            self.counters["bad_images"] += 1
+            return
+        frames = (str(message.header.frame_id).strip("/") for message in (colour, depth))
+        colour_frame, depth_frame = frames
+        size: Any = rgb.shape[:2]
+        depth_size: Any = depth_mm.shape
+        setup = camera.setup((size, colour_frame), (depth_size, depth_frame), stamp_ns)
+        if setup:
+            yield setup
+        if camera.camera is None:
+            self.counters["uncalibrated"] += 1
+            return
+        if camera.camera.registration:
+            depth_mm = camera.camera.registration(depth_mm)
+        yield SourceFrame(rgb, depth_mm, stamp_ns)
+
+    def _transforms(
+        self, sample: TopicSample, message: Any, camera: LiveCamera
+    ) -> Iterator[MotionMessage]:
+        static = self._options.tf_as_static or sample.topic.endswith("tf_static")
+        for edge in edges_of(message):
+            if not (edge.parent and edge.child):
+                self.counters["bad_transforms"] += 1
+                continue
+            camera.add_edge(edge, static)
+            if camera.camera is None or (edge.parent, edge.child) not in camera.camera.moving:
+                continue
+            parent = "map" if edge.parent == self._options.map_frame else edge.parent
+            stamp_ns, number = edge.stamp_ns or sample.received_ns, self.counters["moving"]
+            try:
+                moved = replace(edge, parent=parent).moving(stamp_ns, number)
+            except DecodeError:
+                self.counters["bad_transforms"] += 1
+                continue
+            self.counters["moving"] += 1
+            yield moved
+
+    def _odometry(
+        self, sample: TopicSample, kind: str, message: Any, camera: LiveCamera
+    ) -> Iterator[Odometry]:
+        try:
+            stamp_ns = self._stamp(message, sample)
+            if kind == JOINTS:
+                odometry = self._wheels.joints(message, stamp_ns)
+            else:
+                odometry = odometry_of(message, stamp_ns, self.counters["odometry"])
+        except DecodeError:
+            self.counters["bad_odometry"] += 1
+            return
+        if not self._options.base_frame:
+            camera.add_base(odometry.frame_id, odometry.child_frame_id)
+        self.counters["odometry"] += 1
+        yield odometry
+
+    def _stamp(self, message: Any, sample: TopicSample) -> int:
+        stamp_ns = stamp_of(message)
+        self.counters["zero_stamps"] += stamp_ns == 0
+        return stamp_ns or sample.received_ns
+
+    def _silent(self, topics: Iterable[str]) -> list[str]:
+        """Return the topics without a message for `timeout_s`."""
+        before_s = time.monotonic() - self._options.timeout_s
+        last_s = self._queue.last_s
+        return [topic for topic in topics if last_s.get(topic, self._since_s) < before_s]
+
+    def _silence(self, topics: Iterable[str]) -> str:
+        silent = self._silent(dict.fromkeys(topics))
+        return f"no messages on {listed(silent, SHOWN, 'topics')}" if silent else ""
+
+
+class _Received:
+    """A transport whose counters are added to those of the source."""
+
+    def __init__(self, transport: Ros2Transport, counters: Counter[str]) -> None:
+        self._transport = transport
+        self._counters = counters
+        self._counted = Counter[str]()
+
+    def count(self) -> None:
+        """Add what was counted since the last call."""
+        now = Counter(self._transport.counters)
+        self._counters.update(now - self._counted)
+        self._counted = now
+
+    def close(self) -> None:
+        """End the subscriptions."""
+        self._transport.close()
+        self.count()

@@ -1,0 +1,120 @@
+"""Calibration and mount of a camera whose topics are received live."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from common.ros2.transforms import StampedTransform
+from people4d.errors import SourceError
+from people4d.messages import F64
+from services.camera.ros.camera import ImageHead, RosbagOptions, RosCamera, make_camera
+from services.camera.ros.motion import FrameTree
+from services.camera.ros.topics import Topics
+from services.camera.source import SourceSetup
+
+Size = tuple[int, int]  # height, width
+
+COMPARED = ("width", "height", "distortion_model", "d", "k", "p")
+
+
+class LiveCamera:
+    """Puts a camera together from the newest messages, anew whenever one of them changes.
+
+    Attributes:
+        camera: The camera as of the last frame; None while it cannot be known.
+        problem: Why it cannot, one sentence; empty if it is known.
+    """
+
+    def __init__(self, topics: Topics, options: RosbagOptions, counters: Counter[str]) -> None:
+        self.camera: RosCamera | None = None
+        self.problem = ""
+        self._topics = topics
+        self._options = options
+        self._counters = counters
+        self._infos: dict[str, Any] = {}
+        self._texts: dict[str, str] = {}
+        self._tree = FrameTree()
+        self._static: dict[tuple[str, str], F64] = {}
+        self._moving = set[tuple[str, str]]()
+        self._base: tuple[str, str] | None = None
+        self._version = 0  # of all but the images
+        self._of: Any = None  # images and version that `camera` and `problem` are of
+
+    @property
+    def knows_frames(self) -> bool:
+        """A transform was received."""
+        return bool(self._static or self._moving)
+
+    def add_info(self, topic: str, info: Any) -> None:
+        """Take a CameraInfo."""
+        text = repr([np.asarray(getattr(info, name)).tolist() for name in COMPARED])
+        if self._texts.get(topic) != text:
+            self._texts[topic], self._infos[topic] = text, info
+            self._version += 1
+
+    def add_base(self, frame_id: str, child_frame_id: str) -> None:
+        """Take the frames of odometry."""
+        if self._base != (frame_id, child_frame_id):
+            self._base = frame_id, child_frame_id
+            self._version += 1
+
+    def add_edge(self, edge: StampedTransform, static: bool) -> None:
+        """Take a transform; one that closes a loop is dropped and counted."""
+        names = edge.parent, edge.child
+        known = self._static.get(names)
+        if names in self._moving or (known is not None and np.array_equal(known, edge.matrix)):
+            return
+        if any(parent == edge.child for parent, *_ in self._tree.path(edge.parent)):
+            self._counters["tf_loops"] += 1
+            return
+        if static:
+            self._static[names] = edge.matrix
+        else:
+            self._moving.add(names)
+        self._tree.add(edge.parent, edge.child, edge.matrix if static else None)
+        self._version += 1
+
+    def setup(self, colour: tuple[Size, str], depth: tuple[Size, str], stamp_ns: int) -> Any:
+        """Bring `camera` up to date with a pair of images.
+
+        Args:
+            colour: Size of the colour image and its frame.
+            depth: Size of the depth image and its frame.
+            stamp_ns: Stamp of the pair.
+
+        Returns:
+            A SourceSetup if the camera became known or changed, else None.
+        """
+        if self._of == (colour, depth, self._version):
+            return None
+        self._of = colour, depth, self._version
+        heads = (
+            ImageHead(*colour, self._infos.get(self._topics.colour_info)),
+            ImageHead(*depth, self._infos.get(self._topics.depth_info)),
+        )
+        try:
+            camera = make_camera(self._topics, self._options, heads, self._tree, self._base)
+        except SourceError as error:
+            self.camera, self.problem = None, str(error)
+            return None
+        before, self.camera, self.problem = self.camera, camera, ""
+        if before and _same(before, camera):
+            return None
+        self._counters["setups"] += 1
+        self._counters["unlinked_frames"] += not camera.transforms and self.knows_frames
+        moves = bool(camera.moving)
+        return SourceSetup(camera.info, camera.transforms, moves, stamp_ns)
+
+
+def _same(one: RosCamera, other: RosCamera) -> bool:
+    return (
+        one.info == other.info
+        and one.moving == other.moving
+        and [(t.parent, t.child) for t in one.transforms]
+        == [(t.parent, t.child) for t in other.transforms]
+        and all(
+            np.array_equal(a.matrix, b.matrix)
+            for a, b in zip(one.transforms, other.transforms, strict=True)
+        )
+    )

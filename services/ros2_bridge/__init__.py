@@ -1,0 +1,1 @@
+"""Bridge to ROS 2: our streams as topics."""

@@ -1,0 +1,74 @@
+"""Configuration of the bridge to ROS 2."""
+
+from typing import Literal
+
+from common.config import Config
+from common.geometry.transform_history import TransformBufferConfig
+from common.ros2.config import Ros2Config
+from people4d.messages.base import NameOrEmpty, NonNegative, Positive
+
+Output = Literal[
+    "people",
+    "markers",
+    "prediction_markers",
+    "pedestrians",
+    "agents",
+    "tracked_persons",
+    "humans",
+    "boxes",
+    "odometry",
+    "tf",
+    "diagnostics",
+]
+
+
+class OutputConfig(Config, frozen=True, kw_only=True):
+    """One output; without "/" in front its topic is below the namespace."""
+
+    topic: str  # name of the topic, or of the first part of several
+    rate_max_hz: NonNegative = 0.0  # [Hz] messages between are left out; 0: all are sent
+
+
+class OutputConfigs(Config, frozen=True, kw_only=True):
+    """Topics and rates of all outputs, those that are not published, too."""
+
+    people: OutputConfig = OutputConfig(topic="/people")
+    markers: OutputConfig = OutputConfig(topic="people4d/markers", rate_max_hz=15.0)
+    prediction_markers: OutputConfig = OutputConfig(topic="people4d/prediction_markers")
+    pedestrians: OutputConfig = OutputConfig(topic="/pedestrians")
+    agents: OutputConfig = OutputConfig(topic="/tracked_agents")
+    tracked_persons: OutputConfig = OutputConfig(topic="/spencer/perception/tracked_persons")
+    humans: OutputConfig = OutputConfig(topic="/humans")
+    boxes: OutputConfig = OutputConfig(topic="people4d/boxes")
+    odometry: OutputConfig = OutputConfig(topic="people4d/odometry")
+    tf: OutputConfig = OutputConfig(topic="/tf")  # static ones: the same name with _static
+    diagnostics: OutputConfig = OutputConfig(topic="/diagnostics", rate_max_hz=1.0)
+
+
+class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
+    """Topics that are published, and how readers want people to be."""
+
+    ros2: Ros2Config = Ros2Config()  # connection and name of the node
+    # outputs: people (people_msgs), markers and prediction_markers (RViz), pedestrians
+    # (social_nav_msgs), agents (CoHAN), tracked_persons (SPENCER), humans (ROS4HRI), boxes
+    # (vision_msgs), odometry, tf, diagnostics
+    publish: tuple[Output, ...] = ("people", "markers")
+    outputs: OutputConfigs = OutputConfigs()
+    # convention of people_msgs: nav2 (nav2_social_costmap_plugin, people in RViz) or sfm
+    # (social_force_window_planner)
+    convention: Literal["nav2", "sfm"] = "nav2"
+    # tracks that are published
+    states: tuple[Literal["tentative", "confirmed", "lost"], ...] = ("confirmed", "lost")
+    # frame that people are brought to; empty: as they are tracked, "map" unless set otherwise
+    frame_id: NameOrEmpty = ""
+    # names that ROS has for frames of ours, for example {map = "robot1/map"}
+    frame_names: dict[str, str] = {}  # noqa: RUF012 (msgspec copies it)
+    # stamps: acquired (of the image), or sent (now, with people moved on by their velocities: for
+    # recordings, and for readers that refuse what is older than 0.1 s, as CoHAN does)
+    stamps: Literal["acquired", "sent"] = "acquired"
+    # frame that a reader transforms people to, for example odom: its transforms on /tf are awaited,
+    # so that its lookup at the stamp succeeds; empty: people are sent at once
+    reader_frame: str = ""
+    reader_wait_s: Positive = 0.1  # [s] longest wait for a transform as late as the stamp
+    box_m: tuple[Positive, Positive, Positive] = (0.5, 0.6, 1.75)  # [m] depth, width, height
+    base: TransformBufferConfig = TransformBufferConfig()  # transforms for frame_id

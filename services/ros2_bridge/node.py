@@ -1,0 +1,197 @@
+"""Node of the bridge: our messages in, topics of ROS 2 out."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from common.ros2.messages.health import DIAGNOSTICS, diagnostics
+from common.ros2.messages.person import RosPeople, RosPeopleView
+from common.ros2.transport import Ros2Transport
+from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Status
+from people4d.messages import (
+    Detections,
+    Health,
+    Message,
+    MovingTransform,
+    Odometry,
+    Predictions,
+    StaticTransform,
+    Tracks,
+)
+from services.ros2_bridge.config import Ros2BridgeConfig
+from services.ros2_bridge.humans import Humans, Image
+from services.ros2_bridge.motion import MotionOutputs
+from services.ros2_bridge.output import Ros2Output
+from services.ros2_bridge.people import PeopleOutputs
+from services.ros2_bridge.reader_frames import ReaderFrames
+
+COUNTERS = ("reader_unlinked", "reader_restamped", "reader_waits")
+STAMP_MAX_NS = 2**31 * 10**9  # builtin_interfaces/Time has 31 bits of seconds
+GROUPS_NS = 1_000_000_000  # age from which on predicted groups say nothing
+PENDING_MAX = 16  # messages that wait for transforms
+INSTANCES_MAX = 1024  # further names of processes are ignored
+HEALTH_NS = 3_000_000_000  # age from which on a process is stale
+
+
+@dataclass(frozen=True)
+class _Pending:
+    """People that wait for transforms up to their stamp."""
+
+    people: RosPeople
+    image: Image
+    until_ns: int  # monotonic
+
+
+class Ros2BridgeNode(Node):
+    """Publishes what is configured; a message that cannot be sent is counted.
+
+    Args:
+        config: What is published.
+        transport: Node of ROS 2, which this closes.
+        wall_ns: Clock of the stamps "sent".
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (
+        *(Tracks, Predictions, Detections, Health),
+        *(StaticTransform, MovingTransform, Odometry),
+    )
+    required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
+
+    def __init__(
+        self,
+        config: Ros2BridgeConfig,
+        transport: Ros2Transport,
+        wall_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._config, self._transport, self._wall_ns = config, transport, wall_ns
+        self._counters = Counter(dict.fromkeys(COUNTERS, 0))
+        self._loop = NO_LOOP
+        self._view = RosPeopleView()
+        self._groups: tuple[int, dict[int, int]] = (0, {})  # stamp, and group by the person's id
+        self._pending: list[_Pending] = []
+        self._reader = ReaderFrames(self._counters, self._wake)
+        if config.reader_frame:
+            self._reader.subscribe(transport)
+        self._people = PeopleOutputs(config, transport, self._counters)
+        self._motion = MotionOutputs(config, transport, self._counters, self._reader.add)
+        self._humans: Humans | None = None
+        if "humans" in config.publish:
+            self._humans = Humans(config.outputs.humans, transport, self._counters)
+        self._diagnostics: Ros2Output | None = None
+        if "diagnostics" in config.publish:
+            kind, counters = DIAGNOSTICS, self._counters
+            self._diagnostics = Ros2Output(transport, config.outputs.diagnostics, kind, counters)
+        self._healths: dict[str, tuple[Health, int]] = {}
+        self._report_ns: int | None = None
+        self._unlinked = False
+
+    def attach(self, loop: LoopCallbacks) -> None:
+        """Take the callbacks of the loop."""
+        self._loop = loop
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        """Publish what follows from a message; one whose stamp ROS cannot hold is counted."""
+        if not 0 <= message.stamp_ns < STAMP_MAX_NS:
+            self._counters["ros2_unfit"] += 1
+        elif isinstance(message, Tracks):
+            self._take_tracks(message, now_ns)
+        elif isinstance(message, Predictions):
+            groups = {one.id: one.group for one in message.people if one.group is not None}
+            self._groups = message.stamp_ns, groups
+            self._people.send_predictions(message)
+        elif isinstance(message, Detections):
+            if self._humans:
+                self._humans.add_detections(message)
+        elif isinstance(message, Health):
+            if message.instance in self._healths or len(self._healths) < INSTANCES_MAX:
+                self._healths[message.instance] = message, now_ns
+        elif isinstance(message, StaticTransform | MovingTransform | Odometry):
+            self._people.add_transform(message)
+            self._motion.send(message)
+        return ()
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        """Publish people whose transforms came, and diagnostics when they are due."""
+        waiting, self._pending = self._pending, []
+        for pending in waiting:
+            self._send_when_linked(pending, now_ns)
+        if self._diagnostics and self._diagnostics.is_due(now_ns):
+            self._healths = {
+                name: (health, at_ns)
+                for name, (health, at_ns) in self._healths.items()
+                if health.state != "stopping"
+            }
+            healths = (
+                (health, now_ns - at_ns < HEALTH_NS) for health, at_ns in self._healths.values()
+            )
+            self._diagnostics.send(diagnostics(healths, self._wall_ns()))
+            rate_hz = self._config.outputs.diagnostics.rate_max_hz or 1.0
+            self._report_ns = now_ns + round(1e9 / rate_hz)
+        return ()
+
+    def wake_ns(self) -> int | None:
+        """Return the time at which waiting people or diagnostics are due."""
+        times = [pending.until_ns for pending in self._pending]
+        return min([*times, *([] if self._report_ns is None else [self._report_ns])], default=None)
+
+    def status(self) -> Status:
+        """Return state, reason and counters."""
+        counters = {**self._counters, **self._transport.counters}
+        if self._unlinked:
+            reason = f"nothing links the frame of people to {self._config.reader_frame} on /tf"
+            return Status(state="degraded", reason=reason, counters=counters)
+        if self._people.problem:
+            return Status(state="degraded", reason=self._people.problem, counters=counters)
+        return Status(counters=counters)
+
+    def close(self) -> None:
+        """Leave the ROS 2 graph."""
+        self._transport.close()
+
+    def _wake(self) -> None:
+        self._loop.wake()  # the loop is attached later
+
+    def _take_tracks(self, message: Tracks, now_ns: int) -> None:
+        groups_ns, groups = self._groups
+        recent = abs(message.stamp_ns - groups_ns) < GROUPS_NS
+        people = self._view.tracks(message, groups if recent else {}, self._config.states)
+        found = self._people.in_frame(people)
+        if found is None:
+            return
+        if self._config.stamps == "sent":
+            found = found.at(self._wall_ns())
+        image = message.camera, message.stamp_ns
+        until_ns = now_ns + round(self._config.reader_wait_s * 1e9)
+        self._send_when_linked(_Pending(found, image, until_ns), now_ns)
+
+    def _send_when_linked(self, pending: _Pending, now_ns: int) -> None:
+        """Publish people once a reader can look their frame up at their stamp, or late.
+
+        Late means with the newest stamp that it can look up, to which they are moved.
+        """
+        people, target = pending.people, self._config.reader_frame
+        if not target or target == people.frame_id:
+            self._send(people, pending.image)
+            return
+        newest_ns = self._reader.newest_ns(target, people.frame_id)
+        if newest_ns is not None and newest_ns >= people.stamp_ns:
+            self._unlinked = False
+            self._send(people, pending.image)
+        elif now_ns < pending.until_ns and len(self._pending) < PENDING_MAX:
+            self._counters["reader_waits"] += 1
+            self._pending.append(pending)
+        elif newest_ns is None:
+            self._unlinked = True
+            self._counters["reader_unlinked"] += 1
+        else:
+            self._unlinked = False
+            self._counters["reader_restamped"] += 1
+            self._send(people.at(newest_ns), pending.image)
+
+    def _send(self, people: RosPeople, image: Image) -> None:
+        self._people.send(people)
+        if self._humans:
+            self._humans.send(people, image)
+            self._motion.send_bodies(people)
