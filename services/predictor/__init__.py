@@ -1,0 +1,1 @@
+"""Prediction of where people will be."""
