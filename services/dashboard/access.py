@@ -1,0 +1,157 @@
+"""Access to the page: roles by token, checks of Host and Origin, headers of every answer."""
+
+import socket
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs, urlsplit
+
+import psutil
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from services.dashboard.address import Tokens, is_local
+from services.dashboard.config import DashboardConfig
+
+COOKIE = "people4d"
+OPEN_PATHS = ("/login", "/login.html", "/style.css", "/icon.svg")  # without a token
+LOGIN = "/login.html"
+POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "img-src 'self' blob:",
+        "connect-src 'self'",
+        "form-action 'self'",
+        "base-uri 'none'",
+        "frame-ancestors 'none'",
+    )
+)
+HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    # with no-referrer, browsers would send the form of the login without its Origin
+    "Referrer-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
+    "Cache-Control": "no-cache",
+}
+
+
+@dataclass(frozen=True)
+class Guard:
+    """Checks of every request before the application, as ASGI middleware.
+
+    A browser sends the name that it was given as Host, so that another site's name for this
+    machine's address (DNS rebinding) is refused; and the site that a request comes from as Origin.
+
+    Attributes:
+        app: The application; finds the role in scope["role"].
+        tokens: Tokens of the roles; without that of the operator everyone is operator.
+        hosts: Names that Host may have, without port.
+        secure: The page is served by https.
+    """
+
+    app: ASGIApp
+    tokens: Tokens
+    hosts: frozenset[str]
+    secure: bool = False
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or pass it on with its role."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] in ("http.response.start", "websocket.http.response.start"):
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers[name] = value
+            await send(message)
+
+        answer = self._refusal(scope)
+        if answer is None:
+            await self.app(scope, receive, send_with_headers)
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": "refused"})
+        else:
+            await answer(scope, receive, send_with_headers)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        """Return the answer to a request that is not passed on; else set its role."""
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
+        if _name(host) not in self.hosts:
+            return PlainTextResponse("Host is not one of dashboard.allowed_hosts.\n", 421)
+        changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
+        if changes and not self._same_origin(headers.get("origin"), host):
+            return PlainTextResponse("Origin is another site.\n", 403)
+        if not self.tokens.operator:
+            scope["role"] = "operator"
+            return None
+        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        role = self.tokens.role_of(given)
+        if role and scope["type"] == "http" and scope["path"] == "/":
+            answer = RedirectResponse("/", 303)
+            self.set_cookie(answer, given)
+            return answer
+        scope["role"] = self.tokens.role_of(_cookie(headers.get("cookie", "")))
+        if scope["role"] or (scope["type"] == "http" and scope["path"] in OPEN_PATHS):
+            return None
+        if scope["type"] == "http" and scope["path"] == "/":
+            return RedirectResponse(LOGIN, 303)
+        return PlainTextResponse("A token is required.\n", 401)
+
+    def set_cookie(self, answer: Response, token: str) -> None:
+        """Let a browser prove its role from now on."""
+        answer.set_cookie(
+            *(COOKIE, token), httponly=True, samesite="strict", secure=self.secure, path="/"
+        )
+
+    def _same_origin(self, origin: str | None, host: str) -> bool:
+        if not origin:  # browsers send it always; a program can send what it likes
+            return bool(self.tokens.operator)
+        scheme = "https" if self.secure else "http"
+        parts = urlsplit(origin)
+        return (parts.scheme, parts.netloc.lower()) == (scheme, host.lower())
+
+
+def allowed_hosts(config: DashboardConfig) -> frozenset[str]:
+    """Return the names that browsers may give this machine."""
+    own = {"localhost", "127.0.0.1", "[::1]", *config.allowed_hosts}
+    if not is_local(config.host):
+        own |= {socket.gethostname(), f"{socket.gethostname()}.local", *_addresses(config.host)}
+    return frozenset(name.lower() for name in own | {config.host})
+
+
+def _addresses(host: str) -> set[str]:
+    """Return the machine's addresses as they stand in Host, if it listens at all of them."""
+    if host not in ("0.0.0.0", "::"):
+        return {host}
+    found = set()
+    for addresses in psutil.net_if_addrs().values():
+        for one in addresses:
+            if one.family == socket.AF_INET:
+                found.add(one.address)
+            elif one.family == socket.AF_INET6:
+                found.add(f"[{one.address.partition('%')[0]}]")
+    return found
+
+
+def _name(host: str) -> str:
+    """Return a Host without its port."""
+    if host.startswith("["):
+        return f"{host.partition(']')[0]}]".lower()
+    return host.partition(":")[0].lower()
+
+
+def _cookie(text: str) -> str:
+    try:
+        morsel = SimpleCookie(text).get(COOKIE)
+    except CookieError:
+        return ""
+    return morsel.value if morsel else ""

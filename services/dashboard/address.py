@@ -1,0 +1,78 @@
+"""Address of the page, and the tokens of its roles."""
+
+import hmac
+import ipaddress
+import secrets
+from pathlib import Path
+
+import msgspec
+
+from common.io.files import write_private
+
+ADDRESS_FILE = "dashboard.json"  # in the state folder
+TOKEN_FILE = "dashboard_tokens.json"
+TOKEN_BYTES = 24
+
+
+class Tokens(msgspec.Struct, frozen=True):
+    """Tokens of the roles; empty: that role needs none."""
+
+    operator: str = ""
+    planner: str = ""
+
+    def role_of(self, token: str) -> str:
+        """Return the role that a token proves, empty for none; takes the same time for all."""
+        given = token.encode()
+        operator = hmac.compare_digest(given, self.operator.encode())
+        planner = hmac.compare_digest(given, self.planner.encode())
+        if not token:
+            return ""
+        return "operator" if operator else "planner" if planner else ""
+
+
+class PageAddress(msgspec.Struct, frozen=True):
+    """Address of the page, for people4d up and people4d open."""
+
+    url: str  # without a token
+    tokens: Tokens = Tokens()
+
+    @property
+    def login(self) -> str:
+        """Address that opens the page as the operator."""
+        return f"{self.url}?token={self.tokens.operator}" if self.tokens.operator else self.url
+
+
+def is_local(host: str) -> bool:
+    """Check that an address is reached from this machine only."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def read_tokens(host: str, given: Tokens, folder: Path | None) -> Tokens:
+    """Return the tokens, made and stored at first; none if only this machine reaches the page.
+
+    Args:
+        host: Address that the page listens on.
+        given: Tokens of the configuration.
+        folder: Where made tokens are stored; None: nowhere.
+    """
+    if is_local(host):
+        return given if given.operator else Tokens()
+    file = folder / TOKEN_FILE if folder else None
+    stored = Tokens()
+    if file and file.is_file():
+        try:
+            stored = msgspec.json.decode(file.read_bytes(), type=Tokens)
+        except (OSError, msgspec.DecodeError):
+            stored = Tokens()
+    tokens = Tokens(
+        given.operator or stored.operator or secrets.token_urlsafe(TOKEN_BYTES),
+        given.planner or stored.planner or secrets.token_urlsafe(TOKEN_BYTES),
+    )
+    if file:
+        write_private(file, msgspec.json.encode(tokens))
+    return tokens

@@ -1,0 +1,9 @@
+"""Build the node of the service from its configuration."""
+
+from services.dashboard.config import DashboardConfig
+from services.dashboard.node import DashboardNode
+
+
+def build(config: DashboardConfig) -> DashboardNode:
+    """Make the node; it opens its port when the loop attaches."""
+    return DashboardNode(config)

@@ -1,0 +1,25 @@
+"""Check of the settings before anything is started."""
+
+import importlib.util
+from pathlib import Path
+
+from people4d.errors import ConfigError
+from services.dashboard.config import DashboardConfig
+
+
+def check_page(config: DashboardConfig) -> None:
+    """Check that the web server is installed, and the files of the certificate.
+
+    Raises:
+        ConfigError: They are not.
+    """
+    for name in ("starlette", "uvicorn", "websockets"):
+        if importlib.util.find_spec(name) is None:
+            raise ConfigError(
+                f"the dashboard needs {name}", "Install it: pip install 'people4d[dashboard]'."
+            )
+    if bool(config.certificate) != bool(config.certificate_key):
+        raise ConfigError("dashboard.certificate and dashboard.certificate_key belong together")
+    for file in (config.certificate, config.certificate_key):
+        if file and not Path(file).is_file():
+            raise ConfigError(f"{file} of the dashboard does not exist", "Check the path.")

@@ -1,0 +1,256 @@
+"""Node of the dashboard: messages in, packets for the pages out, edits of zones back."""
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import msgspec
+
+from common.io.images import decompress
+from common.io.zones import PlainZone
+from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Status
+from people4d.codec import decode
+from people4d.errors import DecodeError
+from people4d.messages import (
+    CameraInfo,
+    CompressedRgbdFrame,
+    Detections,
+    Event,
+    Health,
+    Message,
+    MovingTransform,
+    Odometry,
+    Predictions,
+    RgbdFrame,
+    Skeletons,
+    StaticTransform,
+    Tracks,
+    ZoneEdit,
+    Zones,
+)
+from people4d.topics import Topic
+from services.dashboard.config import DashboardConfig
+from services.dashboard.history import History, Packet
+from services.dashboard.hub import Demand, Hub
+from services.dashboard.overview import Overview
+from services.dashboard.scene import SceneBuilder, event_of, predictions_of, skeletons_of
+from services.dashboard.selection import FrameSelection, Key
+from services.dashboard.server import WebServer
+
+PAIR_NS = 1_500_000_000  # longest wait of detections for their tracks
+EVENTS_MAX = 200  # that a page gets when it opens
+_pack = msgspec.msgpack.encode
+
+
+@dataclass(frozen=True)
+class _Detected:
+    """Detections that wait for their tracks."""
+
+    detections: Detections
+    until_ns: int  # monotonic
+
+
+class DashboardNode(Node):
+    """Shows what the pipeline publishes; images are decoded while a page shows them only."""
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (
+        *(Tracks, CameraInfo, StaticTransform, Event, Zones),
+    )
+    inputs_on_demand: ClassVar[tuple[type[Message], ...]] = (
+        *(RgbdFrame, CompressedRgbdFrame, Detections, Predictions, Health),
+        *(MovingTransform, Odometry, Skeletons),
+    )
+
+    def __init__(self, config: DashboardConfig) -> None:
+        self._config, self._loop = config, NO_LOOP
+        history = History(config.history_s, config.history_mb * 2**20)
+        self._hub = Hub(history, self._take_demand)
+        self._selection = FrameSelection(config.idle_hz)
+        self._scenes = SceneBuilder(config)
+        self._overview = Overview()
+        self._server: WebServer | None = None
+        self._demand, self._wanted = Demand(), Demand()
+        self._detected: dict[Key, _Detected] = {}
+        self._cloud_ns: dict[str, int] = {}
+        self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS_MAX)
+        self._edits: deque[ZoneEdit] = deque(maxlen=8)
+        self._edit_sequence = 0
+        self._images = self._images_failed = 0
+
+    def attach(self, loop: LoopCallbacks) -> None:
+        """Take the callbacks of the loop, and open the page."""
+        self._loop = loop
+        self._server = WebServer(self._config, self._hub, self._take_edit, loop.state_folder)
+        self._hub.about |= {
+            "robot": loop.robot,
+            "privacy": self._config.privacy,
+            "history_s": self._config.history_s,
+        }
+
+    def admits(self, topic: Topic, payload: bytes) -> bool:
+        """Check that a message belongs to a frame that is shown."""
+        return self._selection.admits(topic.name, payload)
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
+        """Take a message; pages are sent what follows."""
+        self._overview.add(message, self._selection)
+        if isinstance(message, Detections):
+            key = message.camera, message.stamp_ns
+            payload = self._selection.take_tracks(key)
+            tracks = _decoded(payload)
+            if isinstance(tracks, Tracks):
+                self._overview.add(tracks, self._selection)
+                self._show(key, message, tracks)
+            else:
+                self._detected[key] = _Detected(message, now_ns + PAIR_NS)
+        elif isinstance(message, Tracks):
+            key = message.camera, message.stamp_ns
+            detected = self._detected.pop(key, None)
+            self._show(key, detected.detections if detected else None, message)
+        elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
+            self._show_image(message, time.time() * 1000)
+        elif isinstance(message, Predictions):
+            packet = {"type": "predictions", "people": predictions_of(message)}
+            self._publish("predictions", packet)
+        elif isinstance(message, Skeletons):
+            self._publish(f"skeletons {message.camera}", skeletons_of(message))
+        elif isinstance(message, Event):
+            self._events.append(event_of(message, time.time() * 1000))
+            self._publish("", self._events[-1])
+            self._publish("events", {"type": "events", "events": list(self._events)}, stays=True)
+        elif isinstance(message, Zones):
+            zones = [PlainZone.of(zone) for zone in message.zones]
+            about: dict[str, Any] = {"base": message.sequence, "problem": message.problem}
+            self._publish("zones", {"type": "zones", "zones": zones, **about}, stays=True)
+        else:
+            self._scenes.add(message)
+        return ()
+
+    def tick(self, now_ns: int) -> Sequence[Message]:
+        """Follow the demand of the pages; show what waited in vain, and the state of the system."""
+        if self._wanted != self._demand:
+            self._follow(self._wanted)
+        for key, one in list(self._detected.items()):
+            if now_ns >= one.until_ns:
+                del self._detected[key]
+                self._show(key, one.detections, None)
+        if self._demand.viewers:
+            for name, packet in self._overview.due(now_ns):
+                self._publish(name, packet, stays=True)
+        edits = []
+        while self._edits:
+            self._edit_sequence += 1
+            sequence = self._edit_sequence - 1
+            edits.append(msgspec.structs.replace(self._edits.popleft(), sequence=sequence))
+        return edits
+
+    def wake_ns(self) -> int | None:
+        """Return the time at which something is due."""
+        times = [one.until_ns for one in self._detected.values()]
+        if self._demand.viewers:
+            times.append(self._overview.due_ns)
+        return min(times, default=None)
+
+    def status(self) -> Status:
+        """Return the counters."""
+        return Status(
+            counters={
+                **self._hub.counters,
+                "images": self._images,
+                "bad_images": self._images_failed,
+                "viewers": self._hub.viewers,
+                "history_mb": self._hub.history.size >> 20,
+            }
+        )
+
+    def close(self) -> None:
+        """Close the page."""
+        if self._server:
+            self._server.close()
+
+    def _take_demand(self, demand: Demand) -> None:
+        self._wanted = demand
+        self._loop.wake()
+
+    def _take_edit(self, edit: ZoneEdit) -> None:
+        self._edits.append(edit)
+        self._loop.wake()
+
+    def _follow(self, demand: Demand) -> None:
+        """Subscribe to what the pages show."""
+        images = demand.images and not self._config.privacy
+        kinds: list[type[Message]] = []
+        if demand.viewers:
+            kinds += [Detections, Predictions, Skeletons, Health, MovingTransform, Odometry]
+        if images:
+            kinds += [RgbdFrame, CompressedRgbdFrame]
+        if demand.viewers and not self._demand.viewers:
+            self._overview.restart()
+        self._selection.rate_hz = (
+            self._config.rate_max_hz if demand.viewers else self._config.idle_hz
+        )
+        self._selection.holds_frames = images
+        if not images:
+            self._selection.clear_frames()
+        self._demand = demand
+        self._loop.demand(kinds)
+
+    def _show(self, key: Key, detections: Detections | None, tracks: Tracks | None) -> None:
+        """Send a frame to the pages."""
+        at_ms = time.time() * 1000
+        frame = self._frame(key)
+        scene = self._scenes.scene(key, detections, tracks)
+        if scene["people"] is not None:
+            positions = [(one["id"], *one["position_m"][:2]) for one in scene["people"]]
+            self._hub.positions.append({"at_ms": at_ms, "people": positions})
+        data = _pack({**scene, "at_ms": at_ms})
+        self._hub.publish(Packet(at_ms, f"scene {key[0]}", (("scene", data),)))
+        if frame is not None:
+            self._show_image(frame, at_ms)
+
+    def _show_image(self, frame: RgbdFrame | CompressedRgbdFrame, at_ms: float) -> None:
+        """Send an image to the pages; one that comes late has missed its people."""
+        if not self._selection.holds_frames:
+            return
+        data = _pack({"type": "image", "at_ms": at_ms, **self._scenes.image(frame)})
+        self._hub.publish(Packet(at_ms, f"image {frame.camera}", (("image", data),)))
+        self._images += 1
+        if isinstance(frame, RgbdFrame) and self._demand.cloud:
+            self._show_cloud(frame, at_ms)
+
+    def _show_cloud(self, frame: RgbdFrame, at_ms: float) -> None:
+        now_ns = time.monotonic_ns()
+        if now_ns - self._cloud_ns.get(frame.camera, 0) < 0.8e9 / self._config.cloud_hz:
+            return
+        cloud = self._scenes.cloud(frame)
+        if cloud:
+            self._cloud_ns[frame.camera] = now_ns
+            data = _pack({"type": "cloud", "camera": frame.camera, **cloud})
+            self._hub.publish(Packet(at_ms, f"cloud {frame.camera}", (("cloud", data),)))
+
+    def _frame(self, key: Key) -> RgbdFrame | CompressedRgbdFrame | None:
+        """Decode the frame of a camera and stamp, if images are shown and it is there."""
+        payload = self._selection.take_frame(key) if self._selection.holds_frames else None
+        frame = _decoded(payload)
+        try:
+            if isinstance(frame, CompressedRgbdFrame):
+                return decompress(frame) if self._demand.cloud else frame
+        except DecodeError:
+            self._images_failed += 1
+        return frame if isinstance(frame, RgbdFrame) else None
+
+    def _publish(self, key: str, packet: dict[str, Any], stays: bool = False) -> None:
+        at_ms = time.time() * 1000
+        data = _pack({"at_ms": at_ms, **packet})
+        self._hub.publish(Packet(at_ms, key, ((str(packet["type"]), data),)), stays)
+
+
+def _decoded(payload: bytes | None) -> Message | None:
+    if payload is None:
+        return None
+    try:
+        return decode(payload)
+    except DecodeError:
+        return None

@@ -1,0 +1,63 @@
+// What the page knows, and who wants to hear of changes.
+const TRAJECTORY_MS = 60000;
+const SKELETONS_MS = 1000; // after which they are no longer published
+export const store = {
+  people: [], cameras: {}, robot: null, joints: {}, predicted: {}, skeletonsMs: 0, predictions: [], trajectories: new Map(), zones: [], zonesBase: 0,
+  selected: null, paused: false, atMs: 0, historyMs: 60000, privacy: false, images: true,
+};
+const listeners = new Map();
+
+export function on(name, listener) {
+  if (!listeners.has(name)) listeners.set(name, []);
+  listeners.get(name).push(listener);
+}
+
+export function emit(name, value) {
+  for (const listener of listeners.get(name) ?? []) listener(value);
+}
+
+export function select(id) {
+  store.selected = store.selected === id ? null : id;
+  emit("selected", store.selected);
+}
+
+export function takeScene(scene) {
+  store.atMs = scene.at_ms;
+  store.cameras = scene.cameras;
+  store.robot = scene.robot;
+  if (scene.people) {
+    store.people = scene.people;
+    if (!store.paused) extendTrajectories(scene);
+  }
+  // Keypoints at their depth stand in for skeletons where none are published.
+  if (Math.abs(scene.at_ms - store.skeletonsMs) > SKELETONS_MS) Object.assign(store, { joints: scene.joints, predicted: {} });
+  emit("scene", scene);
+}
+
+export function takeSkeletons({ at_ms: atMs, joints, predicted }) {
+  const ids = store.people.map(({ id }) => id);
+  const known = (now, before) => Object.fromEntries(ids.flatMap((id) => (now[id] ?? before[id] ? [[id, now[id] ?? before[id]]] : [])));
+  Object.assign(store, { skeletonsMs: atMs, joints: known(joints, store.joints), predicted: known(predicted, store.predicted) });
+  emit("skeletons");
+}
+
+export function takeTrajectories(positions) {
+  for (const { at_ms: atMs, people } of positions) extendTrajectories({ at_ms: atMs, people: people.map(([id, x, y]) => ({ id, position_m: [x, y] })) });
+}
+
+function extendTrajectories({ at_ms: atMs, people }) {
+  for (const { id, position_m: [x, y] } of people) {
+    if (!store.trajectories.has(id)) store.trajectories.set(id, []);
+    store.trajectories.get(id).push([atMs, x, y]);
+  }
+  for (const [id, trajectory] of store.trajectories) {
+    while (trajectory.length && trajectory[0][0] < atMs - TRAJECTORY_MS) trajectory.shift();
+    if (!trajectory.length) store.trajectories.delete(id);
+  }
+}
+
+// Trajectory of a person up to the time that is shown, 20 s long.
+export function trajectoryOf(id) {
+  const trajectory = store.trajectories.get(id) ?? [];
+  return trajectory.filter(([at]) => at <= store.atMs + 1 && at > store.atMs - 20000);
+}

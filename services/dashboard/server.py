@@ -1,0 +1,134 @@
+"""The web server in a thread of its own."""
+
+import asyncio
+import contextlib
+import logging
+import socket
+import ssl
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import uvicorn
+
+from common.io.files import write_private
+from people4d.errors import ConfigError
+from people4d.messages import ZoneEdit
+from services.dashboard.access import allowed_hosts
+from services.dashboard.address import ADDRESS_FILE, PageAddress, Tokens, read_tokens
+from services.dashboard.config import DashboardConfig
+from services.dashboard.hub import Hub
+from services.dashboard.web import REQUEST_MAX, WebApp
+
+START_S = 10.0
+STOP_S = 3.0
+BACKLOG = 128
+DEAD_MS = 20_000  # after which a connection is ended whose other end takes nothing
+
+log = logging.getLogger("people4d")
+
+
+class WebServer:
+    """Serves the page until closed.
+
+    Args:
+        config: Address and access.
+        hub: Viewers.
+        on_edit: Takes edits of zones.
+        folder: Folder of the robot's state; None for none.
+
+    Raises:
+        ConfigError: The port is taken, or certificate or state folder cannot be used.
+    """
+
+    def __init__(
+        self,
+        config: DashboardConfig,
+        hub: Hub,
+        on_edit: Callable[[ZoneEdit], None],
+        folder: Path | None,
+    ) -> None:
+        self._hub = hub
+        try:
+            given = Tokens(config.operator_token, config.planner_token)
+            tokens = read_tokens(config.host, given, folder)
+        except OSError as error:
+            raise ConfigError(f"tokens of the dashboard cannot be stored: {error}") from error
+        secure = bool(config.certificate)
+        app = WebApp(
+            *(hub, tokens, allowed_hosts(config), config.viewers_max, config.stuck_s),
+            *(on_edit, secure),
+        )
+        self._socket = _listen(config.host, config.port)
+        settings = uvicorn.Config(
+            app.guard,
+            log_level="warning",
+            access_log=False,
+            lifespan="off",
+            server_header=False,
+            ws="websockets-sansio",
+            ws_max_size=REQUEST_MAX,
+            ws_per_message_deflate=False,
+            ws_ping_interval=10.0,
+            ws_ping_timeout=20.0,
+            timeout_keep_alive=5,
+            timeout_graceful_shutdown=1,
+            limit_concurrency=4 * config.viewers_max + 64,
+            h11_max_incomplete_event_size=16384,
+            ssl_certfile=config.certificate or None,
+            ssl_keyfile=config.certificate_key or None,
+        )
+        try:
+            settings.load()
+        except (OSError, ssl.SSLError) as error:
+            self._socket.close()
+            raise ConfigError(f"certificate of the dashboard cannot be used: {error}") from error
+        self._server = uvicorn.Server(settings)
+        self.address = PageAddress(_url(config, self._socket, secure), tokens)
+        if folder:
+            write_private(folder / ADDRESS_FILE, msgspec.json.encode(self.address))
+        self._thread = threading.Thread(target=self._run, name="web server", daemon=True)
+        self._thread.start()
+        log.info("dashboard at %s", self.address.url)
+
+    def close(self) -> None:
+        """End all connections and the server."""
+        self._server.should_exit = True
+        self._thread.join(STOP_S)
+        self._socket.close()
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        self._hub.attach(asyncio.get_running_loop())
+        try:
+            with contextlib.suppress(SystemExit):  # uvicorn logged why it cannot start
+                await self._server.serve([self._socket])
+        finally:
+            self._hub.attach(None)
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        listener = socket.create_server(
+            (host, port), family=family, backlog=BACKLOG, dualstack_ipv6=host == "::"
+        )
+    except OSError as error:
+        raise ConfigError(
+            f"the dashboard cannot listen at {host}:{port} ({error.strerror or error})",
+            "Does another one run there? Else --set dashboard.port=NUMBER.",
+        ) from error
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, DEAD_MS)
+    return listener
+
+
+def _url(config: DashboardConfig, listener: socket.socket, secure: bool) -> str:
+    host, port = config.host, listener.getsockname()[1]
+    if host in ("0.0.0.0", "::"):
+        host = socket.gethostname()
+    elif ":" in host:
+        host = f"[{host}]"
+    return f"{'https' if secure else 'http'}://{host}:{port}/"

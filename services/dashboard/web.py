@@ -1,0 +1,199 @@
+"""The web application: the page, its stream over a WebSocket, edits of zones."""
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import anyio
+import msgspec
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+
+from people4d.errors import DecodeError
+from people4d.messages import ZoneEdit
+from services.dashboard.access import Guard
+from services.dashboard.address import Tokens
+from services.dashboard.hub import Hub, TooSlowError, Viewer
+from services.dashboard.zones import ZonesRequest, zone_edit
+
+PAGE = Path(__file__).with_name("page")
+BODY_MAX = 256 * 1024  # [bytes] of a request
+REQUEST_MAX = 1024  # [bytes] of one frame of the WebSocket
+REQUESTS_MAX = 120  # a second, of one viewer
+REFUSED, BUSY = 1008, 1013  # WebSocket close codes
+LOGIN_PAUSE_S = 0.5  # after a wrong token
+
+
+class Watch(msgspec.Struct, frozen=True, tag="watch", forbid_unknown_fields=True):
+    """Request: what the page shows."""
+
+    images: bool
+    cloud: bool
+
+
+class Pause(msgspec.Struct, frozen=True, tag="pause", forbid_unknown_fields=True):
+    """Request: no more live people and images."""
+
+
+class Live(msgspec.Struct, frozen=True, tag="live", forbid_unknown_fields=True):
+    """Request: live people and images again."""
+
+
+class Seek(msgspec.Struct, frozen=True, tag="seek", forbid_unknown_fields=True):
+    """Request of a paused page: what was shown at a time."""
+
+    at_ms: float  # [ms] wall clock
+
+
+REQUESTS = msgspec.msgpack.Decoder(Watch | Pause | Live | Seek)
+
+
+class WebApp:
+    """Serves the page.
+
+    Args:
+        hub: Viewers.
+        tokens: Tokens of the roles.
+        hosts: Names that browsers may use.
+        viewers_max: Pages open at once.
+        stuck_s: Time after which a viewer that reads nothing is dropped [s].
+        on_edit: Takes edits of zones.
+        secure: The page is served by https.
+    """
+
+    def __init__(
+        self,
+        hub: Hub,
+        tokens: Tokens,
+        hosts: frozenset[str],
+        viewers_max: int,
+        stuck_s: float,
+        on_edit: Callable[[ZoneEdit], None],
+        secure: bool = False,
+    ) -> None:
+        self._hub, self._tokens, self._on_edit = hub, tokens, on_edit
+        self._viewers_max, self._stuck_s = viewers_max, stuck_s
+        routes: list[BaseRoute] = [
+            WebSocketRoute("/stream", self._stream),
+            Route("/zones", self._edit_zones, methods=["PUT"]),
+            Route("/login", self._login, methods=["POST"]),
+            Mount("/", StaticFiles(directory=PAGE, html=True)),
+        ]
+        self.guard = Guard(Starlette(routes=routes), tokens, hosts, secure)
+
+    async def _login(self, request: Request) -> Response:
+        body = (await _body(request, REQUEST_MAX)).decode("latin-1")
+        token = body.removeprefix("token=").strip()
+        if not self._tokens.role_of(token):
+            self._hub.counters["viewers_refused"] += 1
+            await asyncio.sleep(LOGIN_PAUSE_S)
+            return RedirectResponse("/login.html#wrong", 303)
+        answer = RedirectResponse("/", 303)
+        self.guard.set_cookie(answer, token)
+        return answer
+
+    async def _edit_zones(self, request: Request) -> Response:
+        if request.scope["role"] != "operator":
+            return PlainTextResponse("Only the operator edits zones.\n", 403)
+        try:
+            body = await _body(request, BODY_MAX)
+            wanted = msgspec.json.decode(body, type=ZonesRequest)
+            edit = zone_edit(wanted)
+        except (msgspec.DecodeError, DecodeError, ValueError) as error:
+            self._hub.counters["bad_requests"] += 1
+            return PlainTextResponse(f"{error}\n", 400)
+        self._on_edit(edit)
+        return Response(status_code=202)
+
+    async def _stream(self, socket: WebSocket) -> None:
+        """Serve one page until it leaves, is stuck or sends what is no request."""
+        await socket.accept()
+        if self._hub.viewers >= self._viewers_max:
+            self._hub.counters["viewers_refused"] += 1
+            await socket.close(BUSY, "too many viewers")
+            return
+        viewer = Viewer(socket.scope["role"])
+        self._hub.join(viewer)
+        refusals: list[str] = []
+        try:
+            async with anyio.create_task_group() as group:
+
+                async def run(work: Callable[[WebSocket, Viewer], Awaitable[str]]) -> None:
+                    refusals.append(await work(socket, viewer))
+                    group.cancel_scope.cancel()
+
+                group.start_soon(run, self._send)
+                group.start_soon(run, self._receive)
+        finally:
+            self._hub.leave(viewer)
+        refusal = next(filter(None, refusals), "")
+        if refusal and socket.client_state is WebSocketState.CONNECTED:
+            await socket.close(REFUSED, refusal)
+
+    async def _send(self, socket: WebSocket, viewer: Viewer) -> str:
+        try:
+            while True:
+                packet = await viewer.take()
+                for kind, data in packet.parts:
+                    if viewer.wants(kind):
+                        with anyio.fail_after(self._stuck_s):
+                            await socket.send_bytes(data)
+        except (TooSlowError, TimeoutError):
+            self._hub.counters["viewers_stuck"] += 1
+            return ""
+        except (WebSocketDisconnect, RuntimeError):  # it left while it was sent something
+            return ""
+
+    async def _receive(self, socket: WebSocket, viewer: Viewer) -> str:
+        """Take requests; return why they end."""
+        times: deque[float] = deque(maxlen=REQUESTS_MAX)
+        while True:
+            try:
+                message = await socket.receive_bytes()
+            except (WebSocketDisconnect, RuntimeError):
+                return ""
+            except KeyError:  # text
+                message = b""
+            now_s = time.monotonic()
+            if len(times) == REQUESTS_MAX and now_s - times[0] < 1:
+                self._hub.counters["bad_requests"] += 1
+                return "too many requests"
+            times.append(now_s)
+            try:
+                self._follow(REQUESTS.decode(message), viewer)
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+                self._hub.counters["bad_requests"] += 1
+                return "no valid request"
+
+    def _follow(self, request: Watch | Pause | Live | Seek, viewer: Viewer) -> None:
+        if isinstance(request, Watch):
+            viewer.images, viewer.cloud = request.images, request.cloud
+        elif isinstance(request, Seek):
+            if viewer.paused:
+                self._hub.seek(viewer, request.at_ms)
+        else:
+            viewer.paused = isinstance(request, Pause)
+        self._hub.update()
+
+
+async def _body(request: Request, most: int) -> bytes:
+    """Return the body of a request.
+
+    Raises:
+        ValueError: It is larger than allowed.
+    """
+    body = bytearray()
+    try:
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > most:
+                raise ValueError(f"expected at most {most} bytes")
+    except ClientDisconnect as error:
+        raise ValueError("the request broke off") from error
+    return bytes(body)

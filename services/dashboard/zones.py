@@ -1,0 +1,33 @@
+"""Edits of zones as the page sends them."""
+
+import time
+from typing import Annotated
+
+import msgspec
+
+from common.io.zones import PlainZone
+from people4d.codec import decode, encode
+from people4d.messages import ZoneEdit
+
+
+class ZonesRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Request of a page to replace the zones."""
+
+    base: Annotated[int, msgspec.Meta(ge=0, le=2**53)]  # sequence of the Zones that were edited
+    zones: list[PlainZone]
+
+
+def zone_edit(request: ZonesRequest) -> ZoneEdit:
+    """Return the message of a request.
+
+    Raises:
+        ValueError: A zone crosses itself, or the like.
+        DecodeError: Likewise, of what is only checked when it is decoded.
+    """
+    zones = tuple(
+        msgspec.structs.replace(zone, name=zone.name.strip()).zone() for zone in request.zones
+    )
+    edit = ZoneEdit(stamp_ns=time.time_ns(), sequence=0, base=request.base, zones=zones)
+    checked = decode(encode(edit))
+    assert isinstance(checked, ZoneEdit)
+    return checked

@@ -1,0 +1,173 @@
+"""People on the page in Chromium: shown, selected, gone back to, followed by keyboard."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.dashboard.browser.chromium import (
+    IMAGE,
+    click,
+    on_map,
+    pixel,
+    pixels,
+    shows_image,
+    stored,
+    until,
+)
+from tests.dashboard.browser.conftest import Open
+from tests.dashboard.browser.stack import PEOPLE, WIDTH_PX
+
+pytestmark = [pytest.mark.processes, pytest.mark.network, pytest.mark.timeout(300)]
+
+MAP, SPACE = "#map-canvas", "#space-canvas"
+ROW = "#table tbody tr"
+MARGIN_PX = 12  # between boxes that do not touch
+WHITE, INK = (255, 255, 255), (24, 32, 42)
+
+
+def pause(page: Page) -> dict[str, Any]:
+    """Pause a page that shows an image, and return the scene it shows."""
+    until(lambda: shows_image(page), page)
+    page.locator("#pause").click()
+    shown = -1.0
+    while shown != (shown := stored(page, "atMs")):  # what is on its way still arrives
+        page.wait_for_timeout(400)
+    scene: dict[str, Any] = page.evaluate("window.scene")
+    return scene
+
+
+def alone(scene: dict[str, Any]) -> list[int]:
+    """Return the people whose boxes touch no other, with a margin."""
+    boxes = {one["id"]: one["box_px"] for one in scene["boxes"] if one["id"] is not None}
+
+    def apart(one: int, other: int) -> bool:
+        first, second = boxes[one], boxes[other]
+        return any(
+            a[k + 2] + MARGIN_PX < b[k]
+            for k in (0, 1)
+            for a, b in ((first, second), (second, first))
+        )
+
+    visible = [one for one in boxes if boxes[one][0] > MARGIN_PX]
+    return [one for one in visible if all(apart(one, other) for other in boxes if other != one)]
+
+
+def position_of(scene: dict[str, Any], number: int) -> tuple[float, float]:
+    """Return the position of a person of a scene [m]."""
+    x, y, _ = next(one["position_m"] for one in scene["people"] if one["id"] == number)
+    return x, y
+
+
+def test_people_are_shown_in_image_map_and_table(open_page: Open) -> None:
+    page = open_page()
+    expect(page.locator("#connection")).to_have_text("connected")
+    expect(page.locator("#count")).to_have_text(f"{PEOPLE} people")
+    expect(page.locator("#latency")).to_contain_text("ms from image to people")
+    for number in range(1, PEOPLE + 1):
+        row = page.locator(f"{ROW}[data-id='{number}']")
+        expect(row).to_contain_text("confirmed")
+        expect(row).to_contain_text("followed 97 % no other person is near")
+    until(lambda: shows_image(page), page)
+    expect(page.locator("#processes tbody tr")).not_to_have_count(0)
+
+
+def test_person_is_selected_in_image_map_and_table_at_once(open_page: Open) -> None:
+    page = open_page(color_scheme="light")
+    while not (found := alone(scene := pause(page))):
+        page.locator("#pause").click()
+    number = found[0]
+    scale = page.locator(IMAGE).evaluate("(canvas) => canvas.clientWidth") / WIDTH_PX
+    box = next(one for one in scene["boxes"] if one["id"] == number)["box_px"]
+    left, top, right, bottom = (value * scale for value in box)
+    u, v = on_map(page, position_of(scene, number))
+    row = page.locator(f"{ROW}[data-id='{number}']")
+
+    def press_n() -> None:
+        for _ in range(number):
+            page.keyboard.press("n")
+
+    choices: list[Callable[[], None]] = [
+        lambda: click(page, IMAGE, ((left + right) / 2, (top + bottom) / 2)),
+        lambda: click(page, MAP, (u, v)),
+        lambda: row.locator("td").nth(3).click(),
+        press_n,
+    ]
+    for choose in choices:
+        choose()
+        expect(row.get_by_role("button")).to_have_attribute("aria-pressed", "true")
+        expect(page.locator(f"{ROW}.chosen")).to_have_count(1)
+        until(lambda: pixel(page, IMAGE, left - 3, (top + bottom) / 2)[:3] == WHITE, page)
+        until(lambda: pixel(page, MAP, u - 16, v)[:3] == INK, page)
+        page.keyboard.press("Escape")
+        expect(page.locator(f"{ROW}.chosen")).to_have_count(0)
+
+
+def test_paused_page_goes_back_and_is_live_again(open_page: Open) -> None:
+    page = open_page()
+    begin_ms = stored(page, "atMs")
+    until(lambda: stored(page, "atMs") > begin_ms + 2500, page)  # the past that is gone back to
+    now = pause(page)
+    page.locator("#time").fill("-1.5")
+    expect(page.locator("#when")).to_have_text("-1.5 s")
+    then = until(lambda: back(page, now["at_ms"] - 500), page)
+    moved = [
+        abs(position_of(then, n)[0] - position_of(now, n)[0])
+        + abs(position_of(then, n)[1] - position_of(now, n)[1])
+        for n in range(1, PEOPLE + 1)
+    ]
+    assert min(moved) > 0.1  # they walk at 0.35 m/s or more
+    page.keyboard.press(" ")
+    expect(page.locator("#when")).to_have_text("live")
+    until(lambda: stored(page, "atMs") > now["at_ms"], page)
+
+
+def back(page: Page, before_ms: float) -> Any:
+    """Return the scene that is shown if it is of a time before, None while it is not."""
+    scene = page.evaluate("window.scene")
+    return scene if scene["at_ms"] < before_ms else None
+
+
+def test_comma_and_full_stop_go_back_and_forward(open_page: Open) -> None:
+    page = open_page()
+    page.keyboard.press(",")
+    page.keyboard.press(",")
+    expect(page.locator("#when")).to_have_text("-2.0 s")
+    page.keyboard.press(".")
+    expect(page.locator("#when")).to_have_text("-1.0 s")
+    expect(page.get_by_role("button", name="Live")).to_have_attribute("aria-pressed", "true")
+
+
+def test_skeletons_and_cloud_are_drawn_in_3d(open_page: Open) -> None:
+    page = open_page()
+    page.locator(SPACE).scroll_into_view_if_needed()
+    until(lambda: has_people(page), page)
+    page.get_by_label("Depth cloud").uncheck()
+    until(lambda: len(colours(page)) < 1000, page)
+    page.get_by_label("Depth cloud").check()
+    until(lambda: len(colours(page)) > 1000, page)
+
+
+def colours(page: Page) -> set[tuple[int, ...]]:
+    """Return the colours of the 3D view: red, green, blue."""
+    return {tuple(one) for one in pixels(page, SPACE).reshape(-1, 3)[:, ::-1].tolist()}
+
+
+def has_people(page: Page) -> bool:
+    """Check that the 3D view shows every person in the person's colour."""
+    script = "async (id) => (await import('/js/colours.js')).colourOf(id)"
+    expected = [page.evaluate(script, n + 1).lstrip("#") for n in range(PEOPLE)]
+    return {tuple(bytes.fromhex(one)) for one in expected} <= colours(page)
+
+
+def test_browser_without_webgl_shows_a_hint_and_everything_else(open_page: Open) -> None:
+    without = "HTMLCanvasElement.prototype.getContext = ((get) => function (kind, ...rest) {\
+        return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })(\
+        HTMLCanvasElement.prototype.getContext);"
+    page = open_page(script=without)
+    page.locator(SPACE).scroll_into_view_if_needed()
+    expect(page.locator("#space-hint")).to_have_text(
+        "3D needs WebGL, which this browser does not offer."
+    )
+    until(lambda: shows_image(page), page)
