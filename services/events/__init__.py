@@ -1,0 +1,1 @@
+"""Events around people: they come, leave, enter zones, come near the robot."""

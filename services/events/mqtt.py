@@ -1,0 +1,96 @@
+"""Broker of MQTT that events are published to."""
+
+import os
+import threading
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from people4d.errors import ConfigError
+from people4d.messages import Event
+from services.events.delivery import TIMEOUT_S
+
+PASSWORD = "PEOPLE4D_MQTT_PASSWORD"  # name of a variable
+PORTS = {"mqtt": 1883, "mqtts": 8883}
+EXAMPLE = "mqtt://192.168.1.9/robots/events"
+KEEP_ALIVE_S = 30
+
+
+class MqttBroker:
+    """Receiver of events by MQTT 3.1.1 with quality of service 1: taken once the broker says so.
+
+    Args:
+        address: mqtt://[user@]host[:port][/topic], or mqtts for TLS with the certificates of the
+            system; without a topic people4d/<robot>/events. A user's password is in
+            PEOPLE4D_MQTT_PASSWORD.
+        robot: Name of the robot.
+
+    Raises:
+        ConfigError: The address is none, or paho-mqtt is not installed.
+    """
+
+    name = "mqtt"
+
+    def __init__(self, address: str, robot: str) -> None:
+        try:
+            from paho.mqtt import client  # noqa: PLC0415  # an extra
+        except ImportError:
+            raise ConfigError(
+                "events.mqtt needs paho-mqtt", "Install it: pip install people4d[mqtt]."
+            ) from None
+        self._paho: Any = client
+        parts = urlsplit(address)
+        try:
+            port = parts.port
+        except ValueError:
+            port = -1
+        topic = unquote(parts.path.lstrip("/")) or f"people4d/{robot}/events"
+        wrong = parts.scheme not in PORTS or not parts.hostname or port == -1
+        if wrong or parts.query or "#" in address or "+" in topic:
+            raise ConfigError(f"events.mqtt is no address: {address!r}", f"Write: {EXAMPLE}.")
+        self._host, self._port = parts.hostname, port or PORTS[parts.scheme]
+        self._user, self._tls = unquote(parts.username or ""), parts.scheme == "mqtts"
+        self._topic, self._id = topic, f"people4d-{robot}"
+        self._client: Any = None
+
+    def send(self, event: Event, body: bytes) -> None:  # noqa: ARG002
+        """Publish an event; OSError unless the broker acknowledges it in time."""
+        self._client = self._client or self._connected()
+        sent = self._client.publish(self._topic, body, qos=1)
+        try:
+            sent.wait_for_publish(TIMEOUT_S)
+            if sent.is_published():
+                return
+            reason = f"no acknowledgement within {TIMEOUT_S:g} s"
+        except (RuntimeError, ValueError) as error:  # the connection is gone, the queue is full
+            reason = str(error)
+        self.close()  # a new connection; this one would send the event again by itself
+        raise OSError(reason)
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._client:
+            self._client.disconnect()
+            self._client.loop_stop()
+            self._client = None
+
+    def _connected(self) -> Any:
+        client = self._paho.Client(self._paho.CallbackAPIVersion.VERSION2, self._id)
+        answered, answers = threading.Event(), []
+
+        def answer(_client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+            answers.append(reason)
+            answered.set()
+
+        client.on_connect = answer
+        client.connect_timeout = TIMEOUT_S
+        if self._user:
+            client.username_pw_set(self._user, os.environ.get(PASSWORD))
+        if self._tls:
+            client.tls_set()
+        client.connect(self._host, self._port, KEEP_ALIVE_S)
+        client.loop_start()
+        if answered.wait(TIMEOUT_S) and not answers[0].is_failure:
+            return client
+        client.disconnect()
+        client.loop_stop()
+        raise OSError(f"refused: {answers[0]}" if answers else f"no answer in {TIMEOUT_S:g} s")
