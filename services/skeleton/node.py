@@ -1,0 +1,159 @@
+"""Node of skeletons: detections and tracks in, skeletons out."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from common.geometry.transform_buffer import TransformBuffer
+from common.runtime.node import Node, Status
+from common.transport.trace import span
+from people4d.messages import (
+    CameraInfo,
+    Detections,
+    Message,
+    MovingTransform,
+    Odometry,
+    PersonSkeleton,
+    Skeletons,
+    StaticTransform,
+    Track,
+    Tracks,
+)
+from services.skeleton.config import SkeletonConfig
+from services.skeleton.joint_filter import JointStates
+from services.skeleton.observation import observe
+from services.skeleton.skeletons import Flags, People, SkeletonTracker
+
+NODE_COUNTERS = (
+    "no_camera_info",
+    "no_transform",
+    "no_detections",  # tracks whose detections never came
+    "stale",  # tracks not newer than those before
+    "clock_resets",
+    "too_many",  # people beyond people_max
+    "repeated",  # tracks with the id of another one of the message
+)
+CAMERAS_MAX = 64  # further names of cameras are ignored
+FRAMES_MAX = 64  # detections that wait for their tracks, of all cameras
+CLOCK_JUMP_NS = 1_000_000_000  # a stamp older than the newest by more: the clock was reset
+
+
+class SkeletonNode(Node):
+    """Estimates the joints of every tracked person from the keypoints of detections.
+
+    Tracks without the detections of their frame give no skeletons, counted. People of all cameras
+    share one frame, so each has one skeleton whichever camera sees them.
+    """
+
+    inputs: ClassVar[tuple[type[Message], ...]] = (
+        *(Detections, Tracks, CameraInfo),
+        *(StaticTransform, MovingTransform, Odometry),
+    )
+    required_inputs: ClassVar[tuple[type[Message], ...]] = (Detections, Tracks)
+
+    def __init__(self, config: SkeletonConfig) -> None:
+        self._config = config
+        self._transforms = TransformBuffer(config.base)
+        self._infos: dict[str, CameraInfo] = {}
+        self._detections: dict[tuple[str, int], Detections] = {}
+        self._skeletons = SkeletonTracker(config.joints, config.away_max_m)
+        self._newest_ns: int | None = None
+        self._frame_id = ""
+        self._counters = Counter(dict.fromkeys(NODE_COUNTERS, 0))
+
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Take one message; return the skeletons that follow from tracks."""
+        if isinstance(message, StaticTransform | MovingTransform | Odometry):
+            self._transforms.add(message)
+        elif isinstance(message, CameraInfo):
+            if message.camera in self._infos or len(self._infos) < CAMERAS_MAX:
+                self._infos[message.camera] = message
+        elif isinstance(message, Detections):
+            self._detections[message.camera, message.stamp_ns] = message
+            if len(self._detections) > FRAMES_MAX:
+                del self._detections[next(iter(self._detections))]
+        elif isinstance(message, Tracks) and self._is_next(message):
+            with span("joints"):
+                return self._estimate(message)
+        return ()
+
+    def status(self) -> Status:
+        """Return the counters."""
+        return Status(counters={**self._counters, **self._transforms.counters})
+
+    def _is_next(self, tracks: Tracks) -> bool:
+        """Check that tracks are not older than those before; begin anew after a clock reset."""
+        newest_ns = self._newest_ns
+        if newest_ns is not None and newest_ns - tracks.stamp_ns > CLOCK_JUMP_NS:
+            self._counters["clock_resets"] += 1
+            self._newest_ns = None
+        elif newest_ns is not None and tracks.stamp_ns < newest_ns:
+            self._counters["stale"] += 1
+            return False
+        return True
+
+    def _estimate(self, tracks: Tracks) -> Sequence[Message]:
+        detections = self._detections.pop((tracks.camera, tracks.stamp_ns), None)
+        if detections is None:
+            self._counters["no_detections"] += 1
+            return ()
+        info = self._infos.get(tracks.camera)
+        if info is None:
+            self._counters["no_camera_info"] += 1
+            return ()
+        stamp_ns, optical = tracks.stamp_ns, detections.frame_id
+        pose = self._transforms.camera_pose(tracks.frame_id, optical, stamp_ns)
+        if pose is None:
+            self._counters["no_transform"] += 1
+            return ()
+        dt_s = self._time_since(tracks)
+        found = self._people(tracks.tracks)
+        detected = [detections.at(track.detection) for track in found]
+        observation = observe(detected, info, pose, self._config.joints)
+        states, measured = self._skeletons.update(dt_s, People.of(found), observation)
+        return [
+            Skeletons(
+                stamp_ns=stamp_ns,
+                sequence=tracks.sequence,
+                trace=tracks.trace,
+                frame_id=tracks.frame_id,
+                camera=tracks.camera,
+                people=_skeletons(found, states, measured),
+            )
+        ]
+
+    def _time_since(self, tracks: Tracks) -> float:
+        """Return the time since the frame before; begin anew where nothing follows from that."""
+        before_ns, self._newest_ns = self._newest_ns, tracks.stamp_ns
+        dt_s = 0.0 if before_ns is None else (tracks.stamp_ns - before_ns) / 1e9
+        moved, self._frame_id = tracks.frame_id != self._frame_id, tracks.frame_id
+        if before_ns is None or moved or dt_s > self._config.gap_max_s:
+            self._skeletons.forget()
+        return dt_s
+
+    def _people(self, tracks: Sequence[Track]) -> list[Track]:
+        """Return the people that have a skeleton, each once; count the others."""
+        shown = [track for track in tracks if track.state != "tentative"]
+        people = list({track.id: track for track in shown}.values())
+        self._counters["repeated"] += len(shown) - len(people)
+        self._counters["too_many"] += max(len(people) - self._config.people_max, 0)
+        return people[: self._config.people_max]
+
+
+def _skeletons(
+    tracks: Sequence[Track], states: JointStates, measured: Flags
+) -> tuple[PersonSkeleton, ...]:
+    positions_m = states.position_m.astype(np.float32)
+    covariances_m2 = states.position_m2.astype(np.float32)
+    return tuple(
+        PersonSkeleton(
+            id=track.id,
+            state=track.state,
+            positions_m=positions_m[row],
+            covariances_m2=covariances_m2[row],
+            measured=tuple(measured[row].tolist()),
+        )
+        for row, track in enumerate(tracks)
+    )

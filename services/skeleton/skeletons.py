@@ -1,0 +1,266 @@
+"""Skeletons of tracked people: joints measured where they are visible, else predicted.
+
+A joint is visible if the surface at its keypoint is where the joint is expected; a nearer surface
+hides it, and its keypoint is a guess of the detector that gives a direction only. Bones, whose
+lengths are learned for each person, and the usual pose of the body give the rest (docs/method.md
+section 26).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from people4d.messages import F64, Track
+from services.skeleton.body import (
+    AGILITY_MPS2,
+    BONE_LENGTHS_M,
+    BONE_SIGMA,
+    BONES,
+    JOINT_COUNT,
+    LEVELS,
+    LIMBS,
+    MIRRORED,
+    TORSO,
+    USUAL_POSE_M,
+    USUAL_SIGMA_M,
+    turned,
+    unturned_pose,
+)
+from services.skeleton.config import JointFilterConfig
+from services.skeleton.joint_filter import (
+    UNKNOWN_M2,
+    JointStates,
+    predict,
+    update_bones,
+    update_points,
+)
+from services.skeleton.observation import JointObservation
+
+Flags = npt.NDArray[np.bool_]
+ALL_BONES = tuple(bones for level in BONES for bones in level)
+SHAPES_MAX = 1000  # people whose bodies are remembered
+
+
+@dataclass
+class BodyShape:
+    """Shape of one person's body, as learned."""
+
+    bones_m: F64  # lengths, by kind
+    bones_m2: F64  # their variances
+    pose_m: F64  # 17x3, usual pose
+
+
+@dataclass(frozen=True)
+class People:
+    """Tracked people of one frame, N of them."""
+
+    ids: Sequence[int]
+    position_m: F64  # Nx3
+    velocity_mps: F64  # Nx3
+    covariance_m2: F64  # Nx3x3, of the position
+    yaw_rad: F64  # N, NaN: unknown
+
+    @classmethod
+    def of(cls, tracks: Sequence[Track]) -> "People":
+        """Return the people of tracks."""
+        return cls(
+            ids=[track.id for track in tracks],
+            position_m=np.array([track.position_m for track in tracks]).reshape(-1, 3),
+            velocity_mps=np.array([track.velocity_mps for track in tracks]).reshape(-1, 3),
+            covariance_m2=np.array([t.covariance[:3, :3] for t in tracks]).reshape(-1, 3, 3),
+            yaw_rad=np.array([np.nan if t.yaw_rad is None else t.yaw_rad for t in tracks], float),
+        )
+
+
+class SkeletonTracker:
+    """Skeletons of all people in one fixed frame."""
+
+    def __init__(self, config: JointFilterConfig, away_max_m: float) -> None:
+        self._config, self._away_max_m = config, away_max_m
+        self._ids: list[int] = []
+        self._states = JointStates(np.zeros((0, JOINT_COUNT, 6)), np.zeros((0, JOINT_COUNT, 6, 6)))
+        self._shapes: dict[int, BodyShape] = {}
+
+    def forget(self) -> None:
+        """Begin all skeletons anew; what was learned of bodies stays."""
+        self._ids = []
+
+    def update(
+        self, dt_s: float, people: People, observation: JointObservation
+    ) -> tuple[JointStates, Flags]:
+        """Return the joints of all people in a frame, and which of them (Nx17) were measured.
+
+        Args:
+            dt_s: Time since the frame before.
+            people: Tracks of the frame.
+            observation: What it shows of their joints.
+        """
+        shapes = [self._shape(person) for person in people.ids]
+        pose_m, pose_m2 = self._poses(people, shapes)
+        states = self._predicted(dt_s, people, pose_m, pose_m2)
+        scale = max(dt_s, 1e-3) / self._config.pose_s
+        update_points(states, list(range(JOINT_COUNT)), pose_m, pose_m2 / min(scale, 1.0))
+        self._order_sides(states, observation)
+        bones_m = np.array([shape.bones_m for shape in shapes]).reshape(-1, len(BONE_LENGTHS_M))
+        bones_m2 = np.array([shape.bones_m2 for shape in shapes]).reshape(-1, len(BONE_LENGTHS_M))
+        sigma_m = np.sqrt(bones_m2 + self._config.bone_m**2)
+        measured = np.zeros((len(people.ids), JOINT_COUNT), np.bool_)
+        for level, joints in enumerate(LEVELS):
+            if level:
+                for bones in BONES[level]:
+                    update_bones(states, bones, bones_m, sigma_m)
+            measured[:, joints] = self._measure(states, joints, observation)
+        for bones in ALL_BONES:
+            update_bones(states, bones, bones_m, sigma_m)
+        self._learn(dt_s, people, shapes, states, measured, observation)
+        self._ids, self._states = list(people.ids), states
+        return states, measured
+
+    def _shape(self, person: int) -> BodyShape:
+        shape = self._shapes.pop(person, None)
+        if shape is None:
+            sigma_m2 = (BONE_SIGMA * BONE_LENGTHS_M) ** 2
+            shape = BodyShape(BONE_LENGTHS_M.copy(), sigma_m2, USUAL_POSE_M.copy())
+            if len(self._shapes) >= SHAPES_MAX:
+                del self._shapes[next(iter(self._shapes))]
+        self._shapes[person] = shape
+        return shape
+
+    def _poses(self, people: People, shapes: Sequence[BodyShape]) -> tuple[F64, F64]:
+        """Return the usual poses in the fixed frame: means Nx17x3, covariances Nx17x3x3."""
+        pose_m = np.array([shape.pose_m for shape in shapes]).reshape(-1, JOINT_COUNT, 3)
+        sigma_m = np.broadcast_to(USUAL_SIGMA_M, pose_m.shape)
+        unknown = np.isnan(people.yaw_rad)
+        wide_m, wide_sigma_m = unturned_pose(pose_m, sigma_m)
+        pose_m = np.where(unknown[:, None, None], wide_m, pose_m)
+        sigma_m = np.where(unknown[:, None, None], wide_sigma_m, sigma_m)
+        rotation = turned(np.nan_to_num(people.yaw_rad))[:, None]
+        spread = rotation * (sigma_m**2)[:, :, None, :] @ np.swapaxes(rotation, -1, -2)
+        mean_m = people.position_m[:, None] + (rotation @ pose_m[..., None])[..., 0]
+        return mean_m, spread + people.covariance_m2[:, None]
+
+    def _predicted(self, dt_s: float, people: People, pose_m: F64, pose_m2: F64) -> JointStates:
+        """Return the states now: of people known before moved on, of new ones the usual pose."""
+        count = len(people.ids)
+        fresh = JointStates(np.zeros((count, JOINT_COUNT, 6)), np.zeros((count, JOINT_COUNT, 6, 6)))
+        fresh.mean[..., :3], fresh.mean[..., 3:] = pose_m, people.velocity_mps[:, None]
+        fresh.covariance[..., :3, :3] = pose_m2
+        fresh.covariance[..., 3:, 3:] = np.eye(3) * self._config.lasts_s
+        rows = {person: row for row, person in enumerate(self._ids)}
+        pairs = [(n, rows[p]) for n, p in enumerate(people.ids) if p in rows]
+        if not pairs:
+            return fresh
+        now, before = np.array(pairs).T
+        known = JointStates(self._states.mean[before], self._states.covariance[before])
+        velocity = people.velocity_mps[now]
+        predict(known, dt_s, velocity, self._config.lasts_s, AGILITY_MPS2)
+        away_m = known.position_m[:, TORSO].mean(axis=1) - people.position_m[now]
+        near = np.linalg.norm(away_m, axis=1) <= self._away_max_m
+        fresh.mean[now[near]] = known.mean[near]
+        fresh.covariance[now[near]] = known.covariance[near]
+        return fresh
+
+    def _order_sides(self, states: JointStates, observation: JointObservation) -> None:
+        """Exchange left and right arms or legs of an observation where that fits better."""
+        to_m = states.position_m - observation.origin_m
+        along_m = np.einsum("nji,nji->nj", to_m, observation.rays)
+        straight = self._misfit(to_m, observation.rays, observation.confidence, states)
+        mirrored = self._misfit(
+            to_m, observation.rays[:, MIRRORED], observation.confidence[:, MIRRORED], states
+        )
+        for limb in LIMBS:
+            others = [MIRRORED[joint] for joint in limb]
+            better = mirrored[:, limb].sum(axis=1) + 8.0 < straight[:, limb].sum(axis=1)
+            for person in np.flatnonzero(better & (along_m[:, limb] > 0).all(axis=1)).tolist():
+                observation.exchange(person, limb, others)
+
+    def _misfit(self, to_m: F64, rays: F64, confidence: F64, states: JointStates) -> F64:
+        """Return squared distances of expected joints from rays in standard deviations, Nx17."""
+        along = np.einsum("nji,nji->nj", to_m, rays)
+        across = to_m - along[..., None] * rays
+        spread = np.trace(states.position_m2, axis1=-2, axis2=-1) / 3
+        found = (across**2).sum(axis=-1) / (spread + self._config.hidden_across_m**2)
+        return np.where(confidence > 0, np.minimum(found, 25.0), 0.0)
+
+    def _measure(
+        self, states: JointStates, joints: list[int], observation: JointObservation
+    ) -> Flags:
+        """Measure joints of one level; return which were visible, NxJ."""
+        config = self._config
+        rays, read_m = observation.rays[:, joints], observation.range_m[:, joints]
+        confidence = observation.confidence[:, joints]
+        to_m = states.mean[:, joints, :3] - observation.origin_m
+        expected_m = np.maximum(np.einsum("nji,nji->nj", to_m, rays), 0.1)
+        position_m2 = states.covariance[:, joints, :3, :3]
+        along_m2 = np.einsum("nji,njik,njk->nj", rays, position_m2, rays)
+        visible = self._visible(
+            read_m - expected_m, along_m2 + observation.along_m[:, joints] ** 2, confidence
+        )
+        uncertainty = np.maximum(config.confident / np.maximum(confidence, 0.01), 1.0)
+        across_m = np.hypot(config.across_m, observation.across_per_m * expected_m) * uncertainty
+        across_m = np.where(visible, across_m, np.hypot(across_m, config.hidden_across_m))
+        range_m = np.where(visible, read_m, expected_m)
+        points_m = observation.origin_m + range_m[..., None] * rays
+        # Outliers across the line of sight count less.
+        off_m = points_m - states.mean[:, joints, :3]
+        off_m -= np.einsum("nji,nji->nj", off_m, rays)[..., None] * rays
+        spread_m2 = (np.trace(position_m2, axis1=-2, axis2=-1) - along_m2) / 2 + across_m**2
+        sigmas2 = (off_m**2).sum(axis=-1) / spread_m2 / config.outlier_sigmas**2
+        across_m2 = across_m**2 + spread_m2 * np.maximum(sigmas2 - 1, 0)
+        across_m2 = np.where(confidence > 0, across_m2, UNKNOWN_M2)
+        range_m2 = np.where(visible, observation.along_m[:, joints] ** 2, UNKNOWN_M2)
+        outer = rays[..., None] * rays[..., None, :]
+        covariances = across_m2[..., None, None] * (np.eye(3) - outer)
+        covariances += range_m2[..., None, None] * outer
+        update_points(states, joints, points_m, covariances)
+        return visible
+
+    def _visible(self, off_m: F64, variance_m2: F64, confidence: F64) -> Flags:
+        """Return where a reading, so far behind the expected joint, is rather the joint's own."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            own = np.exp(-(off_m**2) / variance_m2 / 2) / np.sqrt(2 * np.pi * variance_m2)
+            odds = confidence / (1 - np.minimum(confidence, 0.99))
+            found = own * odds * self._config.surfaces_m > 1.0
+        return np.asarray(found & (confidence > 0) & np.isfinite(off_m))
+
+    def _learn(
+        self,
+        dt_s: float,
+        people: People,
+        shapes: Sequence[BodyShape],
+        states: JointStates,
+        measured: Flags,
+        observation: JointObservation,
+    ) -> None:
+        """Learn bones and usual poses from the joints that were measured."""
+        share = 1 - float(np.exp(-dt_s / self._config.learn_s))
+        rotation = turned(np.nan_to_num(people.yaw_rad))
+        pose_m = (states.position_m - people.position_m[:, None]) @ rotation
+        for row, shape in enumerate(shapes):
+            if np.isfinite(people.yaw_rad[row]):
+                learned = measured[row]
+                shape.pose_m[learned] += share * (pose_m[row, learned] - shape.pose_m[learned])
+        with np.errstate(invalid="ignore"):
+            points_m = observation.origin_m + observation.range_m[..., None] * observation.rays
+        for bones in ALL_BONES:
+            first, second = list(bones.first), list(bones.second)
+            apart_m2 = ((points_m[:, first] - points_m[:, second]) ** 2).sum(axis=-1)
+            # Noise makes bones longer: E |d + n|^2 = |d|^2 + E |n|^2.
+            noise_m2 = self._noise_m2(observation, first) + self._noise_m2(observation, second)
+            both = measured[:, first] & measured[:, second]
+            for row, bone in np.argwhere(both).tolist():
+                shape, kind = shapes[row], bones.kind[bone]
+                length_m = math.sqrt(max(apart_m2[row, bone] - noise_m2[row, bone], 1e-6))
+                variance = noise_m2[row, bone] / 3 * self._config.bone_frames
+                gain = shape.bones_m2[kind] / (shape.bones_m2[kind] + variance)
+                shape.bones_m[kind] += gain * (length_m - shape.bones_m[kind])
+                shape.bones_m2[kind] *= 1 - gain
+
+    def _noise_m2(self, observation: JointObservation, joints: list[int]) -> F64:
+        """Return the trace of the covariance of measured joints, NxJ."""
+        image_m = observation.across_per_m * observation.range_m[:, joints]
+        across_m2 = self._config.across_m**2 + image_m**2
+        return np.asarray(2 * across_m2 + observation.along_m[:, joints] ** 2)

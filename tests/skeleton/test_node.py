@@ -1,0 +1,183 @@
+"""Node of skeletons."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.geometry.transforms import LINK_FROM_OPTICAL
+from people4d.messages import JOINTS, Skeletons
+from services.skeleton.build import build
+from services.skeleton.config import SkeletonConfig
+from services.skeleton.node import FRAMES_MAX
+from tests.builders import (
+    camera_info,
+    detection,
+    detections,
+    odometry,
+    static_transform,
+    track,
+    tracks,
+)
+from tests.skeleton.walker import (
+    INFO,
+    LEFT_ELBOW,
+    LEFT_WRIST,
+    PERIOD_NS,
+    POSE,
+    RIGHT_WRIST,
+    Walker,
+    answer,
+    errors_m,
+    person,
+    ready,
+)
+
+
+def walk(walker: Walker, count: int, hidden_from: int = 1000, **hidden: Any) -> list[Skeletons]:
+    """Return the skeletons of a walk; joints are hidden from a frame on."""
+    node = ready()
+    return [
+        answer(
+            node,
+            walker.frame(n, **(hidden if n >= hidden_from else {})),
+            walker.people(n),
+        )
+        for n in range(count)
+    ]
+
+
+def test_skeletons_have_stamp_frame_and_people_of_the_tracks() -> None:
+    walker = Walker()
+    found = answer(ready(), walker.frame(3), walker.people(3, id=7))
+    assert (found.stamp_ns, found.frame_id, found.camera) == (3 * PERIOD_NS, "map", "front")
+    assert (person(found).id, person(found).state) == (7, "confirmed")
+
+
+def test_visible_joints_are_measured() -> None:
+    walker = Walker()
+    found = walk(walker, 20)[-1]
+    assert all(person(found).measured)
+    assert errors_m(found, walker, 19).max() < 0.03
+
+
+def test_hidden_joints_are_predicted_with_a_greater_covariance() -> None:
+    walker, hidden = Walker(), (LEFT_WRIST, LEFT_ELBOW)
+    found = walk(walker, 30, 20, hidden=hidden)
+    before, after = found[19], found[29]
+    measured = person(after).measured
+    assert [JOINTS[n] for n in range(17) if not measured[n]] == ["left_elbow", "left_wrist"]
+    assert errors_m(after, walker, 29)[list(hidden)].max() < 0.12
+    for joint in hidden:
+        spread = [np.trace(person(one).covariances_m2[joint]) for one in (before, after)]
+        assert spread[1] > 2 * spread[0]
+
+
+def test_joints_of_a_person_who_is_not_detected_follow_the_track() -> None:
+    walker, node = Walker(), ready()
+    for number in range(20):
+        answer(node, walker.frame(number), walker.people(number))
+    for number in range(20, 30):
+        lost = walker.people(number, state="lost", detection=None)
+        found = answer(node, detections(stamp_ns=number * PERIOD_NS), lost)
+    assert person(found).state == "lost"
+    assert not any(person(found).measured)
+    assert np.median(errors_m(found, walker, 29)) < 0.05
+
+
+def test_a_person_without_depth_gets_the_usual_body_at_the_track() -> None:
+    walker, node = Walker(), ready()
+    for number in range(20):
+        frame = walker.frame(number, keypoint_depths_m=None)
+        found = answer(node, frame, walker.people(number))
+    assert not any(person(found).measured)
+    assert np.median(errors_m(found, walker, 19)) < 0.08
+
+
+@pytest.mark.parametrize("size", [0.85, 1.15])
+def test_lengths_of_bones_are_learned_for_each_person(size: float) -> None:
+    walker, node = Walker(size, swing_m=0.0, yaw_rad=np.pi), ready()
+    for number in range(60):
+        answer(node, walker.frame(number), walker.people(number, id=5))
+    hidden = (13, 14, 15, 16)
+    for number in range(60, 70):
+        found = answer(node, walker.frame(number, hidden=hidden), walker.people(number, id=5))
+    joints, estimated = walker.joints_m(0), person(found).positions_m
+    for first, second in ((5, 7), (7, 9), (11, 13), (13, 15)):
+        true_m = np.linalg.norm(joints[first] - joints[second])
+        assert np.linalg.norm(estimated[first] - estimated[second]) == pytest.approx(
+            true_m, abs=0.03
+        )
+
+
+def test_sides_exchanged_for_a_frame_stay_apart() -> None:
+    walker, node = Walker(yaw_rad=np.pi / 2 + 0.8), ready()
+    for number in range(15):
+        answer(node, walker.frame(number), walker.people(number))
+    frame = walker.frame(15).detections[0]
+    assert frame.keypoints is not None
+    assert frame.keypoint_depths_m is not None
+    order = [*range(7), 8, 7, 10, 9, *range(11, 17)]
+    order[5], order[6] = 6, 5
+    exchanged = walker.frame(
+        15, keypoints=frame.keypoints[order], keypoint_depths_m=frame.keypoint_depths_m[order]
+    )
+    found = answer(node, exchanged, walker.people(15))
+    assert errors_m(found, walker, 15)[[LEFT_WRIST, RIGHT_WRIST]].max() < 0.1
+
+
+def test_unknown_yaw_is_no_obstacle() -> None:
+    walker, node = Walker(), ready()
+    for number in range(20):
+        found = answer(node, walker.frame(number), walker.people(number, yaw_rad=None))
+    assert np.median(errors_m(found, walker, 19)) < 0.03
+
+
+def test_the_skeleton_follows_a_track_that_jumps() -> None:
+    walker, node = Walker(), ready()
+    for number in range(10):
+        answer(node, walker.frame(number), walker.people(number))
+    elsewhere = np.array([5.0, 2.0, 1.2])
+    moved = walker.people(10, position_m=elsewhere, state="lost", detection=None)
+    found = answer(node, walker.frame(10), moved)
+    assert np.linalg.norm(person(found).positions_m[:, :2] - elsewhere[:2], axis=1).max() < 0.5
+
+
+def test_what_is_missing_is_counted() -> None:
+    walker, node = Walker(), build(SkeletonConfig(people_max=1))
+    assert not node.handle(walker.people(0), 0)
+    node.handle(walker.frame(1), 0)
+    assert not node.handle(walker.people(1), 0)
+    node.handle(INFO, 0)
+    node.handle(static_transform(LINK_FROM_OPTICAL, parent="base_link"), 0)
+    node.handle(odometry(stamp_ns=200 * PERIOD_NS, frame_id="map"), 0)
+    node.handle(walker.frame(200), 0)
+    assert node.handle(walker.people(200), 0)
+    node.handle(walker.frame(0), 0)
+    assert not node.handle(walker.people(0), 0)
+    node.handle(static_transform(POSE), 0)
+    twice = [track(id=4), track(id=4), track(id=5), track(id=6, state="tentative")]
+    found = answer(node, walker.frame(3), tracks(*twice, stamp_ns=3 * PERIOD_NS))
+    assert [one.id for one in found.people] == [4]
+    assert not node.handle(walker.people(2), 0)
+    counters = {name: count for name, count in node.status().counters.items() if count}
+    expected = {"no_detections": 1, "no_camera_info": 1, "no_transform": 1, "stale": 1}
+    assert counters == expected | {"repeated": 1, "too_many": 1, "clock_resets": 1}
+
+
+def test_a_clock_that_jumps_back_begins_anew() -> None:
+    walker, node = Walker(), ready()
+    for number in (100, 101, 0, 1):
+        found = answer(node, walker.frame(number), walker.people(number))
+    assert node.status().counters["clock_resets"] == 1
+    assert errors_m(found, walker, 1).max() < 0.06
+
+
+def test_detections_without_tracks_and_cameras_by_invention_take_no_memory() -> None:
+    walker, node = Walker(), ready()
+    node.handle(walker.frame(0), 0)
+    for number in range(FRAMES_MAX):
+        node.handle(detections(detection(), stamp_ns=1 + number), 0)
+        node.handle(camera_info(camera=f"c{number}"), 0)
+    assert not node.handle(walker.people(0), 0)  # its detections gave way to newer ones
+    assert node.status().counters["no_detections"] == 1
