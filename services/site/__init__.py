@@ -1,0 +1,1 @@
+"""People of all areas of a site in one stream."""
