@@ -366,7 +366,7 @@ def _joined(runs: Sequence[PointResults]) -> PointResults:
     """Return runs as one, person after person."""
     flat = [
         [getattr(run, name).reshape(-1, 1, *getattr(run, name).shape[2:]) for run in runs]
-        for name in ("points_m", "measured", "errors_m", "visible")
+        for name in ("points_m", "measured", "covariances_m2", "errors_m", "visible")
     ]
     return PointResults(*(np.concatenate(parts) for parts in flat))
 

@@ -34,6 +34,7 @@ CASES = {
 }
 LIMBS = [POINTS.index(name) for name in HANDS_AND_FEET]
 RIGHT_HAND = POINTS.index("right_hand")
+KEYPOINT_M = 0.1  # of a keypoint and the depth at it, standard deviation
 PUBLISHED_STATES = ("measured", "predicted")
 
 
@@ -72,12 +73,14 @@ class PointResults:
     Args:
         points_m: NxKx5x3, optical frame, NaN where lost.
         measured: NxKx5, False where predicted.
+        covariances_m2: NxKx5x3x3, of the points.
         errors_m: NxKx5, NaN where the estimate is lost or the truth occluded.
         visible: NxKx5, of the ground truth.
     """
 
     points_m: F64
     measured: Flags
+    covariances_m2: F64
     errors_m: F64
     visible: Flags
 
@@ -99,7 +102,7 @@ def track_points(
     cascade = Cascade(replace(variant.config, seed=seed), recording.info)
     people = recording.truth.boxes_px.shape[1]
     marked = np.zeros((people, len(POINTS)), bool)
-    points, measured = [], []
+    points, measured, covariances = [], [], []
     for index, frame in enumerate(frames or recording.frames()):
         observations = observations_in(recording, index, variant)
         estimates = cascade.update(frame.stamp_ns, frame.rgb, frame.depth_mm, observations)
@@ -108,14 +111,18 @@ def track_points(
         rows = [_points(estimate) for estimate in estimates]
         points.append([row[0] for row in rows])
         measured.append([row[1] for row in rows])
-    return compared(recording, np.array(points), np.array(measured))
+        covariances.append([row[2] for row in rows])
+    return compared(recording, np.array(points), np.array(measured), np.array(covariances))
 
 
-def compared(recording: GaitRecording, points_m: F64, measured: Flags) -> PointResults:
+def compared(
+    recording: GaitRecording, points_m: F64, measured: Flags, covariances_m2: F64
+) -> PointResults:
     """Return points compared with the ground truth."""
     errors = np.linalg.norm(points_m - recording.truth.points_m[: len(points_m)], axis=-1)
     visible = recording.truth.visible[: len(points_m)].astype(bool)
-    return PointResults(points_m, measured, np.where(visible, errors, np.nan), visible)
+    known = np.where(visible, errors, np.nan)
+    return PointResults(points_m, measured, covariances_m2, known, visible)
 
 
 def keypoints_alone(recording: GaitRecording) -> PointResults:
@@ -133,7 +140,8 @@ def keypoints_alone(recording: GaitRecording) -> PointResults:
                     depth_m = np.array([np.median(window) / 1000])
                     point_m = deproject(anchor.pixel[None], depth_m, recording.info)[0]
                     points[index, k, POINTS.index(name)] = point_m
-    return compared(recording, points, np.isfinite(points).all(axis=-1))
+    covariances = np.broadcast_to(KEYPOINT_M**2 * np.eye(3), (*points.shape, 3))
+    return compared(recording, points, np.isfinite(points).all(axis=-1), covariances)
 
 
 def observations_in(
@@ -169,14 +177,16 @@ def _mark(
                 marked[k, p] = cascade.mark(k, POINTS[p], pixel, frame.depth_mm)
 
 
-def _points(estimate: GaitEstimate) -> tuple[F64, Flags]:
+def _points(estimate: GaitEstimate) -> tuple[F64, Flags, F64]:
     points, measured = np.full((len(POINTS), 3), np.nan), np.zeros(len(POINTS), bool)
+    covariances = np.tile(np.eye(3), (len(POINTS), 1, 1))
     for row, name in enumerate(POINTS):
         point = estimate.points.get(name)
         if point is not None and point.state in PUBLISHED_STATES:
             points[row] = point.position_m
+            covariances[row] = point.covariance[:3, :3]
             measured[row] = point.state == "measured"
-    return points, measured
+    return points, measured, covariances
 
 
 def figures(runs: Sequence[PointResults], points: Sequence[int]) -> list[str]:

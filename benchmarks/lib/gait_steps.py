@@ -9,16 +9,17 @@ from benchmarks.lib.gait_recordings import POINTS, GaitRecording
 from benchmarks.lib.table import markdown
 from evaluation.gait.step_errors import StepErrors, compare_steps
 from people4d.messages import F64
-from services.gait.steps.steps import FEET
+from services.gait.steps.swings import FEET
 
 
 def step_errors(recording: GaitRecording, results: PointResults, person: int) -> StepErrors:
     """Return the errors of the steps of one person in a recording."""
-    feet = in_map(recording, results.points_m[:, person])
-    feet[~results.measured[:, person]] = np.nan
-    foot_points_m = np.stack([feet[:, POINTS.index(f"{foot}_foot")] for foot in FEET], axis=1)
-    times_s = np.array([recording.world.frame_s(index) for index in range(len(feet))])
-    return compare_steps(times_s, foot_points_m, recording.footfalls[person])
+    rows = [POINTS.index(f"{foot}_foot") for foot in FEET]
+    feet_m = in_map(recording, results.points_m[:, person])[:, rows]
+    rotation = recording.map_from_optical[:3, :3]
+    covariances_m2 = rotation @ results.covariances_m2[:, person][:, rows] @ rotation.T
+    times_s = np.array([recording.world.frame_s(index) for index in range(len(feet_m))])
+    return compare_steps(times_s, feet_m, recording.footfalls[person], covariances_m2)
 
 
 def table(found: Mapping[str, Sequence[StepErrors]]) -> str:

@@ -1,20 +1,25 @@
 """Report of the gait in a recording: tables, plots and images."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import astuple, fields, replace
 from pathlib import Path
 
 import cv2
 import msgspec
+import numpy as np
 
 from common.config import load
 from common.drawing.tiles import Tile, grid
+from common.drawing.topdown import Trajectories
+from evaluation.gait.parameters import GaitParameter, HeadPath, gait_parameters
+from evaluation.gait.person_page import person_page
 from evaluation.gait.run import BoxCorners, GaitRun, estimate_gait
 from evaluation.gait.tables import GaitTables
+from evaluation.gait.trc import trc
 from evaluation.gait.viewer import GaitViewer
 from evaluation.methods import read_method
 from evaluation.pool import OnProgress
-from evaluation.report.csv_files import write_bytes
+from evaluation.report.csv_files import write_bytes, write_csv
 from lab import scenario as scenarios
 from lab.scenario import load_scenario, split_seed
 from people4d.errors import SourceError
@@ -23,6 +28,7 @@ from services.camera.describe import describe
 from services.camera.sources import kind_of
 from services.gait.config import GaitConfig
 from services.gait.estimator import GaitFrame, GaitResult
+from services.gait.points.keypoints import HEAD
 from services.presets import preset_settings
 from services.report.even_sample import EvenSample
 from services.report.folder import AnnotatedFrame, VideoFile
@@ -88,11 +94,32 @@ class GaitReport:
         self.tables.write(self._folder)
         if not self.tables.people:
             return
+        self._write_people()
         sheet = grid(self._stills.pick(STILLS), COLUMNS)
         _, png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
         write_bytes(self._folder / "frames.png", png.tobytes())
         if self._figures:
             self._plot()
+
+    def _write_people(self) -> None:
+        """Write parameters.csv, and the page and the points of each person."""
+        rows: list[Sequence[object]] = []
+        for person in self.tables.people:
+            steps = self.tables.steps(person)
+            trajectories = self.tables.trajectories(person)
+            head = trajectories.get(HEAD)
+            ground_m = np.empty((0, 2)) if head is None else head.positions_m[:, :2]
+            path = None if head is None else HeadPath(head.times_s, ground_m)
+            parameters = gait_parameters(steps, path, self._run.gait.steps)
+            rows += [(person, *astuple(one)) for one in parameters]
+            tracks = {person: ground_m} if head is not None else {}
+            page = person_page(person, parameters, steps, Trajectories(tracks=tracks))
+            write_bytes(self._folder / f"person_{person}.html", page.encode())
+            name = f"points_{person}.trc"
+            if trajectories:
+                write_bytes(self._folder / name, trc(trajectories, name).encode())
+        header = ("person", *(one.name for one in fields(GaitParameter)))
+        write_csv(self._folder / "parameters.csv", header, rows)
 
     def _plot(self) -> None:
         from evaluation.gait import figures  # noqa: PLC0415 (matplotlib is an extra)

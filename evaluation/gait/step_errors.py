@@ -8,11 +8,13 @@ import numpy as np
 from lab.truth.motion_capture import Footfall
 from people4d.messages import F64
 from services.gait.config import StepConfig
-from services.gait.steps.steps import FEET, FootStep, StepMeter, Stride, even_strides
+from services.gait.steps.steps import FootSample, FootStep, StepMeter, Stride, even_strides
+from services.gait.steps.swings import FEET
 
 NEAR_S = 0.3  # between a detected step and the true one
 EVERY_S = 0.5  # between comparisons
 UP = np.array([0.0, 0.0, 1.0])
+NOISE_M2 = 0.03**2 * np.eye(3)  # of a measured foot
 
 
 @dataclass(frozen=True)
@@ -37,19 +39,27 @@ class StepErrors:
     extra: int
 
 
-def compare_steps(times_s: F64, feet_m: F64, falls: Sequence[Footfall]) -> StepErrors:
+def compare_steps(
+    times_s: F64, feet_m: F64, falls: Sequence[Footfall], covariances_m2: F64 | None = None
+) -> StepErrors:
     """Return the errors of steps by trajectories of feet.
 
     Args:
         times_s: N.
-        feet_m: Nx2x3, left and right, frame: map; NaN where a foot was not measured.
+        feet_m: Nx2x3, left and right, frame: map; NaN where a foot was lost.
         falls: The true steps, in order.
+        covariances_m2: Nx2x3x3, of the feet; by default that of a measured foot.
     """
+    if covariances_m2 is None:
+        covariances_m2 = np.broadcast_to(NOISE_M2, (*feet_m.shape, 3))
     config = StepConfig(every_s=1e-3)  # measures of the compared frame
     meter, entire = StepMeter(config, UP), StepMeter(StepConfig(window_s=600.0), UP)
     means, compared = list[tuple[float, ...]](), 0
-    for time_s, feet in zip(times_s.tolist(), feet_m, strict=True):
-        both = [foot if np.isfinite(foot).all() else None for foot in feet]
+    for time_s, feet, noises in zip(times_s.tolist(), feet_m, covariances_m2, strict=True):
+        both = [
+            FootSample(foot, noise) if np.isfinite(foot).all() else None
+            for foot, noise in zip(feet, noises, strict=True)
+        ]
         measures = meter.update(time_s, *both)
         entire.update(time_s, *both)
         if time_s < (compared + 1) * EVERY_S:

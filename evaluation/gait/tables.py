@@ -14,14 +14,17 @@ from people4d.messages import F64, BodyPoint, GaitMeasures
 from services.gait.config import StepConfig
 from services.gait.estimator import UP, GaitResult
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
-from services.gait.steps.footprints import FootTrajectory
 from services.gait.steps.steps import FootStep, find_steps, gait_measures
+from services.gait.steps.swings import FootTrajectory
 
 POINT_FIELDS = (
     *("time_s", "person", "point", "state", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps"),
     *("sigma_x_m", "sigma_y_m", "sigma_z_m", "confidence"),
 )
-STEP_FIELDS = ("person", "foot", "landed_s", "step_length_m", "stride_length_m", "stride_s")
+STEP_FIELDS = (
+    *("person", "foot", "landed_s", "step_length_m", "stride_length_m", "stride_s"),
+    *("confidence", "observed"),
+)
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class PointTrajectory:
 
     times_s: F64  # N
     positions_m: F64  # Nx3
+    covariances_m2: F64  # Nx3x3
     measured: npt.NDArray[np.bool_]  # N, False where predicted
 
 
@@ -70,6 +74,7 @@ class GaitTables:
             name: PointTrajectory(
                 np.array([row.time_s for row in own]),
                 np.array([row.point.position_m for row in own]),
+                np.array([row.point.covariance[:3, :3] for row in own]),
                 np.array([row.point.state == "measured" for row in own]),
             )
             for name, own in rows.items()
@@ -81,7 +86,7 @@ class GaitTables:
         if LEFT_FOOT not in trajectories or RIGHT_FOOT not in trajectories:
             return []
         left, right = (
-            FootTrajectory(one.times_s[one.measured], one.positions_m[one.measured])
+            FootTrajectory(one.times_s, one.positions_m, one.covariances_m2)
             for one in (trajectories[LEFT_FOOT], trajectories[RIGHT_FOOT])
         )
         return find_steps(left, right, UP, self._config)
@@ -106,7 +111,8 @@ class GaitTables:
         for person in self.people:
             for step in self.steps(person):
                 stride = (step.stride.length_m, step.stride.time_s) if step.stride else ("", "")
-                yield person, step.foot, step.landed_s, step.length_m, *stride
+                row = (person, step.foot, step.landed_s, step.length_m, *stride)
+                yield *row, step.confidence, int(step.observed)
 
 
 def _cells(row: _Row) -> Sequence[object]:

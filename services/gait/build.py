@@ -9,6 +9,7 @@ from services.gait.cascade import PersonObservation
 from services.gait.config import GaitConfig
 from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame, OnFrame
 from services.gait.node import GaitNode
+from services.gait.points.normal import Normal
 
 HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0
 FIGURE_MM, WALL_MM, CAMERA_MM = 2500, 4000, 1000  # depth, depth, height above the floor
@@ -55,6 +56,8 @@ def warm_up(config: GaitConfig) -> None:
             for key in (1, 2)
         ]
         estimator.update(GaitFrame(number * PERIOD_NS, rgb, depth_mm, observations, np.eye(4)))
+    one = Normal(np.ones(3), np.eye(3))  # of limbs, which three frames do not reach
+    one.fused(one).at_pixel(np.zeros(2), 1.0, info).distances2(np.ones((1, 3)))
 
 
 def build(config: GaitConfig, on_frame: OnFrame | None = None) -> GaitNode:

@@ -9,7 +9,8 @@ from common.geometry.boxes import iou_xyxy
 from people4d.messages import F32, F64, U8, U16, CameraInfo
 from services.gait.colour.colour_layer import ColourLayer
 from services.gait.config import CascadeConfig
-from services.gait.points.depth_layer import DepthLayer, MeshObservation
+from services.gait.points.body import MeshObservation
+from services.gait.points.depth_layer import DepthLayer
 from services.gait.points.point_filter import PointEstimate
 from services.gait.surface.floor import FloorDetector
 from services.gait.surface.mesh import BodyMesh, build_mesh
@@ -174,7 +175,7 @@ class Cascade:
             MeshObservation(mesh, elapsed_s, one.keypoints, self._floor.floor)
         )
         if mesh is not None:
-            state.depth_m = float(np.median(mesh.points_m[:, 2]))
+            state.depth_m = float(mesh.middle_m[2])
         if not config.details:
             return GaitEstimate(one.id, state.box, points)
         particles = {name: p.particles for name, p in state.layer.filters.items()}

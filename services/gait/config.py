@@ -166,6 +166,8 @@ class DepthLayerConfig(Config, frozen=True, kw_only=True):
     noise_per_m2: Positive = 0.004  # [m/m^2] of it in depth, by the distance squared
     confidence_min: BelowOne = 0.25  # of a measured position
     timeout_s: Positive = 0.4  # [s] without a measurement until a point is lost
+    body_prior: bool = True  # hands and feet are expected beside and below the body
+    hidden_s: Positive = 1.5  # [s] the same of a point whose body is visible
     spread_max_m: Positive = 0.35  # [m] largest standard deviation of a predicted point
     swap_s: Positive = 0.15  # [s] that left and right must contradict the heading to be exchanged
     gate: Positive = 5.0  # [standard deviations] from its prediction that a point is accepted
@@ -205,19 +207,19 @@ class StepConfig(Config, frozen=True, kw_only=True):
 
     window_s: Positive = 8.0  # [s] of the past that measures are of
     every_s: Positive = 0.2  # [s] between computations of measures
-    strides_min: Annotated[int, Meta(ge=2)] = 3  # even strides in the window
+    strides_min: PositiveInt = 1  # even strides in the window, each of three steps
     speed_min_mps: Positive = 0.2  # [m/s] below it a person stands
-    length_min_m: Positive = 0.12  # [m] of a step
+    length_min_m: Positive = 0.2  # [m] of a step
     step_min_s: Positive = 0.25  # [s] shorter ones are noise
     step_max_s: Positive = 1.5  # [s] longer ones are pauses
-    # [m] standard deviation of the position of a standing foot: above the noise of the depth, since
-    # the toes are visible first and then the heel
-    noise_m: Positive = 0.07
-    still_s: Positive = 0.25  # [s] before and after a sample, over which its stillness is averaged
-    stance_min_s: Positive = 0.25  # [s] least time that a foot stands
-    gap_s: Positive = 0.3  # [s] a standing foot may be occluded
-    length_spread: Positive = 0.12  # relative deviation from the median stride in an even walk
-    time_spread: Positive = 0.1  # the same of its time
+    stance_min_s: Positive = 0.15  # [s] least time that a foot stands
+    stance_max_s: Positive = 2.0  # [s] longest stance that is looked for; longer ones are joined
+    swing_cost: Positive = 3.0  # squared deviation from standing, from which on a foot swings
+    step_confidence_min: Ratio = 0.3  # of a reported step
+    noise_m: Positive = 0.06  # [m] of a standing foot, besides the noise of its point
+    gap_s: Positive = 0.5  # [s] a foot may be hidden in a swing
+    length_spread: Positive = 0.5  # relative deviation from the median stride in an even walk
+    time_spread: Positive = 0.5  # the same of its time
 
     def __post_init__(self) -> None:
         """Check ranges and order."""

@@ -11,7 +11,7 @@ from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
 from services.gait.config import GaitConfig
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
 from services.gait.points.point_filter import PointEstimate
-from services.gait.steps.steps import StepMeter
+from services.gait.steps.steps import FootSample, StepMeter
 
 BOX_MAX_PX = 1e6  # bound of published boxes
 UP = np.array([0.0, 0.0, 1.0])  # of every fixed frame
@@ -90,7 +90,9 @@ class GaitEstimator:
         }
         meter = self._meters.setdefault(estimate.id, StepMeter(self._config.steps, UP))
         left, right = (
-            point.position_m if (point := points.get(foot)) and point.state == "measured" else None
+            FootSample(point.position_m, point.covariance[:3, :3])
+            if (point := points.get(foot)) and point.state != "lost"
+            else None
             for foot in (LEFT_FOOT, RIGHT_FOOT)
         )
         box = estimate.box_xyxy_px

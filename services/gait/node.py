@@ -167,8 +167,8 @@ def _observation(
 ) -> PersonObservation:
     depth_m = float(apply(optical_from_fixed, track.position_m[None])[0, 2])
     box, keypoints = None, None
-    if track.detection is not None and track.detection < len(detections.detections):
-        detection = detections.detections[track.detection]
+    detection = detections.at(track.detection)
+    if detection is not None:
         box, keypoints = detection.box_xyxy_px.astype(np.float64), detection.keypoints
         if detection.position_m is not None:
             depth_m = float(detection.position_m[2])

@@ -40,12 +40,12 @@ def test_all_people_are_detected_and_tracked(tmp_path: Path) -> None:
     assert status == 0, output
     rows = rows_of(out / "gait.csv")
     assert tuple(rows[0]) == POINT_FIELDS
-    # Three people are there from the first frame on; tracks are confirmed in the third one.
+    # Three people are there from the first frame on; tracks are confirmed in the second one.
     assert len({row["person"] for row in rows}) == 3
     assert {row["point"] for row in rows} == NAMES
     head = [row for row in rows if row["point"] == "head"]
     assert all(0.8 < float(row["z_m"]) < 2.0 for row in head)
-    assert len({row["time_s"] for row in rows}) == 2
+    assert len({row["time_s"] for row in rows}) == 3
     assert [row["person"] for row in rows_of(out / "measures.csv")] == sorted(
         {row["person"] for row in rows}
     )
@@ -103,7 +103,7 @@ def test_tables_by_hand(tmp_path: Path) -> None:
                 state="measured",
                 position_m=position,
                 velocity_mps=np.zeros(3),
-                covariance=np.diag([0.04, 0.01, 0.09, 1.0, 1.0, 1.0]),
+                covariance=np.diag([0.02, 0.01, 0.03, 1.0, 1.0, 1.0]) ** 2,
                 confidence=0.5,
             )
             for side, position in zip(("left", "right"), positions, strict=True)
@@ -116,10 +116,12 @@ def test_tables_by_hand(tmp_path: Path) -> None:
     first = rows_of(tmp_path / "gait.csv")[0]
     assert (first["time_s"], first["person"], first["point"]) == ("0", "4", "left_foot")
     sigmas = [first[f"sigma_{axis}_m"] for axis in "xyz"]
-    assert (first["confidence"], sigmas) == ("0.5", ["0.2", "0.1", "0.3"])
+    assert (first["confidence"], sigmas) == ("0.5", ["0.02", "0.01", "0.03"])
     (estimate,) = rows_of(tmp_path / "measures.csv")
     assert float(estimate["cadence_per_min"]) == pytest.approx(120, abs=1)
     assert float(estimate["step_length_m"]) == pytest.approx(0.6, abs=0.01)
     steps = rows_of(tmp_path / "steps.csv")
     left = [float(step["landed_s"]) for step in steps if step["foot"] == "left"]
     assert left == pytest.approx([1.0, 2.0, 3.0, 4.0], abs=0.05)
+    assert {step["observed"] for step in steps} == {"1"}
+    assert all(0.3 <= float(step["confidence"]) <= 1 for step in steps)

@@ -5,9 +5,10 @@ from itertools import permutations
 
 import numpy as np
 
-from people4d.messages import F64
+from common.geometry.transforms import deproject
+from people4d.messages import F64, CameraInfo
 from services.gait.points.body import UP, Extremity, MeasuredBody
-from services.gait.points.keypoints import KINDS, START_CONFIDENCE
+from services.gait.points.keypoints import KINDS, START_CONFIDENCE, Anchor
 from services.gait.points.point_filter import PointFilter
 
 REACH_M = 0.30  # from the predicted point to its extremity, at most
@@ -15,10 +16,31 @@ GEODESIC_SIGMA_M = 0.10  # of an extremity's geodesic distance
 NEAR_SIGMA_M = 0.10  # of an extremity about the predicted point
 UNASSIGNED_COST = 9.0
 SIGMA_MAX_M = 0.2  # of a prediction
+PRIOR_FREE = 3.0  # squared deviation from the body's prior that costs nothing
 ARM_MIN = 0.3  # of the stature, geodesic distance of fingertips
 TAKEN_M = 0.12  # [m] of a tracked point to an extremity that is not free
 TO_CAMERA = np.array([0.0, 0.0, -1.0])  # heading of people of unknown heading
 Starts = list[tuple[str, Extremity]]
+
+
+def assign_all(
+    points: Mapping[str, PointFilter],
+    extremities: Sequence[Extremity],
+    expected: Mapping[str, Anchor],
+    info: CameraInfo,
+) -> dict[str, Extremity]:
+    """Assign extremities to the tracked points of their kinds; `expected` are pixels by name."""
+    anchors_m = {
+        name: deproject(anchor.pixel, motion.position_m[2], info)[0]
+        for name, anchor in expected.items()
+        if (motion := points[name].motion) is not None
+    }
+    assigned: dict[str, Extremity] = {}
+    for kind in KINDS:
+        alive = [point for point in points.values() if point.kind == kind and point.alive]
+        same = [one for one in extremities if one.kind == kind][:6]
+        assigned |= assign(alive, same, anchors_m)
+    return assigned
 
 
 def assign(
@@ -53,6 +75,9 @@ def _cost(point: PointFilter, extremity: Extremity, anchors_m: Mapping[str, F64]
     if point.name in anchors_m:
         apart = np.linalg.norm((extremity.position_m - anchors_m[point.name])[:2])
         cost += min(float(apart / NEAR_SIGMA_M) ** 2, 9.0)
+    if point.prior is not None:
+        off2 = float(point.prior.distances2(extremity.position_m[None])[0])
+        cost += min(max(off2 - PRIOR_FREE, 0.0), UNASSIGNED_COST)
     return float(cost) + 1.0 - extremity.strength
 
 
@@ -68,7 +93,7 @@ def initial_extremities(
     Extremities come the most persistent first; without a heading (3) the person faces the camera.
     """
     left = np.cross(UP, TO_CAMERA if heading is None else heading)
-    middle = np.median(body.mesh.points_m, axis=0)
+    middle = body.mesh.middle_m
     taken = [point.motion.position_m for point in points if point not in idle and point.motion]
     free = [one for one in extremities if _is_free(one, taken, body)]
     found: Starts = []

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from people4d.messages import F32, F64
+from people4d.messages import F32, F64, CameraInfo
 from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import torso_pixel
 from services.gait.surface.floor import FloorPlane
@@ -25,9 +25,20 @@ HEAD_MIN = 0.82  # limbs that end above it may end in the head
 HEAD_ASIDE_M = 0.3  # farthest head from the body's axis
 HAND_GEODESIC_MIN_M = 0.3  # nearer to the torso's middle extrema are elbows and shoulders
 
+BOTTOM = 0.94  # of the image's height: legs that go on below are cut off there
 TORSO_CANDIDATES = 24
 TORSO_SIGMA_M = 0.08  # [m] of candidates about the torso's middle
 REFERENCE_DECAY = 0.95  # of the torso's reference in each frame; the rest is the new spin image
+
+
+@dataclass(frozen=True)
+class MeshObservation:
+    """Observation of one person in a frame."""
+
+    mesh: BodyMesh | None  # None: not visible
+    dt_s: float  # since the last frame
+    keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
+    floor: FloorPlane | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +84,7 @@ def extremity_kinds(
     vertices: I64, mesh: BodyMesh, heights_m: F64, stature_m: float
 ) -> tuple[str, ...]:
     """Classify extrema by height: the highest near the body's axis is the head."""
-    middle = np.median(mesh.points_m, axis=0)
+    middle = mesh.middle_m
     kinds = ["hand"] * len(vertices)
     best = -1
     for k, vertex in enumerate(vertices):
@@ -98,6 +109,17 @@ def measure_body(
     tip_distance = np.nan_to_num(tips[extrema.basin] - geodesic_m, nan=np.inf)
     kinds = extremity_kinds(extrema.vertices, mesh, heights_m, stature_m)
     return MeasuredBody(mesh, heights_m, stature_m, geodesic_m, extrema, kinds, tip_distance)
+
+
+def extremities_in_view(
+    body: MeasuredBody, info: CameraInfo, config: DepthLayerConfig
+) -> list[Extremity]:
+    """Return the extremities that are not cut off by the image."""
+    margin = 2 * body.mesh.step_px
+    last = np.array([info.width - 1 - margin, BOTTOM * info.height])
+    pixels = body.mesh.pixels_px[body.extrema.vertices]
+    inside = np.all((pixels > margin) & (pixels < last), axis=1)
+    return [one for one in find_extremities(body, config) if inside[one.basin]]
 
 
 def find_extremities(body: MeasuredBody, config: DepthLayerConfig) -> list[Extremity]:

@@ -1,19 +1,20 @@
 """The depth layer: points of one person's body tracked in depth (docs/method.md, section 8.3)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from common.geometry.transforms import deproject
-from people4d.messages import F32, F64, CameraInfo
+from people4d.messages import F64, CameraInfo
 from services.gait.config import DepthLayerConfig
-from services.gait.points.assignment import assign, initial_extremities
+from services.gait.points.acceptance import Acceptance, drop_same
+from services.gait.points.assignment import assign_all, initial_extremities
 from services.gait.points.body import (
+    UP,
     Extremity,
     MeasuredBody,
+    MeshObservation,
     TorsoReference,
-    find_extremities,
+    extremities_in_view,
     heights_of,
     lengths_m,
     measure_body,
@@ -22,43 +23,33 @@ from services.gait.points.heading import HeadingEstimator, LeftRightCheck
 from services.gait.points.keypoints import (
     COUNTERPARTS,
     HEAD,
-    KINDS,
     START_CONFIDENCE,
     Anchor,
     anchors,
     feet_ahead,
+    joint_pixels,
     pixels_of,
     sigma_px,
 )
 from services.gait.points.likelihood import (
-    Acceptance,
     PointEvidence,
     combined_weights,
     reference_spin_image,
     single_feature_weights,
     spin_similarities,
 )
+from services.gait.points.limb_anchors import on_own_limbs
+from services.gait.points.limb_prior import limb_priors
+from services.gait.points.limb_surface import surface_position
+from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointEstimate, PointFilter
-from services.gait.surface.floor import FloorPlane
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
-from services.gait.surface.mesh import BodyMesh
 
 VERTICES_MIN = 30  # of a body
 CONTRADICTIONS_MAX = 2  # frames in which a keypoint contradicts a point, before it starts again
-BOTTOM = 0.94  # of the image's height: legs that go on below are cut off there
 DAMPING_S = 0.05  # [s] time constant with which an occluded point takes the head's velocity
 START_M = 0.05  # [m] of a keypoint to the body, at most, for a point to start there
 MARKED_TIP_MAX_M = 0.4  # [m] of a marked point to the end of its limb
-
-
-@dataclass(frozen=True)
-class MeshObservation:
-    """Observation of one person in a frame."""
-
-    mesh: BodyMesh | None  # None: not visible
-    dt_s: float  # since the last frame
-    keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
-    floor: FloorPlane | None = None
 
 
 class DepthLayer:
@@ -73,6 +64,8 @@ class DepthLayer:
         self._torso = TorsoReference(config)
         self._heading_estimator = HeadingEstimator()
         self._heading: F64 | None = None  # 3, level, optical frame
+        self._up: F64 = UP
+        self._has_keypoints = False  # in this frame
         self._points = {name: self._new(name) for name in config.points}
         self._acceptance = Acceptance(config, info)
         self._left_right = LeftRightCheck(config.swap_s)
@@ -104,7 +97,10 @@ class DepthLayer:
 
     def update(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
+        self._has_keypoints = self._config.keypoints and observation.keypoints is not None
+        self._up = UP if observation.floor is None else observation.floor.up
         body = self._measure(observation)
+        self._expect(body, observation)
         if body is None:
             for point in self._points.values():
                 if point.motion is not None:
@@ -113,8 +109,10 @@ class DepthLayer:
             return self._estimates()
         expected = self._anchors(observation, body)
         starts = any(point.motion is None for point in self._points.values())
-        extremities = self._extremities(body) if self._combined or starts else []
-        self._assign(expected, extremities)
+        extremities = (
+            extremities_in_view(body, self._info, self._config) if self._combined or starts else []
+        )
+        self._assigned = assign_all(self._points, extremities, expected, self._info)
         self._propagate(observation.dt_s, expected)
         self._measure_points(observation.dt_s, body, expected)
         if self._combined:
@@ -158,34 +156,25 @@ class DepthLayer:
         extrema = geodesic_extrema(mesh, distances, config.persistence_m)
         return measure_body(mesh, heights, self._stature_m, distances, extrema)
 
-    def _extremities(self, body: MeasuredBody) -> list[Extremity]:
-        """Return the extremities that are not cut off by the image."""
-        margin = 2 * body.mesh.step_px
-        last = np.array([self._info.width - 1 - margin, BOTTOM * self._info.height])
-        pixels = body.mesh.pixels_px[body.extrema.vertices]
-        inside = np.all((pixels > margin) & (pixels < last), axis=1)
-        return [one for one in find_extremities(body, self._config) if inside[one.basin]]
+    def _expect(self, body: MeasuredBody | None, observation: MeshObservation) -> None:
+        """Set the expected positions of the points relative to the body."""
+        priors: Mapping[str, Normal] = {}
+        if body is not None and self._combined and self._config.body_prior:
+            known = observation.keypoints if self._config.keypoints else None
+            joints = joint_pixels(known, self._config)
+            priors = limb_priors(body, self._heading, self._up, joints, self._info)
+        for name, point in self._points.items():
+            point.prior, point.hidden_keypoint = priors.get(name), None
 
     def _anchors(self, observation: MeshObservation, body: MeasuredBody) -> Mapping[str, Anchor]:
         if not (self._combined and self._config.keypoints):
             return {}
         found = anchors(observation.keypoints, self._config)
         if self._heading is not None:
-            depth_m = float(np.median(body.mesh.points_m[:, 2]))
+            depth_m = float(body.mesh.middle_m[2])
             found = feet_ahead(found, depth_m, self._heading, self._info, self._config)
-        return {name: anchor for name, anchor in found.items() if name in self._points}
-
-    def _assign(self, expected: Mapping[str, Anchor], extremities: Sequence[Extremity]) -> None:
-        anchors_m = {
-            name: deproject(anchor.pixel, [point.motion.position_m[2]], self._info)[0]
-            for name, anchor in expected.items()
-            if (point := self._points[name]).motion is not None
-        }
-        self._assigned = {}
-        for kind in KINDS:
-            points = [p for p in self._points.values() if p.kind == kind and p.alive]
-            same = [one for one in extremities if one.kind == kind][:6]
-            self._assigned |= assign(points, same, anchors_m)
+        found = {name: anchor for name, anchor in found.items() if name in self._points}
+        return on_own_limbs(found, self._points, observation.dt_s, self._info, self._config)
 
     def _propagate(self, dt_s: float, expected: Mapping[str, Anchor]) -> None:
         for name, point in self._points.items():
@@ -205,7 +194,7 @@ class DepthLayer:
         for point in points:
             point.project_to(body)
         # Before any update: the evidence of a point contains its counterpart's prediction.
-        evidence = [self._evidence(point, expected.get(point.name)) for point in points]
+        evidence = [self._evidence(point, body, expected.get(point.name)) for point in points]
         similarities = spin_similarities(points, body.mesh, self._config)
         weights = [
             combined_weights(point, body, similar, own, self._config)
@@ -213,16 +202,33 @@ class DepthLayer:
             else single_feature_weights(point, body, similar, self._config)
             for point, similar, own in zip(points, similarities, evidence, strict=True)
         ]
-        for point, weighted, own in zip(points, weights, evidence, strict=True):
-            self._acceptance.update(point, body, weighted, own, dt_s)
+        candidates = {
+            point.name: self._acceptance.candidate(point, body, weighted, own.surface)
+            for point, weighted, own in zip(points, weights, evidence, strict=True)
+        }
+        if self._combined:
+            drop_same(candidates, self._points)
+        for point, own in zip(points, evidence, strict=True):
+            self._acceptance.update(point, body, candidates[point.name], own, dt_s)
 
-    def _evidence(self, point: PointFilter, anchor: Anchor | None) -> PointEvidence:
+    def _evidence(
+        self, point: PointFilter, body: MeasuredBody, anchor: Anchor | None
+    ) -> PointEvidence:
         assert point.motion is not None
+        self._acceptance.has_keypoints = self._has_keypoints
+        self._acceptance.had_keypoints |= self._has_keypoints
         depth_m = point.motion.position_m[2]
         noise_px = sigma_px(anchor, depth_m, self._info, self._config) if anchor else 1.0
         other = self._points.get(COUNTERPARTS.get(point.name, ""))
         taken = self._assigned.get(other.name) if other is not None else None
-        return PointEvidence(anchor, noise_px, other, self._assigned.get(point.name), taken)
+        surface = (
+            surface_position(point.name, anchor, body, self._heading, self._up, self._info)
+            if point.kind in ("hand", "foot") and self._combined
+            else None
+        )
+        return PointEvidence(
+            anchor, noise_px, other, self._assigned.get(point.name), taken, surface
+        )
 
     def _damp_occluded(self, dt_s: float) -> None:
         """Let occluded points take the head's velocity: arms do not fly off."""
@@ -254,7 +260,8 @@ class DepthLayer:
         points = self._points.values()
         idle = [point for point in points if self._is_idle(point)]
         for name, one in initial_extremities(points, idle, extremities, body, self._heading):
-            self._start(name, body.mesh.nearest(one.position_m), body)
+            if self._is_possible(name, one.position_m):
+                self._start(name, body.mesh.nearest(one.position_m), body)
 
     def _is_idle(self, point: PointFilter) -> bool:
         """Check that a point is lost, or had no extremity for long."""
@@ -265,8 +272,17 @@ class DepthLayer:
     def _start_near(self, name: str, pixel: F64, body: MeasuredBody) -> None:
         distances = np.linalg.norm(body.mesh.pixels_px - pixel, axis=1)
         vertex = int(np.argmin(distances))
-        if distances[vertex] <= pixels_of(START_M, body.mesh.points_m[vertex, 2], self._info):
+        near = distances[vertex] <= pixels_of(START_M, body.mesh.points_m[vertex, 2], self._info)
+        if near and self._is_possible(name, body.mesh.points_m[vertex]):
             self._start(name, vertex, body)
+            self._points[name].state = "predicted"  # until the next frame agrees
+
+    def _is_possible(self, name: str, position_m: F64) -> bool:
+        """Check that a point may start at a position: the surface there does not hide it."""
+        point = self._points[name]
+        if point.state == "measured":
+            return True
+        return not self._acceptance.is_hidden(point, position_m, None)
 
     def _start(self, name: str, vertex: int, body: MeasuredBody) -> None:
         point = self._points.setdefault(name, self._new(name))

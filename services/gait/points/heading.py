@@ -35,7 +35,7 @@ class HeadingEstimator:
         if mesh is None or not len(mesh.points_m):
             self._middle = None
             return self._heading
-        middle = np.median(mesh.points_m, axis=0)
+        middle = mesh.middle_m
         evidence = self._velocity_mps(middle, dt_s) / SPEED_MPS + _feet_ahead(
             mesh.points_m, heights_m
         )

@@ -4,8 +4,9 @@ import numpy as np
 
 from common import kalman
 from people4d.messages import F64
+from services.gait.points.normal import squared_distances
 
-H, EYE = np.eye(3, 6), np.eye(3)
+EYE = np.eye(3)
 
 
 class PointKalmanFilter:
@@ -61,13 +62,9 @@ class PointKalmanFilter:
 
     def distances2(self, points_m: F64, noise_m2: F64) -> F64:
         """Return squared Mahalanobis distances of Nx3 measured points to the prediction, N."""
-        offsets = points_m - self.position_m
-        S = self.covariance[:3, :3] + noise_m2
-        return np.asarray(((offsets @ np.linalg.inv(S)) * offsets).sum(axis=1))
+        return squared_distances(points_m, self.position_m, self.covariance[:3, :3] + noise_m2)
 
     def correct(self, point_m: F64, noise_m2: F64) -> None:
         """Update by a measured point, 3, and its covariance, 3x3."""
-        self.state, self.covariance = kalman.update(
-            self.state, self.covariance, point_m, H, noise_m2
-        )
+        self.state, self.covariance = kalman.update(self.state, self.covariance, point_m, noise_m2)
         self._sigma_m = None

@@ -1,7 +1,7 @@
 """Names of the tracked points, and their expected pixels by the detector's keypoints."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -24,6 +24,7 @@ JOINTS: Mapping[str, tuple[int, int]] = MappingProxyType(
     {LEFT_HAND: (9, 7), RIGHT_HAND: (10, 8), LEFT_FOOT: (15, 13), RIGHT_FOOT: (16, 14)}
 )
 START_CONFIDENCE = 0.5  # of a keypoint or extremity at which a lost point starts
+ANKLE_CONFIDENCE_MIN = 0.1  # of a keypoint that counts if it is near its foot
 UNDIRECTED_NOISE = 1.5  # factor of the noise, where the direction of a limb is not known
 # Factor of the noise: the face is beside the head's middle; the direction of a foot is not known.
 KIND_NOISE: Mapping[str, float] = MappingProxyType({"head": 2.0, "hand": 1.0, "foot": 2.5})
@@ -36,6 +37,8 @@ class Anchor:
     pixel: F64  # [px] 2: u, v
     sigma: float  # noise, relative to that of a keypoint
     confidence: float  # 0 to 1
+    joint: F64 | None = None  # [px] 2: the keypoint itself, of hands and feet
+    before: F64 | None = None  # [px] 2: the elbow or knee, if it is known
 
 
 def kind_of(point: str) -> str:
@@ -57,7 +60,7 @@ def anchors(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, Anc
     """Return the expected pixels of points by confident keypoints (17x3, COCO; None: not detected).
 
     Hands are beyond the wrists and feet beyond the ankles, by a ratio of forearm and shank in the
-    image.
+    image. Ankles of low confidence count, too: most are right, and the body tells which.
     """
     if keypoints is None or keypoints.shape != (17, 3):
         return {}
@@ -70,13 +73,15 @@ def anchors(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, Anc
         middle = uv[face].mean(axis=0)
         found[HEAD] = Anchor(middle, KIND_NOISE["head"], float(confidence[face].max()))
     for point, (end, before) in JOINTS.items():
-        if confidence[end] <= least:
+        foot = kind_of(point) == "foot"
+        if confidence[end] <= (min(ANKLE_CONFIDENCE_MIN, least) if foot else least):
             continue
-        reach = config.hand_reach if kind_of(point) == "hand" else config.foot_reach
+        reach = config.foot_reach if foot else config.hand_reach
         directed = confidence[before] > least
         pixel = uv[end] + reach * (uv[end] - uv[before]) if directed else uv[end]
         sigma = KIND_NOISE[kind_of(point)] * (1.0 if directed else UNDIRECTED_NOISE)
-        found[point] = Anchor(pixel, sigma, float(confidence[end]))
+        known = uv[before] if directed else None
+        found[point] = Anchor(pixel, sigma, float(confidence[end]), uv[end], known)
     return found
 
 
@@ -96,8 +101,17 @@ def feet_ahead(
         if kind_of(name) == "foot":
             ankle_m = deproject(anchor.pixel, [depth_m], info)[0]
             pixel = project(ankle_m + config.foot_ahead_m * heading, info)[0]
-            moved[name] = Anchor(pixel, anchor.sigma / KIND_NOISE["foot"], anchor.confidence)
+            moved[name] = replace(anchor, pixel=pixel, sigma=anchor.sigma / KIND_NOISE["foot"])
     return moved
+
+
+def joint_pixels(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, F64]:
+    """Return the pixels of elbows and knees by the hands and feet after them."""
+    if keypoints is None or keypoints.shape != (17, 3):
+        return {}
+    rows = {name: keypoints[before].astype(np.float64) for name, (_, before) in JOINTS.items()}
+    least = config.keypoint_confidence_min
+    return {n: row[:2] for n, row in rows.items() if np.isfinite(row).all() and row[2] > least}
 
 
 def torso_pixel(keypoints: F32 | None, config: DepthLayerConfig) -> F64 | None:

@@ -1,4 +1,4 @@
-"""Likelihood of particles on a body, and acceptance of the position that they measure.
+"""Likelihood of particles on a body.
 
 Source: docs/method.md, sections 8.3 and 19.
 """
@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from common.geometry.transforms import project
-from people4d.messages import F64, CameraInfo
+from people4d.messages import F64
 from services.gait.config import DepthLayerConfig
 from services.gait.points.body import Extremity, MeasuredBody
-from services.gait.points.keypoints import START_CONFIDENCE, Anchor
+from services.gait.points.keypoints import Anchor
+from services.gait.points.limb_surface import SurfacePosition
 from services.gait.points.point_filter import PointFilter
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I64
@@ -22,8 +22,7 @@ CLIP = 8.0  # no feature alone excludes a particle
 BODY_CLIP = 3.0  # of all features of the body, where a keypoint identifies the limb
 KEYPOINT_RELIABLE = 0.6  # confidence from which on a keypoint is hardly ever on the wrong limb
 WRONG_LIMB = 6.0  # log-likelihood ratio of a particle on another kind of limb
-CONTRADICTION = 3.0  # [standard deviations] of a point from its keypoint
-TOLERANCE = 1.5  # [standard deviations] that count as one
+PRIOR_FREE = 3.0  # squared deviation from the body's prior that is as likely as none
 
 
 @dataclass(frozen=True)
@@ -35,6 +34,7 @@ class PointEvidence:
     counterpart: PointFilter | None = None  # the same point on the other side of the body
     extremity: Extremity | None = None  # assigned to the point
     counterpart_extremity: Extremity | None = None  # assigned to the counterpart
+    surface: SurfacePosition | None = None  # behind the keypoint
 
 
 @dataclass(frozen=True)
@@ -127,6 +127,9 @@ def combined_weights(
         off = (best - np.maximum(similarities, -2.0)) / config.spin_sigma
         logs -= trust["spin"] * np.minimum(off, CLIP)
     logs -= _limb_penalty(point, body, vertices, evidence, config)
+    if point.prior is not None:
+        squares = point.prior.distances2(body.mesh.points_m[vertices])
+        logs -= np.clip(0.5 * (squares - PRIOR_FREE), 0.0, CLIP)
     if evidence.anchor is not None:
         logs = np.where(on_body, np.maximum(logs - logs.max(initial=-1e3), -BODY_CLIP), -np.inf)
     points_m = body.mesh.points_m[vertices]
@@ -187,95 +190,3 @@ def _counterpart_log(point: PointFilter, points_m: F64, other: PointFilter | Non
     own = point.motion.distances2(points_m, point.noise_m2(point.motion.position_m))
     their = other.motion.distances2(points_m, other.noise_m2(other.motion.position_m))
     return np.asarray(-np.log1p(np.exp(np.clip((own - their) / 2, -30, CLIP))))
-
-
-class Acceptance:
-    """Updates points by their weighted particles, where the evidence is sufficient."""
-
-    def __init__(self, config: DepthLayerConfig, info: CameraInfo) -> None:
-        self._config, self._info = config, info
-
-    def update(
-        self,
-        point: PointFilter,
-        body: MeasuredBody,
-        weighted: ParticleWeights,
-        evidence: PointEvidence,
-        dt_s: float,
-    ) -> None:
-        """Update a point, and resample its particles."""
-        logs = weighted.logs
-        best = int(np.argmax(logs))
-        if not np.isfinite(logs[best]):
-            point.mark_missed(dt_s)
-            point.reset_particles(body)
-            return
-        weights = np.exp(logs - logs[best])
-        weights /= weights.sum()
-        positions = body.mesh.points_m[np.maximum(point.vertices, 0)]
-        if self._config.feature == "combined":
-            near = np.linalg.norm(positions - positions[best], axis=1) <= self._config.window_m
-            inside = weights * near * (point.vertices >= 0)
-            position = (inside / inside.sum()) @ positions
-            self._accept(point, body, position, int(point.vertices[best]), evidence, dt_s)
-        else:
-            point.mark_measured(positions[best], 1.0)
-        point.resample(weights)
-
-    def _accept(
-        self,
-        point: PointFilter,
-        body: MeasuredBody,
-        position: F64,
-        vertex: int,
-        evidence: PointEvidence,
-        dt_s: float,
-    ) -> None:
-        assert point.motion is not None
-        config = self._config
-        noise = point.noise_m2(position)
-        off = float(np.sqrt(point.motion.distances2(position[None], noise)[0]))
-        support = max(
-            self._by_extremity(point, body, vertex, evidence),
-            self._by_anchor(point, position, evidence),
-        )
-        point.unsupported_s = 0.0 if support > config.confidence_min else point.unsupported_s + dt_s
-        # Without extremity and keypoint, similar features elsewhere count for a while only.
-        decay = float(np.exp(-point.unsupported_s / (2 * config.timeout_s))) if point.kind else 1.0
-        support = max(support, decay * self._by_distance(point, body, vertex))
-        confidence = support * _agreement(off / config.gate * TOLERANCE**2)
-        if off > config.gate or confidence < config.confidence_min or point.state == "lost":
-            point.mark_missed(dt_s)
-            return
-        point.mark_measured(position, confidence)
-        if confidence > START_CONFIDENCE:
-            point.adapt(float(body.geodesic_m[vertex]))
-
-    def _by_extremity(
-        self, point: PointFilter, body: MeasuredBody, vertex: int, evidence: PointEvidence
-    ) -> float:
-        extremity = evidence.extremity
-        if extremity is None or body.extrema.basin[vertex] != extremity.basin:
-            return 0.0
-        if not np.isfinite(point.tip_distance_m):
-            return 0.0
-        off = float(body.tip_distance_m[vertex] - point.tip_distance_m)
-        return extremity.strength * _agreement(off / self._config.extremity_sigma_m)
-
-    def _by_distance(self, point: PointFilter, body: MeasuredBody, vertex: int) -> float:
-        off = float(body.geodesic_m[vertex] - point.geodesic_m) / self._config.geodesic_sigma_m
-        return _agreement(off) if np.isfinite(off) else 0.0
-
-    def _by_anchor(self, point: PointFilter, position: F64, evidence: PointEvidence) -> float:
-        anchor = evidence.anchor
-        if anchor is None:
-            return 0.0
-        pixel = project(position, self._info)[0]
-        off = float(np.linalg.norm(pixel - anchor.pixel)) / evidence.anchor_sigma_px
-        contradicts = off > CONTRADICTION and anchor.confidence > START_CONFIDENCE
-        point.contradicted = point.contradicted + 1 if contradicts else 0
-        return float(np.clip((anchor.confidence - 0.4) / 0.3, 0.0, 1.0)) * _agreement(off)
-
-
-def _agreement(off: float) -> float:
-    return float(agreement(np.array(off / TOLERANCE)))

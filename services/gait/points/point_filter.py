@@ -13,6 +13,7 @@ from services.gait.particles import FIRST, systematic
 from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.keypoints import Anchor, kind_of, pixels_of, sigma_px
+from services.gait.points.normal import Normal
 from services.gait.surface.segmentation import I64
 
 PointState = Literal["measured", "predicted", "lost"]
@@ -20,6 +21,10 @@ TAU_DEPTH_M, TAU_FOCAL_PX = 3.0, 615.0  # at which the noise of particles is as 
 SPEED_MPS = 1.5  # of a new point, standard deviation
 PROPOSAL_SIGMA_MAX_M = 0.15  # [m] of particles about the prediction
 EXTREMITY_SIGMA_M = 0.03  # [m] of particles about the extremity
+CONTRADICTION2 = 16.0  # squared Mahalanobis distance of a motion from the body's prior
+# Of a predicted point: neither motion nor the body's proportions are as assumed
+SPREAD, SPREAD_M = 1.5, 0.06
+HIDDEN_KEYPOINT_M = 0.15  # [m] standard deviation of a keypoint of a hidden point
 
 
 @dataclass(frozen=True)
@@ -68,9 +73,12 @@ class PointFilter:
         self.tip_distance_m = np.nan  # reference distance to the end of the limb; NaN: no limb
         self.confidence = 0.0
         self.missed_s = 0.0  # since the last measurement
+        self.likely = False  # predicted, but its position is rather its own than of another surface
         self.contradicted = 0  # consecutive frames, by its keypoint
         self.unsupported_s = 0.0  # since extremity or keypoint agreed
         self.state: PointState = "lost"
+        self.prior: Normal | None = None  # expected position relative to the body
+        self.hidden_keypoint: Anchor | None = None  # keypoint of a point that is hidden
 
     @property
     def alive(self) -> bool:
@@ -81,6 +89,26 @@ class PointFilter:
     def limb_length_m(self) -> float:
         """Reference geodesic distance of the end of the limb; NaN if not connected."""
         return float(self.geodesic_m + np.nan_to_num(self.tip_distance_m))
+
+    def expected(self, dt_s: float = 0.0) -> Normal | None:
+        """Return the expected position after some time, by its motion and by the body.
+
+        Motion that contradicts the body is trusted only while limb or keypoint confirm it.
+        """
+        if self.motion is None or not self.alive:
+            return self.prior
+        state, covariance = self.motion.predicted(dt_s) if dt_s else self._now()
+        own = Normal(state[:3], np.ascontiguousarray(covariance[:3, :3]))
+        if self.prior is None:
+            return own
+        apart = Normal(own.mean_m, own.covariance + self.prior.covariance)
+        if apart.distances2(self.prior.mean_m[None])[0] > CONTRADICTION2:
+            return own if self.unsupported_s == 0.0 else self.prior
+        return own.fused(self.prior)
+
+    def _now(self) -> tuple[F64, F64]:
+        assert self.motion is not None
+        return self.motion.state, self.motion.covariance
 
     def start(self, vertex: int, body: MeasuredBody, spin: F64 | None) -> None:
         """Track the point from a vertex on."""
@@ -147,12 +175,22 @@ class PointFilter:
         self.particles[:, :2] = body.mesh.pixels_px[vertex]
         self.particles[:, 2:] = 0.0
 
-    def mark_measured(self, position_m: F64, confidence: float) -> None:
-        """Update by the position that the particles measured."""
+    def mark_measured(
+        self, position_m: F64, confidence: float, noise_m2: F64 | None = None
+    ) -> None:
+        """Update by a measured position; its noise (3x3) is that of particles by default."""
         assert self.motion is not None
-        self.motion.correct(position_m, self.noise_m2(position_m))
+        noise_m2 = self.noise_m2(position_m) if noise_m2 is None else noise_m2
+        self.motion.correct(position_m, noise_m2)
         self.position_m = self.motion.position_m if self._combined else position_m
         self.state, self.missed_s, self.confidence = "measured", 0.0, confidence
+
+    def mark_doubtful(self, position_m: F64, noise_m2: F64, dt_s: float, *, likely: bool) -> None:
+        """Update by a position that may be that of another surface, with its noise, 3x3."""
+        assert self.motion is not None
+        self.motion.correct(position_m, noise_m2)
+        self.mark_missed(dt_s)
+        self.likely = likely
 
     def adapt(self, geodesic_m: float) -> None:
         """Adapt the reference distance to a measured one, within bounds: limbs do not grow."""
@@ -169,9 +207,12 @@ class PointFilter:
         """Take the prediction as position; the point is lost after a while."""
         config = self._config
         self.missed_s += dt_s
+        self.likely = False
         if self.motion is None:
             return
         gone = self.missed_s > config.timeout_s or self.motion.sigma_m > config.spread_max_m
+        if self.prior is not None:
+            gone = self.missed_s > config.hidden_s
         if self._combined:
             self.position_m = self.motion.position_m
             self.state = "lost" if gone or self.state == "lost" else "predicted"
@@ -183,13 +224,28 @@ class PointFilter:
         """Return position and velocity in the last frame."""
         if self.motion is None:
             return PointEstimate(np.full(3, np.nan), np.zeros(3), np.eye(6), "lost", 0.0)
+        position_m, covariance = self.position_m.copy(), self.motion.covariance.copy()
+        if self.state == "predicted" and self.likely:
+            covariance[:3, :3] = SPREAD * covariance[:3, :3] + SPREAD_M**2 * np.eye(3)
+        elif self.state == "predicted" and (expected := self.hidden_at()) is not None:
+            position_m = expected.mean_m
+            covariance[:3, :3] = SPREAD * expected.covariance + SPREAD_M**2 * np.eye(3)
+            covariance[:3, 3:] = covariance[3:, :3] = 0.0
         return PointEstimate(
-            position_m=self.position_m.copy(),
+            position_m=position_m,
             velocity_mps=self.motion.state[3:].copy(),
-            covariance=self.motion.covariance.copy(),
+            covariance=covariance,
             state=self.state,
             confidence=self.confidence,
         )
+
+    def hidden_at(self) -> Normal | None:
+        """Return the expected position of a hidden point, with its keypoint if it has one."""
+        expected = self.expected() if self.prior is not None else None
+        if expected is None or self.hidden_keypoint is None:
+            return expected
+        sigma = pixels_of(HIDDEN_KEYPOINT_M, float(expected.mean_m[2]), self._info)
+        return expected.at_pixel(self.hidden_keypoint.pixel, sigma, self._info)
 
     def predicted(self, dt_s: float) -> PointEstimate:
         """Return the estimate after some time without measurement."""
@@ -199,12 +255,16 @@ class PointFilter:
         state, covariance = self.motion.predicted(dt_s)
         return PointEstimate(state[:3], state[3:], covariance, "predicted", 0.0)
 
-    def noise_m2(self, position_m: F64) -> F64:
-        """Return the covariance of a measured position, 3x3, largest along the ray."""
+    def noise_m2(self, position_m: F64, besides_m2: F64 | None = None) -> F64:
+        """Return the covariance of a measured position, 3x3, largest along the ray.
+
+        `besides_m2` is that besides the noise of depth; by default that of particles.
+        """
         config = self._config
         ray = position_m / np.linalg.norm(position_m)
         depth_m2 = (config.noise_per_m2 * position_m[2] ** 2) ** 2
-        return np.asarray(config.noise_m**2 * np.eye(3) + depth_m2 * np.outer(ray, ray))
+        besides_m2 = config.noise_m**2 * np.eye(3) if besides_m2 is None else besides_m2
+        return np.asarray(besides_m2 + depth_m2 * np.outer(ray, ray))
 
     def _scale(self, position_m: F64) -> float:
         return float(TAU_DEPTH_M / max(position_m[2], 0.3) * self._info.fx / TAU_FOCAL_PX)

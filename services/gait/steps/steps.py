@@ -1,31 +1,29 @@
-"""Steps, strides and gait measures by footprints.
+"""Steps, strides and gait measures by the swings of both feet.
 
-Three consecutive footprints are a stride if the middle one, of the other foot, lies halfway; with a
-footprint missed between them it does not. Measures are means over strides: both ends of a stride
-are the same foot, while of two feet the toes of one may be visible and the heel of the other.
+Lengths are means over strides: both ends of a stride are the same foot, while of two feet the toes
+of one may be visible and the heel of the other. The cadence is that of all steps that follow each
+other, those included that were not seen but must have been.
 
 Source: docs/method.md, section 20.
 """
 
 import math
 from collections import deque
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
-from services.gait.steps.footprints import Footprint, FootTrajectory, find_footprints
+from services.gait.steps.alternation import Landing, alternating
+from services.gait.steps.swings import FEET, FootTrajectory, Side, Swing, find_swings
 
-HALFWAY = (0.38, 0.62)  # of a stride; with a footprint missed, the next is at two thirds
-IN_TIME = (0.3, 0.7)  # the same of its time: a limp delays one foot
-IN_AIR_MAX = 0.25  # of a step, in which neither foot seems to stand
-STEPS_MIN = 2  # of each foot, for the asymmetry
-
-Side = Literal["left", "right"]
-FEET: tuple[Side, Side] = ("left", "right")
+JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps
+STEPS_MIN = 2  # for the cadence; of each foot, for the asymmetry
+UNOBSERVED = 0.3  # confidence of a step that was not seen
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class Stride:
 
     length_m: float  # between the footprints
     time_s: float  # between the landings
-    step_time_s: float  # since the landing of the other foot
+    step_time_s: float | None  # since the landing of the other foot; None: it was not seen
 
 
 @dataclass(frozen=True)
@@ -45,6 +43,14 @@ class FootStep:
     landed_s: float
     length_m: float  # from the other foot, in walking direction
     stride: Stride | None  # that ended here; None if its begin was not detected
+    lifted_s: float  # when the foot left its last footprint; of a step not seen the last landing
+    position_m: tuple[float, float]  # on the ground
+    width_m: float | None  # from the other foot, across the walking direction; None: not visible
+    confidence: float  # 0 to 1
+    follows: bool = False  # True: the step before it in the list is that of the other foot
+    observed: bool = (
+        True  # False: the other foot took two steps with the time of this one between them
+    )
 
 
 def find_steps(
@@ -52,38 +58,83 @@ def find_steps(
 ) -> list[FootStep]:
     """Return the steps of a person in the order of time; none while standing.
 
-    Trajectories are of measured positions only; `up` (3, unit) points away from the ground.
+    Trajectories are of measured and predicted positions; `up` (3, unit) points up.
     """
-    footprints = find_footprints(left, right, up, config)
-    steps: dict[int, FootStep] = {}
-    triples = zip(footprints, footprints[1:], footprints[2:], strict=False)
-    for k, (first, other, last) in enumerate(triples):
-        if _is_stride(first, other, last, config):
-            before, step = _steps(first, other, last)
-            steps.setdefault(k, before)  # unless it ended a stride
-            steps[k + 1] = step
-    return list(steps.values())
+    swings = [
+        one
+        for one in find_swings(left, right, up, config)
+        if one.confidence >= config.step_confidence_min and not _is_jump(one)
+    ]
+    found: list[FootStep] = []
+    for landing in alternating(swings, config):
+        if landing.steps > 1:
+            found += _unobserved(found[-1], landing)
+        found.append(_step(found, landing, config))
+    return found
+
+
+def _is_jump(swing: Swing) -> bool:
+    """Check that a short motion does not pass the other foot: the point jumped, or slid."""
+    length_m, _ = _from_other_m(swing)
+    return length_m < JUMP_M and swing.landed_s - swing.lifted_s < JUMP_S
+
+
+def _from_other_m(swing: Swing) -> tuple[float, float | None]:
+    """Return how far from the other foot a foot lands along its swing, and across it if visible."""
+    direction, apart = (swing.to_m - swing.from_m) / swing.length_m, swing.to_m - swing.other_m
+    if not np.isfinite(apart).all():
+        return swing.length_m / 2, None
+    across = float(apart[1] * direction[0] - apart[0] * direction[1])
+    return float(apart @ direction), abs(across)
 
 
 def gait_measures(steps: Sequence[FootStep], config: StepConfig) -> GaitMeasures:
-    """Return the measures of a walk; empty if there are too few even strides."""
+    """Return the measures of a walk; the number of steps alone if too few strides are even."""
     even = even_strides(steps, config)
-    if len(even) < config.strides_min:
-        return GaitMeasures()
+    cadence_per_min = cadence(steps)
+    if len(even) < config.strides_min or cadence_per_min is None:
+        return GaitMeasures(steps=len(steps))
     length_m = float(np.mean([stride.length_m for _, stride in even]))
-    time_s = float(np.mean([stride.time_s for _, stride in even]))
     asymmetry = None
-    left, right = ([one.step_time_s for step, one in even if step.foot == foot] for foot in FEET)
+    left, right = (
+        [one.step_time_s for step, one in even if step.foot == foot and one.step_time_s]
+        for foot in FEET
+    )
     if min(len(left), len(right)) >= STEPS_MIN:
-        asymmetry = float(np.mean(left) - np.mean(right)) / (time_s / 2)
+        asymmetry = float(np.median(left) - np.median(right)) * cadence_per_min / 60
     return GaitMeasures(
-        steps=len(even),
+        steps=len(steps),
         step_length_m=length_m / 2,
         stride_length_m=length_m,
-        cadence_per_min=2 * 60 / time_s,
-        walking_speed_mps=length_m / time_s,
+        cadence_per_min=cadence_per_min,
+        walking_speed_mps=length_m / 2 * cadence_per_min / 60,
         step_time_asymmetry=asymmetry,
     )
+
+
+def step_times_s(steps: Sequence[FootStep]) -> list[float]:
+    """Return the times [s] of steps that follow another."""
+    return [after.landed_s - one.landed_s for one, after in pairwise(steps) if after.follows]
+
+
+def cadence(steps: Sequence[FootStep]) -> float | None:
+    """Return the steps a minute of all that follow another; None with fewer than two of them.
+
+    Regression of landings on their numbers, in each part of the walk with the same time of steps:
+    one landing that is early or late counts less than in the mean of times.
+    """
+    numbers: list[list[float]] = []
+    for step in steps:
+        if not (step.follows and numbers):
+            numbers.append([])
+        numbers[-1].append(step.landed_s)
+    squares = products = 0.0
+    for landed_s in numbers:
+        number = np.arange(len(landed_s)) - (len(landed_s) - 1) / 2
+        squares += float(number @ number)
+        products += float(number @ landed_s)
+    enough = len(step_times_s(steps)) >= STEPS_MIN
+    return 60 * squares / products if enough and products > 0 else None
 
 
 def even_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[FootStep, Stride]]:
@@ -97,37 +148,65 @@ def even_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[Fo
     return [one for one, is_even in zip(known, even, strict=True) if is_even]
 
 
-def _is_stride(first: Footprint, other: Footprint, last: Footprint, config: StepConfig) -> bool:
-    """Check that a foot moved from the first footprint to the last, past the other foot."""
-    displacement = last.ground_m - first.ground_m
-    length_m, time_s = float(np.linalg.norm(displacement)), last.landed_s - first.landed_s
+def _step(before: Sequence[FootStep], landing: Landing, config: StepConfig) -> FootStep:
+    swing = landing.swing
+    length_m, width_m = _from_other_m(swing)
+    step = FootStep(
+        foot=FEET[landing.side],
+        landed_s=swing.landed_s,
+        length_m=length_m,
+        stride=None,
+        lifted_s=swing.lifted_s,
+        position_m=(float(swing.to_m[0]), float(swing.to_m[1])),
+        width_m=width_m,
+        confidence=swing.confidence,
+        follows=landing.steps > 0,
+    )
+    return replace(step, stride=_stride(before, step, config))
+
+
+def _unobserved(before: FootStep, landing: Landing) -> list[FootStep]:
+    """Return the steps between two landings that were not observed: half-way in time."""
+    last, after = before, landing.swing
+    ratios = [k / landing.steps for k in range(1, landing.steps)]
+    found = []
+    for ratio in ratios:
+        landed_s = before.landed_s + ratio * (after.landed_s - before.landed_s)
+        there_m = (1 - ratio) * np.array(before.position_m) + ratio * after.to_m
+        last = FootStep(
+            foot=FEET[1 - FEET.index(last.foot)],
+            landed_s=landed_s,
+            length_m=float(np.linalg.norm(after.to_m - before.position_m)) / landing.steps,
+            stride=None,
+            lifted_s=last.landed_s,
+            position_m=(float(there_m[0]), float(there_m[1])),
+            width_m=None,
+            confidence=UNOBSERVED,
+            follows=True,
+            observed=False,
+        )
+        found.append(last)
+    return found
+
+
+def _stride(before: Sequence[FootStep], step: FootStep, config: StepConfig) -> Stride | None:
+    """Return the stride that a step ends; None unless two steps before it was one of this foot."""
+    if len(before) < 2 or not (step.follows and before[-1].follows and before[-2].observed):
+        return None
+    other, own = before[-1], before[-2]
+    time_s, length_m = step.landed_s - own.landed_s, math.dist(step.position_m, own.position_m)
     if not 2 * config.step_min_s <= time_s <= 2 * config.step_max_s:
-        return False
-    if length_m < max(2 * config.length_min_m, config.speed_min_mps * time_s):
-        return False
-    halfway = float((other.ground_m - first.ground_m) @ displacement) / length_m**2
-    in_time = (other.landed_s - first.landed_s) / time_s
-    in_air_s = max(other.landed_s - first.lifted_s, last.landed_s - other.lifted_s)
-    return (
-        HALFWAY[0] <= halfway <= HALFWAY[1]
-        and IN_TIME[0] <= in_time <= IN_TIME[1]
-        and in_air_s <= IN_AIR_MAX * time_s / 2
-    )
+        return None
+    if length_m < max(config.length_min_m, config.speed_min_mps * time_s):
+        return None
+    return Stride(length_m, time_s, step.landed_s - other.landed_s if other.observed else None)
 
 
-def _steps(first: Footprint, other: Footprint, last: Footprint) -> tuple[FootStep, FootStep]:
-    """Return both steps of a stride: the other foot's, and the one that ends it."""
-    displacement = last.ground_m - first.ground_m
-    length_m = float(np.linalg.norm(displacement))
-    halfway_m = float((other.ground_m - first.ground_m) @ displacement) / length_m
-    stride = Stride(
-        length_m, last.landed_s - first.landed_s, step_time_s=last.landed_s - other.landed_s
-    )
-    foot, counterpart = FEET if first.side + last.side >= other.side else FEET[::-1]
-    return (
-        FootStep(counterpart, other.landed_s, halfway_m, None),
-        FootStep(foot, last.landed_s, length_m - halfway_m, stride),
-    )
+class FootSample(NamedTuple):
+    """Position of a foot in one frame, measured or predicted."""
+
+    position_m: F64  # 3, fixed frame
+    covariance_m2: F64  # 3x3
 
 
 class StepMeter:
@@ -135,18 +214,20 @@ class StepMeter:
 
     def __init__(self, config: StepConfig, up: F64) -> None:
         self._config, self._up = config, up
-        self._samples: dict[Side, deque[tuple[float, F64]]] = {foot: deque() for foot in FEET}
+        self._samples: dict[Side, deque[tuple[float, FootSample]]] = {f: deque() for f in FEET}
         self._due_s = -math.inf
         self._measures = GaitMeasures()
 
-    def update(self, stamp_s: float, left_m: F64 | None, right_m: F64 | None) -> GaitMeasures:
-        """Add the measured feet (3, fixed frame) of a frame and return the measures.
+    def update(
+        self, stamp_s: float, left: FootSample | None, right: FootSample | None
+    ) -> GaitMeasures:
+        """Add the feet of a frame and return the measures.
 
         Older frames than the last one are ignored.
         """
-        for samples, point_m in zip(self._samples.values(), (left_m, right_m), strict=True):
-            if point_m is not None and (not samples or samples[-1][0] < stamp_s):
-                samples.append((stamp_s, point_m))
+        for samples, one in zip(self._samples.values(), (left, right), strict=True):
+            if one is not None and (not samples or samples[-1][0] < stamp_s):
+                samples.append((stamp_s, one))
             while samples and samples[0][0] < stamp_s - self._config.window_s:
                 samples.popleft()
         if stamp_s >= self._due_s:
@@ -160,6 +241,9 @@ class StepMeter:
         return find_steps(left, right, self._up, self._config)
 
 
-def _trajectory(samples: Iterable[tuple[float, F64]]) -> FootTrajectory:
-    rows = np.array([(time_s, *point_m) for time_s, point_m in samples]).reshape(-1, 4)
-    return FootTrajectory(rows[:, 0], rows[:, 1:])
+def _trajectory(samples: Collection[tuple[float, FootSample]]) -> FootTrajectory:
+    return FootTrajectory(
+        np.array([time_s for time_s, _ in samples]),
+        np.array([one.position_m for _, one in samples]).reshape(-1, 3),
+        np.array([one.covariance_m2 for _, one in samples]).reshape(-1, 3, 3),
+    )

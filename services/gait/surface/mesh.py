@@ -1,6 +1,7 @@
 """Mesh of a body in the depth image: vertices, edges, normals (docs/method.md, section 8.2)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,11 @@ class BodyMesh:
     left_px: int  # of the grid in the image
     top_px: int
     step_px: int  # between vertices
+
+    @cached_property
+    def middle_m(self) -> F64:
+        """Median of the points, 3."""
+        return np.asarray(np.median(self.points_m, axis=0))
 
     def vertices_at(self, pixels_px: npt.ArrayLike) -> I64:
         """Return the vertices (M) at pixels (Mx2: u, v); -1 off the body."""

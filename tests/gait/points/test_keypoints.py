@@ -35,6 +35,13 @@ def test_hand_without_elbow_is_at_the_wrist_with_larger_sigma() -> None:
     assert found.sigma > anchors(both, CONFIG)["left_hand"].sigma
 
 
+def test_doubtful_ankle_is_an_anchor_and_a_doubtful_wrist_is_none() -> None:
+    found = anchors(
+        keypoints(k9=(100, 150, 0.2), k15=(100, 300, 0.2), k16=(120, 300, 0.05)), CONFIG
+    )
+    assert set(found) == {"left_foot"}
+
+
 def test_head_is_the_mean_of_the_visible_face() -> None:
     face = keypoints(k0=(50, 40, 0.9), k1=(54, 36, 0.6), k3=(200, 0, 0.1))  # nose, eye; no ear
     assert anchors(face, CONFIG)["head"].pixel == pytest.approx([52, 38])

@@ -1,10 +1,12 @@
 """Steps of feet whose walk is known: by hand, and of the virtual lab's people."""
 
 import math
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from lab.scenario import Waypoint, load_scenario
@@ -12,17 +14,21 @@ from lab.truth.motion_capture import footfalls
 from lab.world import World
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
-from services.gait.steps.footprints import FootTrajectory
+from services.gait.steps.alternation import alternating
 from services.gait.steps.steps import (
+    FootSample,
     FootStep,
     StepMeter,
+    cadence,
     even_strides,
     find_steps,
     gait_measures,
 )
+from services.gait.steps.swings import FootTrajectory, Side, Swing
 
 UP = np.array([0.0, 0.0, 1.0])
 CONFIG = StepConfig()
+NOISE_M2 = 0.02**2 * np.eye(3)
 NOTHING = GaitMeasures()
 
 
@@ -45,8 +51,12 @@ def feet(
     )
 
 
+def trajectory(times_s: F64, points_m: F64) -> FootTrajectory:
+    return FootTrajectory(times_s, points_m, np.tile(NOISE_M2, (len(times_s), 1, 1)))
+
+
 def found_steps(left: F64, right: F64, times_s: F64, up: F64 = UP) -> list[FootStep]:
-    return find_steps(FootTrajectory(times_s, left), FootTrajectory(times_s, right), up, CONFIG)
+    return find_steps(trajectory(times_s, left), trajectory(times_s, right), up, CONFIG)
 
 
 def measured(left: F64, right: F64, times_s: F64, up: F64 = UP) -> GaitMeasures:
@@ -57,9 +67,8 @@ def test_an_even_walk_by_hand() -> None:
     # 0.6 m in 0.5 s: 120 steps a minute, 1.2 m/s, and a foot moves by 1.2 m in a stride.
     times_s = np.arange(0, 6, 1 / 30)
     found = measured(*feet(times_s), times_s)
-    # Feet come down at 0.5, 1.0, ... 5.5 s; those standing in the first frame did not land.
-    # From the third on each ends a stride.
-    assert found.steps == 9
+    # Feet come down at 0.5, 1.0, ... 5.5 s, and the right one swings in the first frame already.
+    assert found.steps == 11
     assert found.step_length_m == pytest.approx(0.6, abs=0.005)
     assert found.stride_length_m == pytest.approx(1.2, abs=0.01)
     assert found.cadence_per_min == pytest.approx(120, abs=1)
@@ -80,8 +89,8 @@ def test_a_limp_of_unlike_lengths_by_hand() -> None:
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
     steps = found_steps(left + np.array([0.1, 0, 0]), right, times_s)
-    lengths = {(step.foot, round(step.length_m, 2)) for step in steps}
-    assert lengths == {("left", 0.7), ("right", 0.5)}
+    for step in steps:
+        assert step.length_m == pytest.approx(0.7 if step.foot == "left" else 0.5, abs=0.015)
     assert gait_measures(steps, CONFIG).step_length_m == pytest.approx(0.6, abs=0.005)
 
 
@@ -91,7 +100,9 @@ def test_exchanged_feet_give_the_same_measures() -> None:
     left, right = feet(times_s)
     taken = (np.random.default_rng(2).random(len(times_s)) < 0.4)[:, None]
     found = measured(np.where(taken, right, left), np.where(taken, left, right), times_s)
-    assert found == measured(left, right, times_s)
+    expected = measured(left, right, times_s)
+    assert found.step_length_m == pytest.approx(expected.step_length_m, abs=0.005)
+    assert found.cadence_per_min == pytest.approx(expected.cadence_per_min, abs=0.5)
 
 
 def test_noise_gaps_and_exchanged_feet_change_measures_little() -> None:
@@ -103,7 +114,7 @@ def test_noise_gaps_and_exchanged_feet_change_measures_little() -> None:
     taken = generator.random(len(times_s)) < 0.2
     both[:, taken] = both[::-1, taken]
     visible = generator.random(both.shape[:2]) > 0.1
-    left, right = (FootTrajectory(times_s[visible[k]], both[k, visible[k]]) for k in (0, 1))
+    left, right = (trajectory(times_s[visible[k]], both[k, visible[k]]) for k in (0, 1))
     found = gait_measures(find_steps(left, right, UP, CONFIG), CONFIG)
     assert found.step_length_m == pytest.approx(0.6, abs=0.02)
     assert found.cadence_per_min == pytest.approx(120, rel=0.03)
@@ -111,13 +122,12 @@ def test_noise_gaps_and_exchanged_feet_change_measures_little() -> None:
 
 def test_missed_footprint_gives_no_long_step() -> None:
     # The right foot comes down at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nothing sees
-    # it. Left footprints on both sides of it are a stride; without the one halfway that
-    # is not known to be one, and the steps there are 1.5 s long for nothing.
+    # it. Its step there is not known; those of the left foot have half a stride as length.
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
     visible = (times_s < 2.3) | (times_s > 3.2)
     steps = find_steps(
-        FootTrajectory(times_s, left), FootTrajectory(times_s[visible], right[visible]), UP, CONFIG
+        trajectory(times_s, left), trajectory(times_s[visible], right[visible]), UP, CONFIG
     )
     assert [s.length_m for s in steps] == pytest.approx([0.6] * len(steps), abs=0.02)
     assert not [s for s in steps if s.stride and s.stride.time_s > 1.1]
@@ -129,10 +139,7 @@ def test_one_foot_alone_gives_no_measures() -> None:
     times_s = np.arange(0, 6, 1 / 30)
     left, _ = feet(times_s)
     nothing = np.zeros((0, 3))
-    assert (
-        find_steps(FootTrajectory(times_s, left), FootTrajectory(times_s[:0], nothing), UP, CONFIG)
-        == []
-    )
+    assert find_steps(trajectory(times_s, left), trajectory(times_s[:0], nothing), UP, CONFIG) == []
     assert measured(left, left, times_s) == NOTHING
 
 
@@ -145,7 +152,9 @@ def test_turn_round_gives_no_false_stride() -> None:
     right = np.concatenate([right, stand[1], right[::-1]])
     times_s = np.arange(len(left)) / 30
     steps = found_steps(left, right, times_s)
-    assert [step.length_m for step in steps] == pytest.approx([0.6] * len(steps), abs=0.02)
+    # The last step before the rest is cut off by it, 8 cm before its end.
+    lengths_m = sorted(step.length_m for step in steps)
+    assert lengths_m == pytest.approx([0.52, *[0.6] * (len(steps) - 1)], abs=0.02)
     found = gait_measures(steps, CONFIG)
     assert found.step_length_m == pytest.approx(0.6, abs=0.005)
     assert found.cadence_per_min == pytest.approx(120, abs=2)
@@ -161,8 +170,7 @@ def test_steps_are_assigned_to_left_and_right() -> None:
             round(step.landed_s) if step.foot == "left" else math.floor(step.landed_s) + 0.5
         )
         assert step.landed_s == pytest.approx(expected_s, abs=0.05)
-    # The first one, at 0.5 s, came from where nothing saw it stand.
-    assert [step.foot for step in steps[:4]] == ["left", "right", "left", "right"]
+    assert [step.foot for step in steps[:4]] == ["right", "left", "right", "left"]
 
 
 def test_the_frame_does_not_matter() -> None:
@@ -203,8 +211,51 @@ def test_stepping_on_the_spot_gives_no_measures() -> None:
 
 
 def test_few_steps_give_no_measures() -> None:
-    times_s = np.arange(0, 1.6, 1 / 30)
-    assert measured(*feet(times_s), times_s) == NOTHING
+    # The right foot comes down at 0.5 s, the left one at 1 s, the right one at 1.5 s: a stride.
+    times_s = np.arange(0, 1.3, 1 / 30)
+    found = measured(*feet(times_s), times_s)
+    assert (found.steps, found.step_length_m) == (2, None)
+    times_s = np.arange(0, 1.8, 1 / 30)
+    found = measured(*feet(times_s), times_s)
+    assert found.steps == 3
+    assert found.step_length_m == pytest.approx(0.6, abs=0.01)
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30, 60])
+def test_noise_in_depth_is_no_step(rate_hz: int) -> None:
+    """People walk across a camera that sees along y: its noise there is 8 cm, for a while alike."""
+    times_s, generator = np.arange(0, 8, 1 / rate_hz), np.random.default_rng(6)
+    covariances = np.tile(np.diag([0.02, 0.08, 0.02]) ** 2, (len(times_s), 1, 1))
+    paths = []
+    for points in feet(times_s):
+        white = generator.normal(0, 1, (len(times_s), 3)) * (0.02, 0.08, 0.02)
+        ratio = math.exp(-1 / rate_hz / 0.1)
+        noise = lfilter([math.sqrt(1 - ratio**2)], [1, -ratio], white, axis=0)
+        paths.append(FootTrajectory(times_s, points + noise, covariances))
+    steps = find_steps(paths[0], paths[1], UP, CONFIG)
+    assert len(steps) == pytest.approx(15, abs=1)
+    found = gait_measures(steps, CONFIG)
+    assert found.step_length_m == pytest.approx(0.6, abs=0.03)
+    assert found.cadence_per_min == pytest.approx(120, rel=0.03)
+
+
+def test_swing_that_has_not_ended_is_no_step() -> None:
+    times_s = np.arange(0, 2.6, 1 / 30)
+    steps = found_steps(*feet(times_s), times_s)
+    assert max(step.landed_s for step in steps) == pytest.approx(2.0, abs=0.1)
+
+
+def test_swing_of_a_hidden_foot_is_found_by_its_footprints() -> None:
+    # The left foot is hidden while it swings from 2.5 to 3 s, as behind the other leg.
+    times_s = np.arange(0, 6, 1 / 30)
+    left, right = feet(times_s)
+    visible = (times_s < 2.55) | (times_s > 2.95)
+    steps = find_steps(
+        trajectory(times_s[visible], left[visible]), trajectory(times_s, right), UP, CONFIG
+    )
+    hidden = [s for s in steps if s.foot == "left" and 2.5 < s.landed_s < 3.1]
+    assert [s.length_m for s in hidden] == [pytest.approx(0.6, abs=0.03)]
+    assert hidden[0].confidence < max(s.confidence for s in steps)
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
@@ -213,15 +264,19 @@ def test_few_samples_give_no_steps(count: int) -> None:
     assert measured(points, points, np.arange(count) / 30.0) == NOTHING
 
 
-def test_steps_before_and_after_an_occlusion_are_not_joined() -> None:
-    # From 2.2 to 4.1 s nothing sees the left foot: steps of that time are none, and no long one.
+def test_step_of_an_occluded_foot_is_between_two_of_the_other() -> None:
+    # From 2.2 to 4.1 s nothing sees the left foot. The right one lands at 2.5 and 3.5 s: the left
+    # one must have landed between them, at 3.0 s as in every second.
     times_s = np.arange(0, 7, 1 / 30)
     left, right = feet(times_s)
     visible = (times_s < 2.2) | (times_s > 4.1)
     steps = find_steps(
-        FootTrajectory(times_s[visible], left[visible]), FootTrajectory(times_s, right), UP, CONFIG
+        trajectory(times_s[visible], left[visible]), trajectory(times_s, right), UP, CONFIG
     )
-    assert not [s for s in steps if 2.3 < s.landed_s < 4.0]
+    assert {s.foot for s in steps if 2.3 < s.landed_s < 4.0 and s.observed} == {"right"}
+    unobserved = [(s.foot, s.landed_s) for s in steps if not s.observed]
+    assert {foot for foot, _ in unobserved} == {"left"}
+    assert any(landed_s == pytest.approx(3.0, abs=0.1) for _, landed_s in unobserved)
     assert [s.length_m for s in steps] == pytest.approx([0.6] * len(steps), abs=0.03)
     assert gait_measures(steps, CONFIG).cadence_per_min == pytest.approx(120, abs=4)
 
@@ -229,7 +284,8 @@ def test_steps_before_and_after_an_occlusion_are_not_joined() -> None:
 def test_meter_deletes_old_steps_of_a_standing_person() -> None:
     meter, config = StepMeter(CONFIG, UP), CONFIG
     times_s = np.arange(0, 5, 1 / 15)
-    for time_s, left, right in zip(times_s, *feet(times_s), strict=True):
+    for time_s, *points in zip(times_s, *feet(times_s), strict=True):
+        left, right = (FootSample(point, NOISE_M2) for point in points)
         walked = meter.update(float(time_s), left, right)
     assert walked.cadence_per_min == pytest.approx(120, abs=3)
     for time_s in np.arange(5, 5 + config.window_s, 1 / 15):
@@ -239,7 +295,7 @@ def test_meter_deletes_old_steps_of_a_standing_person() -> None:
 
 def test_meter_ignores_old_stamps_and_unmeasured_feet() -> None:
     meter = StepMeter(CONFIG, UP)
-    point = np.zeros(3)
+    point = FootSample(np.zeros(3), NOISE_M2)
     for stamp_s in (3.0, 2.0, 3.0, 3.1):
         assert meter.update(stamp_s, point, None) == NOTHING
 
@@ -254,33 +310,99 @@ def lab_walk() -> World:
 
 
 @pytest.mark.parametrize(
-    ("noise_m", "rate_hz", "occluded"), [(0.0, 30, 0.0), (0.04, 30, 0.1), (0.04, 15, 0.2)]
+    ("noise_m", "rate_hz", "occluded", "time_off"),
+    [(0.0, 30, 0.0, 0.03), (0.04, 30, 0.1, 0.03), (0.04, 15, 0.2, 0.05)],
 )
-def test_steps_of_the_lab(noise_m: float, rate_hz: float, occluded: float) -> None:
+def test_steps_of_the_lab(noise_m: float, rate_hz: float, occluded: float, time_off: float) -> None:
     """True: where and when the planned feet come down."""
     world, generator = lab_walk(), np.random.default_rng(5)
     times_s = np.arange(0, 4.5, 1 / rate_hz)
     ankles = np.array([world.keypoints_m(float(t))[0][15:17] for t in times_s])
     ankles += generator.normal(0, noise_m, ankles.shape)
     visible = generator.random((2, len(times_s))) >= occluded
-    paths = [FootTrajectory(times_s[visible[k]], ankles[visible[k], k]) for k in (0, 1)]
+    paths = [trajectory(times_s[visible[k]], ankles[visible[k], k]) for k in (0, 1)]
     steps = find_steps(paths[0], paths[1], UP, CONFIG)
     falls = footfalls(world, 0)
+    even = [stride for _, stride in even_strides(steps, CONFIG)]
     ends = [
         min(range(len(falls)), key=lambda k: abs(falls[k].time_s - step.landed_s))
         for step, _ in even_strides(steps, CONFIG)
     ]
     assert len(set(ends)) == len(ends) >= 3
-    lengths_m = [np.linalg.norm(falls[k].position_m - falls[k - 2].position_m) / 2 for k in ends]
-    times = [(falls[k].time_s - falls[k - 2].time_s) / 2 for k in ends]
-    found = gait_measures(steps, CONFIG)
-    assert found.step_length_m == pytest.approx(float(np.mean(lengths_m)), abs=0.02)
-    assert found.cadence_per_min == pytest.approx(60 / float(np.mean(times)), rel=0.03)
+    # The first stride of a walk began before the first true step.
+    both = [(stride, k) for stride, k in zip(even, ends, strict=True) if k >= 2]
+    lengths_m = [np.linalg.norm(falls[k].position_m - falls[k - 2].position_m) for _, k in both]
+    times_s = np.array([falls[k].time_s - falls[k - 2].time_s for _, k in both])
+    found_m = np.mean([stride.length_m for stride, _ in both])
+    assert found_m / 2 == pytest.approx(float(np.mean(lengths_m)) / 2, abs=0.02)
+    found_s = np.mean([stride.time_s for stride, _ in both])
+    assert found_s == pytest.approx(float(times_s.mean()), rel=time_off)
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("gap_s", 0.0), ("window_s", math.inf), ("strides_min", 1)]
+    ("field", "value"), [("gap_s", 0.0), ("window_s", math.inf), ("strides_min", 0)]
 )
 def test_invalid_configuration_is_refused(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):
         msgspec.structs.replace(CONFIG, **{field: value})
+
+
+def landed(foot: Side, landed_s: float, to_m: float = 0.0, other_m: float = np.nan) -> Swing:
+    from_m, other = np.array([to_m - 1.2, 0.0]), np.array([other_m, 0.0])
+    return Swing(foot, landed_s - 0.4, landed_s, from_m, np.array([to_m, 0.0]), other, 1.0)
+
+
+def walk(feet_: str, period_s: float = 0.6) -> list[Swing]:
+    """Landings one period apart, each 0.6 m ahead of the last one; a dot is one not observed."""
+    names: dict[str, Side] = {"l": "left", "r": "right"}
+    return [landed(names[one], period_s * k, 0.6 * k) for k, one in enumerate(feet_) if one != "."]
+
+
+@pytest.mark.parametrize(
+    ("landings", "expected"),
+    [
+        ("lrlrlr", "lrlrlr"),
+        ("lrrrlr", "lrlrlr"),  # one foot at the time of the other has the wrong name
+        ("lrl.lr", "lrllr"),  # one step not observed
+        ("llllll", "llllll"),  # one foot alone in view, at the pace of steps: each is a stride
+    ],
+)
+def test_feet_take_turns(landings: str, expected: str) -> None:
+    period_s = 1.2 if set(landings) == {"l"} else 0.6
+    found = alternating(walk(landings, period_s), CONFIG)
+    assert "".join("lr"[one.side] for one in found) == expected
+
+
+def test_landing_between_two_steps_is_none() -> None:
+    # A point that jumps gives a landing 0.25 s after another, and takes nothing from the cadence.
+    swings = walk("lrlrlr")
+    swings.insert(3, replace(landed("left", swings[2].landed_s + 0.25), confidence=0.4))
+    found = alternating(swings, CONFIG)
+    assert [one.swing.landed_s for one in found] == [0.6 * k for k in range(6)]
+    assert [one.steps for one in found] == [0, 1, 1, 1, 1, 1]
+
+
+def test_unobserved_step_counts_in_the_cadence_only_if_the_foot_moved() -> None:
+    swings = walk("lrl.lr")
+    assert [one.steps for one in alternating(swings, CONFIG)] == [0, 1, 1, 2, 1]
+    # The right foot stands at the same point at both landings of the left one.
+    stood = [replace(one, other_m=np.array([1.8, 0.0])) for one in swings]
+    assert [one.steps for one in alternating(stood, CONFIG)] == [0, 1, 1, 0, 1]
+
+
+def test_step_after_a_pause_is_one() -> None:
+    swings = walk("lrlr")
+    swings.append(landed("left", swings[-1].landed_s + 3.0, 3.0))
+    found = alternating(swings, CONFIG)
+    assert [one.steps for one in found] == [0, 1, 1, 1, 0]
+
+
+def test_first_landing_that_is_late_hardly_changes_the_cadence() -> None:
+    times_s = np.arange(0, 6, 1 / 30)
+    steps = found_steps(*feet(times_s), times_s)
+    late = [replace(steps[0], landed_s=steps[0].landed_s + 0.15), *steps[1:]]
+    expected, found = cadence(steps), cadence(late)
+    assert expected is not None
+    # The mean of the ten times between landings changes by 0.15 s / (10 x 0.5 s) = 3 %. In the
+    # regression a landing weighs k / sum(k^2) = 5 / 110: 0.15 x 5 / 110 / 0.5 s = 1.4 %.
+    assert found == pytest.approx(expected, rel=0.015)

@@ -1,0 +1,106 @@
+"""Gait on people of another simulator: points visible and hidden, left and right, steps.
+
+The recordings are folders with the joints of all people (`gt.npz`, see docs/cameras/truth.md), each
+run from images to steps as `people4d gait` does.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.lib.gait_bodies import JointTruth, Tally, cells, tally
+from benchmarks.lib.table import machine, markdown
+from evaluation.gait.report import read_run
+from evaluation.gait.run import estimate_gait
+from people4d.messages import CameraInfo
+from services.gait.estimator import GaitFrame, GaitResult
+
+REPORT = Path(__file__).with_name("gait_bodies.md")
+MARGIN_PX = 4.0  # of ankles in view to the edges
+INTRO = """
+People of a second simulator, with other bodies and another walk than the lab's. Errors are median
+and 90th percentile of the distance to the surface at the middle of hand and foot, made from the
+joints (wrist and ankle). A point is hidden where its joint is. `hidden as measured`: of the points
+published while hidden. `exchanged`: nearer to the other side's reference by 10 cm. `in 90 %
+ellipse`: of predicted points. A true step is a swing of an ankle by 0.2 m or more; found within
+0.3 s. The film may begin in a step: it is neither asked for nor invented. Walkers take three steps
+or more in view; `live`: measures published in the second after their fourth step. A limp is a true
+asymmetry of step times of 8 % or more. Visibility and steps were chosen on `two` and `choose`;
+people of `judge` have other bodies and styles. Sensors stand at 0.5 to 2.0 m and give 15 to 30
+frames a second. choose_1: a limp of 20 %, hands in pockets; choose_2: slow with bent trunk,
+carrying; judge_1: slow with bent trunk, fast; judge_2: hands in pockets, a limp of 20 %; judge_3: a
+limp of 10 %, a skirt; judge_4: three people.
+"""
+
+
+def read_truth(folder: Path, frames: Sequence[GaitFrame]) -> JointTruth:
+    """Return the truth of a folder in the frame of the estimates."""
+    with np.load(folder / "gt.npz") as file:
+        data = {name: file[name] for name in ("t", "kp3d", "kp2d", "kpvis", "T_world_cam", "K")}
+    count = min(len(frames), len(data["t"]))
+    width, height = 2 * data["K"][2], 2 * data["K"][3]
+    joints_m = data["kp3d"][:count].astype(np.float64)
+    camera_m = np.empty((count, 3))
+    for index, frame in enumerate(frames[:count]):
+        moved = frame.fixed_from_optical @ np.linalg.inv(data["T_world_cam"][index])
+        joints_m[index] = joints_m[index] @ moved[:3, :3].T + moved[:3, 3]
+        camera_m[index] = frame.fixed_from_optical[:3, 3]
+    ankles_px = data["kp2d"][:count, :, 15:17]
+    inside = (ankles_px > MARGIN_PX) & (ankles_px < (width - MARGIN_PX, height - MARGIN_PX))
+    visible = data["kpvis"][:count].astype(bool)
+    return JointTruth(data["t"][:count], joints_m, visible, camera_m, inside.all(axis=(2, 3)))
+
+
+def compare(folder: Path, settings: Sequence[str] = ()) -> list[Tally]:
+    """Run a folder from images to steps, and return the comparisons of each person."""
+    frames: list[GaitFrame] = []
+    results: list[Sequence[GaitResult]] = []
+
+    def on_frame(_info: CameraInfo, frame: GaitFrame, found: Sequence[GaitResult]) -> None:
+        # Images are not needed any more.
+        empty = np.empty((0, 0), np.uint16)
+        frames.append(replace(frame, rgb=np.empty((0, 0, 3), np.uint8), depth_mm=empty))
+        results.append(found)
+
+    with np.load(folder / "gt.npz") as file:
+        fps = 1 / float(np.median(np.diff(file["t"])))
+    texts = (f"camera.options.fps={fps:.6g}", *settings)
+    for _ in estimate_gait(read_run(str(folder), None, "", texts), on_frame):
+        pass
+    truth = read_truth(folder, frames)
+    return tally(truth, results, [frame.stamp_ns for frame in frames])
+
+
+def main() -> None:
+    """Compare the folders, and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folders", nargs="+", type=Path, help="recordings with gt.npz")
+    parser.add_argument("--set", dest="settings", action="append", default=[], help="as people4d")
+    parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
+    arguments = parser.parse_args()
+    columns: dict[str, Tally] = {}
+    for folder in arguments.folders:
+        columns[folder.name] = Tally()
+        for one in compare(folder.resolve(), arguments.settings):
+            columns[folder.name].add(one)
+    table = {name: cells(one) for name, one in columns.items()}
+    names = list(next(iter(table.values())))
+    rows = [[name, *(values[name] for values in table.values())] for name in names]
+    command = " ".join(f"FOLDER/{folder.name}" for folder in arguments.folders)
+    text = "\n\n".join(
+        [
+            "# Gait of people of another simulator",
+            f"Made by `python -m benchmarks.gait_bodies {command}` on {machine()}.",
+            " ".join(INTRO.split()),
+            markdown(["figure", *table], rows),
+        ]
+    )
+    arguments.report.write_text(text + "\n", encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,303 @@
+"""Points and steps of tracked people against joints: visible and hidden, left and right, steps.
+
+Any recording will do whose joints are known. Hands and feet are on the visible surface, joints
+inside of the body: a reference is made from joints, the middle of the hand from the wrist along the
+forearm, that of the foot from the ankle along the heading, both moved towards the camera.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.lib.true_steps import even_truth, steps_by_ankles, true_asymmetry
+from evaluation.gait.parameters import gait_parameters, limping_side
+from evaluation.gait.tables import GaitTables
+from lab.truth.motion_capture import Footfall
+from people4d.messages import F64, GaitMeasures, PersonGait
+from services.gait.config import StepConfig
+from services.gait.estimator import GaitResult
+from services.gait.steps.steps import FootStep
+from services.gait.steps.swings import FEET
+
+Flags = npt.NDArray[np.bool_]
+
+LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
+COUNTERPART = {0: 1, 1: 0, 2: 3, 3: 2}
+JOINT = (9, 10, 15, 16)  # COCO: wrists, ankles
+BEFORE = (7, 8, 13, 14)  # elbows, knees
+HAND_REACH = 0.35  # of the forearm, from the wrist to the middle of the hand
+HAND_DEEP_M, FOOT_DEEP_M = 0.02, 0.03  # from the middle to the surface that the camera sees
+FOOT_AHEAD_M, FOOT_BELOW_M = 0.08, 0.03  # from the ankle to the middle of the foot
+SAME_PERSON_M = 0.6  # from the head to the true one, level
+EXCHANGED_M = 0.10  # by which a point is nearer to its counterpart's reference than to its own
+COVERED_90 = 6.251  # chi-square of 3 degrees of freedom
+
+NEAR_S = 0.3  # between a detected step and the true one
+LIMP = 0.08  # true asymmetry of step times, from which on a person limps
+WALKED_STEPS = 3  # in view, from which on a person must have measures
+
+
+@dataclass(frozen=True)
+class JointTruth:
+    """Joints of K people in N frames, frame: map."""
+
+    times_s: F64  # N
+    joints_m: F64  # NxKx17x3, COCO order
+    visible: Flags  # NxKx17
+    camera_m: F64  # Nx3, position of the camera
+    in_view: Flags  # NxK, the feet are in the image
+    footfalls: list[list[Footfall]] | None = None  # of each person; None: by the ankles
+
+
+@dataclass
+class Tally:
+    """Comparisons of one person, or of several."""
+
+    errors_m: dict[str, list[float]] = field(default_factory=dict)  # by limb kind and visibility
+    measured_hidden: int = 0
+    hidden: int = 0  # published while hidden
+    exchanged: dict[str, list[bool]] = field(default_factory=dict)  # by visibility
+    covered: list[bool] = field(default_factory=list)  # of predicted points
+    visible: int = 0
+    visible_measured: int = 0
+    true: int = 0
+    found: int = 0
+    invented: int = 0
+    wrong_foot: int = 0
+    walkers: int = 0
+    with_measures: int = 0
+    length_off_m: list[float] = field(default_factory=list)
+    cadence_off: list[float] = field(default_factory=list)
+    asymmetry_off: list[float] = field(default_factory=list)
+    limps: int = 0  # of 8 % or more
+    limps_found: int = 0  # with their side
+    limps_invented: int = 0  # of people who do not limp, or at the wrong side
+    live: list[bool] = field(default_factory=list)  # measures in frames after three steps
+
+    def add(self, other: "Tally") -> None:
+        """Add the comparisons of another."""
+        for name, value in vars(other).items():
+            own = getattr(self, name)
+            if isinstance(value, int):
+                setattr(self, name, own + value)
+            elif isinstance(value, list):
+                own.extend(value)
+            else:
+                for key, some in value.items():
+                    own.setdefault(key, []).extend(some)
+
+
+def references(truth: JointTruth) -> F64:
+    """Return the surface at the middles of hands and feet: NxKx4x3."""
+    joints = truth.joints_m
+    found = np.empty((*joints.shape[:2], 4, 3))
+    shoulders = joints[:, :, 6] - joints[:, :, 5]
+    hips = joints[:, :, 12] - joints[:, :, 11]
+    across = (shoulders + hips) * (1.0, 1.0, 0.0)
+    ahead = np.cross((0.0, 0.0, 1.0), across)  # from the left to the right, turned ahead
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
+    for k, (joint, before) in enumerate(zip(JOINT, BEFORE, strict=True)):
+        end = joints[:, :, joint]
+        if k < 2:
+            middle = end + HAND_REACH * (end - joints[:, :, before])
+            deep = HAND_DEEP_M
+        else:
+            middle = end + FOOT_AHEAD_M * ahead - (0.0, 0.0, FOOT_BELOW_M)
+            deep = FOOT_DEEP_M
+        ray = middle - truth.camera_m[:, None]
+        found[:, :, k] = middle - deep * ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+    return found
+
+
+def tally(
+    truth: JointTruth, results: Sequence[Sequence[GaitResult]], stamps_ns: Sequence[int]
+) -> list[Tally]:
+    """Return the comparisons of each true person.
+
+    Args:
+        truth: Of N frames.
+        results: Of each frame.
+        stamps_ns: N.
+    """
+    people = truth.joints_m.shape[1]
+    reference = references(truth)
+    assigned: list[dict[int, PersonGait]] = []
+    votes: dict[int, list[int]] = {}
+    tables = GaitTables(StepConfig())
+    for index, frame in enumerate(results):
+        tables.add(stamps_ns[index], frame)
+        found = {}
+        for one in frame:
+            k = _person(one.person, truth.joints_m[index])
+            if k is not None:
+                found[k] = one.person
+                votes.setdefault(one.person.id, [0] * people)[k] += 1
+        assigned.append(found)
+    tallies = [Tally() for _ in range(people)]
+    for k in range(people):
+        for index, found in enumerate(assigned):
+            if k in found:
+                _points(tallies[k], found[k], reference[index, k], truth.visible[index, k])
+        own = [key for key, counts in votes.items() if int(np.argmax(counts)) == k]
+        falls = (
+            steps_by_ankles(truth.times_s, truth.joints_m[:, k, (15, 16)])
+            if truth.footfalls is None
+            else truth.footfalls[k]
+        )
+        begun = steps_by_ankles(truth.times_s, truth.joints_m[:, k, (15, 16)], begun=True)
+        _steps(tallies[k], truth, k, (falls, begun), tables, own)
+        _live(tallies[k], truth, falls, [found.get(k) for found in assigned])
+    return tallies
+
+
+def _person(person: PersonGait, joints_m: F64) -> int | None:
+    """Return the number of the true person of an estimate, by the head or all points."""
+    points = [p.position_m for p in person.points if p.name == "head"] or [
+        p.position_m for p in person.points
+    ]
+    if not points:
+        return None
+    off = np.linalg.norm(joints_m[:, :5, :2].mean(axis=1) - np.mean(points, axis=0)[:2], axis=1)
+    return int(np.argmin(off)) if off.min() < SAME_PERSON_M else None
+
+
+def _points(tally_: Tally, person: PersonGait, reference: F64, visible: Flags) -> None:
+    by_name = {point.name: point for point in person.points}
+    for k, name in enumerate(LIMBS):
+        unhidden = bool(visible[JOINT[k]])
+        point = by_name.get(name)
+        tally_.visible += unhidden
+        if point is None or point.state == "lost":
+            continue
+        offset = point.position_m - reference[k]
+        error_m = float(np.linalg.norm(offset))
+        other_m = float(np.linalg.norm(point.position_m - reference[COUNTERPART[k]]))
+        when = "visible" if unhidden else "hidden"
+        measured = point.state == "measured"
+        tally_.errors_m.setdefault(f"{name.split('_')[1]} {when}", []).append(error_m)
+        tally_.exchanged.setdefault(when, []).append(other_m < error_m - EXCHANGED_M)
+        tally_.visible_measured += unhidden and measured
+        tally_.hidden += not unhidden
+        tally_.measured_hidden += not unhidden and measured
+        if not measured:
+            d2 = offset @ np.linalg.solve(point.covariance[:3, :3], offset)
+            tally_.covered.append(bool(d2 <= COVERED_90))
+
+
+def _steps(
+    tally_: Tally,
+    truth: JointTruth,
+    k: int,
+    known: tuple[Sequence[Footfall], Sequence[Footfall]],
+    tables: GaitTables,
+    own: Sequence[int],
+) -> None:
+    """Compare the steps of one person; `known` are true steps, and those the film begins in."""
+    falls, begun = known
+    steps: list[FootStep] = [step for key in own for step in tables.steps(key)]
+    begin_s = float(truth.times_s[0])
+    visible = [fall for fall in falls if truth.in_view[_at(truth, fall.time_s), k]]
+    taken: set[int] = set()
+    for step in sorted(steps, key=lambda one: one.landed_s):
+        # Either foot first, as long as it is the same moment; then which foot it is.
+        near = [
+            (abs(fall.time_s - begin_s - step.landed_s), n)
+            for n, fall in enumerate(falls)
+            if n not in taken and abs(fall.time_s - begin_s - step.landed_s) < NEAR_S
+        ]
+        if near:
+            n = min(near)[1]
+            taken.add(n)
+            tally_.wrong_foot += FEET.index(step.foot) != falls[n].side
+        elif all(abs(fall.time_s - begin_s - step.landed_s) >= NEAR_S for fall in begun):
+            tally_.invented += 1
+    tally_.true += len(visible)
+    tally_.found += sum(falls[n] in visible for n in taken)
+    walked = even_truth(falls)
+    if len(visible) < WALKED_STEPS or walked is None:
+        return
+    tally_.walkers += 1
+    measures = [tables.measures(key) for key in own]
+    best: GaitMeasures | None = max(measures, key=lambda one: one.steps, default=None)
+    if best is None or best.step_length_m is None or best.cadence_per_min is None:
+        return
+    tally_.with_measures += 1
+    tally_.length_off_m.append(best.step_length_m - walked[0])
+    tally_.cadence_off.append(best.cadence_per_min / walked[1] - 1)
+    _asymmetry(tally_, falls, steps, best)
+
+
+def _asymmetry(
+    tally_: Tally, falls: Sequence[Footfall], steps: Sequence[FootStep], best: GaitMeasures
+) -> None:
+    """Compare the asymmetry of step times, and the side of a limp."""
+    true = true_asymmetry(falls)
+    if true is None:
+        return
+    if best.step_time_asymmetry is not None:
+        tally_.asymmetry_off.append(best.step_time_asymmetry - true)
+    side = limping_side(gait_parameters(steps, None, StepConfig()))
+    expected = ("left" if true > 0 else "right") if abs(true) >= LIMP else None
+    tally_.limps += expected is not None
+    tally_.limps_found += expected is not None and side == expected
+    tally_.limps_invented += side is not None and side != expected
+
+
+def _live(
+    tally_: Tally,
+    truth: JointTruth,
+    falls: Sequence[Footfall],
+    people: Sequence[PersonGait | None],
+) -> None:
+    """Note for frames in the two seconds after a third step if there are measures."""
+    landed = [fall.time_s for fall in falls]
+    for time_s, person in zip(truth.times_s, people, strict=True):
+        recent = [t for t in landed if time_s - 4.0 <= t <= time_s]
+        if len(recent) > WALKED_STEPS and time_s - recent[-1] < 1.0:
+            tally_.live.append(person is not None and person.measures.step_length_m is not None)
+
+
+def _at(truth: JointTruth, time_s: float) -> int:
+    return int(np.argmin(np.abs(truth.times_s - time_s)))
+
+
+def cells(one: Tally) -> Mapping[str, str]:
+    """Return the figures of a tally by column."""
+
+    def errors(kind: str) -> str:
+        known = 100 * np.array(one.errors_m.get(kind, []))
+        return f"{np.median(known):.1f}, {np.quantile(known, 0.9):.1f}" if len(known) else "-"
+
+    def percent(count: float, of: float) -> str:
+        return f"{100 * count / of:.1f}" if of else "-"
+
+    def exchanged(when: str) -> str:
+        flags = one.exchanged.get(when, [])
+        return percent(sum(flags), len(flags))
+
+    worst_m = max((abs(x) for x in one.length_off_m), default=np.nan)
+    worst = max((abs(x) for x in one.cadence_off), default=np.nan)
+    uneven = max((abs(x) for x in one.asymmetry_off), default=np.nan)
+    return {
+        "steps found": f"{one.found} of {one.true}",
+        "invented": str(one.invented),
+        "other foot": str(one.wrong_foot),
+        "walkers with measures": f"{one.with_measures} of {one.walkers}",
+        "live %": percent(sum(one.live), len(one.live)),
+        "worst step cm": f"{100 * worst_m:.1f}",
+        "worst cadence %": f"{100 * worst:.1f}",
+        "worst asymmetry off %": f"{100 * uneven:.1f}",
+        "limps found": f"{one.limps_found} of {one.limps}",
+        "limps invented": str(one.limps_invented),
+        "hands visible cm": errors("hand visible"),
+        "hands hidden cm": errors("hand hidden"),
+        "feet visible cm": errors("foot visible"),
+        "feet hidden cm": errors("foot hidden"),
+        "visible measured %": percent(one.visible_measured, one.visible),
+        "hidden as measured %": percent(one.measured_hidden, one.hidden),
+        "exchanged visible %": exchanged("visible"),
+        "exchanged hidden %": exchanged("hidden"),
+        "in 90 % ellipse %": percent(sum(one.covered), len(one.covered)),
+    }

@@ -1,0 +1,67 @@
+"""True steps of people by the joints of their legs."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from lab.truth.motion_capture import Footfall
+from people4d.messages import F64
+
+STEP_SPEED_MPS = 0.45  # of an ankle in a step
+STEP_MIN_M, STEP_MIN_S = 0.2, 0.12
+PAUSE = 0.5  # of the median stride, by which one with a pause is longer
+STEP_MAX_S = 1.5  # [s] between landings; longer is a pause
+
+
+def steps_by_ankles(times_s: F64, ankles_m: F64, *, begun: bool = False) -> list[Footfall]:
+    """Return the steps of a person by both ankles, Nx2x3: swings that displace a foot.
+
+    `begun` returns those that the first frame shows in mid-step instead.
+    """
+    found = []
+    dt_s = float(np.median(np.diff(times_s)))
+    half = max(1, round(0.05 / dt_s))
+    kernel = np.ones(2 * half + 1) / (2 * half + 1)
+    for side in range(2):
+        padded = np.pad(ankles_m[:, side, :2], ((half, half), (0, 0)), mode="edge")
+        smooth = np.stack([np.convolve(column, kernel, "valid") for column in padded.T], axis=1)
+        speed = np.linalg.norm(np.gradient(smooth, times_s, axis=0), axis=1)
+        other = ankles_m[:, 1 - side, :2]
+        moved = np.linalg.norm(np.gradient(other, times_s, axis=0), axis=1)
+        swinging = (speed > STEP_SPEED_MPS) & (speed > moved)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], swinging.astype(int), [0]])))
+        for begin, end in edges.reshape(-1, 2):
+            last = min(end, len(times_s) - 1)
+            gone_m = float(np.linalg.norm(smooth[last] - smooth[begin]))
+            complete = (begin == 0) == begun and end < len(times_s)
+            if complete and gone_m >= STEP_MIN_M and times_s[last] - times_s[begin] >= STEP_MIN_S:
+                found.append(Footfall(float(times_s[last]), side, smooth[last]))
+    return sorted(found, key=lambda one: one.time_s)
+
+
+def even_truth(falls: Sequence[Footfall]) -> tuple[float, float] | None:
+    """Return the true step length in m and cadence a minute: means over strides, without pauses."""
+    strides = [
+        (float(np.linalg.norm(after.position_m - before.position_m)), after.time_s - before.time_s)
+        for before, one, after in zip(falls, falls[1:], falls[2:], strict=False)
+        if before.side == after.side != one.side
+    ]
+    if not strides:
+        return None
+    table = np.array(strides)
+    even = np.abs(table[:, 1] / np.median(table[:, 1]) - 1) < PAUSE
+    length_m, time_s = table[even].mean(axis=0)
+    return float(length_m) / 2, 120 / float(time_s)
+
+
+def true_asymmetry(falls: Sequence[Footfall]) -> float | None:
+    """Return (left - right) / mean of the median step times; None with too few steps."""
+    times: tuple[list[float], list[float]] = ([], [])
+    for before, one in pairwise(falls):
+        if before.side != one.side and one.time_s - before.time_s < STEP_MAX_S:
+            times[one.side].append(one.time_s - before.time_s)
+    if min(map(len, times)) < 2:
+        return None
+    left, right = (float(np.median(side)) for side in times)
+    return 2 * (left - right) / (left + right)

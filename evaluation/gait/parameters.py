@@ -1,0 +1,278 @@
+"""Gait parameters of a person as used in gait analysis, each with its confidence interval.
+
+Source: docs/method.md, section 20.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.stats import t as student
+
+from people4d.messages import F64
+from services.gait.config import StepConfig
+from services.gait.steps.steps import FootStep, Stride, cadence, even_strides, step_times_s
+from services.gait.steps.swings import FEET, Side
+
+LEVEL = 0.95
+RESAMPLED, SEED = 1000, 0  # bootstrap of variability and sway
+SMOOTH_S = 0.3  # [s] of the path of the head, of which turns are found
+TURN_RADPS, TURN_MIN_RAD = math.radians(15.0), math.radians(45.0)
+MOVING_MPS = 0.15  # slower, the direction of a path is not known
+LIMP_MIN = 5.0  # [%] of the mean step time: less is usual in healthy people
+LIMP_CLEAR = 2.5  # [%] that the interval must leave out
+RATE_HZ = 20.0
+# Of the interval of the asymmetry of step times: neighbouring pairs of steps share a landing, so
+# the variance of their mean is (6 + 2) / 6 of that of independent ones
+SHARED = math.sqrt(4 / 3)
+UNEVEN_MAX = 0.25  # of the median step time of a foot, of steps that count for the asymmetry
+SWAY_MIN, PATH_MIN_M = 5, 0.1  # samples and path of a stride whose sway is known
+
+
+@dataclass(frozen=True)
+class GaitParameter:
+    """One parameter of a walk, with the interval that holds its mean at 95 %."""
+
+    name: str
+    unit: str
+    value: float | None  # None: too few steps
+    low: float | None  # None: too few values
+    high: float | None
+    count: int  # of values
+    definition: str
+
+
+@dataclass(frozen=True)
+class HeadPath:
+    """Path of the head from above."""
+
+    times_s: F64  # N, rising
+    ground_m: F64  # Nx2
+
+
+def gait_parameters(
+    steps: Sequence[FootStep], head: HeadPath | None, config: StepConfig
+) -> list[GaitParameter]:
+    """Return all parameters of a walk, also those that are not known."""
+    even = even_strides(steps, config)
+    strides = [stride for _, stride in even]
+    stride_s = np.array([stride.time_s for stride in strides])
+    swing_s = np.array([step.landed_s - step.lifted_s for step, _ in even])
+    lengths = {f: [s.length_m for s, _ in even if s.foot == f] for f in FEET}
+    times = {
+        f: [one.step_time_s for s, one in even if s.foot == f and one.step_time_s] for f in FEET
+    }
+    both = [*times["left"], *times["right"]]
+    width = [s.width_m for s, _ in even if s.width_m is not None]
+    swing = 100 * swing_s / stride_s if len(even) else []
+    found = [
+        _mean("step length", "m", [s.length_m for s in strides], "half of the stride length", 0.5),
+        *(
+            _mean(f"{foot} step length", "m", lengths[foot], f"to the {foot} foot, along its path")
+            for foot in FEET
+        ),
+        _mean("stride length", "m", [s.length_m for s in strides], "between landings of one foot"),
+        _mean("step width", "m", width, "between both feet, across their path"),
+        _cadence(steps),
+        _mean("speed", "m/s", [s.length_m / s.time_s for s in strides], "stride length by time"),
+        _mean("stance", "%", 100 - np.asarray(swing), "of the stride, the foot is on the ground"),
+        _mean("swing", "%", swing, "of the stride, the foot is in the air"),
+        _mean("double support", "%", _double_support(steps, config), "of the stride, on both feet"),
+        _resampled("step time variability", "%", both, _variation, "standard deviation by mean"),
+        _time_asymmetry(even, times),
+        _asymmetry("step length asymmetry", lengths["left"], lengths["right"], "step lengths"),
+    ]
+    sway = _sway_m(head, [step for step, _ in even]) if head is not None else []
+    turns = turn_durations_s(head) if head is not None else []
+    return [
+        *found,
+        _mean(
+            "trunk sway", "cm", 100 * np.asarray(sway), "of the head to either side, in a stride"
+        ),
+        _mean("turn duration", "s", turns, "of turns by 45 degrees or more"),
+    ]
+
+
+def limping_side(parameters: Sequence[GaitParameter]) -> str | None:
+    """Return the foot that is spared, by the asymmetry of step times; None if it is not clear.
+
+    A person stands on a painful foot for a shorter time, so the other foot's step is shorter in
+    time.
+    """
+    one = next(p for p in parameters if p.name == "step time asymmetry")
+    if one.value is None or one.low is None or one.high is None or abs(one.value) < LIMP_MIN:
+        return None
+    if one.low > LIMP_CLEAR:
+        return "left"
+    return "right" if one.high < -LIMP_CLEAR else None
+
+
+def _mean(
+    name: str, unit: str, values: Sequence[float] | F64, definition: str, scale: float = 1.0
+) -> GaitParameter:
+    """Return the mean with Student's interval."""
+    known = scale * np.asarray(values, np.float64)
+    count = len(known)
+    if not count:
+        return GaitParameter(name, unit, None, None, None, 0, definition)
+    mean, half = float(known.mean()), None
+    if count > 1:
+        error = float(known.std(ddof=1)) / math.sqrt(count)
+        half = float(student.ppf(0.5 + LEVEL / 2, count - 1)) * error
+    low, high = (None, None) if half is None else (mean - half, mean + half)
+    return GaitParameter(name, unit, mean, low, high, count, definition)
+
+
+def _cadence(steps: Sequence[FootStep]) -> GaitParameter:
+    """Return the cadence, with the relative interval of the mean step time."""
+    one = _mean("cadence", "1/min", np.asarray(step_times_s(steps)) / 60, "steps a minute")
+    value, time = cadence(steps), one.value
+    low, high = (
+        None if value is None or not time or edge is None or edge <= 0 else value * time / edge
+        for edge in (one.high, one.low)
+    )
+    return replace(one, value=value, low=low, high=high)
+
+
+def _resampled(
+    name: str,
+    unit: str,
+    values: Sequence[float],
+    statistic: Callable[[F64], F64],
+    definition: str,
+) -> GaitParameter:
+    """Return a statistic with the interval of its bootstrap; at least three values."""
+    known = np.asarray(values, np.float64)
+    if len(known) < 3:
+        return GaitParameter(name, unit, None, None, None, len(known), definition)
+    chosen = np.random.default_rng(SEED).integers(0, len(known), (RESAMPLED, len(known)))
+    edges = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
+    low, high = np.quantile(statistic(known[chosen]), edges).tolist()
+    value = float(statistic(known[None])[0])
+    return GaitParameter(name, unit, value, low, high, len(known), definition)
+
+
+def _variation(values: F64) -> F64:
+    """Return coefficients of variation of rows, in %."""
+    return np.asarray(100 * values.std(axis=1, ddof=1) / values.mean(axis=1))
+
+
+def _asymmetry(name: str, left: Sequence[float], right: Sequence[float], of: str) -> GaitParameter:
+    """Return (left - right) / mean with Welch's interval; at least two of each foot."""
+    definition = f"of {of}: left less right, by their mean; above 0: left ones are longer"
+    count = len(left) + len(right)
+    if min(len(left), len(right)) < 2:
+        return GaitParameter(name, "%", None, None, None, count, definition)
+    mean = (np.mean(left) + np.mean(right)) / 2
+    errors2 = [float(np.var(v, ddof=1)) / len(v) for v in (left, right)]
+    freedom = sum(errors2) ** 2 / max(
+        sum(e**2 / (len(v) - 1) for e, v in zip(errors2, (left, right), strict=True)), 1e-18
+    )
+    half = float(student.ppf(0.5 + LEVEL / 2, max(freedom, 1.0))) * math.sqrt(sum(errors2))
+    value = float(np.mean(left) - np.mean(right))
+    low, middle, high = (100 * float(x / mean) for x in (value - half, value, value + half))
+    return GaitParameter(name, "%", middle, low, high, count, definition)
+
+
+def _time_asymmetry(
+    even: Sequence[tuple[FootStep, Stride]], times: Mapping[Side, Sequence[float]]
+) -> GaitParameter:
+    """Return (left - right) / mean of step times with Student's interval over pairs of steps.
+
+    A landing that is late makes a step longer and the next one, of the other foot, shorter: errors
+    of both are not independent, those of pairs hardly depend on each other. Steps far from their
+    foot's median are those of turns, and of wrong landings.
+    """
+    middles = {foot: float(np.median(values)) for foot, values in times.items() if len(values)}
+    pairs: list[tuple[float, float]] = []
+    last: tuple[FootStep, float] | None = None
+    for step, stride in even:
+        time_s = stride.step_time_s
+        if time_s is None or abs(time_s / middles[step.foot] - 1) > UNEVEN_MAX:
+            last = None
+        elif last is not None and last[0].foot != step.foot and _follows(last[0], step, time_s):
+            pairs.append((last[1], time_s) if step.foot == "right" else (time_s, last[1]))
+            last = None
+        else:
+            last = step, time_s
+    table = np.array(pairs).reshape(-1, 2)
+    mean_s = float(table.mean()) if len(pairs) else 1.0
+    definition = "of step times: left less right, by their mean; above 0: left ones are longer"
+    one = _mean("step time asymmetry", "%", 100 * (table[:, 0] - table[:, 1]) / mean_s, definition)
+    if one.value is None or one.low is None or one.high is None:
+        return replace(one, value=None)
+    half = SHARED * (one.high - one.low) / 2
+    return replace(one, low=one.value - half, high=one.value + half)
+
+
+def _follows(before: FootStep, step: FootStep, time_s: float) -> bool:
+    """Check that a step with its time begins at the landing of another one."""
+    return math.isclose(step.landed_s - time_s, before.landed_s, abs_tol=1e-6)
+
+
+def _double_support(steps: Sequence[FootStep], config: StepConfig) -> list[float]:
+    """Return the share of each stride, in %, between landings of a foot and lifts of the other."""
+    shared = {
+        id(step): max(step.lifted_s - before.landed_s, 0.0)
+        for before, step in pairwise(steps)
+        if before.foot != step.foot
+    }
+    return [
+        100 * (shared[id(before)] + shared[id(step)]) / step.stride.time_s
+        for before, step in pairwise(steps)
+        if step.stride
+        and id(before) in shared
+        and id(step) in shared
+        and step.stride.time_s <= 2 * config.step_max_s
+    ]
+
+
+def _sway_m(head: HeadPath, steps: Sequence[FootStep]) -> list[float]:
+    """Return half of the range of the head across its path in each stride."""
+    found = []
+    for step in steps:
+        if step.stride is None:
+            continue
+        half_s = step.stride.time_s / 2
+        begins, ends = (
+            np.searchsorted(head.times_s, head.times_s + off) for off in (-half_s, half_s)
+        )
+        inside = (head.times_s >= step.landed_s - 2 * half_s) & (head.times_s <= step.landed_s)
+        inside &= (head.times_s >= head.times_s[0] + half_s) & (
+            head.times_s <= head.times_s[-1] - half_s
+        )
+        if inside.sum() < SWAY_MIN:
+            continue
+        total = np.concatenate([np.zeros((1, 2)), np.cumsum(head.ground_m, axis=0)])
+        path = (total[ends] - total[begins]) / np.maximum(ends - begins, 1)[:, None]
+        off, path = (head.ground_m - path)[inside], path[inside]
+        along = path[-1] - path[0]
+        length_m = float(np.linalg.norm(along))
+        if length_m > PATH_MIN_M:
+            across = off @ (np.array([-along[1], along[0]]) / length_m)
+            found.append(float(np.quantile(across, 0.95) - np.quantile(across, 0.05)) / 2)
+    return found
+
+
+def turn_durations_s(head: HeadPath) -> list[float]:
+    """Return the durations of turns: faster than 15 degrees a second, 45 degrees in all."""
+    if len(head.times_s) < 3 or head.times_s[-1] - head.times_s[0] < 1.0:
+        return []
+    times_s = np.arange(head.times_s[0], head.times_s[-1], 1 / RATE_HZ)
+    ground = np.stack([np.interp(times_s, head.times_s, c) for c in head.ground_m.T], axis=1)
+    ground = gaussian_filter1d(ground, SMOOTH_S * RATE_HZ, axis=0, mode="nearest")
+    velocity = np.gradient(ground, 1 / RATE_HZ, axis=0)
+    speed = np.linalg.norm(velocity, axis=1)
+    heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+    rate = np.gradient(heading, 1 / RATE_HZ)
+    found = []
+    for sign in (1.0, -1.0):
+        turning = (sign * rate > TURN_RADPS) & (speed > MOVING_MPS)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], turning, [0]])))
+        for begin, end in edges.reshape(-1, 2).tolist():
+            if sign * (heading[end - 1] - heading[begin]) >= TURN_MIN_RAD:
+                found.append((begin, (end - begin) / RATE_HZ))
+    return [duration_s for _, duration_s in sorted(found)]

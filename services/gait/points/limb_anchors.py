@@ -1,0 +1,80 @@
+"""Keypoints of hands and feet, each on its own limb.
+
+Source: docs/method.md, section 19.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from people4d.messages import CameraInfo
+from services.gait.config import DepthLayerConfig
+from services.gait.points.keypoints import COUNTERPARTS, PAIRS, Anchor, kind_of, pixels_of, sigma_px
+from services.gait.points.normal import Normal
+from services.gait.points.point_filter import PointFilter
+
+EXCHANGE_MIN = 6.0  # squared deviations by which exchanged keypoints fit better
+COST_MAX = 25.0  # squared deviations of one keypoint
+DOUBTFUL_COST_MAX = 9.0  # the same of one of low confidence
+SAME_M = 0.10  # [m] two points nearer to each other are on one limb
+
+
+def on_own_limbs(
+    found: Mapping[str, Anchor],
+    points: Mapping[str, PointFilter],
+    dt_s: float,
+    info: CameraInfo,
+    config: DepthLayerConfig,
+) -> dict[str, Anchor]:
+    """Return anchors without those on the other limb; both exchanged are given back.
+
+    Those of low confidence must be near their point. `points` are predicted by `dt_s` seconds.
+    """
+    own = {
+        name: anchor
+        for name, anchor in found.items()
+        if anchor.confidence > config.keypoint_confidence_min
+        or _fits(name, anchor, points, dt_s, info, config)
+    }
+    for left, right in PAIRS:
+        names = (left, right)
+        if not all(name in own for name in names):
+            continue
+        expected = [points[name].expected(dt_s) for name in names]
+        if expected[0] is None or expected[1] is None:
+            continue
+        costs = np.array(
+            [[_cost(one, own[name], info, config) for name in names] for one in expected if one]
+        )
+        if kind_of(left) == "hand" and (
+            costs[0, 1] + costs[1, 0] + EXCHANGE_MIN < costs[0, 0] + costs[1, 1]
+        ):
+            own[left], own[right] = own[right], own[left]
+            costs = costs[:, ::-1]
+        depth_m = float(expected[0].mean_m[2])
+        apart_px = float(np.linalg.norm(own[left].pixel - own[right].pixel))
+        if apart_px < pixels_of(SAME_M, depth_m, info):
+            own.pop(right if costs[0, 0] <= costs[1, 1] else left)
+    return own
+
+
+def _fits(
+    name: str,
+    anchor: Anchor,
+    points: Mapping[str, PointFilter],
+    dt_s: float,
+    info: CameraInfo,
+    config: DepthLayerConfig,
+) -> bool:
+    """Check that an anchor is where its point is expected, and not rather the other limb's."""
+    expected, other = (points[one].expected(dt_s) for one in (name, COUNTERPARTS[name]))
+    if expected is None:
+        return False
+    cost = _cost(expected, anchor, info, config)
+    at_other = other is not None and _cost(other, anchor, info, config) < cost
+    return cost <= DOUBTFUL_COST_MAX and not at_other
+
+
+def _cost(expected: Normal, anchor: Anchor, info: CameraInfo, config: DepthLayerConfig) -> float:
+    noise_px = sigma_px(anchor, float(expected.mean_m[2]), info, config)
+    return min(expected.pixel_distance2(anchor.pixel, noise_px, info), COST_MAX)

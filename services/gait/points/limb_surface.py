@@ -1,0 +1,95 @@
+"""Positions of hands and feet by the surface behind their keypoints.
+
+Wrists and ankles are the most precise keypoints, and the depth behind them is that of the limb. The
+middle of the hand is beyond the wrist, half of the way to the surface there, and so is that of the
+foot ahead of the ankle.
+
+Source: docs/method.md, section 19.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.geometry.transforms import deproject, project
+from people4d.messages import F64, CameraInfo
+from services.gait.points.body import MeasuredBody
+from services.gait.points.keypoints import Anchor, kind_of
+
+# Of the forearm in the image, from the wrist to the middle of the hand, the first on the body
+HAND_REACHES = np.array([0.4, 0.2])
+ANKLE_DEEP_M = 0.055  # [m] from the surface to the ankle
+# [m] from the ankle to the surface at the middle of the foot: ahead, down and towards the camera
+FOOT_AHEAD_M, FOOT_BELOW_M, FOOT_NEAR_M = 0.08, 0.03, 0.03
+AROUND_PX = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)])  # pixels whose depth counts
+NOISE_M, UNSURE_M = 0.02, 0.03  # [m] of a keypoint in the image, and more at confidence 0
+LIMB_DEEP_M = 0.12  # [m] between wrist and hand, or foot and surface, at most
+DEPTH_NOISE_M = 0.03  # [m] of the depth behind it: the limb is round
+
+
+@dataclass(frozen=True)
+class SurfacePosition:
+    """Position of a hand or foot by its keypoint and the surface behind it."""
+
+    position_m: F64  # 3, optical frame
+    noise_m2: F64  # 3x3, besides that of depth
+    vertex: int  # behind the keypoint
+
+
+def surface_position(
+    name: str,
+    anchor: Anchor | None,
+    body: MeasuredBody,
+    heading: F64 | None,
+    up: F64,
+    info: CameraInfo,
+) -> SurfacePosition | None:
+    """Return the position of a hand or foot; None without a keypoint on the body.
+
+    `heading` and `up` are unit vectors in the optical frame.
+    """
+    if anchor is None or anchor.joint is None:
+        return None
+    beyond_px = _beyond_px(name, anchor)
+    found = body.mesh.vertices_at(np.concatenate([anchor.joint + AROUND_PX, beyond_px]))
+    vertices, beyond = found[: len(AROUND_PX)], found[len(AROUND_PX) :]
+    vertices = vertices[vertices >= 0]
+    if not len(vertices):
+        return None
+    depth_m = float(np.sort(body.mesh.points_m[vertices, 2])[len(vertices) // 2])
+    joint_m = deproject(anchor.joint, depth_m, info)[0]
+    ray = joint_m / np.linalg.norm(joint_m)
+    if kind_of(name) == "hand":
+        deep_m = np.abs(body.mesh.points_m[beyond, 2] - depth_m)
+        there = np.flatnonzero((beyond >= 0) & (deep_m < LIMB_DEEP_M))
+        pixel = beyond_px[there[0]] if len(there) else anchor.joint
+        # Forearms point to the camera or away from it: half of the way is the hand's own depth.
+        own_m = float(body.mesh.points_m[beyond[there[0]], 2]) if len(there) else depth_m
+        position_m = deproject(pixel, (depth_m + own_m) / 2, info)[0]
+    else:
+        position_m = joint_m + (ANKLE_DEEP_M - FOOT_NEAR_M) * ray - FOOT_BELOW_M * up
+        if heading is not None:
+            position_m = position_m + FOOT_AHEAD_M * heading
+        position_m = _nearer_to_surface(position_m, body, info)
+    sigma_m = NOISE_M + UNSURE_M * (1.0 - anchor.confidence)
+    noise_m2 = sigma_m**2 * np.eye(3) + DEPTH_NOISE_M**2 * np.outer(ray, ray)
+    return SurfacePosition(position_m, noise_m2, int(vertices[0]))
+
+
+def _nearer_to_surface(position_m: F64, body: MeasuredBody, info: CameraInfo) -> F64:
+    """Return a position (3) moved half of the way to the surface on its ray, if that is near."""
+    vertices = body.mesh.vertices_at(project(position_m, info)[0] + AROUND_PX)
+    vertices = vertices[vertices >= 0]
+    if not len(vertices):
+        return position_m
+    depth_m = float(np.sort(body.mesh.points_m[vertices, 2])[len(vertices) // 2])
+    if abs(depth_m - position_m[2]) >= LIMB_DEEP_M:
+        return position_m
+    return np.asarray(position_m * (0.5 + 0.5 * depth_m / position_m[2]))
+
+
+def _beyond_px(name: str, anchor: Anchor) -> F64:
+    """Return the pixels where the middle of a hand may be, Nx2; none of other points."""
+    if kind_of(name) != "hand" or anchor.joint is None or anchor.before is None:
+        return np.empty((0, 2))
+    return np.asarray(anchor.joint + HAND_REACHES[:, None] * (anchor.joint - anchor.before))

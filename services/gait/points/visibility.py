@@ -1,0 +1,119 @@
+"""Visibility of hands and feet: whether the surface that was measured is that of the point itself.
+
+A surface on the ray of a hidden point is that of the torso, of the other limb or of somebody else.
+Keypoint, expected position, other limb and distance along the body tell more together than each
+alone: a logistic regression gives the log-odds that the point is visible.
+
+Source: docs/method.md, section 19.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from common.geometry.transforms import project
+from people4d.messages import CameraInfo
+from services.gait.points.body import MeasuredBody
+from services.gait.points.keypoints import Anchor
+from services.gait.points.point_filter import PointFilter
+
+PIXEL_SIGMA = 3.0  # [px] of a point on the surface
+SIGMAS_MAX = 20.0**0.5
+
+
+class LimbEvidence(NamedTuple):
+    """Evidence of the visibility of a measured point, or weights of it."""
+
+    keypoint: float  # confidence; 0: none
+    has_keypoint: float  # 1: yes
+    keypoint_off_m: float  # from the pixel of the keypoint, at the depth of the point
+    before_other: float  # [m] that the other hand or foot is farther than the surface
+    beside_other: float  # [m] to it in the image
+    off: float  # [standard deviations] from its expected position
+    off_other: float  # the same from the body's expectation of the other one
+    off_pixel: float  # the same in the image
+    before_body: float  # [m] that the body's expectation is behind the surface
+    before: float  # [m] that the expected position is behind the surface
+    own_end: float  # 1: the surface leads up to the end of a limb of its kind
+    off_along_m: float  # geodesic distance from its reference
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """Log-odds of visibility: the sum of weighted evidence and a bias, with a least value."""
+
+    weights: LimbEvidence
+    bias: float
+    least: float  # of a measured point
+
+    def odds(self, evidence: LimbEvidence) -> float:
+        """Return the log-odds that a point with this evidence is visible."""
+        return float(np.dot(self.weights, evidence)) + self.bias
+
+
+# Fitted to scenes of one half of the bodies and styles, see benchmarks/gait_bodies.md.
+VISIBILITY: Mapping[str, Visibility] = MappingProxyType(
+    {
+        "hand": Visibility(
+            LimbEvidence(7.3, -2.9, -5.9, 2.0, -0.4, -0.6, -0.5, -0.5, -3.3, -0.1, 0.8, -1.3),
+            bias=4.0,
+            least=2.0,
+        ),
+        "foot": Visibility(
+            LimbEvidence(4.7, -1.3, -6.0, 3.7, 1.7, -0.7, 0.2, 0.4, -0.4, -5.4, 0.1, -1.9),
+            bias=0.7,
+            least=2.7,
+        ),
+    }
+)
+
+
+def limb_evidence(
+    point: PointFilter,
+    position_m: np.ndarray,
+    vertex: int,
+    body: MeasuredBody,
+    anchor: Anchor | None,
+    other: PointFilter | None,
+    info: CameraInfo,
+) -> LimbEvidence | None:
+    """Return the evidence of a point that measures a position (3); None without expectation."""
+    expected, prior = point.expected(), point.prior
+    if expected is None or prior is None:
+        return None
+    pixel = project(position_m, info)[0]
+    by_body, off_ray2 = prior.on_ray(position_m, PIXEL_SIGMA, info)
+    there, _ = expected.on_ray(position_m, PIXEL_SIGMA, info)
+    basin = int(body.extrema.basin[vertex])
+    along = abs(float(body.geodesic_m[vertex]) - point.geodesic_m)
+    before_other, beside_other, off_other = 0.0, 0.5, 5.0**0.5
+    if other is not None and other.motion is not None and other.alive:
+        there_m = other.motion.position_m
+        metre_px = info.fx / position_m[2]
+        beside_other = float(np.linalg.norm(project(there_m, info)[0] - pixel)) / metre_px
+        before_other = float(there_m[2] - position_m[2])
+        if other.prior is not None:
+            off_other = float(np.sqrt(other.prior.distances2(position_m[None])[0]))
+    return LimbEvidence(
+        keypoint=0.0 if anchor is None else anchor.confidence,
+        has_keypoint=float(anchor is not None),
+        keypoint_off_m=0.15
+        if anchor is None
+        else min(float(np.linalg.norm(pixel - anchor.pixel)) * position_m[2] / info.fx, 0.3),
+        before_other=min(max(before_other, -0.4), 0.4),
+        beside_other=min(beside_other, 0.5),
+        off=min(float(np.sqrt(expected.distances2(position_m[None])[0])), SIGMAS_MAX),
+        off_other=min(off_other, SIGMAS_MAX),
+        off_pixel=min(off_ray2**0.5, SIGMAS_MAX),
+        before_body=_before(by_body.mean_m[2] - position_m[2]),
+        before=_before(there.mean_m[2] - position_m[2]),
+        own_end=float(basin >= 0 and body.kinds[basin] == point.kind),
+        off_along_m=min(along, 0.5) if np.isfinite(along) else 0.5,
+    )
+
+
+def _before(offset_m: float) -> float:
+    return min(max(float(offset_m), -0.3), 0.5)

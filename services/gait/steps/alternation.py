@@ -1,0 +1,115 @@
+"""Alternation of feet: which landings are steps, of which foot, and how many are missing.
+
+Feet take turns, so landings of one foot with a whole stride between them have a step of the other
+foot between them that was not seen, and two landings of one foot at the time of one step have a
+wrong name among them. The best interpretation of all landings is found by dynamic programming.
+
+Source: docs/method.md, section 20.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import log
+
+import numpy as np
+
+from services.gait.config import StepConfig
+from services.gait.steps.swings import FEET, Swing
+
+# Costs, as squared deviations: of another foot, of a landing that is none, of a step not seen, and
+# of a pause or part of the walk of which nothing is known.
+FLIP, DROP, MISSED, UNKNOWN = 4.0, 5.0, 3.0, 9.0
+TIME_SIGMA = 0.3  # of the logarithm of a step's time by the median
+BACK = 4  # landings, of which all but the first and the last may be none
+BETWEEN_MIN_S = 0.2  # between landings
+APART = 0.7  # median steps, from which on a landing is apart from others
+
+
+@dataclass(frozen=True)
+class Landing:
+    """Landing of a foot in a walk."""
+
+    swing: Swing
+    side: int  # of FEET
+    steps: int  # since the last landing, this one included; 0: not known
+
+
+def alternating(swings: Sequence[Swing], config: StepConfig) -> list[Landing]:
+    """Return the landings of swings in the order of time, as the best walk of two feet."""
+    sides = [FEET.index(one.foot) for one in swings]
+    period_s = _period_s(swings, config)
+    if len(swings) < 3 or period_s is None:
+        return [Landing(one, side, 0) for one, side in zip(swings, sides, strict=True)]
+    dropped = np.cumsum([0.0, *(DROP * (0.4 + 0.6 * one.confidence) for one in swings)])
+    # Cost of a walk that ends in a landing of a side, the landing before it, and steps since then.
+    best: dict[tuple[int, int], tuple[float, tuple[int, int] | None, int]] = {}
+    for j, swing in enumerate(swings):
+        for side in (0, 1):
+            own = FLIP * (0.5 + 0.5 * swing.confidence) * (side != sides[j])
+            options: list[tuple[float, tuple[int, int] | None, int]] = [
+                (float(dropped[j]) + own, None, 0)
+            ]
+            for i in range(max(0, j - BACK), j):
+                time_s = swing.landed_s - swings[i].landed_s
+                if time_s < BETWEEN_MIN_S:
+                    continue
+                for before in (0, 1):
+                    same = before == side
+                    stood = _stood(swings[i], swing, same, config)
+                    cost, steps = _steps_between(time_s / period_s, same, stood)
+                    cost += best[i, before][0] + float(dropped[j] - dropped[i + 1]) + own
+                    options.append((cost, (i, before), steps))
+            best[j, side] = min(options, key=lambda one: one[0])
+    end = min(best, key=lambda key: best[key][0] + float(dropped[-1] - dropped[key[0] + 1]))
+    found: list[Landing] = []
+    at: tuple[int, int] | None = end
+    while at is not None:
+        _, before_at, steps = best[at]
+        found.append(Landing(swings[at[0]], at[1], steps))
+        at = before_at
+    return _with_apart(found[::-1], swings, period_s)
+
+
+def _with_apart(
+    found: Sequence[Landing], swings: Sequence[Swing], period_s: float
+) -> list[Landing]:
+    """Return a walk with the landings before, after and in its pauses that are apart from it."""
+    known = list(found)
+    for swing in swings:
+        times_s = np.array([one.swing.landed_s for one in known])
+        k = int(np.searchsorted(times_s, swing.landed_s))
+        apart = np.abs(times_s - swing.landed_s).min() > APART * period_s
+        if apart and (k in (0, len(known)) or not known[k].steps):
+            known.insert(k, Landing(swing, FEET.index(swing.foot), 0))
+    return known
+
+
+def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
+    """Return the cost and number of steps by their time in median steps; of one foot or both.
+
+    There are none unseen if the foot that would have taken them stood.
+    """
+    counts = (2,) if same else (1, 3)
+    costs = [
+        ((log(ratio / steps) / TIME_SIGMA) ** 2 + (steps - 1) * MISSED, steps)
+        for steps in counts
+        if steps == 1 or not stood
+    ]
+    return min([*costs, (UNKNOWN, 0)])
+
+
+def _stood(before: Swing, after: Swing, same: bool, config: StepConfig) -> bool:
+    """Check that the other foot than the one that landed first stood between two landings."""
+    there_m = after.other_m if same else after.from_m
+    return bool(np.linalg.norm(there_m - before.other_m) < config.length_min_m)
+
+
+def _period_s(swings: Sequence[Swing], config: StepConfig) -> float | None:
+    """Return the median time of steps, by both feet and by each alone."""
+    landed = [(one.foot, one.landed_s) for one in swings]
+    times = [b - a for (one, a), (other, b) in pairwise(landed) if one != other]
+    for foot in FEET:
+        times += (np.diff([time_s for one, time_s in landed if one == foot]) / 2).tolist()
+    known = [time_s for time_s in times if config.step_min_s < time_s < config.step_max_s]
+    return float(np.median(known)) if known else None

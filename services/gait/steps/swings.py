@@ -1,0 +1,222 @@
+"""Swings: a foot leaves the position where it stood and comes down at another.
+
+Each foot is followed by itself. Where the point filters exchanged both feet for a while, the paths
+of the feet jump; they are exchanged back first. A foot that is hidden while it swings lands
+between the landing and the lift of the other one.
+
+Source: docs/method.md, section 20.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from people4d.messages import F64
+from services.gait.config import StepConfig
+from services.gait.steps.stances import Bins, Stance, collect, find_stances, inliers
+
+BIN_S = 0.05
+EDGES = (0.1, 0.92)  # of the length of a swing, at which the foot has left and has landed
+EXCHANGE_COST_M = 0.08  # displacement that feet must save to be exchanged
+EXCHANGED_COST_M = 0.01  # of each frame of exchanged feet: else labels are taken as right
+SWING_MAX_S = 1.2
+ALONE_MIN = 0.4  # of a swing, in which the other foot does not swing
+DOUBLE_S = 0.08  # [s] least time that both feet stand between two swings
+PARTIAL = 1.5  # times the least length, of a swing whose begin was not visible
+LANDED_S = 0.2  # [s] after a landing, from which on it is one
+HIDDEN_S = 0.15  # [s] without a sample, of which the foot may have stood a part
+CLEAR = 1.5  # times the least length, from which on a swing counts in full
+
+Side = Literal["left", "right"]
+FEET: tuple[Side, Side] = ("left", "right")
+
+
+@dataclass(frozen=True)
+class FootTrajectory:
+    """Positions of one foot, measured or predicted."""
+
+    times_s: F64  # N, rising
+    points_m: F64  # Nx3, in a fixed frame
+    covariances_m2: F64  # Nx3x3, of the points
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Motion of a foot from one footprint to its next."""
+
+    foot: Side
+    lifted_s: float
+    landed_s: float
+    from_m: F64  # 2, footprint on the ground
+    to_m: F64  # 2
+    other_m: F64  # 2, of the other foot when this one lands; NaN if not visible
+    confidence: float  # 0 to 1
+    complete: bool = True  # False: the person walked already when the foot became visible
+
+    @property
+    def length_m(self) -> float:
+        """Distance between both footprints: a stride in walking, a step at a start or stop."""
+        return float(np.linalg.norm(self.to_m - self.from_m))
+
+
+def find_swings(
+    left: FootTrajectory, right: FootTrajectory, up: F64, config: StepConfig
+) -> list[Swing]:
+    """Return the swings of both feet in the order of their landings."""
+    feet = _binned((left, right), up, config)
+    if feet is None:
+        return []
+    stances = [find_stances(bins, config) for bins in feet]
+    found = [one for side in range(2) for one in _swings(feet, stances, side, config)]
+    return sorted(found, key=lambda one: one.landed_s)
+
+
+def _binned(
+    feet: tuple[FootTrajectory, FootTrajectory], up: F64, config: StepConfig
+) -> tuple[Bins, Bins] | None:
+    """Return both paths on the ground in the same bins; None with too few samples."""
+    if min(len(foot.times_s) for foot in feet) < 2:
+        return None
+    origin_s = min(float(foot.times_s[0]) for foot in feet)
+    end_s = max(float(foot.times_s[-1]) for foot in feet)
+    spacing_s = float(np.median(np.concatenate([np.diff(foot.times_s) for foot in feet])))
+    bin_s = max(BIN_S, spacing_s)
+    count = int((end_s - origin_s) / bin_s) + 1
+    if count < 3:
+        return None
+    axes = _ground(up)
+    both = []
+    for foot in _on_own_feet(*feet):
+        ground = foot.points_m @ axes.T
+        noise = config.noise_m**2 * np.eye(2) + axes @ foot.covariances_m2 @ axes.T
+        known = inliers(ground, noise)
+        both.append(
+            collect(foot.times_s[known], ground[known], noise[known], origin_s, count, bin_s)
+        )
+    return both[0], both[1]
+
+
+def _ground(up: F64) -> F64:
+    """Return two orthogonal directions of the ground, 2x3."""
+    least = np.eye(3)[int(np.argmin(np.abs(up)))]
+    first = np.cross(up, least)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(up, first)])
+
+
+def _on_own_feet(left: FootTrajectory, right: FootTrajectory) -> tuple[FootTrajectory, ...]:
+    """Exchange both feet where this makes their paths shorter: the best of all labels.
+
+    A sequence of labels costs the displacements of both feet from frame to frame, something for
+    each exchange, and a little while they are exchanged.
+    """
+    _, *both = np.intersect1d(left.times_s, right.times_s, return_indices=True)
+    if len(both[0]) < 3:
+        return left, right
+    at = np.stack([foot.points_m[k] for foot, k in zip((left, right), both, strict=True)])
+    straight = np.linalg.norm(np.diff(at, axis=1), axis=2).sum(axis=0)
+    crossed = np.linalg.norm(at[0, 1:] - at[1, :-1], axis=1)
+    crossed += np.linalg.norm(at[1, 1:] - at[0, :-1], axis=1)
+    costs = [0.0, EXCHANGE_COST_M]
+    before: list[tuple[int, int]] = []
+    for same, other in zip(straight.tolist(), crossed.tolist(), strict=True):
+        options = [
+            [costs[0] + same, costs[1] + other + EXCHANGE_COST_M],
+            [costs[1] + same, costs[0] + other + EXCHANGE_COST_M],
+        ]
+        chosen = (int(options[0][1] < options[0][0]), int(options[1][1] < options[1][0]))
+        before.append((chosen[0], 1 - chosen[1]))
+        costs = [options[0][chosen[0]], options[1][chosen[1]] + EXCHANGED_COST_M]
+    label = int(costs[1] < costs[0])
+    labels = [label]
+    for pair in reversed(before):
+        label = pair[label]
+        labels.append(label)
+    exchanged = np.flatnonzero(labels[::-1])
+    found = []
+    for own, other, (k, n) in ((left, right, both), (right, left, both[::-1])):
+        points, covariances = own.points_m.copy(), own.covariances_m2.copy()
+        points[k[exchanged]] = other.points_m[n[exchanged]]
+        covariances[k[exchanged]] = other.covariances_m2[n[exchanged]]
+        found.append(FootTrajectory(own.times_s, points, covariances))
+    return tuple(found)
+
+
+def _swings(
+    feet: tuple[Bins, Bins], stances: Sequence[Sequence[Stance]], side: int, config: StepConfig
+) -> list[Swing]:
+    """Return the swings of one foot between its stances."""
+    bins, own = feet[side], list(stances[side])
+    complete = True
+    if own and own[0].begin:
+        first = int(np.flatnonzero(bins.sampled)[0])
+        if first < own[0].begin:  # the path begins in a swing
+            own.insert(0, Stance(first, first + 1, bins.position_m(first, first + 1)))
+            complete = False
+    found = []
+    for before, after in pairwise(own):
+        swing = _swing(feet, stances[1 - side], side, before, after, complete, config)
+        complete = True
+        if swing is not None:
+            found.append(swing)
+    return found
+
+
+def _swing(
+    feet: tuple[Bins, Bins],
+    others: Sequence[Stance],
+    side: int,
+    before: Stance,
+    after: Stance,
+    complete: bool,
+    config: StepConfig,
+) -> Swing | None:
+    """Return the swing between two stances; None if it is no step."""
+    bins, from_m, to_m = feet[side], before.position_m, after.position_m
+    times_s, length_m = bins.times_s, float(np.linalg.norm(to_m - from_m))
+    first, last = before.end - 1, after.begin
+    time_s = float(times_s[last] - times_s[first])
+    least_m = config.length_min_m * (1.0 if complete else PARTIAL)
+    if length_m < least_m or time_s > config.gap_s + SWING_MAX_S:
+        return None
+    end_s = float(times_s[max(np.flatnonzero(one.sampled)[-1] for one in feet)])
+    if end_s - times_s[last] < LANDED_S:  # not known yet if the foot stays there
+        return None
+    known = [k for k in range(first, last + 1) if bins.sampled[k]]
+    along = np.array([bins.position_m(k, k + 1) for k in known]) - from_m
+    along = np.maximum.accumulate(along @ (to_m - from_m) / length_m**2)
+    lifted_s, landed_s = (_crossing_s(times_s[known], along, edge) for edge in EDGES)
+    moving = slice(first + 1, last)
+    stands = np.zeros(len(times_s), bool)
+    for one in others:
+        stands[one.begin : one.end] = True
+    alone = float(np.mean((stands | ~feet[1 - side].sampled)[moving])) if last - first > 1 else 1.0
+    if alone < ALONE_MIN:
+        return None
+    there = [one for one in others if times_s[one.begin] <= landed_s <= times_s[one.end - 1] + 0.1]
+    visible = float(bins.sampled[max(first - 2, 0) : last + 3].mean())
+    clear = min(1.0, length_m / (CLEAR * config.length_min_m))
+    return Swing(
+        foot=FEET[side],
+        lifted_s=lifted_s,
+        landed_s=landed_s,
+        from_m=from_m,
+        to_m=to_m,
+        other_m=there[-1].position_m if there else np.full(2, np.nan),
+        confidence=clear * visible * alone,
+        complete=complete,
+    )
+
+
+def _crossing_s(times_s: F64, along: F64, edge: float) -> float:
+    """Return when a rising path crosses a level; of a longer gap the middle."""
+    k = int(np.searchsorted(along, edge))
+    if k == 0 or k == len(along):
+        return float(times_s[min(k, len(along) - 1)])
+    ratio = (edge - along[k - 1]) / max(along[k] - along[k - 1], 1e-9)
+    hidden_s = float(times_s[k] - times_s[k - 1])
+    ratio = 0.5 if hidden_s > HIDDEN_S else ratio
+    return float(times_s[k - 1]) + ratio * hidden_s

@@ -1,0 +1,177 @@
+"""Gait parameters of walks by hand, their page, and points for tools of biomechanics."""
+
+import math
+
+import numpy as np
+import pytest
+
+from common.drawing.topdown import Trajectories
+from evaluation.gait.parameters import (
+    GaitParameter,
+    HeadPath,
+    gait_parameters,
+    limping_side,
+    turn_durations_s,
+)
+from evaluation.gait.person_page import person_page
+from evaluation.gait.tables import PointTrajectory
+from evaluation.gait.trc import trc
+from people4d.messages import F64
+from services.gait.config import StepConfig
+from services.gait.steps.steps import FootStep, Stride, find_steps
+from services.gait.steps.swings import Side
+from tests.gait.steps.test_steps import UP, feet, trajectory
+
+CONFIG = StepConfig()
+# Of people of another simulator: step time, its variation, and errors of landings
+STEP_S, VARIATION_S, LANDING_S = 0.58, 0.03, 0.05
+
+
+def walk(duration_s: float = 8.0, **swings_s: float) -> dict[str, GaitParameter]:
+    times_s = np.arange(0, duration_s, 1 / 30)
+    left, right = feet(times_s, **swings_s)
+    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP, CONFIG)
+    sway_m = 0.03 * np.sin(2 * np.pi * times_s)  # once a stride
+    head = HeadPath(times_s, np.stack([1.2 * times_s, 0.1 + sway_m], axis=1))
+    return {one.name: one for one in gait_parameters(steps, head, CONFIG)}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "tolerance"),
+    [
+        ("step length", 0.6, 0.01),
+        ("left step length", 0.6, 0.02),
+        ("right step length", 0.6, 0.02),
+        ("stride length", 1.2, 0.01),
+        ("step width", 0.2, 0.01),
+        ("cadence", 120.0, 1.0),
+        ("speed", 1.2, 0.02),
+        ("step time variability", 0.0, 3.0),
+        ("step time asymmetry", 0.0, 3.0),
+        ("trunk sway", 3.0, 0.3),
+    ],
+)
+def test_even_walk_by_hand(name: str, value: float, tolerance: float) -> None:
+    # Steps of 0.6 m in 0.5 s with feet 0.2 m apart; the head sways by 3 cm.
+    one = walk()[name]
+    assert one.value == pytest.approx(value, abs=tolerance)
+    assert None not in (one.low, one.value, one.high)
+    assert sorted([one.low or 0, one.value or 0, one.high or 0]) == [one.low, one.value, one.high]
+    assert one.count >= 6
+
+
+def test_shares_of_a_stride_add_up() -> None:
+    # One foot swings as soon as the other one has landed: half of the time, at an even speed.
+    found = walk()
+    stance, swing = found["stance"].value or 0.0, found["swing"].value or 0.0
+    assert swing == pytest.approx(41.0, abs=3.0)  # of 50, between 10 and 92 % of the way
+    assert stance + swing == pytest.approx(100.0)
+    assert found["double support"].value == pytest.approx(2 * (50 - 41.0), abs=4.0)
+
+
+@pytest.mark.parametrize(
+    ("left_s", "right_s", "side"),
+    [(0.525, 0.475, "left"), (0.45, 0.55, "right"), (0.5, 0.5, None)],
+)
+def test_limp_has_its_side(left_s: float, right_s: float, side: str | None) -> None:
+    """10 and 20 %: the foot of the longer step is spared while the other one swings shortly."""
+    found = walk(left_swing_s=left_s, right_swing_s=right_s)
+    assert limping_side(list(found.values())) == side
+    assert found["step time asymmetry"].value == pytest.approx(200 * (left_s - right_s), abs=4.0)
+
+
+def test_few_steps_give_no_intervals() -> None:
+    found = walk(1.9)
+    assert found["cadence"].count == 2  # times of steps, of one stride
+    assert found["cadence"].value == pytest.approx(120, abs=3)
+    assert found["stride length"].count == 1
+    assert found["stride length"].low is None
+    assert found["step time variability"].value is None
+    assert limping_side(list(found.values())) is None
+
+
+def test_person_who_stands_has_no_parameters() -> None:
+    parameters = gait_parameters([], None, CONFIG)
+    assert {one.value for one in parameters} == {None}
+    page = person_page(3, parameters, [], Trajectories())
+    assert "No steps were found" in page
+
+
+def turn(degrees: float, duration_s: float) -> F64:
+    """Return headings at 30 Hz: a second straight on, a turn, a second straight on."""
+    middle = np.linspace(0, math.radians(degrees), round(30 * duration_s))
+    return np.concatenate([np.zeros(60), middle, np.full(60, math.radians(degrees))])
+
+
+@pytest.mark.parametrize(("degrees", "expected_s"), [(90.0, [1.5]), (-90.0, [1.5]), (30.0, [])])
+def test_turns_by_hand(degrees: float, expected_s: list[float]) -> None:
+    heading = turn(degrees, 1.5)
+    ground = np.cumsum(np.stack([np.cos(heading), np.sin(heading)], axis=1) / 30, axis=0)
+    found = turn_durations_s(HeadPath(np.arange(len(heading)) / 30, ground))
+    assert found == pytest.approx(expected_s, abs=0.5)
+
+
+def test_page_contains_everything_and_loads_nothing() -> None:
+    times_s = np.arange(0, 6, 1 / 30)
+    left, right = feet(times_s)
+    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP, CONFIG)
+    page = person_page(
+        7, gait_parameters(steps, None, CONFIG), steps, Trajectories(tracks={7: left[:, :2]})
+    )
+    assert "Gait of person 7" in page
+    assert page.count("<svg") == 4
+    assert "double support" in page
+    assert not [
+        word
+        for word in ("$", "src=", "http://", "https://")
+        if word in page.replace("http://www.w3.org/2000/svg", "")
+    ]
+
+
+def test_trc_by_hand() -> None:
+    times_s = np.array([0.0, 0.1, 0.2])
+    head = PointTrajectory(
+        times_s, np.array([[1.0, 2.0, 1.7]] * 3), np.zeros((3, 3, 3)), np.ones(3, bool)
+    )
+    foot = PointTrajectory(
+        times_s[1:], np.array([[1.0, 2.0, 0.1]] * 2), np.zeros((2, 3, 3)), np.ones(2, bool)
+    )
+    lines = trc({"head": head, "left_foot": foot}, "walk.trc").split("\n")
+    assert lines[0].split("\t") == ["PathFileType", "4", "(X/Y/Z)", "walk.trc"]
+    assert lines[2].split("\t") == ["10.00", "10.00", "3", "2", "mm", "10.00", "1", "3"]
+    assert lines[3].split("\t") == ["Frame#", "Time", "head", "", "", "left_foot", "", ""]
+    # y is up there, and z to the right.
+    head_mm = ["1000.00", "1700.00", "-2000.00"]
+    assert lines[6].split("\t") == ["1", "0.0000", *head_mm, "", "", ""]
+    assert lines[7].split("\t") == ["2", "0.1000", *head_mm, "1000.00", "100.00", "-2000.00"]
+
+
+def limp(ratio: float, duration_s: float, seed: int) -> str | None:
+    """Return the limping side of a straight walk; its landings vary and are found to 0.05 s."""
+    generator = np.random.default_rng(seed)
+    count = int(duration_s / STEP_S)
+    own_s = np.where(np.arange(count) % 2, 1 - ratio / 2, 1 + ratio / 2) * STEP_S
+    own_s += generator.normal(0, VARIATION_S, count)
+    landed_s = np.cumsum(own_s) + generator.normal(0, LANDING_S, count)
+    steps: list[FootStep] = []
+    for k, time_s in enumerate(landed_s.tolist()):
+        stride = None
+        if k > 1:
+            stride = Stride(1.2, time_s - steps[-2].landed_s, time_s - steps[-1].landed_s)
+        foot: Side = "right" if k % 2 else "left"
+        step = FootStep(foot, time_s, 0.6, stride, time_s - 0.4, (0.6 * k, 0.0), 0.2, 1.0, k > 0)
+        steps.append(step)
+    return limping_side(gait_parameters(steps, None, CONFIG))
+
+
+@pytest.mark.parametrize(("ratio", "duration_s"), [(0.1, 120.0), (0.2, 30.0)])
+def test_limp_is_recognised_in_a_walk_that_is_long_enough(ratio: float, duration_s: float) -> None:
+    found = [limp(ratio, duration_s, seed) for seed in range(40)]
+    assert found.count("left") >= 30
+    assert "right" not in found
+
+
+@pytest.mark.parametrize("duration_s", [6.0, 25.0, 90.0])
+def test_healthy_people_rarely_limp(duration_s: float) -> None:
+    found = [limp(0.0, duration_s, seed) for seed in range(40)]
+    assert found.count(None) >= 35

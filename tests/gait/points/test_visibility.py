@@ -1,0 +1,45 @@
+"""Log-odds of visibility by evidence of known kind."""
+
+import pytest
+
+from services.gait.points.visibility import VISIBILITY, LimbEvidence
+
+# A hand or foot beside the body, at its keypoint, before the other one.
+CLEAR = LimbEvidence(
+    keypoint=0.8,
+    has_keypoint=1.0,
+    keypoint_off_m=0.02,
+    before_other=0.15,
+    beside_other=0.4,
+    off=0.5,
+    off_other=3.0,
+    off_pixel=0.5,
+    before_body=0.0,
+    before=0.0,
+    own_end=1.0,
+    off_along_m=0.03,
+)
+
+
+@pytest.mark.parametrize("kind", ["hand", "foot"])
+def test_clear_point_is_visible(kind: str) -> None:
+    assert VISIBILITY[kind].odds(CLEAR) >= VISIBILITY[kind].least
+
+
+@pytest.mark.parametrize("kind", ["hand", "foot"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"keypoint": 0.0, "has_keypoint": 0.0, "keypoint_off_m": 0.15, "before_other": -0.4},
+        {"keypoint_off_m": 0.3, "keypoint": 0.45, "off_pixel": 2.0},
+        {
+            "before_other": -0.3,
+            "beside_other": 0.03,
+            "off_along_m": 0.4,
+            "off": 3.0,
+            "keypoint": 0.4,
+        },
+    ],
+)
+def test_point_without_evidence_is_not(kind: str, change: dict[str, float]) -> None:
+    assert VISIBILITY[kind].odds(CLEAR._replace(**change)) < VISIBILITY[kind].least

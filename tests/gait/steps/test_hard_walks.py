@@ -1,0 +1,64 @@
+"""Walks that are hard to measure: cut off, standing, sitting down, half in view."""
+
+import numpy as np
+import pytest
+
+from people4d.messages import F64, GaitMeasures
+from services.gait.config import StepConfig
+from services.gait.steps.steps import FootSample, StepMeter, find_steps, gait_measures
+from tests.gait.steps.test_steps import NOISE_M2, UP, feet, trajectory
+
+CONFIG = StepConfig()
+NOISE_M = 0.03
+
+
+def measured(times_s: F64, left: F64, right: F64) -> GaitMeasures:
+    both = trajectory(times_s, left), trajectory(times_s, right)
+    return gait_measures(find_steps(*both, UP, CONFIG), CONFIG)
+
+
+@pytest.mark.parametrize("begin_s", [0.1, 0.25, 0.4, 0.6, 0.85])
+def test_recording_that_starts_within_a_step(begin_s: float) -> None:
+    times_s = np.arange(0, 6, 1 / 30)
+    found = measured(times_s, *feet(times_s + begin_s))
+    assert found.step_length_m == pytest.approx(0.6, abs=0.02)
+    assert found.cadence_per_min == pytest.approx(120, rel=0.03)
+
+
+def test_person_who_only_stands_has_no_step() -> None:
+    generator, times_s = np.random.default_rng(1), np.arange(0, 60, 1 / 15)
+    meter = StepMeter(CONFIG, UP)
+    for time_s in times_s.tolist():
+        points = np.array([[2.0, 0.1, 0.05], [2.0, -0.1, 0.05]])
+        points += generator.normal(0, NOISE_M, points.shape)
+        both = (FootSample(point, NOISE_M2) for point in points)
+        assert meter.update(time_s, *both).steps == 0
+
+
+def test_feet_drawn_back_on_sitting_down_are_no_steps() -> None:
+    # Both feet slide 15 cm back, one after the other, and stay there.
+    times_s = np.arange(0, 8, 1 / 15)
+    slides = [0.15 * np.clip((times_s - begin_s) / 0.4, 0, 1) for begin_s in (3.0, 3.3)]
+    left, right = (
+        np.stack([2.0 - slide, np.full_like(slide, aside), 0 * slide], axis=1)
+        for slide, aside in zip(slides, (0.1, -0.1), strict=True)
+    )
+    assert measured(times_s, left, right) == GaitMeasures()
+
+
+def test_person_half_in_view_for_minutes() -> None:
+    # Only the left foot is in the image: it has steps or none, but never wrong measures.
+    times_s = np.arange(0, 120, 1 / 15)
+    left, _ = feet(times_s)
+    meter = StepMeter(CONFIG, UP)
+    for time_s, point in zip(times_s.tolist(), left, strict=True):
+        found = meter.update(time_s, FootSample(point, NOISE_M2), None)
+        assert found.cadence_per_min in (None, pytest.approx(120, rel=0.05))
+    assert len(meter.steps()) < 20
+
+
+def test_two_people_in_step_have_the_same_measures() -> None:
+    times_s = np.arange(0, 6, 1 / 30)
+    left, right = feet(times_s)
+    apart = np.array([0.0, 0.5, 0.0])
+    assert measured(times_s, left, right) == measured(times_s, left + apart, right + apart)
