@@ -7,6 +7,7 @@ import msgspec
 from msgspec import Meta
 
 from common.config import Config
+from common.inference.session import Engine
 from people4d.messages.base import (
     NonNegative,
     Positive,
@@ -22,6 +23,7 @@ T = TypeVar("T")
 SIDE_STEP = 32  # [px] the networks halve the image five times
 
 Confidence = Annotated[float, Meta(ge=0, lt=1)]
+AboveOne = Annotated[float, Meta(gt=1)]
 Fraction = Annotated[float, Meta(gt=0, lt=1)]
 OddWindow = Annotated[int, Rule("an odd number, 1 to 31", lambda n: 1 <= n <= 31 and n % 2 == 1)]
 InputSide = Annotated[
@@ -37,8 +39,13 @@ class ModelSettings(Config, frozen=True, kw_only=True):
     folder: str = ""  # folder that is searched first for named models; empty: none
     input_height: InputSide = 0  # [px] of the network; 0: as the model is made
     input_width: InputSide = 0  # [px] of the network; 0: as the model is made
-    score_min: Ratio | None = None  # people below are dropped; absent: the kind's default
+    score_min: Ratio | None = None  # of the network's own scores, least; absent: the kind's default
+    # Scores of this network are so many times those of its kind, as of one of integers
+    score_scale: Positive = 1.0
+    # Published scores: "probability" that the detection is a person, or those of the network
+    scores: Literal["probability", "network"] = "probability"
     iou_max: Ratio | None = None  # overlap above which two boxes are one person; absent: default
+    engine: Engine = "onnxruntime"  # "openvino": faster on Intel's processors, an extra
     threads: PositiveInt = 1  # threads that one inference may use
     max_people: PositiveInt = 20  # most people in one image, best first
 
@@ -72,7 +79,25 @@ class LayerConfig(Config, frozen=True, kw_only=True):
     half_m: Positive = 0.25  # [m] readings farther from the middle of the layer do not count
     size_sigma: Positive = 0.2  # standard deviation of the logarithm of people's size
     misfit: PositiveRatio = 0.02  # least weight of a layer by the size of the person
+    larger_max: AboveOne = 2.0  # layers where a person would be so many times too large are refused
+    smaller_max: AboveOne = 2.2  # likewise too small, by the height of the torso
     other_weight: PositiveRatio = 0.5  # weight of samples that are not on the torso
+    area_weight: NonNegative = 2.0  # weight of all samples of the visible area together
+    # Least part of all samples, times the weight by size, of a layer that is the person's; 0.005:
+    # of a person who appears half as large as people are a quarter of the samples
+    score_min: Ratio = 0.005
+
+
+class AreaConfig(Config, frozen=True, kw_only=True):
+    """Visible area of a body, by box and joints; docs/method.md section 10."""
+
+    columns: PositiveInt = 6  # samples of depth across
+    rows: PositiveInt = 8  # samples of depth downward
+    width: PositiveRatio = 0.5  # of the box, in its middle
+    below_top: Confidence = 0.3  # of the box's height: its upper edge where no shoulder is known
+    # Torso of people of whom no joint is known, by their box
+    crown_m: Positive = 0.55  # [m] box's upper edge to the middle of the torso
+    sigma_m: Positive = 0.15  # [m] standard deviation of the middle, across the line of sight
 
 
 class ProportionConfig(Config, frozen=True, kw_only=True):
@@ -89,10 +114,12 @@ class TorsoConfig(Config, frozen=True, kw_only=True):
     """Position of the torso from its joints; docs/method.md section 10."""
 
     pull: Confidence = 0.3  # fraction from a joint to the torso's middle: off the outline
+    edge_px: NonNegative = 8.0  # [px] joints so near to the image's edge are guesses: cut off
     window_share: PositiveRatio = 0.12  # side of a window, of the torso's diagonal in the image
     window_max_px: Annotated[int, Meta(ge=5, le=101)] = 31  # [px] largest side of a window
     margin_share: PositiveRatio = 0.25  # outline beyond the keypoints, of the torso's diagonal
     layer: LayerConfig = LayerConfig()
+    area: AreaConfig = AreaConfig()
     proportions: ProportionConfig = ProportionConfig()
     # Axis behind face and limbs, where the torso itself is hidden
     limb_offset_m: NonNegative = 0.06  # [m]
@@ -187,7 +214,7 @@ class BodyModelConfig(Config, frozen=True, kw_only=True):
     sigma_confidence: Positive = 0.06
     # A network that is less confident of all points of a side errs more: sigma grows below this
     side_confidence_min: Positive = 0.6
-    side_power: float = 2.0
+    side_power: float = 1.0
     swapped: Fraction = 0.03  # probability that left and right are taken for each other
     # Outlier probabilities: joints of another person, joints that were guessed
     outliers_across: Fraction = 0.05
@@ -250,6 +277,8 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     ellipse: EllipseConfig = EllipseConfig()  # of to_axis
     uncertainty: UncertaintyConfig = UncertaintyConfig()  # of covariance
     crops: bool = True  # publish the crops that re-identification needs
+    # [m] what is so much nearer than the person is blanked in the crop; inf: nothing
+    crop_front_m: PositiveOrInfinite = 0.4
     crop_height_max_px: Annotated[int, Meta(ge=16, le=4096)] = 256  # [px] higher: scaled down
 
     def keypoints_for(self, model: str) -> KeypointConfig:

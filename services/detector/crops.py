@@ -1,9 +1,17 @@
-"""Crops of the people of a frame, small enough to publish."""
+"""Crops of the people of a frame, small enough to publish.
+
+What stands before a person is blanked, so that its looks are not taken for the person's. The
+background is not: networks for re-identification know people with one, and without it they
+recognised fewer (docs/method.md section 21).
+"""
+
+import math
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from people4d.messages import F32, U8, Crop
+from people4d.messages import F32, HIDDEN_RGB, U8, U16, Crop
 from services.detector.models.base import DetectedPerson
 
 
@@ -15,11 +23,33 @@ def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, in
     return int(left), int(top), int(right), int(bottom)
 
 
-def crop_person(index: int, person: DetectedPerson, rgb: U8, height_max_px: int) -> Crop | None:
+Flags = npt.NDArray[np.bool_]
+HIDDEN_MAX = 0.7  # share of a crop: if more were before the person, the depth would be wrong
+
+
+def hidden_pixels(box_xyxy_px: F32, depth_mm: U16, nearest_m: float) -> Flags | None:
+    """Return which pixels of a box, cut to the image, are nearer than a depth; None if none.
+
+    Pixels without a reading are not. None if so many are nearer that the depth must be wrong.
+    """
+    left, top, right, bottom = cut_box(box_xyxy_px, depth_mm.shape)
+    if left >= right or top >= bottom or not 0 < nearest_m < math.inf:
+        return None
+    window_mm = depth_mm[top:bottom, left:right]
+    # Less 1, no reading wraps to the farthest: one comparison for both.
+    nearest_mm = min(round(nearest_m * 1000) - 1, 65535)
+    hidden = (window_mm - np.uint16(1)) < max(nearest_mm, 0)
+    count = np.count_nonzero(hidden)
+    return hidden if 0 < count <= HIDDEN_MAX * hidden.size else None
+
+
+def crop_person(
+    index: int, person: DetectedPerson, rgb: U8, height_max_px: int, hidden: Flags | None = None
+) -> Crop | None:
     """Cut one person out of an image (HxWx3), with mask and keypoints in the crop's pixels.
 
-    The box is cut to the image, and a crop higher than `height_max_px` is scaled down to that. None
-    if the box misses the image.
+    The box is cut to the image, and a crop higher than `height_max_px` is scaled down to that; its
+    hidden pixels get the colour HIDDEN_RGB. None if the box misses the image.
     """
     left, top, right, bottom = cut_box(person.box_xyxy_px, rgb.shape)
     if left >= right or top >= bottom:
@@ -33,9 +63,23 @@ def crop_person(index: int, person: DetectedPerson, rgb: U8, height_max_px: int)
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
         if mask is not None:
             mask = np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    if hidden is not None:
+        image = _blank(image, hidden)
     keypoints = None
     if person.keypoints is not None:  # pixel centres are whole numbers
         keypoints = person.keypoints.copy()
         moved = keypoints[:, :2] - (left, top) + 0.5
         keypoints[:, :2] = moved * scale.astype(np.float32) - 0.5
     return Crop(detection=index, rgb=image, mask=mask, keypoints=keypoints)
+
+
+def _blank(image: U8, hidden: Flags) -> U8:
+    """Return an image whose hidden pixels, given at any scale, are blanked."""
+    height, width = image.shape[:2]
+    visible = (~hidden).view(np.uint8)
+    if visible.shape != (height, width):
+        scaled = cv2.resize(visible, (width, height), interpolation=cv2.INTER_NEAREST)
+        visible = np.asarray(scaled, np.uint8)
+    blanked = np.empty_like(image)
+    blanked[:] = HIDDEN_RGB
+    return np.asarray(cv2.copyTo(image, visible, blanked), np.uint8)

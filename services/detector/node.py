@@ -9,19 +9,30 @@ from typing import ClassVar
 
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
-from people4d.messages import CameraInfo, Crops, Detection, Detections, Mask, Message, RgbdFrame
+from people4d.messages import (
+    F32,
+    CameraInfo,
+    Crops,
+    Detection,
+    Detections,
+    Mask,
+    Message,
+    RgbdFrame,
+)
 from services.detector.config import DetectorConfig
-from services.detector.crops import crop_person
+from services.detector.crops import crop_person, hidden_pixels
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
 from services.detector.orientation.joint import joint_yaw
 from services.detector.orientation.separate import separate_yaws
 from services.detector.position.estimator import PositionEstimator
 from services.detector.position.silhouette import grow_mask
-from services.detector.position.surface import DepthImage, PositionEstimate
+from services.detector.position.surface import DepthImage, PositionEstimate, keypoint_surfaces
 from services.detector.position.torso import LayeredTorso
 
 log = logging.getLogger("people4d")
+
+CAMERAS_MAX = 64  # further names of cameras are refused
 
 
 class DetectorNode(Node):
@@ -34,6 +45,7 @@ class DetectorNode(Node):
     inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
     sharing: ClassVar[Sharing] = Sharing(RgbdFrame, Detections)
     required_inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    workers = 2  # so that one prepares a frame while the other infers
 
     def __init__(self, model: PersonModel, config: DetectorConfig) -> None:
         self._model = model
@@ -55,7 +67,11 @@ class DetectorNode(Node):
         """Take a calibration, or a frame: return its Detections and, if configured, its Crops."""
         if isinstance(message, CameraInfo):
             with self._lock:
-                self._calibrations[message.camera] = message
+                known = message.camera in self._calibrations
+                if known or len(self._calibrations) < CAMERAS_MAX:
+                    self._calibrations[message.camera] = message
+                else:
+                    self._counters["refused_cameras"] += 1
             return ()
         if not isinstance(message, RgbdFrame):
             return ()
@@ -91,12 +107,14 @@ class DetectorNode(Node):
         if self._config.position == "grown":
             with span("locate"):
                 people = [self._with_mask(person, image) for person in people]
+        with span("locate"):
+            torsos = self._torsos(people, image)
         outputs: list[Message] = []
         if self._config.crops:
             # Crops first: the tracker waits longest for their embeddings.
-            (self._loop.publish or outputs.append)(self._crops(people, frame))
+            (self._loop.publish or outputs.append)(self._crops(people, torsos, frame))
         with span("locate"):
-            detections = self._detections(people, image)
+            detections = self._detections(people, torsos, image)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
@@ -138,12 +156,20 @@ class DetectorNode(Node):
             return person
         return replace(person, mask=grow_mask(person, image, self._config.growth))
 
-    def _detections(
+    def _torsos(
         self, people: Sequence[DetectedPerson], image: DepthImage
-    ) -> tuple[Detection, ...]:
-        torsos: Sequence[LayeredTorso | None] = [None] * len(people)
+    ) -> Sequence[LayeredTorso | None]:
+        """Return the torsos where positions or yaws need them, else None each."""
         if self._orientation.method == "joint" or self._config.position == "torso":
-            torsos = self._positions.torsos(people, image)
+            return self._positions.torsos(people, image)
+        return [None] * len(people)
+
+    def _detections(
+        self,
+        people: Sequence[DetectedPerson],
+        torsos: Sequence[LayeredTorso | None],
+        image: DepthImage,
+    ) -> tuple[Detection, ...]:
         yaws = [
             self._yaw(person, torso, image) for person, torso in zip(people, torsos, strict=True)
         ]
@@ -151,7 +177,7 @@ class DetectorNode(Node):
             self._positions.estimate(person, torso, image, None if yaw is None else yaw.rad)
             for person, torso, yaw in zip(people, torsos, yaws, strict=True)
         ]
-        return tuple(map(_detection, people, yaws, positions))
+        return tuple(map(_detection, people, yaws, positions, keypoint_surfaces(people, image)))
 
     def _yaw(
         self, person: DetectedPerson, torso: LayeredTorso | None, image: DepthImage
@@ -167,10 +193,21 @@ class DetectorNode(Node):
         confidence_min = self._keypoints.confidence_min
         return joint_yaw(keypoints, torso[1].depth_m, image, confidence_min, config.body)
 
-    def _crops(self, people: Sequence[DetectedPerson], frame: RgbdFrame) -> Crops:
+    def _crops(
+        self,
+        people: Sequence[DetectedPerson],
+        torsos: Sequence[LayeredTorso | None],
+        frame: RgbdFrame,
+    ) -> Crops:
+        height_px, front_m = self._config.crop_height_max_px, self._config.crop_front_m
+        crops = []
         with span("crops"):
-            height_px = self._config.crop_height_max_px
-            crops = [crop_person(k, one, frame.rgb, height_px) for k, one in enumerate(people)]
+            for k, (person, torso) in enumerate(zip(people, torsos, strict=True)):
+                hidden = None
+                if torso is not None:
+                    nearest_m = torso[1].depth_m - front_m
+                    hidden = hidden_pixels(person.box_xyxy_px, frame.depth_mm, nearest_m)
+                crops.append(crop_person(k, person, frame.rgb, height_px, hidden))
         return Crops(
             stamp_ns=frame.stamp_ns,
             sequence=frame.sequence,
@@ -186,13 +223,17 @@ class DetectorNode(Node):
 
 
 def _detection(
-    person: DetectedPerson, yaw: YawEstimate | None, position: PositionEstimate | None
+    person: DetectedPerson,
+    yaw: YawEstimate | None,
+    position: PositionEstimate | None,
+    depths_m: F32 | None,
 ) -> Detection:
     mask = person.mask
     return Detection(
         box_xyxy_px=person.box_xyxy_px,
         score=person.score,
         keypoints=person.keypoints,
+        keypoint_depths_m=depths_m,
         mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),
         position_m=None if position is None else position.position_m,
         position_covariance_m2=None if position is None else position.covariance_m2,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from common.inference import Array
+from common.inference.session import Array
 
 
 class ArraySession:

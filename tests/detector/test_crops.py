@@ -1,7 +1,7 @@
 import numpy as np
 
-from people4d.messages import F32, U8
-from services.detector.crops import crop_person, cut_box
+from people4d.messages import F32, HIDDEN_RGB, U8, U16
+from services.detector.crops import crop_person, cut_box, hidden_pixels
 from services.detector.models.base import DetectedPerson, InstanceMask
 
 
@@ -80,3 +80,38 @@ def test_a_very_narrow_box_keeps_a_pixel() -> None:
     crop = crop_person(0, DetectedPerson(0.9, box(3, 0, 4, 80)), image(80, 20), 16)
     assert crop is not None
     assert crop.rgb.shape == (16, 1, 3)
+
+
+def depths(left_mm: int, right_mm: int) -> U16:
+    """Return depth of 20x30 pixels: columns before 10, and from 10 on."""
+    depth_mm = np.full((20, 30), right_mm, np.uint16)
+    depth_mm[:, :10] = left_mm
+    return depth_mm
+
+
+def test_what_stands_before_a_person_is_blanked() -> None:
+    # Columns 5 to 9 of the box from 5 to 25 are at 1 m, the person at 2 m.
+    person = DetectedPerson(0.9, box(5, 0, 25, 20))
+    hidden = hidden_pixels(person.box_xyxy_px, depths(1000, 2000), 1.6)
+    crop = crop_person(0, person, image(), 256, hidden)
+    assert crop is not None
+    assert (crop.rgb[:, :5] == HIDDEN_RGB).all()
+    np.testing.assert_array_equal(crop.rgb[:, 5:], image()[:, 10:25])
+    half = crop_person(0, person, image(), 10, hidden)
+    assert half is not None
+    assert (half.rgb[:, :2] == HIDDEN_RGB).all()
+    assert not (half.rgb[:, 3:] == HIDDEN_RGB).all(axis=2).any()
+
+
+def test_background_and_unread_pixels_are_not_blanked() -> None:
+    for left_mm in (2000, 5000, 0):
+        assert hidden_pixels(box(5, 0, 25, 20), depths(left_mm, 2000), 1.6) is None
+    assert hidden_pixels(box(5, 0, 25, 20), 0 * depths(1, 1), 1.6) is None
+
+
+def test_nothing_is_blanked_where_the_depth_must_be_wrong() -> None:
+    # 16 of 20 columns before the person; no depth; none inside the image; no limit.
+    assert hidden_pixels(box(5, 0, 25, 20), depths(2000, 1000), 1.6) is None
+    assert hidden_pixels(box(40, 0, 50, 20), depths(1000, 2000), 1.6) is None
+    assert hidden_pixels(box(5, 0, 25, 20), depths(1000, 2000), -np.inf) is None
+    assert hidden_pixels(box(5, 0, 25, 20), depths(1000, 2000), np.nan) is None

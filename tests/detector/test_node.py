@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,11 +13,11 @@ from common.config import load
 from common.geometry.transforms import apply, invert
 from common.transport.memory_bus import MemoryBus
 from people4d.errors import ConfigError, ModelError
-from people4d.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Span
+from people4d.messages import HIDDEN_RGB, U8, Crops, Detection, Detections, Message, RgbdFrame, Span
 from services.detector.build import build
 from services.detector.config import DetectorConfig, KeypointConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
-from services.detector.node import DetectorNode
+from services.detector.node import CAMERAS_MAX, DetectorNode
 from tests import builders
 from tests.detector.cameras import INFO, lab_info
 
@@ -237,6 +238,15 @@ def test_each_camera_has_its_own_calibration() -> None:
     assert detector.status().reason.startswith("camera rear: no CameraInfo")
 
 
+def test_calibrations_of_invented_cameras_are_bounded_and_the_known_ones_go_on() -> None:
+    invented = [msgspec.structs.replace(INFO, camera=f"c{number}") for number in range(200)]
+    target = node(person())
+    published = MemoryBus([target]).publish(INFO, *invented, INFO, frame())
+    assert only(Detections, published).detections
+    assert len(target._calibrations) == CAMERAS_MAX
+    assert target.status().counters["refused_cameras"] == 201 - CAMERAS_MAX
+
+
 def test_threads_may_share_the_node() -> None:
     detector = node(person())
     detector.handle(INFO, 0)
@@ -375,3 +385,16 @@ def test_every_method_gives_a_covariance_if_configured(method: str) -> None:
     ray = found.position_m / np.linalg.norm(found.position_m)
     # The surface: at least 0.16 m from the axis along the line of sight.
     assert ray @ found.position_covariance_m2 @ ray > 0.16**2
+
+
+def test_crop_is_without_who_stands_before_the_person() -> None:
+    # The left third of the box is at 1 m, the person at 2 m.
+    behind = frame(7)
+    depth_mm = np.full_like(behind.depth_mm, 2000)
+    left, _, right, _ = person().box_xyxy_px.astype(int)
+    depth_mm[:, : left + (right - left) // 3] = 1000
+    message = msgspec.structs.replace(behind, depth_mm=depth_mm)
+    for front_m, is_blanked in (("0.4", True), ("inf", False)):
+        made = node(person(), position="torso", crop_front_m=front_m)
+        crops = only(Crops, MemoryBus([made]).publish(INFO, message))
+        assert (crops.crops[0].rgb == HIDDEN_RGB).all(axis=2).any() == is_blanked

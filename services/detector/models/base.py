@@ -55,15 +55,16 @@ class PersonModel(Protocol):
 class Limits:
     """Thresholds of a detection, and of two that are the same person."""
 
-    score_min: float
+    score_min: float  # of the network itself
     iou_max: float  # of two people's boxes
     max_people: int
 
     @classmethod
     def of(cls, settings: ModelSettings, score_min: float, iou_max: float) -> "Limits":
         """Return the settings, with the given values where they leave one open."""
+        least = score_min if settings.score_min is None else settings.score_min
         return cls(
-            score_min=score_min if settings.score_min is None else settings.score_min,
+            score_min=least * settings.score_scale,
             iou_max=iou_max if settings.iou_max is None else settings.iou_max,
             max_people=settings.max_people,
         )

@@ -11,11 +11,12 @@ import cv2
 import numpy as np
 
 from common.geometry.boxes import iou_xyxy
-from common.inference import Array
+from common.inference.session import Array
 from people4d.messages import F32, F64
 from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.network import NetworkModel, Outputs, check_output
+from services.detector.models.scores import ScoreCalibration
 
 STRIDE = 4  # [px] of the input per cell of the heads
 PEAK_CELLS = 5  # a centre is the highest of so many cells around it
@@ -23,11 +24,11 @@ CENTRES_PER_PERSON = 3  # peaks that are read, for each person that may be retur
 KEYPOINT_MIN = 0.127  # confidence above which the original counts a keypoint
 SPREAD = 0.3  # variance of the keypoint search, a fraction of the grid's shorter side, halved
 
-# Measured at 256x320 on 640x480 frames of up to five people who hide each other. Of 103 people whom
-# YOLOv8n-pose gives more than 0.5, this finds 95 % at a least score of 0.05, 93 % at 0.10, 86 % at
-# 0.15, 78 % at 0.25; from 0.10 on no person twice; at 0.10 two boxes hold no person. At 320x416
-# false boxes set in earlier: take 0.15 there (92 %, none false).
-SCORE_MIN = 0.10
+# Of 228 people marked by hand in real frames, 256x320 finds 207 at a least score of 0.05, with 6
+# boxes on no mark, 4 of them on heads of marked people; 208 at 0.03 (8), 195 at 0.10 (1). At
+# 320x416 false boxes set in earlier: take 0.15 there (194, none).
+SCORE_MIN = 0.05
+CALIBRATION = ScoreCalibration(midpoint=0.059, slope=4.7)  # benchmarks/score_calibration.md
 IOU_MAX = 0.6
 SIMILARITY_MAX = 0.5  # two people side by side stay below 0.4, two centres on one body are above
 # Spread of people's labels per COCO keypoint, as a fraction of the person's size.
@@ -53,6 +54,7 @@ class MoveNet(NetworkModel):
     kind = "movenet"
     default_size = (256, 320)
     default_limits = (SCORE_MIN, IOU_MAX)
+    calibration = CALIBRATION
     grey, highest = 0, 255.0
 
     def _check(self, outputs: Outputs) -> None:

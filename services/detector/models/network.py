@@ -1,18 +1,19 @@
 """People models around a network: its image input, and the run from image to people."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, TypeAlias
 
 import numpy as np
 
-from common.inference import Array, Session
+from common.inference.session import Array, Session
 from common.transport.trace import span
 from people4d.errors import ModelError
 from people4d.messages import U8
 from services.detector.config import SIDE_STEP, ModelSettings
 from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
+from services.detector.models.scores import ScoreCalibration
 
 Outputs: TypeAlias = Mapping[str, Array]  # of a run, by name
 
@@ -112,21 +113,34 @@ class NetworkModel:
     default_limits: ClassVar[tuple[float, float]]  # least score, largest overlap
     grey: ClassVar[int]  # value of the bars beside an image, as in the network's training
     highest: ClassVar[float]  # value of the byte 255 where the network takes floats
+    calibration: ClassVar[ScoreCalibration]  # of scores; benchmarks/score_calibration.md
 
     def __init__(self, session: Session, settings: ModelSettings, name: str = "") -> None:
         self.name = name or self.kind
         self._session = session
         self._input = ImageInput.of(session, settings, self.default_size)
         self._limits = Limits.of(settings, *self.default_limits)
+        self._score_scale = settings.score_scale
+        self._calibrated = settings.scores == "probability"
         self._check(self._input.try_out(session, self.name))
 
     def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Find people in an HxWx3 colour image, best score first."""
         with span("preprocess"):
-            letterbox, image = self._input.prepare(rgb, self.grey, self.highest)
+            letterbox, image = self.input_of(rgb)
         outputs = self._session.run(image)
         with span("postprocess"):
-            return self._people(outputs, letterbox)
+            return [self._scored(person) for person in self._people(outputs, letterbox)]
+
+    def input_of(self, rgb: U8) -> tuple[Letterbox, Array]:
+        """Return the position of an image (HxWx3) in the network's input, and that input."""
+        return self._input.prepare(rgb, self.grey, self.highest)
+
+    def _scored(self, person: DetectedPerson) -> DetectedPerson:
+        score = min(person.score / self._score_scale, 1.0)
+        if self._calibrated:
+            score = float(self.calibration.probability(score))
+        return replace(person, score=score)
 
     def _check(self, outputs: Outputs) -> None:
         """Check that a run has the outputs of this kind."""

@@ -3,8 +3,11 @@
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
+import msgspec
+
 from common import registry
-from common.inference import Array, OnnxSession, Session
+from common.inference.engines import open_session
+from common.inference.session import Array, Session
 from common.io import weights
 from people4d.errors import ModelError
 from services.detector.config import ModelSettings
@@ -32,8 +35,10 @@ def load_model(settings: ModelSettings) -> PersonModel:
     kind, name = settings.kind, ""
     if entry:
         kind, name = settings.kind or entry.kind, entry.name
+        scale = settings.score_scale * entry.score_scale
+        settings = msgspec.structs.replace(settings, score_scale=scale)
     factory = find_factory(kind) if kind else None
-    session = OnnxSession(path, settings.threads)
+    session = open_session(path, settings.threads, settings.engine)
     if factory is None:
         kind = recognise(session, settings, str(path))
         factory = find_factory(kind)

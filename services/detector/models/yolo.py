@@ -9,16 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.geometry.boxes import nms
-from common.inference import Array
+from common.inference.session import Array
 from people4d.messages import F32
 from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.network import NetworkModel, Outputs, check_output
+from services.detector.models.scores import ScoreCalibration
 
 GREY = 114  # of the bars that the networks were trained with
 DEFAULT_SIZE = (480, 640)
 SCORE_MIN = 0.25
 IOU_MAX = 0.6  # in crowded frames, pairs of boxes above it shared their keypoints: one person
+POSE_CALIBRATION = ScoreCalibration(midpoint=0.212, slope=2.7)  # benchmarks/score_calibration.md
 BOXES_PER_PERSON = 30  # columns that one person may fill before the best are taken
 
 POSE_ROWS = 4 + 1 + 17 * 3
@@ -40,6 +42,7 @@ class YoloPose(NetworkModel):
     kind = "yolov8-pose"
     default_size = DEFAULT_SIZE
     default_limits = (SCORE_MIN, IOU_MAX)
+    calibration = POSE_CALIBRATION
     grey, highest = GREY, 1.0
 
     def _check(self, outputs: Outputs) -> None:

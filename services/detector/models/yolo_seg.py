@@ -15,6 +15,7 @@ from people4d.messages import F32, F64
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.network import NetworkModel, Outputs, check_output
+from services.detector.models.scores import ScoreCalibration
 from services.detector.models.yolo import (
     BOX_ROWS,
     DEFAULT_SIZE,
@@ -25,6 +26,7 @@ from services.detector.models.yolo import (
     decode,
 )
 
+SEG_CALIBRATION = ScoreCalibration(midpoint=0.119, slope=3.1)  # benchmarks/score_calibration.md
 MASK_ROWS = 32
 # Of two people, one hides the other: their masks share no more than their blurred edges, 0.55 of
 # the smaller one at most on 640x480 frames of up to five people; two boxes on one body, whose
@@ -38,6 +40,7 @@ class YoloSeg(NetworkModel):
     kind = "yolov8-seg"
     default_size = DEFAULT_SIZE
     default_limits = (SCORE_MIN, IOU_MAX)
+    calibration = SEG_CALIBRATION
     grey, highest = GREY, 1.0
 
     def _check(self, outputs: Outputs) -> None:

@@ -12,6 +12,7 @@ choice between them is needed: an uninformative likelihood is flat.
 
 import math
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -61,6 +62,7 @@ def log_likelihood(observation: YawObservation, fx: float, config: BodyModelConf
     return total
 
 
+@cache
 def across(pair: JointPairConfig) -> F64:
     """Return the expected distance from the left joint to the right one, to the right, by angle.
 
@@ -76,6 +78,7 @@ def across_sigma(pair: JointPairConfig, z_m: float, fx: float, config: BodyModel
     return np.hypot(joints_m, config.sigma_width * pair.width_m * COSINE)
 
 
+@cache
 def along(pair: JointPairConfig, hiding_m: float) -> F64:
     """Return the expected depth of the surface at the right joint, less that at the left, by angle.
 
@@ -141,14 +144,21 @@ def best_angle(log_p: F64) -> YawEstimate | None:
         return None
     p = np.exp(log_p - log_p.max())
     p /= p.sum()
-    best = float(ANGLES[int(p.argmax())])
-    off = np.angle(np.exp(1j * (ANGLES - best)))
+    index = int(p.argmax())
+    best, off = float(ANGLES[index]), _offsets(index)
     near = np.abs(off) <= NEAR_RAD
     mean = float(p[near] @ off[near] / p[near].sum())
     variance = float(p[near] @ np.square(off[near] - mean) / p[near].sum())
     variance += max(1 - float(p[near].sum()) - FAR_MAX, 0.0) * math.pi**2
     # The grid has a variance of its own.
     return YawEstimate(wrap(best + mean), math.sqrt(variance + math.radians(STEP_DEG) ** 2 / 12))
+
+
+@cache
+def _offsets(index: int) -> F64:
+    """Return the angles from one of `ANGLES` to all of them, -pi to pi."""
+    off: F64 = np.angle(np.exp(1j * (ANGLES - float(ANGLES[index]))))
+    return off
 
 
 def sigma_factor(observation: YawObservation, config: BodyModelConfig) -> float:

@@ -102,4 +102,8 @@ def _joint_depth(
     rows = slice(max(v - reach_px, 0), v + reach_px + 1)
     window_m = image.depth_mm[rows, max(u - reach_px, 0) : u + reach_px + 1] / 1000.0
     own_m = window_m[np.abs(window_m - layer_m) <= reach_m]
-    return float(np.median(own_m)) if own_m.size >= VISIBLE_MIN * window_m.size else math.nan
+    if own_m.size < VISIBLE_MIN * window_m.size:
+        return math.nan
+    own_m.sort()
+    # As np.median, which takes several times as long for so few.
+    return float((own_m[(own_m.size - 1) // 2] + own_m[own_m.size // 2]) / 2)

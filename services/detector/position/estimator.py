@@ -32,8 +32,7 @@ class PositionEstimator:
         self, people: Sequence[DetectedPerson], image: DepthImage
     ) -> list[LayeredTorso | None]:
         """Return the torsos of people, or None, see `TorsoEstimator.find`."""
-        keypoints = [person.keypoints for person in people]
-        return self._torso.find(keypoints, self._keypoints.confidence_min, image)
+        return self._torso.find(people, self._keypoints.confidence_min, image)
 
     def estimate(
         self,

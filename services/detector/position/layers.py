@@ -16,7 +16,7 @@ import numpy as np
 
 from people4d.messages import F64
 from services.detector.config import LayerConfig
-from services.detector.position.proportions import Flags
+from services.detector.position.proportions import BodySize, Flags
 from services.detector.position.surface import DepthImage, read_depth
 
 
@@ -27,7 +27,7 @@ class DepthSamples:
     pixels: F64  # [px] Nx2, points on the person
     depth_m: F64  # [m] N, NaN without a reading
     weights: F64  # N, 1 on the torso
-    size_depth_m: float | None = None  # [m] depth for a person of common size; None: unknown
+    size: BodySize | None = None  # None: unknown
     margin_px: float = 0.0  # [px] outline of the person beyond the points
 
 
@@ -37,6 +37,7 @@ class PersonLayer:
 
     depth_m: float  # [m] its middle
     own: Flags  # N, samples that no other person covers
+    variance_m2: float = 0.0  # [m^2] since the torso may be in another layer
 
 
 def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[PersonLayer | None]:
@@ -47,33 +48,23 @@ def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[P
     """
     layers: list[PersonLayer | None] = [None] * len(people)
     finite = [np.isfinite(person.depth_m) for person in people]
-    order = sorted(range(len(people)), key=lambda k: -_best(people[k], finite[k], config)[1])
+    alone = [_best(one, own, config) for one, own in zip(people, finite, strict=True)]
+    order = sorted(range(len(people)), key=lambda k: -alone[k][1])
     before: list[int] = []
     for k in order:
         person, own = people[k], finite[k]
         for other in before:
             layer = layers[other]
             if layer is not None:
-                taken = np.abs(person.depth_m - layer.depth_m) <= config.half_m
-                own = own & ~(taken & _inside(person.pixels, people[other]))
-        if own.any():
-            layers[k] = PersonLayer(_best(person, own, config)[0], own)
+                taken = own & (np.abs(person.depth_m - layer.depth_m) <= config.half_m)
+                taken[taken] = _inside(person.pixels[taken], people[other])
+                own = own & ~taken if taken.any() else own
+        is_alone = own is finite[k]
+        depth_m, score, variance_m2 = alone[k] if is_alone else _best(person, own, config)
+        if score > 0:
+            layers[k] = PersonLayer(depth_m, own, variance_m2)
         before.append(k)
     return layers
-
-
-def layer_variance(person: DepthSamples, layer: PersonLayer, half_m: float) -> float:
-    """Return the variance, in m^2, by which the torso may be in another layer than the person's.
-
-    Of samples on the torso, a fraction p lies in another layer, a gap away: p (1 - p) gap^2. So of
-    two people detected as one. Samples farther than `half_m` from the layer are in another.
-    """
-    gaps_m = np.abs(person.depth_m - layer.depth_m)[layer.own & (person.weights == 1)]
-    outside = gaps_m > half_m
-    if not outside.any():
-        return 0.0
-    fraction = float(outside.mean())
-    return fraction * (1 - fraction) * float(np.median(gaps_m[outside])) ** 2
 
 
 def read_layer(
@@ -92,22 +83,56 @@ def read_layer(
     return read_depth(pixels - (left, top), inside, window_px, layer_m + half_m)
 
 
-def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> tuple[float, float]:
-    """Return the depth of the best layer, and its score from 0 to 1."""
+def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> tuple[float, float, float]:
+    """Return the depth of the best layer, its score from 0 to 1, and the variance of the depth.
+
+    A layer of a fraction p of the two best scores, a gap away, makes the depth uncertain by
+    p (1 - p) gap^2. The score is 0 if no layer is possible, or the best one has next to nothing of
+    the person, readings that are absent or out of range counted: furniture before a person who is
+    beyond the range of the camera.
+    """
     if not own.any():
-        return math.nan, 0.0
+        return math.nan, 0.0, 0.0
     depth_m, weights = person.depth_m[own], person.weights[own]
     near = np.abs(depth_m[:, None] - depth_m) <= config.half_m
-    scores = near @ weights / weights.sum()
-    if person.size_depth_m is not None:
-        off = np.log(depth_m / person.size_depth_m) / config.size_sigma
-        scores = scores * np.maximum(np.exp(-np.square(off) / 2), config.misfit)
+    scores = near @ weights / max(float(weights.sum()), 1e-9)
+    if person.size is not None:
+        scores = scores * _fit(depth_m, person.size, config)
     best = int(np.argmax(scores))
-    return float(np.median(depth_m[near[best]])), float(scores[best])
+    part_own = float(weights.sum()) / max(float(person.weights.sum()), 1e-9)
+    if scores[best] <= 0 or scores[best] * part_own < config.score_min:
+        return math.nan, 0.0, 0.0
+    ranked_m = np.sort(depth_m[near[best]])
+    layer_m = float(ranked_m[(len(ranked_m) - 1) // 2] + ranked_m[len(ranked_m) // 2]) / 2
+    score = float(scores[best])
+    apart = np.abs(depth_m - layer_m) > config.half_m
+    if not apart.any():
+        return layer_m, score, 0.0
+    second = int(np.argmax(np.where(apart, scores, 0.0)))
+    fraction = float(scores[second]) / (score + float(scores[second]))
+    gap_m = float(depth_m[second]) - layer_m
+    return layer_m, score, fraction * (1 - fraction) * gap_m**2
+
+
+def _fit(depth_m: F64, size: BodySize, config: LayerConfig) -> F64:
+    """Return the weight of depths by the size of the person, 0 where all measures are impossible.
+
+    Farther away the person would be larger than people are, nearer smaller. Where widths alone are
+    known, a nearer person is turned: of bodies turned at random, a width has the density z / z_s.
+    """
+    ratio = depth_m / size.depth_m
+    fit = np.maximum(np.exp(-np.square(np.log(ratio) / config.size_sigma) / 2), config.misfit)
+    if size.has_height:
+        fit = np.where(ratio < 1 / config.smaller_max, 0.0, fit)
+    else:
+        fit = np.where(ratio < 1, np.maximum(ratio, fit), fit)
+    return np.where(depth_m > config.larger_max * size.farthest_m, 0.0, fit)
 
 
 def _inside(pixels: F64, other: DepthSamples) -> Flags:
     """Return which of Nx2 pixels lie inside the outline of another person."""
+    if not len(pixels):
+        return np.zeros(0, np.bool_)
     hull = cv2.convexHull(other.pixels.astype(np.float32))
     inside_px = [cv2.pointPolygonTest(hull, (float(u), float(v)), True) for u, v in pixels]
     return np.array(inside_px) >= -other.margin_px

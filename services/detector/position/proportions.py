@@ -5,6 +5,7 @@ Joints are in the order left shoulder, right shoulder, left hip, right hip; docs
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,15 @@ from people4d.messages import F64, CameraInfo
 from services.detector.config import ProportionConfig
 
 Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class BodySize:
+    """Depth of a person by the size in the image."""
+
+    depth_m: float  # [m] depth at which the largest measure of the torso would be of common size
+    farthest_m: float  # [m] depth at which the smallest measure would be
+    has_height: bool  # by its height too; widths alone are foreshortened from the side
 
 
 def joint_offsets(config: ProportionConfig) -> F64:
@@ -48,15 +58,17 @@ def torso_middle(
 
 def size_depth(
     joints_px: F64, known: Flags, info: CameraInfo, config: ProportionConfig
-) -> float | None:
-    """Return the depth in metres at which a torso would be of common size; None if unknown.
+) -> BodySize | None:
+    """Return the depth at which a torso would be of common size; None if unknown.
 
-    A foreshortened torso appears smaller, so the largest of its measures counts. Joints are 4x2, u
+    A foreshortened torso appears smaller, so the largest of its measures counts, unless a joint is
+    wrong. Joints are 4x2, u
     and v.
     """
     shoulders, hips = joints_px[:2], joints_px[2:]
+    has_height = bool(known[:2].any() and known[2:].any())
     depths_per_px = []  # common size over size in the image
-    if known[:2].any() and known[2:].any():
+    if has_height:
         height = shoulders[known[:2]].mean(axis=0) - hips[known[2:]].mean(axis=0)
         depths_per_px.append(2 * config.half_height_m / max(float(np.linalg.norm(height)), 1.0))
     for pair, both, half_m in (
@@ -65,4 +77,7 @@ def size_depth(
     ):
         if both.all():
             depths_per_px.append(2 * half_m / max(float(np.linalg.norm(pair[0] - pair[1])), 1.0))
-    return min(depths_per_px) * (info.fx + info.fy) / 2 if depths_per_px else None
+    if not depths_per_px:
+        return None
+    focal_px = (info.fx + info.fy) / 2
+    return BodySize(min(depths_per_px) * focal_px, max(depths_per_px) * focal_px, has_height)

@@ -3,6 +3,7 @@
 A reading is valid when it is above 0 and not beyond the camera's max_depth_m.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -12,9 +13,10 @@ import numpy.typing as npt
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, U16, CameraInfo
 from services.detector.config import KeypointConfig
-from services.detector.models.base import InstanceMask
+from services.detector.models.base import DetectedPerson, InstanceMask
 
 TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
+SURFACE_WINDOW_PX = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,12 @@ def read_depth(
     u, v = np.rint(np.clip(pixels, -window_px - 1, max(height, width) + window_px)).astype(int).T
     columns, rows = u[:, None, None] + reach, v[:, None, None] + reach[:, None]
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-    readings_m = depth_mm[rows.clip(0, height - 1), columns.clip(0, width - 1)] / 1000.0
+    # As clip, which takes three times as long for so few.
+    rows, columns = (
+        np.minimum(np.maximum(index, 0), side - 1)
+        for index, side in ((rows, height), (columns, width))
+    )
+    readings_m = depth_mm[rows, columns] / 1000.0
     readings_m[~inside | (readings_m == 0) | (readings_m > furthest_m)] = np.nan
     readings_m = readings_m.reshape(len(pixels), window_px**2)
     readings_m.sort(axis=1)  # NaN comes last
@@ -101,6 +108,19 @@ def read_depth(
     median_m: F64 = (readings_m[row, (count - 1) // 2] + readings_m[row, count // 2]) / 2
     median_m[count == 0] = np.nan
     return median_m
+
+
+def keypoint_surfaces(people: Sequence[DetectedPerson], image: DepthImage) -> list[F32 | None]:
+    """Return the depth of the surface at every keypoint of people: 17 in metres each, 0 if unread.
+
+    Whatever is there counts, also somebody in front. None without keypoints.
+    """
+    pixels = [p.keypoints[:, :2] for p in people if p.keypoints is not None]
+    if not pixels:
+        return [None] * len(people)
+    depth_m = read_depth(np.concatenate(pixels).astype(np.float64), image, SURFACE_WINDOW_PX)
+    rows = iter(np.nan_to_num(depth_m).astype(np.float32).reshape(-1, 17))
+    return [None if person.keypoints is None else next(rows) for person in people]
 
 
 def _torso_depth(depth_m: F64, used: npt.NDArray[np.bool_]) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64
 from services.detector.config import EllipseConfig, TorsoConfig, UncertaintyConfig
-from services.detector.models.base import InstanceMask
+from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.axis import (
     axis_sigma,
     covariance,
@@ -28,15 +28,17 @@ from services.detector.position.layers import (
     DepthSamples,
     PersonLayer,
     assign_layers,
-    layer_variance,
     read_layer,
 )
 from services.detector.position.proportions import Flags, size_depth, torso_middle
 from services.detector.position.surface import TORSO, DepthImage, PositionEstimate, read_depth
+from services.detector.position.visible_area import area_pixels, box_torso, in_image, read_pixels
 
 OTHERS = [i for i in range(17) if i not in TORSO]  # face and limbs
 TORSO_ROWS = (0.20, 0.275, 0.35, 0.425, 0.50)  # of a mask's height: chest to hips of the upright
 WINDOW_MIN_PX = 5
+# Somebody is out of range who is beyond this part of it by size, with fewer windows read
+RANGE_PART, READ_MIN = 0.9, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,8 @@ class TorsoJoints:
     known: Flags  # 4, joints that are confident and inside the image
     torso_px: F64  # [px] Nx2, windows of depth on the torso
     window_px: int  # [px] side of the windows
-    samples: DepthSamples  # at torso_px, then at other keypoints
+    box_xyxy_px: F32  # [px] 4
+    samples: DepthSamples  # at torso_px, then at other keypoints and in the visible area
 
 
 LayeredTorso = tuple[TorsoJoints, PersonLayer]
@@ -73,17 +76,14 @@ class TorsoEstimator:
         self._uncertainty = uncertainty
 
     def find(
-        self, keypoints: Sequence[F32 | None], confidence_min: float, image: DepthImage
+        self, people: Sequence[DetectedPerson], confidence_min: float, image: DepthImage
     ) -> list[LayeredTorso | None]:
         """Return the torso of each person of a frame, and the layer of depth that it is in.
 
-        Keypoints are 17x3 each, u and v in pixels and confidence. None where no joint is more
-        confident than the minimum and inside the image, or no depth is the person's.
+        Keypoints count that are more confident than the minimum and inside the image. None without
+        keypoints, or where no depth is the person's.
         """
-        torsos = [
-            None if points is None else self._joints(points, confidence_min, image)
-            for points in keypoints
-        ]
+        torsos = [self._joints(person, confidence_min, image) for person in people]
         samples = [torso.samples for torso in torsos if torso is not None]
         layers = iter(assign_layers(samples, self._config.layer))
         found: list[LayeredTorso | None] = []
@@ -93,42 +93,60 @@ class TorsoEstimator:
         return found
 
     def _joints(
-        self, keypoints: F32, confidence_min: float, image: DepthImage
+        self, person: DetectedPerson, confidence_min: float, image: DepthImage
     ) -> TorsoJoints | None:
-        """Return the torso of one person in the image; None if no joint is known."""
-        info, config = image.info, self._config
-        joints_px = keypoints[TORSO, :2].astype(np.float64)
-        known = keypoints[TORSO, 2] > confidence_min
-        edge = (info.width - 0.5, info.height - 0.5)
-        known &= ((joints_px > -0.5) & (joints_px < edge)).all(axis=1)
-        if not known.any():
+        """Return the torso of one person in the image; no joint need be known.
+
+        None for somebody out of the camera's range: what depth there is would be of furniture.
+        """
+        info, config, keypoints = image.info, self._config, person.keypoints
+        if keypoints is None:
             return None
-        middle_px = joints_px[known].mean(axis=0)
-        torso_px = joints_px[known] + (middle_px - joints_px[known]) * config.pull
-        torso_px = np.vstack([torso_px, middle_px])
-        diagonal_px = float(np.linalg.norm(np.ptp(joints_px[known], axis=0)))
+        pixels = keypoints[:, :2].astype(np.float64)
+        confident = keypoints[:, 2] > confidence_min
+        joints_px = pixels[TORSO]
+        known = confident[TORSO] & in_image(joints_px, info, config.edge_px)
+        torso_px, diagonal_px = joints_px[known], 0.0
+        if known.any():
+            middle_px = torso_px.mean(axis=0)
+            diagonal_px = float(np.linalg.norm(np.ptp(torso_px, axis=0)))
+            torso_px = np.vstack([torso_px + (middle_px - torso_px) * config.pull, middle_px])
         window_px = self._window(diagonal_px)
-        others_px = keypoints[OTHERS, :2][keypoints[OTHERS, 2] > confidence_min].astype(np.float64)
-        samples = replace(
-            self._samples(torso_px, others_px, window_px, image),
-            size_depth_m=size_depth(joints_px, known, info, config.proportions),
-            margin_px=config.margin_share * diagonal_px,
-        )
-        return TorsoJoints(joints_px, known, torso_px, window_px, samples)
+        visible = confident & in_image(pixels, info)
+        others_px = pixels[OTHERS][visible[OTHERS]]
+        area_px = area_pixels(person.box_xyxy_px, joints_px, known, info, config.area)
+        size = size_depth(joints_px, known, info, config.proportions)
+        samples = self._samples(torso_px, others_px, area_px, window_px, image)
+        read = np.isfinite(samples.depth_m[: len(torso_px)])
+        far_m = RANGE_PART * info.max_depth_m
+        if size is not None and size.depth_m > far_m and read.mean() < READ_MIN:
+            return None
+        samples = replace(samples, size=size, margin_px=config.margin_share * diagonal_px)
+        return TorsoJoints(joints_px, known, torso_px, window_px, person.box_xyxy_px, samples)
 
     def estimate(
         self, torso: TorsoJoints, layer: PersonLayer, image: DepthImage, yaw_rad: float | None
     ) -> PositionEstimate:
         """Return the position of a torso by its joints; yaw in the camera's body frame."""
-        joints_m = deproject(torso.joints_px, np.full(4, layer.depth_m), image.info)[:, :2]
-        sigma_m = joint_sigma(layer.depth_m, image.info, self._uncertainty)
-        middle_m, across_m2 = torso_middle(
-            joints_m, torso.known, yaw_rad, sigma_m, self._config.proportions
-        )
         own_px = torso.torso_px[layer.own[: len(torso.torso_px)]]
-        along_m2 = layer_variance(torso.samples, layer, self._config.layer.half_m)
-        middle = _Middle(np.array([*middle_m, layer.depth_m]), across_m2, along_m2)
+        middle = self._middle(torso, layer, image, yaw_rad)
         return self._on_axis(middle, own_px, torso.window_px, image, yaw_rad)
+
+    def _middle(
+        self, torso: TorsoJoints, layer: PersonLayer, image: DepthImage, yaw_rad: float | None
+    ) -> _Middle:
+        """Return the middle of a torso by its joints; by the box where none is known."""
+        info, layer_m = image.info, layer.depth_m
+        if not torso.known.any():
+            area = self._config.area
+            pixel = box_torso(torso.box_xyxy_px, layer_m, info, area)
+            position_m = deproject(pixel, [layer_m], info)[0]
+            return _Middle(position_m, area.sigma_m**2, layer.variance_m2)
+        joints_m = deproject(torso.joints_px, np.full(4, layer_m), info)[:, :2]
+        sigma_m = joint_sigma(layer_m, info, self._uncertainty)
+        proportions = self._config.proportions
+        middle_m, across_m2 = torso_middle(joints_m, torso.known, yaw_rad, sigma_m, proportions)
+        return _Middle(np.array([*middle_m, layer_m]), across_m2, layer.variance_m2)
 
     def estimate_from_mask(
         self, mask: InstanceMask, image: DepthImage, yaw_rad: float | None
@@ -142,7 +160,7 @@ class TorsoEstimator:
         columns = [float(np.flatnonzero(mask.window[row]).mean()) for row in chosen]
         torso_px = np.column_stack([mask.x_px + np.array(columns), mask.y_px + chosen])
         window_px = self._window(height * float(np.ptp(TORSO_ROWS)))
-        samples = self._samples(torso_px, torso_px[:0], window_px, image)
+        samples = self._samples(torso_px, torso_px[:0], torso_px[:0], window_px, image)
         layer = assign_layers([samples], self._config.layer)[0]
         if layer is None:
             return None
@@ -158,13 +176,19 @@ class TorsoEstimator:
         return min(max(window_px, WINDOW_MIN_PX), self._config.window_max_px) | 1
 
     def _samples(
-        self, torso_px: F64, others_px: F64, window_px: int, image: DepthImage
+        self, torso_px: F64, others_px: F64, area_px: F64, window_px: int, image: DepthImage
     ) -> DepthSamples:
-        """Read depth for the first time, on the torso and, after that, at other keypoints."""
-        pixels = np.vstack([torso_px, others_px])
-        counts = [len(torso_px), len(others_px)]
-        weights = np.repeat([1.0, self._config.layer.other_weight], counts)
-        return DepthSamples(pixels, read_depth(pixels, image, window_px), weights)
+        """Read depth for the first time: on the torso, at other keypoints, in the visible area."""
+        config = self._config.layer
+        keypoints_px = np.vstack([torso_px, others_px])
+        windows_m, area_m = read_depth(keypoints_px, image, window_px), read_pixels(area_px, image)
+        area_weight = config.area_weight / max(len(area_px), 1)
+        counts = [len(torso_px), len(others_px), len(area_px)]
+        return DepthSamples(
+            np.vstack([keypoints_px, area_px]),
+            np.concatenate([windows_m, area_m]),
+            np.repeat([1.0, config.other_weight, area_weight], counts),
+        )
 
     def _on_axis(
         self,

@@ -58,7 +58,7 @@ def body(x: float, y: float) -> F64:
 def detect(heads: dict[str, F32], settings: ModelSettings | None = None) -> list[DetectedPerson]:
     """People in a 640x480 image: the input of 320x256 shows it halved, below a bar of 8 rows."""
     session = ArraySession(heads, (1, None, None, 3), "uint8")
-    model = MoveNet(session, settings or ModelSettings())
+    model = MoveNet(session, settings or ModelSettings(scores="network"))
     return model.detect(np.zeros((480, 640, 3), np.uint8))
 
 
@@ -92,7 +92,7 @@ def test_boxes_that_overlap_much_are_one_person() -> None:
     plant(heads, (90, 40, 170, 230), body(100, 50))
     plant(heads, (106, 40, 186, 230), body(120, 50), logit=2.0)
     assert len(detect(heads)) == 1
-    assert len(detect(heads, ModelSettings(iou_max=0.7))) == 2
+    assert len(detect(heads, ModelSettings(scores="network", iou_max=0.7))) == 2
 
 
 def test_crossing_people_are_two_with_their_own_keypoints() -> None:
@@ -133,12 +133,12 @@ def test_similarity_of_keypoints() -> None:
 def test_weak_people_and_many_people_are_dropped() -> None:
     heads = empty_heads()
     plant(heads, (20, 40, 110, 230), body(30, 50), logit=0.0)  # sigmoid 0.5
-    plant(heads, (180, 40, 270, 230), body(190, 50), logit=-3.0)  # sigmoid 0.047 < 0.10
+    plant(heads, (180, 40, 270, 230), body(190, 50), logit=-3.0)  # sigmoid 0.047 < 0.05
     (person,) = detect(heads)
     assert 0.45 < person.score < 0.5
-    assert len(detect(heads, ModelSettings(score_min=0.02))) == 2
-    assert len(detect(heads, ModelSettings(score_min=0.02, max_people=1))) == 1
-    assert not detect(heads, ModelSettings(score_min=0.6))
+    assert len(detect(heads, ModelSettings(scores="network", score_min=0.02))) == 2
+    assert len(detect(heads, ModelSettings(scores="network", score_min=0.02, max_people=1))) == 1
+    assert not detect(heads, ModelSettings(scores="network", score_min=0.6))
 
 
 def test_no_people_and_flat_heads() -> None:
@@ -151,7 +151,9 @@ def test_no_people_and_flat_heads() -> None:
 def test_bytes_or_floats_by_the_network() -> None:
     for dtype in ("uint8", "float32"):
         session = ArraySession(empty_heads(), (1, None, None, 3), dtype)
-        MoveNet(session, ModelSettings()).detect(np.full((480, 640, 3), 200, np.uint8))
+        MoveNet(session, ModelSettings(scores="network")).detect(
+            np.full((480, 640, 3), 200, np.uint8)
+        )
         assert session.image.shape == (1, 256, 320, 3)
         assert session.image.dtype == np.dtype(dtype)
         assert (session.image[0, 8:248] == 200).all()

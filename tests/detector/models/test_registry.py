@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.inference import Session
+from common.inference.session import Session
 from common.io import weights
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import U8

@@ -51,7 +51,9 @@ def seg_outputs(*boxes: Box) -> dict[str, F32]:
 
 def segment(height: int, width: int, *boxes: Box) -> list[DetectedPerson]:
     """People in an image of the given size, seen by a network of 64x64."""
-    model = YoloSeg(ArraySession(seg_outputs(*boxes), (1, 3, 64, 64)), ModelSettings())
+    model = YoloSeg(
+        ArraySession(seg_outputs(*boxes), (1, 3, 64, 64)), ModelSettings(scores="network")
+    )
     return model.detect(image(height, width))
 
 
@@ -67,7 +69,7 @@ def test_pose_comes_back_in_image_pixels() -> None:
     # 640x480 in 640x640: nothing is scaled, 80 rows of bar above. The box centred at (200, 300),
     # 100 wide and 200 high, spans x 150 to 250, y 200 to 400 of the input: 120 to 320 of the image.
     session = ArraySession({"output0": pose_output((200, 300, 100, 200, 0.9))}, (1, 3, 640, 640))
-    (person,) = YoloPose(session, ModelSettings()).detect(image(480, 640))
+    (person,) = YoloPose(session, ModelSettings(scores="network")).detect(image(480, 640))
     assert person.score == pytest.approx(0.9)
     np.testing.assert_allclose(person.box_xyxy_px, [150, 120, 250, 320])
     assert person.keypoints is not None
@@ -78,7 +80,7 @@ def test_pose_comes_back_in_image_pixels() -> None:
 def test_image_of_twice_the_size_gives_twice_the_pixels() -> None:
     # 1280x960: halved to 640x480, so (203, 300 - 80) becomes (406, 440).
     session = ArraySession({"output0": pose_output((200, 300, 100, 200, 0.9))}, (1, 3, 640, 640))
-    (person,) = YoloPose(session, ModelSettings()).detect(image(960, 1280))
+    (person,) = YoloPose(session, ModelSettings(scores="network")).detect(image(960, 1280))
     np.testing.assert_allclose(person.box_xyxy_px, [300, 240, 500, 640])
     assert person.keypoints is not None
     np.testing.assert_allclose(person.keypoints[3, :2], [406, 440])
@@ -90,7 +92,9 @@ def test_overlapping_boxes_of_one_person_are_one() -> None:
     output = pose_output(
         (220, 300, 100, 200, 0.8), (200, 300, 100, 200, 0.9), (250, 300, 100, 200, 0.7)
     )
-    model = YoloPose(ArraySession({"output0": output}, (1, 3, 640, 640)), ModelSettings())
+    model = YoloPose(
+        ArraySession({"output0": output}, (1, 3, 640, 640)), ModelSettings(scores="network")
+    )
     assert [round(p.score, 2) for p in model.detect(image(480, 640))] == [0.9, 0.7]
 
 
@@ -104,10 +108,10 @@ def test_settings_limit_score_overlap_and_number() -> None:
         people = YoloPose(session, settings).detect(image(480, 640))
         return [round(person.score, 2) for person in people]
 
-    assert scores(ModelSettings()) == [0.9, 0.3]
-    assert scores(ModelSettings(iou_max=0.7)) == [0.9, 0.8, 0.3]
-    assert scores(ModelSettings(score_min=0.5)) == [0.9]
-    assert scores(ModelSettings(iou_max=0.7, max_people=2)) == [0.9, 0.8]
+    assert scores(ModelSettings(scores="network")) == [0.9, 0.3]
+    assert scores(ModelSettings(scores="network", iou_max=0.7)) == [0.9, 0.8, 0.3]
+    assert scores(ModelSettings(scores="network", score_min=0.5)) == [0.9]
+    assert scores(ModelSettings(scores="network", iou_max=0.7, max_people=2)) == [0.9, 0.8]
 
 
 def test_order_of_the_boxes_does_not_matter() -> None:
@@ -120,7 +124,9 @@ def test_order_of_the_boxes_does_not_matter() -> None:
     found = []
     for order in (range(60), generator.permutation(60)):
         output = pose_output(*(rows[i] for i in order))
-        model = YoloPose(ArraySession({"output0": output}, (1, 3, 640, 640)), ModelSettings())
+        model = YoloPose(
+            ArraySession({"output0": output}, (1, 3, 640, 640)), ModelSettings(scores="network")
+        )
         found.append([tuple(p.box_xyxy_px) for p in model.detect(image(480, 640))])
     assert found[0] == found[1]
     assert len(found[0]) > 5
@@ -192,13 +198,15 @@ def test_box_beside_the_image_has_no_mask() -> None:
 
 def test_no_people() -> None:
     assert segment(64, 64, Box((32, 32, 9, 9), person=0.1)) == []
-    model = YoloPose(ArraySession({"output0": pose_output()}, (1, 3, 64, 64)), ModelSettings())
+    model = YoloPose(
+        ArraySession({"output0": pose_output()}, (1, 3, 64, 64)), ModelSettings(scores="network")
+    )
     assert model.detect(image(64, 64)) == []
 
 
 def test_network_of_any_size_uses_the_camera_image_or_the_size_set() -> None:
     session = ArraySession({"output0": pose_output((200, 300, 100, 200, 0.9))}, (1, 3, None, None))
-    model = YoloPose(session, ModelSettings())
+    model = YoloPose(session, ModelSettings(scores="network"))
     (person,) = model.detect(image(480, 640))  # without bars: y 200 to 400 is the image's own
     assert session.image.shape == (1, 3, 480, 640)
     np.testing.assert_allclose(person.box_xyxy_px, [150, 200, 250, 400])
@@ -214,7 +222,7 @@ def test_input_is_planar_rgb_in_the_type_of_the_network(dtype: str, white: float
     session = ArraySession({"output0": output}, (1, 3, 64, 64), dtype)
     red = image(64, 64)
     red[..., 0] = 255
-    (person,) = YoloPose(session, ModelSettings()).detect(red)
+    (person,) = YoloPose(session, ModelSettings(scores="network")).detect(red)
     assert session.image.dtype == np.dtype(dtype)
     assert (session.image[0, 0] == white).all()
     assert not session.image[0, 1:].any()
@@ -235,9 +243,9 @@ def test_input_is_planar_rgb_in_the_type_of_the_network(dtype: str, white: float
 def test_other_outputs_are_refused(outputs: dict[str, F32]) -> None:
     session = ArraySession(outputs, (1, 3, 64, 64))
     with pytest.raises(ModelError, match="expected"):
-        YoloPose(session, ModelSettings())
+        YoloPose(session, ModelSettings(scores="network"))
     with pytest.raises(ModelError, match="expected outputs"):
-        YoloSeg(session, ModelSettings())
+        YoloSeg(session, ModelSettings(scores="network"))
 
 
 @pytest.mark.parametrize(

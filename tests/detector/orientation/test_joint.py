@@ -124,8 +124,8 @@ def test_parts_are_switched_off() -> None:
 
 
 def test_sigma_grows_where_the_network_is_not_confident_of_a_side() -> None:
-    # (0.6 / 0.3)^2 = 4.
-    assert sigma_factor(replace_fields(NOTHING, side=0.3), CONFIG) == pytest.approx(4.0)
+    # 0.6 / 0.3 = 2.
+    assert sigma_factor(replace_fields(NOTHING, side=0.3), CONFIG) == pytest.approx(2.0)
     assert (
         sigma_factor(replace_fields(NOTHING, side=0.7), CONFIG)
         == sigma_factor(NOTHING, CONFIG)

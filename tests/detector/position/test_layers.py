@@ -9,9 +9,9 @@ from services.detector.config import LayerConfig
 from services.detector.position.layers import (
     DepthSamples,
     assign_layers,
-    layer_variance,
     read_layer,
 )
+from services.detector.position.proportions import BodySize
 from services.detector.position.surface import DepthImage
 from tests.detector.cameras import INFO
 
@@ -23,9 +23,8 @@ def samples(
     depth_m: list[float], size_depth_m: float | None = None, shift_px: float = 0.0
 ) -> DepthSamples:
     """Return five samples of equal weight, at the corners and in the middle of a square."""
-    return DepthSamples(
-        SQUARE + np.array([shift_px, 0.0]), np.array(depth_m), np.ones(5), size_depth_m
-    )
+    size = None if size_depth_m is None else BodySize(size_depth_m, size_depth_m, has_height=True)
+    return DepthSamples(SQUARE + np.array([shift_px, 0.0]), np.array(depth_m), np.ones(5), size)
 
 
 def depths(people: list[DepthSamples]) -> list[float | None]:
@@ -53,8 +52,20 @@ def test_layer_in_front_that_does_not_suit_the_size_loses() -> None:
     assert depths([samples([2.0, 2.0, 2.0, 4.0, 4.0], size_depth_m=2.6)]) == [2.0]
 
 
-def test_size_does_not_matter_without_another_layer() -> None:
-    assert depths([samples([2.0] * 5, size_depth_m=9.0)]) == [2.0]
+def test_child_is_half_as_large_and_people_are_not_smaller() -> None:
+    assert depths([samples([2.0] * 5, size_depth_m=4.3)]) == [2.0]
+    assert depths([samples([2.0] * 5, size_depth_m=4.5)]) == [None]
+    # A width alone may be that of somebody turned away.
+    turned = replace(samples([2.0] * 5), size=BodySize(4.5, 4.5, has_height=False))
+    assert depths([turned]) == [2.0]
+
+
+def test_furniture_before_a_person_out_of_range_is_not_the_person() -> None:
+    nan = math.nan
+    # As large as somebody at 6 m, where nothing is read; a cabinet at 2.8 m covers one sample of
+    # five: 0.2 * 0.02 = 0.004 < 0.005. Two of five would be a child.
+    assert depths([samples([2.8, nan, nan, nan, nan], size_depth_m=6.0)]) == [None]
+    assert depths([samples([2.8, nan, nan, nan, 2.8], size_depth_m=6.0)]) == [2.8]
 
 
 def test_samples_of_a_person_in_front_do_not_count_behind() -> None:
@@ -68,10 +79,8 @@ def test_samples_of_a_person_in_front_do_not_count_behind() -> None:
 
 
 def test_person_hidden_at_all_samples_has_no_layer() -> None:
-    assert depths([samples([2.0] * 5), samples([2.0, 2.0, 2.1, 2.0, 4.9], size_depth_m=2.0)]) == [
-        2.0,
-        4.9,
-    ]
+    behind = samples([2.0, 2.0, 2.1, 2.0, 4.9])
+    assert depths([samples([2.0] * 5), behind]) == [2.0, 4.9]
     front, hidden = samples([2.0] * 5), samples([2.0, math.nan, 2.1, 2.0, 2.0])
     assert depths([front, hidden]) == [2.0, None]
 
@@ -102,15 +111,41 @@ def test_an_outline_reaches_beyond_the_keypoints() -> None:
     assert behind_an_arm(5.0) == 3.0
 
 
-def test_torso_samples_in_another_layer_add_variance() -> None:
-    # Three samples at 2 m, two at 3 m: 0.4 * 0.6 * 1 m^2; on the torso only, with a reading.
+def test_another_layer_of_nearly_equal_score_adds_variance() -> None:
+    # Three samples at 2 m, two at 3 m: 0.4 * 0.6 * 1 m^2; with weights of 1 and 0.5, a quarter.
     torn = samples([2.0, 2.0, 2.0, 3.0, 3.0])
-    layer = assign_layers([torn], CONFIG)[0]
-    assert layer is not None
-    assert layer_variance(torn, layer, 0.25) == pytest.approx(0.24)
     limbs = replace(torn, weights=np.array([1.0, 1.0, 1.0, 0.5, 0.5]))
-    assert layer_variance(limbs, layer, 0.25) == 0.0
     alike = samples([2.0, 2.1, 1.9, math.nan, 2.0])
-    layer = assign_layers([alike], CONFIG)[0]
+    variances = [
+        None if layer is None else layer.variance_m2
+        for layer in (assign_layers([one], CONFIG)[0] for one in (torn, limbs, alike))
+    ]
+    assert variances == pytest.approx([0.24, 0.1875, 0.0])
+
+
+def test_layer_that_does_not_suit_the_size_adds_little_variance() -> None:
+    # As large as at 2 m; at 3 m: ln(1.5) / 0.2 = 2.03 sigma, 0.128. Scores 0.6 and 0.4 * 0.128.
+    layer = assign_layers([samples([2.0, 2.0, 2.0, 3.0, 3.0], size_depth_m=2.0)], CONFIG)[0]
     assert layer is not None
-    assert layer_variance(alike, layer, 0.25) == 0.0
+    assert layer.variance_m2 == pytest.approx(0.6 * 0.0512 / 0.6512**2, rel=0.01)
+
+
+def test_nearer_layer_suits_a_person_who_is_turned() -> None:
+    # Shoulders as wide as at 6 m; four samples read 1.2 m: 4 * 1.2 / 6 = 0.8; one 4.5 m: 0.75.
+    # With the torso's height it is at 4.5 m: 4 * 0.02 against exp(-(ln(0.75) / 0.2)^2 / 2) = 0.36.
+    person = samples([1.2, 1.2, 1.2, 1.2, 4.5])
+    assert depths([replace(person, size=BodySize(6.0, 6.0, has_height=False))]) == [1.2]
+    assert depths([replace(person, size=BodySize(6.0, 6.0, has_height=True))]) == [4.5]
+
+
+def test_layer_of_a_giant_is_refused() -> None:
+    # As large as at 1.4 m: at 3 m the person would be 2.1 times as large as others.
+    assert depths([samples([3.0] * 5, size_depth_m=1.4)]) == [None]
+    assert depths([samples([3.0, 3.0, 3.0, 3.0, 1.3], size_depth_m=1.4)]) == [1.3]
+    # One measure that is too large may be due to a wrong joint.
+    torn = replace(samples([3.0] * 5), size=BodySize(1.4, 3.0, has_height=True))
+    assert depths([torn]) == [3.0]
+
+
+def test_samples_without_weight_have_no_layer() -> None:
+    assert depths([replace(samples([2.0] * 5), weights=np.zeros(5))]) == [None]

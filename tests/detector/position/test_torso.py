@@ -1,11 +1,12 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from people4d.messages import F32, U16
 from services.detector.config import EllipseConfig, TorsoConfig, UncertaintyConfig
-from services.detector.models.base import InstanceMask
+from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.surface import TORSO, DepthImage, PositionEstimate
 from services.detector.position.torso import TorsoEstimator
 from tests.detector.cameras import lab_info
@@ -46,8 +47,15 @@ def estimates(
     estimator: TorsoEstimator, people: list[F32], depth_mm: U16, yaw_rad: float | None = None
 ) -> list[PositionEstimate | None]:
     image = DepthImage(depth_mm, INFO)
-    torsos = estimator.find(people, 0.3, image)
+    torsos = estimator.find([person(points) for points in people], 0.3, image)
     return [None if t is None else estimator.estimate(*t, image, yaw_rad) for t in torsos]
+
+
+def person(points: F32) -> DetectedPerson:
+    """Return a person in the box of the torso, with as much below for the legs."""
+    low, high = points[TORSO, :2].min(axis=0), points[TORSO, :2].max(axis=0)
+    box = np.array([*low, high[0], 2 * high[1] - low[1]], np.float32)
+    return DetectedPerson(0.9, box, points)
 
 
 def one(
@@ -133,12 +141,83 @@ def test_depth_of_near_people_has_less_variance() -> None:
         assert estimate.covariance_m2[2, 2] == pytest.approx(expected)
 
 
-def test_without_joints_or_depth_there_is_no_position() -> None:
-    outside = keypoints(2000.0)
-    found = estimates(SURFACE, [keypoints(confidence=0.2), outside], stand(room()))
-    assert found == [None, None]
+def test_without_depth_or_outside_of_the_image_there_is_no_position() -> None:
+    assert estimates(SURFACE, [keypoints(2000.0)], stand(room())) == [None]
     assert estimates(SURFACE, [keypoints()], np.zeros((480, 640), np.uint16)) == [None]
     assert estimates(SURFACE, [], room()) == []
+
+
+def test_legs_behind_furniture_are_not_the_depth_of_somebody_out_of_range() -> None:
+    # As large as at 4.8 m with a range of 5 m; no depth but that of a table at 3.4 m, at the legs.
+    points = keypoints(z_m=4.8)
+    points[[13, 14, 15, 16]] = [(310, 320, 0.9), (330, 320, 0.9), (310, 350, 0.9), (330, 350, 0.9)]
+    depth_mm = np.zeros((480, 640), np.uint16)
+    depth_mm[300:, :] = 3400
+    assert estimates(SURFACE, [points], depth_mm) == [None]
+    # Nearer it is somebody whose clothes the camera does not see.
+    points = keypoints(z_m=3.4)
+    points[[13, 14, 15, 16]] = [(310, 340, 0.9), (330, 340, 0.9), (310, 390, 0.9), (330, 390, 0.9)]
+    assert one(SURFACE, points, depth_mm).position_m[2] == pytest.approx(3.4, abs=0.07)
+
+
+def test_without_joints_the_box_gives_the_position() -> None:
+    # 0.55 m below the upper edge of the box, 165 px at 2 m: row 165 + 165 = 330, y = 0.3 m; the
+    # face or the middle of the box may be 0.15 m beside the torso.
+    estimate = one(SURFACE, keypoints(confidence=0.2), stand(room()))
+    np.testing.assert_allclose(estimate.position_m, [0.0, 0.3, 2.0], atol=0.02)
+    assert estimate.covariance_m2 is not None
+    assert estimate.covariance_m2[0, 0] == pytest.approx(0.15**2)
+
+
+def side_on(z_m: float = 1.2) -> tuple[DetectedPerson, U16]:
+    """Someone from the side near the camera, cut off above the hips; a wall at 4 m.
+
+    The shoulders are 25 px apart, as if 7.7 m away; the elbow lies on the wall, and the hips are
+    guessed at the lower edge of the image.
+    """
+    depth_mm = room()
+    depth_mm[80:, 260:380] = round(z_m * 1000)
+    points = np.zeros((17, 3), np.float32)
+    points[[5, 6, 8, 11, 12]] = [
+        (308, 320, 0.5),
+        (333, 322, 0.5),
+        (395, 420, 0.4),
+        (310, 478, 0.35),
+        (330, 478, 0.35),
+    ]
+    return DetectedPerson(0.4, np.array([255, 80, 400, 480], np.float32), points), depth_mm
+
+
+def test_near_person_from_the_side_without_hips_is_not_put_on_the_wall() -> None:
+    cut_off, depth_mm = side_on()
+    image = DepthImage(depth_mm, INFO)
+    torso = AXIS.find([cut_off], 0.3, image)[0]
+    assert torso is not None
+    assert torso[0].known.tolist() == [True, True, False, False]  # hips at the edge are guesses
+    estimate = AXIS.estimate(*torso, image, None)
+    assert estimate.position_m[2] == pytest.approx(1.35, abs=0.02)
+    assert estimate.covariance_m2 is not None
+    assert abs(estimate.position_m[2] - 1.35) < 2 * math.sqrt(estimate.covariance_m2[2, 2])
+
+
+@pytest.mark.parametrize("box", [(np.nan,) * 4, (700, 0, 900, 480), (400, 80, 255, 480)])
+def test_box_without_area_leaves_the_keypoints(box: tuple[float, ...]) -> None:
+    cut_off, depth_mm = side_on()
+    found = AXIS.find(
+        [replace(cut_off, box_xyxy_px=np.array(box, np.float32))], 0.3, DepthImage(depth_mm, INFO)
+    )[0]
+    assert found is not None
+    assert len(found[1].own) == 4  # two shoulders, their middle, the elbow
+
+
+def test_keypoints_that_are_not_numbers_do_not_count() -> None:
+    cut_off, depth_mm = side_on()
+    assert cut_off.keypoints is not None
+    cut_off.keypoints[[5, 8], :2] = np.nan
+    found = AXIS.find([cut_off], 0.3, DepthImage(depth_mm, INFO))[0]
+    assert found is not None
+    assert found[0].known.tolist() == [False, True, False, False]
+    assert found[1].depth_m == pytest.approx(1.2)
 
 
 def test_of_two_detections_of_one_person_one_has_a_position() -> None:

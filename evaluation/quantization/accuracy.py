@@ -1,0 +1,82 @@
+"""Accuracy of a people model, on frames of which the truth is known."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from common.inference.session import Session
+from evaluation.recordings.rendered import RenderedFrame, matches, yaw_error_deg
+from people4d.messages import Detection, Detections
+from services.detector.build import build
+from services.detector.config import DetectorConfig
+from services.detector.models.registry import find_factory
+
+# What accuracy may be lost, as [PIC4SeR] allowed Intel's tools
+RECALL_LOSS_MAX = 0.01
+POSITION_LOSS_MAX_M = 0.005
+YAW_LOSS_MAX_DEG = 1.0
+
+Found = Mapping[tuple[int, int], Detection]  # by frame and person
+
+
+@dataclass(frozen=True)
+class AccuracyLoss:
+    """Losses of a network compared with another; below zero it is better."""
+
+    people: int  # views of people that have to be found
+    recall: float  # share of them that only the other found, less those that only this one found
+    position_m: float  # mean error of position, of people that both found
+    yaw_deg: float  # mean error of yaw, of the same
+    score_scale: float  # median of the scores of one over those of the other, of the same
+
+    @property
+    def acceptable(self) -> bool:
+        """True if every loss is within its limit."""
+        return (
+            self.recall <= RECALL_LOSS_MAX
+            and self.position_m <= POSITION_LOSS_MAX_M
+            and self.yaw_deg <= YAW_LOSS_MAX_DEG
+        )
+
+
+def detect(session: Session, kind: str, frames: Sequence[RenderedFrame]) -> Found:
+    """Return what a network of a kind detects of the people in frames, by frame and person."""
+    config = msgspec.convert({"crops": False, "scores": "network"}, DetectorConfig)
+    node = build(config, find_factory(kind)(session, config, kind))
+    found: dict[tuple[int, int], Detection] = {}
+    for number, rendered in enumerate(frames):
+        node.handle(rendered.info, 0)
+        output = node.handle(rendered.frame, 0)[-1]
+        assert isinstance(output, Detections)
+        for index, detection in matches(rendered.people, output.detections).items():
+            found[number, index] = detection
+    return found
+
+
+def compare(frames: Sequence[RenderedFrame], reference: Found, found: Found) -> AccuracyLoss:
+    """Return what is lost from the detections of one network to those of another."""
+    people = sum(len(rendered.people) for rendered in frames)
+    both = sorted(reference.keys() & found.keys())
+    errors = np.array([[*_errors(frames, k, reference), *_errors(frames, k, found)] for k in both])
+    errors = errors.reshape(-1, 4)
+    position_m = np.nanmean(errors[:, 2] - errors[:, 0]) if both else math.inf
+    yaw_deg = np.nanmean(errors[:, 3] - errors[:, 1]) if both else math.inf
+    recall = (len(reference) - len(found)) / max(people, 1)
+    scales = [found[key].score / max(reference[key].score, 1e-6) for key in both]
+    scale = float(np.median(scales)) if both else 1.0
+    return AccuracyLoss(people, recall, float(position_m), float(yaw_deg), scale)
+
+
+def _errors(
+    frames: Sequence[RenderedFrame], key: tuple[int, int], found: Found
+) -> tuple[float, float]:
+    """Return the errors of position (m) and yaw (deg) of one person; NaN where there is none."""
+    (number, index), detection = key, found[key]
+    rendered = frames[number]
+    position_m = math.nan
+    if detection.position_m is not None:
+        position_m = float(np.linalg.norm(detection.position_m - rendered.positions_m[index]))
+    return position_m, abs(yaw_error_deg(rendered, index, detection))

@@ -1,0 +1,53 @@
+"""Images for calibration: frames of the virtual lab, and those of a folder."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from common.inference.session import Array, Session
+from people4d.errors import ConfigError
+from people4d.messages import U8
+from services.detector.config import DetectorConfig
+from services.detector.models.network import NetworkModel
+from services.detector.models.registry import find_factory
+
+# Scenario, seed and frames; others than the held-out ones on which accuracy is compared.
+CALIBRATION = (
+    ("three_crossing", 41, range(0, 400, 20)),
+    ("short_sit", 42, range(0, 240, 24)),
+    ("four_crossing", 44, range(40, 400, 24)),
+)
+SUFFIXES = {".jpg", ".jpeg", ".png"}
+
+
+def images_of(folder: Path) -> Iterator[U8]:
+    """Yield the images (HxWx3, RGB) of a folder in the order of their names.
+
+    Raises:
+        ConfigError: The folder has no image, or one that cannot be read.
+    """
+    try:
+        files = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES)
+    except OSError as error:
+        raise ConfigError(f"folder {folder} cannot be read: {error.strerror}") from error
+    if not files:
+        raise ConfigError(f"folder {folder} has no image", f"Expected {', '.join(SUFFIXES)}.")
+    for file in files:
+        image = cv2.imread(str(file), cv2.IMREAD_COLOR)
+        if image is None:
+            raise ConfigError(f"image {file} cannot be read")
+        yield np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def inputs(session: Session, kind: str, images: Sequence[U8]) -> list[Array]:
+    """Return images as a people model of a kind gives them to its network.
+
+    Raises:
+        ConfigError: The kind is none of ours.
+    """
+    model = find_factory(kind)(session, DetectorConfig(), kind)
+    if not isinstance(model, NetworkModel):
+        raise ConfigError(f"models of kind {kind} cannot be quantised here")
+    return [model.input_of(image)[1] for image in images]

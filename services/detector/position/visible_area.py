@@ -1,0 +1,76 @@
+"""Visible area of a person's body in the image, by the box and the joints.
+
+It holds the chest and what is visible below, of people whose hips are hidden or cut off too. A grid
+of depth samples there outvotes single readings of the background (docs/method.md section 10).
+"""
+
+import math
+
+import numpy as np
+
+from people4d.messages import F32, F64, CameraInfo
+from services.detector.config import AreaConfig
+from services.detector.position.proportions import Flags
+from services.detector.position.surface import DepthImage
+
+EMPTY: F64 = np.zeros((0, 2))
+
+
+def area_pixels(
+    box_xyxy_px: F32, joints_px: F64, known: Flags, info: CameraInfo, config: AreaConfig
+) -> F64:
+    """Return a grid of pixels in the middle of the visible body, Nx2, u and v.
+
+    Args:
+        box_xyxy_px: Box of the person, may reach beyond the image.
+        joints_px: Shoulders and hips, 4x2.
+        known: Which of them are known, 4.
+        info: The camera.
+        config: Extent and density.
+    """
+    left, top, right, bottom = cut_to_image(box_xyxy_px, info)
+    if not (left < right and top < bottom):
+        return EMPTY
+    rows_px = joints_px[:, 1]
+    upper = float(rows_px[:2][known[:2]].mean()) if known[:2].any() else math.nan
+    lower = float(rows_px[2:][known[2:]].mean()) if known[2:].any() else math.nan
+    if math.isnan(upper):
+        upper = top + config.below_top * (bottom - top)
+    if math.isnan(lower) or lower <= upper:
+        lower = bottom
+    across, down = np.arange(config.columns) + 0.5, np.arange(config.rows) + 0.5
+    middle, width = (left + right) / 2, config.width * (right - left)
+    grid = np.empty((config.rows, config.columns, 2))
+    grid[..., 0] = middle + width * (across / config.columns - 0.5)
+    grid[..., 1] = (upper + (lower - upper) * (down / config.rows))[:, None]
+    return grid.reshape(-1, 2)
+
+
+def read_pixels(pixels: F64, image: DepthImage) -> F64:
+    """Return the depth at pixels inside the image (Nx2), N in metres, NaN without a reading."""
+    u, v = np.rint(pixels).astype(np.intp).T
+    depth_m = image.depth_mm[v, u] / 1000.0
+    depth_m[(depth_m == 0) | (depth_m > image.info.max_depth_m)] = np.nan
+    return np.asarray(depth_m, np.float64)
+
+
+def cut_to_image(box_xyxy_px: F32, info: CameraInfo) -> list[float]:
+    """Return the part of a box inside the image: left, top, right, bottom; empty if NaN."""
+    sides = (info.width - 1.0, info.height - 1.0) * 2
+    box = np.clip(np.nan_to_num(box_xyxy_px.astype(np.float64), nan=0.0), 0.0, sides)
+    corners: list[float] = box.tolist()
+    return corners
+
+
+def box_torso(box_xyxy_px: F32, depth_m: float, info: CameraInfo, config: AreaConfig) -> F64:
+    """Return the middle of the torso at a depth by the box alone: u and v in pixels."""
+    left, top, right, bottom = cut_to_image(box_xyxy_px, info)
+    v = min(top + config.crown_m * info.fy / depth_m, bottom)
+    return np.array([(left + right) / 2, v])
+
+
+def in_image(pixels: F64, info: CameraInfo, margin_px: float = 0.0) -> Flags:
+    """Return which of Nx2 pixels lie in the image, farther than a margin from its edge."""
+    first_px = margin_px - 0.5
+    last_px = (info.width - 1 - first_px, info.height - 1 - first_px)
+    return np.asarray(((pixels > first_px) & (pixels < last_px)).all(axis=1))
