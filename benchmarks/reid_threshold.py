@@ -8,17 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.lib.lab_frames import LabFrame, inside, lab_frames
+from benchmarks.lib.lab_frames import LabFrame, lab_frames
 from benchmarks.lib.table import markdown, write
-from common.inference import OnnxSession
+from common.inference.onnx import OnnxSession
+from evaluation.recordings.rendered import inside
 from lab.truth.frames import PersonView
 from people4d.messages import F32, F64, U8, Crop
 from services.detector.crops import crop_person
 from services.detector.models.base import DetectedPerson, InstanceMask
-from services.reid import histogram, osnet
-from services.reid.embedders import Embedder
-from services.reid.histogram import HistogramEmbedder
+from services.reid.config import ReidConfig
+from services.reid.embedders import Embedder, load_embedder
 from services.reid.osnet import OsnetEmbedder
+from services.tracker.config import COSINE_DISTANCE_MAX
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 SCENARIOS = ("three_crossing", "four_dense", "twins", "pmrm2", "port1")  # in two rooms
@@ -126,12 +127,14 @@ def main() -> None:
     parser.add_argument("--osnet", type=Path, default=weights, help="OSNet's .onnx file")
     flags = parser.parse_args()
     images = [image for name in SCENARIOS for image in images_of(name, FRAMES)]
-    embedders: list[tuple[Embedder, Sequence[int], float]] = [
-        (HistogramEmbedder(), (0, 1, 2), histogram.COSINE_DISTANCE_MAX),
-        (OsnetEmbedder(OnnxSession(flags.osnet)), (0,), osnet.COSINE_DISTANCE_MAX),
+    embedders: list[tuple[Embedder, Sequence[int]]] = [
+        (load_embedder(ReidConfig(embedder="appearance")), (0, 2)),
+        (load_embedder(ReidConfig(embedder="histogram")), (0, 1, 2)),
+        (OsnetEmbedder(OnnxSession(flags.osnet)), (0,)),
     ]
     rows = []
-    for embedder, kinds, limit in embedders:
+    for embedder, kinds in embedders:
+        limit = COSINE_DISTANCE_MAX[embedder.name]
         for kind in kinds:
             vectors = embedder.embed([image.crops[kind] for image in images])
             rows.append(row(embedder.name, INPUTS[kind], limit, distances(vectors, images)))

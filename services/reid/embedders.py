@@ -6,9 +6,10 @@ from typing import Protocol
 from common import registry
 from common.io import weights
 from people4d.messages import F32, Crop
-from services.reid.config import ReidConfig
+from services.reid.config import NETWORKS, ReidConfig
 
 EMBEDDERS: dict[str, str] = {
+    "appearance": "services.reid.appearance:load",
     "histogram": "services.reid.histogram:load",
     "osnet": "services.reid.osnet:load",
 }
@@ -51,8 +52,8 @@ def check_embedder(config: ReidConfig) -> None:
 
     Raises:
         ConfigError: The name is unknown, or the module or class cannot be found.
-        ModelError: The file of OSNet is absent or altered.
+        ModelError: The embedder's network is absent or altered.
     """
     registry.find("embedder", EMBEDDERS, config.embedder)
-    if config.embedder == "osnet":
-        weights.locate(config.model, config.folder)
+    if config.embedder in NETWORKS:
+        weights.locate(config.network, config.folder)

@@ -12,12 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from common.transport.trace import span
-from people4d.messages import F32, F64, U8, Crop
+from people4d.messages import F32, F64, HIDDEN_RGB, U8, Crop
 from services.reid.config import ReidConfig
 
-# C_cos of docs/method.md section 5: as benchmarks/reid_threshold.md finds it, drawn in a little
-# because people outside of the simulation dress more alike.
-COSINE_DISTANCE_MAX = 0.25
 HUES = 12
 SATURATIONS = 4
 GREYS = 8
@@ -33,6 +30,7 @@ HEIGHT_PX = 64  # crops are scaled down to this height
 CONFIDENCE_MIN = 0.3  # of keypoints that divide the body
 SIDE_SPREAD = 0.35  # of half the box: spread of pixel weights without mask or keypoints
 LIMB_WIDTH = 0.15  # of the torso's length; the head is twice as wide
+VISIBLE_MIN = 0.05  # of the weights: with fewer visible pixels all count
 HEAD = [0, 1, 2, 3, 4]  # COCO
 TORSO = [5, 6, 12, 11]  # COCO, round the outline: left, right shoulder, right, left hip
 LIMBS = ((5, 7), (7, 9), (6, 8), (8, 10), (11, 13), (13, 15), (12, 14), (14, 16))
@@ -80,13 +78,20 @@ def _pixels(crop: Crop) -> tuple[F32, F64, npt.NDArray[np.intp]]:
     """Return the weighted pixels of one crop made small: Nx3 colour, 0 to 1, weight, part."""
     height = min(HEIGHT_PX, crop.rgb.shape[0])
     width = max(1, round(crop.rgb.shape[1] * height / crop.rgb.shape[0]))
-    rgb = np.asarray(cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_NEAREST))
-    weights = _body_weights(crop, (height, width))
+    scaled = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_NEAREST)
+    rgb = np.asarray(scaled, np.uint8)
+    weights = _without_hidden(_body_weights(crop, (height, width)), rgb)
     edges = np.rint(_part_edges(crop) * height)
     part = np.searchsorted(edges[1:-1], np.arange(height), side="right")
     used = weights > 0
     rows = np.broadcast_to(part[:, None], used.shape)
-    return rgb[used] / np.float32(255), weights[used], rows[used]
+    return np.asarray(rgb[used] / 255, np.float32), weights[used], rows[used]
+
+
+def _without_hidden(weights: F64, rgb: U8) -> F64:
+    """Return the weights without hidden pixels, unless hardly any are left."""
+    visible = weights * (rgb != np.array(HIDDEN_RGB, np.uint8)).any(axis=2)
+    return visible if visible.sum() >= VISIBLE_MIN * weights.sum() else weights
 
 
 def _body_weights(crop: Crop, shape: tuple[int, int]) -> F64:

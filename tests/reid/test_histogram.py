@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from people4d.messages import F32, U8, Crop
-from services.reid.histogram import BINS, COSINE_DISTANCE_MAX, PART_WEIGHTS, HistogramEmbedder
+from people4d.messages import F32, HIDDEN_RGB, U8, Crop
+from services.reid.histogram import BINS, PART_WEIGHTS, HistogramEmbedder
+from services.tracker.config import COSINE_DISTANCE_MAX
 
 RED, BLUE, GREEN = (200, 20, 20), (20, 20, 200), (20, 180, 20)
 WHITE, GREY, BLACK = (240, 240, 240), (120, 120, 120), (12, 12, 12)
@@ -139,13 +140,13 @@ def test_keypoints_divide_the_body() -> None:
     by_keypoints = distance(full, crop(rgb, keypoints=keypoints))
     uncertain = keypoints * np.array([1, 1, 0.1], np.float32)
     assert by_keypoints < distance(full, crop(rgb, keypoints=uncertain))
-    assert by_keypoints < COSINE_DISTANCE_MAX
+    assert by_keypoints < COSINE_DISTANCE_MAX["histogram"]
 
 
 def test_wild_keypoints_do_no_harm() -> None:
     keypoints = standing()
-    keypoints[:, :2] = 1e9
-    keypoints[3, :2] = -1e9
+    keypoints[:, :2] = 9e5
+    keypoints[3, :2] = -9e5
     vectors = HistogramEmbedder().embed([crop(image_of(GREY, RED, BLUE), keypoints=keypoints)])
     np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-6)
 
@@ -153,3 +154,17 @@ def test_wild_keypoints_do_no_harm() -> None:
 def test_an_empty_mask_counts_as_none() -> None:
     rgb = image_of(GREY, RED, BLUE)
     assert distance(crop(rgb, np.zeros((100, 40), np.uint8)), crop(rgb)) == pytest.approx(0)
+
+
+def test_hidden_pixels_do_not_count() -> None:
+    full = crop(image_of(WHITE, RED, BLUE))
+    behind_green, blanked = image_of(WHITE, RED, BLUE), image_of(WHITE, RED, BLUE)
+    behind_green[:, :15], blanked[:, :15] = GREEN, HIDDEN_RGB
+    assert distance(full, crop(blanked)) < 0.001
+    assert distance(full, crop(behind_green)) > 0.05
+
+
+def test_crop_that_is_hidden_throughout_has_a_vector() -> None:
+    hidden = image_of(HIDDEN_RGB, HIDDEN_RGB, HIDDEN_RGB)
+    (vector,) = HistogramEmbedder().embed([crop(hidden)])
+    assert np.linalg.norm(vector) == pytest.approx(1, abs=1e-6)

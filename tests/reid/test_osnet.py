@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.inference import Array
+from common.inference.session import Array
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import Crop
 from services.reid.config import ReidConfig
@@ -68,7 +68,9 @@ def test_embedders_are_made_by_name() -> None:
     assert isinstance(load_embedder(ReidConfig()), HistogramEmbedder)
     outside = ReidConfig(embedder="services.reid.histogram:load")
     assert isinstance(load_embedder(outside), HistogramEmbedder)
-    with pytest.raises(ConfigError, match=r"'osnat' is unknown\. Choose histogram, osnet"):
+    with pytest.raises(
+        ConfigError, match=r"'osnat' is unknown\. Choose appearance, histogram, osnet"
+    ):
         load_embedder(ReidConfig(embedder="osnat"))
     with pytest.raises(ConfigError, match="cannot be loaded: No module named 'absent'"):
         load_embedder(ReidConfig(embedder="absent:Embedder"))

@@ -1,0 +1,106 @@
+"""Train the appearance network on rendered crops: `python -m scripts.train_embedding DATA`.
+
+It runs in an environment of its own, see README.md; the result is models/appearance-lab.onnx.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+import torch  # type: ignore[import-not-found]
+from torch import Tensor
+
+from scripts.train_embedding.augment import augment
+from scripts.train_embedding.network import HEIGHT_PX, WIDTH_PX, AppearanceNetwork
+
+OUTPUT = Path(__file__).resolve().parents[2] / "models" / "appearance-lab.onnx"
+SCENES, CROPS = 6, 4  # in a batch: scenes, and crops of each of their people
+TEMPERATURE = 0.1
+RATE, DECAY = 2e-3, 1e-4
+SCHEDULE_STEPS = 2800  # in which the rate would fall to 0
+SHARED_SCENE = 6  # identities of a scene, see render.PEOPLE
+
+
+def read_crops(folder: Path) -> tuple[Tensor, np.ndarray]:
+    """Return all crops (Nx4xHxW bytes) and their owners (N)."""
+    crops, owners, first = [], [], 0
+    for path in sorted(folder.glob("*.npz")):
+        with np.load(path) as file:
+            crops.append(file["crops"].transpose(0, 3, 1, 2))
+            owners.append(file["owners"] + first)
+            first += SHARED_SCENE * (int(file["owners"].max()) // SHARED_SCENE + 1)
+    return torch.from_numpy(np.concatenate(crops)), np.concatenate(owners)
+
+
+def batches(owners: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Draw indices of crops and their owners: people of some scenes, who are hard to tell apart."""
+    scenes = rng.choice(owners.max() // SHARED_SCENE + 1, SCENES, replace=False)
+    chosen = []
+    for person in (scenes[:, None] * SHARED_SCENE + np.arange(SHARED_SCENE)).ravel():
+        own = np.flatnonzero(owners == person)
+        if len(own) >= CROPS:
+            chosen.append(rng.choice(own, CROPS, replace=False))
+    indices = np.concatenate(chosen)
+    return indices, owners[indices]
+
+
+def contrastive_loss(vectors: Tensor, owners: Tensor) -> Tensor:
+    """Return the supervised contrastive loss [Khosla 2020]."""
+    logits = vectors @ vectors.T / TEMPERATURE
+    self_pairs = torch.eye(len(vectors), dtype=torch.bool)
+    logits = logits.masked_fill(self_pairs, -1e9)
+    log_share = logits - logits.logsumexp(1, keepdim=True)
+    same = (owners[:, None] == owners[None]) & ~self_pairs
+    return -(log_share * same).sum(1).div(same.sum(1)).mean()
+
+
+def export(network: AppearanceNetwork, path: Path) -> None:
+    """Write the network as ONNX."""
+    network.eval()
+    torch.onnx.export(
+        network,
+        (torch.zeros(1, 4, HEIGHT_PX, WIDTH_PX),),
+        str(path),
+        input_names=["images"],
+        output_names=["vectors"],
+        dynamic_axes={"images": {0: "N"}, "vectors": {0: "N"}},
+        opset_version=17,
+        dynamo=False,
+    )
+    network.train()
+
+
+def main() -> None:
+    """Train and export."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("data", type=Path, help="folder that render.py wrote")
+    parser.add_argument("--steps", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
+    flags = parser.parse_args()
+    torch.set_num_threads(1)
+    torch.manual_seed(flags.seed)
+    rng = np.random.default_rng(flags.seed)
+    crops, owners = read_crops(flags.data)
+    print(f"{len(crops)} crops of {len(np.unique(owners))} people", flush=True)
+    network = AppearanceNetwork()
+    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, SCHEDULE_STEPS, pct_start=0.1)
+    total = 0.0
+    for step in range(1, flags.steps + 1):
+        indices, people = batches(owners, rng)
+        loss = contrastive_loss(network(augment(crops[indices], CROPS)), torch.from_numpy(people))
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+        total += loss.item()
+        if step % 50 == 0:
+            print(f"{step}: loss {total / 50:.3f}, {time.process_time():.0f} s", flush=True)
+            total = 0.0
+    export(network, flags.output)
+
+
+if __name__ == "__main__":
+    main()

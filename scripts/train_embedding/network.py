@@ -1,0 +1,70 @@
+"""The appearance network: colour and texture, pooled where parts of the person are visible."""
+
+import torch  # type: ignore[import-not-found]
+from torch import Tensor, nn
+
+HEIGHT_PX, WIDTH_PX = 48, 24  # of the input
+DIMENSION = 128
+PARTS = 6  # attention maps
+COLOURS = 32  # soft bins of colour
+COARSE, FINE = 64, 32  # features
+OUTSIDE = 4.0  # logit by which what the mask leaves out counts less
+
+
+def convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
+    """Return a 3x3 convolution with normalisation and activation."""
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False), nn.BatchNorm2d(outputs), nn.ReLU()
+    )
+
+
+class Residual(nn.Module):  # type: ignore[misc]
+    """Two convolutions beside the identity."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = convolution(channels, channels)
+        self.second = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels)
+        )
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return features of the same shape."""
+        return torch.relu(images + self.second(self.first(images)))
+
+
+class AppearanceNetwork(nn.Module):  # type: ignore[misc]
+    """Nx4x48x24 (RGB and mask, 0 to 1) to Nx128 of unit length."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stem = convolution(4, 16, 2)
+        self.fine = nn.Sequential(convolution(16, FINE, 2), Residual(FINE))
+        self.coarse = nn.Sequential(convolution(FINE, COARSE, 2), Residual(COARSE))
+        self.attention = nn.Conv2d(FINE + COARSE, PARTS, 1)
+        self.colour = nn.Sequential(
+            nn.AvgPool2d(2),
+            nn.Conv2d(4, 24, 1),
+            nn.ReLU(),
+            nn.Conv2d(24, COLOURS, 1),
+            nn.ReLU(),
+            nn.AvgPool2d(2),
+        )
+        width = PARTS * (COLOURS + FINE + COARSE)
+        self.head = nn.Sequential(
+            nn.BatchNorm1d(width),
+            nn.Linear(width, DIMENSION, bias=False),
+            nn.BatchNorm1d(DIMENSION),
+        )
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return the vectors of images."""
+        fine = self.fine(self.stem(images))
+        coarse = nn.functional.interpolate(self.coarse(fine), scale_factor=2.0, mode="nearest")
+        both = torch.cat([fine, coarse], 1)
+        outside = 1 - nn.functional.avg_pool2d(images[:, 3:], 4)
+        attention = (self.attention(both) - OUTSIDE * outside).flatten(2).softmax(2)
+        features = torch.cat([self.colour(images), both], 1).flatten(2)
+        pooled = attention @ features.transpose(1, 2)
+        vectors = self.head(pooled.flatten(1))
+        return vectors / vectors.norm(dim=1, keepdim=True).clamp_min(1e-6)

@@ -1,0 +1,237 @@
+"""Render the crops that the network learns from: `python -m scripts.train_embedding.render OUT`.
+
+Each scene has a few identities, who are drawn some times: in other rooms, from other cameras and
+distances, before and behind each other, cut by the image's edge. Needs nothing but the project.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from common.geometry.transforms import (
+    LINK_FROM_OPTICAL,
+    apply,
+    camera_matrix,
+    invert,
+    rotation_from_rpy,
+    transform_from,
+)
+from lab.bodies.skeleton import BodyPose
+from lab.camera.plan import CameraPlan
+from lab.drawing.mesh import Mesh, join
+from lab.drawing.raster import homogeneous, rasterise
+from lab.drawing.renderer import Instant, Renderer
+from lab.drawing.rooms import room_mesh
+from lab.motion.motion import PersonMotion, simulate
+from lab.scenario import WALKABLE_M, Gesture, PersonPlan, RoomName, Waypoint
+from lab.truth.frames import project_visible
+from lab.world import camera_info
+from people4d.messages import F64, U8, CameraInfo
+from scripts.train_embedding.outfits import DressedBody, Paint, Rng, draw_cut, draw_outfit
+
+HEIGHT_PX, WIDTH_PX = 80, 40  # of stored crops
+IMAGE_PX = (256, 192)
+PIXELS_MIN = 150  # of a person that are visible, else there is no crop
+PEOPLE = 6  # of a scene
+SHOULDERS = [5, 6]  # COCO; of people without one that is visible there is no crop
+MOTION_S = 24.0
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Bodies, motions and rooms that scenes are drawn from."""
+
+    bodies: Sequence[DressedBody]
+    motions: Sequence[PersonMotion]  # of each body
+    rooms: Sequence[tuple[RoomName, Renderer]]
+
+
+@dataclass(frozen=True)
+class Identity:
+    """One person of a scene."""
+
+    body: int  # in the stage
+    paint: Paint
+
+
+def make_stage(rng: Rng, cuts: int, rooms: int) -> Stage:
+    """Draw bodies with their motions, and rooms."""
+    bodies = [DressedBody(draw_cut(rng)) for _ in range(cuts)]
+    kinds: list[RoomName] = ["lab" if rng.random() < 0.5 else "hall" for _ in range(rooms)]
+    return Stage(
+        bodies,
+        [draw_motion(rng, body) for body in bodies],
+        [(kind, make_renderer(rng, kind)) for kind in kinds],
+    )
+
+
+def make_renderer(rng: Rng, kind: RoomName) -> Renderer:
+    """Draw a room with a camera of some focal length."""
+    focal_px = float(rng.uniform(170, 260))
+    plan = CameraPlan(width=IMAGE_PX[0], height=IMAGE_PX[1], focal_px=focal_px)
+    seed = int(rng.integers(2**31))
+    return Renderer(room_mesh(kind, seed), camera_info(plan), seed, samples=1)
+
+
+def draw_motion(rng: Rng, body: DressedBody) -> PersonMotion:
+    """Return a motion with walking, standing, turns of the head and a gesture."""
+    path = tuple(
+        Waypoint(
+            to=(float(rng.uniform(1, 4)), float(rng.uniform(-1.4, 1.4))),
+            speed_mps=float(rng.uniform(0.5, 1.3)),
+            stop_s=float(rng.choice([0.0, 1.0, 2.0])),
+            turn_head=bool(rng.random() < 0.5),
+        )
+        for _ in range(12)
+    )
+    gesture = Gesture(at_s=2.0, for_s=10.0, move="raise" if rng.random() < 0.3 else "before_torso")
+    plan = PersonPlan(body="adam", start=(2.0, 0.0), path=path, gestures=(gesture,))
+    return simulate([plan], [body.body.skeleton], MOTION_S, int(rng.integers(2**31)))[0]
+
+
+def crops_of_scene(rng: Rng, stage: Stage, views: int) -> Iterator[tuple[int, U8]]:
+    """Yield the crops of one scene: number of the person, HEIGHT_PX x WIDTH_PX x 4, last the mask.
+
+    Half of the views are in one room.
+    """
+    people = [draw_identity(rng, stage) for _ in range(PEOPLE)]
+    home = int(rng.integers(len(stage.rooms)))
+    for view in range(views):
+        room = home if view < views // 2 else int(rng.integers(len(stage.rooms)))
+        rgb, masks = draw_image(rng, stage, people, room)
+        for k, mask in enumerate(masks):
+            crop = cut(rng, rgb, mask)
+            if crop is not None:
+                yield k, crop
+
+
+def draw_identity(rng: Rng, stage: Stage) -> Identity:
+    """Draw a person."""
+    body = int(rng.integers(len(stage.bodies)))
+    pose = stage.motions[body].at(0.0)
+    return Identity(body, stage.bodies[body].paint(draw_outfit(rng), pose))
+
+
+def draw_image(
+    rng: Rng, stage: Stage, people: Sequence[Identity], number: int
+) -> tuple[U8, list[U8]]:
+    """Draw the people somewhere in a room; return the image, and the mask of each found person."""
+    kind, renderer = stage.rooms[number]
+    (left, low), (_, high) = WALKABLE_M[kind]
+    at = np.array(
+        [rng.uniform(left, left + 0.8), 0.7 * rng.uniform(low, high), rng.uniform(0.5, 2.5)]
+    )
+    target = np.array([left + 2.2, 0.0, rng.uniform(0.8, 1.3)]) + rng.normal(0, 0.3, 3)
+    optical_from_map = invert(camera_pose(at, target, float(rng.normal(0, 0.08))))
+    meshes, shoulders_m, taken = list[Mesh](), list[F64](), [at[:2]]
+    for k, person in enumerate(people):
+        taken.append(free_position(rng, kind, at, target, taken))
+        pose = stage.motions[person.body].at(rng.uniform(0, MOTION_S))
+        moved = moved_pose(pose, taken[-1], rng.uniform(0, 2 * np.pi))
+        dressed = stage.bodies[person.body]
+        meshes.append(dressed.mesh(moved, k + 1, person.paint))
+        shoulders_m.append(dressed.body.keypoints_m(moved)[SHOULDERS])
+    rgb = renderer.exposed([Instant(meshes, optical_from_map)], int(rng.integers(2**31)))
+    owners = draw_owners([renderer.room.mesh, *meshes], optical_from_map, renderer.info)
+    masks = []
+    for k, points_m in enumerate(shoulders_m):
+        mask = (owners == k + 1).astype(np.uint8)
+        column, row = np.rint(project_visible(apply(optical_from_map, points_m), renderer.info)).T
+        inside = (column >= 0) & (column < mask.shape[1]) & (row >= 0) & (row < mask.shape[0])
+        visible = mask[row[inside].astype(int), column[inside].astype(int)].any()
+        masks.append(mask if visible else np.zeros_like(mask))
+    return rgb, masks
+
+
+def draw_owners(meshes: Sequence[Mesh], optical_from_map: F64, info: CameraInfo) -> U8:
+    """Return the image of the numbers of people, 0 = room."""
+    scene = join(meshes)
+    corners = homogeneous(scene.vertices_m, camera_matrix(info) @ optical_from_map[:3])
+    raster = rasterise(corners, scene.faces, (info.height, info.width))
+    return np.append(scene.owner, 0).astype(np.uint8)[raster.triangle]
+
+
+def camera_pose(at: F64, target: F64, roll_rad: float) -> F64:
+    """Return the pose of a camera's optical frame in the map that looks from a point to another."""
+    ahead = target - at
+    pitch = -np.arctan2(ahead[2], np.hypot(*ahead[:2]))
+    rotation = rotation_from_rpy(roll_rad, float(pitch), float(np.arctan2(ahead[1], ahead[0])))
+    return np.asarray(transform_from(at, rotation) @ LINK_FROM_OPTICAL)
+
+
+def free_position(rng: Rng, kind: RoomName, at: F64, target: F64, taken: Sequence[F64]) -> F64:
+    """Draw a position (x, y) on the free floor before the camera, 0.45 m from the others."""
+    (left, low), (right, high) = WALKABLE_M[kind]
+    axis = np.arctan2(*(target - at)[1::-1])
+    while True:
+        distance = rng.uniform(0.7, min(5.5, right - at[0]))
+        angle = axis + rng.uniform(-0.45, 0.45)
+        where = at[:2] + distance * np.array([np.cos(angle), np.sin(angle)])
+        inside = left <= where[0] <= right and low <= where[1] <= high
+        if inside and all(np.hypot(*(where - other)) > 0.45 for other in taken):
+            return np.asarray(where)
+
+
+def moved_pose(pose: BodyPose, where: F64, turn_rad: float) -> BodyPose:
+    """Return a pose turned about the vertical and moved to a position (x, y)."""
+    own = pose.map_from_pelvis
+    turn = rotation_from_rpy(0.0, 0.0, turn_rad)
+    moved = np.eye(4)
+    moved[:3, :3] = turn @ own[:3, :3]
+    moved[:3, 3] = [*where, own[2, 3]]
+    return BodyPose(moved, pose.rotations)
+
+
+def cut(rng: Rng, rgb: U8, mask: U8) -> U8 | None:
+    """Cut out what is visible of a person, about as a detector does; None if that is too little."""
+    if np.count_nonzero(mask) < PIXELS_MIN:
+        return None
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    low = np.array([rows[0], columns[0]])
+    high = np.array([rows[-1] + 1, columns[-1] + 1])
+    size = high - low
+    low = np.clip(np.rint(low - size * rng.uniform(-0.04, 0.1, 2)), 0, None).astype(int)
+    high = np.clip(np.rint(high + size * rng.uniform(-0.04, 0.1, 2)), low + 4, mask.shape)
+    window = (slice(low[0], int(high[0])), slice(low[1], int(high[1])))
+    if min(rgb[window].shape[:2]) < 8:
+        return None
+    image = cv2.resize(rgb[window], (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA)
+    own = cv2.resize(
+        mask[window] * np.uint8(255), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA
+    )
+    return np.dstack([image, own])
+
+
+def main() -> None:
+    """Render and write a file for each part."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path, help="folder to write to")
+    parser.add_argument("--parts", type=int, default=12, help="files; each draws its own stage")
+    parser.add_argument("--first", type=int, default=0, help="number of the first, and its seed")
+    parser.add_argument("--scenes", type=int, default=25, help="of each part")
+    parser.add_argument("--views", type=int, default=14, help="images of each scene")
+    parser.add_argument("--cuts", type=int, default=16, help="bodies in clothes of different cut")
+    parser.add_argument("--rooms", type=int, default=8)
+    flags = parser.parse_args()
+    cv2.setNumThreads(1)
+    flags.out.mkdir(parents=True, exist_ok=True)
+    for part in range(flags.first, flags.first + flags.parts):
+        start_s = time.process_time()
+        rng = np.random.default_rng(part)
+        stage = make_stage(rng, flags.cuts, flags.rooms)
+        crops, owners = list[U8](), list[int]()
+        for scene in range(flags.scenes):
+            for k, crop in crops_of_scene(rng, stage, flags.views):
+                crops.append(crop)
+                owners.append(scene * PEOPLE + k)
+        np.savez(flags.out / f"{part:03}.npz", crops=np.stack(crops), owners=np.array(owners))
+        print(f"{part}: {len(crops)} crops, {time.process_time() - start_s:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()
