@@ -1,5 +1,7 @@
 """Build trackers by name, and the node of the service."""
 
+from functools import partial
+
 from common import registry
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Tracker
@@ -22,9 +24,11 @@ def make_tracker(config: TrackerConfig) -> Tracker:
         ConfigError: The name is unknown, or the module or class cannot be found.
     """
     tracker: Tracker = registry.find("tracker", TRACKERS, config.tracker)(config)
+    if config.area.number and tracker.ids:
+        tracker.ids.divide(config.area.number)
     return tracker
 
 
 def build(config: TrackerConfig) -> TrackerNode:
     """Build the node with the tracker that the configuration names."""
-    return TrackerNode(config, make_tracker(config))
+    return TrackerNode(config, partial(make_tracker, config))

@@ -10,10 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
+from common.geometry.frame_graph import find_loop
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, wrap
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, Track
+
+CAMERAS_MAX = 64  # names of frames, a bound against invented ones
 
 
 class CameraPoseLookup:
@@ -27,6 +30,8 @@ class CameraPoseLookup:
         self._tracking_frame = frame_id
         self._buffer = TransformBuffer(config)
         self._fixed: dict[str, F64] = {}  # fixed cameras, as used last
+        self._parents: dict[str, str] = {}  # of frames, by fixed transforms
+        self.loop: Sequence[str] = ()  # frames, see find_loop
         self.without_transform: set[str] = set()  # cameras
 
     @property
@@ -45,7 +50,13 @@ class CameraPoseLookup:
 
     def add(self, message: StaticTransform | MovingTransform | Odometry) -> bool:
         """Add a transform; return True if a pose that was used already has changed, or moves."""
+        changes = self._buffer.changes
         self._buffer.add(message)
+        if self._buffer.changes == changes:
+            return False
+        if isinstance(message, StaticTransform):
+            self._parents[message.child] = message.parent
+            self.loop = find_loop(self._parents)
         changed = self._update_tracking_frame()
         if not isinstance(message, StaticTransform):
             return changed
@@ -58,18 +69,21 @@ class CameraPoseLookup:
 
     def lookup(self, camera: str, stamp_ns: int) -> TransformEstimate | None:
         """Return the pose of a camera's optical frame; None if it is unknown and required."""
-        pose = self._buffer.lookup(self._tracking_frame, camera, stamp_ns)
+        static = self._buffer.lookup_static(self._tracking_frame, camera)
+        pose = None if static is None else TransformEstimate(static)
+        pose = pose or self._buffer.lookup(self._tracking_frame, camera, stamp_ns)
         if pose is None and camera in self._fixed and camera not in self.without_transform:
             return TransformEstimate(self._fixed[camera])
         if pose is None:
-            self.without_transform.add(camera)
+            if len(self.without_transform) < CAMERAS_MAX:
+                self.without_transform.add(camera)
             if self._required:
                 return None
             pose = TransformEstimate(LINK_FROM_OPTICAL)
         else:
             self.without_transform.discard(camera)
-        is_static = self._buffer.lookup_static(self._tracking_frame, camera) is not None
-        if is_static or camera in self.without_transform:
+        is_fixed = static is not None or camera in self.without_transform
+        if is_fixed and (camera in self._fixed or len(self._fixed) < CAMERAS_MAX):
             self._fixed[camera] = pose.matrix
         return pose
 

@@ -19,6 +19,8 @@ from people4d.messages.base import (
     PositiveRatio,
     Ratio,
 )
+from people4d.validation import INFINITE
+from services.tracker.areas.config import SiteAreaConfig
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 Seconds = Annotated[float, Meta(ge=0, le=60)]
@@ -26,7 +28,8 @@ Metres = Annotated[float, Meta(ge=0, le=10)]
 CHI2_3DOF_95 = 7.8147
 
 # Measured: benchmarks/reid_threshold.md.
-COSINE_DISTANCE_MAX = {"histogram": 0.25, "osnet": 0.45}
+COSINE_DISTANCE_MAX = {"appearance": 0.3, "histogram": 0.25, "osnet": 0.45}
+REIDENTIFICATION_MAX = {"appearance": 0.2, "histogram": 0.15, "osnet": 0.38}  # 2 % false
 
 
 class OcclusionConfig(Config, frozen=True, kw_only=True):
@@ -51,26 +54,10 @@ class ContactConfig(Config, frozen=True, kw_only=True):
     """People who cross or touch keep their own tracks."""
 
     enabled: bool = True  # section 5: False
-    # Part of a box that another box covers, above which its crop counts as occluded and does not
-    # change the embedding; nor does a box cut off at the left or right of the image
-    covered_max: Ratio = 0.3
-    occluded_factor: Positive = 1.2  # cosine distances of occluded crops are divided by this
-    # Part of a track's width that a detection covers if it could be of that track
-    overlap_min: Positive = 0.5
-    overlapping_factor: Positive = 2.0  # likewise, of detections that could be of several tracks
-    # A box covered by more than this may have the depth of the person in front: its position has
-    # this standard deviation on top along the ray
+    # A box covered by more than this may have the depth of the person in front: gates have this
+    # standard deviation on top along the ray. A match counts in full
     depth_covered_max: Ratio = 0.35
     depth_sigma_m: Metres = 1.0  # [m]; 0: none
-    # A match is no farther from the prediction than this, plus so much per second without a match;
-    # the gate of section 5 accepts 1.6 m from one frame to the next
-    jump_m: Positive = 0.4  # [m] on the ground
-    speed_max_mps: Positive = 2.5  # [m/s]
-    # Tracks whose embeddings differ by less than this times C_cos are separated by position only
-    ambiguous_factor: Ratio = 0.5
-    # Round 2 refuses embeddings that differ by more than this times C_cos: a new person does not
-    # get the track of one who was there a moment ago
-    round2_factor: Positive = 1.5
 
 
 class IdentityConfig(Config, frozen=True, kw_only=True):
@@ -81,21 +68,39 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     views: PositiveInt = 8  # embeddings per person, as different from each other as possible
     view_gap: Annotated[float, Meta(ge=0, le=2)] = 0.03  # cosine distance of two views, at least
     score_min: Ratio = 0.4  # least score of a detection whose embedding is used
+    # Part of a box that the box of another person, not farther by `nearer_slack_m`, covers, above
+    # which its crop counts as occluded; so does that of a box cut off at the left or right
+    covered_max: Ratio = 0.3
+    # Part of a track's width that a detection covers if it could be of that track; a detection that
+    # could be of several counts as occluded, too
+    overlap_min: Positive = 0.5
     identities_max: PositiveInt = 100  # people; the longest unseen is deleted first
     retention_s: Positive = 600.0  # [s] since the last match
-    # [s] A track unmatched for longer, and never occluded, is no longer associated by section 5 but
-    # re-identified, with a margin to all others
+    # [s] A track unmatched for longer, and never occluded, ends; its person is re-identified, with
+    # a margin to all others
     absent_s: Seconds = 1.0
-    absent_cut_off_s: Seconds = 0.3  # [s] likewise, of a track last seen at the edge of the image
+    # [s] likewise, of a track last seen at the edge of the image or predicted out of it
+    absent_cut_off_s: Seconds = 0.2
     # Time of the decision
     embeddings_min: PositiveInt = 2  # of unoccluded crops that a new track waits for, ...
     wait_s: Seconds = 0.5  # [s] ... for so long at most, while an absent person could be back
     # Rule of the decision
-    match_max: CosineDistance | None = None  # of the same person; absent: C_cos
+    # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
+    match_max: CosineDistance | None = None
     margin: Annotated[float, Meta(ge=0, le=2)] = 0.05  # to the second best, at least
-    temperature: Positive = 0.04  # cosine distance that makes a match e times less probable
+    # Cosine distance that makes a match e times less probable; of real people 0.08 to 0.11 with the
+    # histogram and 0.05 to 0.07 with OSNet
+    temperature: Positive = 0.07
     speed_max_mps: Positive = 2.5  # [m/s] out of view
     jump_m: Annotated[float, Meta(ge=0, le=60)] = 0.8  # [m] error of positions on top of that
+
+    def limit(self, embedder: str, other: float) -> float:
+        """Return the largest cosine distance of the same person; `other` of unknown embedders."""
+        return self.match_max or REIDENTIFICATION_MAX.get(embedder, other)
+
+    def is_gap(self, elapsed_ns: int) -> bool:
+        """Check for a time without frames after which everyone would be absent."""
+        return self.enabled and elapsed_ns >= self.absent_s * 1e9
 
 
 class ImmConfig(Config, frozen=True, kw_only=True):
@@ -110,6 +115,9 @@ class ImmConfig(Config, frozen=True, kw_only=True):
     # The modes are weighed with R divided by this: `noise_factor` makes R larger because errors
     # last for frames, but the mode shows in single errors
     noise_divisor: Positive = 4.0
+    # Largest d_M^2 of a match in the walking mode: people turn and stop faster than they walk on,
+    # so P is raised until a match is no farther off. inf: P as it is
+    surprise_max: PositiveOrInfinite = 2.0
 
 
 class Sort3dConfig(Config, frozen=True, kw_only=True):
@@ -157,11 +165,16 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
+    # refuse pairs that both gates of round 1 refuse, motion and appearance; section 5: false
+    distance_gated: bool = True
     # life cycle
-    n_init: PositiveInt = 3  # consecutive matches that confirm, with the first; section 5 (default)
+    n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3
     a_max: PositiveInt = 30  # [frames] unmatched frames that delete; section 5 (default)
-    # noise. People turn and stop faster than sigma_acceleration 0.5 and sigma_measurement 0.5 of
-    # section 3 allow: positions and velocities err half as much (benchmarks/tracker_constants.md)
+    # "streak": those matches are in a row, and one miss ends a track that is not confirmed; section
+    # 5. "hits": they need not be, and a track ends after as many misses as it has matches, or a_max
+    lifetime: Literal["streak", "hits"] = "hits"
+    # noise. People turn and stop faster than sigma_acceleration 0.5 of section 3 allows, and are
+    # lost with it (benchmarks/ablation.md)
     sigma_acceleration_mps2: Positive = 3.0  # [m/s^2] section 3: 0.5
     sigma_measurement_m: Positive = 0.15  # [m] of detections without a covariance; section 3: 0.5
     sigma_start_velocity_mps: Positive = 2.0  # [m/s] of a new track
@@ -172,7 +185,12 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     noise: Literal["constant", "measured"] = "measured"
     # R is so many times that covariance: errors of consecutive frames are similar, and longer for
     # two people close together, but count as if they were independent
-    noise_factor: Positive = 8.0
+    noise_factor: Positive = 4.0
+    # [m] of R in an update, in any direction. The large covariance of a half hidden person is for
+    # the few whose depth is another's; gates have all of it, but of those that they admit most err
+    # by 0.1 m, and a track that follows them slowly leaves its person. Those that would be beyond
+    # mahalanobis_max by the limited R are such a few: theirs is as it is. inf: all are
+    update_sigma_max_m: PositiveOrInfinite = 0.3
     # beyond section 5, each with its own switch
     occlusion: OcclusionConfig = OcclusionConfig()
     contact: ContactConfig = ContactConfig()
@@ -188,19 +206,31 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
 class YawFilterConfig(Config, frozen=True, kw_only=True):
     """The filter of the yaw from keypoints (section 6)."""
 
-    sigma_acceleration_radps2: Positive = 8.0  # [rad/s^2] a walking person turning
+    # [rad/s^2] people who turn round while they walk turn by up to 45 deg in a tenth of a second
+    sigma_acceleration_radps2: Positive = 20.0  # section 6: 6
+    # [s] longest time of one acceleration; inf: it lasts from frame to frame, section 6
+    acceleration_s: Annotated[float, Meta(ge=0.02), INFINITE] = 0.1
     sigma_measurement_rad: Positive = 0.35  # [rad] of measurements without their own
     # True: each measurement has its own standard deviation, where the detector estimates one
     measured_sigma: bool = True  # section 6: False
+    # [rad] it counts as this at most: most of a larger one is the chance of a reversed angle, which
+    # `outlier_sigmas` is for. inf: as estimated
+    sigma_max_rad: PositiveOrInfinite = 0.5
     sigma_start_rate_radps: Positive = 1.0  # [rad/s] of a new track
     # [rad] of the direction of walking as a second measurement; inf: it is none, section 6
-    sigma_walk_rad: PositiveOrInfinite = 0.7
+    sigma_walk_rad: PositiveOrInfinite = 1.0
     walk_speed_min_mps: PositiveOrInfinite = 0.5  # [m/s] slower people do not walk
     # A measurement farther off counts as if it were so many standard deviations off, so that a
     # reversed one, or one of a neighbour, changes the yaw little. inf: all count alike, section 6
-    outlier_sigmas: PositiveOrInfinite = 2.0
+    outlier_sigmas: PositiveOrInfinite = 2.5
+    # [s] Measurements more than 120 deg off are left out until they have lasted for longer than the
+    # agreeing ones before them, of which so much counts. 0: none are, section 6
+    reversal_s: Seconds = 0.4
     # [s] time constant of the decay of an unmeasured turn; inf: constant velocity, section 6
-    rate_decay_s: PositiveOrInfinite = 0.8
+    rate_decay_s: PositiveOrInfinite = 0.3
+    # [rad] A less certain yaw is not published: pi / sqrt(3) is that of an angle without any
+    # information. inf: all are published, section 6
+    sigma_unknown_rad: PositiveOrInfinite = 1.81
 
 
 class ImageSortConfig(Config, frozen=True, kw_only=True):
@@ -264,7 +294,13 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     # keep their identities within the gates of an absence of absence_moved_s
     absence_max_s: Positive = 30.0  # [s] longest such time; max_lost_s or less: never
     absence_moved_s: Positive = 1.0  # [s]
-    clock_jump_s: Positive = 1.0  # [s] a stamp this far back restarts; nearer, it is stale
+    # [s] a stamp this far from the camera's clock waits until more confirm it; if it is back, the
+    # tracker restarts then; nearer, it is stale
+    clock_jump_s: Positive = 1.0
+    # [s] a camera's clock that differs from the first camera's by more is corrected; a smaller
+    # difference may be one of delays
+    clock_tolerance_s: Positive = 0.05
+    clock_offset_max_s: Positive = 2.0  # [s] a camera whose clock differs by more is tracked apart
     embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
     embedding_timeouts_max: PositiveInt = 3  # consecutive timeouts after which waiting stops
     # [s] with several cameras or detectors, longest wait for frames of an earlier stamp; absent: as
@@ -276,6 +312,7 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     # input
     base: TransformBufferConfig = TransformBufferConfig()  # plausible motion of the base
     max_range_m: Positive = 100.0  # [m] positions farther from the camera are dropped
+    area: SiteAreaConfig = SiteAreaConfig()  # of a site with several trackers
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()
     strongsort3d: StrongSort3dConfig = StrongSort3dConfig()

@@ -3,17 +3,21 @@
 from collections import Counter, deque
 from dataclasses import dataclass
 from statistics import median
+from typing import TypeAlias
 
 from people4d.messages import Detections, Embeddings
 from services.tracker.config import TrackerConfig
 
 ACTIVE_NS = 1_000_000_000
-EARLY_MAX = 256
+EARLY_MAX = 64  # embeddings that came before their detections, ...
+EARLY_MAX_BYTES = 16 * 2**20  # ... and their size in all
+CAMERAS_MAX = 64  # names, a bound against invented ones
 FIRST_PERIOD_NS = 50_000_000  # until two frames have come
 PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000
 PERIODS = 15  # of which the median is taken
 RELEASED_MAX = 64  # stamps of released frames, to detect duplicates
 DETECTORS_MAX = 256  # names, a bound against invented ones
+FrameKey: TypeAlias = tuple[str, int, int]  # camera, stamp and sequence
 COUNTERS = (
     *("embedding_timeouts", "without_embeddings", "late_embeddings"),
     *("duplicates", "stale", "missing"),
@@ -31,8 +35,8 @@ class DetectionStream:
         self._newest: dict[str, int] = {}  # sequence by detector
         self._last: tuple[int, int] | None = None  # sequence and stamp of the last added
         self._periods_ns: deque[int] = deque(maxlen=PERIODS)
-        self._released: int | None = None  # sequence of the last released
-        self._released_stamps: deque[int] = deque(maxlen=RELEASED_MAX)
+        # Sequence and stamp of released frames, the last one last
+        self._released: deque[tuple[int, int]] = deque(maxlen=RELEASED_MAX)
 
     def add(self, detections: Detections) -> None:
         """Record the arrival of detections."""
@@ -47,13 +51,27 @@ class DetectionStream:
 
     def release(self, detections: Detections) -> int:
         """Record that a frame goes to the tracker; return how many before it never came."""
-        before, self._released = self._released, detections.sequence
-        self._released_stamps.append(detections.stamp_ns)
-        return 0 if before is None else max(detections.sequence - before - 1, 0)
+        before, _ = self._released[-1] if self._released else (detections.sequence, 0)
+        self._released.append((detections.sequence, detections.stamp_ns))
+        return max(detections.sequence - before - 1, 0)
 
     def was_released(self, detections: Detections) -> bool:
         """Check that this frame went to the tracker already."""
-        return detections.stamp_ns in self._released_stamps
+        return (detections.sequence, detections.stamp_ns) in self._released
+
+    def is_late(self, message: Detections | Embeddings) -> bool:
+        """Check that a later frame went to the tracker already.
+
+        Of a camera with equal or jittering stamps, a frame of a higher sequence number is later.
+        """
+        if not self._released:
+            return False
+        sequence, stamp_ns = self._released[-1]
+        return message.sequence <= sequence and message.stamp_ns <= stamp_ns
+
+    def behind_ns(self, message: Embeddings) -> int:
+        """Return how far a message is behind the last frame that went to the tracker."""
+        return self._released[-1][1] - message.stamp_ns if self._released else 0
 
     @property
     def period_ns(self) -> int:
@@ -64,7 +82,7 @@ class DetectionStream:
     def may_lack(self, detections: Detections) -> bool:
         """Check that a frame before the oldest pending one may still come."""
         sequence, released = detections.sequence, self._released
-        if sequence <= (0 if released is None else released + 1):
+        if sequence <= (released[-1][0] + 1 if released else 0):
             return False
         others = set(detections.replicas) - {detections.detector}
         return any(self._newest.get(name, -1) < sequence for name in others)
@@ -75,6 +93,7 @@ class PendingFrame:
     """Detections of one frame, and their embeddings once they are there."""
 
     detections: Detections
+    time_ns: int  # [ns] its stamp in the common time of all cameras
     arrived_ns: int  # [ns] monotonic
     embeddings: Embeddings | None = None
 
@@ -93,8 +112,8 @@ class FrameJoin:
         reorder_s = config.reorder_wait_s
         self._reorder_ns = None if reorder_s is None else int(reorder_s * 1e9)
         self._frames: list[PendingFrame] = []
-        self._early: dict[tuple[str, int], Embeddings] = {}
-        self._newest: dict[str, tuple[int, int]] = {}  # camera: newest stamp, monotonic arrival
+        self._early: dict[FrameKey, Embeddings] = {}
+        self._newest: dict[str, tuple[int, int]] = {}  # camera: newest time, monotonic arrival
         self._streams: dict[str, DetectionStream] = {}
         self._timeouts_in_row = 0
 
@@ -108,42 +127,52 @@ class FrameJoin:
         """A frame waits."""
         return bool(self._frames)
 
-    def newest_ns(self, camera: str) -> int | None:
-        """Return the newest stamp of a camera."""
-        newest = self._newest.get(camera)
-        return newest[0] if newest else None
+    def add_detections(
+        self, detections: Detections, time_ns: int, now_ns: int, late: bool = False
+    ) -> None:
+        """Add a frame; a duplicate or one that is too late is counted and dropped.
 
-    def add_detections(self, detections: Detections, now_ns: int, late: bool = False) -> None:
-        """Add a frame; a duplicate or one that is too late is counted and dropped."""
-        key = (detections.camera, detections.stamp_ns)
-        stream = self._stream(detections)
+        Args:
+            detections: The frame.
+            time_ns: Its stamp in the common time of all cameras.
+            now_ns: Monotonic time.
+            late: A frame that is later by far was tracked already.
+        """
+        camera, key = detections.camera, _key(detections)
+        stream = self._stream(camera)
         stream.add(detections)
-        if stream.was_released(detections) or any(_key(frame) == key for frame in self._frames):
+        if stream.was_released(detections) or any(_key(f.detections) == key for f in self._frames):
             self.counters["duplicates"] += 1
             return
-        if late:
+        if late or stream.is_late(detections):
             self.counters["stale"] += 1
             return
-        newest = self.newest_ns(detections.camera)
-        newest = detections.stamp_ns if newest is None else max(newest, detections.stamp_ns)
-        self._newest[detections.camera] = newest, now_ns
-        self._frames.append(PendingFrame(detections, now_ns, self._early.pop(key, None)))
-        self._frames.sort(key=lambda frame: (frame.detections.stamp_ns, frame.detections.camera))
+        newest_ns, _ = self._newest.pop(camera, (time_ns, now_ns))
+        self._newest[camera] = max(newest_ns, time_ns), now_ns
+        if len(self._newest) > CAMERAS_MAX:
+            del self._newest[next(iter(self._newest))]
+        self._frames.append(PendingFrame(detections, time_ns, now_ns, self._early.pop(key, None)))
+        self._frames.sort(key=lambda f: (f.time_ns, f.detections.camera, f.detections.sequence))
 
-    def add_embeddings(self, embeddings: Embeddings, late: bool) -> None:
-        """Add embeddings to their frame, or store them until it comes, unless they are late."""
+    def add_embeddings(self, embeddings: Embeddings, jump_ns: int) -> None:
+        """Add embeddings to their frame, or store them until it comes, unless they are late.
+
+        Those that are behind by more than `jump_ns` are the first after a clock reset.
+        """
         self._timeouts_in_row = 0
-        key = (embeddings.camera, embeddings.stamp_ns)
+        key = _key(embeddings)
         for frame in self._frames:
-            if _key(frame) == key:
+            if _key(frame.detections) == key:
                 frame.embeddings = embeddings
                 return
-        if late:
+        if self._is_late(embeddings, jump_ns):
             self.counters["late_embeddings"] += 1
             return
         self._early[key] = embeddings
-        while len(self._early) > EARLY_MAX:
-            del self._early[next(iter(self._early))]
+        size = sum(waiting.vectors.nbytes for waiting in self._early.values())
+        while len(self._early) > EARLY_MAX or size > EARLY_MAX_BYTES:
+            size -= self._early.pop(next(iter(self._early))).vectors.nbytes
+            self.counters["late_embeddings"] += 1
 
     def pop(self, now_ns: int, flush: bool = False) -> PendingFrame | None:
         """Return the next frame if it need not wait any longer."""
@@ -153,7 +182,8 @@ class FrameJoin:
         if not flush and now_ns < self._due_ns(frame):
             return None
         del self._frames[0]
-        self.counters["missing"] += self._stream(frame.detections).release(frame.detections)
+        stream = self._stream(frame.detections.camera)
+        self.counters["missing"] += stream.release(frame.detections)
         if self._lacks_embeddings(frame):
             self.counters["without_embeddings"] += 1
             if not self.ignores_embeddings:
@@ -165,11 +195,19 @@ class FrameJoin:
         """Return the monotonic time at which the next frame has waited long enough."""
         return self._due_ns(self._frames[0]) if self._frames else None
 
-    def restart(self, stamp_ns: int) -> None:
-        """Restart at a stamp after a clock reset."""
-        self._newest.clear()
-        self._streams.clear()
-        self._early = {key: e for key, e in self._early.items() if e.stamp_ns <= stamp_ns}
+    def restart(self, camera: str, stamp_ns: int) -> None:
+        """Restart a camera at a stamp after a reset of its clock."""
+        self._newest.pop(camera, None)
+        self._streams.pop(camera, None)
+        self._early = {
+            key: e for key, e in self._early.items() if e.camera != camera or e.stamp_ns <= stamp_ns
+        }
+
+    def _is_late(self, embeddings: Embeddings, jump_ns: int) -> bool:
+        stream = self._streams.get(embeddings.camera)
+        if stream is None or not stream.is_late(embeddings):
+            return False
+        return stream.behind_ns(embeddings) <= jump_ns
 
     def _lacks_embeddings(self, frame: PendingFrame) -> bool:
         wanted = self._embedding_ns > 0 and len(frame.detections.detections) > 0
@@ -178,7 +216,7 @@ class FrameJoin:
     def _due_ns(self, frame: PendingFrame) -> int:
         lacks = self._lacks_embeddings(frame) and not self.ignores_embeddings
         wait_ns = self._embedding_ns if lacks else 0
-        stream = self._stream(frame.detections)
+        stream = self._stream(frame.detections.camera)
         if self._is_ahead(frame) or stream.may_lack(frame.detections):
             reorder_ns = self._reorder_ns
             wait_ns = max(wait_ns, stream.period_ns if reorder_ns is None else reorder_ns)
@@ -187,14 +225,18 @@ class FrameJoin:
     def _is_ahead(self, frame: PendingFrame) -> bool:
         """Check that another camera may still send an earlier frame."""
         return any(
-            newest < frame.detections.stamp_ns and frame.arrived_ns - arrived < ACTIVE_NS
+            newest < frame.time_ns and frame.arrived_ns - arrived < ACTIVE_NS
             for camera, (newest, arrived) in self._newest.items()
             if camera != frame.detections.camera
         )
 
-    def _stream(self, detections: Detections) -> DetectionStream:
-        return self._streams.setdefault(detections.camera, DetectionStream())
+    def _stream(self, camera: str) -> DetectionStream:
+        stream = self._streams.pop(camera, None) or DetectionStream()
+        self._streams[camera] = stream  # the one used last is the last to be forgotten
+        if len(self._streams) > CAMERAS_MAX:
+            del self._streams[next(iter(self._streams))]
+        return stream
 
 
-def _key(frame: PendingFrame) -> tuple[str, int]:
-    return frame.detections.camera, frame.detections.stamp_ns
+def _key(message: Detections | Embeddings) -> FrameKey:
+    return message.camera, message.stamp_ns, message.sequence

@@ -1,10 +1,15 @@
 """Input and interface of every tracker."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar, NamedTuple
 
+from common.geometry.planar_covariance import PlanarCovariance
+from common.geometry.transforms import invert
 from people4d.messages import F32, F64, ImageTrack, Track
+from people4d.messages.areas import AREAS_MAX
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +37,16 @@ class UnlocatedDetection:
     score: float  # detection confidence, 0 to 1
 
 
-@dataclass(frozen=True, slots=True)
+class ImageEdges(NamedTuple):
+    """Edges of a camera's image at focal length 1, x right and y down."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+
+@dataclass(frozen=True)
 class Observation:
     """All measurements of one frame."""
 
@@ -42,26 +56,66 @@ class Observation:
     embedder: str = ""  # name of the model of the embeddings; empty if there are none
     map_from_camera: F64 | None = None  # 4x4, pose of the optical frame; None if unknown
     size_px: tuple[int, int] | None = None  # [px] width and height of the image; None if unknown
-    # Left and right edge of the image at focal length 1, x right; None if unknown
-    edges: tuple[float, float] | None = None
+    edges: ImageEdges | None = None  # None if unknown
     unlocated: tuple[UnlocatedDetection, ...] = ()  # in any order
     turn_sigma_rad: float = 0.0  # [rad] of the camera's direction where it is extrapolated
+    base: PlanarCovariance | None = None  # of the base that carries the camera; None: unknown
+
+    @cached_property
+    def camera_from_map(self) -> F64 | None:
+        """Inverse of map_from_camera."""
+        return None if self.map_from_camera is None else invert(self.map_from_camera)
+
+
+@dataclass(slots=True)
+class GalleryEntry:
+    """One person of the gallery."""
+
+    position_m: F64  # 3, of the last match
+    matched_ns: int  # [ns] stamp of the last match
+    views: list[F64] = field(default_factory=list)  # embeddings of unit length
+    matches: int = 0  # frames in which this tracker matched the person
+
+
+@dataclass(frozen=True, slots=True)
+class KnownPeople:
+    """People whom a tracker can recognise."""
+
+    embedder: str  # name of the model of their views
+    entries: Mapping[int, GalleryEntry]  # by identity
 
 
 class IdCounter:
-    """Identities, each given once."""
+    """Identities, each given once.
+
+    Those of area n of a site are n, n + 1000, n + 2000, ...; without areas 1, 2, 3, ...
+    """
 
     def __init__(self) -> None:
         self.next = 1
+        self._step = 1
+
+    def divide(self, area: int) -> None:
+        """Give only the identities of an area, by its number."""
+        self._step = AREAS_MAX
+        self.next = self._from(self.next, area)
 
     def new(self) -> int:
         """Return an unused identity."""
-        self.next += 1
-        return self.next - 1
+        self.next += self._step
+        return self.next - self._step
 
     def raise_to(self, next_: int) -> None:
         """Mark all identities below a number as used."""
-        self.next = max(self.next, next_)
+        self.next = self._from(max(self.next, next_), self.next)
+
+    def is_own(self, identity: int) -> bool:
+        """Check that an identity is one of this area."""
+        return (identity - self.next) % self._step == 0
+
+    def _from(self, least: int, area: int) -> int:
+        """Return the first identity of an area from a number on."""
+        return least + (area - least) % self._step
 
 
 class Tracker(ABC):
@@ -105,6 +159,19 @@ class Tracker(ABC):
             DecodeError: It is of another method, or damaged; nothing has changed then.
         """
 
+    def known_people(self) -> KnownPeople | None:
+        """Return the people whom it can recognise; None if it cannot recognise any."""
+        return None
+
+    def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:  # noqa: B027
+        """Take the people of neighbouring areas by identity, in place of those before."""
+
+    def rename(self, identities: Mapping[int, int | None]) -> None:  # noqa: B027
+        """Give tracks the identities that neighbours have for the same people.
+
+        None: the identity is that of another person elsewhere, and the track gets a new one.
+        """
+
     def postpone(self, duration_ns: int) -> None:  # noqa: B027
         """Skip a time without frames: all stamps of the state become so much later."""
 
@@ -113,6 +180,6 @@ def in_order(measurements: tuple[Measurement, ...]) -> list[Measurement]:
     """Sort measurements by content, so that the result does not depend on their order."""
 
     def key(m: Measurement) -> tuple[float, ...]:
-        return (-m.score, *map(float, m.box_xyxy_px), m.forward_m)
+        return (-m.score, *m.box_xyxy_px.tolist(), m.forward_m)
 
     return sorted(measurements, key=key)

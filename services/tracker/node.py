@@ -1,43 +1,47 @@
 """Node of the tracker: detections and embeddings in, tracks out."""
 
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from statistics import median
 from typing import ClassVar
 
 import msgspec
 
-from common.runtime.node import StatefulNode, Status
+from common.runtime.node import LoopCallbacks, StatefulNode, Status
 from common.transport.trace import span
 from people4d.errors import DecodeError
 from people4d.messages import (
     F64,
+    AreaPeople,
     CameraInfo,
     Detections,
     Embeddings,
-    ImageTrack,
-    ImageTracks,
     Message,
     MovingTransform,
     Odometry,
-    Span,
     StaticTransform,
-    Track,
     Tracks,
 )
-from services.tracker.camera_poses import CameraPoseLookup
+from services.tracker.areas.exchange import AreaExchange
+from services.tracker.areas.hosts import CameraHosts
+from services.tracker.camera_poses import CAMERAS_MAX, CameraPoseLookup
+from services.tracker.camera_watch.absence import CameraAbsence
+from services.tracker.camera_watch.drift import CameraDrift
+from services.tracker.clock_groups import ClockGroups
 from services.tracker.config import TrackerConfig
 from services.tracker.frame_join import FrameJoin, PendingFrame
-from services.tracker.interface import Tracker
+from services.tracker.interface import ImageEdges, Tracker
 from services.tracker.observe import edges, observe
+from services.tracker.output import TrackerOutput
+from services.tracker.stamp_guard import ArrivedFrame, StampGuard
 from services.tracker.stateful import pack, unpack
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 COUNTERS = (
     *("no_transform", "predicted_base", "clock_resets", "transform_changes", "predictions"),
-    *("without_position", "out_of_range", "empty_boxes", "bad_embeddings"),
+    *("without_position", "out_of_range", "empty_boxes", "bad_embeddings", "too_many"),
 )
 
 
@@ -45,18 +49,26 @@ class NodeCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     """The state of the service."""
 
     frame_id: str  # frame of the tracks
-    stamp_ns: int  # [ns] of the last frame tracked
+    stamp_ns: int  # [ns] time of the last frame tracked
     camera_poses: dict[str, F64]  # 4x4 by optical frame, of fixed cameras
     tracker: bytes  # its own checkpoint
+    # [ns] subtracted from the stamps of each camera, that of the reference first
+    clock_offsets_ns: dict[str, int] = {}
 
 
 class TrackerNode(StatefulNode):
     """Joins the streams by camera and stamp, and tracks in one fixed frame.
 
     Every Detections is answered by one Tracks of the same stamp, but for counted drops: `stale`
-    (older than the last frame tracked), `duplicates` (of two detectors) and `no_transform`. When
-    detections stop, predictions are published until the tracks end; the tracker itself does not
-    change by them.
+    (older than the last frame tracked), `duplicates` (of two detectors), `no_transform` and
+    `refused_cameras` (too many), `stray_frames` (see StampGuard). Stamps of several cameras are
+    corrected to one time, see CameraClocks; a camera whose clock is too far off has a tracker of
+    its own. When detections stop, predictions are published until the tracks end; the tracker
+    itself does not change by them.
+
+    Args:
+        config: Configuration of the service.
+        make_tracker: Makes a tracker.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (
@@ -65,49 +77,70 @@ class TrackerNode(StatefulNode):
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Detections,)
 
-    def __init__(self, config: TrackerConfig, tracker: Tracker) -> None:
+    def __init__(self, config: TrackerConfig, make_tracker: Callable[[], Tracker]) -> None:
         self._config = config
-        self._tracker = tracker
-        self._join = FrameJoin(config, tracker.uses_embeddings)
+        self._groups = ClockGroups(config, make_tracker)
+        self._guard = StampGuard(int(config.clock_jump_s * 1e9), self._groups.clocks)
+        self._tracker = self._groups.main
+        self._now_ns = 0
+        self._join = FrameJoin(config, self._tracker.uses_embeddings)
         self._poses = CameraPoseLookup(config.frame_id, config.base, config.require_transform)
-        self._edges: dict[str, tuple[float, float]] = {}  # by camera, see Observation
+        self._output = TrackerOutput(config, self._poses)
+        self._drift, self._absence = CameraDrift(), CameraAbsence()
+        self._hosts = CameraHosts(config.area.hosts)
+        self._areas = AreaExchange(config.area, config.frame_id, self._tracker)
+        self._edges: dict[str, ImageEdges] = {}  # by camera, see Observation
         self._held: PendingFrame | None = None  # waits for the odometry of its time
         self._last: PendingFrame | None = None  # the last frame tracked
-        self._last_of_camera: dict[str, int] = {}
         self._intervals_ns: deque[int] = deque(maxlen=9)
-        self._restored_ns: int | None = None  # stamp of the last frame of another process
         self._predict_ns: int | None = None
         self._has_published = False
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
+    def attach(self, loop: LoopCallbacks) -> None:
+        """Listen to cameras of other hosts and to neighbours; this area has the robot's name."""
+        self.foreign_inputs = [*self._hosts.topics(loop.robot), *self._areas.attach(loop.robot)]
+
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         """Process one message and return the tracks that follow from it."""
         flushed: list[Message] = []
+        self._now_ns = now_ns
         if isinstance(message, Detections):
-            flushed = self._add_detections(message, now_ns)
+            flushed = self._add_frames(self._guard.admit(message, now_ns))
         elif isinstance(message, Embeddings) and self._tracker.uses_embeddings:
-            self._join.add_embeddings(message, late=self._is_late(message))
+            self._join.add_embeddings(message, int(self._config.clock_jump_s * 1e9))
+        elif isinstance(message, AreaPeople):
+            self._areas.hear(message, now_ns, self._time_ns(now_ns))
         elif isinstance(message, CameraInfo):
-            self._edges[message.camera] = edges(message)
+            if message.camera in self._edges or len(self._edges) < CAMERAS_MAX:
+                self._edges[message.camera] = edges(message)
         elif isinstance(message, TRANSFORMS) and self._poses.add(message):
             # The tracks are relative to the former pose of the camera.
             self._counters["transform_changes"] += 1
-            self._tracker.reset()
+            self._groups.reset()
+            self._drift.clear()
+            self._absence.clear()
         return [*flushed, *self._track_due(now_ns)]
 
     def tick(self, now_ns: int) -> Sequence[Message]:
         """Return tracks of frames that have waited long enough, and predictions."""
-        return self._track_due(now_ns) or self._predict_due(now_ns)
+        self._now_ns = now_ns
+        flushed = self._add_frames(self._guard.due(now_ns))
+        tracks = self._track_due(now_ns) or self._predict_due(now_ns)
+        return [*flushed, *tracks, *self._areas.due(now_ns, self._time_ns(now_ns))]
 
     def flush(self, now_ns: int) -> Sequence[Message]:
         """Return tracks of all frames that wait."""
-        return self._track_due(now_ns, flush=True)
+        flushed = self._add_frames(self._guard.due(now_ns, flush=True))
+        return [*flushed, *self._track_due(now_ns, flush=True)]
 
     def wake_ns(self) -> int | None:
         """Return the time at which a frame has waited long enough or a prediction is due."""
+        due_ns = self._join.wake_ns() if self._join.waiting else self._predict_ns
+        waking = [due_ns, self._guard.wake_ns(), self._areas.wake_ns()]
         if self._held:
-            return self._held_until_ns(self._held)
-        return self._join.wake_ns() if self._join.waiting else self._predict_ns
+            waking = [self._held_until_ns(self._held), self._areas.wake_ns()]
+        return min((ns for ns in waking if ns is not None), default=None)
 
     def status(self) -> Status:
         """Report missing inputs and counters."""
@@ -117,12 +150,26 @@ class TrackerNode(StatefulNode):
             dropped = self._config.require_transform
             effect = "frames are dropped" if dropped else "the camera is taken as the origin"
             reasons.append(f"no transform {self._config.frame_id} <- {frames}: {effect}")
+        if self._poses.loop:
+            loop = " <- ".join(self._poses.loop)
+            reasons.append(f"transforms form a loop: {loop}: the shortest chain is used")
         if self._join.ignores_embeddings:
             reasons.append("no embeddings arrive: tracks are matched by motion alone")
+        reasons += self._groups.reasons(self._now_ns) + self._guard.reasons(self._now_ns)
+        reasons += self._drift.reasons() + self._areas.reasons(self._now_ns)
+        reasons += self._hosts.reasons() + self._absence.reasons(self._now_ns)
         return Status(
             state="degraded" if reasons else "ready",
             reason="; ".join(reasons),
-            counters={**self._counters, **self._join.counters, **self._poses.counters},
+            counters={
+                **self._counters,
+                **self._groups.counters,
+                **self._guard.counters,
+                **self._join.counters,
+                **self._poses.counters,
+                **self._areas.counters,
+            },
+            gauges=self._groups.gauges(self._now_ns) | self._areas.gauges(),
         )
 
     def next_number(self) -> int:
@@ -131,7 +178,7 @@ class TrackerNode(StatefulNode):
 
     def save(self) -> bytes:
         """Return tracks, identities and poses of cameras; empty before the first frame."""
-        stamp_ns = self._last_ns()
+        stamp_ns = self._groups.last_ns
         if stamp_ns is None or not self._tracker.ids:
             return b""
         checkpoint = NodeCheckpoint(
@@ -139,6 +186,7 @@ class TrackerNode(StatefulNode):
             stamp_ns=stamp_ns,
             camera_poses=self._poses.fixed,
             tracker=self._tracker.save(),
+            clock_offsets_ns=self._groups.clocks.save(),
         )
         return pack(checkpoint)
 
@@ -152,46 +200,41 @@ class TrackerNode(StatefulNode):
         checkpoint = unpack(saved, NodeCheckpoint)
         if checkpoint.frame_id != self._config.frame_id:
             raise DecodeError(f"checkpoint: tracks are in {checkpoint.frame_id}")
-        self._tracker.restore(checkpoint.tracker)
+        try:
+            self._tracker.restore(checkpoint.tracker)
+        except Exception as error:  # damaged where no check finds it: not half restored
+            self._tracker.reset()
+            raise DecodeError(f"checkpoint: {error}") from error
         self._poses.restore(checkpoint.camera_poses)
-        self._restored_ns = checkpoint.stamp_ns
+        self._groups.restore(checkpoint.clock_offsets_ns, checkpoint.stamp_ns)
 
-    def _add_detections(self, detections: Detections, now_ns: int) -> list[Message]:
-        stamp_ns, flushed = detections.stamp_ns, list[Message]()
-        newest_ns = self._join.newest_ns(detections.camera)
-        newest_ns = self._restored_ns if newest_ns is None else newest_ns
-        if newest_ns is not None and newest_ns - stamp_ns > self._config.clock_jump_s * 1e9:
-            flushed = self._track_due(now_ns, flush=True)
-            self._restart(stamp_ns)
-        self._join.add_detections(detections, now_ns, late=self._is_stale(detections))
+    def _add_frames(self, frames: Sequence[ArrivedFrame]) -> list[Message]:
+        flushed = list[Message]()
+        for frame in frames:
+            detections, arrived_ns = frame.detections, frame.arrived_ns
+            if self._groups.is_reset(detections):  # a recording looped, or a camera was restarted
+                flushed += self._track_due(arrived_ns, flush=True)
+                # Embeddings of the frames that were held have come, perhaps.
+                self._join.restart(detections.camera, frames[-1].detections.stamp_ns)
+                self._restart(detections, arrived_ns)
+            time_ns = self._groups.clocks.add(detections, arrived_ns)
+            if time_ns is None:
+                self._groups.counters["refused_cameras"] += 1
+            else:
+                late = self._groups.is_late(detections.camera, time_ns)
+                self._join.add_detections(detections, time_ns, arrived_ns, late)
         return flushed
 
-    def _restart(self, stamp_ns: int) -> None:
-        """Restart after a clock reset: a recording looped, or a camera was restarted."""
+    def _time_ns(self, now_ns: int) -> int | None:
+        """Return the time of the frames that come now; None before the first one."""
+        last = self._last
+        return None if last is None else last.time_ns + now_ns - last.arrived_ns
+
+    def _restart(self, detections: Detections, now_ns: int) -> None:
         self._counters["clock_resets"] += 1
-        self._tracker.reset()
-        self._join.restart(stamp_ns)
-        self._last, self._restored_ns, self._predict_ns = None, None, None
-        self._last_of_camera.clear()
-        self._intervals_ns.clear()
-
-    def _last_ns(self) -> int | None:
-        """Return the stamp of the last frame tracked, by this process or the one before."""
-        return self._last.detections.stamp_ns if self._last else self._restored_ns
-
-    def _is_stale(self, detections: Detections) -> bool:
-        newest_ns = self._last_ns()
-        if newest_ns is not None and detections.stamp_ns < newest_ns:
-            return True
-        last_ns = self._last_of_camera.get(detections.camera)
-        return last_ns is not None and detections.stamp_ns <= last_ns
-
-    def _is_late(self, embeddings: Embeddings) -> bool:
-        last_ns = self._last_of_camera.get(embeddings.camera)
-        if last_ns is None:
-            return False
-        # Far behind is not late but the first after a clock reset.
-        return 0 <= last_ns - embeddings.stamp_ns <= self._config.clock_jump_s * 1e9
+        if self._groups.restart(detections.camera, now_ns):
+            self._last = self._predict_ns = None
+            self._intervals_ns.clear()
 
     def _track_due(self, now_ns: int, flush: bool = False) -> list[Message]:
         outputs: list[Message] = []
@@ -199,8 +242,11 @@ class TrackerNode(StatefulNode):
             tracks = self._track(frame)
             if tracks:
                 # A camera in lock-step continues at the tracks: they come last.
-                outputs += [*self._image_tracks(frame.detections, tracks), tracks]
-                self._record(frame)
+                in_image = self._groups.image_tracks(frame.detections.camera)
+                outputs += self._output.image_tracks(frame.detections, tracks, in_image)
+                outputs.append(tracks)
+                if not self._groups.is_apart(frame.detections.camera):
+                    self._record(frame, tracks)
         return outputs
 
     def _next(self, now_ns: int, flush: bool) -> PendingFrame | None:
@@ -208,7 +254,7 @@ class TrackerNode(StatefulNode):
         frame = self._held = self._held or self._join.pop(now_ns, flush)
         if frame is None:
             return None
-        camera_time = frame.detections.frame_id, frame.detections.stamp_ns
+        camera_time = frame.detections.frame_id, frame.time_ns
         is_early = not flush and now_ns < self._held_until_ns(frame)
         if is_early and self._poses.awaits_sample(*camera_time):
             return None
@@ -220,7 +266,7 @@ class TrackerNode(StatefulNode):
 
     def _track(self, frame: PendingFrame) -> Tracks | None:
         detections, embeddings = frame.detections, frame.embeddings
-        pose = self._poses.lookup(detections.frame_id, detections.stamp_ns)
+        pose = self._poses.lookup(detections.frame_id, frame.time_ns)
         if pose is None:
             self._counters["no_transform"] += 1
             return None
@@ -229,28 +275,25 @@ class TrackerNode(StatefulNode):
             observation = observe(
                 detections, embeddings, pose, self._config.max_range_m, self._counters
             )
-            observation = replace(observation, edges=self._edges.get(detections.camera))
-            self._bridge_absence(observation.stamp_ns)
-            tracks = self._tracker.update(observation)
-        return self._publish(detections, tracks, (embeddings or detections).trace)
+            observation = replace(
+                observation, stamp_ns=frame.time_ns, edges=self._edges.get(detections.camera)
+            )
+            self._areas.refresh(frame.time_ns, frame.arrived_ns)
+            tracks = self._groups.update(observation, frame.arrived_ns)
+        if not self._groups.is_apart(detections.camera):
+            self._drift.add(observation)
+        if tracks is None:
+            return None
+        self._absence.add(observation, tracks, frame.arrived_ns)
+        return self._output.tracks(
+            detections, tracks, frame.time_ns, (embeddings or detections).trace
+        )
 
-    def _bridge_absence(self, stamp_ns: int) -> None:
-        """Skip most of a time in which no frame came, or this service did not run.
-
-        After a short one people are found where they were going, after a long one where they were.
-        """
-        last_ns = self._last_ns()
-        if last_ns is None:
-            return
-        config, absent_s = self._config, (stamp_ns - last_ns) / 1e9
-        if config.max_lost_s < absent_s <= config.absence_max_s:
-            self._tracker.postpone(int((absent_s - config.absence_moved_s) * 1e9))
-
-    def _record(self, frame: PendingFrame) -> None:
+    def _record(self, frame: PendingFrame, tracks: Tracks) -> None:
+        self._has_published = bool(tracks.tracks)
         if self._last:
             self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
-        self._last, self._restored_ns = frame, None
-        self._last_of_camera[frame.detections.camera] = frame.detections.stamp_ns
+        self._last = frame
         # A playback slower than real time is no outage: wait longer where frames are slow.
         period_ns = median(self._intervals_ns) if self._intervals_ns else 0
         quiet_ns = max(self._config.predict_after_s * 1e9, SLOW_FACTOR * period_ns)
@@ -261,56 +304,16 @@ class TrackerNode(StatefulNode):
         last = self._last
         if last is None or self._predict_ns is None or now_ns < self._predict_ns:
             return []
-        had_tracks = self._has_published
-        stamp_ns = last.detections.stamp_ns + now_ns - last.arrived_ns
+        had_tracks, later_ns = self._has_published, now_ns - last.arrived_ns
+        time_ns = last.time_ns + later_ns
         with span("prediction"):
-            predicted = self._tracker.predict(stamp_ns)
-        tracks = self._publish(last.detections, predicted, (), stamp_ns)
+            predicted = self._groups.predict(time_ns)
+        stamp_ns = last.detections.stamp_ns + later_ns
+        tracks = self._output.tracks(last.detections, predicted, time_ns, (), stamp_ns)
+        self._has_published = bool(tracks.tracks)
         if not had_tracks and not tracks.tracks:
             self._predict_ns = None
             return []
         self._predict_ns = now_ns + int(1e9 / self._config.predict_hz)
         self._counters["predictions"] += 1
         return [tracks]
-
-    def _publish(
-        self,
-        detections: Detections,
-        tracks: Sequence[Track],
-        trace: tuple[Span, ...],
-        stamp_ns: int | None = None,
-    ) -> Tracks:
-        stamp_ns = detections.stamp_ns if stamp_ns is None else stamp_ns
-        tracks = self._poses.to_output_frame(tracks, stamp_ns)
-        published = tuple(track for track in tracks if self._is_published(track))
-        self._has_published = bool(published)
-        return Tracks(
-            stamp_ns=stamp_ns,
-            sequence=detections.sequence,
-            trace=trace,
-            frame_id=self._config.frame_id,
-            tracker=self._config.tracker,
-            camera=detections.camera,
-            tracks=published,
-        )
-
-    def _image_tracks(self, detections: Detections, tracks: Tracks) -> list[Message]:
-        image_tracks = self._tracker.image_tracks()
-        if image_tracks is None:
-            return []
-        message = ImageTracks(
-            stamp_ns=tracks.stamp_ns,
-            sequence=tracks.sequence,
-            trace=tracks.trace,
-            camera=tracks.camera,
-            tracker=tracks.tracker,
-            width=detections.width,
-            height=detections.height,
-            tracks=tuple(track for track in image_tracks if self._is_published(track)),
-        )
-        return [message]
-
-    def _is_published(self, track: Track | ImageTrack) -> bool:
-        config = self._config
-        published = {"tentative": config.publish_tentative, "lost": config.publish_lost}
-        return published.get(track.state, True)

@@ -2,15 +2,18 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
 from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import apply
-from people4d.messages import F64, CameraInfo, Detections, Embeddings
+from people4d.messages import F64, CameraInfo, Detection, Detections, Embeddings
+from people4d.messages.base import MAX_M
 from services.tracker.camera_poses import pose_covariance
-from services.tracker.interface import Measurement, Observation, UnlocatedDetection
+from services.tracker.interface import ImageEdges, Measurement, Observation, UnlocatedDetection
 
+PEOPLE_MAX = 128  # of one frame, those of the highest scores; matching takes their cube
 POSE_SIGMA_MIN_M = 0.01  # [m] a better known pose adds no covariance
 LEVEL_MIN = 0.2  # a heading with a shorter level part (steeper than 78 deg) has no yaw
 
@@ -25,16 +28,22 @@ def observe(
     """Return the usable detections of one frame; the others are counted.
 
     The pose is that of the camera in the tracking frame; positions with a coordinate beyond
-    `max_range_m` are dropped.
+    `max_range_m` are dropped, and so are those of the lowest scores beyond PEOPLE_MAX.
     """
-    vectors = _unit_vectors(embeddings, len(detections.detections), counters) if embeddings else {}
-    map_from_camera = pose.matrix
+    people, map_from_camera = detections.detections, pose.matrix
+    vectors = _unit_vectors(embeddings, len(people), counters) if embeddings else {}
+    positions_m = _positions_m(people, map_from_camera, max_range_m)
+    covariances_m2 = _covariances_m2(people, map_from_camera)
     measurements, unlocated = list[Measurement](), list[UnlocatedDetection]()
-    for index, person in enumerate(detections.detections):
-        left, top, right, bottom = map(float, person.box_xyxy_px)
+    numbered = list(enumerate(people))
+    if len(people) > PEOPLE_MAX:
+        counters["too_many"] += len(people) - PEOPLE_MAX
+        numbered = sorted(numbered, key=lambda item: -item[1].score)[:PEOPLE_MAX]
+    for index, person in numbered:
+        left, top, right, bottom = person.box_xyxy_px.tolist()
         if right - left < 1.0 or bottom - top < 1.0:
             counters["empty_boxes"] += 1
-        elif person.position_m is None or np.abs(person.position_m).max() > max_range_m:
+        elif person.position_m is None or index not in positions_m:
             counters["without_position" if person.position_m is None else "out_of_range"] += 1
             unlocated.append(UnlocatedDetection(index, person.box_xyxy_px, person.score))
         else:
@@ -43,9 +52,9 @@ def observe(
                     index=index,
                     box_xyxy_px=person.box_xyxy_px,
                     score=person.score,
-                    position_m=apply(map_from_camera, person.position_m),
+                    position_m=positions_m[index],
                     forward_m=float(person.position_m[2]),
-                    covariance_m2=rotated(person.position_covariance_m2, map_from_camera),
+                    covariance_m2=covariances_m2.get(index),
                     embedding=vectors.get(index),
                     yaw_rad=yaw_of(person.heading, map_from_camera),
                     yaw_sigma_rad=person.heading_sigma_rad,
@@ -65,38 +74,66 @@ def observe(
         size_px=(detections.width, detections.height),
         unlocated=tuple(unlocated),
         turn_sigma_rad=pose.sigma_rad,
+        base=pose.base,
     )
 
 
-def edges(info: CameraInfo) -> tuple[float, float]:
-    """Return the left and right edge of a camera's image at focal length 1, x right."""
-    return -info.cx / info.fx, (info.width - info.cx) / info.fx
+def _positions_m(
+    people: Sequence[Detection], map_from_camera: F64, max_range_m: float
+) -> dict[int, F64]:
+    """Return the positions in the map by index, unless far from the camera or the map's origin."""
+    known = {i: p.position_m for i, p in enumerate(people) if p.position_m is not None}
+    if not known:
+        return {}
+    in_camera = np.array(list(known.values()))
+    # One product each, so that no position depends on the others in its last digit.
+    in_map = apply(map_from_camera, in_camera[:, None])[:, 0]
+    near = np.abs(in_camera).max(axis=1) <= max_range_m
+    near &= np.abs(in_map).max(axis=1) <= MAX_M / 2
+    return {index: in_map[k] for k, index in enumerate(known) if near[k]}
 
 
-def rotated(covariance_m2: F64 | None, map_from_camera: F64) -> F64 | None:
-    """Return a covariance (3x3) of the camera's frame in the map; None if it is unknown."""
-    if covariance_m2 is None:
-        return None
-    result: F64 = map_from_camera[:3, :3] @ covariance_m2 @ map_from_camera[:3, :3].T
-    return (result + result.T) / 2
+def _covariances_m2(people: Sequence[Detection], map_from_camera: F64) -> dict[int, F64]:
+    """Return the known covariances (3x3) in the map by index."""
+    covariances_m2 = ((i, p.position_covariance_m2) for i, p in enumerate(people))
+    known = {i: covariance for i, covariance in covariances_m2 if covariance is not None}
+    stacked = np.array(list(known.values()))
+    return dict(zip(known, rotated(stacked, map_from_camera), strict=True)) if known else {}
+
+
+def edges(info: CameraInfo) -> ImageEdges:
+    """Return the edges of a camera's image."""
+    return ImageEdges(
+        left=-info.cx / info.fx,
+        right=(info.width - info.cx) / info.fx,
+        top=-info.cy / info.fy,
+        bottom=(info.height - info.cy) / info.fy,
+    )
+
+
+def rotated(covariances_m2: F64, map_from_camera: F64) -> F64:
+    """Return covariances (...x3x3) of the camera's frame in the map."""
+    turn = map_from_camera[:3, :3]
+    result: F64 = turn @ covariances_m2 @ turn.T
+    return (result + result.swapaxes(-1, -2)) / 2
 
 
 def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:
     """Return the yaw in the map of a heading (3, optical frame); None if unknown or steep."""
     if heading is None:
         return None
-    x, y, _ = map_from_camera[:3, :3] @ heading
+    x, y, _ = (map_from_camera[:3, :3] @ heading).tolist()
     return math.atan2(y, x) if math.hypot(x, y) >= LEVEL_MIN else None
 
 
 def _unit_vectors(embeddings: Embeddings, count: int, counters: Counter[str]) -> dict[int, F64]:
     """Return the embeddings by index of their detection, at unit length."""
     vectors: dict[int, F64] = {}
-    for index, vector in zip(embeddings.detections, embeddings.vectors, strict=True):
-        long_vector = vector.astype(np.float64)
-        length = float(np.linalg.norm(long_vector))
+    long_vectors = embeddings.vectors.astype(np.float64)
+    for index, vector in zip(embeddings.detections, long_vectors, strict=True):
+        length = math.sqrt(vector @ vector)
         if 0 <= index < count and index not in vectors and length > 1e-6:
-            vectors[index] = long_vector / length
+            vectors[index] = vector / length
         else:
             counters["bad_embeddings"] += 1
     return vectors

@@ -7,8 +7,7 @@ import numpy as np
 
 from people4d.errors import DecodeError
 from people4d.messages import F64, Track
-from services.tracker.identity.gallery import GalleryEntry
-from services.tracker.interface import IdCounter, Tracker
+from services.tracker.interface import GalleryEntry, IdCounter, Tracker
 from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.track_set import TrackSet
 
@@ -97,7 +96,7 @@ def unpack(saved: bytes, kind: type[T]) -> T:
     """
     try:
         return msgspec.msgpack.decode(saved, type=kind, dec_hook=_list_to_array)
-    except (msgspec.DecodeError, RecursionError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise DecodeError(f"checkpoint is no {kind.__name__}: {error}") from error
 
 

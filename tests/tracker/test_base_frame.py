@@ -23,9 +23,8 @@ from people4d.messages import (
     StaticTransform,
     Tracks,
 )
-from services.tracker.build import make_tracker
+from services.tracker.build import build
 from services.tracker.camera_poses import transform_track
-from services.tracker.node import TrackerNode
 from tests import builders
 from tests.tracker.scene import published_config
 
@@ -65,7 +64,7 @@ def detected(number: int) -> Detections:
 
 def run(frame_id: str, *transforms: Message) -> list[Tracks]:
     config = published_config(frame_id=frame_id, embedding_wait_s=0.0)
-    node = TrackerNode(config, make_tracker(config))
+    node = build(config)
     outputs: list[Message] = []
     for message in (*transforms, fixed("base_link", CAMERA, MOUNT)):
         outputs += node.handle(message, 0)

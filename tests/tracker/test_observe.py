@@ -8,7 +8,7 @@ from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.messages import Detection, Detections
 from services.tracker.camera_poses import pose_covariance
-from services.tracker.observe import observe, rotated
+from services.tracker.observe import PEOPLE_MAX, observe, rotated
 from tests import builders
 
 BOX = np.array([0.0, 0.0, 10.0, 20.0], np.float32)
@@ -59,3 +59,15 @@ def test_covariance_is_added_above_a_pose_sigma() -> None:
         position = TransformEstimate(LINK_FROM_OPTICAL, sigma_m, 0.0)
         (found,) = observe(detections(person), None, position, 100.0, Counter()).measurements
         assert (found.added_covariance_m2 is not None) == is_doubted
+
+
+def test_of_too_many_people_those_of_the_highest_scores_are_tracked() -> None:
+    people = [
+        Detection(box_xyxy_px=BOX, score=number / 1000, position_m=np.array([0.0, 0.0, 2.0]))
+        for number in range(1000)
+    ]
+    counters = Counter[str]()
+    pose = TransformEstimate(LINK_FROM_OPTICAL)
+    found = observe(detections(*people), None, pose, 100.0, counters)
+    assert {m.index for m in found.measurements} == set(range(1000 - PEOPLE_MAX, 1000))
+    assert counters["too_many"] == 1000 - PEOPLE_MAX

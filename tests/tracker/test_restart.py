@@ -1,5 +1,6 @@
 """The tracker node goes on where the process before it was killed."""
 
+import contextlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -141,3 +142,25 @@ def test_nothing_is_saved_before_the_first_frame() -> None:
     empty = node()
     assert empty.save() == b""
     assert empty.next_number() == 1
+
+
+def test_a_damaged_state_of_any_content_is_begun_anew() -> None:
+    before = node()
+    results(before, [TRANSFORM, *frames(0, 10)])
+    saved, rng = before.save(), np.random.default_rng(5)
+    for _ in range(300):
+        damaged = bytearray(saved)
+        for offset in rng.integers(0, len(saved), rng.integers(1, 8)):
+            damaged[offset] = rng.integers(0, 256)
+        after = node()
+        with contextlib.suppress(DecodeError):  # the loop begins anew then
+            after.restore(bytes(damaged), 100)
+        failures = 0
+        for message in [TRANSFORM, *frames(10, 18)]:
+            try:
+                after.handle(message, message.stamp_ns)
+                after.tick(message.stamp_ns)
+            except Exception:
+                failures += 1
+        assert failures <= 1
+        assert after.status().counters["tracker_failures"] == failures

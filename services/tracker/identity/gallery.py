@@ -1,23 +1,15 @@
 """Gallery of people: embeddings of those who left, to re-identify them when they return."""
 
 import math
-from collections.abc import Container, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from people4d.messages import F64
 from services.tracker.config import IdentityConfig
+from services.tracker.interface import GalleryEntry
 from services.tracker.motion.track_record import IdentityDecision
-
-
-@dataclass(slots=True)
-class GalleryEntry:
-    """One person of the gallery."""
-
-    position_m: F64  # 3, of the last match
-    matched_ns: int  # [ns] stamp of the last match
-    views: list[F64] = field(default_factory=list)  # embeddings of unit length
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +27,7 @@ class Gallery:
     def __init__(self, config: IdentityConfig) -> None:
         self._config = config
         self.entries: dict[int, GalleryEntry] = {}  # by identity, longest unseen first
+        self.neighbours: Mapping[int, GalleryEntry] = {}  # people of other areas, by identity
 
     def add(self, identity: int, position_m: F64, stamp_ns: int, embedding: F64 | None) -> None:
         """Record a match of a person, and its embedding unless it is similar to one of theirs.
@@ -43,6 +36,9 @@ class Gallery:
         """
         entry = self.entries.pop(identity, None) or GalleryEntry(position_m, stamp_ns)
         entry.position_m, entry.matched_ns = position_m.copy(), stamp_ns
+        entry.matches += 1
+        if entry.matches == 1 and identity in self.neighbours:
+            entry.views = list(self.neighbours[identity].views)
         self.entries[identity] = entry  # at the end: the first one is the longest unseen
         if len(self.entries) > self._config.identities_max:
             del self.entries[next(iter(self.entries))]
@@ -63,12 +59,19 @@ class Gallery:
         config = self._config
         return [
             identity
-            for identity, entry in self.entries.items()
+            for identity, entry in self._known().items()
             if identity not in present
             and entry.views
             and math.dist(query.position_m, entry.position_m)
             <= config.jump_m + config.speed_max_mps * (query.stamp_ns - entry.matched_ns) / 1e9
         ]
+
+    def similar(
+        self, query: IdentityQuery, candidates: Sequence[int], distance_max: float
+    ) -> list[int]:
+        """Return the candidates within a cosine distance of the mean of the query's embeddings."""
+        mean, known = mean_direction(query.embeddings), self._known()
+        return [i for i in candidates if view_distance(mean, known[i].views) <= distance_max]
 
     def decide(
         self, query: IdentityQuery, candidates: Sequence[int], limit: float
@@ -84,9 +87,8 @@ class Gallery:
             return IdentityDecision("new", 1.0, "no known person could be here")
         if not query.embeddings:
             return IdentityDecision("new", 0.5, "no embedding")
-        mean = np.mean(query.embeddings, axis=0)
-        mean /= max(float(np.linalg.norm(mean)), 1e-6)
-        distances = [view_distance(mean, self.entries[identity].views) for identity in candidates]
+        mean, known = mean_direction(query.embeddings), self._known()
+        distances = [view_distance(mean, known[identity].views) for identity in candidates]
         order = sorted(range(len(candidates)), key=lambda k: (distances[k], candidates[k]))
         best = order[0]
         # With one candidate there is no second best to compare with.
@@ -105,10 +107,29 @@ class Gallery:
         confidence = float(confidences[best])
         return IdentityDecision("reidentified", confidence, reason, candidates[best])
 
+    def _known(self) -> dict[int, GalleryEntry]:
+        """Return all people by identity, each where they were seen last, with all their views."""
+        known = dict(self.entries)
+        for identity, entry in self.neighbours.items():
+            own = known.get(identity)
+            if own is None:
+                known[identity] = entry
+            elif entry.matched_ns > own.matched_ns:
+                views = [*own.views, *entry.views]
+                known[identity] = GalleryEntry(entry.position_m, entry.matched_ns, views)
+        return known
+
+
+def mean_direction(embeddings: Sequence[F64]) -> F64:
+    """Return the mean of embeddings at unit length."""
+    mean: F64 = np.mean(embeddings, axis=0)
+    return mean / max(float(np.linalg.norm(mean)), 1e-6)
+
 
 def view_distance(embedding: F64, views: Sequence[F64]) -> float:
     """Return the cosine distance to the nearest view."""
-    return float(np.clip(1.0 - np.max(np.asarray(views) @ embedding), 0.0, 2.0))
+    nearest = 1.0 - float((np.array(views) @ embedding).max())
+    return min(max(nearest, 0.0), 2.0)
 
 
 def add_view(views: list[F64], embedding: F64, gap: float, most: int) -> None:

@@ -1,19 +1,25 @@
 """Identity policy: re-identification of people who return."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from people4d.messages import F64
 from services.tracker.config import IdentityConfig
-from services.tracker.identity.gallery import Gallery, GalleryEntry, IdentityQuery
-from services.tracker.interface import Observation
-from services.tracker.motion.track_record import IdentityDecision, TrackRecord
+from services.tracker.identity.gallery import Gallery, IdentityQuery
+from services.tracker.interface import GalleryEntry, Observation
+from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord
 from services.tracker.motion.track_set import TrackSet
-from services.tracker.sort3d.association import match_probabilities
-from services.tracker.strongsort3d.policies import AssociationResult, IdentityPolicy, Match
-from services.tracker.strongsort3d.visibility import cut_off
+from services.tracker.sort3d.association import distances, match_probabilities
+from services.tracker.strongsort3d.policies import (
+    AssociationResult,
+    FrameContext,
+    IdentityPolicy,
+    Match,
+)
 
+AMBIGUITY_RATIO = 0.5  # of the distances to the nearest detection and to the nearest rival
 DISTANCE_PROBABILITY = 0.5  # of a match of round 2, which goes by the distance alone
 
 
@@ -59,18 +65,57 @@ class Reidentification(IdentityPolicy):
         """Continue with the gallery of a checkpoint."""
         self._gallery.entries = dict(entries)
 
+    def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
+        """Take the people of neighbouring areas by identity, in place of those before."""
+        self._gallery.neighbours = people
+
+    def rename(self, identity: int, to: int | None) -> None:
+        """Change the identity of a person of the gallery; None: delete it there."""
+        entry = self._gallery.entries.pop(identity, None)
+        if entry and to is not None:
+            self._gallery.entries.pop(to, None)
+            self._gallery.entries[to] = entry
+
     def is_absent(self, record: TrackRecord, observation: Observation) -> bool:
-        """Check that a track with an embedding was missed for too long, in view and unoccluded."""
-        if record.occluded or record.embedding is None:
+        """Check that a track with an embedding was missed for too long without a reason.
+
+        Reasons are that no frame came, that the camera turned away, or that another person hides
+        this one. It ends: its person is in the gallery, and the position would be a guess.
+        """
+        # People who were partly beside the image, or were about to leave it, went on: none stays
+        # hidden there.
+        leaves = record.cut_off or record.visible_ratio < 1 or record.leaving
+        if record.embedding is None or (record.occluded and not leaves):
             return False
-        missed_s = (observation.stamp_ns - record.matched_ns - record.out_of_view_ns) / 1e9
+        since_ns = record.missed_since_ns + record.out_of_view_ns
+        missed_s = (observation.stamp_ns - since_ns) / 1e9
         config = self._config
-        return missed_s > (config.absent_cut_off_s if record.cut_off else config.absent_s)
+        return missed_s > (config.absent_cut_off_s if leaves else config.absent_s)
+
+    def _ended(self, record: TrackRecord, observation: Observation) -> bool:
+        """Check for a confirmed track of the frame's camera that is absent."""
+        own = record.confirmed and record.camera == observation.camera
+        return own and record.detection is None and self.is_absent(record, observation)
+
+    def after_prediction(self, tracks: TrackSet, observation: Observation) -> None:
+        """After a time without frames, end tracks that could be of others, as absent ones."""
+        records, measurements = tracks.confirmed, observation.measurements
+        if not (self._config.is_gap(tracks.elapsed_ns) and records and measurements):
+            return
+        found_m = np.array([m.position_m for m in measurements])
+        ambiguous = _ambiguous(tracks.positions_m(records), found_m)
+        ended = {
+            record.id
+            for record, is_ambiguous in zip(records, ambiguous, strict=True)
+            if is_ambiguous and record.embedding is not None
+        }
+        tracks.records = [t for t in tracks.records if t.id not in ended]
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:
-        """Decide the identity of new tracks, and add the matched ones to the gallery."""
+        """Decide identities of new tracks, add matched ones to the gallery, end absent ones."""
         stamp_ns = result.frame.observation.stamp_ns
-        mark_cut_off(result)
+        for record, measurement in result.matches:  # if they vanish, they left
+            record.cut_off = measurement.index in result.frame.cut_off
         qualities = self._qualities(result)
         self._gallery.drop_old(stamp_ns)
         for match, quality in zip(result.matches, qualities, strict=True):
@@ -80,10 +125,10 @@ class Reidentification(IdentityPolicy):
                     "continued", quality.probability, decision.reason
                 )
                 self._add(match, quality, stamp_ns)
-        limit = self._config.match_max or result.frame.cosine_distance_max
         for match, quality in zip(result.matches, qualities, strict=True):
             if match[0].identity.identity is None:
-                self._decide(tracks, match, quality, limit)
+                self._decide(tracks, match, quality, result.frame)
+        tracks.records = [t for t in tracks.records if not self._ended(t, result.frame.observation)]
         ids = {record.id for record in tracks.records}
         self._pending = {id_: p for id_, p in self._pending.items() if id_ in ids}
 
@@ -108,7 +153,9 @@ class Reidentification(IdentityPolicy):
             for record, m in result.matches
         ]
 
-    def _decide(self, tracks: TrackSet, match: Match, quality: _MatchQuality, limit: float) -> None:
+    def _decide(
+        self, tracks: TrackSet, match: Match, quality: _MatchQuality, frame: FrameContext
+    ) -> None:
         """Decide the identity of a new track, or keep it tentative."""
         (record, measurement), stamp_ns = match, match[0].matched_ns
         pending = self._pending.setdefault(record.id, _PendingIdentity(stamp_ns))
@@ -120,11 +167,14 @@ class Reidentification(IdentityPolicy):
         query = IdentityQuery(record.x[:3], stamp_ns, pending.unoccluded or pending.others)
         present = {t.id for t in tracks.records if t.detection is not None}
         candidates = self._gallery.plausible(query, present)
+        if pending.unoccluded:
+            candidates = self._gallery.similar(query, candidates, frame.cosine_distance_max)
         waits = stamp_ns - pending.since_ns < self._config.wait_s * 1e9
         if candidates and waits and len(pending.unoccluded) < self._config.embeddings_min:
             record.confirmed = False
             return
         del self._pending[record.id]
+        limit = self._config.limit(frame.observation.embedder, frame.cosine_distance_max)
         record.identity = decision = self._gallery.decide(query, candidates, limit)
         if decision.id is not None:
             # The lost track of the same person ends here.
@@ -138,9 +188,16 @@ class Reidentification(IdentityPolicy):
         self._gallery.add(record.id, record.x[:3], stamp_ns, embedding)
 
 
-def mark_cut_off(result: AssociationResult) -> None:
-    """Mark tracks whose box reaches the left or right of the image: if they vanish, they left."""
-    boxes = np.array([m.box_xyxy_px for _, m in result.matches], np.float64).reshape(-1, 4)
-    cut = cut_off(boxes, result.frame.observation.size_px)
-    for (record, _), is_cut in zip(result.matches, cut, strict=True):
-        record.cut_off = bool(is_cut)
+def _ambiguous(tracks_m: F64, found_m: F64) -> BOOL:
+    """Return the tracks (N of Nx3) without a detection (Mx3) that is much nearer than any rival.
+
+    Rivals are the other detections, and the other tracks that the detection could be of.
+    """
+    distances_m = distances(tracks_m, found_m)
+    rows, nearest = np.arange(len(tracks_m)), distances_m.argmin(axis=1)
+    own_m = distances_m[rows, nearest]
+    to_others_m = distances_m[:, nearest]
+    np.fill_diagonal(to_others_m, np.inf)
+    distances_m[rows, nearest] = np.inf
+    rival_m = np.minimum(distances_m.min(axis=1), to_others_m.min(axis=0))
+    return np.asarray(own_m > AMBIGUITY_RATIO * rival_m)

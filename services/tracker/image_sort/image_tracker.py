@@ -164,8 +164,8 @@ def _frame(observation: Observation, image: CameraTracks) -> BoxFrame:
         boxes[one.index], scores[one.index] = one.box_xyxy_px, one.score
     fov_deg = FOV_DEG
     if observation.edges:
-        left, right = observation.edges
-        fov_deg = math.degrees(math.atan(right) - math.atan(left))
+        edges = observation.edges
+        fov_deg = math.degrees(math.atan(edges.right) - math.atan(edges.left))
     before = image.direction
     image.direction = camera_direction(observation.map_from_camera, observation.turn_sigma_rad)
     return BoxFrame(

@@ -1,6 +1,7 @@
 """Motion and measurement models: constant velocity (docs/method.md, section 3 [PIC4SeR])."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -10,6 +11,13 @@ from common import kalman
 from people4d.messages import F64
 from services.tracker.config import Sort3dConfig, StrongSort3dConfig
 from services.tracker.interface import Measurement
+from services.tracker.motion.track_record import BOOL
+
+# Parts of matrices of position and velocity (6x6), by block.
+OF_POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+OF_VELOCITY = np.eye(6) - OF_POSITION
+VELOCITY_TO_POSITION = np.eye(6, k=3)
+OF_BOTH = VELOCITY_TO_POSITION + VELOCITY_TO_POSITION.T
 
 
 def depth_factor(forward_m: npt.ArrayLike, max_depth_m: float) -> F64:
@@ -22,57 +30,97 @@ def confidence_factor(score: npt.ArrayLike, floor: float) -> F64:
     return np.maximum(1.0 - np.asarray(score, np.float64), floor)
 
 
-def measured_noise(R_m2: F64, measurements: Sequence[Measurement], factor: float) -> F64:
-    """Return the noise of positions (Nx3x3): the detector's estimate times a factor, else R_m2."""
-    covariances = [
-        R if m.covariance_m2 is None else factor * m.covariance_m2
-        for R, m in zip(R_m2, measurements, strict=True)
-    ]
-    return np.array(covariances).reshape(-1, 3, 3)
+def measured_noise(
+    constant: Callable[[Sequence[Measurement]], F64],
+    measurements: Sequence[Measurement],
+    factor: float,
+) -> F64:
+    """Return the noise of positions (Nx3x3): the detector's times a factor, else the constant."""
+    measured = [m.covariance_m2 for m in measurements if m.covariance_m2 is not None]
+    R: F64 = factor * np.array(measured).reshape(-1, 3, 3)
+    if len(measured) == len(measurements):
+        return R
+    result = constant(measurements)
+    result[[m.covariance_m2 is not None for m in measurements]] = R
+    return result
+
+
+def limited(R_m2: F64, sigma_max_m: float) -> F64:
+    """Return covariances (Nx3x3) with a standard deviation of at most that in any direction."""
+    if not exceeds(R_m2, sigma_max_m).any():
+        return R_m2
+    values, axes = np.linalg.eigh(R_m2)
+    result: F64 = (axes * np.minimum(values, sigma_max_m**2)[:, None]) @ axes.swapaxes(1, 2)
+    return result
+
+
+def exceeds(R_m2: F64, sigma_max_m: float) -> BOOL:
+    """Flag covariances (Nx3x3) that may have a larger standard deviation in some direction."""
+    return np.asarray(R_m2.trace(axis1=1, axis2=2) > sigma_max_m**2)
 
 
 class PositionMotion:
     """State x, y, z and their velocities; measured x, y, z (docs/method.md, section 5)."""
 
-    position = [0, 1, 2]  # noqa: RUF012
-    velocity = [3, 4, 5]  # noqa: RUF012
+    size = 6
+    position = slice(0, 3)
+    velocity = slice(3, 6)
 
     def __init__(self, config: StrongSort3dConfig) -> None:
         self._config = config
-        self.H = np.eye(3, 6)
 
     def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
         """Move states ahead."""
-        F = np.eye(6)
-        F[self.position, self.velocity] = dt_s
-        Q = np.zeros((6, 6))
         pp, pv, vv = kalman.acceleration_noise(dt_s, self._config.sigma_acceleration_mps2)
-        Q[self.position, self.position] = pp
-        Q[self.position, self.velocity] = Q[self.velocity, self.position] = pv
-        Q[self.velocity, self.velocity] = vv
-        return kalman.predict(x, P, F, Q)
+        F = np.eye(6) + dt_s * VELOCITY_TO_POSITION
+        return kalman.predict(x, P, F, pp * OF_POSITION + pv * OF_BOTH + vv * OF_VELOCITY)
+
+    def position_and_velocity(self, P: F64) -> F64:
+        """Return their part (6x6) of a covariance."""
+        return P
 
     def measure(self, measurements: Sequence[Measurement]) -> F64:
         """Return the positions."""
         return np.array([m.position_m for m in measurements]).reshape(-1, 3)
 
-    def noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return R, grown with depth and shrunk by the score (NSA)."""
-        factor = confidence_factor([m.score for m in measurements], self._config.nsa_floor)
-        return self._measured(factor[:, None, None] * self._depth_noise(measurements), measurements)
+    def noise(self, measurements: Sequence[Measurement], x: F64, P: F64) -> F64:
+        """Return R of updates of N states, grown with depth and shrunk by the score (NSA).
+
+        It is limited, unless a measurement is beyond the gate of its state then: its depth is that
+        of another person or thing, as its large covariance warns.
+        """
+        R, most_m = self._noise(measurements, self._score_noise), self._config.update_sigma_max_m
+        if self._config.noise != "measured" or not exceeds(R, most_m).any():
+            return R
+        narrow = self._noise(measurements, self._score_noise, most_m)
+        y, S = kalman.innovation(x, P, self.measure(measurements), narrow)
+        far = kalman.mahalanobis(y, S) > self._config.mahalanobis_max
+        return np.where(far[:, None, None], R, narrow)
 
     def gate_noise(self, measurements: Sequence[Measurement]) -> F64:
         """Return R, grown with depth only: StrongSORT gates without the score."""
-        return self._measured(self._depth_noise(measurements), measurements)
+        return self._noise(measurements, self._depth_noise)
+
+    def _score_noise(self, measurements: Sequence[Measurement]) -> F64:
+        factor = confidence_factor([m.score for m in measurements], self._config.nsa_floor)
+        return factor[:, None, None] * self._depth_noise(measurements)
 
     def _depth_noise(self, measurements: Sequence[Measurement]) -> F64:
         factor = depth_factor([m.forward_m for m in measurements], self._config.max_depth_m)
         variance = self._config.sigma_measurement_m**2 * factor
         return variance[:, None, None] * np.eye(3)
 
-    def _measured(self, R: F64, measurements: Sequence[Measurement]) -> F64:
+    def _noise(
+        self,
+        measurements: Sequence[Measurement],
+        constant: Callable[[Sequence[Measurement]], F64],
+        sigma_max_m: float = math.inf,
+    ) -> F64:
         if self._config.noise == "measured":
-            R = measured_noise(R, measurements, self._config.noise_factor)
+            R = measured_noise(constant, measurements, self._config.noise_factor)
+            R = limited(R, sigma_max_m)
+        else:
+            R = constant(measurements)
         for R_k, measurement in zip(R, measurements, strict=True):
             if measurement.added_covariance_m2 is not None:
                 R_k += measurement.added_covariance_m2
@@ -81,7 +129,7 @@ class PositionMotion:
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
         """Begin at the measured position, with a velocity of 0 and its variance."""
         P = np.eye(6) * self._config.sigma_start_velocity_mps**2
-        P[:3, :3] = self.noise([measurement])[0]
+        P[:3, :3] = self._noise([measurement], self._score_noise)[0]
         return np.concatenate([measurement.position_m, np.zeros(3)]), P
 
 
@@ -92,14 +140,15 @@ class BoxMotion:
     relative to the area, since a near person's box changes by more pixels than a far one's.
     """
 
-    position = [4, 5, 6]  # noqa: RUF012
-    velocity = [10, 11, 12]  # noqa: RUF012
+    size = 13
+    position = slice(4, 7)
+    velocity = slice(10, 13)
     _moving = [0, 1, 2, 4, 5, 6]  # noqa: RUF012
     _speeds = [7, 8, 9, 10, 11, 12]  # noqa: RUF012
+    _point = np.ix_([4, 5, 6, 10, 11, 12], [4, 5, 6, 10, 11, 12])
 
     def __init__(self, config: Sort3dConfig) -> None:
         self._config = config
-        self.H = np.eye(7, 13)
 
     def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
         """Move states ahead; an area that would vanish stops shrinking, as in SORT."""
@@ -116,8 +165,11 @@ class BoxMotion:
         points = np.array([m.position_m for m in measurements]).reshape(-1, 3)
         return np.column_stack([centre, w * h, w / h, points])
 
-    def noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return R, constant but for the area."""
+    def noise(self, measurements: Sequence[Measurement], x: F64, P: F64) -> F64:  # noqa: ARG002
+        """Return R, constant but for the area; the states do not matter."""
+        return self._noise(measurements)
+
+    def _noise(self, measurements: Sequence[Measurement]) -> F64:
         z = self.measure(measurements)
         sigmas = np.empty_like(z)
         sigmas[:, :2] = self._config.sigma_centre_px
@@ -126,12 +178,14 @@ class BoxMotion:
         sigmas[:, 4:] = self._config.sigma_measurement_m
         R = np.square(sigmas)[:, :, None] * np.eye(7)
         if self._config.noise == "measured":
-            R[:, 4:, 4:] = measured_noise(R[:, 4:, 4:], measurements, self._config.noise_factor)
+            constant = R[:, 4:, 4:].copy()
+            factor = self._config.noise_factor
+            R[:, 4:, 4:] = measured_noise(lambda _: constant, measurements, factor)
         return R
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
         """Begin with the measurement, with velocities of 0 and their variances."""
-        z, R = self.measure([measurement])[0], self.noise([measurement])[0]
+        z, R = self.measure([measurement])[0], self._noise([measurement])[0]
         config = self._config
         sigmas = [config.sigma_start_centre_pxps] * 2
         sigmas += [config.sigma_start_area_ratio_hz * z[2]] + [config.sigma_start_velocity_mps] * 3
@@ -139,6 +193,10 @@ class BoxMotion:
         P[:7, :7] = R
         P[self._speeds, self._speeds] = np.square(sigmas)
         return np.concatenate([z, np.zeros(6)]), P
+
+    def position_and_velocity(self, P: F64) -> F64:
+        """Return their part (6x6) of a covariance."""
+        return P[self._point]
 
     def boxes(self, x: F64) -> F64:
         """Return the boxes (Nx4, xyxy, pixels) of N states."""

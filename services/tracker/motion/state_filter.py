@@ -16,7 +16,12 @@ from services.tracker.motion.motion import Motion, PositionMotion
 from services.tracker.motion.track_record import BOOL, ImmState, TrackRecord, stack
 
 STANDING, WALKING = 0, 1  # modes
+IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
+ON_POSITION = IS_POSITION * np.eye(6)
+OWN = np.array([IS_POSITION, np.ones((6, 6))])  # of each mode: who stands has no velocity
+IS_SPEED = np.repeat([False, True], 3)  # elements of a state
 PROBABILITY_MIN = 1e-6  # of each mode
+SPEED_FACTOR = 2.0  # of the variance of a velocity, at most
 
 # From states (Nxn), covariances (Nxnxn), unmatched tracks (N) and a time step in seconds.
 Decay: TypeAlias = Callable[[F64, F64, BOOL, float], tuple[F64, F64]]
@@ -72,7 +77,7 @@ class KalmanFilter:
 
     def update(self, records: Sequence[TrackRecord], z: F64, R: F64) -> list[FilterState]:
         """Return states updated with one measurement (Nxm, noise Nxmxm) each."""
-        states = kalman.update(*stack(records), z, self._motion.H, R)
+        states = kalman.update(*stack(records), z, R)
         return [FilterState(*s) for s in zip(*states, strict=True)]
 
 
@@ -87,6 +92,10 @@ class Imm:
 
     def __init__(self, motion: PositionMotion, config: ImmConfig, decay: Decay = no_decay) -> None:
         self._motion, self._config, self._decay = motion, config, decay
+        velocity = config.standing_sigma_mps**2 * (np.eye(6) - IS_POSITION) * np.eye(6)
+        self._still = np.array([velocity, np.zeros((6, 6))])  # of a standing person
+        level, up = config.walking_sigma_mps**2, config.standing_sigma_mps**2
+        self._begins_to_walk = np.diag([0.0, 0.0, 0.0, level, level, up])
 
     def start(self, x: F64, P: F64) -> ImmState:
         """Begin with one state (6) and covariance (6x6): both modes are equally probable."""
@@ -95,67 +104,85 @@ class Imm:
     def predict(self, records: Sequence[TrackRecord], dt_s: float) -> list[FilterState]:
         """Return the states of tracks dt_s seconds later."""
         unmatched = np.array([t.missed > 0 for t in records])
-        return self._means(self.predict_modes(self._states(records), unmatched, dt_s))
+        return self.means(*self.predict_modes(*self._modes(records), unmatched, dt_s))
 
     def update(self, records: Sequence[TrackRecord], z: F64, R: F64) -> list[FilterState]:
         """Return states updated with one measurement (Nx3, noise Nx3x3) each."""
-        return self._means(self.update_modes(self._states(records), z, R))
+        return self.means(*self.update_modes(*self._modes(records), z, R))
 
     def predict_modes(
-        self, states: Sequence[ImmState], unmatched: BOOL, dt_s: float
-    ) -> list[ImmState]:
-        """Mix the modes of N tracks by their transitions and move each on for dt_s seconds."""
-        x, P, probability = _columns(states)
+        self, x: F64, P: F64, probability: F64, unmatched: BOOL, dt_s: float
+    ) -> tuple[F64, F64, F64]:
+        """Mix the modes of N tracks by their transitions and move each on for dt_s seconds.
+
+        States are Nx2x6, covariances Nx2x6x6 and probabilities Nx2.
+        """
         config = self._config
         stop, start = (-math.expm1(-dt_s / s) for s in (config.walking_s, config.standing_s))
         transition = np.array([[1 - start, start], [stop, 1 - stop]])
         x, P, probability = mix(x, P, probability, transition)
         walking = self._decay(x[:, WALKING], P[:, WALKING], unmatched, dt_s)
-        walking_x, walking_P = self._motion.predict(*walking, dt_s)
-        standing_x, standing_P = self._stand(x[:, STANDING], P[:, STANDING], dt_s)
-        x, P = np.stack([standing_x, walking_x], 1), np.stack([standing_P, walking_P], 1)
-        return _states_of(x, P, probability)
+        x[:, WALKING], P[:, WALKING] = self._motion.predict(*walking, dt_s)
+        self._stand(x[:, STANDING], P[:, STANDING], dt_s)
+        return x, P, probability
 
-    def update_modes(self, states: Sequence[ImmState], z: F64, R: F64) -> list[ImmState]:
+    def update_modes(
+        self, x: F64, P: F64, probability: F64, z: F64, R: F64
+    ) -> tuple[F64, F64, F64]:
         """Update with one measurement (3) each, and weigh the modes by its likelihood."""
-        x, P, probability = _columns(states)
-        z, R, H = z[:, None], R[:, None], self._motion.H
-        logs = log_likelihood(*kalman.innovation(x, P, z, H, R / self._config.noise_divisor))
-        x, P = kalman.update(x, P, z, H, R)
-        logs -= logs.max(axis=1, keepdims=True)
-        probability = probability * np.exp(logs)
-        probability /= probability.sum(axis=1, keepdims=True)
-        probability = np.maximum(probability, PROBABILITY_MIN)
-        return _states_of(x, P, probability / probability.sum(axis=1, keepdims=True))
+        z, R = z[:, None], R[:, None]
+        y, S = kalman.innovation(x, P, z, R)
+        _, likely = kalman.innovation(x, P, z, R / self._config.noise_divisor)
+        # One inversion of the innovations' covariances, of both modes and for both uses.
+        inverse = np.linalg.inv(np.concatenate([S, likely], axis=1))
+        d_m2 = kalman.squared_lengths(np.concatenate([y, y], axis=1), inverse)
+        logs = -0.5 * (d_m2[:, 2:] + np.linalg.slogdet(likely)[1])
+        surprise = d_m2[:, WALKING] / self._config.surprise_max
+        if (surprise > 1).any():
+            P = widened(P, surprise)
+            inverse = np.linalg.inv(kalman.innovation(x, P, z, R)[1])
+        x, P = kalman.corrected(x, P, y, R, inverse[:, :2])
+        greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
+        weight = normalised(probability * np.exp(logs - greatest))
+        return x, P, normalised(np.maximum(weight, PROBABILITY_MIN))
 
-    def mean(self, state: ImmState) -> tuple[F64, F64]:
-        """Return the mean state (6) and covariance (6x6) of both modes."""
-        P = state.P.copy()
-        P[STANDING, 3:] = P[STANDING, :, 3:] = 0.0
-        P[STANDING, [3, 4, 5], [3, 4, 5]] = self._config.standing_sigma_mps**2
-        x = state.mode_probability @ state.x
-        off = state.x - x
-        spread = P + off[:, :, None] * off[:, None]
-        return x, np.einsum("j,jab->ab", state.mode_probability, spread)
+    def means(self, x: F64, P: F64, probability: F64) -> list[FilterState]:
+        """Return mean state and covariance of both modes, for N tracks, with these modes."""
+        mean, covariance = moments(probability[:, None], x, P * OWN + self._still)
+        modes = map(ImmState, x, P, probability)
+        return list(map(FilterState, mean[:, 0], covariance[:, 0], modes))
 
-    def _states(self, records: Sequence[TrackRecord]) -> list[ImmState]:
-        return [t.imm or self.start(t.x, t.P) for t in records]
-
-    def _means(self, states: Sequence[ImmState]) -> list[FilterState]:
-        return [FilterState(*self.mean(state), state) for state in states]
-
-    def _stand(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
-        """Stay, with a velocity of 0 that has the variance of a person who begins to walk."""
-        x, P, config = x.copy(), P.copy(), self._config
-        x[:, 3:] = 0.0
-        P[:, 3:] = P[:, :, 3:] = 0.0
-        position, level = [0, 1, 2], [3, 4]
-        P[:, position, position] += (
-            config.standing_sigma_mps**2 * dt_s**2 + config.drift_m2ps * dt_s
+    def _modes(self, records: Sequence[TrackRecord]) -> tuple[F64, F64, F64]:
+        states = [t.imm or self.start(t.x, t.P) for t in records]
+        return (
+            np.array([s.x for s in states]),
+            np.array([s.P for s in states]),
+            np.array([s.mode_probability for s in states]),
         )
-        P[:, level, level] = config.walking_sigma_mps**2
-        P[:, 5, 5] = config.standing_sigma_mps**2
-        return x, P
+
+    def _stand(self, x: F64, P: F64, dt_s: float) -> None:
+        """Stay, with a velocity of 0 that has the variance of a person who begins to walk."""
+        config = self._config
+        drift_m2 = config.standing_sigma_mps**2 * dt_s**2 + config.drift_m2ps * dt_s
+        x[:, 3:] = 0.0
+        P *= IS_POSITION
+        P += drift_m2 * ON_POSITION + self._begins_to_walk
+
+
+def widened(P: F64, surprise: F64) -> F64:
+    """Return covariances (Nx2x6x6) with larger ones of walking people of a surprise (N) above 1.
+
+    The variance of the velocity grows by SPEED_FACTOR at most: who was hidden and comes back
+    elsewhere has not run there in one frame. R stays: a far measurement is not followed all the
+    way.
+    """
+    factors = np.maximum(surprise, 1.0)
+    scale = np.sqrt(
+        np.where(IS_SPEED, np.minimum(factors, SPEED_FACTOR)[:, None], factors[:, None])
+    )
+    P = P.copy()
+    P[:, WALKING] *= scale[:, :, None] * scale[:, None]
+    return P
 
 
 def mix(x: F64, P: F64, probability: F64, transition: F64) -> tuple[F64, F64, F64]:
@@ -165,27 +192,25 @@ def mix(x: F64, P: F64, probability: F64, transition: F64) -> tuple[F64, F64, F6
     """
     joint = probability[:, :, None] * transition  # N, from, to
     after = joint.sum(axis=1)
-    weight = joint / after[:, None]
-    mean = np.einsum("nij,nia->nja", weight, x)
-    off = x[:, :, None] - mean[:, None]  # N, from, to, 6
-    spread = P[:, :, None] + off[..., :, None] * off[..., None, :]
-    return mean, np.einsum("nij,nijab->njab", weight, spread), after
+    return *moments((joint / after[:, None]).swapaxes(1, 2), x, P), after
 
 
-def log_likelihood(y: F64, S: F64) -> F64:
-    """Return log-densities, less a constant, of innovations y (...xm) with covariances S."""
-    d2 = np.sum(y * np.linalg.solve(S, y[..., None])[..., 0], axis=-1)
-    result: F64 = -0.5 * (d2 + np.linalg.slogdet(S)[1])
+def moments(weight: F64, x: F64, P: F64) -> tuple[F64, F64]:
+    """Return means (NxMxn) and covariances of mixtures (NxMx2) of two states (Nx2xn) each.
+
+    The spread of two states about their mean is that of their difference: w_0 w_1 d d^T.
+    """
+    n = x.shape[-1]
+    off = x[:, 0] - x[:, 1]
+    spread = (off[:, :, None] * off[:, None])[:, None]
+    within = (weight @ P.reshape(len(P), 2, n * n)).reshape(*weight.shape[:2], n, n)
+    return weight @ x, within + (weight[..., 0] * weight[..., 1])[..., None, None] * spread
+
+
+def normalised(weights: F64) -> F64:
+    """Return weights (NxM) over their sums."""
+    result: F64 = weights / np.add.reduce(weights, axis=1, keepdims=True)
     return result
-
-
-def _columns(states: Sequence[ImmState]) -> tuple[F64, F64, F64]:
-    x, P, probability = zip(*((s.x, s.P, s.mode_probability) for s in states), strict=True)
-    return np.array(x), np.array(P), np.array(probability)
-
-
-def _states_of(x: F64, P: F64, probability: F64) -> list[ImmState]:
-    return [ImmState(*one) for one in zip(x, P, probability, strict=True)]
 
 
 StateFilter: TypeAlias = KalmanFilter | Imm

@@ -56,13 +56,14 @@ class TrackRecord:
     hits: int = 1  # frames matched, the first included
     streak: int = 1  # frames matched since the last miss
     age: int = 1  # frames since the first one, itself included
+    missed_since_ns: int = 0  # [ns] stamp of the last match; of the frame after it, if much later
     missed: int = 0  # frames since the last match, this one included until it is matched
     occluded: int = 0  # of these, frames in which another person hid this one
-    occluded_ns: int = 0  # [ns] stamp of the last of them
     out_of_view: int = 0  # of the missed frames, those in which the camera was turned away
     out_of_view_ns: int = 0  # [ns] total time of these
     matched_position_m: F64 | None = None  # [m] 3, at the last match
     visible_ratio: float = 1.0  # part of a person's width inside of the image there
+    leaving: bool = False  # the predicted position has left the image
     cut_off: bool = False  # the last box reached the left or right of the image
 
 

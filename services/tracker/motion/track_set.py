@@ -1,5 +1,6 @@
 """The set of tracks: identities, prediction, update, and the life cycle of each."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -10,8 +11,10 @@ from people4d.messages import F64, Track
 from services.tracker.interface import IdCounter, Measurement, Observation
 from services.tracker.motion.motion import Motion
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter
-from services.tracker.motion.track_record import TrackRecord
+from services.tracker.motion.track_record import TrackRecord, stack
 from services.tracker.motion.yaw import VelocityYaw
+
+INTERVAL_MAX_NS = 200_000_000  # [ns] part of a time without frames in which somebody is missed
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +25,20 @@ class LifecyclePolicy:
     tentative_frames: int  # unmatched frames after which a tentative track is deleted
     lost_frames: int  # unmatched frames after which a confirmed track is deleted
     lost_s: float  # seconds without a match after which any track is deleted
+    # True: the matches that confirm need not be in a row, and a track is deleted once it was missed
+    # as often as it was matched before
+    by_hits: bool = False
 
     def ended(self, record: TrackRecord) -> bool:
         """Check for too many unmatched frames; occluded and out of view ones do not count."""
         limit = self.lost_frames if record.confirmed else self.tentative_frames
+        if self.by_hits:
+            limit = min(self.lost_frames, record.hits)
         return record.missed - record.occluded - record.out_of_view >= limit
+
+    def confirms(self, record: TrackRecord) -> bool:
+        """Check for enough matches."""
+        return (record.hits if self.by_hits else record.streak) >= self.confirm_hits
 
     def expired(self, record: TrackRecord, stamp_ns: int) -> bool:
         """Check for too long a time without a match."""
@@ -55,6 +67,7 @@ class TrackSet:
         self._filter = state_filter or KalmanFilter(motion)
         self._lifecycle = lifecycle
         self._yaw = yaw
+        self._position, self._velocity = motion.position, motion.velocity
 
     @property
     def confirmed(self) -> list[TrackRecord]:
@@ -63,7 +76,7 @@ class TrackSet:
 
     def positions_m(self, records: Sequence[TrackRecord]) -> F64:
         """Return the positions (Nx3) of tracks."""
-        return np.array([t.x[self._motion.position] for t in records]).reshape(-1, 3)
+        return np.array([t.x for t in records])[:, self._position] if records else np.empty((0, 3))
 
     def clear(self) -> None:
         """Delete all tracks and the time; identities go on counting."""
@@ -72,7 +85,8 @@ class TrackSet:
     def predict(self, observation: Observation) -> None:
         """Delete expired tracks and predict the others to the frame's time."""
         dt_s = self._seconds_to(observation.stamp_ns)
-        self.elapsed_ns = 0 if self.stamp_ns is None else observation.stamp_ns - self.stamp_ns
+        before_ns = self.stamp_ns
+        self.elapsed_ns = 0 if before_ns is None else observation.stamp_ns - before_ns
         self.stamp_ns = observation.stamp_ns
         self.records = self._alive(observation.stamp_ns)
         if not self.records:
@@ -84,10 +98,13 @@ class TrackSet:
             record.age += 1
             record.detection = None
             record.missed += record.camera == observation.camera
+            if record.matched_ns == before_ns:
+                begin_ns = observation.stamp_ns - INTERVAL_MAX_NS
+                record.missed_since_ns = max(record.matched_ns, begin_ns)
 
     def add_covariance(self, covariances_m2: F64, camera: str) -> None:
         """Add covariances (Nx3x3) to the positions of tracks last matched by a camera."""
-        position = np.ix_(self._motion.position, self._motion.position)
+        position = self._position, self._position
         for record, covariance_m2 in zip(self.records, covariances_m2, strict=True):
             if record.camera == camera:
                 record.P[position] += covariance_m2
@@ -101,9 +118,9 @@ class TrackSet:
         if not matches:
             return
         records, measurements = [t for t, _ in matches], [m for _, m in matches]
-        z, R = self._motion.measure(measurements), self._motion.noise(measurements)
+        z, R = self._motion.measure(measurements), self._motion.noise(measurements, *stack(records))
         states = self._filter.update(records, z, R)
-        velocities = np.array([state.x[self._motion.velocity] for state in states])
+        velocities = [state.x[self._velocity] for state in states]
         yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)
         for (record, measurement), state, yaw in zip(matches, states, yaws, strict=True):
             (record.x, record.P, record.imm), record.yaw = state, yaw
@@ -112,7 +129,7 @@ class TrackSet:
             record.hits += 1
             record.streak += 1
             record.missed = record.occluded = record.out_of_view = record.out_of_view_ns = 0
-            record.confirmed |= record.streak >= self._lifecycle.confirm_hits
+            record.confirmed |= self._lifecycle.confirms(record)
 
     def manage(self, unmatched: Sequence[Measurement], observation: Observation) -> list[Track]:
         """Delete ended tracks, begin one for each unmatched measurement and return all tracks."""
@@ -127,7 +144,7 @@ class TrackSet:
     def begin(self, measurement: Measurement, observation: Observation, identity: int) -> None:
         """Begin a track."""
         x, P = self._motion.start(measurement)
-        (yaw,) = self._yaw.update([None], [measurement], np.zeros((1, 3)))
+        (yaw,) = self._yaw.update([None], [measurement], [np.zeros(3)])
         record = TrackRecord(
             id=identity,
             x=x,
@@ -166,15 +183,17 @@ class TrackSet:
         Raises:
             ValueError: Their states are not of this motion model, or an identity is there twice.
         """
-        n = self._motion.H.shape[1]
+        n = self._motion.size
         if any(t.x.shape != (n,) or t.P.shape != (n, n) for t in records):
             raise ValueError(f"expected states of {n} numbers, got others")
         if any(t.imm and not t.imm.fits(n) for t in records):
             raise ValueError(f"expected two states of {n} numbers each, got others")
+        if not all(math.isfinite(number) for t in records for number in t.yaw or ()):
+            raise ValueError("expected finite yaws, got NaN or infinity")
         if len({t.id for t in records}) < len(records) or any(t.id < 1 for t in records):
             raise ValueError("expected identities >= 1, each once")
         self.records, self.stamp_ns = records, stamp_ns
-        self.ids.raise_to(max((t.id + 1 for t in records), default=1))
+        self.ids.raise_to(max((t.id + 1 for t in records if self.ids.is_own(t.id)), default=1))
 
     def postpone(self, duration_ns: int) -> None:
         """Skip a time without frames: all stamps become so much later."""
@@ -194,18 +213,18 @@ class TrackSet:
         return (stamp_ns - self.stamp_ns) / 1e9
 
     def _track(self, record: TrackRecord, stamp_ns: int) -> Track:
-        x, motion = record.x, self._motion
-        indices = motion.position + motion.velocity
+        x = record.x
+        velocity_mps = x[self._velocity]
         state: Literal["tentative", "confirmed", "lost"] = "tentative"
         if record.confirmed:
             state = "lost" if record.detection is None else "confirmed"
         return Track(
             id=record.id,
             state=state,
-            position_m=x[motion.position],
-            velocity_mps=x[motion.velocity],
-            covariance=record.P[np.ix_(indices, indices)],
-            yaw_rad=self._yaw.read(record.yaw, x[motion.velocity]),
+            position_m=x[self._position],
+            velocity_mps=velocity_mps,
+            covariance=self._motion.position_and_velocity(record.P),
+            yaw_rad=self._yaw.read(record.yaw, velocity_mps),
             hits=record.hits,
             age=record.age,
             time_since_update_s=(stamp_ns - record.matched_ns) / 1e9,

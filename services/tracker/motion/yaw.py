@@ -1,10 +1,8 @@
 """Yaw of people: filtered from keypoints, or the direction of their velocity."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from common import kalman
 from common.geometry.transforms import wrap
@@ -13,21 +11,21 @@ from services.tracker.config import TrackerConfig, YawFilterConfig
 from services.tracker.interface import Measurement
 
 
-@dataclass(frozen=True, slots=True)
-class YawState:
-    """State of the yaw filter of one track."""
+class YawState(NamedTuple):
+    """State of the yaw filter of one track: numbers, since arrays of two take much longer."""
 
-    x: F64  # 2: psi in radians, wrapped, and dpsi in radians a second
-    P: F64  # 2x2 covariance
+    psi_rad: float  # wrapped
+    rate_radps: float  # dpsi
+    psi_variance: float  # the covariance of both
+    cross: float
+    rate_variance: float
+    agreement_s: float = 0.0  # [s] of measurements that agree, less that of reversed ones
+    since_s: float = 0.0  # [s] since the last measurement from keypoints
 
 
-@dataclass(frozen=True, slots=True)
-class YawMeasurement:
-    """One measured angle."""
-
-    rad: float | None  # [rad] None if there is none
-    variance: float  # [rad^2]
-
+UNIFORM_RAD = math.pi / math.sqrt(3)  # standard deviation of an angle about which nothing is known
+REVERSED_RAD = math.radians(120)  # a measurement farther off is taken as reversed
+STEP_MAX_S = 0.2  # [s] one measurement counts for no longer
 
 States = Sequence[YawState | None]  # one for each track, None: unknown
 
@@ -49,9 +47,9 @@ class VelocityYaw:
         self,
         states: States,
         measurements: Sequence[Measurement],  # noqa: ARG002
-        velocities_mps: F64,  # noqa: ARG002
+        velocities_mps: Iterable[F64],  # noqa: ARG002
     ) -> list[YawState | None]:
-        """Update each state with one measurement, which may have no yaw, and a velocity (Nx3)."""
+        """Update each state with one measurement, which may have no yaw, and a velocity (3)."""
         return list(states)
 
     def read(self, state: YawState | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
@@ -73,77 +71,130 @@ class KeypointYaw(VelocityYaw):
     def __init__(self, config: YawFilterConfig) -> None:
         self._config = config
         self._direction = VelocityYaw(config.walk_speed_min_mps)
-        self._H = np.eye(1, 2)
 
     def predict(self, states: States, dt_s: float) -> list[YawState | None]:
         """Turn each track on at its own rate; the uncertainty grows."""
-        known = [state for state in states if state is not None]
-        if not known:
-            return list(states)
-        x, P = kalman.predict(*_stack(known), self._transition(dt_s), self._noise(dt_s))
-        moved = iter(_unstack(x, P))
-        return [None if state is None else next(moved) for state in states]
+        config, after = self._config, list(states)
+        steps = max(math.ceil(dt_s / config.acceleration_s), 1)
+        dt_s /= steps
+        step = self._turn_s(dt_s), math.exp(-dt_s / config.rate_decay_s)
+        pp, pv, vv = kalman.acceleration_noise(dt_s, config.sigma_acceleration_radps2)
+        noise = pp, pv, vv
+        for _ in range(steps):
+            after = [
+                None if state is None else predicted(state, dt_s, step, noise) for state in after
+            ]
+        return after
 
     def update(
-        self, states: States, measurements: Sequence[Measurement], velocities_mps: F64
+        self, states: States, measurements: Sequence[Measurement], velocities_mps: Iterable[F64]
     ) -> list[YawState | None]:
         """Update known states, begin those measured for the first time."""
-        measured = [YawMeasurement(m.yaw_rad, self._variance(m)) for m in measurements]
-        after = self._correct(states, measured)
+        after = [
+            self._measured(state, m.yaw_rad, self._variance(m), trust(m))
+            for state, m in zip(states, measurements, strict=True)
+        ]
         variance = self._config.sigma_walk_rad**2
         if variance == math.inf:
             return after
-        walking = [YawMeasurement(self._direction.read(None, v), variance) for v in velocities_mps]
-        return self._correct(after, walking)
+        return [
+            self._correct(state, self._direction.read(None, v), variance)
+            for state, v in zip(after, velocities_mps, strict=True)
+        ]
+
+    def _measured(
+        self, state: YawState | None, measured_rad: float | None, variance: float, trust: float
+    ) -> YawState | None:
+        """Return a state updated with an angle from keypoints, if there is one.
+
+        A reversed angle is left out until reversed ones have outlasted those that agree; then the
+        state begins anew. Agreement is forgotten while there are no measurements.
+        """
+        if measured_rad is None or not math.isfinite(measured_rad):
+            return state
+        if state is None:
+            return self._start(measured_rad, variance)
+        step_s = min(state.since_s, STEP_MAX_S)
+        agreement_s = max(state.agreement_s - (state.since_s - step_s), 0.0)
+        step_s *= trust
+        if self._is_reversed(state, measured_rad):
+            if agreement_s < step_s:
+                return self._start(measured_rad, variance)
+            return state._replace(agreement_s=agreement_s - step_s, since_s=0.0)
+        after = self._correct(state, measured_rad, variance)
+        agreement_s = min(agreement_s + step_s, self._config.reversal_s)
+        return after and after._replace(agreement_s=agreement_s, since_s=0.0)
 
     def _correct(
-        self, states: States, measurements: Sequence[YawMeasurement]
-    ) -> list[YawState | None]:
-        after, known = list(states), list[tuple[int, YawState, YawMeasurement]]()
-        for index, (state, measurement) in enumerate(zip(states, measurements, strict=True)):
-            if measurement.rad is None or not math.isfinite(measurement.rad):
-                continue
-            if state is None:
-                after[index] = self._start(measurement.rad, measurement.variance)
-            else:
-                known.append((index, state, measurement))
-        if known:
-            x, P = _stack([state for _, state, _ in known])
-            psi = x[:, :1]
-            y = _wrap(np.array([[measurement.rad] for *_, measurement in known]) - psi)
-            R = np.array([measurement.variance for *_, measurement in known])
-            R = self._damped(y[:, 0], P[:, 0, 0], R)
-            corrected = _unstack(*kalman.update(x, P, psi + y, self._H, R[:, None, None]))
-            for (index, _, _), state in zip(known, corrected, strict=True):
-                after[index] = state
-        return after
+        self, state: YawState | None, measured_rad: float | None, variance: float
+    ) -> YawState | None:
+        """Return a state updated with an angle, if there is one that is not reversed.
+
+        R is raised where it takes that to keep the innovation within outlier_sigmas of sqrt(S).
+        """
+        if measured_rad is None:
+            return state
+        if state is None:
+            return self._start(measured_rad, variance)
+        if self._is_reversed(state, measured_rad):
+            return state
+        y = wrap(measured_rad - state.psi_rad)
+        damped = (y / self._config.outlier_sigmas) ** 2 - state.psi_variance
+        return corrected(state, y, max(variance, damped))
+
+    def _is_reversed(self, state: YawState, measured_rad: float) -> bool:
+        y = wrap(measured_rad - state.psi_rad)
+        return self._config.reversal_s > 0 and abs(y) > REVERSED_RAD
 
     def read(self, state: YawState | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
-        """Return psi."""
-        return None if state is None else wrap(float(state.x[0]))
+        """Return psi, unless too much time without a measurement has made it unknown."""
+        limit = self._config.sigma_unknown_rad**2
+        return None if state is None or state.psi_variance > limit else wrap(state.psi_rad)
 
-    def _transition(self, dt_s: float) -> F64:
-        """Return F; a rate that decays with time constant tau turns by tau (1 - exp(-dt/tau))."""
+    def _turn_s(self, dt_s: float) -> float:
+        """Return the turn at a rate of 1 that decays with tau: tau (1 - exp(-dt / tau))."""
         tau_s = self._config.rate_decay_s
-        decay = math.exp(-dt_s / tau_s)
-        return np.array([[1.0, dt_s if decay == 1 else tau_s * (1 - decay)], [0.0, decay]])
-
-    def _noise(self, dt_s: float) -> F64:
-        pp, pv, vv = kalman.acceleration_noise(dt_s, self._config.sigma_acceleration_radps2)
-        return np.array([[pp, pv], [pv, vv]])
-
-    def _damped(self, y: F64, variance: F64, R: F64) -> F64:
-        """Return R (N), raised where it takes that to keep y within outlier_sigmas of sqrt(S)."""
-        return np.maximum(R, np.square(y / self._config.outlier_sigmas) - variance)
+        return dt_s if tau_s == math.inf else -tau_s * math.expm1(-dt_s / tau_s)
 
     def _start(self, psi_rad: float, variance: float) -> YawState:
         rate = self._config.sigma_start_rate_radps**2
-        return YawState(_wrap(np.array([psi_rad, 0.0])), np.diag([variance, rate]))
+        return YawState(wrap(psi_rad), 0.0, variance, 0.0, rate)
 
     def _variance(self, measurement: Measurement) -> float:
-        """Return R: one constant, or the variance of the measurement."""
-        own_rad = measurement.yaw_sigma_rad if self._config.measured_sigma else None
-        return (own_rad or self._config.sigma_measurement_rad) ** 2
+        """Return R: one constant, or the variance of the measurement, limited."""
+        config, own_rad = self._config, measurement.yaw_sigma_rad
+        if not config.measured_sigma or own_rad is None:
+            return config.sigma_measurement_rad**2
+        return min(own_rad, config.sigma_max_rad) ** 2
+
+
+def trust(measurement: Measurement) -> float:
+    """Return the weight (0 to 1) of a measurement against reversed ones; a guess has none."""
+    sigma_rad = measurement.yaw_sigma_rad or 0.0
+    return max(1.0 - (sigma_rad / UNIFORM_RAD) ** 2, 0.0)
+
+
+def predicted(
+    state: YawState, dt_s: float, F: tuple[float, float], noise: tuple[float, float, float]
+) -> YawState:
+    """Return a state moved ahead by [1 turn; 0 decay], of which F has two, and elements of Q."""
+    psi, rate, p, c, v, agreement_s, since_s = state
+    (turn_s, decay), (pp, pv, vv) = F, noise
+    cross = decay * (c + turn_s * v) + pv
+    p += turn_s * (2.0 * c + turn_s * v) + pp
+    psi, rate, v = wrap(psi + turn_s * rate), decay * rate, decay * decay * v + vv
+    return YawState(psi, rate, p, cross, v, agreement_s, since_s + dt_s)
+
+
+def corrected(state: YawState, y: float, variance: float) -> YawState:
+    """Return a state updated with an innovation y of psi with variance R, in Joseph's form."""
+    psi, rate, p, c, v, agreement_s, since_s = state
+    k, m = p / (p + variance), c / (p + variance)
+    cross = (1.0 - k) * (c - m * p) + k * m * variance
+    p_after = (1.0 - k) ** 2 * p + k * k * variance
+    v_after = v - 2.0 * m * c + m * m * (p + variance)
+    psi, rate = wrap(psi + k * y), rate + m * y
+    return YawState(psi, rate, p_after, cross, v_after, agreement_s, since_s)
 
 
 def make_yaw(config: TrackerConfig) -> VelocityYaw:
@@ -151,16 +202,3 @@ def make_yaw(config: TrackerConfig) -> VelocityYaw:
     if config.yaw == "keypoints":
         return KeypointYaw(config.yaw_filter)
     return VelocityYaw(config.yaw_speed_min_mps if config.yaw == "velocity" else math.inf)
-
-
-def _wrap(angles_rad: F64) -> F64:
-    return np.arctan2(np.sin(angles_rad), np.cos(angles_rad))
-
-
-def _stack(states: Sequence[YawState]) -> tuple[F64, F64]:
-    return np.array([s.x for s in states]), np.array([s.P for s in states])
-
-
-def _unstack(x: F64, P: F64) -> list[YawState]:
-    x = np.column_stack([_wrap(x[:, 0]), x[:, 1]])
-    return [YawState(*state) for state in zip(x, P, strict=True)]

@@ -30,37 +30,33 @@ class RoundMatches(Generic[T, D]):
     unmatched_detections: list[D]
 
 
-def assign(cost: F64, miss: float = np.inf) -> list[tuple[int, int]]:
-    """Match admissible pairs at the least sum of costs (Hungarian method).
+def assign(cost: F64) -> list[tuple[int, int]]:
+    """Match as many admissible pairs as possible, at the least sum of costs (Hungarian method).
 
     Args:
         cost: NxM, +inf for inadmissible pairs.
-        miss: Cost of an unmatched track. Infinity: as many pairs as possible are matched at any
-            cost. Else a good pair is not broken up into two bad matches, if these two cost more
-            than the pair and a miss.
 
     Returns:
         Matched pairs (row, column), ordered by row.
     """
-    admissible = np.isfinite(cost)
-    if not admissible.any():
+    if not cost.size:
         return []
-    least = cost[admissible].min()
-    spread = cost[admissible].max() - least
+    admissible = np.isfinite(cost)
+    costs = cost[admissible]
+    if not costs.size:
+        return []
+    least = costs.min()
+    spread = costs.max() - least
     # Above the sum of all pairs, so that giving up an admissible pair never pays.
-    forbidden = min((spread + 1.0) * (min(cost.shape) + 1), miss - least)
-    # A pair that costs more than a miss, and has no rival, is still a match.
-    costs = np.where(admissible, cost - least, 0.0)
-    costs = np.minimum(costs, forbidden - 1e-6 + 1e-9 * costs)
-    rows, columns = linear_sum_assignment(np.where(admissible, costs, forbidden))
-    return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if admissible[i, j]]
+    forbidden = (spread + 1.0) * (min(cost.shape) + 1)
+    rows, columns = linear_sum_assignment(np.where(admissible, cost - least, forbidden))
+    chosen = admissible[rows, columns]
+    return list(zip(rows[chosen].tolist(), columns[chosen].tolist(), strict=True))
 
 
-def associate(
-    cost: F64, tracks: Sequence[T], detections: Sequence[D], miss: float = np.inf
-) -> RoundMatches[T, D]:
+def associate(cost: F64, tracks: Sequence[T], detections: Sequence[D]) -> RoundMatches[T, D]:
     """Match tracks (N) and detections (M) at the least sum of costs (NxM), see `assign`."""
-    pairs = assign(cost, miss)
+    pairs = assign(cost)
     rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
     return RoundMatches(
         cost,
@@ -118,5 +114,5 @@ def cosine_distances(
     unknown = np.full(len(known[0]) if known else 1, np.nan)
     rows = [unknown if one.embedding is None else one.embedding for one in (*a, *b)]
     vectors = np.array(rows).reshape(-1, len(unknown))
-    apart: F64 = np.clip(1.0 - vectors[: len(a)] @ vectors[len(a) :].T, 0.0, 2.0)
-    return apart
+    apart: F64 = 1.0 - vectors[: len(a)] @ vectors[len(a) :].T
+    return np.asarray(np.minimum(np.maximum(apart, 0.0), 2.0))

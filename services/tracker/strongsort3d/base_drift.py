@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from common.geometry.planar_covariance import PlanarCovariance
 from common.geometry.transform_history import TransformBufferConfig, displacement
 from common.geometry.transforms import invert
 from people4d.messages import F64
@@ -13,13 +14,15 @@ from services.tracker.strongsort3d.policies import TrackPolicy
 class BaseDrift(TrackPolicy):
     """Covariance of tracked positions due to errors of the motion of the base.
 
-    The errors of distance and of angle grow as random walks with the distance and with the angle; a
-    turn by angle e about the vertical moves a person r away by e r, at right angles to the ray.
+    It is that of the odometry, if its messages carry one that grows. Else the errors of distance
+    and of angle grow as random walks with the distance and with the angle; a turn by angle e about
+    the vertical moves a person r away by e r, at right angles to the ray.
     """
 
     def __init__(self, config: TransformBufferConfig) -> None:
         self._config = config
         self._poses: dict[str, F64] = {}
+        self._bases: dict[str, PlanarCovariance | None] = {}
 
     def after_prediction(self, tracks: TrackSet, observation: Observation) -> None:
         """Add the drift since the camera's last frame to the tracks last matched by it."""
@@ -37,8 +40,13 @@ class BaseDrift(TrackPolicy):
             return None
         before = self._poses.get(observation.camera)
         self._poses[observation.camera] = pose
+        base_before = self._bases.get(observation.camera)
+        base = self._bases[observation.camera] = observation.base
         if before is None or np.array_equal(before, pose):
             return None
+        growth = base.growth(base_before) if base and base_before else None
+        if base is not None and growth is not None:
+            return carried(growth, positions_m[:, :2] - base.position_m)
         distance_m, rotation_rad = displacement(invert(before) @ pose)
         ray_m = positions_m - pose[:3, 3]
         aside_m = np.stack([-ray_m[:, 1], ray_m[:, 0], np.zeros(len(ray_m))], axis=-1)
@@ -53,3 +61,16 @@ class BaseDrift(TrackPolicy):
     def clear(self) -> None:
         """Drop the poses of the cameras."""
         self._poses.clear()
+        self._bases.clear()
+
+
+def carried(covariance: F64, rays_m: F64) -> F64:
+    """Return the covariances (Nx3x3) of positions at rays (Nx2) from a base with one of its pose.
+
+    A turn by angle e moves them by e at right angles to the ray: G = [1 0 -y; 0 1 x].
+    """
+    G = np.zeros((len(rays_m), 3, 3))
+    G[:, 0, 0] = G[:, 1, 1] = 1.0
+    G[:, 0, 2], G[:, 1, 2] = -rays_m[:, 1], rays_m[:, 0]
+    result: F64 = G @ covariance @ G.swapaxes(1, 2)
+    return result

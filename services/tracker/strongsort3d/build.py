@@ -36,13 +36,14 @@ def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
         tentative_frames=1,
         lost_frames=strong.a_max,
         lost_s=config.max_lost_s,
+        by_hits=strong.lifetime == "hits",
     )
     tracks = TrackSet(motion, lifecycle, make_yaw(config), _state_filter(strong, motion))
     occlusion: tuple[TrackPolicy, ...] = ()
     if strong.occlusion.enabled:
         occlusion = (FieldOfView(strong.occlusion), Occlusion(strong.occlusion))
     policies = Policies(
-        contact=Contact(strong) if strong.contact.enabled else ContactPolicy(),
+        contact=Contact(strong.contact) if strong.contact.enabled else ContactPolicy(),
         identity=Reidentification(strong.identity) if strong.identity.enabled else IdentityPolicy(),
         tracks=(BaseDrift(config.base), *occlusion),
     )

@@ -1,6 +1,6 @@
 """Policies around StrongSORT-3D: each base class does nothing and leaves the published method."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -8,8 +8,7 @@ import numpy as np
 
 from people4d.messages import F64
 from services.tracker.config import StrongSort3dConfig
-from services.tracker.identity.gallery import GalleryEntry
-from services.tracker.interface import Measurement, Observation
+from services.tracker.interface import GalleryEntry, Measurement, Observation
 from services.tracker.motion.track_record import BOOL, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import RoundMatches
@@ -33,47 +32,57 @@ class FrameContext:
         return self.config.cosine_limit(self.observation.embedder)
 
     @cached_property
+    def positions_m(self) -> F64:
+        """Measured positions, Mx3."""
+        return np.array([m.position_m for m in self.detections]).reshape(-1, 3)
+
+    @cached_property
     def overlapping(self) -> frozenset[int]:
         """Indices of the detections that could belong to several tracks in one line of sight."""
-        pose, config = self.observation.map_from_camera, self.config
-        if pose is None:
+        camera_from_map, config = self.observation.camera_from_map, self.config
+        if camera_from_map is None or len(self.tracks_m) < 2:
             return frozenset()
-        found_m = np.array([m.position_m for m in self.detections]).reshape(-1, 3)
         half_m = config.occlusion.half_width_m
-        found, _ = visibility.intervals(found_m, pose, half_m)
-        tracks, depth_m = visibility.intervals(self.tracks_m, pose, half_m)
+        found, _ = visibility.intervals(self.positions_m, camera_from_map, half_m)
+        tracks, depth_m = visibility.intervals(self.tracks_m, camera_from_map, half_m)
         tracks = tracks[depth_m > visibility.NEAR_M]
-        return self._indices(visibility.overlapping(found, tracks, config.contact.overlap_min))
+        return self._indices(visibility.overlapping(found, tracks, config.identity.overlap_min))
+
+    @cached_property
+    def cut_off(self) -> frozenset[int]:
+        """Indices of the detections whose box reaches the left or right of the image."""
+        return self._indices(visibility.cut_off(self._boxes, self.observation.size_px))
 
     @cached_property
     def occluded(self) -> frozenset[int]:
         """Indices of the detections whose crop shows others, too, or is cut off."""
-        boxes = np.array([m.box_xyxy_px for m in self.detections], np.float64).reshape(-1, 4)
-        bad = visibility.covered_ratios(boxes) > self.config.contact.covered_max
-        bad |= visibility.cut_off(boxes, self.observation.size_px)
-        return self.overlapping | self._indices(bad)
+        depths_m = np.array([m.forward_m for m in self.detections])
+        before = depths_m[None] <= depths_m[:, None] + self.config.occlusion.nearer_slack_m
+        covered = (self._common * before).max(axis=1, initial=0.0)
+        hidden = self._indices(covered > self.config.identity.covered_max)
+        return self.overlapping | hidden | self.cut_off
+
+    @cached_property
+    def depth_uncertain(self) -> frozenset[int]:
+        """Indices of the detections whose depth may be that of a person in front."""
+        # Not of those in front by depth alone: the depths are what is in doubt.
+        covered = self._common.max(axis=1, initial=0.0)
+        return self._indices(covered > self.config.contact.depth_covered_max)
+
+    @cached_property
+    def _common(self) -> F64:
+        """Part (MxM) of the box of each detection that each other one covers."""
+        return visibility.common_ratios(self._boxes)
+
+    @cached_property
+    def _boxes(self) -> F64:
+        """Boxes of the detections, Mx4."""
+        boxes = [m.box_xyxy_px for m in self.detections]
+        return np.array(boxes, np.float64).reshape(-1, 4)
 
     def _indices(self, chosen: BOOL) -> frozenset[int]:
-        pairs = zip(self.detections, chosen, strict=True)
+        pairs = zip(self.detections, chosen.tolist(), strict=True)
         return frozenset(detection.index for detection, is_chosen in pairs if is_chosen)
-
-
-@dataclass(frozen=True, slots=True)
-class CandidatePairs:
-    """The tracks (N) and detections (M) of one round of association."""
-
-    records: Sequence[TrackRecord]
-    detections: Sequence[Measurement]
-    tracks_m: F64  # Nx3, predicted positions
-    frame: FrameContext
-
-    def unoccluded(self) -> BOOL:
-        """Return the detections (M) whose crop shows one person only."""
-        return np.array([m.index not in self.frame.occluded for m in self.detections], np.bool_)
-
-    def separate(self) -> BOOL:
-        """Return the detections (M) that could belong to one track at most."""
-        return np.array([m.index not in self.frame.overlapping for m in self.detections], np.bool_)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,29 +115,12 @@ class TrackPolicy:
 class ContactPolicy:
     """Association of people who touch or cross; this base leaves the published method."""
 
-    def prepare(self, observation: Observation, detections: list[Measurement]) -> list[Measurement]:  # noqa: ARG002
-        """Return detections with the covariance to add to each."""
-        return detections
-
-    def miss_cost(self, frame: FrameContext) -> float:  # noqa: ARG002
-        """Return the cost of an unmatched track in round 1."""
-        return np.inf
-
-    def appearance(self, d_cos: F64, pairs: CandidatePairs) -> F64:  # noqa: ARG002
-        """Return the cosine distances (NxM, NaN where unknown) of round 1."""
-        return d_cos
-
-    def unreachable(self, pairs: CandidatePairs) -> BOOL:
-        """Return the pairs (NxM) that are too far apart."""
-        return np.zeros((len(pairs.records), len(pairs.detections)), np.bool_)
-
-    def mismatch(self, d_cos: F64, pairs: CandidatePairs) -> BOOL:  # noqa: ARG002
-        """Return the pairs (NxM) that round 2 must refuse by their cosine distances."""
-        return np.zeros(d_cos.shape, np.bool_)
-
-    def updates_embedding(self, match: Match, frame: FrameContext) -> bool:  # noqa: ARG002
-        """Check that a match may change the embedding of its track."""
-        return True
+    def gate_covariances_m2(
+        self,
+        frame: FrameContext,  # noqa: ARG002
+    ) -> F64 | None:
+        """Return the covariances (Mx3x3) by which the noise of detections grows in gates, if so."""
+        return None
 
     def alpha(self, alpha: float, record: TrackRecord) -> float:  # noqa: ARG002
         """Return the weight of a track's embedding in its moving average."""
@@ -148,6 +140,12 @@ class IdentityPolicy(TrackPolicy):
 
     def restore(self, entries: list[tuple[int, GalleryEntry]]) -> None:
         """Continue with the gallery of a checkpoint."""
+
+    def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
+        """Take the people of neighbouring areas by identity, in place of those before."""
+
+    def rename(self, identity: int, to: int | None) -> None:
+        """Change the identity of a person of the gallery; None: delete it there."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,8 @@
 The algorithm is that of [PIC4SeR]; whatever goes beyond composes around it as `Policies`.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import msgspec
@@ -12,15 +13,20 @@ import numpy as np
 from common import kalman
 from people4d.messages import F64, Track
 from services.tracker.config import StrongSort3dConfig
-from services.tracker.interface import Measurement, Observation, in_order
+from services.tracker.interface import (
+    GalleryEntry,
+    KnownPeople,
+    Measurement,
+    Observation,
+    in_order,
+)
 from services.tracker.motion.motion import PositionMotion
-from services.tracker.motion.track_record import TrackRecord, stack
+from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import associate, cosine_distances, distances
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
-    CandidatePairs,
     ContactPolicy,
     FrameContext,
     Match,
@@ -67,6 +73,36 @@ class StrongSort3d(TrackSetTracker):
         for policy in self._policies.in_order:
             policy.clear()
 
+    def known_people(self) -> KnownPeople | None:
+        """Return the gallery; None if people who return are not re-identified."""
+        if not self._config.identity.enabled:
+            return None
+        return KnownPeople(self._embedder[0], dict(self._policies.identity.entries()))
+
+    def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
+        """Take the people of neighbouring areas whose views are comparable."""
+        length = self._embedder[1]
+        known = {i: e for i, e in people.items() if all(len(v) == length for v in e.views)}
+        self._policies.identity.learn_neighbours(known)
+
+    def rename(self, identities: Mapping[int, int | None]) -> None:
+        """Give tracks the identities of neighbours; None: a new one."""
+        given = set(identities.values())
+        # A lost track of the same person ends here.
+        tracks = self.tracks
+        tracks.records = [t for t in tracks.records if t.id not in given]
+        for record in tracks.records:
+            if record.id not in identities:
+                continue
+            before, identity = record.id, identities[record.id]
+            if identity is None:
+                record.id = self.ids.new()
+                record.identity = IdentityDecision("new", 0.5, "the identity is tracked elsewhere")
+            else:
+                record.id = identity
+                record.identity = IdentityDecision("continued", 0.9, "a neighbour sees them, too")
+            self._policies.identity.rename(before, identity)
+
     def checkpoint(self) -> TrackerCheckpoint:
         """Return the state."""
         gallery = self._policies.identity.entries()
@@ -82,48 +118,60 @@ class StrongSort3d(TrackSetTracker):
 
     def _associate(self, observation: Observation) -> AssociationResult:
         """Match confirmed tracks by motion and appearance, then recent and new ones by distance."""
-        records, contact = self.tracks.records, self._policies.contact
+        records = self.tracks.records
         is_absent = self._policies.identity.is_absent
         confirmed = [t for t in records if t.confirmed and not is_absent(t, observation)]
         tentative = [t for t in records if not t.confirmed]
-        detections = contact.prepare(observation, in_order(observation.measurements))
+        detections = in_order(observation.measurements)
         confirmed_m = self.tracks.positions_m(confirmed)
         frame = FrameContext(observation, detections, confirmed_m, self._config)
 
-        cost = self._appearance_cost(self._pairs(confirmed, detections, frame))
-        first = associate(cost, confirmed, detections, contact.miss_cost(frame))
-        recent = [t for t in first.unmatched_tracks if t.missed <= 1]
+        first = associate(self._appearance_cost(confirmed, frame), confirmed, detections)
+        # After a time without frames the distance alone says little.
+        gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
+        recent = [] if gap else [t for t in first.unmatched_tracks if t.missed <= 1]
+        recent += tentative
         rest = first.unmatched_detections
-        cost = self._distance_cost(self._pairs(recent + tentative, rest, frame))
-        second = associate(cost, recent + tentative, rest)
+        cost = self._distance_cost(recent, rest)
+        if self._config.distance_gated:
+            cost[self._contradicted(recent, rest, frame)] = np.inf
+        second = associate(cost, recent, rest)
         return AssociationResult(frame, first, second)
 
-    def _pairs(
-        self,
-        records: Sequence[TrackRecord],
-        detections: Sequence[Measurement],
-        frame: FrameContext,
-    ) -> CandidatePairs:
-        return CandidatePairs(records, detections, self.tracks.positions_m(records), frame)
+    def _appearance_cost(self, records: Sequence[TrackRecord], frame: FrameContext) -> F64:
+        motion, detections = self._motion, frame.detections
+        if not records or not detections:
+            return np.full((len(records), len(detections)), np.inf)
+        (x, P), z, R = stack(records), frame.positions_m, motion.gate_noise(detections)
+        d_m2 = kalman.gating_distances(x, P, z, R)
+        d_cos = cosine_distances(records, detections)
+        wider_m2 = self._policies.contact.gate_covariances_m2(frame)
+        if wider_m2 is not None:
+            # A wide gate needs an appearance that speaks for the pair.
+            wide_m2 = kalman.gating_distances(x, P, z, R + wider_m2)
+            d_m2 = np.where(np.isnan(d_cos), d_m2, wide_m2)
+        return combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
 
-    def _appearance_cost(self, pairs: CandidatePairs) -> F64:
-        motion, contact, records = self._motion, self._policies.contact, pairs.records
-        if not records or not pairs.detections:
-            return np.full((len(records), len(pairs.detections)), np.inf)
-        z, R = motion.measure(pairs.detections), motion.gate_noise(pairs.detections)
-        d_m2 = kalman.gating_distances(*stack(records), z, motion.H, R)
-        d_m2[contact.unreachable(pairs)] = np.inf
-        d_cos = contact.appearance(cosine_distances(records, pairs.detections), pairs)
-        return combined_cost(d_m2, d_cos, pairs.frame.cosine_distance_max, self._config)
+    def _contradicted(
+        self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext
+    ) -> BOOL:
+        """Flag pairs (NxM) of a confirmed track that neither motion nor appearance admits."""
+        if not records or not detections:
+            return np.zeros((len(records), len(detections)), np.bool_)
+        (x, P), z = stack(records), self._motion.measure(detections)
+        d_m2 = kalman.gating_distances(x, P, z, self._motion.gate_noise(detections))
+        far = d_m2 > self._config.mahalanobis_max
+        unlike = cosine_distances(records, detections) > frame.cosine_distance_max  # not of NaN
+        confirmed = np.array([record.confirmed for record in records])
+        return np.asarray(far & unlike & confirmed[:, None])
 
-    def _distance_cost(self, pairs: CandidatePairs) -> F64:
-        contact, records = self._policies.contact, pairs.records
-        if not records or not pairs.detections:
-            return np.full((len(records), len(pairs.detections)), np.inf)
-        cost = distances(pairs.tracks_m, self._motion.measure(pairs.detections))
-        d_cos = cosine_distances(records, pairs.detections)
+    def _distance_cost(
+        self, records: Sequence[TrackRecord], detections: Sequence[Measurement]
+    ) -> F64:
+        if not records or not detections:
+            return np.full((len(records), len(detections)), np.inf)
+        cost = distances(self.tracks.positions_m(records), self._motion.measure(detections))
         cost[cost > self._config.distance_max_m] = np.inf
-        cost[contact.mismatch(d_cos, pairs) | contact.unreachable(pairs)] = np.inf
         return cost
 
     def _drop_other_embeddings(self, observation: Observation) -> None:
@@ -143,7 +191,9 @@ def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfi
     Where a track or a detection has no embedding (d_cos is NaN), C_cos d_M^2 / d_M,max^2 stands in:
     a pair at the edge of the motion gate costs as much as one at the edges of both.
     """
-    d_cos = np.where(np.isnan(d_cos), c_cos * d_m2 / config.mahalanobis_max, d_cos)
+    unknown = np.isnan(d_cos)
+    if unknown.any():
+        d_cos = np.where(unknown, c_cos * d_m2 / config.mahalanobis_max, d_cos)
     cost: F64 = config.motion_weight * d_m2 + (1 - config.motion_weight) * d_cos
     cost[(d_m2 > config.mahalanobis_max) | (d_cos > c_cos)] = np.inf
     return cost
@@ -165,9 +215,8 @@ def update_embeddings(
     matches: Sequence[Match], frame: FrameContext, contact: ContactPolicy
 ) -> None:
     """Update the embeddings of matched tracks: e <- alpha e + (1 - alpha) f."""
-    for match in matches:
-        record, measurement = match
-        if measurement.embedding is not None and contact.updates_embedding(match, frame):
+    for record, measurement in matches:
+        if measurement.embedding is not None:
             alpha = contact.alpha(frame.config.ema_alpha, record)
             record.embedding = moving_average(record.embedding, measurement.embedding, alpha)
 
@@ -175,5 +224,5 @@ def update_embeddings(
 def moving_average(e: F64 | None, f: F64, alpha: float) -> F64:
     """Return alpha e + (1 - alpha) f at unit length; f if e is unknown or the sum vanishes."""
     mixed = f if e is None else alpha * e + (1 - alpha) * f
-    length = float(np.linalg.norm(mixed))
+    length = math.sqrt(mixed @ mixed)
     return mixed / length if length > 1e-6 else f

@@ -5,7 +5,7 @@ An interval is the part of the image, at focal length 1, that an upright person'
 
 import numpy as np
 
-from common.geometry.transforms import apply, invert
+from common.geometry.transforms import apply
 from people4d.messages import F64
 from services.tracker.motion.track_record import BOOL
 
@@ -13,13 +13,16 @@ NEAR_M = 0.3  # [m] people nearer to the camera's plane than this are not in its
 EDGE_RATIO = 0.01  # of the image's width: a box so near to its edge may be cut off
 
 
-def intervals(positions_m: F64, map_from_camera: F64, half_width_m: float) -> tuple[F64, F64]:
+SIDES = np.array([-1.0, 1.0])
+
+
+def intervals(positions_m: F64, camera_from_map: F64, half_width_m: float) -> tuple[F64, F64]:
     """Return intervals (Nx2: left, right) and depths (N, m) of people at positions (Nx3)."""
-    points = apply(invert(map_from_camera), positions_m)
+    points = apply(camera_from_map, positions_m)
     depth = points[:, 2]
     scale = 1.0 / np.where(depth > NEAR_M, depth, 1.0)
     centre, half = points[:, 0] * scale, half_width_m * scale
-    return np.stack([centre - half, centre + half], axis=-1), depth
+    return centre[:, None] + half[:, None] * SIDES, depth
 
 
 def overlap_ratios(intervals: F64, others: F64) -> F64:
@@ -36,8 +39,10 @@ def overlapping(found: F64, tracks: F64, ratio_min: float) -> BOOL:
     Of two people in one line of sight, often only one is detected, or one made of both. Two
     intervals could be of one person if either covers `ratio_min` of the other.
     """
-    ratio = np.maximum(overlap_ratios(found, tracks), overlap_ratios(tracks, found).T)
-    return np.asarray((ratio >= ratio_min).sum(axis=1) > 1)
+    low = np.maximum(found[:, None, 0], tracks[None, :, 0])
+    high = np.minimum(found[:, None, 1], tracks[None, :, 1])
+    narrower = np.minimum((found[:, 1] - found[:, 0])[:, None], tracks[:, 1] - tracks[:, 0])
+    return np.asarray((high - low >= ratio_min * narrower).sum(axis=1) > 1)
 
 
 def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
@@ -48,11 +53,13 @@ def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
     return np.asarray((boxes[:, 0] < edge) | (boxes[:, 2] > size_px[0] - edge))
 
 
-def covered_ratios(boxes: F64) -> F64:
-    """Return the largest part (N) of each box (Nx4, xyxy, pixels) that another one covers."""
+def common_ratios(boxes: F64) -> F64:
+    """Return the part (NxN) of each box (Nx4, xyxy, pixels) that each other one covers."""
     low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
-    common = np.prod(np.maximum(high - low, 0.0), axis=-1)
-    np.fill_diagonal(common, 0.0)
-    ratios: F64 = common.max(axis=1, initial=0.0) / np.prod(boxes[:, 2:] - boxes[:, :2], axis=-1)
+    sides = np.maximum(high - low, 0.0)
+    common = sides[..., 0] * sides[..., 1]
+    area = common.diagonal().copy()  # each box covers itself
+    common.flat[:: len(boxes) + 1] = 0.0
+    ratios: F64 = common / area[:, None]
     return ratios

@@ -32,12 +32,12 @@ def query(*angles_deg: float, time_s: float = 10) -> IdentityQuery:
 
 def test_known_person_is_reidentified() -> None:
     # 10 degrees from person 1: 1 - cos 10 = 0.0152; 80 degrees from person 2: 0.8264. Of the
-    # weights exp(-0.0152 / 0.04), exp(-0.25 / 0.04) and that of person 2 the first is
-    # 1 / (1 + exp(-5.87)) = 0.9972.
+    # weights exp(-0.0152 / 0.07), exp(-0.25 / 0.07) and that of person 2 the first is
+    # 1 / (1 + exp(-3.354) + exp(-11.6)) = 0.9662.
     people = gallery(red=0, blue=90)
     decision = people.decide(query(10), [1, 2], 0.25)
     assert (decision.identity, decision.id) == ("reidentified", 1)
-    assert decision.confidence == pytest.approx(0.9972, abs=1e-4)
+    assert decision.confidence == pytest.approx(0.9662, abs=1e-4)
     assert decision.reason == "cosine distance 0.02 to 1, 0.83 to 2"
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 from people4d.messages import Track
 from services.tracker.config import (
@@ -114,6 +115,28 @@ def test_new_track_waits_for_unoccluded_crops_until_a_timeout() -> None:
     ]
 
 
+def test_new_track_waits_only_while_it_could_be_an_absent_person() -> None:
+    # RED left. One unoccluded crop is less than the two that a decision takes, but BLUE is not RED:
+    # published with the second match. By a crop 0.05 from RED the decision waits for the next one.
+    def published_ids(embedding: tuple[float, ...]) -> list[tuple[int, str, str | None]]:
+        strong = published(identity=IdentityConfig(enabled=True), a_max=5, n_init=2)
+        sort = build_strongsort3d(published_config(strongsort3d=strong))
+        stay(sort, 0, 10, person(3, 0, embedding=RED))
+        stay(sort, 10, 40)
+        low = person(3, 0, score=0.3, embedding=embedding)  # its crop is not used
+        stay(sort, 50, 1, low)
+        return stay(sort, 51, 1, person(3, 0, embedding=embedding))
+
+    assert published_ids(BLUE) == [(2, "confirmed", "new")]
+    assert published_ids((1.0, 0.42, 0.0)) == []
+
+
+def test_limit_of_reidentification_by_embedder() -> None:
+    assert IdentityConfig().limit("histogram", 0.3) == 0.15
+    assert IdentityConfig().limit("other", 0.3) == 0.3
+    assert IdentityConfig(match_max=0.2).limit("histogram", 0.3) == 0.2
+
+
 def test_result_is_independent_of_the_order_of_detections() -> None:
     config = published_config(strongsort3d=ALL)
     rng = np.random.default_rng(5)
@@ -164,8 +187,25 @@ def test_track_cut_off_at_the_edge_is_absent_sooner() -> None:
     assert results(absent_cut_off_s=0.3) == [(2, "tentative", None)]
 
 
+@pytest.mark.parametrize("y_m", [0.0, 1.0])
+def test_person_hidden_at_the_edge_left(y_m: float) -> None:
+    # RED, at 4 m, is last seen in the middle of the image or at its edge, then hidden by BLUE for
+    # a second. Another person of similar appearance comes out there. In the middle RED is expected.
+    identity = IdentityConfig(enabled=True)
+    strong = published(identity=identity, occlusion=OcclusionConfig(enabled=True))
+    sort = build_strongsort3d(published_config(strongsort3d=strong))
+    blue = person(2, y_m, index=1, embedding=BLUE)
+    for number in range(10):
+        sort.update(with_pose(number, person(4, 2 * y_m, embedding=RED)))
+    for number in range(10, 20):
+        sort.update(with_pose(number, blue))
+    tracks = sort.update(with_pose(20, blue, person(4, 2 * y_m, embedding=(1.0, 0.6, 0.0))))
+    (found,) = (t for t in tracks if t.detection == 0)
+    assert (found.id == 1) == (y_m == 0)
+
+
 def test_long_absent_track_returns_only_by_reidentification() -> None:
-    # 1.5 s unseen but still predicted, since a_max is 30 frames.
+    # 1.5 s unseen; by a_max, 30 frames, the track would be predicted for longer.
     def results(absent_s: float) -> list[tuple[int, str, str | None]]:
         identity = IdentityConfig(enabled=True, absent_s=absent_s)
         strong = published(identity=identity, a_max=30)
@@ -176,3 +216,54 @@ def test_long_absent_track_returns_only_by_reidentification() -> None:
 
     assert results(60.0) == [(1, "confirmed", "continued")]
     assert results(1.0) == [(1, "confirmed", "reidentified")]
+
+
+@pytest.mark.parametrize("frames", [12, 40, 55])
+@pytest.mark.parametrize("embedding", [RED, None])
+def test_people_apart_continue_after_a_time_without_frames(
+    frames: int, embedding: tuple[float, ...] | None
+) -> None:
+    # Of similar appearance, half a metre on, or without embeddings when frames come again.
+    sort = tracker(IdentityConfig(enabled=True, absent_s=1.0))
+    people = [person(3, y, index, embedding=RED) for index, y in enumerate((-1.0, 1.0))]
+    stay(sort, 0, 10, *people)
+    moved = [person(3.2, y + 0.2, index, embedding=embedding) for index, y in enumerate((-1, 1))]
+    found = stay(sort, 10 + frames - 1, 1, *moved)
+    expected = [(1, "confirmed", "continued"), (2, "confirmed", "continued")]
+    assert found == (expected if frames < 50 else [])  # by `max_lost_s` of this tracker
+
+
+def test_people_near_each_other_are_reidentified_after_a_time_without_frames() -> None:
+    # They changed sides meanwhile.
+    sort = tracker(IdentityConfig(enabled=True, absent_s=1.0))
+    both = person(3, -0.3, 0, embedding=RED), person(3, 0.3, 1, embedding=BLUE)
+    (red,) = (
+        t.id for t in [sort.update(frame(n, *both)) for n in range(10)][-1] if t.detection == 0
+    )
+    changed = person(3, -0.2, 0, embedding=BLUE), person(3, 0.2, 1, embedding=RED)
+    tracks = [sort.update(frame(number, *changed)) for number in range(25, 35)][-1]
+    assert {t.id: t.detection for t in tracks} == {red: 1, 3 - red: 0}
+
+
+def test_appearance_decides_after_a_time_without_frames() -> None:
+    sort = tracker(IdentityConfig(enabled=True, absent_s=1.0))
+    stay(sort, 0, 10, person(3, 0, embedding=RED))
+    assert stay(sort, 25, 3, person(3, 0, embedding=BLUE))[-1] == (2, "confirmed", "new")
+
+
+def test_absent_track_ends_and_an_occluded_one_does_not() -> None:
+    # Ten frames a second; unseen for 1.1 s: frames 5 to 15.
+    def lasts(*others: Measurement) -> bool:
+        strong = published(
+            identity=IdentityConfig(enabled=True), occlusion=OcclusionConfig(enabled=True)
+        )
+        sort = build_strongsort3d(published_config(strongsort3d=strong))
+        tracks: list[Track] = []
+        for number in range(5):
+            sort.update(with_pose(number, person(3, 0, embedding=RED)))
+        for number in range(5, 17):
+            tracks = sort.update(with_pose(number, *others))
+        return 1 in [track.id for track in tracks]
+
+    assert not lasts()
+    assert lasts(person(2, 0, embedding=BLUE))

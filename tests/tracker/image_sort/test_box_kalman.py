@@ -67,7 +67,7 @@ def full(track: np.void) -> tuple[F64, F64]:
 
 def test_equals_the_filter_of_seven_states() -> None:
     # SORT's matrices: F adds velocity to u, v, s; R, Q and the first P as published.
-    F, H = np.eye(7), np.eye(4, 7)
+    F = np.eye(7)
     F[range(3), range(4, 7)] = 1.0
     Q, R = np.diag([1, 1, 1, 1, 0.01, 0.01, 0.0001]), np.diag([1.0, 1, 10, 10])
     rng, box = np.random.default_rng(5), np.array([100.0, 50, 160, 200])
@@ -80,7 +80,7 @@ def test_equals_the_filter_of_seven_states() -> None:
         box_kalman.predict(track, 1.0)
         width, height = box[2:] - box[:2]
         z = np.array([*(box[:2] + box[2:]) / 2, width * height, width / height])
-        x, P = kalman.update(x, P, z, H, R)
+        x, P = kalman.update(x, P, z, R)
         box_kalman.correct(track, box)
         for ours, general in zip(full(track), (x, P), strict=True):
             np.testing.assert_allclose(ours, general, rtol=1e-6, atol=1e-6)

@@ -260,7 +260,7 @@ def test_damaged_checkpoint_restores_numbers_only() -> None:
 def test_unusable_boxes_are_ignored_and_indices_stay() -> None:
     empty = Detection(box_xyxy_px=np.array([5, 5, 5, 9], np.float32), score=0.9)
     far = Detection(
-        box_xyxy_px=np.array([0, 0, 50, 100], np.float32), score=0.9, position_m=np.full(3, 1e9)
+        box_xyxy_px=np.array([0, 0, 50, 100], np.float32), score=0.9, position_m=np.full(3, 9e6)
     )
     ((boxes, tracks),) = answers(image_node(), TRANSFORM, detected(0, [empty, far, person()]))
     assert [p.detection for p in boxes.tracks] == [1, 2]

@@ -8,7 +8,7 @@ import pytest
 from people4d.messages import F64
 from services.tracker.config import ImmConfig
 from services.tracker.motion.motion import PositionMotion
-from services.tracker.motion.state_filter import STANDING, WALKING, Imm, log_likelihood, mix
+from services.tracker.motion.state_filter import STANDING, WALKING, Imm, mix
 from services.tracker.motion.track_record import ImmState
 from services.tracker.strongsort3d.build import build_strongsort3d
 from tests.tracker.scene import frame, person, published, published_config
@@ -25,6 +25,10 @@ CONFIG = published(
 
 def imm(**settings: float) -> Imm:
     return Imm(PositionMotion(CONFIG), ImmConfig(enabled=True, **settings))
+
+
+def stacked(modes: ImmState) -> tuple[F64, F64, F64]:
+    return modes.x[None], modes.P[None], modes.mode_probability[None]
 
 
 def state(x_m: float, vx_mps: float) -> F64:
@@ -47,12 +51,6 @@ def test_mixing_of_modes_by_hand() -> None:
     np.testing.assert_allclose(covariance[0, :, 1, 1], [1.0, 1.0])
 
 
-def test_log_likelihood_of_an_innovation() -> None:
-    # One metre off with a variance of 4 each way in three dimensions: 1/4 + ln 64, halved.
-    results = log_likelihood(np.array([1.0, 0.0, 0.0]), 4 * np.eye(3))
-    assert results == pytest.approx(-0.5 * (0.25 + math.log(64)))
-
-
 def test_mean_of_both_modes() -> None:
     # 0.75 stand at 0, 0.25 walk at 1 m with 2 m/s: at 0.25 m with 0.5 m/s. Variance of the place:
     # 0.1 within, and 0.75 * 0.0625 + 0.25 * 0.5625 = 0.1875 between; of the velocity
@@ -62,7 +60,8 @@ def test_mean_of_both_modes() -> None:
         np.array([0.1 * np.eye(6)] * 2),
         np.array([0.75, 0.25]),
     )
-    x, P = imm(standing_sigma_mps=0.1).mean(both)
+    (found,) = imm(standing_sigma_mps=0.1).means(*stacked(both))
+    x, P = found.x, found.P
     np.testing.assert_allclose(x[[0, 3]], [0.25, 0.5])
     assert P[0, 0] == pytest.approx(0.2875)
     assert P[3, 3] == pytest.approx(0.0325 + 0.75)
@@ -71,10 +70,10 @@ def test_mean_of_both_modes() -> None:
 def test_zero_time_step_changes_nothing() -> None:
     models = imm()
     start = models.start(state(1.0, 0.5), 0.1 * np.eye(6))
-    (after,) = models.predict_modes([start], UNMATCHED, 0.0)
-    np.testing.assert_allclose(after.mode_probability, start.mode_probability)
-    np.testing.assert_allclose(after.x[WALKING], start.x[WALKING])
-    assert after.x[STANDING, 3] == 0.0
+    x, _, probability = models.predict_modes(*stacked(start), UNMATCHED, 0.0)
+    np.testing.assert_allclose(probability[0], start.mode_probability)
+    np.testing.assert_allclose(x[0, WALKING], start.x[WALKING])
+    assert x[0, STANDING, 3] == 0.0
 
 
 def run(xs: list[float]) -> list[float]:
@@ -102,13 +101,30 @@ def test_walking_mode_is_probable_within_half_a_second() -> None:
     assert speeds[30 + 5] > 0.5
 
 
+def test_walking_people_who_are_far_off_are_followed() -> None:
+    # 1 m off with P = R = 0.04 m^2: d^2 = 12.5, so P becomes 0.25 and the gain 0.25 / 0.29; the
+    # variance of the velocity is doubled.
+    both = ImmState(
+        np.array([state(0.0, 0.0)] * 2), np.array([0.04 * np.eye(6)] * 2), np.array([0.5, 0.5])
+    )
+    z, R = np.array([[1.0, 0.0, 0.0]]), 0.04 * np.eye(3)[None]
+    x, P, _ = imm(surprise_max=2.0).update_modes(*stacked(both), z, R)
+    assert x[0, WALKING, 0] == pytest.approx(0.25 / 0.29)
+    assert P[0, WALKING, 0, 0] == pytest.approx(0.25 * 0.04 / 0.29)
+    assert P[0, WALKING, 3, 3] == pytest.approx(0.08)
+    assert x[0, STANDING, 0] == pytest.approx(0.5)
+    x, _, _ = imm(surprise_max=math.inf).update_modes(*stacked(both), z, R)
+    assert x[0, WALKING, 0] == pytest.approx(0.5)
+
+
 def test_covariances_stay_positive_definite() -> None:
     models = imm()
-    modes = models.start(state(4.0, 0.0), 0.1 * np.eye(6))
-    rng = np.random.default_rng(1)
+    start = models.start(state(4.0, 0.0), 0.1 * np.eye(6))
+    modes, rng = stacked(start), np.random.default_rng(1)
     for _ in range(300):
-        (modes,) = models.predict_modes([modes], UNMATCHED, float(rng.uniform(0.0, 0.3)))
-        (modes,) = models.update_modes([modes], rng.normal(4, 0.1, (1, 3)), 0.02 * np.eye(3)[None])
-        _, P = models.mean(modes)
-        assert np.linalg.eigvalsh(P).min() > 0
-        assert modes.fits(6)
+        modes = models.predict_modes(*modes, UNMATCHED, float(rng.uniform(0.0, 0.3)))
+        modes = models.update_modes(*modes, rng.normal(4, 0.1, (1, 3)), 0.02 * np.eye(3)[None])
+        (mean,) = models.means(*modes)
+        assert np.linalg.eigvalsh(mean.P).min() > 0
+        assert mean.imm is not None
+        assert mean.imm.fits(6)

@@ -11,20 +11,23 @@ from common.config import load
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from, wrap
 from people4d.errors import ConfigError
 from people4d.messages import F64, Detection, Message, Track, Tracks
-from services.tracker.build import make_tracker
+from services.tracker.build import build, make_tracker
 from services.tracker.config import TrackerConfig, YawFilterConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw import KeypointYaw, VelocityYaw, YawState, make_yaw
-from services.tracker.node import TrackerNode
 from services.tracker.observe import yaw_of
 from tests import builders
 from tests.tracker.scene import FRAME_NS, frame, person, published, published_config
 
 CONFIG = YawFilterConfig(
     sigma_acceleration_radps2=6.0,
+    acceleration_s=math.inf,
     sigma_measurement_rad=0.5,
     sigma_start_rate_radps=1.0,
     measured_sigma=False,
+    sigma_max_rad=math.inf,
+    sigma_unknown_rad=math.inf,
+    reversal_s=0.0,
     sigma_walk_rad=math.inf,
     outlier_sigmas=math.inf,
     rate_decay_s=math.inf,
@@ -48,7 +51,7 @@ def facing(yaw_rad: float | None, sigma_rad: float | None = None, **at: float) -
 
 
 def state(psi_rad: float, rate_radps: float = 0.0, variance: float = 0.25) -> YawState:
-    return YawState(np.array([psi_rad, rate_radps]), np.diag([variance, 1.0]))
+    return YawState(psi_rad, rate_radps, variance, 0.0, 1.0)
 
 
 def predict(before: YawState, dt_s: float, filter_: KeypointYaw = FILTER) -> YawState:
@@ -73,8 +76,8 @@ def update(
 
 def test_the_first_measurement_begins_the_state() -> None:
     begun = update(None, facing(7.0))
-    np.testing.assert_allclose(begun.x, [7.0 - 2 * math.pi, 0.0])
-    np.testing.assert_allclose(begun.P, np.diag([0.25, 1.0]))
+    np.testing.assert_allclose(begun[:2], [7.0 - 2 * math.pi, 0.0])
+    np.testing.assert_allclose(begun[2:5], [0.25, 0.0, 1.0])
     assert FILTER.read(begun, AT_REST) == pytest.approx(7.0 - 2 * math.pi)
     assert FILTER.read(None, np.ones(3)) is None
     assert FILTER.update([None], [facing(None)], np.ones((1, 3))) == [None]
@@ -84,22 +87,22 @@ def test_prediction_by_hand() -> None:
     # psi = 1 + 0.1 * 0.5. P00 = 0.25 + 0.1^2 * 1 + 6^2 * 0.1^4 / 4 = 0.25 + 0.01 + 0.0009,
     # P01 = 0.1 * 1 + 36 * 0.1^3 / 2 = 0.118, P11 = 1 + 36 * 0.1^2 = 1.36.
     after = predict(state(1.0, 0.5), 0.1)
-    np.testing.assert_allclose(after.x, [1.05, 0.5])
-    np.testing.assert_allclose(after.P, [[0.2609, 0.118], [0.118, 1.36]])
+    np.testing.assert_allclose(after[:2], [1.05, 0.5])
+    np.testing.assert_allclose(after[2:5], [0.2609, 0.118, 1.36])
 
 
 def test_the_innovation_is_wrapped() -> None:
     # 175 deg, measured -175: 10 deg on. P = R, so half of that: 180, not 0.
     after = update(state(math.radians(175)), facing(math.radians(-175)))
-    assert math.degrees(abs(after.x[0])) == pytest.approx(180.0)
-    assert after.P[0, 0] == pytest.approx(0.125)  # P R / (P + R) = 0.25 * 0.25 / 0.5
+    assert math.degrees(abs(after.psi_rad)) == pytest.approx(180.0)
+    assert after.psi_variance == pytest.approx(0.125)  # P R / (P + R) = 0.25 * 0.25 / 0.5
     assert FILTER.read(after, AT_REST) == pytest.approx(math.pi)
 
 
 def test_the_prediction_is_wrapped() -> None:
     # 170 deg and on by 1 rad/s for half a second: 170 + 28.6 = 198.6, which is -161.4.
     after = predict(state(math.radians(170), 1.0), 0.5)
-    assert math.degrees(after.x[0]) == pytest.approx(170 + 28.648 - 360, abs=1e-3)
+    assert math.degrees(after.psi_rad) == pytest.approx(170 + 28.648 - 360, abs=1e-3)
 
 
 @pytest.mark.parametrize("turn_deg", [10, 90, 179, -135])
@@ -109,28 +112,28 @@ def test_turning_the_world_turns_the_yaw(turn_deg: float) -> None:
     for z in rng.normal(3.0, 0.6, 40):
         one = update(predict(one, 0.1) if one else None, facing(z))
         other = update(predict(other, 0.1) if other else None, facing(wrap(z + turn)))
-        assert wrap(other.x[0] - one.x[0] - turn) == pytest.approx(0.0, abs=1e-9)
-        np.testing.assert_allclose(other.P, one.P)
+        assert wrap(other.psi_rad - one.psi_rad - turn) == pytest.approx(0.0, abs=1e-9)
+        np.testing.assert_allclose(other[2:5], one[2:5])
 
 
 def test_a_steady_turn_is_followed_through_180_deg() -> None:
     turned = update(None, facing(2.0))
     for step in range(1, 60):  # 1 rad/s at 30 Hz: from 2 rad through pi to 3.97 rad
         turned = update(predict(turned, 1 / 30), facing(wrap(2.0 + step / 30)))
-    assert wrap(turned.x[0] - (2.0 + 59 / 30)) == pytest.approx(0.0, abs=math.radians(1))
-    assert turned.x[1] == pytest.approx(1.0, abs=0.05)
+    assert wrap(turned.psi_rad - (2.0 + 59 / 30)) == pytest.approx(0.0, abs=math.radians(1))
+    assert turned.rate_radps == pytest.approx(1.0, abs=0.05)
 
 
 def test_two_seconds_without_a_measurement() -> None:
     # P00 = 0.25 + 2^2 * 1 + 36 * 2^4 / 4 = 148.25: nothing is known, but nothing overflows.
     gone = predict(state(0.1, 0.2), 2.0)
-    assert gone.P[0, 0] == pytest.approx(148.25)
+    assert gone.psi_variance == pytest.approx(148.25)
     for _ in range(1000):
         gone = predict(gone, 2.0)
-    assert np.isfinite(gone.P).all()
-    assert abs(gone.x[0]) <= math.pi
+    assert np.isfinite(gone).all()
+    assert abs(gone.psi_rad) <= math.pi
     # The next measurement is believed at once: K = 1 within 1e-9.
-    assert update(gone, facing(-2.0)).x[0] == pytest.approx(-2.0)
+    assert update(gone, facing(-2.0)).psi_rad == pytest.approx(-2.0)
 
 
 def test_a_measurement_that_is_no_number_is_refused() -> None:
@@ -143,18 +146,110 @@ def test_turn_rate_decays_where_configured() -> None:
     # After tau ln 2 = 0.3466 s half the rate is left; turned by tau (1 - 1/2) = 0.25 rad.
     tired = KeypointYaw(msgspec.structs.replace(CONFIG, rate_decay_s=0.5))
     after = predict(state(0.0, 1.0), 0.5 * math.log(2), tired)
-    np.testing.assert_allclose(after.x, [0.25, 0.5])
+    np.testing.assert_allclose(after[:2], [0.25, 0.5])
     # Without end it turns by tau * rate at most.
-    assert predict(state(0.0, 1.0), 60.0, tired).x[0] == pytest.approx(0.5)
+    assert predict(state(0.0, 1.0), 60.0, tired).psi_rad == pytest.approx(0.5)
 
 
 def test_measurement_is_weighed_by_its_own_sigma_where_configured() -> None:
     weighing = KeypointYaw(msgspec.structs.replace(CONFIG, measured_sigma=True))
     detected = facing(1.0, sigma_rad=math.sqrt(0.75))
     # K = 0.25 / (0.25 + 0.75) = 1/4; with the constant 0.5 rad it is 0.25 / (0.25 + 0.25) = 1/2.
-    assert update(state(0.0), detected, weighing).x[0] == pytest.approx(0.25)
-    assert update(state(0.0), detected).x[0] == pytest.approx(0.5)
-    assert update(state(0.0), facing(1.0), weighing).x[0] == pytest.approx(0.5)
+    assert update(state(0.0), detected, weighing).psi_rad == pytest.approx(0.25)
+    assert update(state(0.0), detected).psi_rad == pytest.approx(0.5)
+    assert update(state(0.0), facing(1.0), weighing).psi_rad == pytest.approx(0.5)
+
+
+def test_uncertain_measurement_counts_as_the_limit_where_configured() -> None:
+    limited = msgspec.structs.replace(CONFIG, measured_sigma=True, sigma_max_rad=0.5)
+    # K = 0.25 / (0.25 + 0.5^2) = 1/2, whatever the measurement's own sigma above 0.5 rad is.
+    after = update(state(0.0), facing(1.0, sigma_rad=1.3), KeypointYaw(limited))
+    assert after.psi_rad == pytest.approx(0.5)
+
+
+def test_shipped_filter_follows_people_who_turn_round_within_four_frames() -> None:
+    # A person on filinha, 10 frames a second: 28, 60, 107, 140, 172 deg and no angle at 107 deg.
+    shipped = KeypointYaw(YawFilterConfig())
+    yaw = update(None, facing(0.4, sigma_rad=0.2), shipped)
+    for degrees in (25, 28, 60, None, 140, 172, 172):
+        angle = None if degrees is None else math.radians(degrees)
+        yaw = update(predict(yaw, 0.1, shipped), facing(angle, sigma_rad=0.2), shipped)
+        if angle is not None:
+            assert abs(wrap(yaw.psi_rad - angle)) < math.radians(30)
+
+
+def test_shipped_filter_is_not_reversed_by_a_single_frame() -> None:
+    shipped = KeypointYaw(YawFilterConfig())
+    yaw = update(None, facing(0.0, sigma_rad=0.15), shipped)
+    for frame_ in range(30):
+        angle = math.pi if frame_ == 20 else 0.0
+        yaw = update(predict(yaw, 1 / 15, shipped), facing(angle, sigma_rad=0.15), shipped)
+        assert abs(yaw.psi_rad) < math.radians(45)
+
+
+def test_reversed_measurements_are_left_out_until_they_have_lasted() -> None:
+    # Ten frames at 0 deg fill the agreement of 0.4 s; the fifth reversed one after it, 0.5 s, wins.
+    shipped = KeypointYaw(YawFilterConfig())
+    yaw = update(None, facing(0.0, sigma_rad=0.15), shipped)
+    for _ in range(10):
+        yaw = update(predict(yaw, 0.1, shipped), facing(0.0, sigma_rad=0.15), shipped)
+    assert yaw.agreement_s == pytest.approx(0.4)
+    published_ = []
+    for _ in range(5):
+        yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped)
+        published_.append(yaw.psi_rad)
+    np.testing.assert_allclose(published_, [0.0, 0.0, 0.0, 0.0, 3.0], atol=1e-3)
+
+
+def test_reversed_first_measurement_is_corrected_by_the_second() -> None:
+    shipped = KeypointYaw(YawFilterConfig())
+    yaw = update(None, facing(3.0, sigma_rad=0.15), shipped)
+    yaw = update(predict(yaw, 0.1, shipped), facing(0.0, sigma_rad=0.15), shipped)
+    assert yaw.psi_rad == pytest.approx(0.0)
+
+
+def test_reversed_guesses_take_longer_than_reversed_measurements() -> None:
+    # At 1.28 rad, 1 - 1.28^2 / (pi^2 / 3) = half of the time counts: the ninth one wins.
+    shipped = KeypointYaw(YawFilterConfig())
+    yaw = update(None, facing(0.0, sigma_rad=0.15), shipped)
+    for _ in range(10):
+        yaw = update(predict(yaw, 0.1, shipped), facing(0.0, sigma_rad=0.15), shipped)
+    count = 0
+    while abs(yaw.psi_rad) < 2 and count < 20:
+        yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=1.28), shipped)
+        count += 1
+    assert count == 8
+
+
+def test_agreement_is_forgotten_without_measurements() -> None:
+    shipped = KeypointYaw(YawFilterConfig())
+    yaw = update(None, facing(0.0, sigma_rad=0.15), shipped)
+    for _ in range(10):
+        yaw = update(predict(yaw, 0.1, shipped), facing(0.0, sigma_rad=0.15), shipped)
+    # 0.7 s without one: the measurement counts for 0.2 s, and takes 0.5 s of agreement away.
+    after = update(predict(yaw, 0.7, shipped), facing(3.0, sigma_rad=0.15), shipped)
+    assert after.psi_rad == pytest.approx(3.0)
+
+
+def test_long_prediction_is_that_of_short_steps() -> None:
+    shipped = KeypointYaw(YawFilterConfig())
+    steps = joint = update(None, facing(1.0, sigma_rad=0.2), shipped)
+    for _ in range(7):
+        steps = predict(steps, 0.1, shipped)
+    joint = predict(joint, 0.7, shipped)
+    np.testing.assert_allclose(joint[:2], steps[:2])
+    np.testing.assert_allclose(joint[2:5], steps[2:5])
+
+
+def test_yaw_that_is_as_uncertain_as_a_guess_is_not_published() -> None:
+    shipped = KeypointYaw(YawFilterConfig())
+    yaw = update(None, facing(1.0, sigma_rad=0.2), shipped)
+    assert shipped.read(predict(yaw, 0.5, shipped), AT_REST) == pytest.approx(1.0)
+    # After four seconds the standard deviation is above pi / sqrt(3), that of a uniform angle.
+    yaw = predict(yaw, 4.0, shipped)
+    assert math.sqrt(yaw.psi_variance) > math.pi / math.sqrt(3)
+    assert shipped.read(yaw, AT_REST) is None
+    assert KeypointYaw(CONFIG).read(yaw, AT_REST) == pytest.approx(1.0)
 
 
 def test_reversed_measurement_changes_the_yaw_little() -> None:
@@ -162,10 +257,10 @@ def test_reversed_measurement_changes_the_yaw_little() -> None:
     # K = 0.25 / 2.467 = 0.1013, the yaw moves by 0.318 rad instead of pi / 2.
     robust = KeypointYaw(msgspec.structs.replace(CONFIG, outlier_sigmas=2.0))
     after = update(state(0.0), facing(math.pi), robust)
-    assert abs(after.x[0]) == pytest.approx(0.3183, abs=1e-3)
-    assert abs(update(state(0.0), facing(math.pi)).x[0]) == pytest.approx(math.pi / 2)
+    assert abs(after.psi_rad) == pytest.approx(0.3183, abs=1e-3)
+    assert abs(update(state(0.0), facing(math.pi)).psi_rad) == pytest.approx(math.pi / 2)
     # 1 rad is 1.4 sigma: as ever.
-    assert update(state(0.0), facing(1.0), robust).x[0] == pytest.approx(0.5)
+    assert update(state(0.0), facing(1.0), robust).psi_rad == pytest.approx(0.5)
 
 
 def test_yaw_follows_a_person_who_turns_round() -> None:
@@ -173,20 +268,20 @@ def test_yaw_follows_a_person_who_turns_round() -> None:
     turned = update(None, facing(0.0), robust)
     for _ in range(60):
         turned = update(predict(turned, 1 / 30, robust), facing(2.8), robust)
-    assert turned.x[0] == pytest.approx(2.8, abs=0.1)
+    assert turned.psi_rad == pytest.approx(2.8, abs=0.1)
 
 
 def test_walking_direction_is_a_weaker_measurement_where_configured() -> None:
     # After the keypoints P = 0.25 * 0.25 / 0.5 = 0.125; R = 0.375: K = 0.25 of 2 rad is 0.5 rad.
     walking = KeypointYaw(msgspec.structs.replace(CONFIG, sigma_walk_rad=math.sqrt(0.375)))
     v = np.array([math.cos(2.0), math.sin(2.0), 0.0])
-    assert update(state(0.0), facing(0.0), walking, v).x[0] == pytest.approx(0.5)
-    assert update(state(0.0), facing(0.0), walking, 0.4 * v).x[0] == pytest.approx(0.0)
-    assert update(state(0.0), facing(0.0), FILTER, v).x[0] == pytest.approx(0.0)
+    assert update(state(0.0), facing(0.0), walking, v).psi_rad == pytest.approx(0.5)
+    assert update(state(0.0), facing(0.0), walking, 0.4 * v).psi_rad == pytest.approx(0.0)
+    assert update(state(0.0), facing(0.0), FILTER, v).psi_rad == pytest.approx(0.0)
     # It is a measurement where the keypoints give none.
     begun = update(None, facing(None), walking, v)
-    np.testing.assert_allclose(begun.x, [2.0, 0.0])
-    np.testing.assert_allclose(begun.P, np.diag([0.375, 1.0]))
+    np.testing.assert_allclose(begun[:2], [2.0, 0.0])
+    np.testing.assert_allclose(begun[2:5], [0.375, 0.0, 1.0])
 
 
 def test_people_in_a_stack_do_not_mix() -> None:
@@ -197,8 +292,8 @@ def test_people_in_a_stack_do_not_mix() -> None:
     assert after[2] is crowd[2]
     assert after[0] is not None
     assert after[3] is not None
-    np.testing.assert_allclose(after[0].x, update(state(0.1), detected[0]).x)
-    np.testing.assert_allclose(after[3].x, [-1.0, 0.0])
+    np.testing.assert_allclose(after[0][:2], update(state(0.1), detected[0])[:2])
+    np.testing.assert_allclose(after[3][:2], [-1.0, 0.0])
     assert FILTER.predict([None, None], 0.1) == [None, None]
 
 
@@ -261,7 +356,7 @@ def test_new_person_does_not_inherit_an_identity() -> None:
 
 def tracks_of(map_from_camera: Any, heading: Any, **fields: Any) -> list[Track]:
     config = published_config(embedding_wait_s=0.0, strongsort3d=published(n_init=1), **fields)
-    node = TrackerNode(config, make_tracker(config))
+    node = build(config)
     detection = Detection(
         box_xyxy_px=np.array([300, 100, 400, 400], np.float32),
         score=0.9,

@@ -139,16 +139,3 @@ def test_match_probabilities_of_competing_pairs() -> None:
 def test_match_probability_of_very_different_costs_is_one() -> None:
     shares = match_probabilities(np.array([[0.0, 1e4], [1e4, np.inf]]), 0.04)
     np.testing.assert_allclose(shares, [[1, 0], [0, 0]], atol=1e-12)
-
-
-def test_a_good_pair_is_not_broken_up_to_match_both_others() -> None:
-    # Two matches cost 0.19 + 0.19 = 0.38; the good one and a miss 0.02 + 0.25 = 0.27.
-    cost = np.array([[0.19, np.inf], [0.02, 0.19]])
-    assert assign(cost) == [(0, 0), (1, 1)]
-    assert assign(cost, miss=0.25) == [(1, 0)]
-    assert assign(cost, miss=0.4) == [(0, 0), (1, 1)]
-
-
-def test_pair_above_the_cost_of_a_miss_is_matched_without_a_rival() -> None:
-    assert assign(np.array([[0.3]]), miss=0.25) == [(0, 0)]
-    assert assign(np.array([[0.5, 0.3], [0.3, 0.5]]), miss=0.25) == [(0, 1), (1, 0)]

@@ -5,10 +5,15 @@ import math
 
 import numpy as np
 
+from common.geometry.planar_covariance import PlanarCovariance
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from people4d.messages import Tracks
+from services.tracker.build import build
+from services.tracker.config import TrackerConfig
 from services.tracker.interface import Observation
 from services.tracker.strongsort3d.base_drift import BaseDrift
+from tests import builders
 from tests.tracker.scene import frame
 
 CONFIG = TransformBufferConfig(drift_distance_m=0.1, drift_rotation_rad=0.05)
@@ -50,3 +55,50 @@ def test_covariance_of_a_turn_is_independent_of_the_frame_rate() -> None:
         in_steps += 0.0 if step is None else step
     assert at_once is not None
     np.testing.assert_allclose(in_steps, at_once)
+
+
+def test_covariance_of_the_odometry_replaces_the_guess() -> None:
+    # The motion adds 0.02 along x, 0.03 along y and 0.001 of angle. A person 4 m ahead of the base:
+    # 0.03 + 4^2 * 0.001 = 0.046 sideways.
+    drift, position = BaseDrift(CONFIG), np.array([[4.0, 0.0, 1.0]])
+    first = PlanarCovariance(np.diag([0.1, 0.1, 1e-9]), np.zeros(2))
+    second = PlanarCovariance(np.diag([0.12, 0.13, 0.001 + 1e-9]), np.zeros(2))
+    drift.since_last(dataclasses.replace(at(0.0, 0.0), base=first), position)
+    turned = drift.since_last(dataclasses.replace(at(0.0, 0.25), base=second), position)
+    assert turned is not None
+    np.testing.assert_allclose(turned[0], np.diag([0.02, 0.046, 0.0]), atol=1e-9)
+    # One that stays the same says nothing: the guess, 0.1^2 for a metre.
+    driven = drift.since_last(dataclasses.replace(at(1.0, 0.25), base=second), position)
+    assert driven is not None
+    np.testing.assert_allclose(driven[0], np.diag([0.01, 0.01, 0.0]), atol=1e-9)
+
+
+def test_odometry_with_covariance_widens_tracks_in_the_node() -> None:
+    # A robot that says that it hardly knows its turn leaves its tracks as uncertain.
+    assert track_variance_m2(1e-6) < track_variance_m2(None) < track_variance_m2(0.05)
+
+
+def track_variance_m2(rate: float | None) -> float:
+    """Return the sideways variance of a track, predicted after a turn, by odometry's own."""
+    node = build(TrackerConfig(frame_id="odom", embedding_wait_s=0.0, odometry_wait_s=0.0))
+    node.handle(builders.static_transform(LINK_FROM_OPTICAL, parent="base_link", child="camera"), 0)
+    variance_m2 = 0.0
+    for k in range(6):
+        stamp_ns = k * 100_000_000
+        covariance = None if rate is None else np.diag([1e-6, 1e-6, rate]) * (k + 1)
+        base = builders.odometry(
+            stamp_ns=stamp_ns,
+            frame_id="odom",
+            child_frame_id="base_link",
+            theta_rad=0.1 * k,
+            covariance=covariance,
+        )
+        node.handle(base, 0)
+        yaw_rad = -0.1 * k
+        position_m = np.array([-3.0 * math.sin(yaw_rad), 0.0, 3.0 * math.cos(yaw_rad)])
+        people = [builders.detection(position_m=position_m)] if k < 5 else []
+        shown = builders.detections(*people, stamp_ns=stamp_ns, sequence=k, frame_id="camera")
+        for message in node.handle(shown, 0):
+            if isinstance(message, Tracks) and message.tracks:
+                variance_m2 = float(message.tracks[0].covariance[1, 1])
+    return variance_m2

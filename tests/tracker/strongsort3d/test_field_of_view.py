@@ -19,12 +19,14 @@ from services.tracker.config import (
     IdentityConfig,
     OcclusionConfig,
 )
-from services.tracker.interface import Measurement, Observation
+from services.tracker.interface import ImageEdges, Measurement, Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
 from services.tracker.strongsort3d.occlusion import visible_ratios
 from tests.tracker.scene import FOCAL_PX, frame, published, published_config, unit
 
-EDGES = (-320 / FOCAL_PX, 320 / FOCAL_PX)  # 28 degrees to each side
+EDGES = ImageEdges(  # 28 degrees to each side
+    left=-320 / FOCAL_PX, right=320 / FOCAL_PX, top=-240 / FOCAL_PX, bottom=240 / FOCAL_PX
+)
 RED, BLUE = unit((1.0, 0.0, 0.1)), unit((0.0, 1.0, 0.1))
 PEOPLE = (np.array([4.0, 0.5, 1.0]), np.array([4.5, -0.5, 1.0]))
 ALL = published(
@@ -70,12 +72,14 @@ def detected(number: int, yaw_deg: float, embeddings: bool) -> Observation:
 def test_visible_ratio_at_the_edge_of_the_image() -> None:
     # At 4 m a strip is half_width / 4 = 0.0625 to each side. The image ends at 0.5333: a person
     # who stands at 0.5333 * 4 to the right is half in view, and 0.125 m farther a quarter.
-    y_m = EDGES[1] * 4
-    positions = np.array([[4, 0, 1], [4, -y_m, 1], [4, -y_m - 0.125, 1], [4, -3, 1], [-4, 0, 1.0]])
+    # Above and below the image, which ends at 0.4, a person is not in view.
+    y_m = EDGES.right * 4
+    level = [[4, 0, 1], [4, -y_m, 1], [4, -y_m - 0.125, 1], [4, -3, 1], [-4, 0, 1.0]]
+    positions = np.array([*level, [4, 0, 2.5], [4, 0, 2.7], [4, 0, -0.7]])
     camera = dataclasses.replace(frame(0), map_from_camera=turned(0), edges=EDGES)
     parts = visible_ratios(positions, camera, 0.25)
     assert parts is not None
-    np.testing.assert_allclose(parts, [1, 0.5, 0.25, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(parts, [1, 0.5, 0.25, 0, 0, 1, 0, 0], atol=1e-9)
     assert visible_ratios(positions, dataclasses.replace(camera, edges=None), 0.25) is None
 
 
@@ -93,6 +97,36 @@ def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(
             detected(number, 30 - 30 * math.cos(math.tau * number / 24), embeddings)
         )
     assert {track.id for track in tracks} == {1, 2}
+
+
+def test_person_who_walks_out_below_the_image_ends_at_once() -> None:
+    # A camera that looks down on a person who walks towards it: the torso leaves the image at the
+    # bottom, the box does not reach its sides, and no other person hides it.
+    tracker = build_strongsort3d(published_config(strongsort3d=ALL))
+    tilt = rotation_from_rpy(0.0, math.radians(35), 0.0)
+    pose = transform_from([0.0, 0.0, 2.5], tilt @ LINK_FROM_OPTICAL[:3, :3])
+    predicted: list[int] = []
+    for number in range(20):
+        position_m = np.array([4.0 - 0.2 * number, 0.0, 1.0])
+        x, y, z = apply(invert(pose), position_m)
+        u, v = 320 + FOCAL_PX * x / z, 240 + FOCAL_PX * y / z
+        found = Measurement(
+            index=0,
+            box_xyxy_px=np.array([u - 60, v - 100, u + 60, 479.0]),
+            score=0.9,
+            position_m=position_m,
+            forward_m=float(z),
+            embedding=RED,
+        )
+        measurements = (found,) if v < 470 else ()
+        tracks = tracker.update(
+            dataclasses.replace(
+                frame(number, *measurements), map_from_camera=pose, size_px=(640, 480), edges=EDGES
+            )
+        )
+        predicted.append(len(tracks) - len(measurements))
+    # Predicted for the 0.2 s of people at the edge, not for the second of people in the image.
+    assert 1 <= sum(predicted) <= 3
 
 
 def test_person_who_leaves_a_fixed_camera_is_missed() -> None:

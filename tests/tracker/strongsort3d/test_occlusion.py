@@ -5,15 +5,16 @@ import itertools
 
 import numpy as np
 
-from common.geometry.transforms import LINK_FROM_OPTICAL
+from common.geometry.transforms import LINK_FROM_OPTICAL, invert
 from people4d.messages import Track
 from services.tracker.config import OcclusionConfig
 from services.tracker.interface import Measurement, Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
-from services.tracker.strongsort3d.occlusion import emergence_m, occluded
+from services.tracker.strongsort3d.occlusion import occluded
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person, published, published_config
 
+OPTICAL_FROM_LINK = invert(LINK_FROM_OPTICAL)
 RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)
 
 
@@ -38,25 +39,16 @@ def test_people_behind_detected_ones_are_occluded() -> None:
     # 0.2125, of which 0.0375 / 0.125 = 0.3 are covered; D at 1.5 m is before A.
     people = np.array([[2, 0, 1], [4, 0.1, 1], [4, -0.6, 1], [1.5, 0, 1.0]])
     detected = np.array([True, False, False, False])
-    result = occluded(people, detected, LINK_FROM_OPTICAL, OcclusionConfig(covered_min=0.4))
+    result = occluded(people, detected, OPTICAL_FROM_LINK, OcclusionConfig(covered_min=0.4))
     assert result.tolist() == [False, True, False, False]
-    result = occluded(people, detected, LINK_FROM_OPTICAL, OcclusionConfig(covered_min=0.29))
+    result = occluded(people, detected, OPTICAL_FROM_LINK, OcclusionConfig(covered_min=0.29))
     assert result.tolist() == [False, True, True, False]
-
-
-def test_distance_to_the_interval_of_an_occluding_person() -> None:
-    # A at 2 m, strip -0.125 to 0.125; B at 4 m and 1 m to the right, 0.1875 to 0.3125: between A
-    # and B 0.0625, at 4 m 0.25 m. C at 4 m straight behind A. No one stands before A but C and B
-    # are as near as each other: from C's strip, to 0.0625, B is 0.125 * 4 = 0.5 m away.
-    found = np.array([[2, 0, 1], [4, -1, 1], [4, 0, 1.0]])
-    result = emergence_m(found, LINK_FROM_OPTICAL, OcclusionConfig(half_width_m=0.25))
-    np.testing.assert_allclose(result, [np.inf, 0.25, 0.0])
 
 
 def test_undetected_person_occludes_no_other() -> None:
     people = np.array([[2, 0, 1], [4, 0, 1.0]])
     result = occluded(
-        people, np.zeros(2, np.bool_), LINK_FROM_OPTICAL, OcclusionConfig(enabled=False)
+        people, np.zeros(2, np.bool_), OPTICAL_FROM_LINK, OcclusionConfig(enabled=False)
     )
     assert not result.any()
 

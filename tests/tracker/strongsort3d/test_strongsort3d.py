@@ -1,6 +1,7 @@
 """The life of StrongSORT-3D's tracks, frame by frame (docs/method.md, section 5)."""
 
 import math
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tests.tracker.scene import frame, person, published, published_config
 RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)  # cosine distance 1 - 0.01 / 1.01 = 0.99
 
 
-def tracker(**fields: float) -> StrongSort3d:
+def tracker(**fields: Any) -> StrongSort3d:
     return build_strongsort3d(published_config(strongsort3d=published(**fields)))
 
 
@@ -48,6 +49,29 @@ def test_a_max_unmatched_frames_delete() -> None:
     assert states(sort.update(frame(3))) == [(1, "lost")]
     assert states(sort.update(frame(4))) == [(1, "lost")]
     assert sort.update(frame(5)) == []
+
+
+def test_by_hits_matches_need_not_be_in_a_row() -> None:
+    # Found, found, missed, found: the third match confirms. By streak the second begins anew.
+    def last(lifetime: Literal["streak", "hits"]) -> list[tuple[int, str]]:
+        sort = tracker(lifetime=lifetime)
+        for number in (0, 1):
+            sort.update(frame(number, person(3, 0)))
+        sort.update(frame(2))
+        return states(sort.update(frame(3, person(3, 0))))
+
+    assert last("hits") == [(1, "confirmed")]
+    assert last("streak") == [(2, "tentative")]
+
+
+def test_by_hits_a_track_ends_after_as_many_misses_as_matches() -> None:
+    # Two matches confirm, then two misses end; of ten matches a_max counts.
+    for matches, survives in ((2, 1), (10, 4)):
+        sort = tracker(lifetime="hits", n_init=2, a_max=5)
+        for number in range(matches):
+            sort.update(frame(number, person(3, 0)))
+        results = [sort.update(frame(matches + k)) for k in range(survives + 1)]
+        assert [states(tracks) for tracks in results] == [[(1, "lost")]] * survives + [[]]
 
 
 def test_first_two_frames_on_paper() -> None:
@@ -95,6 +119,20 @@ def test_round_two_has_a_largest_distance() -> None:
         sort = tracker()
         sort.update(frame(0, person(3, 0)))
         assert [track.id for track in sort.update(frame(1, person(3, y)))] == [identity]
+
+
+@pytest.mark.parametrize(
+    ("gated", "embedding", "identity"),
+    [(True, BLUE, 2), (True, RED, 1), (True, None, 1), (False, BLUE, 1)],
+)
+def test_gated_round_two_refuses_what_motion_and_appearance_refuse(
+    gated: bool, embedding: tuple[float, ...] | None, identity: int
+) -> None:
+    sort = tracker(distance_gated=gated, sigma_measurement_m=0.02, sigma_acceleration_mps2=1.0)
+    for number in range(8):
+        sort.update(frame(number, person(3, 0, embedding=RED)))
+    found = sort.update(frame(8, person(3, 0.6, embedding=embedding)))
+    assert [track.id for track in found if track.detection is not None] == [identity]
 
 
 def test_embeddings_of_another_model_are_dropped() -> None:

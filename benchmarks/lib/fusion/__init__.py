@@ -1,0 +1,1 @@
+"""Tracks of several cameras in a scene of the lab, and their scores against the ground truth."""

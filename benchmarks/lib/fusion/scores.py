@@ -1,0 +1,221 @@
+"""Scores of tracks of several cameras against the ground truth of the lab."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.lib.fusion.run import TimedTracks
+from benchmarks.lib.fusion.scene import FusionScene
+from common.metrics.matching import Matching, match
+from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
+from common.metrics.scores import score_matching
+from common.metrics.similarity import GroundDistance
+from people4d.messages import F64, Track
+
+SLOT_NS = 100_000_000  # of scoring
+MATCH_M = 0.5  # largest error of a match
+MEASURED_S = 0.1  # since the last match by any camera, within which a position is measured
+
+
+def sequence_of(scene: FusionScene, found: Sequence[TimedTracks]) -> EvaluationSequence:
+    """Return truth and tracks ten times a second."""
+    frames, next_ns = [], 0
+    for timed in sorted(found, key=lambda t: t.time_ns):
+        if timed.time_ns < next_ns:
+            continue
+        next_ns = (timed.time_ns // SLOT_NS + 1) * SLOT_NS
+        positions = scene.positions_m(timed.time_ns)
+        views = scene.views(positions)
+        tracks = {t.id: t for t in timed.tracks if t.state != "tentative"}
+        frames.append(
+            EvaluationFrame(
+                stamp_ns=timed.time_ns,
+                truth=GroundTruth(
+                    ids=tuple(range(len(positions))),
+                    positions_m=positions,
+                    out_of_view=~np.any(list(views.values()), axis=0),
+                ),
+                hypotheses=Hypotheses(
+                    ids=tuple(tracks),
+                    positions_m=np.array([t.position_m for t in tracks.values()]).reshape(-1, 3),
+                    predicted=np.array([_is_predicted(t) for t in tracks.values()], np.bool_),
+                ),
+            )
+        )
+    return EvaluationSequence("scene", tuple(frames))
+
+
+def _is_predicted(track: Track) -> bool:
+    """Check that no camera matched a track lately; that of the frame need not see the person."""
+    return track.state == "lost" and track.time_since_update_s > MEASURED_S
+
+
+def matched(scene: FusionScene, found: Sequence[TimedTracks]) -> Matching:
+    """Return the matches of tracks and people within 0.5 m on the ground."""
+    return match(sequence_of(scene, found), GroundDistance(MATCH_M))
+
+
+def double_share(matching: Matching) -> float:
+    """Return the share of people in view, over all frames, who have a second, measured track."""
+    double = total = 0
+    for frame, matches in zip(matching.sequence.frames, matching.frame_matches, strict=True):
+        truth, tracks = frame.truth.positions_m, frame.hypotheses.positions_m
+        assert truth is not None
+        assert tracks is not None
+        total += int(matches.required.sum())
+        unmatched = np.setdiff1d(np.arange(len(tracks)), matches.columns)
+        unmatched = unmatched[~frame.hypotheses.was_predicted[unmatched]]
+        if not len(unmatched) or not len(truth):
+            continue
+        distance = np.linalg.norm(
+            truth[matches.rows][:, None, :2] - tracks[unmatched][:, :2], axis=-1
+        )
+        double += int((distance < MATCH_M).any(axis=1).sum()) if distance.size else 0
+    return double / max(total, 1)
+
+
+@dataclass(frozen=True)
+class HandOvers:
+    """Numbers of hand-overs from camera to camera, and of those with the same identity."""
+
+    overlapping: int
+    overlapping_same: int
+    apart: int
+    apart_same: int
+
+    def __add__(self, other: "HandOvers") -> "HandOvers":
+        return HandOvers(
+            self.overlapping + other.overlapping,
+            self.overlapping_same + other.overlapping_same,
+            self.apart + other.apart,
+            self.apart_same + other.apart_same,
+        )
+
+
+@dataclass(frozen=True)
+class FusionScore:
+    """Scores of one method on one scene."""
+
+    mota: float
+    idf1: float
+    hota: float
+    rmse_m: float
+    double: float
+    switches_per_min: float
+    hand_overs: HandOvers
+
+
+def hand_overs(scene: FusionScene, matching: Matching) -> HandOvers:
+    """Count people who leave the view of a camera for that of another, with and without a gap."""
+    frames = matching.sequence.frames
+    tracked = np.full((len(frames), scene.people_m.shape[1]), -1)
+    for k, matches in enumerate(matching.frame_matches):
+        tracked[k, matches.persons[matches.rows]] = matches.tracks[matches.columns]
+    persons = {number: int(name) for number, name in enumerate(matching.persons)}
+    column = {person: number for number, person in persons.items()}
+    views = [scene.views(np.asarray(frame.truth.positions_m)) for frame in frames]
+    totals = HandOvers(0, 0, 0, 0)
+    for person in range(scene.people_m.shape[1]):
+        if person not in column:
+            continue
+        in_views = np.array([[view[c][person] for c in sorted(scene.infos)] for view in views])
+        totals += _of_person(in_views, tracked[:, column[person]])
+    return totals
+
+
+def _of_person(in_views: F64, tracked: F64) -> HandOvers:
+    """Count the hand-overs of one person.
+
+    Args:
+        in_views: TxC flags, ten a second.
+        tracked: T, number of the track, -1 where there is none.
+    """
+    counts = [0, 0, 0, 0]
+    last_camera: int | None = None
+    gone = 0
+    for k in range(1, len(in_views) - 20):
+        left = np.flatnonzero(in_views[k - 1] & ~in_views[k])
+        for camera in left:
+            stays = in_views[k : k + 10].all(axis=0) & in_views[max(k - 3, 0) : k].all(axis=0)
+            away = not in_views[k : k + 10, camera].any()
+            before = in_views[max(k - 10, 0) : k, camera].all()
+            if away and before and np.any(np.delete(stays, camera)):
+                counts[0] += 1
+                counts[1] += _is_same(tracked, k, k)
+        if in_views[k].any():
+            if (
+                gone >= 5
+                and last_camera is not None
+                and not in_views[k, last_camera]
+                and gone <= 100
+            ):
+                counts[2] += 1
+                counts[3] += _is_same(tracked, k - gone, k)
+            last_camera, gone = int(np.flatnonzero(in_views[k])[0]), 0
+        else:
+            gone += 1
+    return HandOvers(*counts)
+
+
+def _is_same(tracked: F64, left: int, returned: int) -> bool:
+    before = tracked[max(left - 10, 0) : left]
+    after = tracked[returned + 8 : returned + 20]
+    before, after = before[before >= 0], after[after >= 0]
+    return bool(len(before) and len(after) and before[-1] == np.bincount(after).argmax())
+
+
+def score_of(scene: FusionScene, matching: Matching) -> FusionScore:
+    """Return the scores of tracks."""
+    scores = score_matching(matching)
+    row = scores.row()
+    return FusionScore(
+        mota=row["mota"] or 0.0,
+        idf1=row["idf1"] or 0.0,
+        hota=row["hota"] or 0.0,
+        rmse_m=rms_m(errors_m(matching).values()),
+        double=double_share(matching),
+        switches_per_min=scores.id_switches_per_min,
+        hand_overs=hand_overs(scene, matching),
+    )
+
+
+def errors_m(matching: Matching) -> dict[tuple[int, int], float]:
+    """Return the errors on the ground by tenth of a second and person, of measured tracks."""
+    errors = dict[tuple[int, int], float]()
+    for frame, matches in zip(matching.sequence.frames, matching.frame_matches, strict=True):
+        truth, tracks = frame.truth.positions_m, frame.hypotheses.positions_m
+        assert truth is not None
+        assert tracks is not None
+        apart_m = np.linalg.norm((truth[matches.rows] - tracks[matches.columns])[:, :2], axis=1)
+        measured = ~frame.hypotheses.was_predicted[matches.columns]
+        persons = matches.persons[matches.rows]
+        for person, error_m in zip(persons[measured], apart_m[measured], strict=True):
+            key = frame.stamp_ns // SLOT_NS, int(matching.persons[int(person)])
+            errors[key] = float(error_m)
+    return errors
+
+
+def rms_m(errors: Iterable[float]) -> float:
+    """Return the root of the mean square, NaN of nothing."""
+    found = np.fromiter(errors, np.float64)
+    return float(np.sqrt((found**2).mean())) if len(found) else float("nan")
+
+
+def score_row(start: Sequence[str], scored: Sequence[FusionScore]) -> list[str]:
+    total = HandOvers(0, 0, 0, 0)
+    for one in scored:
+        total += one.hand_overs
+
+    def mean(field: str) -> float:
+        return float(np.mean([getattr(one, field) for one in scored]))
+
+    return [
+        *start,
+        *(f"{100 * mean(field):.1f}" for field in ("mota", "idf1", "hota")),
+        f"{mean('rmse_m'):.3f}",
+        f"{100 * mean('double'):.2f}",
+        f"{total.overlapping_same} of {total.overlapping}",
+        f"{total.apart_same} of {total.apart}",
+        f"{mean('switches_per_min'):.1f}",
+    ]

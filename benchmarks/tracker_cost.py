@@ -1,0 +1,145 @@
+"""Time of the tracker's node in a frame: decoding, tracking and encoding, by number of people.
+
+Messages are those of a detector and an embedder that see people walk back and forth; the reference
+in the same run is the method of [PIC4SeR] on the same bytes, and decoding and encoding alone.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from msgspec.structs import replace
+
+from benchmarks.lib.table import markdown, spread, write
+from benchmarks.trackers import SIZE_PX, WARM_UP, observations
+from common.geometry.transforms import LINK_FROM_OPTICAL, invert, transform_from
+from evaluation.methods import read_method
+from people4d import codec
+from people4d.messages import F64, CameraInfo, Detection, Detections, Embeddings, StaticTransform
+from services.tracker.build import build
+from services.tracker.interface import Measurement, Observation
+from services.tracker.node import TrackerNode
+
+PEOPLE = (3, 10, 20)
+PRESETS = ("best", "pose-strongsort-movenet")
+CAMERA = "camera_optical_frame"
+MAP_FROM_OPTICAL = transform_from((0.0, 0.0, 1.0), LINK_FROM_OPTICAL[:3, :3])
+
+
+def payloads(observation: Observation, sequence: int) -> list[bytes]:
+    """Return the encoded embeddings and detections of a frame."""
+    people = observation.measurements
+    stamp_ns = observation.stamp_ns
+    detections = Detections(
+        stamp_ns=stamp_ns,
+        sequence=sequence,
+        camera="camera",
+        frame_id=CAMERA,
+        model="benchmark",
+        width=SIZE_PX[0],
+        height=SIZE_PX[1],
+        detections=tuple(map(_detection, people)),
+    )
+    embeddings = Embeddings(
+        stamp_ns=stamp_ns,
+        sequence=sequence,
+        camera="camera",
+        model=observation.embedder,
+        detections=tuple(m.index for m in people),
+        vectors=np.array([m.embedding for m in people], np.float32),
+    )
+    return [codec.encode(embeddings), codec.encode(detections)]
+
+
+def _detection(measurement: Measurement) -> Detection:
+    turn = MAP_FROM_OPTICAL[:3, :3]
+    point: F64 = (invert(MAP_FROM_OPTICAL) @ [*measurement.position_m, 1.0])[:3]
+    return Detection(
+        box_xyxy_px=measurement.box_xyxy_px.astype(np.float32),
+        score=measurement.score,
+        position_m=point,
+        position_covariance_m2=turn.T @ np.diag([0.01, 0.001, 0.001]) @ turn,
+        heading=turn.T @ [-1.0, 0.0, 0.0],
+        heading_sigma_rad=0.3,
+    )
+
+
+def node_of(preset: str) -> TrackerNode:
+    """Return the node of a preset that knows its camera."""
+    config = replace(read_method(preset).tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
+    node = build(config)
+    link = StaticTransform(
+        stamp_ns=0, sequence=0, parent="map", child=CAMERA, matrix=MAP_FROM_OPTICAL
+    )
+    info = CameraInfo(
+        stamp_ns=0,
+        sequence=0,
+        camera="camera",
+        frame_id=CAMERA,
+        width=SIZE_PX[0],
+        height=SIZE_PX[1],
+        fx=600.0,
+        fy=600.0,
+        cx=320.0,
+        cy=240.0,
+    )
+    for message in (link, info):
+        node.handle(message, 0)
+    return node
+
+
+def times_ms(frames: Sequence[list[bytes]], handle: Callable[[bytes], object]) -> F64:
+    """Return the time of each frame, of this process alone: other programs may run."""
+    times = []
+    for frame in frames:
+        start_ns = time.process_time_ns()
+        for payload in frame:
+            handle(payload)
+        times.append((time.process_time_ns() - start_ns) / 1e6)
+    return np.array(times[WARM_UP:])
+
+
+def tracked(node: TrackerNode) -> Callable[[bytes], object]:
+    """Return the handling of one encoded message."""
+    return lambda payload: [codec.encode(m) for m in node.handle(codec.decode(payload), 0)]
+
+
+def copied(payload: bytes) -> bytes:
+    """Return a message decoded and encoded again."""
+    return codec.encode(codec.decode(payload))
+
+
+def main() -> None:
+    """Measure and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--dry", action="store_true", help="print the table, do not write it")
+    asked = parser.parse_args()
+    rows = []
+    for people in PEOPLE:
+        found: dict[str, list[F64]] = {}
+        for seed in range(asked.rounds):
+            walking = observations(people, asked.frames + WARM_UP, seed)
+            frames = [payloads(frame, number) for number, frame in enumerate(walking)]
+            for preset in PRESETS:
+                found.setdefault(preset, []).append(times_ms(frames, tracked(node_of(preset))))
+            found.setdefault("input decoded and encoded", []).append(times_ms(frames, copied))
+        for name, rounds in found.items():
+            cells = [spread([float(np.percentile(r, q)) for r in rounds]) for q in (50, 99)]
+            rows.append([name, str(people), *cells])
+    table = markdown(["tracker", "people", "p50 ms", "p99 ms"], rows)
+    if asked.dry:
+        print(table)
+        return
+    note = (
+        f"One thread, {asked.frames} frames, median (least to most) of {asked.rounds} rounds. "
+        "From the bytes of embeddings and detections to the bytes of tracks, in time of the "
+        "process: what other programs take does not count."
+    )
+    write(__file__, "The tracker's time in a frame", note, table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Hand-over of identities between the trackers of neighbouring areas."""

@@ -1,0 +1,30 @@
+"""Configuration of the area of a tracker."""
+
+from typing import Annotated
+
+from msgspec import Meta
+
+from common.config import Config
+from people4d.messages.areas import AREAS_MAX
+from people4d.messages.base import Name, Positive
+
+Memory = Annotated[float, Meta(gt=0, le=600)]
+
+
+class SiteAreaConfig(Config, frozen=True, kw_only=True):
+    """The area of a site that this tracker covers; its name is that of the robot."""
+
+    # robot names of the hosts whose cameras are tracked beside its own; their cameras and frames
+    # have names that are unique over all hosts
+    hosts: tuple[Name, ...] = ()
+    # of this area, unique in the site: it gives the identities n, n + 1000, n + 2000, ...; 0: there
+    # are no areas
+    number: Annotated[int, Meta(ge=0, lt=AREAS_MAX)] = 0
+    neighbours: tuple[Name, ...] = ()  # names of the areas from which people come
+    share_hz: Positive = 4.0  # [Hz] rate of the messages to neighbours
+    # [s] since their last match anywhere, for which people keep their identity from area to area
+    memory_s: Memory = 30.0
+    silence_s: Positive = 3.0  # [s] without a message of a neighbour, after which it is reported
+    # [s] difference of a neighbour's clock that is reported. Identities are handed over all the
+    # same: a message holds times since the last match
+    clock_tolerance_s: Positive = 1.0

@@ -1,0 +1,199 @@
+"""Offsets between the clocks of cameras, from the times at which their frames arrive.
+
+The time from a frame's stamp to its arrival, without the stages that its trace measured, is the
+offset of two clocks plus a delay that is never negative: its least value over some seconds changes
+only with the clock. The difference of two cameras' least values is the offset of their clocks, to
+within the difference of their least unmeasured delays.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from people4d.messages import Detections, Span
+from services.tracker.config import TrackerConfig
+
+CAMERAS_MAX = 64  # names, a bound against invented ones
+HALF_WINDOW_NS = 5_000_000_000  # the least delay is that of one to two of these
+MEASURED_MIN = 10  # frames, before which only offsets above FIRST_NS count
+FIRST_NS = 200_000_000
+RISE_NS = 250_000_000  # a delay longer by this, in RISEN_MAX frames in a row, is a clock set back
+RISEN_MAX = 10
+TRACE_MAX_NS = 2_000_000_000  # of the stages in a trace
+ACTIVE_NS = 3_000_000_000  # a camera that was heard of within this is active
+REFERENCE_NS = 30_000_000_000  # without a frame of the reference after which another replaces it
+
+
+class LeastDelay:
+    """Least delay of the last seconds."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self._least_ns: int | None = None
+        self._before_ns: int | None = None  # of the half window before
+        self._since_ns = 0
+        self._risen = 0
+
+    @property
+    def ns(self) -> int:
+        """The least delay; 0 before the first."""
+        found = [ns for ns in (self._least_ns, self._before_ns) if ns is not None]
+        return min(found, default=0)
+
+    def add(self, delay_ns: int, now_ns: int) -> None:
+        """Take the delay of a frame."""
+        self.frames += 1
+        self._risen = self._risen + 1 if self.frames > 1 and delay_ns > self.ns + RISE_NS else 0
+        if self._least_ns is None or self._risen >= RISEN_MAX:
+            self._least_ns, self._before_ns = delay_ns, None
+            self._since_ns, self._risen = now_ns, 0
+        elif now_ns - self._since_ns > HALF_WINDOW_NS:
+            self._before_ns, self._least_ns, self._since_ns = self._least_ns, delay_ns, now_ns
+        else:
+            self._least_ns = min(self._least_ns, delay_ns)
+
+
+@dataclass(slots=True)
+class CameraClock:
+    """The clock of one camera."""
+
+    offset_ns: int  # subtracted from its stamps
+    newest_ns: int = 0  # [ns] newest stamp
+    heard_ns: int = 0  # [ns] monotonic
+    delay: LeastDelay = field(default_factory=LeastDelay)
+
+
+class CameraClocks:
+    """Corrections of stamps to one common time, that of the reference camera.
+
+    The first camera is the reference. A stamp is corrected by an offset that changes only when the
+    measured one differs from it by more than `clock_tolerance_s`, so that clocks that agree are
+    left alone. A camera whose clock differs by more than `clock_offset_max_s` is apart.
+    """
+
+    def __init__(self, config: TrackerConfig) -> None:
+        self._tolerance_ns = int(config.clock_tolerance_s * 1e9)
+        self._offset_max_ns = int(config.clock_offset_max_s * 1e9)
+        self._clocks: dict[str, CameraClock] = {}
+        self._restored: dict[str, int] = {}  # offsets of a checkpoint [ns]
+        self._restored_ns: int | None = None  # newest stamp of its reference
+        self.reference = ""  # name of the camera; empty before the first frame
+        self._reference_ns = 0  # [ns] monotonic, of its last frame
+
+    def add(self, detections: Detections, now_ns: int) -> int | None:
+        """Take the arrival of detections; return their time [ns], None beyond CAMERAS_MAX cameras.
+
+        Args:
+            detections: The detections.
+            now_ns: Monotonic time.
+        """
+        camera, stamp_ns = detections.camera, detections.stamp_ns
+        clock = self._clocks.get(camera) or self._begin(camera, now_ns)
+        if clock is None:
+            return None
+        is_first = clock.delay.frames == 0
+        clock.newest_ns = stamp_ns if is_first else max(clock.newest_ns, stamp_ns)
+        clock.heard_ns = now_ns
+        clock.delay.add(now_ns - _measured_ns(detections.trace) - stamp_ns, now_ns)
+        self._choose_reference(camera, now_ns)
+        self._correct(camera, clock)
+        return stamp_ns - clock.offset_ns
+
+    def newest_ns(self, camera: str) -> int | None:
+        """Return the newest stamp of a camera; None before the first."""
+        clock = self._clocks.get(camera)
+        if clock is None:
+            return self._restored_ns if camera == self.reference else None
+        return clock.newest_ns
+
+    def elapsed_ns(self, camera: str, now_ns: int) -> int | None:
+        """Return the time since the last frame of a camera [ns]; None before the first."""
+        clock = self._clocks.get(camera)
+        return None if clock is None else max(now_ns - clock.heard_ns, 0)
+
+    def is_apart(self, camera: str) -> bool:
+        """Check that the clock of a camera differs by too much."""
+        return abs(self._ahead_ns(camera)) > self._offset_max_ns
+
+    def restart(self, camera: str, now_ns: int) -> bool:
+        """Measure the clock of a camera anew; return True if others go on in the common time."""
+        others = [
+            name
+            for name, clock in self._clocks.items()
+            if name != camera and now_ns - clock.heard_ns < ACTIVE_NS and not self.is_apart(name)
+        ]
+        was_apart = self.is_apart(camera)
+        self._clocks.pop(camera, None)
+        self._restored.pop(camera, None)
+        if camera == self.reference:
+            self._restored_ns = None
+        if camera == self.reference and others:
+            self.reference = others[0]
+        return was_apart or bool(others)
+
+    def offsets_ms(self, now_ns: int) -> dict[str, float]:
+        """Return by how much the clocks of active cameras are ahead of the reference's [ms]."""
+        return {
+            camera: self._measured_ahead_ns(camera) / 1e6
+            for camera, clock in self._clocks.items()
+            if now_ns - clock.heard_ns < ACTIVE_NS
+        }
+
+    def save(self) -> dict[str, int]:
+        """Return the offsets [ns] by camera, that of the reference first."""
+        cameras = sorted(self._clocks, key=lambda camera: camera != self.reference)
+        return {camera: self._clocks[camera].offset_ns for camera in cameras}
+
+    def restore(self, offsets_ns: dict[str, int], time_ns: int) -> None:
+        """Continue with the offsets and the time of a checkpoint."""
+        self._restored = dict(offsets_ns)
+        self.reference, offset_ns = next(iter(offsets_ns.items()), ("", 0))
+        self._restored_ns = time_ns + offset_ns
+
+    def _begin(self, camera: str, now_ns: int) -> CameraClock | None:
+        if len(self._clocks) >= CAMERAS_MAX:
+            oldest = min(self._clocks, key=lambda name: self._clocks[name].heard_ns)
+            # A camera that is heard of makes no room for an invented one.
+            if now_ns - self._clocks[oldest].heard_ns < ACTIVE_NS:
+                return None
+            del self._clocks[oldest]
+        clock = CameraClock(self._restored.get(camera, 0))
+        self._clocks[camera] = clock
+        return clock
+
+    def _choose_reference(self, camera: str, now_ns: int) -> None:
+        if not self._reference_ns:
+            self._reference_ns = now_ns
+        # One apart waits longer, so that one that is not comes first.
+        wait_ns = REFERENCE_NS * (2 if self.is_apart(camera) else 1)
+        if not self.reference or now_ns - self._reference_ns > wait_ns:
+            self.reference = camera
+        if camera == self.reference:
+            self._reference_ns = now_ns
+
+    def _correct(self, camera: str, clock: CameraClock) -> None:
+        reference = self._clocks.get(self.reference)
+        if reference is None or camera == self.reference:
+            return
+        offset_ns = reference.offset_ns + self._measured_ahead_ns(camera)
+        frames = min(clock.delay.frames, reference.delay.frames)
+        tolerance_ns = self._tolerance_ns
+        if frames < MEASURED_MIN:
+            tolerance_ns = max(tolerance_ns, FIRST_NS)
+        if abs(offset_ns - clock.offset_ns) > tolerance_ns:
+            clock.offset_ns = offset_ns
+
+    def _measured_ahead_ns(self, camera: str) -> int:
+        """Return by how much a clock is ahead of the reference's, as measured."""
+        reference = self._clocks.get(self.reference)
+        return reference.delay.ns - self._clocks[camera].delay.ns if reference else 0
+
+    def _ahead_ns(self, camera: str) -> int:
+        """Return by how much more the stamps of a camera are corrected than the reference's."""
+        clock, reference = self._clocks.get(camera), self._clocks.get(self.reference)
+        return clock.offset_ns - reference.offset_ns if clock and reference else 0
+
+
+def _measured_ns(trace: Sequence[Span]) -> int:
+    """Return the time that a trace explains, without that on the camera's own clock."""
+    spans = (span for span in trace if not span.stage.endswith(".capture"))
+    return min(max(sum(span.end_ns - span.start_ns for span in spans), 0), TRACE_MAX_NS)

@@ -1,0 +1,1 @@
+"""Watch of several cameras by the people that the others find."""

@@ -1,0 +1,113 @@
+"""Watch for cameras of several that send nothing, or find none of the people before them.
+
+Section 28 of docs/method.md. Tracks do not change by it.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from common.geometry.transforms import apply
+from common.text import NAMES_MAX, named
+from people4d.messages import Track
+from services.tracker.interface import Observation
+
+CAMERAS_MAX = 64
+SILENT_NS, SILENT_FRAMES = 3_000_000_000, 10  # both without a frame: a camera is silent
+FORGOTTEN_NS = 600_000_000_000  # after which a camera that is silent has been taken away
+SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000
+NEAR_M, FAR_M = 0.8, 5.0  # along the axis, of the people that a camera should find
+INSIDE = 0.8  # part of the width of the image in which they are
+FRESH_S = 0.3  # since the last match of a track
+EXPECTED_MIN = 25  # people over the samples of the window, with none found: a camera is covered
+USUAL_MIN, USUAL_SHARE = 50, 0.5  # people expected before, and share of them that was found
+
+
+@dataclass(slots=True)
+class _Camera:
+    """Frames of one camera."""
+
+    arrived_ns: int  # [ns] monotonic, of the last one
+    interval_ns: int = 0  # from one to the next
+    sampled_ns: int | None = None  # [ns] stamp of the last sample
+    samples: deque[tuple[int, int, int]] = field(default_factory=deque)  # stamp, expected, found
+    expected: int = 0  # of all samples that have left the window
+    found: int = 0
+
+    def add(self, stamp_ns: int, expected: int, found: int) -> None:
+        """Add a sample."""
+        self.sampled_ns = stamp_ns
+        self.samples.append((stamp_ns, expected, min(expected, found)))
+        while self.samples and stamp_ns - self.samples[0][0] > WINDOW_NS:
+            _, expected, found = self.samples.popleft()
+            if not self.is_covered:  # else its own failure would become usual
+                self.expected, self.found = self.expected + expected, self.found + found
+
+    @property
+    def is_covered(self) -> bool:
+        """True if it finds none of the people before it, of whom it found most before."""
+        expected = sum(sample[1] for sample in self.samples)
+        usual = self.expected >= USUAL_MIN and self.found >= USUAL_SHARE * self.expected
+        return usual and expected >= EXPECTED_MIN and not any(s[2] for s in self.samples)
+
+
+class CameraAbsence:
+    """Compares the frames of each camera with the people that all of them find."""
+
+    def __init__(self) -> None:
+        self._cameras: dict[str, _Camera] = {}
+
+    def clear(self) -> None:
+        """Forget what cameras found, after transforms changed."""
+        for camera in self._cameras.values():
+            camera.samples.clear()
+            camera.sampled_ns = None
+
+    def add(self, observation: Observation, tracks: Sequence[Track], arrived_ns: int) -> None:
+        """Take a frame and the tracks after it."""
+        name, stamp_ns = observation.camera, observation.stamp_ns
+        if name not in self._cameras and len(self._cameras) >= CAMERAS_MAX:
+            return
+        camera = self._cameras.setdefault(name, _Camera(arrived_ns))
+        camera.interval_ns = max(arrived_ns - camera.arrived_ns, camera.interval_ns * 9 // 10)
+        camera.arrived_ns = arrived_ns
+        if len(self._cameras) < 2:
+            return
+        if camera.sampled_ns is None or not 0 <= stamp_ns - camera.sampled_ns < SAMPLE_NS:
+            camera.add(stamp_ns, _expected(observation, tracks), len(observation.measurements))
+
+    def reasons(self, now_ns: int) -> list[str]:
+        """Return sentences on cameras that are silent or covered, while others are not."""
+        ages_ns = {
+            name: age_ns
+            for name, camera in self._cameras.items()
+            if (age_ns := now_ns - camera.arrived_ns) < FORGOTTEN_NS
+        }
+        silent = [
+            name
+            for name, age_ns in ages_ns.items()
+            if age_ns > max(SILENT_NS, SILENT_FRAMES * self._cameras[name].interval_ns)
+        ]
+        reasons = []
+        if silent and len(silent) < len(ages_ns):
+            reasons.append(f"nothing comes of {named('camera', silent)}, while others send")
+        covered = [n for n in ages_ns if n not in silent and self._cameras[n].is_covered]
+        reasons += [
+            f"camera {name} finds none of the people before it: is it covered?"
+            for name in covered[:NAMES_MAX]
+        ]
+        return reasons
+
+
+def _expected(observation: Observation, tracks: Sequence[Track]) -> int:
+    """Return the number of people well inside of the image and range of a camera."""
+    if observation.camera_from_map is None or observation.edges is None:
+        return 0
+    positions = [t.position_m for t in tracks if t.time_since_update_s < FRESH_S]
+    points = apply(observation.camera_from_map, np.reshape(positions, (-1, 3)))
+    points = points[(points[:, 2] > NEAR_M) & (points[:, 2] < FAR_M)]
+    left, right = INSIDE * observation.edges.left, INSIDE * observation.edges.right
+    across = points[:, 0] / points[:, 2]
+    return int(np.sum((across > left) & (across < right)))

@@ -1,0 +1,190 @@
+"""Watch of the poses of several cameras: one that was knocked has people elsewhere than the others.
+
+People who are alone before two cameras at once give differences of position. Of each camera a small
+rotation and shift is fitted that would explain them; a camera whose fit explains most of what is
+too large is reported. Tracks do not change by it. Section 28 of docs/method.md.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from people4d.messages import F64
+from services.tracker.interface import Observation
+
+CAMERAS_MAX = 16  # that are compared
+SAMPLES_MAX = 300  # of a pair of cameras
+SAMPLES_MIN = 60  # of a camera, to be fitted
+TOGETHER_NS = 150_000_000  # longest between two frames that are compared
+WINDOW_NS = 20_000_000_000
+SAMPLE_NS = 200_000_000  # between two samples of a pair
+FIT_NS = 5_000_000_000  # between two fits
+SAME_M, ALONE_M = 1.0, 1.5  # of one person by two cameras; to the next person
+MOVED_M = 0.12  # RMS of the displacement of people that is reported
+EXPLAINED = 0.3  # share of the cost of all differences that the fit of one camera explains
+SCALE_M = 0.2  # of differences in the cost, which has a limit for two people taken for one
+ITERATIONS = 6  # of the reweighted fit
+PRIOR_RAD, PRIOR_M = 0.2, 0.5  # standard deviations of rotation and shift before
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMovement:
+    """Movement of a camera since its pose was found, as others see it."""
+
+    camera: str
+    angle_rad: float  # of the rotation
+    shift_m: float
+    moved_m: float  # RMS displacement of people before it
+    is_decided: bool  # False: with two cameras it may be either
+
+
+@dataclass(slots=True)
+class _Frame:
+    """People of the last frame of a camera."""
+
+    stamp_ns: int
+    positions_m: F64  # Nx3
+    origin_m: F64  # 3, of the camera
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """One person before two cameras."""
+
+    stamp_ns: int
+    apart_m: F64  # 3, position by the first minus that by the second
+    from_first_m: F64  # 3, from the first camera to the person
+    from_second_m: F64
+
+
+class CameraDrift:
+    """Compares the people of all cameras, and finds the camera that has moved."""
+
+    def __init__(self) -> None:
+        self._frames: dict[str, _Frame] = {}
+        self._samples: dict[tuple[str, str], deque[_Sample]] = {}
+        self._fit_ns = 0
+        self.movement: CameraMovement | None = None  # the one that explains most; None: none
+
+    def clear(self) -> None:
+        """Forget all, after transforms or clocks changed."""
+        self._frames.clear()
+        self._samples.clear()
+        self._fit_ns, self.movement = 0, None
+
+    def add(self, observation: Observation) -> None:
+        """Compare the people of a frame with those of the last frames of other cameras."""
+        camera, stamp_ns = observation.camera, observation.stamp_ns
+        pose = observation.map_from_camera
+        if pose is None or (camera not in self._frames and len(self._frames) >= CAMERAS_MAX):
+            return
+        positions = np.array([m.position_m for m in observation.measurements]).reshape(-1, 3)
+        frame = self._frames[camera] = _Frame(stamp_ns, positions, pose[:3, 3])
+        if len(self._frames) < 2 or not len(positions):
+            return
+        for other, last in self._frames.items():
+            if other != camera and abs(stamp_ns - last.stamp_ns) <= TOGETHER_NS:
+                self._compare(camera, frame, other, last)
+        if stamp_ns - self._fit_ns >= FIT_NS:
+            self._fit_ns = stamp_ns
+            self.movement = self._find()
+
+    def reasons(self) -> list[str]:
+        """Return a sentence on the camera that has moved, if there is one."""
+        found = self.movement
+        if found is None:
+            return []
+        by = f"by about {math.degrees(found.angle_rad):.0f} deg and {100 * found.shift_m:.0f} cm"
+        return [f"camera {found.camera} has moved {by}, by the people of others: calibrate again"]
+
+    def _compare(self, camera: str, frame: _Frame, other: str, last: _Frame) -> None:
+        if not len(last.positions_m):
+            return
+        first, second, sign = camera, other, 1.0
+        if first > second:
+            first, second, sign = second, first, -1.0
+        samples = self._samples.setdefault((first, second), deque(maxlen=SAMPLES_MAX))
+        if samples and 0 <= frame.stamp_ns - samples[-1].stamp_ns < SAMPLE_NS:
+            return
+        apart = frame.positions_m[:, None] - last.positions_m
+        distance = np.linalg.norm(apart, axis=-1)
+        for i in range(len(distance)):
+            j = int(distance[i].argmin())
+            rest = np.concatenate([np.delete(distance[i], j), np.delete(distance[:, j], i)])
+            if distance[i, j] > SAME_M or (len(rest) and rest.min() < ALONE_M):
+                continue
+            rays = frame.positions_m[i] - frame.origin_m, last.positions_m[j] - last.origin_m
+            own, its = rays if sign > 0 else rays[::-1]
+            samples.append(_Sample(frame.stamp_ns, sign * apart[i, j], own, its))
+        while samples and frame.stamp_ns - samples[0].stamp_ns > WINDOW_NS:
+            samples.popleft()
+
+    def _find(self) -> CameraMovement | None:
+        cameras = sorted({name for pair, s in self._samples.items() if s for name in pair})
+        apart = {
+            pair: np.array([s.apart_m for s in samples])
+            for pair, samples in self._samples.items()
+            if samples
+        }
+        total = sum(_cost(a) for a in apart.values())
+        found = [m for c in cameras if (m := self._fit(c, apart, total)) is not None]
+        if not found:
+            return None
+        explained, best = max(found, key=lambda item: item[0])
+        if best.moved_m < MOVED_M or explained < EXPLAINED:
+            return None
+        if len(cameras) == 2:
+            both = f"{cameras[0]} or {cameras[1]}"
+            return CameraMovement(both, best.angle_rad, best.shift_m, best.moved_m, False)
+        return best
+
+    def _fit(
+        self, camera: str, apart: dict[tuple[str, str], F64], total: float
+    ) -> tuple[float, CameraMovement] | None:
+        """Return the share that a movement of one camera explains, and the movement."""
+        rays, errors = list[F64](), list[F64]()
+        for (a, b), samples in self._samples.items():
+            if camera not in (a, b) or not samples:
+                continue
+            sign = 1.0 if camera == a else -1.0
+            errors.append(sign * apart[a, b])
+            rays.append(
+                np.array([s.from_first_m if sign > 0 else s.from_second_m for s in samples])
+            )
+        if not rays or sum(map(len, rays)) < SAMPLES_MIN:
+            return None
+        ray, error = np.concatenate(rays), np.concatenate(errors)
+        # A rotation w and a shift t displace a person at p by w x p + t.
+        jacobian = np.zeros((len(ray), 3, 6))
+        x, y, z = ray.T
+        jacobian[:, 0, 1], jacobian[:, 0, 2] = z, -y
+        jacobian[:, 1, 0], jacobian[:, 1, 2] = -z, x
+        jacobian[:, 2, 0], jacobian[:, 2, 1] = y, -x
+        jacobian[:, [0, 1, 2], [3, 4, 5]] = 1.0
+        prior = np.diag([1 / PRIOR_RAD] * 3 + [1 / PRIOR_M] * 3)
+        remaining = error
+        for _ in range(ITERATIONS):
+            weights = 1 / (1 + (remaining**2).sum(axis=1) / SCALE_M**2)
+            left = (weights[:, None, None] * jacobian).reshape(-1, 6)
+            right = (weights[:, None] * error).ravel()
+            solution, *_ = np.linalg.lstsq(
+                np.vstack([left, prior]), np.append(right, np.zeros(6)), rcond=None
+            )
+            explained = jacobian @ solution
+            remaining = error - explained
+        gained = _cost(error) - _cost(remaining)
+        return gained / max(total, 1e-12), CameraMovement(
+            camera=camera,
+            angle_rad=float(np.linalg.norm(solution[:3])),
+            shift_m=float(np.linalg.norm(solution[3:])),
+            moved_m=float(np.sqrt((explained**2).sum(axis=1).mean())),
+            is_decided=True,
+        )
+
+
+def _cost(differences_m: F64) -> float:
+    """Return the cost of differences (Nx3) after Geman and McClure, at most 1 each."""
+    squares_m2 = (differences_m**2).sum(axis=1)
+    return float((squares_m2 / (squares_m2 + SCALE_M**2)).sum())

@@ -1,0 +1,59 @@
+"""Messages of the tracker's results."""
+
+from collections.abc import Sequence
+
+from people4d.messages import Detections, ImageTrack, ImageTracks, Message, Span, Track, Tracks
+from services.tracker.camera_poses import CameraPoseLookup
+from services.tracker.config import TrackerConfig
+
+
+class TrackerOutput:
+    """Makes messages of tracks, in the frame and of the states that are configured."""
+
+    def __init__(self, config: TrackerConfig, poses: CameraPoseLookup) -> None:
+        self._config, self._poses = config, poses
+
+    def tracks(
+        self,
+        detections: Detections,
+        tracks: Sequence[Track],
+        time_ns: int,
+        trace: tuple[Span, ...],
+        stamp_ns: int | None = None,
+    ) -> Tracks:
+        """Return the message of tracks; its stamp is that of the detections unless given."""
+        stamp_ns = detections.stamp_ns if stamp_ns is None else stamp_ns
+        tracks = self._poses.to_output_frame(tracks, time_ns)
+        published = tuple(track for track in tracks if self._is_published(track))
+        return Tracks(
+            stamp_ns=stamp_ns,
+            sequence=detections.sequence,
+            trace=trace,
+            frame_id=self._config.frame_id,
+            tracker=self._config.tracker,
+            camera=detections.camera,
+            tracks=published,
+        )
+
+    def image_tracks(
+        self, detections: Detections, tracks: Tracks, image_tracks: Sequence[ImageTrack] | None
+    ) -> list[Message]:
+        """Return the message of tracks in the image of a frame; none if there are none."""
+        if image_tracks is None:
+            return []
+        message = ImageTracks(
+            stamp_ns=tracks.stamp_ns,
+            sequence=tracks.sequence,
+            trace=tracks.trace,
+            camera=tracks.camera,
+            tracker=tracks.tracker,
+            width=detections.width,
+            height=detections.height,
+            tracks=tuple(track for track in image_tracks if self._is_published(track)),
+        )
+        return [message]
+
+    def _is_published(self, track: Track | ImageTrack) -> bool:
+        config = self._config
+        published = {"tentative": config.publish_tentative, "lost": config.publish_lost}
+        return published.get(track.state, True)

@@ -1,0 +1,129 @@
+"""Frames whose stamps are far from the clock of their camera, until those of its own time cease.
+
+Without keys any client can publish in the name of a camera: messages with another time must not end
+the tracks, however many come, for the camera goes on in its own. One whose clock was set, or a
+recording that begins again, sends no frame of the time before.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from people4d.messages import Detections
+from services.tracker.camera_clocks import CameraClocks
+
+SILENT_NS = 1_000_000_000  # without a frame of the old time, after which a clock was set
+CAMERAS_MAX = 8  # of which frames wait at once, ...
+HELD_MAX = 64  # ... of each so many; of more the oldest but the first are left out
+HELD_MAX_BYTES = 16 * 2**20  # of all that wait
+PERSON_BYTES = 2000  # of a detection without its mask
+REPORTED_NS = 10_000_000_000  # for which frames that were left out are a reason to be degraded
+
+
+@dataclass(slots=True)
+class ArrivedFrame:
+    """Detections, and when they came."""
+
+    detections: Detections
+    arrived_ns: int  # [ns] monotonic
+    size_bytes: int = 0  # about, of one that is held
+
+
+@dataclass(slots=True)
+class StampGuard:
+    """Lets frames pass in the time of their camera, and holds others until it is given up.
+
+    Args:
+        jump_ns: Distance of a stamp from the camera's time beyond which it is held [ns].
+        clocks: Clocks of all cameras.
+    """
+
+    jump_ns: int
+    clocks: CameraClocks
+    counters: Counter[str] = field(default_factory=lambda: Counter(stray_frames=0))
+    _held: dict[str, list[ArrivedFrame]] = field(default_factory=dict)  # by camera
+    _strays: dict[str, tuple[int, float]] = field(default_factory=dict)  # when, and how far [s]
+
+    def admit(self, detections: Detections, now_ns: int) -> list[ArrivedFrame]:
+        """Take a frame; return it if it is to be tracked now, see `due` for those that are held."""
+        camera, frame = detections.camera, ArrivedFrame(detections, now_ns)
+        held, ahead_ns = self._held.get(camera, []), self._ahead_ns(detections, now_ns)
+        if ahead_ns is None or abs(ahead_ns) <= self.jump_ns:
+            self._drop(camera, now_ns)
+            return [frame]
+        if held and abs(_between_ns(held[-1], frame)) > self.jump_ns:
+            self._drop(camera, now_ns)
+        held = self._held.get(camera, [])
+        # An old message that is sent again and again is no camera that goes on.
+        repeated = bool(held) and not _follows(held[-1].detections, detections)
+        frame.size_bytes = _bytes(detections)
+        full = self._held_bytes() + frame.size_bytes > HELD_MAX_BYTES
+        if repeated or full or (not held and len(self._held) >= CAMERAS_MAX):
+            self.counters["stray_frames"] += 1
+            return []
+        held = self._held.setdefault(camera, held)
+        held.append(frame)
+        if len(held) > HELD_MAX:  # the time since the first one is that of silence
+            self.counters["stray_frames"] += 1
+            del held[1]
+        return []
+
+    def due(self, now_ns: int, flush: bool = False) -> list[ArrivedFrame]:
+        """Return the frames that nothing contradicted for a while; all, if no more frames come."""
+        due = [
+            camera
+            for camera, held in self._held.items()
+            if flush or now_ns - held[0].arrived_ns >= SILENT_NS
+        ]
+        return [frame for camera in due for frame in self._held.pop(camera)]
+
+    def wake_ns(self) -> int | None:
+        """Return the monotonic time at which frames are due; None if none wait."""
+        times = (held[0].arrived_ns + SILENT_NS for held in self._held.values())
+        return min(times, default=None)
+
+    def reasons(self, now_ns: int) -> list[str]:
+        """Return a sentence on each camera of which frames were left out in the last seconds."""
+        self._strays = {c: s for c, s in self._strays.items() if now_ns - s[0] < REPORTED_NS}
+        return [
+            f"frames in the name of camera {camera} with stamps {abs(ahead_s):.1f} s "
+            f"{'ahead of' if ahead_s > 0 else 'behind'} its clock are left out: does another "
+            "publisher use its name?"
+            for camera, (_, ahead_s) in self._strays.items()
+        ]
+
+    def _drop(self, camera: str, now_ns: int) -> None:
+        """Leave out the frames of a camera that wait: a frame of its own time came."""
+        for frame in self._held.pop(camera, ()):
+            self.counters["stray_frames"] += 1
+            ahead_ns = self._ahead_ns(frame.detections, frame.arrived_ns) or 0
+            self._strays[camera] = now_ns, ahead_ns / 1e9
+
+    def _held_bytes(self) -> int:
+        return sum(frame.size_bytes for held in self._held.values() for frame in held)
+
+    def _ahead_ns(self, detections: Detections, now_ns: int) -> int | None:
+        """Return how far a stamp is ahead of its camera's time; None before the first frame.
+
+        Of a camera that was silent, the time went on, or not, if it is a recording.
+        """
+        newest_ns = self.clocks.newest_ns(detections.camera)
+        if newest_ns is None:
+            return None
+        ahead_ns = detections.stamp_ns - newest_ns
+        elapsed_ns = self.clocks.elapsed_ns(detections.camera, now_ns)
+        if elapsed_ns is None:  # it may be ahead by as long as this process did not run
+            return min(ahead_ns, 0)
+        return min(ahead_ns, 0) + max(ahead_ns - elapsed_ns, 0)
+
+
+def _bytes(detections: Detections) -> int:
+    masks = (len(person.mask.bits) for person in detections.detections if person.mask)
+    return PERSON_BYTES * (1 + len(detections.detections)) + sum(masks)
+
+
+def _follows(before: Detections, after: Detections) -> bool:
+    return after.sequence > before.sequence and after.stamp_ns >= before.stamp_ns
+
+
+def _between_ns(before: ArrivedFrame, after: ArrivedFrame) -> int:
+    return after.detections.stamp_ns - before.detections.stamp_ns

@@ -1,0 +1,153 @@
+"""Watch of camera poses: a camera that was knocked is named, others are not."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from common.geometry.transforms import (
+    LINK_FROM_OPTICAL,
+    apply,
+    invert,
+    rotation_from_rpy,
+    transform_from,
+)
+from people4d.messages import F64
+from services.tracker.camera_watch.drift import CameraDrift
+from services.tracker.interface import Measurement, Observation
+
+BOX = np.array([0, 0, 10, 20], np.float32)
+POSES = {
+    name: transform_from((x, y, 2.2), rotation_from_rpy(0, 0.25, math.radians(yaw)))
+    @ LINK_FROM_OPTICAL
+    for name, x, y, yaw in (("a", -3, -3, 45), ("b", 3, -3, 135), ("c", 3, 3, -135))
+}
+
+
+def people(t_s: float) -> F64:
+    """Return two people who walk 3 m apart."""
+    x, y = 1.2 * math.sin(0.5 * t_s), 0.8 * math.sin(0.37 * t_s)
+    return np.array([[x - 1.5, y, 1.1], [x + 1.5, -y, 1.1]])
+
+
+def observation(
+    camera: str, t_s: float, believed: F64, true: F64, rng: np.random.Generator
+) -> Observation:
+    """Build what a camera sees that stands at `true` and is believed to stand at `believed`."""
+    optical = apply(invert(true), people(t_s)) + rng.normal(0, 0.04, (2, 3))
+    measurements = tuple(
+        Measurement(index=k, box_xyxy_px=BOX, score=0.9, position_m=at, forward_m=3.0)
+        for k, at in enumerate(apply(believed, optical))
+    )
+    return Observation(
+        stamp_ns=round(t_s * 1e9),
+        measurements=measurements,
+        camera=camera,
+        map_from_camera=believed,
+    )
+
+
+def watch(true: dict[str, F64], seconds: float = 40.0, others: float = 0.0) -> CameraDrift:
+    """Let cameras look; in a share of their frames they see somebody else 0.8 m beside."""
+    drift, rng = CameraDrift(), np.random.default_rng(1)
+    for k in range(int(seconds * 10)):
+        for number, camera in enumerate(true):
+            t_s = k * 0.1 + 0.03 * number
+            view = observation(camera, t_s, POSES[camera], true[camera], rng)
+            if rng.random() < others:
+                beside = rng.normal(size=2)
+                beside *= 0.8 / np.linalg.norm(beside)
+                aside = tuple(
+                    replace(m, position_m=m.position_m + np.append(beside, 0.0))
+                    for m in view.measurements
+                )
+                view = replace(view, measurements=aside)
+            drift.add(view)
+    return drift
+
+
+def turned(camera: str, degrees: float) -> dict[str, F64]:
+    """Return the true poses after one camera was turned about the vertical."""
+    pose = POSES[camera].copy()
+    pose[:3, :3] = rotation_from_rpy(0, 0, math.radians(degrees)) @ pose[:3, :3]
+    return {**POSES, camera: pose}
+
+
+def test_cameras_where_they_should_be_are_not_reported() -> None:
+    drift = watch(POSES)
+    assert drift.movement is None
+    assert drift.reasons() == []
+
+
+@pytest.mark.parametrize("camera", ["a", "b", "c"])
+def test_camera_knocked_by_five_degrees_is_named(camera: str) -> None:
+    found = watch(turned(camera, 5.0)).movement
+    assert found is not None
+    assert found.camera == camera
+    assert found.is_decided
+    assert found.moved_m > 0.12
+
+
+@pytest.mark.parametrize("degrees", [0.0, 5.0])
+def test_other_people_taken_for_the_same_hide_no_knock_and_make_none(degrees: float) -> None:
+    found = watch(turned("b", degrees), others=0.1).movement
+    assert (found.camera if found else None) == ("b" if degrees else None)
+
+
+def test_of_two_cameras_either_may_have_moved() -> None:
+    true = turned("b", 5.0)
+    drift = watch({"a": true["a"], "b": true["b"]})
+    (reason,) = drift.reasons()
+    assert reason.startswith("camera a or b has moved by about ")
+    assert "calibrate again" in reason
+
+
+def test_after_a_calibration_the_watch_begins_anew() -> None:
+    drift = watch(turned("c", 5.0))
+    drift.clear()
+    assert drift.reasons() == []
+
+
+def test_single_camera_and_frames_without_pose_or_people_are_no_matter() -> None:
+    drift, rng = CameraDrift(), np.random.default_rng(1)
+    for k in range(100):
+        drift.add(observation("a", k * 0.1, POSES["a"], POSES["a"], rng))
+        drift.add(Observation(stamp_ns=k * 10**8, camera="b"))
+        drift.add(Observation(stamp_ns=k * 10**8, camera="c", map_from_camera=np.eye(4)))
+    assert drift.movement is None
+
+
+def test_people_who_stand_close_together_are_not_compared() -> None:
+    drift, rng = CameraDrift(), np.random.default_rng(1)
+    for k in range(200):
+        for camera in POSES:
+            frame = observation(camera, k * 0.1, POSES[camera], turned("c", 5.0)[camera], rng)
+            crowd = tuple(
+                Measurement(
+                    index=n,
+                    box_xyxy_px=BOX,
+                    score=0.9,
+                    position_m=np.add(frame.measurements[0].position_m, (0.5 * n, 0, 0)),
+                    forward_m=3.0,
+                )
+                for n in range(3)
+            )
+            drift.add(
+                Observation(
+                    stamp_ns=frame.stamp_ns,
+                    measurements=crowd,
+                    camera=camera,
+                    map_from_camera=POSES[camera],
+                )
+            )
+    assert drift.movement is None
+
+
+def test_names_of_cameras_are_bounded() -> None:
+    drift, rng = CameraDrift(), np.random.default_rng(1)
+    for k in range(100):
+        drift.add(observation("a", 0.001 * k, POSES["a"], POSES["a"], rng))
+        one = observation("b", 0.001 * k, POSES["b"], POSES["b"], rng)
+        drift.add(Observation(one.stamp_ns, one.measurements, f"x{k}", map_from_camera=POSES["b"]))
+    assert len(drift._frames) <= 16

@@ -1,0 +1,29 @@
+"""Frames and embeddings of invented names."""
+
+import msgspec
+import numpy as np
+
+from people4d.messages import Embeddings
+from services.tracker.config import TrackerConfig
+from services.tracker.frame_join import CAMERAS_MAX, EARLY_MAX_BYTES, FrameJoin
+from tests import builders
+from tests.contract.examples import BY_NAME
+
+
+def test_embeddings_of_invented_frames_and_cameras_are_bounded() -> None:
+    join = FrameJoin(TrackerConfig(), uses_embeddings=True)
+    example = BY_NAME["Embeddings"]
+    assert isinstance(example, Embeddings)
+    for number in range(60):
+        vectors = np.zeros((1, 250_000), np.float32)  # 1 MB each
+        join.add_embeddings(
+            msgspec.structs.replace(example, stamp_ns=number, detections=(0,), vectors=vectors),
+            jump_ns=10**9,
+        )
+    assert sum(e.vectors.nbytes for e in join._early.values()) <= EARLY_MAX_BYTES
+    assert join.counters["late_embeddings"] >= 40
+    for number in range(500):
+        join.add_detections(builders.detections(camera=f"c{number}"), 0, number)
+        join.pop(number, flush=True)
+    assert len(join._streams) <= CAMERAS_MAX
+    assert len(join._newest) <= CAMERAS_MAX
