@@ -6,6 +6,7 @@ from msgspec import Meta
 
 from common.config import Config
 from common.geometry.transforms import rotation_from_rpy, transform_from
+from common.ros2.config import Ros2Config
 from people4d.messages import StaticTransform
 from people4d.messages.base import Name, NonNegative, Positive
 
@@ -29,12 +30,13 @@ class FixedTransform(Config, frozen=True, kw_only=True):
 class GtBridgeConfig(Config, frozen=True, kw_only=True):
     """Source and playback of the truth, and how tracks are scored against it."""
 
-    # recording, ROS bag, CSV, MOT text, gt.npz or its folder, zenoh:KEY of live people_msgs/People;
-    # empty: none, which is no error
+    # recording, ROS bag, CSV, MOT text, gt.npz or its folder; live: ros2:/TOPIC or ros2+dds:/TOPIC
+    # of people_msgs/People or PoseStamped, zenoh:KEY of people_msgs/People; empty: none
     truth: str = ""
-    # kind of truth: auto, recording, rosbag, npz, csv, mot, live, or module:Class of your own
+    # kind of truth: auto, recording, rosbag, npz, csv, mot, live, ros2, or module:Class of your own
     source: str = "auto"
     topic: str = ""  # ROS topic of people_msgs/People; empty: the only one in the bag
+    ros2: Ros2Config = Ros2Config(node="people4d_truth")  # of ros2:, its transport: as named there
     rate_hz: NonNegative = 0.0  # [Hz] of the frames of MOT text; 0: as seqinfo.ini beside it says
     # time
     playback: Literal["frames", "recorded"] = "frames"  # with the pipeline, or by its own clock

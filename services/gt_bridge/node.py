@@ -1,7 +1,7 @@
 """Publishes ground truth, stored or live, and scores tracks against it."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import ClassVar
 
 import msgspec
@@ -11,7 +11,7 @@ from common.geometry.transform_history import TransformBufferConfig
 from common.metrics.alignment.alignment import transform_truth
 from common.metrics.from_messages import plausible
 from common.metrics.live import LiveScorer
-from common.runtime.node import Node, Status
+from common.runtime.node import LoopCallbacks, Node, Status
 from people4d.messages import (
     CameraInfo,
     Detections,
@@ -25,7 +25,7 @@ from people4d.messages import (
 from services.gt_bridge.alignment import EstimatedAlignment
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.playback import LEAD_NS, TruthPlayback
-from services.gt_bridge.sources.registry import LiveTruthSource
+from services.gt_bridge.sources.registry import LiveTruthSource, ReceivedTruthSource
 
 DEFAULT = GtBridgeConfig()
 HISTORY = TransformBufferConfig(history_s=30.0)  # truth may come late, and alignments look back
@@ -35,7 +35,7 @@ class GtBridgeNode(Node):
     """Publishes the truth in the configured frame, and a score for each Tracks message.
 
     Truth is by rising stamp, iterated anew when playback begins again; live truth has topics to be
-    read instead.
+    read instead, or is received by its source.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (
@@ -46,6 +46,9 @@ class GtBridgeNode(Node):
     def __init__(self, truth: Iterable[Truth], config: GtBridgeConfig = DEFAULT) -> None:
         self._config = config
         self.foreign_inputs = truth.topics if isinstance(truth, LiveTruthSource) else ()
+        self._received = truth if isinstance(truth, ReceivedTruthSource) else None
+        self._starts = True
+        self._wake: Callable[[], None] = lambda: None
         self._counters: Counter[str] = Counter()
         self._transforms = TransformBuffer(HISTORY)
         aligns = config.align_clock_s > 0 or config.align_space != "off"
@@ -57,6 +60,10 @@ class GtBridgeNode(Node):
         self._unlinked = ""  # frame of the last truth without a transform to the configured frame
         for transform in config.transforms:
             self._transforms.add(transform.message())
+
+    def attach(self, loop: LoopCallbacks) -> None:
+        """Take the callbacks of the loop."""
+        self._wake = loop.wake
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take a message; frames pull stored truth, and tracks are scored."""
@@ -76,19 +83,39 @@ class GtBridgeNode(Node):
         return outputs + self._scorer.due()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Return the truth that is due by the recording's own clock."""
-        return self._publish(self._playback.due(now_ns))
+        """Return the truth that is due by the recording's own clock, or was received."""
+        outputs = self._publish(self._playback.due(now_ns))
+        if self._received is None:
+            return outputs
+        if self._starts:
+            self._starts = False
+            self._received.start(self._wake)
+        for truth in self._received.take():
+            outputs += self._publish(self._captured(truth))
+        return outputs + self._scorer.due()
 
     def wake_ns(self) -> int | None:
         """Return the time at which the next truth is due by the recording's own clock."""
+        if self._received:
+            wake_s = 0.0 if self._starts else self._received.wake_s()
+            return None if wake_s is None else int(wake_s * 1e9)
         return self._playback.wake_ns()
+
+    def close(self) -> None:
+        """End receiving."""
+        if self._received:
+            self._received.close()
 
     def status(self) -> Status:
         """Return state, reason and counters for the heartbeat."""
         counters = dict(self._counters)
+        if self._received:
+            counters |= self._received.counters
         if self._playback.problem:
             return Status(state="degraded", reason=self._playback.problem, counters=counters)
-        if self._playback.finished and not self.foreign_inputs:
+        if self._received and self._received.problem:
+            return Status(state="degraded", reason=self._received.problem, counters=counters)
+        if self._playback.finished and not self.foreign_inputs and not self._received:
             return Status(state="finished", reason="all truth is published", counters=counters)
         if self._unlinked:
             reason = (
@@ -102,7 +129,8 @@ class GtBridgeNode(Node):
         """Return the reason for which there is no truth, empty if there is some."""
         if self.foreign_inputs:
             return "" if self._live_ns is not None else f"waits for {self.foreign_inputs[0].key}"
-        return "there is no truth" if self._playback.empty else ""
+        empty = self._playback.empty and not self._received
+        return "there is no truth" if empty else ""
 
     def _score_against(self, truth: Truth) -> Truth:
         """Pass truth to the scorer, and return it as it is to be published, in its own frame."""

@@ -5,6 +5,7 @@ from typing import Annotated
 from msgspec import Meta
 
 from common.config import Config
+from people4d.messages.base import Text
 
 
 class ReportConfig(Config, frozen=True, kw_only=True):
@@ -13,4 +14,5 @@ class ReportConfig(Config, frozen=True, kw_only=True):
     folder: str = "out"  # folder for contact_sheet.png, video, summary.txt and summary.json
     video: bool = True  # True: write an annotated MP4 of each camera
     sheet_frames: Annotated[int, Meta(ge=1, le=100)] = 12  # frames on the sheet, evenly spread
+    note: Text = ""  # says on the page what is simulated
     tile_width_px: Annotated[int, Meta(ge=160, le=1920)] = 480  # [px] width of a frame on the sheet

@@ -3,7 +3,7 @@
 import logging
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -15,9 +15,10 @@ from common.drawing.video import VideoWriter
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8
 from services.report.config import ReportConfig
-from services.report.statistics import RunSummary
+from services.report.page import RunPage
 from services.report.text import text
 
+PAGE = "report.html"
 COMPLETE = "summary.json"  # written last, and renamed: if it exists, the report is complete
 RATE_FRAMES = 10  # frames from whose stamps the rate of a video is measured
 HZ_RANGE = 1.0, 120.0
@@ -41,8 +42,8 @@ class ReportOutput(Protocol):
         """Take the next frame of the video."""
         ...
 
-    def finish(self, sheet: U8, summary: RunSummary) -> None:
-        """Take the contact sheet (HxWx3, red first) and the summary; called once."""
+    def finish(self, sheet: U8, page: RunPage) -> None:
+        """Take the contact sheet (HxWx3, red first) and the page; called once."""
         ...
 
 
@@ -64,7 +65,7 @@ class ReportFolder:
             self._videos[frame.camera] = VideoFile(self._path / f"people_{frame.camera}.webm")
         self._videos[frame.camera].write(frame)
 
-    def finish(self, sheet: U8, summary: RunSummary) -> None:
+    def finish(self, sheet: U8, page: RunPage) -> None:
         """Write everything else.
 
         Raises:
@@ -72,12 +73,15 @@ class ReportFolder:
         """
         for video in self._videos.values():
             video.close()
-        words = text(summary)
+        summary, words = page.summary, text(page.summary)
+        videos = {n: v.path for n, v in sorted(self._videos.items()) if v.path.is_file()}
         json = msgspec.json.format(msgspec.json.encode(summary), indent=2)
         _, png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
         try:
             (self._path / "contact_sheet.png").write_bytes(png.tobytes())
             (self._path / "summary.txt").write_text(words, encoding="utf-8")
+            html = replace(page, videos=videos).html()
+            (self._path / PAGE).write_text(html, encoding="utf-8")
             part = self._path / f"{COMPLETE}.part"
             part.write_bytes(json + b"\n")
             part.replace(self._path / COMPLETE)
@@ -111,7 +115,7 @@ class VideoFile:
     """A video whose rate comes from the stamps of its first frames."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.path = path
         self._waiting: list[AnnotatedFrame] = []  # not written yet
         self._writer: VideoWriter | None = None
         self._size = (0, 0)
@@ -146,7 +150,7 @@ class VideoFile:
             height, width = self._waiting[0].image.shape[:2]
             self._size = width, height
             rate_hz = frame_rate_hz([frame.stamp_ns for frame in self._waiting])
-            self._writer = VideoWriter(self._path, rate_hz, self._size)
+            self._writer = VideoWriter(self.path, rate_hz, self._size)
         for frame in self._waiting:
             image = frame.image
             if image.shape[1::-1] != self._size:

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from common.drawing.people import CameraView, annotate
-from common.drawing.tiles import Tile, shrink
+from common.drawing.tiles import Tile, grid, shrink
 from common.geometry.transforms import invert
+from common.io.images import encode_jpeg
 from common.runtime.node import Node, Status
 from common.runtime.synchroniser import SynchronisedFrame, Synchroniser
 from people4d.messages import (
@@ -23,9 +24,12 @@ from people4d.messages import (
 from services.report.config import ReportConfig
 from services.report.even_sample import EvenSample
 from services.report.folder import AnnotatedFrame, ReportOutput
-from services.report.sheet import contact_sheet
+from services.report.page import RunPage
+from services.report.sheet import COLUMNS, contact_sheet
 from services.report.statistics import RunStatistics
 from services.report.trajectories import TrajectoryStore
+
+CAMERAS_MAX = 64  # further names of cameras are ignored
 
 
 class ReportNode(Node):
@@ -57,7 +61,9 @@ class ReportNode(Node):
         """Take a message; the report publishes nothing."""
         self._statistics.add(message, now_ns)
         if isinstance(message, CameraInfo):
-            self._infos[message.camera] = message
+            known = message.camera in self._infos
+            if known or len(self._infos) < CAMERAS_MAX:
+                self._infos[message.camera] = message
         if isinstance(message, Tracks | Truth | StaticTransform):
             self._trajectories.add(message)
         if isinstance(message, RgbdFrame | Detections | Tracks):
@@ -75,9 +81,15 @@ class ReportNode(Node):
             self._show(frame)
         summary = self._statistics.summary()
         tiles = self._tiles.pick(self._config.sheet_frames)
-        self._output.finish(
-            contact_sheet(tiles, self._trajectories.trajectories(), summary), summary
+        trajectories = self._trajectories.trajectories()
+        page = RunPage(
+            summary=summary,
+            trajectories=trajectories,
+            series=self._statistics.series,
+            note=self._config.note,
+            sheet_jpeg=encode_jpeg(grid(tiles, COLUMNS)) if tiles else b"",
         )
+        self._output.finish(contact_sheet(tiles, trajectories, summary), page)
 
     def _show(self, frame: SynchronisedFrame) -> None:
         """Draw a frame for the video and the contact sheet."""

@@ -28,6 +28,7 @@ from people4d.messages import (
     Truth,
 )
 from services.report.even_sample import EvenSample
+from services.report.series import RunSeries
 
 SAMPLES = 10_000  # of each stage
 MAX_STAGES = 128
@@ -136,6 +137,7 @@ class RunStatistics:
         self._score: Tally | None = None
         self._errors_m: EvenSample[float] = EvenSample(MAX_ERRORS)
         self._health: dict[str, Health] = {}
+        self.series = RunSeries()
 
     def add(self, message: Message, now_ns: int) -> None:
         """Count a message that the report listens to; it came at this monotonic time."""
@@ -170,6 +172,7 @@ class RunStatistics:
             self._answers["tracked"] += frame.tracks is not None
         if frame.tracks is not None and (frame.image is not None or frame.detections is not None):
             self._add_tracks(frame.tracks)
+            self.series.add(frame)
 
     def summary(self) -> RunSummary:
         """Return the figures so far."""
@@ -214,7 +217,9 @@ class RunStatistics:
             self._score = score.total
             for person in score.people:
                 if person.position_error_m is not None:
-                    self._errors_m.add(float(np.linalg.norm(person.position_error_m)))
+                    error_m = float(np.linalg.norm(person.position_error_m))
+                    self._errors_m.add(error_m)
+                    self.series.add_error(score.stamp_ns, error_m)
 
     def _drops(self) -> dict[str, dict[str, int]]:
         found = {name: losses(health.counters) for name, health in sorted(self._health.items())}

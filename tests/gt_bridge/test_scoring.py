@@ -323,10 +323,8 @@ def test_without_truth_nothing_waits() -> None:
 
 
 def test_absurd_people_are_left_out() -> None:
-    absurd = [person("far", 1e200, -1e200), person("fast", 2.0, 0.0, vx=1e200)]
-    (got,) = Bench().feed(
-        [*still(*absurd, person("a", 2.0, 0.0)), tracks(0, track(1, 1e300, 1e300))]
-    )
+    absurd = [person("far", 9e6, -9e6), person("fast", 2.0, 0.0, vx=9e6)]
+    (got,) = Bench().feed([*still(*absurd, person("a", 2.0, 0.0)), tracks(0, track(1, 9e6, 9e6))])
     assert [p.id for p in got.people] == ["a"]
     assert got.false_alarms == ()
 

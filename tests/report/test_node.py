@@ -14,6 +14,7 @@ from people4d.messages import U8, Message
 from services.report.config import ReportConfig
 from services.report.folder import AnnotatedFrame, ReportFolder, frame_rate_hz
 from services.report.node import ReportNode
+from services.report.page import RunPage
 from services.report.statistics import RunSummary
 from tests.report.builders import (
     MS,
@@ -42,9 +43,9 @@ class StoredOutput:
     def add_frame(self, frame: AnnotatedFrame) -> None:
         self.annotated.append(frame)
 
-    def finish(self, sheet: U8, summary: RunSummary) -> None:
+    def finish(self, sheet: U8, page: RunPage) -> None:
         self.sheets.append(sheet)
-        self.summaries.append(summary)
+        self.summaries.append(page.summary)
 
 
 def run(node: ReportNode, *messages: Message) -> None:
@@ -144,6 +145,7 @@ def test_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert sorted(p.name for p in out.iterdir()) == [
         "contact_sheet.png",
         "people_front.webm",
+        "report.html",
         "summary.json",
         "summary.txt",
     ]

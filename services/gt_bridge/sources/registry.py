@@ -1,6 +1,7 @@
 """Readers of ground truth by name, and the one that suits a file."""
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -20,8 +21,10 @@ TRUTH_SOURCES: dict[str, str] = {
     "csv": "services.gt_bridge.sources.csv_file:CsvTruth",
     "mot": "services.gt_bridge.sources.files:MotTruth",
     "live": "services.gt_bridge.sources.ros:LiveTruth",
+    "ros2": "services.gt_bridge.sources.ros2:Ros2Truth",
 }
 SCHEME = "zenoh:"  # before the key of live truth
+ROS2 = re.compile(r"ros2(\+\w*)?:.*")
 KINDS = {".csv": "csv", ".txt": "mot"}
 
 
@@ -34,6 +37,36 @@ class LiveTruthSource(Protocol):
     """
 
     topics: Sequence[ForeignTopic]
+
+
+def is_live(truth: str) -> bool:
+    """Return whether truth comes from topics, not from a file."""
+    return truth.startswith(SCHEME) or bool(ROS2.fullmatch(truth))
+
+
+@runtime_checkable
+class ReceivedTruthSource(Protocol):
+    """Truth that the source receives itself, in threads of its own."""
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        """Messages dropped, by cause."""
+
+    @property
+    def problem(self) -> str:
+        """Reason for which there is no truth, empty if there is."""
+
+    def start(self, wake: Callable[[], None]) -> None:
+        """Begin to receive; `wake` is called from other threads after each message."""
+
+    def take(self) -> list[Truth]:
+        """Return what came since the last call."""
+
+    def wake_s(self) -> float | None:
+        """Return the monotonic time at which `take` is due by itself [s], None if at none."""
+
+    def close(self) -> None:
+        """End receiving."""
 
 
 def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:
@@ -54,6 +87,8 @@ def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:
 def _kind_of(truth: str) -> str:
     if truth.startswith(SCHEME):
         return "live"
+    if ROS2.fullmatch(truth):
+        return "ros2"
     path = Path(truth)
     if not path.exists():
         raise SourceError(f"truth {path} does not exist", "Check the path.")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from common.io.ros_bag import PEOPLE, PEOPLE_DEFINITIONS, make_typestore, open_bag
+from common.io.ros_bag import PEOPLE, make_typestore, open_bag
 from common.io.ros_cdr import cdr_decoder, parse_key
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, Truth, TruthPerson
@@ -25,7 +25,7 @@ class RosbagTruth:
 
     def __init__(self, config: GtBridgeConfig) -> None:
         self._path = Path(config.truth)
-        with open_bag(self._path, PEOPLE_DEFINITIONS) as bag:
+        with open_bag(self._path, {}) as bag:
             self._topic = self._choose(config.topic, bag.types)
 
     def __iter__(self) -> Iterator[Truth]:
@@ -34,7 +34,7 @@ class RosbagTruth:
         Raises:
             SourceError: The bag is damaged, or its frame has a name that cannot be used.
         """
-        with open_bag(self._path, PEOPLE_DEFINITIONS) as bag:
+        with open_bag(self._path, {}) as bag:
             for sequence, (_, _, message) in enumerate(bag.messages([self._topic])):
                 try:
                     truth = truth_of(message, sequence)
@@ -71,7 +71,7 @@ class LiveTruth:
 
     def __init__(self, config: GtBridgeConfig) -> None:
         key = parse_key("truth", config.truth, "vicon/people")
-        self.decode = cdr_decoder(people_typestore(), PEOPLE, _stamped)
+        self.decode = cdr_decoder(people_typestore(), PEOPLE, stamped_truth)
         self.topics: Sequence[ForeignTopic] = (
             ForeignTopic("captured", key, Truth, 100, "queue", 256, "motion capture", self.decode),
         )
@@ -81,8 +81,12 @@ class LiveTruth:
         return iter(())
 
 
-def _stamped(message: Any) -> Truth:
-    truth = truth_of(message, 0)
+def stamped_truth(message: Any) -> Truth:
+    """Turn a live People message to Truth; DecodeError if it has no stamp or is unusable."""
+    try:
+        truth = truth_of(message, 0)
+    except ValueError as error:
+        raise DecodeError(f"people: {error}") from error
     if truth.stamp_ns == 0:
         raise DecodeError(
             "people: expected the time of capture in header.stamp, got 0",
@@ -93,7 +97,7 @@ def _stamped(message: Any) -> Truth:
 
 def people_typestore(version: int = 2) -> Typestore:
     """Return the message types of ROS 1 or 2, people_msgs among them."""
-    return make_typestore(version, PEOPLE_DEFINITIONS)
+    return make_typestore(version, {})
 
 
 def truth_of(message: Any, sequence: int) -> Truth:

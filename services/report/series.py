@@ -1,0 +1,69 @@
+"""Series over the time of a run, in bounded memory, for the plots of the page."""
+
+from dataclasses import dataclass
+
+from common.runtime.latency import end_to_end
+from common.runtime.synchroniser import SynchronisedFrame
+from services.report.even_sample import EvenSample
+
+POINTS = 600  # of each series, at least where there are as many frames
+
+
+@dataclass(frozen=True, slots=True)
+class FramePoint:
+    """Figures of one frame."""
+
+    time_s: float  # [s] by its stamp, from the first frame
+    detections: int  # people detected
+    tracks: int  # confirmed
+    latency_ms: float | None  # [ms] end to end; None without a trace
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorPoint:
+    """Error of one person's position in one frame."""
+
+    time_s: float  # [s] by the stamp of the frame, from the first
+    error_m: float  # [m] horizontal
+
+
+class RunSeries:
+    """Gathers points of frames, and errors of positions."""
+
+    def __init__(self) -> None:
+        self._frames: EvenSample[FramePoint] = EvenSample(POINTS)
+        self._errors: EvenSample[ErrorPoint] = EvenSample(POINTS)
+        self._first_ns: int | None = None
+
+    @property
+    def frames(self) -> list[FramePoint]:
+        """Points of frames."""
+        return self._frames.values
+
+    @property
+    def errors(self) -> list[ErrorPoint]:
+        """Errors of positions."""
+        return self._errors.values
+
+    def add(self, frame: SynchronisedFrame) -> None:
+        """Take a frame with its tracks; others are passed over."""
+        if frame.tracks is None:
+            return
+        total = end_to_end(frame.tracks.trace)
+        self._frames.add(
+            FramePoint(
+                time_s=self._seconds(frame.stamp_ns),
+                detections=len(frame.detections.detections) if frame.detections else 0,
+                tracks=sum(track.state == "confirmed" for track in frame.tracks.tracks),
+                latency_ms=total.ms if total else None,
+            )
+        )
+
+    def add_error(self, stamp_ns: int, error_m: float) -> None:
+        """Take the error of a person's position."""
+        self._errors.add(ErrorPoint(self._seconds(stamp_ns), error_m))
+
+    def _seconds(self, stamp_ns: int) -> float:
+        if self._first_ns is None:
+            self._first_ns = stamp_ns
+        return max(stamp_ns - self._first_ns, 0) / 1e9

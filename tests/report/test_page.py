@@ -1,0 +1,118 @@
+"""The page of a run: complete in one file, nothing loaded, foreign text escaped."""
+
+import base64
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from common.drawing.topdown import Trajectories
+from services.report.page import RunPage
+from services.report.series import RunSeries
+from services.report.statistics import RunStatistics
+from services.report.svg import Bar, Line, bars, draw_map, plot
+
+
+class Elements(HTMLParser):
+    """Elements and their attributes; fails at an end tag that closes nothing."""
+
+    EMPTY = frozenset({"meta", "img", "path", "circle", "rect"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs)))
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in self.EMPTY:
+            assert self.open.pop() == tag
+
+
+def page(tmp_path: Path, note: str = "") -> str:
+    video = tmp_path / "front.webm"
+    video.write_bytes(b"a video")
+    series = RunSeries()
+    series.add_error(0, 0.02)
+    series.add_error(10**9, 0.04)
+    path = np.array([[1.0, 0.0], [2.0, 0.5]])
+    trajectories = Trajectories(tracks={3: path}, truth={"a": path}, cameras=[np.eye(4)])
+    summary = RunStatistics().summary()
+    return RunPage(summary, trajectories, series, note, {"front": video}, b"jpeg").html()
+
+
+def test_page_holds_everything_and_loads_nothing(tmp_path: Path) -> None:
+    text = page(tmp_path)
+    elements = Elements(text)
+    sources = [a[k] for _, a in elements.found for k in ("src", "href", "data") if a.get(k)]
+    assert len(sources) == 2
+    assert all(str(source).startswith("data:") for source in sources)
+    assert base64.b64encode(b"a video").decode() in text
+    assert "default-src 'none'" in text
+    assert not re.search(r"<script|@import|url\(", text)
+    assert "prefers-color-scheme: dark" in text
+    assert "$" not in text.replace("$/", "")
+
+
+def test_foreign_text_is_escaped(tmp_path: Path) -> None:
+    text = page(tmp_path, "<script>alert(1)</script>")
+    assert "<script" not in text
+    assert "&lt;script&gt;" in text
+
+
+def test_large_video_is_a_file_beside(tmp_path: Path) -> None:
+    video = tmp_path / "people_front.webm"
+    with video.open("wb") as file:
+        file.truncate(25 * 2**20)
+    summary = RunStatistics().summary()
+    text = RunPage(summary, Trajectories(), RunSeries(), videos={"front": video}).html()
+    assert 'src="people_front.webm"' in text
+    assert len(text) < 2**20
+
+
+def test_plot_maps_values_to_pixels() -> None:
+    text = plot([Line("a", [(0, 0), (2, 5), (4, 10)], "one")], "m", "Title & more")
+    assert 'd="M48.0 206.0L338.0 109.0L628.0 12.0"' in text  # 580 x 194 pixels for 4 s and 10 m
+    assert "Title &amp; more [m]" in text
+    assert plot([Line("a", [], "one")], "m", "t") == ""
+    assert plot([Line("a", [(0, 0)], "one")], "m", "t")  # a single point has no extent
+
+
+@pytest.mark.parametrize(("top", "ticks"), [(5.0, 6), (20.0, 5), (0.25, 6), (1000.0, 6)])
+def test_plot_has_round_ticks(top: float, ticks: int) -> None:
+    text = plot([Line("a", [(0, 0), (1, top)], "one")], "m", "t")
+    assert text.count('text-anchor="end"') == ticks
+    assert f">{top:g}</text>" in text
+
+
+def test_bars_end_at_the_median() -> None:
+    text = bars([Bar("a.b", 5.0, 8.0, 10.0), Bar("c<d", 0.0, 0.0, 0.1)], "ms", "t")
+    Elements(text)
+    first = re.search(r'<rect class="bar" x="([\d.]+)" y="4" width="([\d.]+)"', text)
+    assert first
+    left = float(first[1])
+    assert float(first[2]) == pytest.approx((640 - left - 12 - 52) / 2, abs=0.1)
+    assert "c&lt;d" in text
+    assert bars([], "ms", "t") == ""
+
+
+def test_map_is_turned_so_that_x_is_up() -> None:
+    path = np.array([[0.0, 0.0], [4.0, 1.0]])
+    text = draw_map(Trajectories(tracks={1: path}), {1: (1, 2, 3)})
+    found = re.search(
+        r'class="track" stroke="rgb\(1,2,3\)" d="M([\d.]+) ([\d.]+)L([\d.]+) ([\d.]+)"', text
+    )
+    assert found
+    u0, v0, u1, v1 = (float(value) for value in found.groups())
+    assert v1 < v0  # forward is up
+    assert u1 < u0  # left is left
+    assert (v0 - v1) / (u0 - u1) == pytest.approx(4.0, rel=0.01)
+    assert draw_map(Trajectories(), {}) == ""
