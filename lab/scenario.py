@@ -2,7 +2,7 @@
 
 import math
 import re
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,26 +12,31 @@ from msgspec import Meta
 from common.config import Config, setting
 from common.io.files import read_toml
 from lab.bodies.cast import cast_names
+from lab.bodies.outfits import Outfit
+from lab.camera.plan import CameraPlan, RateHz
+from lab.furniture import FurniturePlan
 from people4d.errors import ConfigError
-from people4d.messages.base import Name, NonNegative
+from people4d.messages.base import NonNegative
 from people4d.validation import explain
 
 FOLDER = Path(__file__).parent / "scenarios"
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+RoomName = Literal["lab", "hall", "office", "square"]
 # [m] lower and upper corner of the floor that is free in each room, for the middle of a person.
-WALKABLE_M = {
+WALKABLE_M: dict[RoomName, tuple[tuple[float, float], tuple[float, float]]] = {
     "lab": ((-0.3, -1.45), (4.7, 1.45)),
     "hall": ((-0.6, -2.4), (8.4, 2.4)),
+    "office": ((-0.5, -2.6), (6.9, 2.6)),
+    "square": ((-12.0, -12.0), (12.0, 12.0)),
 }
 APART_M = 0.5  # between two people at the start
+BESIDE_M = 0.2  # between the middle of a person and furniture, at the positions of a plan
+MAX_CAMERAS = 16  # in one world
 MAX_PEOPLE = 100  # the image of owners has room for 255
 PREFIX = "lab:"
 TRUTH = "lab.source:LabTruth"
 
 WalkingSpeed = Annotated[float, Meta(ge=0.4, le=1.4)]  # [m/s] in which the walk is true to life
-RateHz = Annotated[float, Meta(ge=1, le=1000)]
-RelativeError = Annotated[float, Meta(ge=-0.5, le=0.5)]
-CameraSide = Annotated[int, Meta(ge=16, le=4096)]  # [px]
 
 
 class Waypoint(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -71,57 +76,25 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     wait_s: NonNegative = 0.0  # [s] to stand before the first step
     path: tuple[Waypoint, ...] = ()  # in order; empty: stands all the time
     repeat: bool = False  # begin the path anew at its end
+    # [s, m, m] time, x and y of a recorded path that is followed in place of start and path
+    trajectory: tuple[tuple[float, float, float], ...] = ()
+    outfit: Outfit = "own"  # clothes
+    size: Annotated[float, Meta(ge=0.8, le=1.2)] = 1.0  # stature over that in the cast
     gestures: tuple[Gesture, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the name of the body."""
+        """Check the name of the body, and the times of a trajectory."""
         super().__post_init__()
         if self.body not in cast_names():
             raise ValueError(f"body: expected one of {', '.join(cast_names())}, got {self.body!r}")
+        if any(after[0] <= before[0] for before, after in pairwise(self.trajectory)):
+            raise ValueError("trajectory: expected times that rise")
 
-
-class Drive(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A stretch of the robot's path; speed and turn change smoothly from one to the next."""
-
-    for_s: Annotated[float, Meta(ge=0.05)]  # [s]
-    speed_mps: Annotated[float, Meta(ge=-2, le=2)] = 0.0  # [m/s] forward
-    turn_dps: Annotated[float, Meta(ge=-360, le=360)] = 0.0  # [deg/s] counter-clockwise
-
-
-class WheelPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The wheel encoders of the robot."""
-
-    rate_hz: RateHz = 50.0  # [Hz]
-    radius_m: Annotated[float, Meta(ge=0.005, le=1)] = 0.0325  # [m] of each wheel
-    track_m: Annotated[float, Meta(ge=0.01, le=5)] = 0.30  # [m] between the wheels
-    ticks_per_turn: Annotated[int, Meta(ge=1, le=2**31)] = 4096  # of a wheel
-    scale_error: RelativeError = 0.01  # of the radius, both wheels alike
-    track_error: RelativeError = 0.01  # of the wheel track: turns come out too large
-    # standard deviation of each wheel's relative slip, drawn anew every second
-    slip: Annotated[float, Meta(ge=0, le=0.5)] = 0.02
-
-
-class CameraPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The camera; on a robot if it drives."""
-
-    name: Name = "front"
-    at: tuple[float, float, float] = (0.0, 0.0, 1.15)  # [m] x, y, z at the start, frame: map
-    yaw_deg: float = 0.0  # [deg] at the start, 0 = +x
-    pitch_deg: Annotated[float, Meta(ge=-80, le=80)] = 3.0  # [deg] downward
-    width: CameraSide = 640  # [px]
-    height: CameraSide = 480  # [px]
-    # [px] both directions, as a D435i's colour image of 640x480
-    focal_px: Annotated[float, Meta(ge=10, le=10000)] = 615.0
-    fps: Annotated[float, Meta(ge=1, le=120)] = 30.0  # [Hz]
-    exposure_s: NonNegative = 0.0  # [s] shutter time that blurs motion; 0: none
-    drive: tuple[Drive, ...] = ()  # the robot's path; empty: the camera stands still
-    wheels: WheelPlan = WheelPlan()
-
-    def __post_init__(self) -> None:
-        """Check the exposure against the frame rate."""
-        super().__post_init__()
-        if self.exposure_s > 1 / self.fps:
-            raise ValueError(f"exposure_s: expected <= {1 / self.fps}, got {self.exposure_s}")
+    def positions(self) -> tuple[tuple[float, float], ...]:
+        """Return the planned positions: x and y in metres, frame: map."""
+        if self.trajectory:
+            return tuple((x, y) for _, x, y in self.trajectory)
+        return (self.start, *(waypoint.to for waypoint in self.path))
 
 
 class CapturePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -145,22 +118,41 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     # of light, textures, noise and the small differences between people
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     # lab: 3.5 x 5.5 m, as that of [THESIS]; hall: larger, darker
-    room: Literal["lab", "hall"] = "lab"
+    # office: desks beside an aisle under a low ceiling; square: 24 x 26 m
+    room: RoomName = "lab"
+    furniture: tuple[FurniturePlan, ...] = ()  # further pieces, which people walk round
     camera: CameraPlan = CameraPlan()
+    # further cameras in the same world, each with its own name, rate and clock
+    cameras: Annotated[tuple[CameraPlan, ...], Meta(max_length=MAX_CAMERAS - 1)] = ()
     capture: CapturePlan = CapturePlan()
     people: Annotated[tuple[PersonPlan, ...], Meta(max_length=MAX_PEOPLE)]
 
     def __post_init__(self) -> None:
-        """Check that positions are free, and that people start apart."""
+        """Check that cameras differ, positions are free, and people start apart."""
         super().__post_init__()
+        names = [plan.name for plan in (self.camera, *self.cameras)]
+        if len(set(names)) < len(names):
+            raise ValueError(f"cameras: expected a name each, got {', '.join(names)}")
+        if sum(bool(plan.drive) for plan in (self.camera, *self.cameras)) > 1:
+            raise ValueError("cameras: expected at most one that drives, got more")
         (left, low), (right, high) = WALKABLE_M[self.room]
+        recorded = [k for k, person in enumerate(self.people) if person.trajectory]
+        if recorded and len(recorded) < len(self.people):
+            raise ValueError(f"people[{recorded[0]}]: expected a trajectory of all or of none")
         for k, person in enumerate(self.people):
-            for x, y in (person.start, *(waypoint.to for waypoint in person.path)):
+            for x, y in person.positions():
                 if not (left <= x <= right and low <= y <= high):
                     raise ValueError(
                         f"people[{k}]: expected positions with x {left} to {right} and y {low} to "
                         f"{high}, where the {self.room} is free, got [{x}, {y}]"
                     )
+                if not recorded and any(piece.holds(x, y, BESIDE_M) for piece in self.furniture):
+                    raise ValueError(
+                        f"people[{k}]: expected positions at least {BESIDE_M} m from furniture, "
+                        f"got [{x}, {y}]"
+                    )
+        if recorded:
+            return
         for (j, one), (k, other) in combinations(enumerate(self.people), 2):
             if math.dist(one.start, other.start) < APART_M:
                 raise ValueError(
@@ -174,12 +166,20 @@ def scenario_names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
-def load_scenario(name: str) -> Scenario:
-    """Read a scenario that ships by its name, or any by the path of its file.
+def load_scenario(name: str, seed: int | None = None) -> Scenario:
+    """Read a scenario that ships by its name, any by the path of its file, or draw a random one.
+
+    Args:
+        name: Name, path, or random?OPTION=VALUE&..., see `lab.random_scenario.RandomScene`.
+        seed: Of a random one, in place of that in its name; others are not changed by it.
 
     Raises:
         ConfigError: There is none, or it cannot be read.
     """
+    from lab.random_scenario import is_random, random_scenario  # noqa: PLC0415 (needs Scenario)
+
+    if is_random(name):
+        return random_scenario(name, seed)
     path = FOLDER / f"{name}.toml" if NAME.fullmatch(name) else Path(name)
     data: dict[str, object] = {}
     try:
@@ -221,8 +221,12 @@ def resolve(source: str) -> str:
     Raises:
         ConfigError: There is no such scenario.
     """
-    name, _ = split_seed(source.removeprefix(PREFIX))
+    from lab.random_scenario import absolute, is_random  # noqa: PLC0415 (needs Scenario)
+
+    name, seed = split_seed(source.removeprefix(PREFIX))
     load_scenario(name)
+    if is_random(name):
+        return PREFIX + absolute(name, seed)
     if NAME.fullmatch(name):
         return source
     return PREFIX + str(Path(source.removeprefix(PREFIX)).absolute())

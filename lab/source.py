@@ -9,13 +9,13 @@ from msgspec import Meta, field
 
 from common.config import Config
 from lab.camera.frames import FrameRenderer, RenderSettings, odometry, transforms
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import SENSORS
 from lab.depth.metadata import change_sensor
 from lab.scenario import load_scenario, split_seed
 from lab.truth.motion_capture import capture_truth
 from lab.world import World
 from people4d.messages import Truth
-from people4d.messages.base import Count
+from people4d.messages.base import Count, NameOrEmpty
 from services.camera.source import Source, SourceItem
 
 MAX_NS = 2**63 - 1  # later than any stamp
@@ -31,6 +31,7 @@ class LabOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     samples: Annotated[int, Meta(ge=1, le=2)] = 2
     depth_sensor: Literal["auto", "off"] = "auto"  # off: depth without the errors of a sensor
     sensor: dict[str, Any] = field(default_factory=dict)  # changes of DepthSensorConfig
+    camera: NameOrEmpty = ""  # of several; empty: the first
 
 
 class LabSource(Source):
@@ -48,8 +49,8 @@ class LabSource(Source):
 
     def __init__(self, name: str, options: LabOptions) -> None:
         scenario, seed = split_seed(name)
-        self._world = World(load_scenario(scenario), seed)
-        self._renderer = FrameRenderer(self._world, _settings(options))
+        self._world = World(load_scenario(scenario, seed), seed).view(options.camera)
+        self._renderer = FrameRenderer(self._world, _settings(options, self._world))
         self.info = self._world.info
         self.transforms = transforms(self._world)
 
@@ -72,11 +73,11 @@ class LabSource(Source):
         return heapq.merge(wheels, frames, key=lambda item: item.stamp_ns)
 
 
-def _settings(options: LabOptions) -> RenderSettings:
-    sensor = change_sensor(DepthSensorConfig(), options.sensor)
+def _settings(options: LabOptions, world: World) -> RenderSettings:
     return RenderSettings(
         colour="drawn" if options.mode == "colour" else "flat",
-        sensor=sensor if options.depth_sensor == "auto" else None,
+        sensor=change_sensor(SENSORS[world.scenario.camera.depth_sensor], options.sensor),
+        errors=options.depth_sensor == "auto",
         samples=options.samples,
         threads=options.threads or len(os.sched_getaffinity(0)),
     )
@@ -99,7 +100,7 @@ class LabTruth:
 
     def __init__(self, config: LabConfig) -> None:
         name, seed = split_seed(config.truth.removeprefix("lab:"))
-        self._world = World(load_scenario(name), seed)
+        self._world = World(load_scenario(name, seed), seed)
 
     def __iter__(self) -> Iterator[Truth]:
         """Yield the messages by rising stamp."""

@@ -3,18 +3,24 @@
 from functools import cached_property
 
 import numpy as np
+from msgspec.structs import replace
 
 from common.geometry.transforms import invert
 from lab.bodies.body import SkinnedBody, load_body
 from lab.bodies.skeleton import BodyPose
 from lab.camera.base_path import BasePath
+from lab.camera.plan import CameraPlan
 from lab.drawing.mesh import Mesh
+from lab.drawing.pieces import furnished
 from lab.drawing.rooms import Room, room_mesh
+from lab.furniture import discs_of
 from lab.motion.motion import PersonMotion, simulate
-from lab.scenario import WALKABLE_M, CameraPlan, Scenario
+from lab.scenario import WALKABLE_M, Scenario
+from people4d.errors import ConfigError
 from people4d.messages import F64, CameraInfo
 
 EPOCH_NS = 1_767_225_600 * 10**9  # 2026-01-01 00:00 UTC: scenarios begin then, so runs are alike
+CAMERA_KEY = 0xCA3  # sets the errors of a further camera apart from those of the first
 MAX_DEPTH_M = 5.0  # docs/method.md section 1
 
 
@@ -32,24 +38,58 @@ class World:
     def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
+        self.noise_seed = self.seed  # of the errors of the camera and its depth
         self.info = camera_info(scenario.camera)
+        self._first: World | None = None  # that of the first camera, if this is another's
+
+    @cached_property
+    def views(self) -> "tuple[World, ...]":
+        """The same world by camera, this one first: people and room are common to all."""
+        plans = self.scenario.cameras
+        return (self, *(self._view(number, plan) for number, plan in enumerate(plans, 1)))
+
+    def view(self, camera: str) -> "World":
+        """Return the world of a camera by its name; the first if it is empty.
+
+        Raises:
+            ConfigError: There is no such camera.
+        """
+        for world in self.views:
+            if camera in ("", world.info.camera):
+                return world
+        names = ", ".join(world.info.camera for world in self.views)
+        raise ConfigError(f"the scenario has no camera {camera}", f"It has {names}.")
+
+    def _view(self, number: int, plan: CameraPlan) -> "World":
+        world = World(replace(self.scenario, camera=plan, cameras=()), self.seed)
+        state = np.random.SeedSequence([self.seed, CAMERA_KEY, number]).generate_state(1)
+        world.noise_seed, world._first = int(state[0]), self
+        return world
 
     @cached_property
     def bodies(self) -> tuple[SkinnedBody, ...]:
         """The people's bodies, in the order of the scenario."""
-        return tuple(load_body(person.body, self.seed) for person in self.scenario.people)
+        if self._first:
+            return self._first.bodies
+        return tuple(
+            load_body(person.body, self.seed, person.outfit, number, person.size)
+            for number, person in enumerate(self.scenario.people)
+        )
 
     @cached_property
     def motions(self) -> tuple[PersonMotion, ...]:
-        """Motions of the people, in the order of the scenario; they avoid the camera."""
+        """Motions of the people, in the order of the scenario; they avoid camera and furniture."""
+        if self._first:
+            return self._first.motions
         scenario = self.scenario
         return simulate(
             scenario.people,
             [body.skeleton for body in self.bodies],
             scenario.duration_s,
             self.seed,
-            obstacle=self.path.position,
+            obstacle=self.path.position if scenario.camera.avoided else None,
             area_m=np.array(WALKABLE_M[scenario.room]),
+            discs=[disc for piece in scenario.furniture for disc in discs_of(piece)],
         )
 
     @cached_property
@@ -59,9 +99,12 @@ class World:
 
     @cached_property
     def room(self) -> Room:
-        """The room, with a stool for each person who sits down."""
+        """The room, with its furniture and a stool for each person who sits down."""
+        if self._first:
+            return self._first.room
         stools = [w.to for person in self.scenario.people for w in person.path if w.sit]
-        return room_mesh(self.scenario.room, self.seed, stools=stools)
+        room = room_mesh(self.scenario.room, self.seed, stools=stools)
+        return furnished(room, self.scenario.furniture)
 
     @property
     def frame_count(self) -> int:
@@ -70,11 +113,15 @@ class World:
 
     def frame_s(self, index: int) -> float:
         """Return the time [s] of a frame."""
-        return index / self.scenario.camera.fps
+        return index / self.scenario.camera.fps + self.scenario.camera.phase_s
 
     def stamp_ns(self, index: int) -> int:
-        """Return the stamp of a frame."""
-        return stamp_ns(self.frame_s(index))
+        """Return the stamp of a frame, on the camera's clock."""
+        return stamp_ns(self.scenario.camera.clock_s(self.frame_s(index)))
+
+    def time_ns(self, stamp: int) -> int:
+        """Return the true time of a stamp on the camera's clock."""
+        return stamp_ns(self.scenario.camera.true_s((stamp - EPOCH_NS) / 1e9))
 
     def poses(self, t_s: float) -> tuple[BodyPose, ...]:
         """Return the poses of all people at a time."""

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from common.drawing.tiles import Tile, grid, shrink
 from lab.camera.frames import FrameRenderer, RenderSettings
-from lab.output.preview import Preview
+from lab.output.preview import Preview, depth_image
 from lab.scenario import load_scenario
 from lab.world import World
 from people4d.messages import U8
@@ -24,6 +25,13 @@ SCENARIOS = (  # share of the scenario's time
     ("pmrm2", 0.30),
 )
 
+HARD = (
+    ("aisle", 0.12),
+    ("aisle", 0.55),
+    ("random?seed=2&view=head", 0.4),
+    ("random?seed=1&view=ceiling&people=6", 0.13),
+)
+
 
 def main() -> None:
     """Draw all images."""
@@ -31,6 +39,7 @@ def main() -> None:
     write("lab-rooms", [still(name, 0.5, seed) for name in ROOMS for seed in (1, 2, 3)], 3, 480)
     write("lab-truth", [explained("crossing", share) for share in (0.2, 0.85)], 2, 800)
     write("lab-scenarios", [still(name, share) for name, share in SCENARIOS], 3, 480)
+    write("lab-hard", [measured(name, share) for name, share in HARD], 2, 800)
 
 
 def still(name: str, share: float, seed: int | None = None) -> Tile:
@@ -44,6 +53,14 @@ def explained(name: str, share: float) -> Tile:
     """Return an image with its truth beside depth, masks and map."""
     renderer, index = prepare(name, share, None)
     return Tile(Preview(renderer).image(index), f"{renderer.world.frame_s(index):.1f} s")
+
+
+def measured(name: str, share: float) -> Tile:
+    """Return a colour image beside the depth that the sensor reads."""
+    renderer, index = prepare(name, share, None)
+    view, far_m = renderer.view(index), renderer.world.info.max_depth_m
+    depth = depth_image(renderer.depth_mm(index, view), far_m)
+    return Tile(np.hstack([renderer.rgb(index, view), depth]), name)
 
 
 def prepare(name: str, share: float, seed: int | None) -> tuple[FrameRenderer, int]:

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 
 from lab.bodies.cast import CastMember, cast_names, linear, load_cast
 from lab.bodies.face import make_eyes, make_glasses, paint_face
-from lab.bodies.figure import Figure, load_figure
+from lab.bodies.figure import Figure, load_figure, scaled
 from lab.bodies.garments import (
     HemLevels,
     collar_field,
@@ -20,6 +20,7 @@ from lab.bodies.garments import (
     on_arm,
 )
 from lab.bodies.hair import make_hair
+from lab.bodies.outfits import Outfit, dress_up
 from lab.bodies.rig import bend_toes, bend_weights, joint_positions, make_skeleton, map_from_rest
 from lab.bodies.skeleton import INDEX, BodyPose, map_from_segments
 from lab.bodies.skinning import normals, skin, strongest
@@ -31,12 +32,22 @@ from people4d.messages import F32, F64
 __all__ = ["SkinnedBody", "cast_names", "load_body"]
 KEY_SHADE = 101  # of the random numbers
 SHADE = 0.08  # largest relative change of a garment's brightness from seed to seed
+BODIES = 64  # dressed people in memory
 UNDER_M = 0.035  # [m] that skin goes on under a hem
 
 
-@cache
-def load_body(name: str, seed: int = 0) -> "SkinnedBody":
+@lru_cache(maxsize=BODIES)
+def load_body(
+    name: str, seed: int = 0, outfit: Outfit = "own", number: int = 0, size: float = 1.0
+) -> "SkinnedBody":
     """Return a dressed person of the cast; the seed varies the shade of colours.
+
+    Args:
+        name: In the cast.
+        seed: Of the scenario.
+        outfit: Clothes.
+        number: Of the person in the scenario; other numbers wear another outfit.
+        size: Stature over that in the cast.
 
     Raises:
         ConfigError: There is none of that name.
@@ -44,8 +55,8 @@ def load_body(name: str, seed: int = 0) -> "SkinnedBody":
     person = load_cast().get(name)
     if person is None:
         raise ConfigError(f"there is no person {name}", f"There are {', '.join(cast_names())}.")
-    figure = load_figure(person.figure)
-    return SkinnedBody(name, figure, dress(figure, person, seed))
+    figure = scaled(load_figure(person.figure), size)
+    return SkinnedBody(name, figure, dress(figure, dress_up(person, outfit, seed, number), seed))
 
 
 class SkinnedBody:

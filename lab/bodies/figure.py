@@ -1,6 +1,6 @@
 """The baked bodies: shapes without clothes, and the bones that move them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -68,6 +68,20 @@ def load_figure(name: str) -> Figure:
             key: value[person].astype(np.float64) for key, value in prefixed["joint_"].items()
         },
         keypoint_forms=forms / forms[:, :, 3].sum(axis=1)[:, None, None],
+    )
+
+
+def scaled(figure: Figure, size: float) -> Figure:
+    """Return a figure of other stature with the same proportions; size is over the figure's."""
+    if size == 1.0:
+        return figure
+    forms = figure.keypoint_forms.copy()
+    forms[:, :, :3] *= size
+    return replace(
+        figure,
+        vertices_m=figure.vertices_m * size,
+        joints_m={name: joint * size for name, joint in figure.joints_m.items()},
+        keypoint_forms=forms,
     )
 
 

@@ -19,7 +19,7 @@ from common.geometry.transforms import (
     transform_from,
     wrap,
 )
-from lab.scenario import CameraPlan, Drive
+from lab.camera.plan import CameraPlan, Drive
 from people4d.messages import F64
 
 ACCELERATION_MPS2 = 0.5  # largest, of an indoor robot that does not topple what it carries
@@ -77,8 +77,9 @@ class BasePath:
         self._yaw_rad = math.radians(plan.yaw_deg)
         self._position = _integrate(self._forward, self._turn, self._yaw_rad, duration_s)
         self._start_m = np.array(plan.at[:2]) - self._position(0.0)
-        pitch = rotation_from_rpy(0.0, math.radians(plan.pitch_deg), 0.0)
-        mount = transform_from((0.0, 0.0, plan.at[2]), pitch)
+        roll_rad, pitch_rad = math.radians(plan.roll_deg), math.radians(plan.pitch_deg)
+        tilt = rotation_from_rpy(roll_rad, pitch_rad, 0.0)
+        mount = transform_from((0.0, 0.0, plan.at[2]), tilt)
         self.base_from_optical: F64 = mount @ LINK_FROM_OPTICAL  # 4x4, the camera on the base
 
     def position(self, t_s: float) -> F64:

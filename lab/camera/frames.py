@@ -9,10 +9,11 @@ from msgspec.structs import replace
 
 from common.config import Config
 from common.drawing.strokes import PEOPLE, Colour
+from lab.camera.image_drift import ImageDrift
 from lab.camera.wheels import wheel_odometry
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import SENSORS, DepthSensorConfig
 from lab.depth.sensor import DepthSensor
-from lab.drawing.renderer import DepthView, Instant, Renderer, draw_depth
+from lab.drawing.renderer import DepthView, Instant, Renderer, draw_depth, draw_surfaces
 from lab.world import EPOCH_NS, World
 from people4d.messages import F64, U8, U16, Odometry, StaticTransform
 from people4d.messages.base import PositiveInt
@@ -29,7 +30,8 @@ class RenderSettings(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Settings of rendered frames."""
 
     colour: Literal["drawn", "flat"] = "drawn"  # flat: people in one colour each, quick
-    sensor: DepthSensorConfig | None = DepthSensorConfig()  # None: depth without any error
+    sensor: DepthSensorConfig | None = None  # of depth; None: that of the scenario
+    errors: bool = True  # False: depth without any error of the sensor
     # along each side of a pixel; 1 is quicker, with ragged edges
     samples: Annotated[int, Meta(ge=1, le=2)] = 2
     threads: PositiveInt = 1
@@ -61,32 +63,59 @@ class FrameRenderer:
             Instant(self.world.meshes(time_s), self.world.optical_from_map(time_s))
             for time_s in times_s
         ]
-        return self._renderer.exposed(instants, index)
+        settings = self._drift.at(t_s)
+        return self._renderer.exposed(instants, index, settings)
 
     def view(self, index: int) -> DepthView:
         """Return true depth and owners of a frame."""
-        world, t_s = self.world, self.world.frame_s(index)
-        baseline_m = (self._settings.sensor or DepthSensorConfig()).baseline_m
-        meshes = [world.room.mesh, *world.meshes(t_s)]
-        pose, threads = world.optical_from_map(t_s), self._settings.threads
-        return draw_depth(meshes, pose, world.info, baseline_m, threads)
+        return self._view_at(self.world.frame_s(index))
 
     def depth_mm(self, index: int, view: DepthView) -> U16:
-        """Return HxW depth as the sensor reads it, or without error; 0 = no reading."""
-        if self._sensor:
-            stamp_s = self.world.stamp_ns(index) / 1e9
+        """Return HxW depth as the sensor reads it, or without error; 0 = no reading.
+
+        Args:
+            index: Number of the frame.
+            view: Of the frame.
+        """
+        world, lag_s = self.world, self.world.scenario.camera.depth_lag_s
+        t_s, stamp_s = world.frame_s(index) - lag_s, world.stamp_ns(index) / 1e9
+        if self._settings.errors and self._config.sees_surfaces:
+            meshes, pose = [world.room.mesh, *world.meshes(t_s)], world.optical_from_map(t_s)
+            threads = self._settings.threads
+            surfaces = draw_surfaces(meshes, pose, world.info, self._config, threads)
+            return self._sensor.measure(
+                surfaces.depth_m, surfaces.right_depth_m, stamp_s, surfaces.light
+            )
+        if lag_s:
+            view = self._view_at(t_s)
+        if self._settings.errors:
             return self._sensor.measure(view.depth_m, view.right_depth_m, stamp_s)
         return millimetres(view.depth_m)
+
+    def _view_at(self, t_s: float) -> DepthView:
+        world = self.world
+        meshes = [world.room.mesh, *world.meshes(t_s)]
+        pose, threads = world.optical_from_map(t_s), self._settings.threads
+        return draw_depth(meshes, pose, world.info, self._config.baseline_m, threads)
+
+    @property
+    def _config(self) -> DepthSensorConfig:
+        return self._settings.sensor or SENSORS[self.world.scenario.camera.depth_sensor]
 
     @cached_property
     def _renderer(self) -> Renderer:
         world, settings = self.world, self._settings
-        return Renderer(world.room, world.info, world.seed, settings.threads, settings.samples)
+        return Renderer(
+            world.room, world.info, world.noise_seed, settings.threads, settings.samples
+        )
 
     @cached_property
-    def _sensor(self) -> DepthSensor | None:
-        sensor = self._settings.sensor
-        return DepthSensor(sensor, self.world.info, self.world.seed) if sensor else None
+    def _drift(self) -> ImageDrift:
+        return ImageDrift(self.world.scenario.camera.image, self.world.noise_seed)
+
+    @cached_property
+    def _sensor(self) -> DepthSensor:
+        return DepthSensor(self._config, self.world.info, self.world.noise_seed)
 
 
 def flat(view: DepthView) -> U8:
@@ -113,8 +142,13 @@ def odometry(world: World) -> list[Odometry]:
     scenario = world.scenario
     if not scenario.camera.drive:
         return []
-    messages = wheel_odometry(scenario.camera, world.path, scenario.duration_s, world.seed)
-    return [replace(message, stamp_ns=EPOCH_NS + message.stamp_ns) for message in messages]
+    messages = wheel_odometry(scenario.camera, world.path, scenario.duration_s, world.noise_seed)
+    clock_s = scenario.camera.clock_s
+    late_ns = [round((clock_s(m.stamp_ns / 1e9) - m.stamp_ns / 1e9) * 1e9) for m in messages]
+    return [
+        replace(message, stamp_ns=EPOCH_NS + message.stamp_ns + ns)
+        for message, ns in zip(messages, late_ns, strict=True)
+    ]
 
 
 def _transform(parent: str, child: str, matrix: F64) -> StaticTransform:

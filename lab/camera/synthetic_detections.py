@@ -1,8 +1,9 @@
 """Detections without images: true keypoints with the errors of a detector, in a millisecond.
 
 The fastest fidelity of the lab, for trackers and all that follows. People hide one another and are
-missed, there are false alarms, and positions lie on the surface that faces the camera, as depth
-has them. A detection depends on the people, the seed and the stamp only.
+missed, and there are false alarms. Positions are those of the torso's axis, as the default
+estimator gives them, or of the surface that faces the camera. A detection depends on the people,
+the seed and the stamp only.
 """
 
 import math
@@ -55,8 +56,10 @@ class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknow
     score_sigma: NonNegative = 0.04  # standard deviation of both
     false_alarms: Annotated[float, Meta(ge=0, le=100)] = 0.01  # mean a frame; measured: 0 to 0.01
     false_alarm_s: Positive = 0.1  # [s] that a false alarm stays
-    front_m: NonNegative = 0.12  # [m] torso's middle to its surface, from the front or the back
-    side_m: NonNegative = 0.17  # [m] and from the side
+    # [m] from the torso's axis towards the camera, seen from the front or the back, and from the
+    # side; 0.12 and 0.17 for estimators that stay on the surface
+    front_m: NonNegative = 0.0
+    side_m: NonNegative = 0.0
     readings: PositiveInt = 4  # independent readings of depth in a position: shoulders and hips
     no_position: Probability = 0.01  # share of people found whose depth cannot be read
     heading_rad: NonNegative = 0.3  # [rad] sigma; measured: half of all within 11 to 14 deg
@@ -143,7 +146,7 @@ class SyntheticDetections:
         )
 
     def _position_m(self, silhouette: Silhouette, moved_px: F64, errors: "_Errors") -> F64 | None:
-        """Return the mean of the torso's surface as depth has it, None where it has none."""
+        """Return the position of the torso as depth has it, None where it has none."""
         config = self._config
         torso_m: F64 = silhouette.keypoints_m[TORSO].mean(axis=0)
         lost = NormalDist().cdf(errors.no_position) < config.no_position

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from common.geometry.transforms import wrap
 from lab.camera.base_path import BasePath
-from lab.scenario import CameraPlan, WheelPlan
+from lab.camera.plan import CameraPlan, WheelPlan
 from people4d.messages import F64, Odometry
 
 I64 = npt.NDArray[np.int64]

@@ -8,8 +8,10 @@ import numpy as np
 from common.compiled import compiled
 from lab.depth.config import DepthSensorConfig
 from lab.depth.noise import NoiseField, Persistence, threshold
+from lab.depth.registration import register
 from people4d.messages import F32, U16, CameraInfo
 
+SIGNAL_SPREAD = 0.35  # of the logarithm of the light that a reading needs (by eye)
 KEY = 0xD435  # sets these random numbers apart from others of the same seed
 
 
@@ -21,6 +23,7 @@ class DepthSensor:
 
     def __init__(self, config: DepthSensorConfig, info: CameraInfo, seed: int) -> None:
         self._config = config
+        self._info = info
         self._numbers = _numbers(config, info)
         self._stereo = StereoGeometry(
             focal_baseline=info.fx * config.baseline_m,
@@ -45,21 +48,29 @@ class DepthSensor:
             for number, (name, cell_px) in enumerate(cells_px.items())
         }
 
-    def measure(self, depth_m: F32, right_depth_m: F32 | None, stamp_s: float) -> U16:
+    def measure(
+        self, depth_m: F32, right_depth_m: F32 | None, stamp_s: float, light: F32 | None = None
+    ) -> U16:
         """Return the readings, HxW in millimetres, 0 where there is none.
+
+        They are in the view of the colour camera, also if the depth imager is beside it.
 
         Args:
             depth_m: HxW along the optical axis; 0, NaN or inf where nothing is.
             right_depth_m: HxW of the right imager, the colour camera moved to the right by the
                 baseline; None: reprojected from depth_m.
             stamp_s: Time of the frame.
+            light: HxW that comes back, see `infrared.returned`; None: enough.
         """
         matched = np.empty_like(depth_m)
         reading: U16 = np.empty(depth_m.shape, np.uint16)
         _match(depth_m, _right(depth_m, right_depth_m, self._stereo), self._stereo, matched)
         noise = NoiseImages(**{name: field.at(stamp_s) for name, field in self._fields.items()})
+        if light is not None:
+            matched[light < self._config.signal_least * np.exp(SIGNAL_SPREAD * noise.hole)] = 0
         _read(matched, noise, self._numbers, reading)
-        return reading
+        offset_m = self._config.colour_offset_m
+        return register(reading, offset_m, self._info) if offset_m else reading
 
 
 class NoiseImages(NamedTuple):

@@ -5,8 +5,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter
 
 from common.geometry.transforms import camera_matrix, invert
+from lab.depth.config import DepthSensorConfig
+from lab.depth.infrared import returned
 from lab.drawing.ambient import COARSE, bounce_light, corner_light, direct_light
 from lab.drawing.colour import develop, grain
 from lab.drawing.mesh import Mesh, join
@@ -26,6 +30,15 @@ class DepthView:
     depth_m: F32  # HxW along the optical axis, inf where nothing is
     owners: U8  # HxW, 0 = room or nothing, k + 1 = person k
     right_depth_m: F32  # HxW as the right imager of the stereo pair sees it
+
+
+@dataclass(frozen=True)
+class SurfaceView:
+    """Depth and light that a depth sensor with a projector sees, without any error."""
+
+    depth_m: F32  # HxW along the optical axis, inf where nothing is
+    right_depth_m: F32  # HxW in the view of the projector
+    light: F32  # HxW, see `infrared.returned`
 
 
 @dataclass(frozen=True)
@@ -63,6 +76,39 @@ def draw_depth(
     return DepthView(left.depth_m(), owners, right.depth_m())
 
 
+def draw_surfaces(
+    meshes: Sequence[Mesh],
+    optical_from_map: F64,
+    info: CameraInfo,
+    config: DepthSensorConfig,
+    threads: int = 1,
+) -> SurfaceView:
+    """Draw meshes, at least one, as a depth imager beside the colour camera sees them.
+
+    The pose is that of the colour camera.
+    """
+    size = (info.height, info.width)
+    scene = join(meshes)
+    beside = optical_from_map.copy()
+    beside[0, 3] -= config.colour_offset_m
+    corners = homogeneous(scene.vertices_m, camera_matrix(info) @ beside[:3])
+    views = (corners, corners - (info.fx * config.baseline_m, 0.0, 0.0))
+    left, right = at_once(
+        [partial(rasterise, view, scene.faces, size, max(threads // 2, 1)) for view in views],
+        threads,
+    )
+    depth_m = left.depth_m()
+    light = returned(scene, left.triangle, beside, pixel_rays(info), depth_m)
+    return SurfaceView(depth_m, right.depth_m(), light)
+
+
+def pixel_rays(info: CameraInfo) -> F64:
+    """Return HxWx3 directions of the pixels in the optical frame, z = 1."""
+    u, v = np.meshgrid(np.arange(info.width), np.arange(info.height))
+    x, y = (u - info.cx) / info.fx, (v - info.cy) / info.fy
+    return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+
 def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
     """Return the area of the image that a body would cover if nothing hid it."""
     corners = homogeneous(mesh.vertices_m, camera_matrix(info) @ optical_from_map[:3])
@@ -80,6 +126,27 @@ class Instant:
 
     people: Sequence[Mesh]  # their meshes; the room is the renderer's own
     optical_from_map: F64  # 4x4 of the camera
+
+
+@dataclass(frozen=True)
+class Development:
+    """Settings of the camera that change from frame to frame."""
+
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of red, green and blue
+    grain: float = 1.0  # noise over that of a sensor in good light
+    blur_px: float = 0.0  # standard deviation of an image out of focus
+
+
+PLAIN = Development()
+
+
+@dataclass(frozen=True)
+class Shaded:
+    """Light of one instant."""
+
+    image: F32  # HxWx3, linear
+    people: npt.NDArray[np.bool_]  # HxW, True: people cover the pixel
+    light: SceneLighting  # that fell on it
 
 
 class Renderer:
@@ -112,17 +179,37 @@ class Renderer:
         self._grain = grain(seed)
         self._exposure = room.exposure / self._white()
 
-    def exposed(self, instants: Sequence[Instant], frame: int) -> U8:
-        """Return the image of a shutter that is open over several instants: motion is blurred."""
-        radiance = self.radiance(instants[0])
-        for instant in instants[1:]:
-            radiance += self.radiance(instant)
+    def exposed(self, instants: Sequence[Instant], frame: int, settings: Development = PLAIN) -> U8:
+        """Return the image of a shutter that is open over several instants: motion is blurred.
+
+        If the camera stands, the room is shaded once, and only people move.
+        """
+        middle = instants[len(instants) // 2]
+        first = self._draw(middle)
+        stands = all(np.array_equal(i.optical_from_map, middle.optical_from_map) for i in instants)
+        base = first if stands else None
+        radiance = np.zeros_like(first.image)
+        for instant in instants:
+            radiance += (first if instant is middle else self._draw(instant, base)).image
         radiance /= np.float32(len(instants))
-        key = (self.seed, frame)
-        return develop(radiance, self._exposure, self._grain, key, self.threads)
+        radiance *= np.array(settings.gains, np.float32)
+        if settings.blur_px:
+            radiance = gaussian_filter(radiance, (settings.blur_px, settings.blur_px, 0))
+        key, noise = (self.seed, frame), self._grain * np.float32(settings.grain)
+        return develop(radiance, self._exposure, noise, key, self.threads)
 
     def radiance(self, instant: Instant) -> F32:
         """Return the light that reaches each pixel, HxWx3, linear."""
+        return self._draw(instant).image
+
+    def _draw(self, instant: Instant, base: Shaded | None = None) -> Shaded:
+        """Return the light that reaches each pixel.
+
+        Args:
+            instant: The scene.
+            base: The scene just before or after, in the same view: the room and its light are those
+                of it.
+        """
         mesh = join([*instant.people, self.room.mesh])
         corners = homogeneous(mesh.vertices_m, self._samples_from_map(instant.optical_from_map))
         size = (self.info.height * self.samples, self.info.width * self.samples)
@@ -147,13 +234,22 @@ class Renderer:
             self.info.fx * self.samples,
             self.samples * COARSE,
         )
-        light = self._lighting(instant.people, raster)
+        light = base.light if base else self._lighting(instant.people, raster)
+        people = self._covered(mesh, raster)
+        wanted = people | base.people if base else np.ones_like(people)
+        if base:
+            image[:] = base.image
         in_bands(
-            lambda first, last: shade_rows(scene, light, samples, first, last, image),
+            lambda first, last: shade_rows(scene, light, samples, wanted, first, last, image),
             self.info.height,
             self.threads,
         )
-        return image
+        return Shaded(image, people, light)
+
+    def _covered(self, mesh: Mesh, raster: Raster) -> npt.NDArray[np.bool_]:
+        owners = np.append(mesh.owner > 0, False)[raster.triangle]
+        height, width, side = self.info.height, self.info.width, self.samples
+        return np.asarray(owners.reshape(height, side, width, side).any(axis=(1, 3)))
 
     def _samples_from_map(self, optical_from_map: F64) -> F64:
         camera = camera_matrix(self.info)

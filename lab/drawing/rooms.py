@@ -140,7 +140,61 @@ def _stools(positions: Seats, wood: Vector) -> list[Mesh]:
     return [part for x, y in positions for part in furniture.stool(x, y, wood)]
 
 
-KINDS: dict[str, Callable[[np.random.Generator, Seats], Room]] = {"lab": _lab, "hall": _hall}
+def _office(rng: np.random.Generator, stools: Seats) -> Room:
+    low, high = (-1.0, -3.2, 0.0), (7.4, 3.2, 2.45)
+    wall = _varied(rng, [(214, 212, 206), (204, 206, 208), (208, 202, 190)])
+    accent = _varied(rng, [(196, 200, 204), (186, 192, 190), (210, 206, 200)])
+    ground = Material.CONCRETE if rng.random() < 0.6 else Material.CARPET
+    pale = [(206, 202, 192), (190, 188, 182), (176, 174, 170)]
+    floor = _varied(rng, pale if ground == Material.CONCRETE else FLOORS[ground])
+    wood = _varied(rng, [(178, 142, 100), (122, 86, 58), (196, 176, 146)])
+    walls = np.array([wall, accent, wall, wall, floor, srgb(226, 226, 222)])
+    white = np.array([1.0, rng.uniform(0.92, 1.0), rng.uniform(0.84, 1.0)])
+    sky = np.array([0.8, 0.9, 1.0]) * rng.uniform(1.0, 3.5)
+    parts = _shell(low, high, walls, ground, rng) + furniture.skirting(low, high)
+    for x in (0.4, 2.7, 5.0):
+        parts += furniture.window((x, x + 2.0), 3.2, (0.9, 2.2), _triple(sky * 2.6))
+    parts += furniture.radiator((1.0, 5.5), 3.2) + furniture.door(7.4, -1.8, wood)
+    parts += furniture.shelf((7.08, 0.6, 0.0), (7.4, 2.6, 1.8), wood) + _stools(stools, wood)
+    parts += furniture.poster(7.4, -0.6, (0.9, 0.7), int(rng.integers(1000)))
+    lamps = [(x, y) for x in (1.0, 3.4, 5.8) for y in (-1.3, 1.3)]
+    for x, y in lamps:
+        parts += furniture.ceiling_panel(x, y, 2.45, _triple(white * 5.0))
+    # Fewer lights than lamps, as in the hall.
+    lights = (
+        Light(np.array([1.6, 0.0, 2.4]), DOWN, white * 3.4, 0.5),
+        Light(np.array([5.0, 0.0, 2.4]), DOWN, white * 3.4, 0.5),
+        Light(np.array([3.4, 3.1, 1.6]), INWARD, sky * 4.0, 0.9),
+    )
+    return Room(join(parts), lights, np.array(low), np.array(high), walls, rng.uniform(1.0, 1.5))
+
+
+def _square(rng: np.random.Generator, stools: Seats) -> Room:
+    low, high = (-12.6, -12.6, 0.0), (12.6, 12.6, 5.0)
+    wall = _varied(rng, [(168, 164, 156), (150, 146, 140), (176, 168, 150)])
+    accent = _varied(rng, [(140, 120, 104), (120, 128, 134), (158, 150, 138)])
+    floor = _varied(rng, FLOORS[Material.CONCRETE])
+    wood = _varied(rng, [(150, 112, 74), (106, 78, 56), (184, 160, 126)])
+    walls = np.array([wall, accent, wall, wall, floor, srgb(206, 208, 210)])
+    grey = np.array([0.96, 1.0, 1.0]) * rng.uniform(0.9, 1.1)
+    parts = _shell(low, high, walls, Material.CONCRETE, rng) + _stools(stools, wood)
+    lights = []
+    for x in (-6.0, 2.0, 9.0):
+        parts += furniture.ceiling_panel(x, 0.0, 5.0, _triple(grey * 5.0))
+        lights.append(Light(np.array([x, 0.0, 4.9]), DOWN, grey * 14.0, 1.2))
+    for y in (-8.0, -3.0, 3.0, 8.0):
+        parts += furniture.door(12.6, y, wood)
+        parts += furniture.poster(12.6, y + 1.2, (1.4, 1.8), int(rng.integers(1000)))
+    exposure = rng.uniform(1.0, 1.4)
+    return Room(join(parts), tuple(lights), np.array(low), np.array(high), walls, exposure)
+
+
+KINDS: dict[str, Callable[[np.random.Generator, Seats], Room]] = {
+    "lab": _lab,
+    "hall": _hall,
+    "office": _office,
+    "square": _square,
+}
 
 
 def _shell(

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from common.compiled import compiled
 from lab.drawing.ambient import smoothed
@@ -63,17 +64,20 @@ def shade_rows(
     scene: SceneArrays,
     light: SceneLighting,
     samples: SampleArrays,
+    wanted: npt.NDArray[np.bool_],
     first: int,
     last: int,
     image: F32,
 ) -> None:
-    """Write the radiance of rows of the image, HxWx3.
+    """Write the radiance of the wanted pixels, HxW, in rows of the image, HxWx3.
 
     A pixel whose samples all see one smooth surface is shaded once; at edges each sample is.
     """
     side = samples.side
     for row in range(first, last):
         for column in range(image.shape[1]):
+            if not wanted[row, column]:
+                continue
             v, u = row * side, column * side
             smooth = side == 1 or _one_surface(scene, samples, v, u)
             count = 1 if smooth else side * side

@@ -15,12 +15,14 @@ from lab.motion.walker import Walker
 from people4d.messages import F64
 
 PositionFunction = Callable[[float], F64]
+Disc = tuple[float, float, float]  # [m] x, y and radius, frame: map
 
 DECIDE_EVERY = 10  # steps of the simulation
 HORIZON_S = 3.0
 COMFORT_M = 0.95  # centre to centre; people deviate to pass no nearer
 PERSONAL_M = 0.62  # nearer than that they would rather stop
 ROBOT_EXTRA_M = 0.15  # more distance from a robot
+STANDING_RADIUS_M = 0.38  # radius of a standing thing that is passed as far off as a person
 STOOL_LESS_M, OWN_STOOL_LESS_M = 0.2, 0.35  # less distance from a stool, and from one's own
 
 # Candidates: turned away from the goal to either side, and shares of the free speed.
@@ -52,6 +54,7 @@ class Surroundings:
     stools_m: Sequence[tuple[float, float]] = ()  # positions of stools, x and y in the map
     # position of a moving thing, such as a robot, at a time: x, y and maybe more
     obstacle: PositionFunction | None = None
+    discs: Sequence[Disc] = ()  # obstacles that stand
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,7 @@ def _obstacles(
     for stool in around.stools_m:
         less_m = OWN_STOOL_LESS_M if stool == walkers[me].stool_m else STOOL_LESS_M
         rows.append((*stool, 0.0, 0.0, -less_m))
+    rows += [(x, y, 0.0, 0.0, radius - STANDING_RADIUS_M) for x, y, radius in around.discs]
     if robot is not None:
         rows.append((*robot[0].tolist(), *robot[1].tolist(), ROBOT_EXTRA_M))
     table = np.array(rows).reshape(-1, 5)

@@ -12,9 +12,10 @@ from scipy.ndimage import gaussian_filter1d
 from common.geometry.transforms import transform_from
 from lab.bodies.skeleton import SEGMENTS, BodyPose, Skeleton
 from lab.motion.bouts import WalkPath
-from lab.motion.crowd import CrowdPaths, PositionFunction, Surroundings, simulate_paths
+from lab.motion.crowd import CrowdPaths, Disc, PositionFunction, Surroundings, simulate_paths
 from lab.motion.footfalls import FootStances, StepPlan
 from lab.motion.kinematics import Individual, pose_arrays
+from lab.motion.trajectories import follow
 from lab.motion.walker import STEP_S, Walker
 from lab.scenario import PersonPlan
 from people4d.messages import F64
@@ -78,6 +79,7 @@ def simulate(
     seed: int,
     obstacle: PositionFunction | None = None,
     area_m: F64 = ANYWHERE_M,
+    discs: Sequence[Disc] = (),
 ) -> tuple[PersonMotion, ...]:
     """Return the motions of people who follow their plans and avoid each other.
 
@@ -89,14 +91,20 @@ def simulate(
         obstacle: Position of a thing to avoid, such as the robot, at a time from -2 s on: x, y and
             maybe more in metres, frame: map.
         area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map.
+        discs: Obstacles that stand: x, y and radius in metres, frame: map.
     """
     steps = round((duration_s + BEFORE_S + AFTER_S) / STEP_S) + 1
     times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - BEFORE_S
-    walkers = [
-        Walker(plan, skeleton.stature_m) for plan, skeleton in zip(people, skeletons, strict=True)
-    ]
-    stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
-    paths = simulate_paths(walkers, times_s, Surroundings(area_m, stools_m, obstacle))
+    if people and people[0].trajectory:
+        paths = follow([np.array(plan.trajectory) for plan in people], times_s)
+    else:
+        walkers = [
+            Walker(plan, skeleton.stature_m)
+            for plan, skeleton in zip(people, skeletons, strict=True)
+        ]
+        stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
+        around = Surroundings(area_m, stools_m, obstacle, discs)
+        paths = simulate_paths(walkers, times_s, around)
     drawn = [
         Individual.draw(skeleton, seed, index, plan.gestures)
         for index, (skeleton, plan) in enumerate(zip(skeletons, people, strict=True))

@@ -11,10 +11,9 @@ import msgspec
 from common.io.recording import RecordingWriter, open_recording
 from lab.depth.metadata import NAME
 from lab.output.chunks import ChunkStore, digest_of, run_chunks
-from lab.output.sequence import Fidelity, RenderJob, sequence_renderer
+from lab.output.sequence import Fidelity, RenderJob, TimedMessage, sequence_renderer
 from lab.truth.files import join_frames, save_frames
 from people4d.errors import SourceError
-from people4d.messages import Message
 from services.camera.ros.export import export
 
 # Frames in a chunk: a few seconds of work, which is what an interruption costs.
@@ -58,7 +57,7 @@ def render(
         if path.exists():
             raise SourceError(f"{path} exists already", "Remove it, or give another --out.")
     store, size = ChunkStore(outputs.chunks, _key(job)), CHUNK_FRAMES[job.fidelity]
-    count = -(-sequence_renderer(job).world.frame_count // size)
+    count = -(-sequence_renderer(job).frame_count // size)
     missing = store.missing(count)
     on_progress("drawing", 1 - len(missing) / count)
     finished = run_chunks(partial(render_chunk, job, store, size), missing, jobs)
@@ -68,8 +67,8 @@ def render(
     recording = store.path(count)
     with RecordingWriter(recording) as writer:
         writer.write_metadata(NAME, job.metadata.texts())
-        for message in sequence_renderer(job).timeline(_messages(chunks)):
-            writer.write(message, message.stamp_ns)
+        for time_ns, message in sequence_renderer(job).timeline(_messages(chunks)):
+            writer.write(message, time_ns)
     if outputs.bag:
         export(recording, outputs.bag, on_progress=partial(on_progress, "writing the bag"))
     if outputs.truth:
@@ -82,13 +81,13 @@ def render(
 def render_chunk(job: RenderJob, store: ChunkStore, size: int, chunk: int) -> None:
     """Render the messages of a chunk of so many frames into the store."""
     renderer, path = sequence_renderer(job), store.path(chunk)
-    last = min((chunk + 1) * size, renderer.world.frame_count)
+    last = min((chunk + 1) * size, renderer.frame_count)
     unfinished = path.with_suffix(".new")
     truth = []
     with RecordingWriter(unfinished) as writer:
         for index in range(chunk * size, last):
             message, arrays = renderer.frame(index)
-            writer.write(message, message.stamp_ns)
+            writer.write(message, renderer.time_ns(index))
             if arrays:
                 truth.append(arrays)
     if truth:
@@ -96,10 +95,9 @@ def render_chunk(job: RenderJob, store: ChunkStore, size: int, chunk: int) -> No
     unfinished.replace(path)  # last: from now on the chunk counts as done
 
 
-def _messages(chunks: list[Path]) -> Iterator[Message]:
+def _messages(chunks: list[Path]) -> Iterator[TimedMessage]:
     for chunk in chunks:
-        for _, message in open_recording(chunk).messages():
-            yield message
+        yield from open_recording(chunk).messages()
 
 
 def _key(job: RenderJob) -> str:

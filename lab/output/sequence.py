@@ -4,7 +4,7 @@ import heapq
 from collections.abc import Iterable, Iterator
 from functools import cached_property, lru_cache
 from itertools import chain
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from msgspec import Meta
 
@@ -12,17 +12,18 @@ from common.config import Config
 from common.io.images import encode_jpeg, encode_png16
 from lab.camera.frames import FrameRenderer, RenderSettings, odometry, transforms
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import SENSORS, DepthSensorConfig
 from lab.depth.metadata import SimulationMetadata
 from lab.drawing.renderer import DepthView
 from lab.scenario import Scenario
 from lab.truth.files import Arrays, frame_arrays
 from lab.truth.frames import person_views
 from lab.truth.motion_capture import capture_truth
-from lab.world import World
+from lab.world import World, stamp_ns
 from people4d.messages import CompressedRgbdFrame, Detections, Message
 
 Fidelity = Literal["geometry", "depth", "colour"]
+TimedMessage: TypeAlias = tuple[int, Message]  # time in the recording [ns], and message
 
 PNG_LEVEL = 6  # a seventh smaller than 3; 9 gains a tenth more and takes eight times as long
 
@@ -30,7 +31,8 @@ PNG_LEVEL = 6  # a seventh smaller than 3; 9 gains a tenth more and takes eight 
 class ErrorModels(Config, frozen=True, kw_only=True):
     """Errors of what is simulated."""
 
-    sensor: DepthSensorConfig = DepthSensorConfig()  # of depth, applied now or on playing
+    # of depth, applied now or on playing; None: that of the scenario
+    sensor: DepthSensorConfig | None = None
     # of the fidelity geometry
     detector: SyntheticDetectionsConfig = SyntheticDetectionsConfig()
 
@@ -42,7 +44,8 @@ class RenderJob(Config, frozen=True, kw_only=True):
     seed: int
     # geometry: detections in place of frames; depth: flat colours
     fidelity: Fidelity = "colour"
-    depth: Literal["clean", "measured"] = "clean"  # clean: the sensor is applied on playing
+    # clean: the sensor is applied on playing, if it needs nothing but depth
+    depth: Literal["clean", "measured"] = "clean"
     errors: ErrorModels = ErrorModels()
     quality: Annotated[int, Meta(ge=1, le=100)] = 90  # of JPEG
     samples: Annotated[int, Meta(ge=1, le=2)] = 2  # see RenderSettings
@@ -52,8 +55,30 @@ class RenderJob(Config, frozen=True, kw_only=True):
     def metadata(self) -> SimulationMetadata:
         """Origin of the recording."""
         return SimulationMetadata(
-            scenario=self.scenario.name, seed=self.seed, depth=self.depth, sensor=self.errors.sensor
+            scenario=self.scenario.name,
+            seed=self.seed,
+            depth="measured" if self.is_measured else "clean",
+            sensor=self.sensor_of(self.scenario),
         )
+
+    @property
+    def is_measured(self) -> bool:
+        """True: the sensor is applied now; one that sees surfaces cannot be applied on playing.
+
+        Nor can the sensors of several cameras, of which a recording names one.
+        """
+        several = bool(self.scenario.cameras)
+        return self.depth == "measured" or self.sensor_of(self.scenario).sees_surfaces or several
+
+    def sensor_of(self, view: Scenario) -> DepthSensorConfig:
+        """Return the errors of the depth sensor of the camera of a scenario."""
+        return self.errors.sensor or SENSORS[view.camera.depth_sensor]
+
+    def __post_init__(self) -> None:
+        """Check that truth for each frame is of one camera."""
+        super().__post_init__()
+        if self.truth_per_frame and self.scenario.cameras:
+            raise ValueError("truth_per_frame: expected one camera, got several")
 
 
 class SequenceRenderer:
@@ -62,12 +87,55 @@ class SequenceRenderer:
     def __init__(self, job: RenderJob) -> None:
         self.world = World(job.scenario, job.seed)
         self._job = job
+        self._cameras = [CameraRenderer(job, view) for view in self.world.views]
+        # Frames of all cameras by their true time.
+        self._frames = sorted(
+            (camera.world.frame_s(index), number, index)
+            for number, camera in enumerate(self._cameras)
+            for index in range(camera.world.frame_count)
+        )
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames of all cameras."""
+        return len(self._frames)
+
+    def time_ns(self, index: int) -> int:
+        """Return the true time of a frame."""
+        return stamp_ns(self._frames[index][0])
+
+    def frame(self, index: int) -> tuple[Message, Arrays | None]:
+        """Return the message of a frame, and its truth if the job asks for it."""
+        _, number, own = self._frames[index]
+        return self._cameras[number].frame(own)
+
+    def timeline(self, frames: Iterable[TimedMessage]) -> Iterator[TimedMessage]:
+        """Return calibration and transforms, then all messages, with and by their true times."""
+        world = self.world
+        motion = [
+            (view.time_ns(message.stamp_ns), message)
+            for view in world.views
+            for message in odometry(view)
+        ]
+        truth = ((message.stamp_ns, message) for message in capture_truth(world))
+        # Of equal times what the frame may need comes first.
+        timed = heapq.merge(motion, truth, frames, key=lambda item: item[0])
+        fixed = [m for view in world.views for m in (view.info, *transforms(view))]
+        return chain(((message.stamp_ns, message) for message in fixed), timed)
+
+
+class CameraRenderer:
+    """Renders the frames of one camera of a job."""
+
+    def __init__(self, job: RenderJob, world: World) -> None:
+        self.world, self._job = world, job
         settings = RenderSettings(
             colour="drawn" if job.fidelity == "colour" else "flat",
-            sensor=job.errors.sensor if job.depth == "measured" else None,
+            sensor=job.sensor_of(world.scenario),
+            errors=job.is_measured,
             samples=job.samples,
         )
-        self._frames = FrameRenderer(self.world, settings)
+        self._frames = FrameRenderer(world, settings)
 
     def frame(self, index: int) -> tuple[Message, Arrays | None]:
         """Return the message of a frame, and its truth if the job asks for it."""
@@ -79,15 +147,6 @@ class SequenceRenderer:
         message = self._detections(index) if geometry else self._image(index, view)
         return message, self._truth(index, view) if job.truth_per_frame else None
 
-    def timeline(self, frames: Iterable[Message]) -> Iterator[Message]:
-        """Return calibration and transforms, then all messages by their stamps."""
-        world = self.world
-        # Of equal stamps what the frame may need comes first.
-        timed = heapq.merge(
-            odometry(world), capture_truth(world), frames, key=lambda message: message.stamp_ns
-        )
-        return chain([world.info], transforms(world), timed)
-
     def _image(self, index: int, view: DepthView) -> CompressedRgbdFrame:
         world, job = self.world, self._job
         depth_mm = self._frames.depth_mm(index, view)
@@ -96,7 +155,7 @@ class SequenceRenderer:
             sequence=index,
             camera=world.info.camera,
             rgb_jpeg=encode_jpeg(self._frames.rgb(index, view), job.quality),
-            depth_png=encode_png16(depth_mm, PNG_LEVEL, smooth=job.depth == "clean"),
+            depth_png=encode_png16(depth_mm, PNG_LEVEL, smooth=not job.is_measured),
         )
 
     def _detections(self, index: int) -> Detections:
@@ -110,7 +169,9 @@ class SequenceRenderer:
 
     @cached_property
     def _detector(self) -> SyntheticDetections:
-        return SyntheticDetections(self._job.errors.detector, self.world.info, self._job.seed)
+        return SyntheticDetections(
+            self._job.errors.detector, self.world.info, self.world.noise_seed
+        )
 
 
 @lru_cache(maxsize=1)

@@ -7,7 +7,7 @@ import pytest
 
 from common.geometry.transforms import apply, invert
 from lab.camera.base_path import ACCELERATION_MPS2, TURN_ACCELERATION_RADPS2, BasePath
-from lab.scenario import CameraPlan, Drive
+from lab.camera.plan import CameraPlan, Drive
 
 
 def test_still_camera() -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from common.geometry.transforms import wrap
 from lab.camera.base_path import BasePath
+from lab.camera.plan import CameraPlan, Drive, WheelPlan
 from lab.camera.wheels import DeadReckoning, tick_m, wheel_odometry, wheel_ticks
-from lab.scenario import CameraPlan, Drive, WheelPlan
 from people4d.messages import F64, Odometry
 
 PERFECT = WheelPlan(scale_error=0, track_error=0, slip=0, ticks_per_turn=10**6)

@@ -9,7 +9,7 @@ from common.geometry.transforms import LINK_FROM_OPTICAL, invert, rotation_from_
 from lab.drawing.furniture import SEAT_M
 from lab.drawing.renderer import draw_depth
 from lab.drawing.rooms import room_mesh
-from lab.scenario import WALKABLE_M
+from lab.scenario import WALKABLE_M, RoomName
 from people4d.messages import F64
 from tests import builders
 
@@ -23,7 +23,7 @@ def optical_from_map(x_m: float, y_m: float, z_m: float, pitch_deg: float, yaw_d
     return invert(transform_from([x_m, y_m, z_m], rotation) @ LINK_FROM_OPTICAL)
 
 
-@pytest.mark.parametrize("kind", ["lab", "hall"])
+@pytest.mark.parametrize("kind", ["lab", "hall", "office", "square"])
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_a_room_is_closed_on_all_sides(kind: str, seed: int) -> None:
     room = room_mesh(kind, seed)
@@ -34,7 +34,7 @@ def test_a_room_is_closed_on_all_sides(kind: str, seed: int) -> None:
             assert np.isfinite(depth).all()
 
 
-@pytest.mark.parametrize("kind", ["lab", "hall"])
+@pytest.mark.parametrize("kind", ["lab", "hall", "office", "square"])
 def test_the_floor_is_at_zero_and_the_walls_where_the_room_says(kind: str) -> None:
     room = room_mesh(kind, 0)
     np.testing.assert_allclose(room.mesh.vertices_m.min(axis=0), room.low_m, atol=1e-9)
@@ -50,9 +50,9 @@ def test_the_lab_is_the_room_of_the_scenarios() -> None:
     np.testing.assert_allclose([room.low_m[:2], room.high_m[:2]], [[-0.6, -1.75], [5.6, 1.75]])
 
 
-@pytest.mark.parametrize("kind", ["lab", "hall"])
+@pytest.mark.parametrize("kind", ["lab", "hall", "office", "square"])
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
-def test_nothing_stands_where_people_walk(kind: str, seed: int) -> None:
+def test_nothing_stands_where_people_walk(kind: RoomName, seed: int) -> None:
     mesh = room_mesh(kind, seed).mesh
     corners = mesh.vertices_m[mesh.faces]
     low, high = corners.min(axis=1), corners.max(axis=1)
@@ -74,7 +74,7 @@ def test_stools_stand_where_they_are_asked_for(seed: int) -> None:
     assert len(with_stool.mesh.vertices_m) > len(without.mesh.vertices_m)
 
 
-@pytest.mark.parametrize("kind", ["lab", "hall"])
+@pytest.mark.parametrize("kind", ["lab", "hall", "office"])
 def test_seeds_give_different_rooms_and_one_seed_always_the_same(kind: str) -> None:
     colours = [room_mesh(kind, seed).mesh.colour.tobytes() for seed in (0, 0, 1, 2)]
     assert colours[0] == colours[1]
@@ -83,7 +83,7 @@ def test_seeds_give_different_rooms_and_one_seed_always_the_same(kind: str) -> N
     assert sides == {True, False}  # windows on the left or on the right
 
 
-@pytest.mark.parametrize("kind", ["lab", "hall"])
+@pytest.mark.parametrize("kind", ["lab", "hall", "office", "square"])
 def test_normals_of_a_mirrored_room_point_inwards(kind: str) -> None:
     for seed in range(4):
         mesh = room_mesh(kind, seed).mesh

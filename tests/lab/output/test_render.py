@@ -31,9 +31,8 @@ from services.camera.source import SourceFrame
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.files import RecordingTruth
 from services.gt_bridge.sources.ros import RosbagTruth
-from services.tracker.build import make_tracker
+from services.tracker.build import build
 from services.tracker.config import TrackerConfig
-from services.tracker.node import TrackerNode
 from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 
 pytestmark = pytest.mark.render
@@ -184,7 +183,7 @@ def test_geometry_gives_detections_instead_of_frames(tmp_path: Path) -> None:
     assert np.median(people) == 2
     # A tracker finds them without any picture, where motion capture sees them.
     config = TrackerConfig(tracker="sort3d")
-    tracker = TrackerNode(config, make_tracker(config))
+    tracker = build(config)
     messages = [m for _, m in recording.messages(StaticTransform, Detections)]
     error_text = [t for m in messages for t in tracker.handle(m, 0) if isinstance(t, Tracks)]
     tracks = [t for t in error_text if t.tracks][-1].tracks
