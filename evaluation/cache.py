@@ -65,9 +65,10 @@ def model_digest(config: DetectorConfig | ReidConfig) -> str:
     Raises:
         ModelError: The model is unknown, or its file is absent.
     """
-    if isinstance(config, ReidConfig) and config.embedder != "osnet":
-        return ""  # it has no file
-    path, entry = weights.locate(config.model, config.folder)
+    model = config.network if isinstance(config, ReidConfig) else config.model
+    if not model:
+        return ""  # an embedder without a file
+    path, entry = weights.locate(model, config.folder)
     return entry.sha256 if entry else weights.checksum(path)
 
 

@@ -16,6 +16,9 @@ from people4d.messages import F64, U16, CameraInfo
 Hidden = Literal["no", "partly", "mostly"]
 HIDDEN: tuple[Hidden, ...] = ("no", "partly", "mostly")
 WINDOW_PX = 2  # [px] depth is read in a window that reaches so far from the mark
+# Depth is registered to colour to within some pixels: where depths so near a mark differ by more
+# than those of a body, the person's is unknown.
+EDGE_PX, BODY_M = 5, 0.35
 READINGS_MIN = 5  # valid pixels in the window, at least
 
 
@@ -69,16 +72,27 @@ class MarkView:
         return wrap(self.bearing_rad(mark) + math.radians(mark.yaw_deg))
 
     def point_m(self, mark: Mark, depth_mm: U16) -> F64 | None:
-        """Return the surface at a mark in the map, by the median depth; None without depth."""
-        u, v = round(mark.u_px), round(mark.v_px)
-        rows = slice(max(v - WINDOW_PX, 0), v + WINDOW_PX + 1)
-        window = depth_mm[rows, max(u - WINDOW_PX, 0) : u + WINDOW_PX + 1]
-        valid = window[window > 0]
-        if len(valid) < READINGS_MIN:
+        """Return the surface at a mark in the map, by the median depth.
+
+        None without depth, and at the edge of something before or behind the person.
+        """
+        readings_mm = _readings(mark, depth_mm, WINDOW_PX)
+        if len(readings_mm) < READINGS_MIN:
             return None
-        depth_m = float(np.median(valid)) / 1000
+        near_mm, far_mm = np.percentile(_readings(mark, depth_mm, EDGE_PX), [10, 90])
+        if far_mm - near_mm > 1000 * BODY_M:
+            return None
+        depth_m = float(np.median(readings_mm)) / 1000
         point_m = deproject((mark.u_px, mark.v_px), [depth_m], self.info)[0]
         return np.asarray(apply(self.map_from_optical, point_m))
+
+
+def _readings(mark: Mark, depth_mm: U16, reach_px: int) -> U16:
+    """Return the valid depths in a window around a mark, in millimetres."""
+    u, v = round(mark.u_px), round(mark.v_px)
+    rows, columns = (slice(max(at - reach_px, 0), at + reach_px + 1) for at in (v, u))
+    window = depth_mm[rows, columns]
+    return window[window > 0]
 
 
 def read_frames(path: Path) -> dict[int, tuple[Mark, ...]]:

@@ -78,10 +78,11 @@ def _scenarios(
     name: str, seeds: Sequence[int], fidelity: Fidelity, cache: Path
 ) -> list[EvaluationRecording]:
     scenario, own = split_seed(name.removeprefix(PREFIX))
-    plan = load_scenario(scenario)
+    usual = load_scenario(scenario)
     drawn = fidelity != "geometry"
     recordings = []
-    for seed in [own] if own is not None else list(seeds) or [plan.seed]:
+    for seed in [own] if own is not None else list(seeds) or [usual.seed]:
+        plan = load_scenario(scenario, seed)
         job = RenderJob(scenario=plan, seed=seed, fidelity=fidelity, truth_per_frame=drawn)
         unique = f"{plan.name}@{seed}"
         key = key_of(job, digest_of(LAB_CODE))

@@ -16,7 +16,7 @@ from evaluation.report.csv_files import (
 )
 from evaluation.report.filmstrips import Filmstrip
 from evaluation.report.tables import SOURCE, ReportTable, groups_of
-from evaluation.run.preparation import EvaluationPlan
+from evaluation.run.preparation import EvaluationPlan, warnings_of
 from evaluation.run.run import RunScores
 
 
@@ -45,6 +45,7 @@ def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: s
     html = page.substitute(
         methods=escape(", ".join(dict.fromkeys(result.method for result in scores))),
         command=escape(command),
+        warnings="\n".join(f'<p class="warning">{escape(one)}</p>' for one in warnings_of(plan)),
         source=SOURCE,
         tables="\n".join(map(_report_table, evaluation.tables)),
         figures="\n".join(map(_figure, evaluation.figures)) or "<p>None were drawn.</p>",

@@ -54,6 +54,26 @@ def check_models(plan: EvaluationPlan) -> None:
             model_digest(method.reid)
 
 
+def warnings_of(plan: EvaluationPlan) -> list[str]:
+    """Return sentences on figures that the plan's recordings cannot give."""
+    bare = [r.name for r in plan.recordings if r.job and r.job.fidelity == "geometry"]
+    embedding = [method.name for method in plan.methods if method.reid]
+    if not bare:
+        return []
+    sentences = [
+        f"--fidelity geometry: {', '.join(bare)} has no images. Detections, their positions and "
+        "yaws have errors of a simulation, so that detectors and errors of positions and yaws "
+        "are not evaluated, only what trackers make of them."
+    ]
+    if embedding:
+        sentences.append(
+            f"--fidelity geometry has no appearance: {', '.join(embedding)} tracks by position "
+            "alone and re-identifies no one. Its ID switches, re-identification and false "
+            "positives say nothing about it; --fidelity colour does."
+        )
+    return sentences
+
+
 def render_all(plan: EvaluationPlan, on_progress: OnProgress) -> None:
     """Render all scenarios that are not in the cache.
 

@@ -22,6 +22,7 @@ from evaluation.pipeline import track_again
 from evaluation.recordings.detections import mean_ms, read_tracker_input
 from evaluation.recordings.ground_truth import SampledTruth
 from evaluation.recordings.recordings import EvaluationRecording
+from evaluation.run.start_link import with_start_link
 from people4d.errors import SourceError
 from people4d.messages import (
     F64,
@@ -83,6 +84,8 @@ def execute(run: EvaluationRun) -> RunOutput:
     info = next((m for m in messages if isinstance(m, CameraInfo)), None)
     if info is None or not detections:
         raise SourceError(f"{run.recording.path} has no frame with a calibration")
+    frame_id, source = run.method.tracker.frame_id, str(run.recording.path)
+    messages = with_start_link(messages, run.truth, info, frame_id, source)
     # Embeddings come before their detections here; later ones do not exist.
     config = msgspec.structs.replace(run.method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     start_ns = time.perf_counter_ns()

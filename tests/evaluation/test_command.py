@@ -39,6 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         status, output, errors = run(*METHODS, *flags, "--jobs", jobs, drawn, "--out", out)
         assert status == 0, errors
         (out / "terminal.txt").write_text(output)
+        (out / "errors.txt").write_text(errors)
     return folder
 
 
@@ -47,6 +48,14 @@ def test_the_number_of_jobs_changes_no_byte(folder: Path) -> None:
     assert len(same) == 3 + len(TABLES)
     for path in same:
         assert (folder / "jobs1" / path).read_bytes() == (folder / "jobs2" / path).read_bytes()
+
+
+def test_geometry_warns_of_what_it_cannot_give(folder: Path) -> None:
+    warning = "--fidelity geometry has no appearance: "
+    assert f"Warning: {warning}" in (folder / "jobs1" / "errors.txt").read_text()
+    report = (folder / "jobs1" / "report.html").read_text()
+    assert f'<p class="warning">{warning}' in report
+    assert "walk@1, walk@2, stroll@3 has no images" in report
 
 
 def test_every_run_has_a_row(folder: Path) -> None:

@@ -73,3 +73,13 @@ def test_facing_is_measured_from_the_viewing_ray_to_the_left(
     depth_mm = np.full((480, 640), 2000, np.uint16)
     point_m = view.point_m(Mark("A", 320.0, 240.0, yaw_deg), depth_mm)
     assert point_m == pytest.approx([2.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(("edge_px", "is_known"), [(323, False), (328, True)])
+def test_no_point_at_the_edge_of_somebody_behind(edge_px: int, is_known: bool) -> None:
+    """Somebody 1 m behind begins 3 px, or 8 px, to the right of the mark."""
+    info = builders.camera_info(fx=500.0)
+    view = MarkView(info, CameraConfig(source="x").mount_from_optical)
+    depth_mm = np.full((480, 640), 2000, np.uint16)
+    depth_mm[:, edge_px:] = 3000
+    assert (view.point_m(Mark("A", 320.0, 240.0, None), depth_mm) is not None) == is_known

@@ -17,6 +17,7 @@ from services.gt_bridge.config import GtBridgeConfig
 from services.report.config import ReportConfig
 from services.report.folder import AnnotatedFrame
 from services.report.node import ReportNode
+from services.report.page import RunPage
 from services.report.statistics import RunSummary
 from tests.evaluation import builders
 
@@ -35,8 +36,8 @@ class SummaryOutput:
     def add_frame(self, frame: AnnotatedFrame) -> None:
         pass
 
-    def finish(self, sheet: U8, summary: RunSummary) -> None:
-        self.summary = summary
+    def finish(self, sheet: U8, page: RunPage) -> None:
+        self.summary = page.summary
 
 
 def walker(name: str, frame: float, x_m: float, vy_mps: float) -> TruthPerson:

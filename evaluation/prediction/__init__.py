@@ -1,0 +1,1 @@
+"""Predictions of the predictor beside what people did."""
