@@ -68,6 +68,8 @@ class Service:
     # further facts: `people4d.scalable` (its replicas share their work), `people4d.option` (how it
     # is asked for), `people4d.model` (loader of its model)
     labels: Mapping[str, str] = field(default_factory=dict)
+    # services whose first processes are one, this one among them; empty: each has its own
+    partners: tuple[str, ...] = ()
 
     @property
     def module(self) -> str:

@@ -5,8 +5,8 @@ import socket
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from common.diagnosis.evidence import Diagnostic, ok, problem, warning
 from deploy import compose
-from deploy.doctor.evidence import Diagnostic, ok, problem, warning
 from deploy.launcher.launcher import tail
 from deploy.launcher.plan import COMPOSE_FILE, CONFIG_FILE, load_model, read_settings
 from deploy.launcher.state import State

@@ -5,20 +5,20 @@ import re
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 
 from deploy.compose import Dependency, Service
 from deploy.launcher.health import Heartbeats, of_instance, works
-from deploy.launcher.plan import replicas_of
 from deploy.launcher.state import Run, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from people4d.errors import People4dError
 
 POLL_S = 0.1
 STOP_TIMEOUT_S = 120.0
+STOP_S = 5.0
+LONGEST_GRACE_S = 10.0  # [s] of a service that writes no files
 QUIET_S = 2.0
 # What comes from frames. Health never rests, and predictions go on after the last frame.
 FROM_FRAMES = ("received_frames", "received_detections", "received_crops", "received_embeddings")
@@ -201,46 +201,6 @@ class Launcher:
         }
 
 
-def scale(
-    state: State,
-    requests: Sequence[str],
-    heartbeats: Heartbeats,
-    timeout_s: float,
-    progress: Progress,
-) -> None:
-    """Start or stop processes of a running system, and wait until the new ones work.
-
-    Raises:
-        ConfigError: A request, "service=number", names no service, or one that runs only once.
-        LaunchError: A new process does not come up; it is left as it is.
-    """
-    services = read_plan(state)
-    numbers = replicas_of(requests, services)
-    services = tuple(replace(s, replicas=numbers[s.name]) for s in services)
-    supervisor = Supervisor(state)
-    added, removed = supervisor.rescale(services)
-    state.plan_file.write_bytes(msgspec.json.encode(services))
-    for instance in removed:
-        progress(instance, "stopped")
-    for instance in added:
-        supervisor.start(instance)
-    for service in services:
-        new = [name for name in service.instances if name in added]
-        deadline_s = time.monotonic() + timeout_s
-        while new:
-            all_processes = supervisor.processes()
-            processes = [all_processes[name] for name in new]
-            if heartbeats.healthy(service, processes):
-                progress(", ".join(new), "ready")
-                break
-            late = time.monotonic() > deadline_s
-            for p in processes:
-                if late or p.gave_up or p.ended_badly or p.state == "BACKOFF":
-                    problem = f"{p.name} does not get ready, it is {p.state}"
-                    raise LaunchError(state, p.name, problem)
-            time.sleep(POLL_S)
-
-
 def read_plan(state: State) -> tuple[Service, ...]:
     """Return the services that a system was started with.
 
@@ -257,17 +217,33 @@ def read_plan(state: State) -> tuple[Service, ...]:
 
 
 def stop(state: State) -> bool:
-    """Stop a system, last started first; return False if nothing ran."""
+    """Stop a system, last started first; return False if nothing ran.
+
+    Supervisord waits for one process after the other; those that do not end, however many, are
+    killed together after STOP_S. A process that writes files has the time that its service states.
+    """
     running = state.read()
     if running:
+        spared = {running.pid, *_writing(state)}
         with contextlib.suppress(SupervisorGoneError):  # it stops already
             Supervisor(state).shutdown()
-        deadline_s = time.monotonic() + STOP_TIMEOUT_S
-        while state.read() and time.monotonic() < deadline_s:
+        start_s = time.monotonic()
+        while state.read() and (elapsed_s := time.monotonic() - start_s) < STOP_TIMEOUT_S:
+            if elapsed_s > STOP_S:
+                state.kill_processes(but=spared)
             time.sleep(POLL_S)
     swept = state.sweep()
     state.clear()
     return running is not None or swept > 0
+
+
+def _writing(state: State) -> set[int]:
+    """Return the process numbers of those that have longer than STOP_S to end."""
+    with contextlib.suppress(People4dError):
+        slow = [s for s in read_plan(state) if s.stop_grace_s > LONGEST_GRACE_S]
+        processes = Supervisor(state).processes()
+        return {processes[name].pid for s in slow for name in s.instances if name in processes}
+    return set()
 
 
 def tail(file: Path, lines: int) -> str:

@@ -13,6 +13,7 @@ import msgspec
 from common.config import load, setting
 from deploy import compose
 from deploy.compose import Service
+from deploy.launcher.joined import check_joinable, config_record, join, joined_command
 from people4d.errors import ConfigError
 
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
@@ -23,6 +24,7 @@ CAMERA = "camera"
 ROUTER = "router"
 HOST = "127.0.0.1"
 PORT = 7447
+REPLICAS_PER_CORE = 4  # of one service at most, so that a typing error starts no storm
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class LaunchRequest:
     scale: Sequence[str] = ()  # "service=number"
     report: Path | None = None  # folder for a report, None for none
     profiles: Sequence[str] = ()  # profiles of the compose file, for example "gait"
+    together: Sequence[str] = ()  # services in one process
     # the caller's environment variables
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
 
@@ -61,6 +64,11 @@ def plan(request: LaunchRequest) -> tuple[Service, ...]:
         profiles.add(REPORT)
     every = compose.read(request.compose, variables(request))
     services = compose.select(every, profiles)
+    if request.together:
+        for name in request.together:
+            _check_runs(name, services, every)
+        check_joinable(request.together, request.environment)
+        services = compose.select(join(services, request.together), profiles)
     arguments = _arguments(settings, services, every)
     replicas = replicas_of(request.scale, services, every)
     planned = []
@@ -71,6 +79,9 @@ def plan(request: LaunchRequest) -> tuple[Service, ...]:
         if request.report and name == CAMERA:
             # A report is on one pass over the recording: a camera started again would spoil it.
             planned[-1] = replace(planned[-1], restart="no", retries=0)
+    for service in planned:
+        if service.partners:
+            joined_command(service.partners, planned)  # raises what cannot be joined
     return tuple(planned)
 
 
@@ -131,10 +142,7 @@ def read_settings(
     if not service.module.startswith("services."):
         return None
     name = service.module.rpartition(".")[2]
-    kind: type[msgspec.Struct] = _find(
-        f"{service.module}.config:{name.title().replace('_', '')}Config"
-    )
-    return load(kind, name, file, overrides, environment)
+    return load(config_record(name), name, file, overrides, environment)
 
 
 def load_model(service: Service, settings: msgspec.Struct) -> str:
@@ -190,6 +198,15 @@ def replicas_of(
             raise ConfigError(
                 f"{name} runs once: two would do the same work twice",
                 f"Services that share their work are {scalable}.",
+            )
+        if int(number) < 1 and by_name[name].partners:
+            others = ", ".join(other for other in by_name[name].partners if other != name)
+            raise ConfigError(f"{name} is in one process with {others}, which would end, too")
+        cores = len(os.sched_getaffinity(0))
+        if int(number) > REPLICAS_PER_CORE * cores:
+            raise ConfigError(
+                f"{text}: this machine has {cores} cores",
+                f"Ask for {REPLICAS_PER_CORE * cores} at most; more than {cores} are slower.",
             )
         replicas[name] = int(number)
     return replicas

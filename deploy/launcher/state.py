@@ -4,7 +4,7 @@ import os
 import shutil
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,8 +13,10 @@ import psutil
 
 from common.runtime.checkpoint import SUFFIX as CHECKPOINT
 from common.runtime.checkpoint import state_folder
+from common.transport.trace import JOINED
 from people4d.errors import ConfigError, People4dError
 from people4d.messages.base import check_name
+from services.dashboard.address import ADDRESS_FILE
 
 # A socket's path has 108 bytes; supervisord binds "<path>.<pid>" first, and a 0 ends it.
 LONGEST_SOCKET_PATH = 108 - 1 - len(".4194304")
@@ -57,8 +59,9 @@ class State:
         return cls(state_folder(robot, environment))
 
     def log_of(self, instance: str) -> Path:
-        """Return the log file of a process."""
-        return self.folder / f"{instance}.log"
+        """Return the log file of a process, or of the one that it shares with others."""
+        shared = (f for f in self.folder.glob(f"*{JOINED}*.log") if instance in names_of(f))
+        return next(shared, self.folder / f"{instance}.log")
 
     def prepare(self) -> None:
         """Make the folder, for its owner only, and remove what the run before left in it.
@@ -74,7 +77,15 @@ class State:
             )
         try:
             self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            for old in (*self.folder.glob("*.log*"), *self.folder.glob(f"*{CHECKPOINT}")):
+            status = self.folder.stat()
+            if status.st_uid != os.geteuid():
+                raise ConfigError(
+                    f"state folder {self.folder} belongs to user {status.st_uid}",
+                    "Set PEOPLE4D_STATE to a folder of your own.",
+                )
+            self.folder.chmod(0o700)
+            stale = ("*.log*", f"*{CHECKPOINT}", ADDRESS_FILE)
+            for old in [file for pattern in stale for file in self.folder.glob(pattern)]:
                 old.unlink()
         except OSError as error:
             raise ConfigError(
@@ -114,6 +125,13 @@ class State:
         """Return processes of this system that are still alive; zombies have no mark."""
         return [p for p in psutil.process_iter() if _is_marked(p.pid, self.folder)]
 
+    def kill_processes(self, but: Collection[int]) -> None:
+        """Kill all processes but those of some process groups."""
+        for process in self.leftovers():
+            with suppress(psutil.Error, ProcessLookupError):
+                if os.getpgid(process.pid) not in but:
+                    process.kill()
+
     def sweep(self) -> int:
         """End processes that a killed supervisord left behind, and return their number."""
         leftovers = alive = self.leftovers()
@@ -129,6 +147,11 @@ class State:
                 f"processes {[process.pid for process in alive]} do not end", "End them by hand."
             )
         return len(leftovers)
+
+
+def names_of(log: Path) -> list[str]:
+    """Return the instances whose log a file is."""
+    return log.stem.split(JOINED)
 
 
 def _is_marked(pid: int, folder: Path) -> bool:

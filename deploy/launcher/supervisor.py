@@ -16,12 +16,19 @@ from typing import Any
 from supervisor.xmlrpc import Faults, SupervisorTransport
 
 from common.runtime.checkpoint import FOLDER as STATE
+from common.transport.trace import JOINED
 from deploy.compose import Service
+from deploy.launcher.joined import INSTANCE, joined_service
 from deploy.launcher.state import MARK, State
 from people4d.errors import ConfigError, People4dError
 
 SAFE = re.compile(r"[^\w@+=:,./-]", re.ASCII)
 TRACE_S = 0.1  # that a process has to write down where it hangs
+
+PREFORK = {
+    "OMP_NUM_THREADS": "1",  # a library that starts threads when it is imported cannot be shared
+    "SPT_NOENV": "1",  # names of processes leave alone the environment, by which they are found
+}
 
 HEAD = """\
 [unix_http_server]
@@ -93,7 +100,12 @@ def render(state: State, services: Sequence[Service]) -> str:
     folder = _text(str(state.folder))
     parts = [HEAD.format(socket=_text(str(state.socket)), log=_text(str(state.log)), folder=folder)]
     for priority, service in enumerate(services, start=1):
-        parts += [_program(state, service, name, priority) for name in service.instances]
+        for name in service.instances:
+            if not service.partners or name != service.instances[0]:
+                parts.append(_program(state, service, name, priority))
+            elif service.name == service.partners[-1]:
+                program, names = joined_service(service, services)
+                parts.append(_program(state, program, names, priority))
     return "".join(parts)
 
 
@@ -102,7 +114,7 @@ def _program(state: State, service: Service, instance: str, priority: int) -> st
         **service.environment,
         MARK: str(state.folder),
         STATE: str(state.folder.parent),
-        "PEOPLE4D_INSTANCE": instance,
+        INSTANCE: instance,
     }
     # env(1) hands the variables over: supervisord's own syntax for them cannot hold every value.
     env = [shutil.which("env") or "/usr/bin/env", *(f"{k}={v}" for k, v in variables.items())]
@@ -170,11 +182,12 @@ class Supervisor:
         self.state.config.write_text(render(self.state, services), encoding="utf-8")
         # It leaves this process and its terminal once its socket is open.
         done = subprocess.run(
-            [sys.executable, "-m", "supervisor.supervisord", "-c", str(self.state.config)],
+            # Modules of the working directory are none of ours.
+            [sys.executable, "-P", "-m", "deploy.launcher.prefork", "-c", str(self.state.config)],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
-            env={**os.environ, MARK: str(self.state.folder)},
+            env={**PREFORK, **os.environ, MARK: str(self.state.folder)},
             check=False,
         )
         if done.returncode:
@@ -183,16 +196,21 @@ class Supervisor:
         return int(self._call("supervisor.getPID"))
 
     def start(self, instance: str) -> None:
-        """Start one process and return at once."""
+        """Start one process and return at once; nothing if it runs, for another service in it."""
         with contextlib.suppress(xmlrpc.client.Fault):  # its state shows what went wrong
-            self._call("supervisor.startProcess", instance, False)
+            self._call("supervisor.startProcess", self._name_of(instance), False)
 
-    def kill(self, instance: str) -> None:
-        """End a process at once; before, it writes into its log where it hangs, if it can."""
+    def kill(self, instance: str, trace: bool = True) -> None:
+        """End a process at once; before, it writes into its log where it hangs, if it can.
+
+        Without `trace` it is not asked for that, which would end one that is not prepared.
+        """
+        program = self._name_of(instance)
         with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
-            self._call("supervisor.signalProcess", instance, "USR2")
-            time.sleep(TRACE_S)
-            self._call("supervisor.signalProcess", instance, "KILL")
+            if trace:
+                self._call("supervisor.signalProcess", program, "USR2")
+                time.sleep(TRACE_S)
+            self._call("supervisor.signalProcess", program, "KILL")
 
     def rescale(self, services: Sequence[Service]) -> tuple[list[str], list[str]]:
         """Take over other numbers of processes; those too many are stopped, none is started.
@@ -212,14 +230,14 @@ class Supervisor:
         return added, removed
 
     def processes(self) -> dict[str, Process]:
-        """Return all processes by name.
+        """Return all processes by name; one of several services by the name of each.
 
         Raises:
             SupervisorGoneError: Supervisord does not answer.
         """
         return {
-            info["name"]: Process(
-                name=info["name"],
+            name: Process(
+                name=name,
                 state=info["statename"],
                 pid=info["pid"],
                 uptime_s=float(info["now"] - info["start"]) if info["pid"] else 0.0,
@@ -227,7 +245,13 @@ class Supervisor:
                 problem=info["spawnerr"],
             )
             for info in self._call("supervisor.getAllProcessInfo")
+            for name in info["name"].split(JOINED)
         }
+
+    def _name_of(self, instance: str) -> str:
+        """Return supervisord's name of the process with an instance."""
+        every = (info["name"] for info in self._call("supervisor.getAllProcessInfo"))
+        return next((name for name in every if instance in name.split(JOINED)), instance)
 
     def shutdown(self) -> None:
         """Ask supervisord to stop everything, last started first, and to end."""

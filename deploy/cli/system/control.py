@@ -14,7 +14,7 @@ import typer
 import services
 from deploy.cli.options import Connect, ReadyTimeout, Robot, open_client
 from deploy.cli.terminal import console, print_progress
-from deploy.launcher import launcher
+from deploy.launcher import launcher, scaling
 from deploy.launcher.health import Heartbeats, works
 from deploy.launcher.state import State
 from people4d.errors import People4dError
@@ -36,10 +36,14 @@ def scale(
     ] = None,
     robot: Robot = "robot",
     timeout_s: ReadyTimeout = 60.0,
+    force: Annotated[
+        bool, typer.Option("--force", help="Start more than there are cores or memory for.")
+    ] = False,
 ) -> None:
     """Change the number of replicas of a service while the system runs.
 
-    Detectors share the frames of all cameras, reid processes the crops.
+    Detectors share the frames of all cameras, reid processes the crops. If a new process does not
+    get ready, all new ones are stopped again.
     Without SERVICE=N it prints the present numbers.
     """
     state = State.of_robot(robot)
@@ -47,7 +51,7 @@ def scale(
     if not running:
         raise People4dError(f"nothing runs here for {robot}", "Start it with people4d up.")
     with closing(Heartbeats(running.connect, robot)) as heartbeats:
-        launcher.scale(state, requests or [], heartbeats, timeout_s, print_progress)
+        scaling.scale(state, requests or [], heartbeats, timeout_s, print_progress, force)
     for service in launcher.read_plan(state):
         console.print(f"{service.name}={service.replicas}", markup=False)
 

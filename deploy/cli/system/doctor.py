@@ -6,11 +6,11 @@ from typing import Annotated
 
 import typer
 
+from common.diagnosis.checks import NEEDED, examine
+from common.diagnosis.evidence import Diagnostic, Level, listen, ok
 from deploy.cli.options import Connect, Json, Robot
-from deploy.cli.terminal import console, print_json
+from deploy.cli.terminal import console, print_json, shown
 from deploy.doctor import here
-from deploy.doctor.evidence import Diagnostic, Level, listen, ok
-from deploy.doctor.running import NEEDED, examine
 from deploy.launcher.plan import LaunchRequest
 from deploy.launcher.state import State
 from people4d.client import Client
@@ -67,7 +67,7 @@ def _show(diagnostics: list[Diagnostic]) -> None:
     for diagnostic in diagnostics:
         level = f"[{COLOURS[diagnostic.level]}]{diagnostic.level:<7}[/]"
         console.print(f"{level}  {diagnostic.check:<{width}}  ", end="")
-        console.print(diagnostic.what, markup=False)
+        console.print(shown(diagnostic.what))
         if diagnostic.hint:
             console.print(f"{'':<{11 + width}}{diagnostic.hint}", markup=False, style="dim")
     bad = sum(diagnostic.level == "problem" for diagnostic in diagnostics)

@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 from deploy.cli.options import Robot
-from deploy.cli.terminal import console
+from deploy.cli.terminal import console, shown
 from deploy.launcher.launcher import tail
-from deploy.launcher.state import State
+from deploy.launcher.state import State, names_of
 from people4d.errors import People4dError
 
 POLL_S = 0.2
@@ -36,7 +36,7 @@ def logs(
 
     def show(file: Path, line: str) -> None:
         console.print(f"[{colours[file]}]{file.stem:<12}[/]", end=" ")
-        console.print(line, markup=False)
+        console.print(shown(line))
 
     for file in files:
         for line in tail(file, lines).splitlines():
@@ -49,7 +49,11 @@ def logs(
 
 def _files(folder: Path, service: str) -> list[Path]:
     every = [file for file in sorted(folder.glob("*-*.log")) if file.stat().st_size]
-    files = [f for f in every if service in ("", f.stem, f.stem.rpartition("-")[0])]
+    files = [
+        file
+        for file in every
+        if any(service in ("", name, name.rpartition("-")[0]) for name in names_of(file))
+    ]
     if not files:
         known = ", ".join(file.stem for file in every)
         raise People4dError(

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from deploy.cli.options import Connect, Json, Robot
-from deploy.cli.terminal import coloured_state, plain_table, print_json
+from deploy.cli.terminal import coloured_state, plain_table, print_json, shown
 from deploy.launcher.health import Heartbeats, of_instance
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Process, Supervisor
@@ -68,7 +68,7 @@ def ps(
             losses = ", ".join(f"{name} {count}" for name, count in sorted(row.losses.items()))
             for text in (row.reason, losses and f"losses since its start: {losses}"):
                 if text:
-                    console.print(f"{row.instance}: {text}", markup=False, highlight=False)
+                    console.print(shown(f"{row.instance}: {text}"), highlight=False)
 
 
 def _heartbeats(connect: str, robot: str, optional: bool) -> list[Health]:
@@ -112,7 +112,7 @@ def _table(rows: list[Row]) -> Table:
         # State in supervisord of a process that does not run, else the one in its heartbeat.
         state = row.process.lower() if row.process not in ("", "RUNNING") else row.health
         table.add_row(
-            row.instance if count[row.instance] == 1 else f"{row.instance} ({row.host})",
+            shown(row.instance if count[row.instance] == 1 else f"{row.instance} ({row.host})"),
             coloured_state(state or "silent"),
             str(row.pid or ""),
             duration(row.uptime_s) if row.uptime_s else "",

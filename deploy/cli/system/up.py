@@ -1,7 +1,12 @@
 """people4d up and people4d demo."""
 
+import os
 import re
+import select
+import sys
 import time
+import webbrowser
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,6 +15,7 @@ import typer
 
 from common.config import setting
 from common.transport.ports import free_port
+from deploy.cli.live.page import page_address
 from deploy.cli.options import Preset, ReadyTimeout, Robot, Settings, VisualOdometry
 from deploy.cli.terminal import console, print_progress, signals_interrupt
 from deploy.launcher.health import Heartbeats
@@ -29,7 +35,8 @@ from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
 from lab import scenario as scenarios
 from people4d.errors import ConfigError
-from services.gt_bridge.sources.registry import SCHEME as LIVE_TRUTH
+from services.camera.sources import ROS2
+from services.gt_bridge.sources.registry import is_live
 from services.presets import preset_settings
 
 # Lock-step waits for every result: the same recording gives the same tracks on any machine.
@@ -38,6 +45,12 @@ LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
 ON_BASE = f"{CAMERA}.mount_parent=base_link"
 DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+SIMULATED = (
+    "The room, the people and their depth images are simulated, with exact ground truth. "
+    "Detection, tracking and all times are real."
+)
+PAGE = "report.html"
+OFFER_S = 30.0
 DRAIN_TIMEOUT_S = 120.0
 GONE_TIMEOUT_S = 3.0
 POLL_S = 0.5
@@ -48,15 +61,19 @@ def up(
     source: Annotated[
         str,
         typer.Option(
-            help="Recording, ROS bag, image folder, lab:SCENARIO, or module:Class of a camera."
+            help="Recording, ROS bag, image folder, lab:SCENARIO, ros2:/camera or ros2:realsense "
+            "(live), or module:Class of a camera."
         ),
     ] = "",
     truth: Annotated[
         str,
         typer.Option(
-            help="Ground truth: recording, bag, CSV, MOT text, gt.npz, or zenoh:KEY (live)."
+            help="Ground truth: recording, bag, CSV, MOT text, gt.npz, or ros2:/TOPIC (live)."
         ),
     ] = "",
+    transforms: Annotated[
+        Path | None, typer.Option(help="Poses of cameras, a file of people4d calibrate.")
+    ] = None,
     preset: Preset = "",
     model: Annotated[str, typer.Option(help="Detection model, see people4d models.")] = "",
     tracker: Annotated[str, typer.Option(help="Tracking method.")] = "",
@@ -79,6 +96,32 @@ def up(
         bool, typer.Option("--gait", help="Track heads, hands and feet, and measure gait.")
     ] = False,
     visual_odometry: VisualOdometry = False,
+    predict: Annotated[
+        bool, typer.Option("--predict", help="Predict where people will be, and who is together.")
+    ] = False,
+    skeletons: Annotated[
+        bool, typer.Option("--skeletons", help="Estimate the joints of each person in 3D.")
+    ] = False,
+    events: Annotated[
+        bool, typer.Option("--events", help="Publish events and zones; --dashboard does, too.")
+    ] = False,
+    dashboard: Annotated[
+        bool, typer.Option("--dashboard", help="Serve a page that shows everything; see open.")
+    ] = False,
+    ros2: Annotated[
+        Literal["", "zenoh", "ros2dds", "dds"],
+        typer.Option(help="Publish to ROS 2: nodes on rmw_zenoh, zenoh-bridge-ros2dds, or DDS."),
+    ] = "",
+    privacy: Annotated[
+        bool, typer.Option("--privacy", help="No pixel leaves this host; people do.")
+    ] = False,
+    together: Annotated[
+        str,
+        typer.Option(
+            metavar="SERVICE,SERVICE,...",
+            help="Services in one process, joined in memory: detector,reid,tracker.",
+        ),
+    ] = "",
     profile: Annotated[
         list[str], typer.Option(help="Profile of the compose file; its services run, too.")
     ] = [],  # noqa: B006
@@ -98,30 +141,43 @@ def up(
     Settings come from the configuration file, then PEOPLE4D_<SERVICE>_<FIELD> in the environment,
     then the preset, then the other options.
     """
+    if privacy:  # the environment of the router and of all processes
+        os.environ |= {"PEOPLE4D_PRIVACY": "on", "PEOPLE4D_DASHBOARD_PRIVACY": "true"}
     if detach and report:
         raise typer.BadParameter("a report needs the terminal until it is written; leave out -d")
     if scenarios.is_scenario(source):
         truth = truth or source
+        set_ = [setting(f"{REPORT}.note", SIMULATED), *set_] if report else set_
     texts = {
         f"{CAMERA}.source": _resolve(source),
-        "gt_bridge.truth": truth if truth.startswith(LIVE_TRUTH) else _resolve(truth),
+        "gt_bridge.truth": truth if is_live(truth) else _resolve(truth),
         "detector.model": model,
         "tracker.tracker": tracker,
         "reid.embedder": embedder,
         f"{CAMERA}.playback": playback,
+        f"{CAMERA}.transforms": str(transforms.absolute()) if transforms else "",
+        "ros2_bridge.ros2.transport": ros2,
     }
     settings = preset_settings(preset)
     settings += [setting(name, text) for name, text in texts.items() if text]
     if scenarios.is_scenario(truth):
         settings += scenarios.truth_settings(truth, loop)
-    elif loop and source and truth and not truth.startswith(LIVE_TRUTH):
+    elif loop and source and truth and not is_live(truth):
         from services.camera.playback import loop_period_s  # noqa: PLC0415 (loads compiled code)
 
         settings.append(f"gt_bridge.loop_s={loop_period_s(_resolve(source))!r}")
     settings += [f"{CAMERA}.loop=true"] if loop else []
     settings += LOCKSTEP_WAITS if playback == "lockstep" else ()
     settings += [ON_BASE] if visual_odometry else []
-    asked = {"gait": gait, "visual_odometry": visual_odometry}
+    asked = {
+        "gait": gait,
+        "visual_odometry": visual_odometry,
+        "predictor": predict,
+        "skeleton": skeletons,
+        "ros2_bridge": bool(ros2),
+        "events": events or dashboard,
+        "dashboard": dashboard,
+    }
     profiles = [*profile, *(name for name, wanted in asked.items() if wanted)]
     request = LaunchRequest(
         robot=robot,
@@ -133,6 +189,7 @@ def up(
         scale=scale,
         report=report,
         profiles=profiles,
+        together=[name for name in together.split(",") if name],
     )
     _launch(request, timeout_s, detach)
 
@@ -153,6 +210,7 @@ def demo(
         setting(f"{CAMERA}.playback", "lockstep"),
         *LOCKSTEP_WAITS,
         setting("gt_bridge.truth", str(DEMO)),
+        setting(f"{REPORT}.note", SIMULATED),
     ]
     # Demos of several clones run side by side: each is a robot of its own.
     name = robot or f"demo-{port}"
@@ -160,15 +218,31 @@ def demo(
     _launch(request, START_TIMEOUT_S, detach=False)
     if not robot:
         State.of_robot(name).remove()
+    offer(report / PAGE)
+
+
+def offer(page: Path, environment: Mapping[str, str] = os.environ) -> None:
+    """Offer to open a page in a browser, in a terminal on a desktop."""
+    terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    desktop = any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    if not (terminal and desktop and page.is_file()):
+        return
+    console.print(
+        f"Open {page} in a browser? [Y/n] (no after {OFFER_S:g} s) ", end="", markup=False
+    )
+    ready, _, _ = select.select([sys.stdin], [], [], OFFER_S)
+    if ready and sys.stdin.readline().strip().lower() in ("", "y", "yes"):
+        webbrowser.open(page.absolute().as_uri())
+    console.print()
 
 
 def _resolve(source: str) -> str:
     """Make a path absolute; a scenario by name and a camera of one's own stay as they are."""
     if scenarios.is_scenario(source):
         return scenarios.resolve(source)
-    if not source or (PLUGIN.fullmatch(source) and not Path(source).exists()):
-        return source
     path = Path(source)
+    if not source or (not path.exists() and (PLUGIN.fullmatch(source) or ROS2.fullmatch(source))):
+        return source
     if not path.exists():
         raise ConfigError(f"source {source} does not exist", "Check the path.")
     return str(path.absolute())
@@ -186,6 +260,7 @@ def _launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
         launcher = Launcher(state, services, heartbeats, print_progress)
         try:
             launcher.start(request.robot, connect, timeout_s)
+            _print_page(state)
             if detach:
                 console.print("Everything is up. See: people4d ps, listen, logs, down")
                 return
@@ -198,6 +273,12 @@ def _launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
             raise typer.Exit(130 if request.report else 0) from None
     if request.report:
         _print_summary(request.report, state)
+
+
+def _print_page(state: State) -> None:
+    address = page_address(state)
+    if address:
+        console.print(f"Page in the browser: {address.login}", markup=False)
 
 
 def _attend(launcher: Launcher, request: LaunchRequest) -> None:

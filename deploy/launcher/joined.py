@@ -1,0 +1,118 @@
+"""Plans in which several services share a process."""
+
+import importlib
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import msgspec
+
+from common.transport.trace import JOINED
+from deploy.compose import CONDITIONS, Dependency, Service
+from people4d.errors import ConfigError
+
+MODULE = "deploy.joined"  # that runs several services
+INSTANCE = "PEOPLE4D_INSTANCE"  # of each process another
+
+# Those that stay apart: the router, through which everything else is reached; the watchdog, which
+# must live when others hang; and what serves others or writes when it ends.
+JOINABLE = (
+    "camera",
+    "detector",
+    "reid",
+    "tracker",
+    "gt_bridge",
+    "gait",
+    "visual_odometry",
+    "predictor",
+    "skeleton",
+    "events",
+)
+
+
+def config_record(service: str) -> type[msgspec.Struct]:
+    """Return the record of a service's configuration."""
+    record: type[msgspec.Struct] = getattr(
+        importlib.import_module(f"services.{service}.config"),
+        f"{service.title().replace('_', '')}Config",
+    )
+    return record
+
+
+def check_joinable(services: Sequence[str], environment: Mapping[str, str] = os.environ) -> None:
+    """Check that services may share a process.
+
+    Raises:
+        ConfigError: One may not, one is named twice, there are fewer than two, or each would have
+            to prove its own role.
+    """
+    can = f"Those that can are {', '.join(JOINABLE)}."
+    for service in services:
+        if service not in JOINABLE:
+            raise ConfigError(f"{service!r} cannot share a process with others", can)
+        if services.count(service) > 1:
+            raise ConfigError(f"{service} is named twice among {', '.join(services)}", can)
+    if len(services) < 2:
+        raise ConfigError(f"{', '.join(services)} alone: nothing to join", can)
+    if environment.get("PEOPLE4D_KEYS"):
+        raise ConfigError(
+            "with PEOPLE4D_KEYS each service proves its role, which one process cannot for several",
+            "Leave out --together, or PEOPLE4D_KEYS.",
+        )
+
+
+def join(services: Sequence[Service], names: Sequence[str]) -> tuple[Service, ...]:
+    """Return services of which those named share a process; it waits for what any waits for."""
+    waits: dict[str, Dependency] = {}
+    for service in services:
+        for dependency in service.depends_on if service.name in names else ():
+            if dependency.service not in names:
+                waits[dependency.service] = max(
+                    dependency,
+                    waits.get(dependency.service, dependency),
+                    key=lambda d: CONDITIONS.index(d.condition),
+                )
+    partners = tuple(names)
+    return tuple(
+        replace(service, partners=partners, depends_on=tuple(waits.values()))
+        if service.name in names
+        else service
+        for service in services
+    )
+
+
+def joined_command(names: Sequence[str], services: Sequence[Service]) -> tuple[str, ...]:
+    """Return the command of the process that services share, with their settings.
+
+    Raises:
+        ConfigError: A service runs something else than its module, or one needs another value of
+            an environment variable than another.
+    """
+    by_name = {service.name: service for service in services}
+    command = ["python", "-m", MODULE, *names]
+    values: dict[str, str] = {}
+    for service in (by_name[name] for name in names):
+        own = f"services.{service.name}"
+        start, settings = service.command[:3], service.command[3:]
+        if start != ("python", "-m", own) or set(settings[::2]) - {"--set"}:
+            raise ConfigError(f"{service.name} does not run as python -m {own}, so it runs alone")
+        for text in settings[1::2]:
+            command += ["--set", f"{service.name}.{text}"]
+        for name, value in service.environment.items():
+            if values.setdefault(name, value) != value and name != INSTANCE:
+                raise ConfigError(f"{service.name} needs another {name} than the others")
+    return tuple(command)
+
+
+def joined_service(service: Service, services: Sequence[Service]) -> tuple[Service, str]:
+    """Return the service as which supervisord runs a process of several, and its name."""
+    by_name = {one.name: one for one in services}
+    all_of = [by_name[name] for name in service.partners]
+    program = replace(
+        service,
+        command=joined_command(service.partners, services),
+        environment={name: text for one in all_of for name, text in one.environment.items()},
+        restart="no" if any(one.restart == "no" for one in all_of) else service.restart,
+        stop_grace_s=max(one.stop_grace_s for one in all_of),
+    )
+    return program, JOINED.join(one.instances[0] for one in all_of)

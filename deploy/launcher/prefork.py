@@ -1,0 +1,128 @@
+"""Supervisord that forks services with their modules loaded: `python -m deploy.launcher.prefork`.
+
+What services import (numpy, OpenCV, scipy, Zenoh, ...) is loaded once and shared by all of them: a
+process has less memory of its own, and starts again sooner. Supervisord is as it is but for the
+last step of a start: where it would execute `python -m MODULE` of a loaded module, its fork runs
+the module. All other commands are executed. It also notices sooner that a process ended.
+"""
+
+import atexit
+import gc
+import importlib
+import os
+import runpy
+import shlex
+import signal
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import NoReturn
+
+from setproctitle import getproctitle, setproctitle
+from supervisor import supervisord
+from supervisor.options import ServerOptions
+
+POLL_S = 0.1  # between looks at its processes; a second in supervisord
+OWN = ("deploy.launcher.watchdog",)
+HANDLED = ("SIGTERM", "SIGINT", "SIGQUIT", "SIGHUP", "SIGCHLD", "SIGUSR2")  # by supervisord
+
+
+class PreforkOptions(ServerOptions):  # type: ignore[misc]  # supervisor has no types
+    """Options and system calls of supervisord, with another execve."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        poll = self.poller.poll
+        self.poller.poll = lambda timeout_s: poll(min(timeout_s, POLL_S))
+
+    def realize(self, *arguments: object, **more: object) -> None:
+        """Read the configuration, and load the modules of its programs."""
+        super().realize(*arguments, **more)
+        self._loaded: frozenset[str] = frozenset()
+        if os.environ.get("PEOPLE4D_PREFORK") == "off":
+            return
+        configs = [one for group in self.process_group_configs for one in group.process_configs]
+        modules = {module_of(split(shlex.split(config.command))[1]) for config in configs}
+        self._loaded = load(sorted(modules - {""}))
+
+    def execve(self, filename: str, argv: Sequence[str], env: Mapping[str, str]) -> None:
+        """Become a program, in a process that was just forked."""
+        variables, command = split(argv)
+        if module_of(command) in self._loaded:
+            become(command, {**env, **variables})
+        super().execve(filename, argv, env)
+
+
+def split(argv: Sequence[str]) -> tuple[dict[str, str], Sequence[str]]:
+    """Split `env NAME=VALUE ... COMMAND` into its variables and the command."""
+    end = next((i for i, word in enumerate(argv) if i and "=" not in word), len(argv))
+    return dict(word.split("=", 1) for word in argv[1:end]), argv[end:]
+
+
+def module_of(command: Sequence[str]) -> str:
+    """Return the MODULE of a command `python -m MODULE ...`, empty for any other command."""
+    return command[2] if len(command) > 2 and command[:2] == [sys.executable, "-m"] else ""
+
+
+def load(modules: Sequence[str]) -> frozenset[str]:
+    """Import what modules need, as far as it can be; return those that may run in a fork.
+
+    Of a service that is its module `build`: its module `__main__` may be one that runs at once.
+    No module may run in a fork if one starts a thread when it is imported: forks lack that thread.
+    """
+    loaded = set()
+    for module in modules:
+        with suppress(Exception):  # its own process will log why
+            importlib.import_module(module if module in OWN else f"{module}.build")
+            loaded.add(module)
+    gc.collect()
+    gc.freeze()  # the collector of a fork would write into what it shares
+    return frozenset(loaded if len(os.listdir("/proc/self/task")) == 1 else ())
+
+
+def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
+    """Run `python -m MODULE ARGUMENTS` in this fork of supervisord, and end it.
+
+    Args:
+        command: The command.
+        variables: The whole environment.
+    """
+    for name in HANDLED:
+        signal.signal(getattr(signal, name), signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.environ.clear()
+    os.environ.update(variables)
+    sys.argv = list(command[2:])
+    setproctitle(shlex.join(command))
+    if command[2] in OWN:
+        del sys.modules[command[2]]  # it is run anew, as __main__
+    status = 1
+    try:
+        runpy.run_module(command[2], run_name="__main__", alter_sys=True)
+        status = 0
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else int(end.code is not None)
+        if not isinstance(end.code, int | None):
+            print(end.code, file=sys.stderr)
+    except BaseException:  # as an interpreter would
+        sys.excepthook(*sys.exc_info())
+    finally:
+        # What an interpreter does at its end, but for the code of supervisord below on the stack.
+        with suppress(Exception):
+            threading._shutdown()  # type: ignore[attr-defined]  # as multiprocessing does
+            atexit._run_exitfuncs()
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
+
+
+def main() -> None:
+    """Run supervisord."""
+    getproctitle()  # it finds its memory now; once the environment has changed, it cannot
+    supervisord.ServerOptions = PreforkOptions
+    supervisord.main()
+
+
+if __name__ == "__main__":
+    main()
