@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from common.runtime.latency import TraceSegment, segments
+from common.runtime.monitor import clocks_of, of_frame
 from common.transport.clock import HostOffset
-from deploy.monitor import clocks_of, of_frame
 from people4d.messages import Detections, Embeddings, Health, Message, Span, Tracks
 
 KINDS = (Detections, Embeddings, Tracks, Health)

@@ -8,6 +8,7 @@ import typer
 import typer.core
 from rich.console import Console
 
+from deploy.cli.terminal import shown
 from people4d.errors import People4dError
 
 # Command, its module below this package, its line in the help. A module is imported on use, so
@@ -23,14 +24,20 @@ COMMANDS = (
     ("export", "live.export", "Serve latency and health to Prometheus or OpenTelemetry."),
     ("logs", "system.logs", "Show the logs of the processes."),
     ("listen", "live.views", "Show the tracks, live."),
+    ("view", "live.view", "Show people and images in Rerun or Foxglove, or write a file for them."),
+    ("open", "live.page", "Open the page of people4d up --dashboard in the browser."),
     ("score", "live.views", "Show the errors of the tracks against the ground truth, live."),
+    ("calibrate", "live.calibrate", "Find poses and clocks of several cameras by walking."),
     ("info", "data.info", "Show the content of a recording, bag or folder."),
     ("lab", "lab.simulate", "Simulate people: list scenarios, render, preview, export."),
     ("evaluate", "lab.evaluate", "Score methods on recordings with ground truth; write a report."),
     ("gait", "lab.gait", "Track heads, hands and feet in a recording; measure gait."),
     ("models", "data.models", "List models: presence, licence, source; verify their files."),
-    ("record", "data.replay", "Record messages to a file."),
+    ("record", "data.record", "Record messages to a file, in parts, or around events."),
+    ("cut", "data.cut", "Write a part of a recording to another one."),
+    ("anonymise", "data.anonymise", "Black out heads in a recording, or remove its colour."),
     ("csv", "data.csv", "Write ground truth and tracks of a recording to CSV or Parquet."),
+    ("events", "data.events", "Show the events of a robot, or write them to CSV."),
     ("replay", "data.replay", "Publish recorded messages, to try one service alone."),
     ("doctor", "system.doctor", "Find out why there is no output, with a remedy."),
     ("health", "system.control", "Exit with 0 once a service is healthy."),
@@ -89,9 +96,11 @@ def print_error(error: People4dError) -> None:
     console = Console(stderr=True, soft_wrap=True)
     log = getattr(error, "tail", "")
     if log:
-        console.print(log, style="dim", markup=False, highlight=False)
+        for line in log.splitlines():
+            console.print(shown(line), style="dim", highlight=False)
     console.print("[bold red]error:[/]", end=" ")
-    console.print(str(error), markup=False, highlight=False)
+    for line in str(error).splitlines():
+        console.print(shown(line), highlight=False)
 
 
 def _show_version(wanted: bool) -> None:

@@ -8,6 +8,9 @@ import typer
 from common.transport.zenoh_bus import ZenohBus, read_config
 from deploy.launcher.state import State
 from people4d.client import Client
+from people4d.errors import ConfigError
+from people4d.messages import Message
+from people4d.topics import BY_NAME
 from services.presets import PRESETS
 
 CONNECT_S = 3.0
@@ -70,6 +73,23 @@ def open_bus(connect: str, robot: str) -> ZenohBus:
     return ZenohBus(read_config(None, "client", environment), robot, CONNECT_S)
 
 
+def kinds_of(topics: str) -> tuple[type[Message], ...]:
+    """Return the message types of topics named with commas between."""
+    names = [name.strip() for name in topics.split(",") if name.strip()]
+    for name in names:
+        if name not in BY_NAME:
+            raise ConfigError(f"there is no topic {name!r}", f"Topics are {', '.join(BY_NAME)}.")
+    return tuple(BY_NAME[name].message for name in names)
+
+
 def _endpoint(connect: str, robot: str) -> str:
     running = None if connect else State.of_robot(robot).read()
     return running.connect if running else connect
+
+
+def missing(program: str, extra: str, error: ModuleNotFoundError) -> ConfigError:
+    """Return the error of a package that an extra of people4d installs."""
+    return ConfigError(
+        f"{program} needs the package {error.name}, which is not installed",
+        f"Install it: pip install 'people4d[{extra}]'.",
+    )

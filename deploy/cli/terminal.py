@@ -10,6 +10,7 @@ from typing import Any, Literal
 import msgspec
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress, TaskID, TimeElapsedColumn
 from rich.table import Table
 
@@ -29,9 +30,18 @@ def plain_table(*titles: str, title: str | None = None, **column: Any) -> Table:
     return table
 
 
+def shown(text: object) -> str:
+    """Return text of others as markup that shows it as it is.
+
+    What a terminal takes for a command, line breaks among them, becomes a space; square brackets
+    are no markup.
+    """
+    return escape("".join(c if c.isprintable() else " " for c in str(text)))
+
+
 def coloured_state(state: str) -> str:
     """Return the state of a process as markup."""
-    return f"[{COLOURS.get(state, 'red')}]{state}[/]"
+    return f"[{COLOURS.get(state, 'red')}]{shown(state)}[/]"
 
 
 def print_json(value: object) -> None:
@@ -41,7 +51,7 @@ def print_json(value: object) -> None:
 
 def print_progress(name: str, what: str) -> None:
     """Print what happened to a service or process."""
-    console.print(f"  [bold]{name:<12}[/] {what}")
+    console.print(f"  [bold]{shown(name):<12}[/] {shown(what)}")
 
 
 def can_draw_figures() -> bool:
@@ -67,7 +77,7 @@ def progress() -> Iterator[Report]:
 
         def report(what: str, share: float) -> None:
             if what not in tasks:
-                tasks[what] = bars.add_task(what, total=1.0)
+                tasks[what] = bars.add_task(shown(what), total=1.0)
             bars.update(tasks[what], completed=share)
 
         yield report

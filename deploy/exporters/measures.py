@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from common.runtime.monitor import FramePath, clocks_of
 from common.runtime.throughput import losses
-from deploy.monitor import FramePath, clocks_of
 from people4d.messages import Health
 from people4d.messages.status import State
 

@@ -10,6 +10,7 @@ from opentelemetry.sdk.resources import Resource
 from opentelemetry.sdk.trace import SpanProcessor, TracerProvider
 
 from common.runtime.latency import TraceSegment
+from common.runtime.monitor import FramePath
 from deploy.exporters.measures import (
     BUCKETS_S,
     LATENCY_TEXT,
@@ -18,7 +19,6 @@ from deploy.exporters.measures import (
     Exporter,
     samples,
 )
-from deploy.monitor import FramePath
 
 MAX_PROCESSES = 256
 SYSTEM = "people4d"

@@ -7,6 +7,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, star
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from common.runtime.monitor import FramePath
 from deploy.exporters.measures import (
     BUCKETS_S,
     LATENCY_TEXT,
@@ -16,7 +17,6 @@ from deploy.exporters.measures import (
     Sample,
     samples,
 )
-from deploy.monitor import FramePath
 from people4d.errors import People4dError
 
 UNITS = {"s": "_seconds", "By": "_bytes", "1": ""}

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,10 +30,10 @@ from services.gait.config import GaitConfig
 pytestmark = pytest.mark.processes
 
 PEOPLE4D = (sys.executable, "-m", "deploy.cli")
-TIMEOUT_S = 20.0
+TIMEOUT_S = 40.0
 FRAMES = 15
 # Frames are live: on a busy machine any reader misses some of those played at full speed.
-SLOWLY = ("--speed", "0.2", "--hold", "1")
+SLOWLY = ("--rate", "0.2", "--hold", "1")
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +57,18 @@ def service(name: str, environment: Mapping[str, str], *arguments: str) -> Itera
             yield
         finally:
             process.send_signal(signal.SIGTERM)
-            _, errors = process.communicate(timeout=TIMEOUT_S)
+            with ending(process):
+                _, errors = process.communicate(timeout=TIMEOUT_S)
             assert process.returncode == 0, errors
+
+
+@contextmanager
+def ending(process: subprocess.Popen[Any]) -> Iterator[None]:
+    """Kill a process that has not ended after the block: leaving its own waits for it."""
+    try:
+        yield
+    finally:
+        process.kill()
 
 
 def people4d(environment: Mapping[str, str], *arguments: str) -> str:
@@ -84,7 +95,8 @@ def recording(file: Path, topics: str, environment: Mapping[str, str]) -> Iterat
             yield
         finally:
             process.send_signal(signal.SIGINT)
-            process.communicate(timeout=TIMEOUT_S)
+            with ending(process):
+                process.communicate(timeout=TIMEOUT_S)
 
 
 def count(file: Path, kind: type[Message]) -> int:
@@ -114,11 +126,12 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.timeout(400)
 def test_each_stage_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
+    # A service ends before the recording does, and handles what it has received.
     detected, known, tracked = (tmp_path / f"{name}.mcap" for name in ("seen", "known", "tracked"))
 
     with ExitStack() as stack:
-        stack.enter_context(service("detector", environment))
         stack.enter_context(recording(detected, "detections,crops,static_transforms", environment))
+        stack.enter_context(service("detector", environment))
         topics = "frames,camera_info,static_transforms"
         people4d(environment, "replay", str(demo), "--topics", topics, *SLOWLY)
     detections = [m for m in people(detected, Detections) if isinstance(m, Detections)]
@@ -128,14 +141,14 @@ def test_each_stage_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[
     assert max(len(m.detections) for m in detections) == 3
 
     with ExitStack() as stack:
-        stack.enter_context(service("reid", environment))
         stack.enter_context(recording(known, "embeddings", environment))
+        stack.enter_context(service("reid", environment))
         people4d(environment, "replay", str(detected), "--topics", "crops", "--hold", "0.3")
     assert count(known, Embeddings) == len(detections)
 
     with ExitStack() as stack:
-        stack.enter_context(service("tracker", environment))
         stack.enter_context(recording(tracked, "people", environment))
+        stack.enter_context(service("tracker", environment))
         topics = "detections,static_transforms"
         people4d(environment, "replay", str(detected), "--topics", topics, "--hold", "0")
     tracks = [m for m in people(tracked, Tracks) if isinstance(m, Tracks)]
@@ -146,8 +159,8 @@ def test_each_stage_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[
     merged, walked = tmp_path / "all.mcap", tmp_path / "walked.mcap"
     merge(merged, demo, detected, tracked)
     with ExitStack() as stack:
-        stack.enter_context(service("gait", environment))
         stack.enter_context(recording(walked, "gait", environment))
+        stack.enter_context(service("gait", environment))
         topics = "frames,camera_info,static_transforms,detections,people"
         people4d(environment, "replay", str(merged), "--topics", topics, *SLOWLY)
     messages = [m for m in people(walked, Gait) if isinstance(m, Gait)]

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 from common.io.weights import ModelFile
 from deploy.cli import COMMANDS, app
 from deploy.cli.data.models import state_of
-from deploy.cli.data.replay import kinds_of
 from deploy.cli.live.views import latency_ms, table_of
+from deploy.cli.options import kinds_of
 from deploy.cli.system.ps import duration
 from deploy.launcher.health import works
 from deploy.launcher.launcher import tail
@@ -120,6 +120,15 @@ def test_models_lists_which_files_are_present(tmp_path: Path) -> None:
     assert state_of(anything, (tmp_path,), check=True) == "any export"
     (tmp_path / "m.onnx").write_bytes(b"xyz")
     assert state_of(known, (tmp_path,), check=True) == "altered"
+
+
+def test_detection_models_are_timed_with_each_engine() -> None:
+    status, output, errors = run("models", "benchmark", "--seconds", "0.1")
+    assert status == 0, errors
+    rows = [line.split() for line in output.splitlines() if line.startswith("movenet-multipose ")]
+    assert [row[1] for row in rows] == ["onnxruntime", "openvino"]
+    assert all(float(row[2]) > 0 for row in rows)
+    assert "Fastest on this machine: [detector] model = " in output
 
 
 def test_latency_is_counted_from_the_first_stage() -> None:

@@ -143,7 +143,19 @@ def test_missing_file_is_reported(tmp_path: Path) -> None:
         read(tmp_path / "none.yaml", {})
 
 
-EVERYTHING = {"report", "gait", "visual_odometry"}  # profiles
+EVERYTHING = {  # profiles
+    *(
+        "report",
+        "gait",
+        "visual_odometry",
+        "predictor",
+        "skeleton",
+        "ros2_bridge",
+        "dashboard",
+        "events",
+        "site",
+    ),
+}
 
 
 def test_the_shipped_file_starts_the_camera_last() -> None:
@@ -153,12 +165,14 @@ def test_the_shipped_file_starts_the_camera_last() -> None:
     assert names[-1] == "camera"
     assert set(names) == {
         *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report", "camera"),
-        "visual_odometry",
+        *("visual_odometry", "predictor", "skeleton", "ros2_bridge", "dashboard", "events"),
+        "site",
     }
     camera = select(read(COMPOSE_FILE, {}), EVERYTHING)[-1]
     assert {d.service for d in camera.depends_on if d.condition == "service_healthy"} == {
         *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report"),
-        "visual_odometry",
+        *("visual_odometry", "predictor", "skeleton", "ros2_bridge", "dashboard", "events"),
+        "site",
     }
 
 
@@ -211,5 +225,6 @@ def test_facts_of_services_are_labels_of_the_shipped_file() -> None:
     services = {service.name: service for service in read(COMPOSE_FILE, {})}
     assert {name for name, s in services.items() if s.scalable} == {"detector", "reid"}
     assert services["gait"].option == "--gait"
+    assert services["predictor"].option == "--predict"
     assert services["tracker"].option == ""
     assert services["tracker"].module == "services.tracker"

@@ -17,13 +17,13 @@ from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner
 
 from common.runtime.latency import end_to_end, segments
+from common.runtime.monitor import FramePath, clocks_of
 from common.transport.clock import HostOffset
 from deploy.cli import app
 from deploy.cli.live.export import feed, otlp_exporter, prometheus_exporter
 from deploy.exporters.measures import Exporter
 from deploy.exporters.otel import OtelExporter
 from deploy.exporters.prometheus import PrometheusExporter
-from deploy.monitor import FramePath, clocks_of
 from people4d.client import Client
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import Span

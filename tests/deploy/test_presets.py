@@ -24,6 +24,7 @@ from services.tracker.config import (
     TrackerConfig,
 )
 
+ROOT = Path(__file__).parents[2]
 T = TypeVar("T", bound=msgspec.Struct)
 
 
@@ -72,8 +73,10 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
         motion_weight=0.02,
         mahalanobis_max=7.8147,
         ema_alpha=0.9,
+        distance_gated=False,
         n_init=3,
         a_max=30,
+        lifetime="streak",
         sigma_acceleration_mps2=0.5,
         sigma_measurement_m=0.5,
         max_depth_m=5.0,
@@ -119,6 +122,20 @@ def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:
     ]
     assert found[0].image_sort == ImageSortConfig()  # SORT as published
     assert not any(config.publish_lost for config in found)
+
+
+def test_best_settings_of_sort_are_those_that_the_benchmark_chose() -> None:
+    table = (ROOT / "benchmarks" / "trackers.md").read_text(encoding="utf-8")
+    (row,) = (line for line in table.splitlines() if line.startswith("| ours, chosen |"))
+    settings = row.rstrip(" |").rpartition("| ")[2]
+    chosen = dict(words.rsplit(" ", 1) for words in settings.split(", "))
+    best = config_of(TrackerConfig, "tracker", "image-sort-best").image_sort
+    assert chosen["min_hits"] == str(best.min_hits)
+    assert chosen["confirm"] == best.confirm
+    assert chosen["survival"] == best.lifetime
+    assert (float(chosen["r"]), float(chosen["max_age"])) == (best.r, best.max_age)
+    # Least scores are of a detector: those of MOT15 would refuse all people of MoveNet.
+    assert (best.score_high, best.score_new) == (0.0, 0.0)
 
 
 def test_a_later_setting_wins_over_the_preset() -> None:

@@ -1,14 +1,20 @@
 """Number of processes changed while the system runs, with a real supervisord."""
 
+import os
+import signal
+import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import psutil
 import pytest
 
 from deploy.compose import read, select
 from deploy.launcher.health import Heartbeats
-from deploy.launcher.launcher import Launcher, LaunchError, read_plan, scale, stop
+from deploy.launcher.launcher import Launcher, LaunchError, read_plan, stop
 from deploy.launcher.plan import LaunchRequest, plan
+from deploy.launcher.scaling import check_capacity, scale
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
 from people4d.errors import ConfigError, People4dError
@@ -38,9 +44,10 @@ def state(tmp_path: Path) -> Iterator[State]:
     stop(state)
 
 
-def progress_of(state: State, *requests: str) -> list[tuple[str, str]]:
+def progress_of(state: State, *requests: str, force: bool = True) -> list[tuple[str, str]]:
     progress: list[tuple[str, str]] = []
-    scale(state, requests, Heartbeats("", "robot"), TIMEOUT_S, lambda *what: progress.append(what))
+    heartbeats = Heartbeats("", "robot")
+    scale(state, requests, heartbeats, TIMEOUT_S, lambda *what: progress.append(what), force)
     return progress
 
 
@@ -51,7 +58,7 @@ def pids(state: State) -> dict[str, int]:
 def test_processes_are_added_and_stopped_beside_the_others(state: State) -> None:
     before = pids(state)
     assert set(before) == {"one-1", "many-1"}
-    assert progress_of(state, "many=3") == [("many-2, many-3", "ready")]
+    assert progress_of(state, "many=3") == [("many-2", "ready"), ("many-3", "ready")]
     three = pids(state)
     assert set(three) == {"one-1", "many-1", "many-2", "many-3"}
     assert all(three.values())
@@ -62,9 +69,41 @@ def test_processes_are_added_and_stopped_beside_the_others(state: State) -> None
     assert progress_of(state) == []
 
 
-def test_process_that_does_not_start_is_reported(state: State) -> None:
+def test_if_a_process_does_not_start_all_new_ones_are_stopped(state: State) -> None:
+    before = pids(state)
     with pytest.raises(LaunchError, match="many-4 does not get ready"):
-        progress_of(state, "many=4")
+        progress_of(state, "many=5")
+    assert pids(state) == before
+    assert {s.name: s.replicas for s in read_plan(state)} == {"one": 1, "many": 1}
+
+
+def test_more_replicas_than_cores_are_refused_unless_forced(state: State) -> None:
+    cores = len(os.sched_getaffinity(0))
+    with pytest.raises(ConfigError, match=f"this machine has {cores} cores"):
+        progress_of(state, f"many={cores + 1}", force=False)
+    with pytest.raises(ConfigError, match=f"many=999: this machine has {cores} cores"):
+        progress_of(state, "many=999")
+    assert set(pids(state)) == {"one-1", "many-1"}
+
+
+def test_more_replicas_than_memory_holds_are_refused(state: State) -> None:
+    services = read_plan(state)
+    more = tuple(replace(s, replicas=8 if s.scalable else 1) for s in services)
+    processes = Supervisor(state).processes()
+    check_capacity(services, more, processes, cores=8, free_mb=1000.0)
+    with pytest.raises(ConfigError, match="that are free"):
+        check_capacity(services, more, processes, cores=8, free_mb=1.0)
+
+
+def test_hung_processes_are_stopped_within_ten_seconds(state: State) -> None:
+    progress_of(state, "many=3")
+    hung = list(pids(state).values())
+    for pid in hung:
+        os.kill(pid, signal.SIGSTOP)
+    start_s = time.monotonic()
+    assert stop(state)
+    assert time.monotonic() - start_s < 10.0
+    assert not any(psutil.pid_exists(pid) for pid in hung)
 
 
 def test_impossible_scale_is_rejected(state: State) -> None:

@@ -9,10 +9,10 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from common.runtime.monitor import Monitor, SystemSnapshot
 from common.transport.trace import ProcessId
 from deploy.cli import app
 from deploy.cli.live.top import drawn
-from deploy.monitor import Monitor, SystemSnapshot
 from tests.deploy.traces import BEGIN_NS, MS, arrival, detections, healths, span, tracks
 from tests.network import Network
 

@@ -1,11 +1,14 @@
 """Processes that hang, by their heartbeats, and how often they are restarted."""
 
 import dataclasses
+import os
+from pathlib import Path
 
 import pytest
 
+from deploy.launcher.starvation import Starvation
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
-from deploy.launcher.watchdog import HangDetector, WatchdogConfig, WatchdogNode
+from deploy.launcher.watchdog import STRAINED, HangDetector, WatchdogConfig, WatchdogNode
 from people4d.messages import Health
 from people4d.messages.status import State
 from tests import builders
@@ -14,14 +17,15 @@ CONFIG = WatchdogConfig(
     silent_s=4.0, stalled_s=8.0, start_s=60.0, restarts_max=2, restarts_window_s=100.0
 )
 S = 10**9
+PID = 2**22 + 1  # above all that the kernel gives
 
 
-def health(name: str, pid: int = 1, state: State = "ready", host: str = "here") -> Health:
+def health(name: str, pid: int = PID, state: State = "ready", host: str = "here") -> Health:
     service = name.partition("-")[0]
     return builders.health(service, instance=name, host=host, pid=pid, state=state)
 
 
-def process(name: str, pid: int = 1, state: str = "RUNNING", uptime_s: float = 99.0) -> Process:
+def process(name: str, pid: int = PID, state: str = "RUNNING", uptime_s: float = 99.0) -> Process:
     return Process(name, state, pid, uptime_s, 0, "")
 
 
@@ -64,6 +68,21 @@ def test_stalled_process_hangs_after_8_s(machine: Machine) -> None:
     machine.states["detector-1"] = "stalled"
     assert machine.run(8.5) == {}
     assert machine.run(0.5) == {"detector-1": "stalled for 8 s"}
+
+
+def test_forged_heartbeats_of_another_process_number_change_nothing(machine: Machine) -> None:
+    for number in range(200):
+        for state in ("stalled", "stopping", "ready"):
+            machine.watch.hear(health("tracker-1", 7000 + number, state), machine.now_s)
+        machine.watch.hear(health(f"invented-{number}"), machine.now_s)
+        assert machine.run(0.5) == {}
+    assert len(machine.watch._heard) < 50
+    assert machine.watch.unannounced == 200  # the invented ones, each at one look
+    machine.hanging.add("tracker-1")  # nor do they hide a hung process
+    for number in range(10):
+        machine.watch.hear(health("tracker-1", 7000 + number), machine.now_s)
+        found = machine.run(0.5)
+    assert list(found) == ["tracker-1"]
 
 
 def test_process_that_stalls_at_times_does_not_hang(machine: Machine) -> None:
@@ -120,6 +139,7 @@ class Supervised(Supervisor):
     def __init__(self, *names: str) -> None:
         self.all = {name: process(name) for name in names}
         self.killed: list[str] = []
+        self.traced: list[bool] = []
         self.gone = False
 
     def processes(self) -> dict[str, Process]:
@@ -127,8 +147,9 @@ class Supervised(Supervisor):
             raise SupervisorGoneError("supervisord does not answer")
         return self.all
 
-    def kill(self, instance: str) -> None:
+    def kill(self, instance: str, trace: bool = True) -> None:
         self.killed.append(instance)
+        self.traced.append(trace)
         before = self.all[instance]
         self.all[instance] = dataclasses.replace(before, pid=before.pid + 1, uptime_s=0.0)
 
@@ -157,8 +178,8 @@ def test_hung_process_is_killed_once_and_reported() -> None:
 def test_process_that_hangs_repeatedly_is_left_and_reported() -> None:
     supervised = Supervised("router-1", "tracker-1")
     node = WatchdogNode(CONFIG, supervised, "here")
-    for pid in range(1, 4):
-        begin_s = 10 * pid
+    for number in range(1, 4):
+        begin_s, pid = 10 * number, PID + number - 1
         run(node, begin_s, begin_s + 1, health("router-1"), health("tracker-1", pid=pid))
         run(node, begin_s + 1, begin_s + 10, health("router-1"))
     assert supervised.killed == ["tracker-1"] * 2
@@ -169,7 +190,7 @@ def test_process_that_hangs_repeatedly_is_left_and_reported() -> None:
 
 def test_killed_process_is_not_killed_twice_before_supervisord_notices() -> None:
     class Slow(Supervised):
-        def kill(self, instance: str) -> None:
+        def kill(self, instance: str, trace: bool = True) -> None:
             self.killed.append(instance)
 
     supervised = Slow("router-1", "tracker-1")
@@ -177,6 +198,132 @@ def test_killed_process_is_not_killed_twice_before_supervisord_notices() -> None
     run(node, 0, 2, health("router-1"), health("tracker-1"))
     run(node, 2, 10, health("router-1"))
     assert supervised.killed == ["tracker-1"]
+
+
+def test_hung_processes_are_restarted_one_after_the_other_in_growing_intervals() -> None:
+    names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1"]
+    supervised = Supervised(*names)
+    node = WatchdogNode(CONFIG, supervised, "here")
+    run(node, 0, 2, *map(health, names))
+    run(node, 2, 7, health("router-1"))
+    assert len(supervised.killed) == 1
+    run(node, 7, 11, health("router-1"))
+    assert len(supervised.killed) == 2
+    run(node, 11, 18, health("router-1"))
+    assert len(supervised.killed) == 3
+    run(node, 18, 60, health("router-1"))
+    assert len(supervised.killed) == 4
+    assert "router-1" not in supervised.killed
+
+
+def test_a_process_that_hangs_after_calm_is_restarted_at_once(tmp_path: Path) -> None:
+    names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1", "gait-1"]
+    supervised = Supervised(*names)
+    node = WatchdogNode(CONFIG, supervised, "here")
+    node._starvation = Starvation(tmp_path)  # of no process
+    run(node, 0, 2, *map(health, names))
+    for number, hung in enumerate(names[1:]):  # each hangs, is started again, and all are well
+        begin_s = 2 + 12 * number
+        others = [health(name, p.pid) for name, p in supervised.all.items() if name != hung]
+        run(node, begin_s, begin_s + 6, *others)
+        assert supervised.killed == names[1 : number + 2]
+        run(node, begin_s + 6, begin_s + 12, *others, health(hung, supervised.all[hung].pid))
+
+
+def test_processes_that_hang_one_at_a_time_without_calm_are_restarted_without_delay(
+    tmp_path: Path,
+) -> None:
+    names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1", "gait-1"]
+    supervised = Supervised(*names)
+    node = WatchdogNode(CONFIG, supervised, "here")
+    node._starvation = Starvation(tmp_path)  # of no process
+    run(node, 0, 2, *map(health, names))
+    for number, hung in enumerate(names[1:]):  # the next one hangs as soon as the last is heard of
+        begin_s = 2 + 6 * number
+        others = [health(name, p.pid) for name, p in supervised.all.items() if name != hung]
+        run(node, begin_s, begin_s + 5, *others)
+        assert supervised.killed == names[1 : number + 2]
+        run(node, begin_s + 5, begin_s + 6, *others, health(hung, supervised.all[hung].pid))
+
+
+@pytest.mark.parametrize("slow", ["router-1", "hung"])
+def test_pause_grows_only_if_what_hangs_lacks_a_processor(slow: str) -> None:
+    names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1", "gait-1"]
+    supervised = Supervised(*names)
+    supervised.all = {name: process(name, 100 * i) for i, name in enumerate(names, start=1)}
+    node = WatchdogNode(CONFIG, supervised, "here")
+    slow_pids: set[int] = set()
+
+    class Slow(Starvation):
+        def slowdown(self, pid: int) -> float:
+            return STRAINED if pid in slow_pids else 1.0
+
+    node._starvation = Slow()
+    run(node, 0, 2, *(health(name, p.pid) for name, p in supervised.all.items()))
+    for number, hung in enumerate(names[1:]):
+        slow_pids = {supervised.all[hung if slow == "hung" else slow].pid}
+        begin_s = 2 + 10 * number
+        others = [health(name, p.pid) for name, p in supervised.all.items() if name != hung]
+        run(node, begin_s, begin_s + 9, *others)
+        run(node, begin_s + 9, begin_s + 10, *others, health(hung, supervised.all[hung].pid))
+    assert (supervised.killed == names[1:]) == (slow == "router-1")
+
+
+def test_process_that_was_not_heard_of_is_not_asked_for_a_trace() -> None:
+    supervised = Supervised("router-1", "tracker-1")
+    node = WatchdogNode(CONFIG, supervised, "here")
+    run(node, 0, 2, health("router-1"), health("tracker-1"))
+    supervised.all["tracker-1"] = process("tracker-1", pid=2, uptime_s=99.0)
+    run(node, 2, 4, health("router-1"))
+    assert (supervised.killed, supervised.traced) == (["tracker-1"], [False])
+
+
+def test_late_watchdog_reads_what_waits_before_it_judges() -> None:
+    supervised = Supervised("router-1", "tracker-1")
+    node = WatchdogNode(CONFIG, supervised, "here")
+    run(node, 0, 2, health("router-1"), health("tracker-1"))
+    for half, name in enumerate(("router-1", "tracker-1")):  # both sent on time, and wait
+        node.handle(health(name), 10 * S + half)
+        node.tick(10 * S + half)
+    assert supervised.killed == []
+
+
+def test_process_without_a_processor_is_slow_but_does_not_hang() -> None:
+    watch = HangDetector(CONFIG, slowdown=lambda pid: 5.0 if pid == 1 else 1.0)
+    processes = {"router-1": process("router-1", 1), "tracker-1": process("tracker-1", 2)}
+    for name, each in processes.items():
+        watch.hear(health(name, each.pid), 0.0)
+    watch.hear(health("camera-1", 3), 0.0)
+    processes["camera-1"] = process("camera-1", 3)
+    for half in range(1, 13):
+        watch.hear(health("camera-1", 3), half / 2)
+        hung = watch.hung(processes, half / 2)
+    assert hung == {"tracker-1": "no heartbeat for 6 s"}
+
+
+def test_starvation_is_time_in_the_run_queue(tmp_path: Path) -> None:
+    starvation = Starvation(tmp_path)
+    for pid in (1, 2):
+        (tmp_path / str(pid) / "task" / "1").mkdir(parents=True)
+
+    def ran(pid: int, ran_ns: int, waited_ns: int) -> None:
+        file = tmp_path / str(pid) / "task" / "1" / "schedstat"
+        file.write_text(f"{ran_ns} {waited_ns} 7\n")
+
+    for second in (0, 1):
+        ran(1, second * S // 10, second * 9 * S // 10)
+        ran(2, 0, 0)  # stopped
+        starvation.update([1, 2, 3], float(second))
+    assert starvation.slowdown(1) == pytest.approx(10.0)
+    assert starvation.slowdown(2) == 1.0
+    assert starvation.slowdown(3) == 1.0
+
+
+def test_busy_process_on_a_free_processor_is_not_starved() -> None:
+    starvation = Starvation()
+    starvation.update([os.getpid()], 0.0)
+    starvation.update([os.getpid()], 0.1)
+    assert 1.0 <= starvation.slowdown(os.getpid()) <= 10.0
 
 
 def test_processes_of_other_hosts_are_ignored() -> None:

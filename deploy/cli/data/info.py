@@ -9,7 +9,7 @@ from rich.table import Table
 
 from common.io.recording import open_recording
 from deploy.cli.options import Json
-from deploy.cli.terminal import console, plain_table, print_json
+from deploy.cli.terminal import console, plain_table, print_json, shown
 from lab.depth.metadata import SimulationMetadata, read_metadata
 from services.camera.describe import Description, describe
 
@@ -33,7 +33,7 @@ def info(
     if found.topics:
         table = plain_table("topic", "type", ">messages")
         for topic in found.topics:
-            table.add_row(topic.name, topic.type, str(topic.count))
+            table.add_row(shown(topic.name), shown(topic.type), str(topic.count))
         console.print(table)
 
 
@@ -64,7 +64,7 @@ def _facts(description: Info) -> Table:
     if description.lab:
         rows["simulated"] = _simulated(description.lab)
     for name, value in rows.items():
-        table.add_row(f"[bold]{name}[/]", value)
+        table.add_row(f"[bold]{name}[/]", shown(value))
     return table
 
 

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 import typer
 
 from common.io.weights import ModelFile, find, folders, load_manifest, verify
+from deploy.cli.data.model_times import benchmark
+from deploy.cli.data.quantize import quantize
 from deploy.cli.terminal import console, plain_table
 from people4d.errors import ModelError
 
@@ -14,6 +16,7 @@ COLOURS = {"altered": "red", "absent": "yellow"}  # else green
 
 
 def models(
+    context: typer.Context,
     verify_: Annotated[
         bool,
         typer.Option(
@@ -21,7 +24,9 @@ def models(
         ),
     ] = False,
 ) -> None:
-    """List the models: presence, licence, input and source."""
+    """List the models: presence, licence, input and source; quantize one, measure all."""
+    if context.invoked_subcommand:
+        return
     folders_ = folders()
     manifest = load_manifest()
     states = {name: state_of(model, folders_, verify_) for name, model in manifest.items()}
@@ -60,3 +65,12 @@ def state_of(model: ModelFile, folders_: tuple[Path, ...], check: bool) -> State
     except ModelError:
         return "altered"
     return "verified"
+
+
+def group() -> typer.Typer:
+    """Return the command with its sub-commands."""
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.callback(invoke_without_command=True)(models)
+    for command in (quantize, benchmark):
+        app.command()(command)
+    return app

@@ -1,8 +1,7 @@
-"""people4d record and people4d replay."""
+"""people4d replay."""
 
 import time
-from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
 from itertools import count
 from pathlib import Path
@@ -12,54 +11,16 @@ import msgspec
 import typer
 
 from common.io.images import decompress, encode_png16
-from common.io.recording import Recording, RecordingWriter, open_recording
+from common.io.recording import Recording, open_recording
 from common.transport.zenoh_bus import ZenohBus
-from deploy.cli.options import Connect, Robot, open_bus, open_client
+from deploy.cli.data.spans import End, RecordingSpan, Start
+from deploy.cli.options import Connect, Robot, kinds_of, open_bus
 from lab.depth.metadata import CleanDepthSensor, read_metadata
 from people4d.errors import ConfigError
 from people4d.messages import CameraInfo, CompressedRgbdFrame, Message, RgbdFrame
-from people4d.topics import BY_MESSAGE, BY_NAME, prefix, topic_of_key
+from people4d.topics import BY_MESSAGE, prefix, topic_of_key
 
 MEET_S = 1.0
-USUAL = ("camera_info", "static_transforms", "odometry", "detections", "embeddings", "people")
-
-
-def record(
-    file: Annotated[Path, typer.Argument(help="The recording, for example out.mcap.")],
-    topics: Annotated[
-        str, typer.Option(help=f"Topics, separated by commas: {', '.join(BY_NAME)}.")
-    ] = ",".join(USUAL),
-    seconds: Annotated[
-        float | None, typer.Option("--for", help="Seconds to record; default: until Ctrl-C.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
-    robot: Robot = "robot",
-    connect: Connect = "",
-) -> None:
-    """Record messages of a running system to a file; frames are compressed."""
-    if file.exists() and not force:
-        raise ConfigError(f"{file} exists", "Name another file, or overwrite it with --force.")
-    kinds = kinds_of(topics)
-    deadline_s = time.monotonic() + seconds if seconds else float("inf")
-    counts: Counter[str] = Counter()
-    with open_client(connect, robot) as client, RecordingWriter(file) as writer:
-        typer.echo(f"Recording {topics} to {file}; Ctrl-C ends it.", err=True)
-        with suppress(KeyboardInterrupt):
-            for message in client.messages(*kinds, timeout_s=seconds):
-                writer.write(message, time.time_ns())
-                counts[type(message).__name__] += 1
-                if time.monotonic() > deadline_s:
-                    break
-    typer.echo("Recorded " + (", ".join(f"{n} {c}" for n, c in counts.items()) or "nothing"))
-
-
-def kinds_of(topics: str) -> tuple[type[Message], ...]:
-    """Return the message types of topics named with commas between."""
-    names = [name.strip() for name in topics.split(",") if name.strip()]
-    for name in names:
-        if name not in BY_NAME:
-            raise ConfigError(f"there is no topic {name!r}", f"Topics are {', '.join(BY_NAME)}.")
-    return tuple(BY_NAME[name].message for name in names)
 
 
 def replay(
@@ -73,7 +34,9 @@ def replay(
             "--clean-depth", help="Simulated depth as stored, without the errors of a sensor."
         ),
     ] = False,
-    speed: Annotated[float, typer.Option(min=0.01, help="Multiple of the recorded rate.")] = 1.0,
+    rate: Annotated[float, typer.Option(min=0.01, help="Multiple of the recorded rate.")] = 1.0,
+    start_s: Start = 0.0,
+    end_s: End = None,
     loop: Annotated[bool, typer.Option("--loop", help="Repeat until Ctrl-C.")] = False,
     hold_s: Annotated[
         float,
@@ -92,7 +55,9 @@ def replay(
     recording = open_recording(file)
     kinds = kinds_of(topics)
     wanted = tuple(CompressedRgbdFrame if kind is RgbdFrame else kind for kind in kinds)
-    if not any(True for _ in recording.messages(*wanted)):
+    span = RecordingSpan(start_s, end_s)
+    span.check(recording)
+    if not any(True for _ in span.messages(recording, *wanted)):
         found = ", ".join(recording.summary.topics) or "nothing"
         raise ConfigError(
             f"{file} holds no message of {topics or 'any topic'}", f"It holds {found}."
@@ -105,7 +70,7 @@ def replay(
         # Subscribers and this publisher need some time to discover each other.
         time.sleep(MEET_S)
         for _ in count() if loop else range(1):
-            for message in paced(recording, wanted, speed):
+            for _, message in paced(span.messages(recording, *wanted), rate):
                 if isinstance(message, CompressedRgbdFrame):
                     pixels = not kinds or RgbdFrame in kinds
                     message = frame_of(message, sensors.get(message.camera), pixels)
@@ -160,13 +125,11 @@ def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixel
     return msgspec.structs.replace(message, depth_png=encode_png16(depth_mm))
 
 
-def paced(
-    recording: Recording, kinds: tuple[type[Message], ...], speed: float
-) -> Iterator[Message]:
-    """Yield the messages of a recording of some types, or all, when they are due."""
+def paced(messages: Iterable[tuple[int, Message]], rate: float) -> Iterator[tuple[int, Message]]:
+    """Yield messages with their log times [ns] when they are due, at a multiple of that rate."""
     start_ns, begin_s = None, time.monotonic()
-    for log_ns, message in recording.messages(*kinds):
+    for log_ns, message in messages:
         start_ns = log_ns if start_ns is None else start_ns
-        due_s = begin_s + (log_ns - start_ns) / 1e9 / speed
+        due_s = begin_s + (log_ns - start_ns) / 1e9 / rate
         time.sleep(max(0.0, due_s - time.monotonic()))
-        yield message
+        yield log_ns, message

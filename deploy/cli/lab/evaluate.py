@@ -15,6 +15,7 @@ from deploy.cli.terminal import (
     interruptible,
     plain_table,
     progress,
+    shown,
 )
 from people4d.errors import ConfigError
 from services.presets import PRESETS
@@ -61,7 +62,7 @@ def evaluate(
     from evaluation.methods import read_methods  # noqa: PLC0415
     from evaluation.recordings.recordings import plan_recordings  # noqa: PLC0415
     from evaluation.report.page import write  # noqa: PLC0415
-    from evaluation.run.preparation import EvaluationPlan  # noqa: PLC0415
+    from evaluation.run.preparation import EvaluationPlan, warnings_of  # noqa: PLC0415
     from services.visual_odometry.config import VisualOdometryConfig  # noqa: PLC0415
 
     if visual_odometry and fidelity == "geometry":
@@ -76,6 +77,8 @@ def evaluate(
         figures=figures,
         motion=VisualOdometryConfig() if visual_odometry else None,
     )
+    for warning in warnings_of(plan):
+        typer.echo(f"Warning: {warning}", err=True)
     hint = f"Renderings and detections are in {folder}: the same command continues."
     with interruptible(hint), progress() as on_progress:
         evaluation = do(plan, on_progress)
@@ -86,10 +89,12 @@ def evaluate(
 
 def _show(table: "ReportTable") -> None:
     titles = [f">{column.title}" for column in table.columns]
-    shown = plain_table("method", ">people", *titles, title=table.title, no_wrap=True)
+    drawn = plain_table("method", ">people", *titles, title=shown(table.title), no_wrap=True)
     for row in table.rows:
-        shown.add_row(row.method, row.people, *row.cells, style="dim" if row.published else "")
-    console.print(shown)
+        drawn.add_row(
+            shown(row.method), row.people, *row.cells, style="dim" if row.published else ""
+        )
+    console.print(drawn)
 
 
 def _sources(texts: list[str]) -> list[str]:

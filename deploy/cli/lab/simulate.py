@@ -1,14 +1,17 @@
 """people4d lab."""
 
+import json
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
+import msgspec
 import typer
 
 from common.config import load
 from deploy.cli.options import Fidelity, Jobs
-from deploy.cli.terminal import console, cores, interruptible, plain_table, progress
+from deploy.cli.terminal import console, cores, interruptible, plain_table, progress, shown
+from lab.depth.config import SENSORS
 from lab.scenario import Scenario, load_scenario, scenario_names
 from people4d.errors import ConfigError
 
@@ -91,7 +94,11 @@ def render(
         raise ConfigError(
             "--fidelity geometry: there are no images for a ROS bag", "Leave --format on recording."
         )
-    plan = load_scenario(scenario)
+    plan = load_scenario(scenario, seed)
+    if truth_per_frame and plan.cameras:
+        raise ConfigError("--truth-per-frame: the scenario has several cameras", "Leave it out.")
+    own = msgspec.to_builtins(SENSORS[plan.camera.depth_sensor])
+    sensor = [f"sensor.{field}={json.dumps(value)}" for field, value in own.items()]
     job = RenderJob(
         scenario=plan,
         seed=plan.seed if seed is None else seed,
@@ -100,7 +107,7 @@ def render(
         quality=quality,
         samples=samples,
         truth_per_frame=truth_per_frame,
-        errors=load(ErrorModels, "lab", overrides=set_, environment={}),
+        errors=load(ErrorModels, "lab", overrides=[*sensor, *set_], environment={}),
     )
     stem = _stem(plan, seed)
     file = out if out and out.suffix == ".mcap" else (out or Path()) / f"{stem}.mcap"
@@ -137,7 +144,7 @@ def preview(
     from lab.output.preview import Preview, write_sheet, write_video  # noqa: PLC0415
     from lab.world import World  # noqa: PLC0415
 
-    plan = load_scenario(scenario)
+    plan = load_scenario(scenario, seed)
     path = out or Path(f"{_stem(plan, seed)}.png")
     writers = {".png": write_sheet, ".webm": write_video}
     if path.suffix not in writers:
@@ -163,15 +170,18 @@ def export(
     ] = False,
     namespace: Annotated[str, typer.Option(help="First part of the image topics.")] = "camera",
     camera: Annotated[str, typer.Option(help="Camera, if there are several.")] = "",
+    people: Annotated[
+        Literal["nav2", "sfm"], typer.Option(help="Convention of people, by their reader.")
+    ] = "nav2",
 ) -> None:
     """Write a recording as a ROS 2 bag with the topics of a RealSense driver."""
     from services.camera.ros import export as ros_export  # noqa: PLC0415
 
-    layout = ros_export.BagFormat(storage=storage, compressed=compressed, namespace=namespace)
+    layout = ros_export.BagFormat(storage, compressed, namespace, people)
     with interruptible("Nothing was written."), progress() as report:
         counts = ros_export.export(recording, out, layout, camera, partial(report, "writing"))
     for topic, count in sorted(counts.items()):
-        typer.echo(f"{count:>8} {topic}")
+        console.print(f"{count:>8} {shown(topic)}")
     typer.echo(f"Wrote {out}")
 
 

@@ -10,12 +10,11 @@ from typing import Annotated
 
 import typer
 
+from common.runtime.monitor import Monitor
 from common.transport.trace import ProcessId
-from deploy.cli.options import Connect, Robot, open_client
+from deploy.cli.options import Connect, Robot, missing, open_client
 from deploy.exporters.measures import Exporter
-from deploy.monitor import Monitor
 from people4d.client import Client
-from people4d.errors import ConfigError
 from people4d.messages import Health
 
 WINDOW_S = 10.0
@@ -74,7 +73,7 @@ def prometheus_exporter(address: str, port: int) -> Exporter:
     try:
         from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
     except ModuleNotFoundError as error:
-        raise _missing("Prometheus", "prometheus", error) from error
+        raise missing("Prometheus", "prometheus", error) from error
     exporter = PrometheusExporter(address, port)
     typer.echo(f"Serving http://{address}:{exporter.port}/metrics; Ctrl-C ends it.")
     return exporter
@@ -94,7 +93,7 @@ def otlp_exporter(robot: str, url: str) -> Exporter:
 
         from deploy.exporters.otel import OtelExporter  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        raise _missing("OpenTelemetry", "otel", error) from error
+        raise missing("OpenTelemetry", "otel", error) from error
     base = url.rstrip("/")
     typer.echo(f"Sending to {base}/v1/traces and /v1/metrics; Ctrl-C ends it.")
     return OtelExporter(
@@ -103,11 +102,4 @@ def otlp_exporter(robot: str, url: str) -> Exporter:
         PeriodicExportingMetricReader(
             OTLPMetricExporter(f"{base}/v1/metrics"), export_interval_millis=METRICS_S * 1e3
         ),
-    )
-
-
-def _missing(what: str, extra: str, error: ModuleNotFoundError) -> ConfigError:
-    return ConfigError(
-        f"{what} needs the package {error.name}, which is not installed",
-        f"Install it: pip install 'people4d[{extra}]'.",
     )

@@ -14,10 +14,16 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from common.runtime.monitor import (
+    ClockSnapshot,
+    Durations,
+    Monitor,
+    ProcessSnapshot,
+    SystemSnapshot,
+)
 from common.transport.trace import ProcessId
 from deploy.cli.options import Connect, Json, Robot, open_client
-from deploy.cli.terminal import coloured_state, plain_table, print_json
-from deploy.monitor import ClockSnapshot, Durations, Monitor, ProcessSnapshot, SystemSnapshot
+from deploy.cli.terminal import coloured_state, plain_table, print_json, shown
 from people4d.client import Client
 from people4d.errors import People4dError
 from people4d.topics import TOPICS
@@ -145,14 +151,14 @@ def _processes(processes: list[ProcessSnapshot]) -> Table:
         inputs = [topic for topic in STREAMS if f"received_{topic}" in rates]
         outputs = [topic for topic in STREAMS if rates.get(f"sent_{topic}")]
         table.add_row(
-            process.instance,
+            shown(process.instance),
             coloured_state(process.state),
             _number(process.cpu_percent),
             _number(process.memory_mb),
             "\n".join(f"{topic} {rates[f'received_{topic}']:.0f}" for topic in inputs),
             "\n".join(_number(ages.get(topic)) for topic in inputs),
             "\n".join(f"{topic} {rates[f'sent_{topic}']:.0f}" for topic in outputs),
-            "\n".join(f"{name} {count}" for name, count in process.losses.items()),
+            "\n".join(f"{shown(name)} {count}" for name, count in process.losses.items()),
         )
     return table
 
@@ -165,7 +171,7 @@ def _stages(snapshot: SystemSnapshot) -> Table:
         for stage in process.stages:
             figures = (f"{ms:.2f}" for ms in (stage.p50_ms, stage.p95_ms, stage.p99_ms))
             note = "beside the path" if stage.beside else _error(stage)
-            table.add_row(name, stage.stage, *figures, str(stage.count), note)
+            table.add_row(shown(name), shown(stage.stage), *figures, str(stage.count), note)
             name = ""
     return table
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.cli.options import Connect, Json, Once, Robot, Timeout, open_client
-from deploy.cli.terminal import plain_table, print_json
+from deploy.cli.terminal import plain_table, print_json, shown
 from people4d.errors import People4dError
 from people4d.messages import Alignment, Message, PersonScore, Score, Tally, Tracks
 
@@ -94,7 +94,7 @@ def table_of(tracks: Tracks, now_ns: int) -> Table:
     if latency:
         parts.append(f"{latency:.0f} ms old")
     numbers = (">x m", ">y m", ">z m", ">m/s", ">yaw °", ">score", ">unseen", ">frames")
-    table = plain_table(">id", "state", *numbers, title=" · ".join(parts), min_width=5)
+    table = plain_table(">id", "state", *numbers, title=shown(" · ".join(parts)), min_width=5)
     for person in sorted(tracks.tracks, key=lambda track: track.id):
         colour = COLOURS[person.state]
         unseen_s = person.time_since_update_s
@@ -129,7 +129,7 @@ def _people(message: Score) -> Table:
     columns = ("person", "view", ">track", ">off m", ">off m/s", ">off °", ">same id")
     table = plain_table(*columns, title=title, min_width=6)
     for person in sorted(message.people, key=lambda person: person.id):
-        table.add_row(person.id, VIEWS[person.view], *_row(person))
+        table.add_row(shown(person.id), VIEWS[person.view], *_row(person))
     for track in message.false_alarms:
         table.add_row("[red]none[/]", "", f"[red]{track}[/]")
     return table

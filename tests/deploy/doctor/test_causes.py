@@ -11,11 +11,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from common.diagnosis.checks import examine
+from common.diagnosis.evidence import Diagnostic, listen
 from common.runtime.loop import Loop
 from common.runtime.node import Node
 from common.transport.trace import ProcessId
-from deploy.doctor.evidence import Diagnostic, listen
-from deploy.doctor.running import examine
 from people4d.client import Client
 from people4d.codec import encode
 from people4d.messages import U8, Message, RgbdFrame, StaticTransform
@@ -23,9 +23,8 @@ from people4d.topics import BY_MESSAGE
 from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson
 from services.detector.node import DetectorNode
-from services.tracker.build import make_tracker
+from services.tracker.build import build
 from services.tracker.config import TrackerConfig
-from services.tracker.node import TrackerNode
 from tests import builders
 from tests.detector.cameras import INFO
 from tests.detector.test_node import FixedModel, frame, person
@@ -85,7 +84,7 @@ def detector(model: FixedModel | None = None) -> Node:
 
 def tracker() -> Node:
     config = TrackerConfig(tracker="sort3d")
-    return TrackerNode(config, make_tracker(config))
+    return build(config)
 
 
 @pytest.fixture(autouse=True)

@@ -7,10 +7,10 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
+from common.diagnosis.evidence import Diagnostic
 from common.transport.ports import free_port
 from deploy.cli import app
 from deploy.doctor import here
-from deploy.doctor.evidence import Diagnostic
 from tests.security.guarded import guarded
 
 pytestmark = pytest.mark.network

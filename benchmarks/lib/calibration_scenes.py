@@ -1,0 +1,152 @@
+"""Scenes of the lab for the calibration of several cameras, rendered once, and their truth."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+
+from common.calibration.observations import CameraObservations, ObservationCollector
+from common.io.recording import open_recording
+from evaluation.cache import default_folder, key_of
+from lab.camera.synthetic_detections import SyntheticDetectionsConfig
+from lab.depth.config import DepthSensorConfig
+from lab.output.render import Outputs, render
+from lab.output.sequence import ErrorModels, RenderJob
+from lab.random_scenario import random_scenario
+from lab.scenario import CapturePlan, PersonPlan, Scenario, Waypoint
+from lab.world import World
+from people4d.messages import F64, CameraInfo, Detections
+
+TRANSPORT_S, JITTER_S = 0.2, 0.02  # largest delay of a camera, mean of each message's own
+SELDOM = CapturePlan(rate_hz=1)  # truth about people is not needed
+BASE = "random?depth_sensor=d435i&duration_s=60&clocks=free"
+USUAL = SyntheticDetectionsConfig()
+# Noise of positions twice the measured one, and the front of the body in place of its middle.
+ROUGH = SyntheticDetectionsConfig(
+    keypoint_share=0.018,
+    recall=0.93,
+    no_position=0.05,
+    false_alarms=0.1,
+    front_m=0.05,
+    side_m=0.08,
+    sensor=DepthSensorConfig(noise_px=0.14),
+)
+CLUTTERED = SyntheticDetectionsConfig(false_alarms=0.5)
+
+
+@dataclass(frozen=True)
+class SceneKind:
+    """Scenes that differ by their seed."""
+
+    name: str
+    scenario: Callable[[int], Scenario]
+    detector: SyntheticDetectionsConfig = USUAL
+    scale_of_c2: float = 1.0  # of its positions across: a wrong focal length
+
+
+@dataclass(frozen=True)
+class CalibrationScene:
+    """Observations of cameras, and their true poses and clocks."""
+
+    observed: Sequence[CameraObservations]
+    map_from_camera: dict[str, F64]  # 4x4
+    clock_s: dict[str, float]  # ahead of the true time, in the middle of the scene
+
+
+def drawn(options: str) -> Callable[[int], Scenario]:
+    """Return scenes drawn at random."""
+    return lambda seed: replace(random_scenario(f"{BASE}&{options}", seed), capture=SELDOM)
+
+
+def still(seed: int) -> Scenario:
+    """Return two people who stand."""
+    scene = random_scenario(f"{BASE}&cameras=4&people=2", seed)
+    starts = ((0.5, 0.3), (-0.7, -0.4))
+    people = tuple(
+        replace(person, start=start, path=(), repeat=False)
+        for person, start in zip(scene.people, starts, strict=True)
+    )
+    return replace(scene, people=people, duration_s=20.0, capture=SELDOM)
+
+
+def mirrored(seed: int) -> Scenario:
+    """Return two people alike, each where the other would be if the floor were turned by 180."""
+    scene = random_scenario(f"{BASE}&cameras=4&people=2&outfit=own", seed)
+    rng = np.random.default_rng(seed)
+    corners = [(float(x), float(y)) for x, y in rng.uniform((0.6, -1.8), (2.2, 1.8), (8, 2))]
+    people = tuple(
+        PersonPlan(
+            body="twin_a",
+            start=(side * corners[0][0], side * corners[0][1]),
+            path=tuple(Waypoint(to=(side * x, side * y)) for x, y in corners[1:]),
+            repeat=True,
+        )
+        for side in (1, -1)
+    )
+    return replace(scene, people=people, name="mirrored", capture=SELDOM)
+
+
+def render_scene(kind: SceneKind, seed: int) -> Path:
+    """Render a scene, unless it was rendered before, and return its recording."""
+    plan = kind.scenario(seed)
+    job = RenderJob(
+        scenario=plan, seed=seed, fidelity="geometry", errors=ErrorModels(detector=kind.detector)
+    )
+    path = default_folder() / "calibration" / f"{plan.seed}-{key_of(job)[:16]}.mcap"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        render(job, Outputs(recording=path), 1, lambda *_: None)
+    return path
+
+
+def read_scene(kind: SceneKind, seed: int) -> CalibrationScene:
+    """Return a scene with times of transport that differ by camera."""
+    views = World(kind.scenario(seed), seed).views
+    rng = np.random.default_rng([seed, 0x7A])
+    delays_s = {view.info.camera: float(rng.uniform(0, TRANSPORT_S)) for view in views}
+    collector = ObservationCollector()
+    for time_ns, message in _messages(render_scene(kind, seed)):
+        late_s = delays_s[message.camera] + rng.exponential(JITTER_S)
+        if message.camera == "c2" and isinstance(message, Detections):
+            message = _scaled(message, kind.scale_of_c2)
+        collector.add(message, time_ns + round(late_s * 1e9))
+    middle_s = views[0].scenario.duration_s / 2
+    return CalibrationScene(
+        observed=collector.cameras,
+        map_from_camera={view.info.camera: view.map_from_optical(0.0) for view in views},
+        clock_s={
+            view.info.camera: view.scenario.camera.clock_s(middle_s) - middle_s for view in views
+        },
+    )
+
+
+def _messages(path: Path) -> Iterator[tuple[int, CameraInfo | Detections]]:
+    for time_ns, message in open_recording(path).messages(CameraInfo, Detections):
+        if isinstance(message, CameraInfo | Detections):
+            yield time_ns, message
+
+
+def _scaled(message: Detections, scale: float) -> Detections:
+    if scale == 1.0:
+        return message
+    people = tuple(
+        d if d.position_m is None else replace(d, position_m=d.position_m * (scale, scale, 1.0))
+        for d in message.detections
+    )
+    return replace(message, detections=people)
+
+
+TWO = SceneKind("two", drawn("cameras=4&people=2"))
+KINDS = (
+    TWO,
+    SceneKind("one", drawn("cameras=4&people=1")),
+    SceneKind("row", drawn("cameras=4&people=2&layout=row")),
+    SceneKind("rough", drawn("cameras=4&people=2"), ROUGH),
+    SceneKind("cluttered", drawn("cameras=4&people=2"), CLUTTERED),
+    SceneKind("apart", drawn("cameras=4&people=4&layout=apart")),
+    SceneKind("focal", drawn("cameras=4&people=2"), scale_of_c2=1.1),
+    SceneKind("mirrored", mirrored),
+    SceneKind("still", still),
+)

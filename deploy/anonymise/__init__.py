@@ -1,0 +1,1 @@
+"""Recordings without faces: heads covered in colour, or no colour at all."""

@@ -1,0 +1,165 @@
+"""Anonymised copies of recordings."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from common.io.images import decode_jpeg, encode_jpeg
+from common.io.recording import Recording, RecordingWriter, open_recording
+from deploy.anonymise.colourless import LEFT_OUT, grey_frame
+from deploy.anonymise.heads import Cover, cover_frames, cover_of
+from people4d.errors import DecodeError
+from people4d.messages import (
+    F64,
+    U8,
+    CompressedRgbdFrame,
+    Detections,
+)
+from services.detector.config import ModelSettings
+from services.detector.models.base import PersonModel
+from services.detector.models.registry import load_model
+
+# Lower than the detector's own: a cover too many costs little, a face too many does.
+SCORE_MIN = 0.02
+PEOPLE_MAX = 30
+QUALITY = 90  # of JPEG
+OnProgress = Callable[[float], object]
+
+
+@dataclass
+class AnonymisedCounts:
+    """Numbers of what was written and left out."""
+
+    frames: int = 0  # written
+    covers: int = 0  # rectangles blacked out
+    bad_images: int = 0  # frames left out since they could not be decoded
+    left_out: int = 0  # crops and embeddings
+
+
+@dataclass
+class _CameraFrames:
+    """Frames of one camera and the covers that were detected in them."""
+
+    stamps_ns: list[int] = field(default_factory=list)
+    detected: list[list[Cover]] = field(default_factory=list)
+
+
+def model() -> PersonModel:
+    """Return the detection model with a low least score."""
+    return load_model(ModelSettings(score_min=SCORE_MIN, max_people=PEOPLE_MAX))
+
+
+def detect(rgb: U8, network: PersonModel) -> list[Cover]:
+    """Return the covers of the people in an image, HxWx3.
+
+    The image is searched as a whole and in two halves that overlap, in which people who are small
+    or cut by its edge are found more often.
+    """
+    found = [cover_of(p.box_xyxy_px, p.keypoints) for p in network.detect(rgb)]
+    width = rgb.shape[1]
+    for left in (0, width - width * 5 // 8):
+        part = np.ascontiguousarray(rgb[:, left : left + width * 5 // 8])
+        for person in network.detect(part):
+            box, keypoints = person.box_xyxy_px.copy(), person.keypoints
+            box[[0, 2]] += left
+            if keypoints is not None:
+                keypoints = keypoints.copy()
+                keypoints[:, 0] += left
+            found.append(cover_of(box, keypoints))
+    return found
+
+
+def black_out(rgb: U8, rectangles: list[F64]) -> U8:
+    """Return a copy of an image in which rectangles (4, xyxy) are black."""
+    covered = rgb.copy()
+    height, width = rgb.shape[:2]
+    for left, top, right, bottom in rectangles:
+        rows = slice(max(int(np.floor(top)), 0), max(min(int(np.ceil(bottom)), height), 0))
+        columns = slice(max(int(np.floor(left)), 0), max(min(int(np.ceil(right)), width), 0))
+        covered[rows, columns] = 0
+    return covered
+
+
+def anonymise(
+    source: Path, target: Path, colour: bool, on_progress: OnProgress
+) -> AnonymisedCounts:
+    """Write a copy of a recording in which heads are black, or which has no colour.
+
+    Depth stays as it is. Crops and embeddings are left out.
+
+    Args:
+        source: A recording of ours.
+        target: The recording to write.
+        colour: False: grey images in place of colour.
+        on_progress: Called with the share that is done, 0 to 1.
+
+    Raises:
+        SourceError: A file cannot be read or written.
+    """
+    recording, counts = open_recording(source), AnonymisedCounts()
+    covers = cover_recording(recording, model(), on_progress) if colour else {}
+    with RecordingWriter(target) as writer:
+        for name, values in recording.metadata.items():
+            writer.write_metadata(name, values)
+        for log_time_ns, message in recording.messages():
+            if isinstance(message, LEFT_OUT):
+                counts.left_out += 1
+            elif isinstance(message, CompressedRgbdFrame):
+                rectangles = covers.get((message.camera, message.stamp_ns), [])
+                try:
+                    frame = _covered(message, rectangles) if colour else grey_frame(message)
+                except DecodeError:
+                    counts.bad_images += 1
+                    continue
+                writer.write(frame, log_time_ns)
+                counts.frames += 1
+                counts.covers += len(rectangles)
+            else:
+                writer.write(message, log_time_ns)
+    return counts
+
+
+def cover_recording(
+    recording: Recording, network: PersonModel, on_progress: OnProgress
+) -> dict[tuple[str, int], list[F64]]:
+    """Return the rectangles to black out, by camera and stamp of the frame.
+
+    Detections in the recording are used as well.
+    """
+    known: dict[tuple[str, int], list[Cover]] = {}
+    for _, message in recording.messages(Detections):
+        if isinstance(message, Detections):
+            covers = [cover_of(d.box_xyxy_px, d.keypoints) for d in message.detections]
+            known[message.camera, message.stamp_ns] = covers
+    cameras: dict[str, _CameraFrames] = {}
+    total = max(sum(n for t, n in recording.summary.topics.items() if t.endswith("compressed")), 1)
+    for k, frame in enumerate(_frames(recording)):
+        try:
+            found = detect(decode_jpeg(frame.rgb_jpeg), network)
+        except DecodeError:
+            continue
+        frames = cameras.setdefault(frame.camera, _CameraFrames())
+        frames.stamps_ns.append(frame.stamp_ns)
+        frames.detected.append(found + known.get((frame.camera, frame.stamp_ns), []))
+        on_progress((k + 1) / total)
+    rectangles = {}
+    for camera, frames in cameras.items():
+        times_s = [(stamp_ns - frames.stamps_ns[0]) / 1e9 for stamp_ns in frames.stamps_ns]
+        covered = cover_frames(frames.detected, times_s)
+        for stamp_ns, found_ones in zip(frames.stamps_ns, covered, strict=True):
+            rectangles[camera, stamp_ns] = found_ones
+    return rectangles
+
+
+def _covered(frame: CompressedRgbdFrame, rectangles: list[F64]) -> CompressedRgbdFrame:
+    covered = encode_jpeg(black_out(decode_jpeg(frame.rgb_jpeg), rectangles), QUALITY)
+    return msgspec.structs.replace(frame, rgb_jpeg=covered)
+
+
+def _frames(recording: Recording) -> Iterator[CompressedRgbdFrame]:
+    for _, message in recording.messages(CompressedRgbdFrame):
+        if isinstance(message, CompressedRgbdFrame):
+            yield message

@@ -1,0 +1,124 @@
+"""people4d record."""
+
+import time
+from collections import Counter
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from common.io.recording import RecordingWriter
+from deploy.anonymise.colourless import without_colour
+from deploy.cli.data.targets import Force, check_target
+from deploy.cli.options import Connect, Robot, kinds_of, missing, open_client
+from deploy.recorder.conditions import PERSON, condition_of
+from deploy.recorder.outputs import (
+    EventFiles,
+    Open,
+    RecorderOutput,
+    RotatingParts,
+    SingleFile,
+    part_path,
+)
+from deploy.viewers.colour_images import FORMATS, ColourEncoder
+from people4d.errors import ConfigError, SourceError
+from people4d.topics import BY_NAME
+
+USUAL = ("camera_info", "static_transforms", "odometry", "detections", "embeddings", "people")
+
+
+def record(
+    file: Annotated[Path, typer.Argument(help="The recording, for example out.mcap.")],
+    topics: Annotated[
+        str, typer.Option(help=f"Topics, separated by commas: {', '.join(BY_NAME)}.")
+    ] = ",".join(USUAL),
+    seconds: Annotated[
+        float | None, typer.Option("--for", help="Seconds to record; default: until Ctrl-C.")
+    ] = None,
+    limit_mb: Annotated[
+        float | None,
+        typer.Option(
+            "--limit", min=1.0, help="Megabytes: write parts FILE-0001 and on, delete the oldest."
+        ),
+    ] = None,
+    last_s: Annotated[
+        float | None,
+        typer.Option(
+            "--last", min=0.1, help="Seconds to hold in memory, and to write at an event (--on)."
+        ),
+    ] = None,
+    on: Annotated[
+        str, typer.Option(help=f"Event: {PERSON} (a new identity), or any message of a topic.")
+    ] = PERSON,
+    buffer_mb: Annotated[
+        float, typer.Option("--buffer", min=1.0, help="Megabytes of memory for --last.")
+    ] = 512.0,
+    colour: Annotated[
+        bool, typer.Option("--colour/--no-colour", help="Grey images in place of colour.")
+    ] = True,
+    foxglove: Annotated[
+        bool,
+        typer.Option("--foxglove", help="Write Foxglove's messages as well, for its app."),
+    ] = False,
+    images: Annotated[
+        str, typer.Option(help=f"Colour for Foxglove: {', '.join(FORMATS)}.")
+    ] = "jpeg",
+    force: Force = False,
+    robot: Robot = "robot",
+    connect: Connect = "",
+) -> None:
+    r"""Record messages of a running system to a file; frames are compressed.
+
+    Foxglove needs the extra people4d\[foxglove].
+    """
+    if limit_mb and last_s:
+        raise ConfigError("--limit and --last exclude each other", "Leave one of them out.")
+    first = part_path(file, 1) if limit_mb or last_s else file
+    check_target(first, None, force)
+    recorded = kinds_of(topics)
+    condition = condition_of(on)
+    open_file: Open = foxglove_opener(images) if foxglove else RecordingWriter
+    output: RecorderOutput
+    if limit_mb:
+        output = RotatingParts(file, limit_mb, open_file)
+    elif last_s:
+        output = EventFiles(file, last_s, condition, buffer_mb, open_file)
+        recorded = tuple(dict.fromkeys((*recorded, condition.message)))
+    else:
+        output = SingleFile(file, open_file)
+    deadline_s = time.monotonic() + seconds if seconds else float("inf")
+    counts: Counter[str] = Counter()
+    with closing(output), open_client(connect, robot) as client:
+        typer.echo(f"Recording {topics} to {file}; Ctrl-C ends it.", err=True)
+        with suppress(KeyboardInterrupt):
+            for message in client.messages(*recorded, timeout_s=seconds):
+                shown = message if colour else without_colour(message)
+                if shown is None:
+                    continue
+                try:
+                    output.write(shown, time.time_ns())
+                except SourceError as error:
+                    total = sum(counts.values())
+                    raise SourceError(
+                        f"{error.problem}, after {total} messages", error.hint
+                    ) from error
+                counts[type(message).__name__] += 1
+                if time.monotonic() > deadline_s:
+                    break
+        lost = {n: c for n, c in client.counters.items() if n.startswith(("dropped_", "bad_"))}
+    typer.echo("Recorded " + (", ".join(f"{n} {c}" for n, c in counts.items()) or "nothing"))
+    for text in (output.note(), ", ".join(f"{n} {c}" for n, c in lost.items())):
+        if text:
+            typer.echo(text)
+
+
+def foxglove_opener(images: str) -> Open:
+    """Return the function that opens a recording with Foxglove's messages beside ours."""
+    try:
+        from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
+        from deploy.viewers.foxglove_outputs import recording_opener  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise missing("Foxglove", "foxglove", error) from error
+    ColourEncoder(images)  # refuses a wrong format before anything is recorded
+    return recording_opener(lambda: FoxgloveConverter(ColourEncoder(images)))

@@ -1,0 +1,22 @@
+"""File that a command writes from a recording, from its argument and the option --force."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from people4d.errors import ConfigError
+
+Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
+
+
+def check_target(target: Path, source: Path | None, force: bool) -> None:
+    """Check that a file may be written; `source` is the recording that it is written from.
+
+    Raises:
+        ConfigError: It is the recording, or exists and may not be overwritten.
+    """
+    if source and target.exists() and target.samefile(source):
+        raise ConfigError(f"{target} is the recording itself", "Name another file.")
+    if target.exists() and not force:
+        raise ConfigError(f"{target} exists", "Name another file, or overwrite it with --force.")

@@ -1,0 +1,220 @@
+"""people4d calibrate."""
+
+from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from common.calibration.observations import ObservationCollector
+from common.calibration.solve import CalibrationResult
+from common.calibration.solve import calibrate as solve
+from common.calibration.tags import TagObserver, move_to_map, read_tags
+from common.calibration.transforms_file import check_tree, write_transforms
+from common.io.images import decompress
+from common.io.recording import open_recording
+from deploy.calibration.page import write_page
+from deploy.cli.data.targets import Force, check_target
+from deploy.cli.options import Connect, Robot, open_client
+from deploy.cli.terminal import console, plain_table, shown
+from people4d.errors import CalibrationError, ConfigError, DecodeError
+from people4d.messages import (
+    CameraInfo,
+    CompressedRgbdFrame,
+    Detections,
+    Message,
+    RgbdFrame,
+    StaticTransform,
+)
+from people4d.queue import Arrival
+
+EVERY_NS = 10_000_000_000  # between two attempts
+KINDS: tuple[type[Message], ...] = (CameraInfo, StaticTransform, Detections)
+FRAMES: tuple[type[Message], ...] = (RgbdFrame, CompressedRgbdFrame)
+
+
+def calibrate(
+    recording: Annotated[
+        Path | None,
+        typer.Argument(help="Recording of detections; default: the running system, live."),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(help="File of transforms, for people4d up --transforms.")
+    ] = Path("transforms.toml"),
+    page: Annotated[
+        Path | None, typer.Option(help="Page with map and residuals; default: beside --out.")
+    ] = None,
+    cameras: Annotated[
+        str, typer.Option(help="Names of the cameras, with commas between; default: all.")
+    ] = "",
+    reference: Annotated[
+        str, typer.Option(help="Camera that the others are relative to; default: the first.")
+    ] = "",
+    seconds: Annotated[
+        float, typer.Option("--for", min=10, help="Longest time to listen, in seconds.")
+    ] = 180.0,
+    tags: Annotated[
+        Path | None,
+        typer.Option(help="File of AprilTags at known positions, which define the map."),
+    ] = None,
+    offset_s: Annotated[
+        float,
+        typer.Option("--clocks", min=0.1, max=5, help="Largest difference of clocks, in seconds."),
+    ] = 1.0,
+    force: Force = False,
+    robot: Robot = "robot",
+    connect: Connect = "",
+) -> None:
+    """Find poses and clocks of several cameras by people who walk before them.
+
+    The file is written once the poses are sure; else nothing is written, and the reason is said.
+    """
+    page = page or out.with_suffix(".html")
+    check_target(out, None, force)
+    check_target(page, None, force)
+    observer = TagObserver(read_tags(tags)) if tags else None
+    session = CalibrationSession(_names(cameras), reference, offset_s, observer)
+    kinds = KINDS + (FRAMES if tags else ())
+    if recording:
+        for log_ns, message in open_recording(recording).messages(*kinds):
+            session.add(message, log_ns)
+        found = session.solve()
+    else:
+        console.print("Walk about in curves, one or two people; Ctrl-C ends the walk.")
+        with open_client(connect, robot) as client:
+            found = listen(session, client.arrivals(*kinds, timeout_s=seconds), seconds)
+    write_transforms(out, found)
+    write_page(page, found)
+    _show(found)
+    typer.echo(f"Wrote {out} and {page}. Use it: people4d up --transforms {out}")
+
+
+class CalibrationSession:
+    """Received observations, and the attempts to calibrate by it."""
+
+    def __init__(
+        self, cameras: set[str], reference: str, offset_s: float, tags: TagObserver | None = None
+    ) -> None:
+        self._cameras, self._reference, self._offset_s = cameras, reference, offset_s
+        self._tags = tags
+        self._collector = ObservationCollector()
+        self._transforms: dict[str, StaticTransform] = {}
+
+    def copy(self) -> "CalibrationSession":
+        """Return the session as it is now, which later messages do not change."""
+        tags = self._tags.copy() if self._tags else None
+        other = CalibrationSession(self._cameras, self._reference, self._offset_s, tags)
+        other._collector = self._collector.copy()
+        other._transforms = dict(self._transforms)
+        return other
+
+    def add(self, message: Message, arrived_ns: int) -> None:
+        """Take a message; those of other cameras are left out."""
+        if isinstance(message, StaticTransform):
+            self._transforms[message.child] = message
+        elif isinstance(message, CameraInfo | Detections) and (
+            not self._cameras or message.camera in self._cameras
+        ):
+            self._collector.add(message, arrived_ns)
+        elif (
+            isinstance(message, RgbdFrame | CompressedRgbdFrame)
+            and self._tags
+            and self._tags.wants(message.camera, message.stamp_ns)
+        ):
+            with suppress(DecodeError):  # the next image is as good
+                frame = message if isinstance(message, RgbdFrame) else decompress(message)
+                self._tags.add(message.camera, message.stamp_ns, frame.rgb)
+
+    def solve(self) -> CalibrationResult:
+        """Return the calibration; CalibrationError if something is missing."""
+        observed = self._collector.cameras
+        absent = self._cameras - {camera.camera for camera in observed}
+        if absent:
+            raise CalibrationError(
+                f"{', '.join(sorted(absent))} sends no detections", "Start it, or leave it out."
+            )
+        check_tree(list(self._transforms.values()), {c.camera: c.frame_id for c in observed})
+        found = solve(observed, self._reference, search_s=self._offset_s)
+        if self._tags is None:
+            return found
+        infos = {camera.camera: camera.info for camera in observed if camera.info}
+        return move_to_map(found, self._tags.poses(infos))
+
+    def summary(self) -> str:
+        """Return how often each camera saw people."""
+        parts = (f"{c.camera} {c.people} of {len(c.frames)}" for c in self._collector.cameras)
+        return "people in frames: " + (", ".join(parts) or "no camera yet")
+
+
+def listen(
+    session: CalibrationSession, arrivals: Iterable[Arrival], seconds: float
+) -> CalibrationResult:
+    """Return a calibration as soon as one is sure, by attempts beside the messages that come.
+
+    Args:
+        session: What takes the messages.
+        arrivals: Messages as they come; Ctrl-C ends them.
+        seconds: Longest time by their clock.
+
+    Raises:
+        CalibrationError: At the end something is still missing.
+    """
+    start_ns = last_ns = 0
+    attempt: Future[CalibrationResult] | None = None
+    with ThreadPoolExecutor(1) as pool, suppress(KeyboardInterrupt):
+        for arrival in arrivals:
+            session.add(arrival.message, arrival.received_ns)
+            now_ns = arrival.received_ns
+            start_ns, last_ns = start_ns or now_ns, last_ns or now_ns
+            if now_ns - start_ns > seconds * 1e9:
+                break
+            if attempt and attempt.done():
+                error = attempt.exception()
+                if error is None:
+                    return attempt.result()
+                if not isinstance(error, CalibrationError):
+                    raise error
+                console.print(shown(f"  {error}"))
+                attempt = None
+            if attempt is None and now_ns - last_ns > EVERY_NS:
+                last_ns = now_ns
+                console.print(shown(f"{(now_ns - start_ns) / 1e9:.0f} s: {session.summary()}"))
+                attempt = pool.submit(session.copy().solve)
+    return session.solve()
+
+
+def _show(found: CalibrationResult) -> None:
+    table = plain_table(
+        *("camera", ">x m", ">y m", ">z m", ">yaw deg", ">± cm", ">± deg", ">clock ms", ">± ms")
+    )
+    for name, matrix in sorted(found.map_from_camera.items()):
+        pose = found.poses[name]
+        yaw = np.degrees(np.arctan2(matrix[1, 2], matrix[0, 2]))
+        table.add_row(
+            shown(name),
+            *(f"{v:.3f}" for v in matrix[:3, 3]),
+            f"{yaw:.1f}",
+            f"{100 * pose.sigma_m:.1f}",
+            f"{np.degrees(pose.sigma_rad):.2f}",
+            f"{1e3 * pose.offset_s:.1f}",
+            f"{1e3 * pose.sigma_s:.1f}",
+        )
+    console.print(table)
+    console.print(
+        f"One person's positions by two cameras differ by {100 * found.adjustment.rms_m:.1f} cm "
+        f"(RMS). Positions are relative to {shown(found.reference)}."
+    )
+    for a, b in found.contradicting:
+        console.print(f"[yellow]{shown(a)} and {shown(b)} contradict the others, left out[/]")
+    if not found.floor_people:
+        console.print("[yellow]No feet were in view: the floor is where usual statures put it.[/]")
+
+
+def _names(text: str) -> set[str]:
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if len(names) == 1:
+        raise ConfigError(f"--cameras: expected two names or more, got {text}")
+    return set(names)

@@ -1,0 +1,172 @@
+"""people4d view."""
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, suppress
+from itertools import count
+from pathlib import Path
+from typing import Annotated, Protocol
+
+import typer
+
+from common.io.recording import open_recording
+from deploy import viewers
+from deploy.cli.data.replay import paced
+from deploy.cli.data.spans import End, RecordingSpan, Start
+from deploy.cli.options import Connect, Robot, missing, open_client
+from deploy.viewers.colour_images import FORMATS, ColourEncoder
+from deploy.viewers.scene import PeopleScene
+from people4d.client import Client
+from people4d.errors import ConfigError
+from people4d.messages import CompressedRgbdFrame, Health, Message, Predictions, RgbdFrame
+
+FRAMES: tuple[type[Message], ...] = (RgbdFrame, CompressedRgbdFrame)
+INPUTS: tuple[type[Message], ...] = (*PeopleScene.inputs, Predictions, Health)
+LAYOUT = Path(viewers.__file__).with_name("people4d_layout.json")
+RRD = ".rrd"
+PORT = 8765  # where Foxglove's app looks first
+
+
+class ViewerOutput(Protocol):
+    """Destination of messages to be viewed."""
+
+    def write(self, message: Message, log_time_ns: int) -> None:
+        """Take a message, received at this time."""
+        ...
+
+    def close(self) -> None:
+        """Finish."""
+        ...
+
+
+def view(
+    recording: Annotated[
+        Path | None, typer.Argument(help="A people4d recording; default: the running system.")
+    ] = None,
+    file: Annotated[
+        Path | None, typer.Argument(help="File to write: out.rrd, or out.mcap for Foxglove.")
+    ] = None,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Show in Rerun's viewer.")] = False,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Serve Foxglove's app by its WebSocket protocol.")
+    ] = False,
+    images: Annotated[
+        str, typer.Option(help=f"Colour for Foxglove: {', '.join(FORMATS)}, or none.")
+    ] = "jpeg",
+    image_hz: Annotated[
+        float, typer.Option("--image-rate", min=0.0, help="Most images a second, live; 0: none.")
+    ] = 10.0,
+    address: Annotated[str, typer.Option(help="Address of the server for Foxglove.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; 0: a free one.")] = PORT,
+    rate: Annotated[float, typer.Option(min=0.01, help="Multiple of the recorded rate.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Repeat the recording.")] = False,
+    start_s: Start = 0.0,
+    end_s: End = None,
+    robot: Robot = "robot",
+    connect: Connect = "",
+) -> None:
+    r"""Show people, images and transforms in Rerun or Foxglove, or write a file for them.
+
+    Rerun needs the extra people4d\[rerun], Foxglove people4d\[foxglove].
+    """
+    if rerun == foxglove:
+        raise ConfigError("which viewer?", "Name --rerun or --foxglove.")
+    if recording and recording.suffix == RRD and file is None:
+        recording, file = None, recording
+    if file is not None and rerun != (file.suffix == RRD):
+        raise ConfigError(f"{file} is of another kind", f"Rerun writes *{RRD}, Foxglove *.mcap.")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a supervisor's path to say Ctrl-C
+    span, shown = RecordingSpan(start_s, end_s), "none" if image_hz == 0 else images
+    with ExitStack() as stack, suppress(KeyboardInterrupt):
+        if recording:
+            messages = recorded(recording, span, None if file else rate, loop and file is None)
+        else:
+            client = stack.enter_context(open_client(connect, robot))
+            messages = live(client, image_hz if shown != "none" else 0.0)
+        output = rerun_output(robot, file) if rerun else foxglove_output(shown, file, address, port)
+        stack.enter_context(closing(output))
+        for log_time_ns, message in messages:
+            output.write(message, log_time_ns)
+        if foxglove and file is None:
+            typer.echo("The recording ended; Ctrl-C ends the server.")
+            signal.pause()
+    if file:
+        typer.echo(f"Wrote {file}.")
+
+
+def recorded(
+    path: Path, span: RecordingSpan, rate: float | None, loop: bool
+) -> Iterator[tuple[int, Message]]:
+    """Return messages of a recording with their log times [ns], when due if there is a rate."""
+    recording = open_recording(path)
+    span.check(recording)  # before an output is opened
+
+    def passes() -> Iterator[tuple[int, Message]]:
+        for _ in count() if loop else range(1):
+            timed = span.messages(recording)
+            yield from timed if rate is None else paced(timed, rate)
+
+    return passes()
+
+
+def live(client: Client, image_hz: float) -> Iterator[tuple[int, Message]]:
+    """Yield messages of a running system with the times of their arrival [ns]."""
+    limit = ImageRate(image_hz)
+    inputs = tuple(kind for kind in INPUTS if image_hz or kind not in FRAMES)
+    for message in client.messages(*inputs):
+        now_ns = time.time_ns()
+        if limit.passes(message, now_ns):
+            yield now_ns, message
+
+
+def rerun_output(robot: str, file: Path | None) -> ViewerOutput:
+    """Open Rerun's viewer or a file of it."""
+    try:
+        from deploy.viewers.rerun_log import RerunLog, open_stream  # noqa: PLC0415 (optional)
+    except ModuleNotFoundError as error:
+        raise missing("Rerun", "rerun", error) from error
+    return RerunLog(open_stream(robot, file))
+
+
+def foxglove_output(images: str, file: Path | None, address: str, port: int) -> ViewerOutput:
+    """Open a server for Foxglove's app or a file of its messages."""
+    try:
+        from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
+        from deploy.viewers.foxglove_outputs import FoxgloveFile, FoxgloveServer  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise missing("Foxglove", "foxglove", error) from error
+    converter = FoxgloveConverter(None if images == "none" else ColourEncoder(images))
+    if file:
+        return FoxgloveFile(converter, file)
+    server = FoxgloveServer(converter, address, port)
+    typer.echo(
+        f"Foxglove's app: open a connection to ws://{address}:{server.port}; Ctrl-C ends it."
+    )
+    typer.echo(f"Layout to import: {LAYOUT}")
+    return server
+
+
+class ImageRate:
+    """Lets through so many frames a second of each camera, and all other messages.
+
+    Of a camera whose frames come as they are, those that come compressed are left out.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._interval_ns = round(1e9 / rate_hz) if rate_hz else 0
+        self._last_ns: dict[str, int] = {}
+        self._uncompressed: set[str] = set()
+
+    def passes(self, message: Message, now_ns: int) -> bool:
+        """Check a message that comes now."""
+        if not isinstance(message, RgbdFrame | CompressedRgbdFrame):
+            return True
+        if isinstance(message, RgbdFrame):
+            self._uncompressed.add(message.camera)
+        elif message.camera in self._uncompressed:
+            return False
+        if now_ns - self._last_ns.get(message.camera, 0) < self._interval_ns:
+            return False
+        self._last_ns[message.camera] = now_ns
+        return True

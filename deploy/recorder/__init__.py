@@ -1,0 +1,1 @@
+"""Recorders: one file, the newest megabytes in parts, and files around events."""

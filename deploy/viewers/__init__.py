@@ -1,0 +1,1 @@
+"""Messages for Rerun and Foxglove, live and as files."""

@@ -1,0 +1,267 @@
+"""Messages in Rerun: images, depth, boxes, skeletons, tracks, transforms, latency, predictions."""
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from common.drawing.people import ARROW_M, CONFIDENCE_MIN, LIMBS
+from common.drawing.strokes import GREY, Colour, colour_of
+from common.io.images import encode_jpeg, encode_png16
+from common.runtime.latency import end_to_end, merge_stages, segments
+from deploy.viewers.scene import PeopleFrame, PeopleScene, ScenePerson, SkeletonFrame
+from people4d.errors import SourceError
+from people4d.messages import (
+    CameraInfo,
+    CompressedRgbdFrame,
+    Health,
+    Message,
+    Odometry,
+    Predictions,
+    RgbdFrame,
+    Skeletons,
+    Tracks,
+)
+
+SKELETONS = "map/skeletons"
+PALE = 90  # opacity of what is predicted, of 255
+QUALITY = 80  # of JPEG
+MILLIMETRES = 1000.0  # of depth in a metre
+SIGMAS = 2.4477  # of an ellipse that holds 95 % of a normal distribution of x and y
+
+
+class RerunLog:
+    """Writes messages into a stream of Rerun, which goes to a viewer or to a file.
+
+    Args:
+        stream: The stream, with its sink.
+    """
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._stream = stream
+        self._scene = PeopleScene()
+        self._cameras: set[str] = set()
+
+    def write(self, message: Message, log_time_ns: int) -> None:
+        """Take a message, received at this time."""
+        self._stream.set_time("stamp", timestamp=np.datetime64(message.stamp_ns, "ns"))
+        self._stream.set_time("received", timestamp=np.datetime64(log_time_ns, "ns"))
+        people = self._scene.add(message)
+        if isinstance(message, CameraInfo):
+            self._calibrate(message)
+        elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
+            self._frame(message)
+        elif isinstance(message, Odometry):
+            self._trace_base(message)
+        elif isinstance(message, Predictions):
+            self._predict(message)
+        elif isinstance(message, Skeletons):
+            self._stream.log(SKELETONS, _skeletons(self._scene.skeletons(message)))
+        elif isinstance(message, Health):
+            text = f"{message.instance}: {message.state} {message.reason}".strip()
+            level = rr.TextLogLevel.INFO if message.state == "ready" else rr.TextLogLevel.WARN
+            self._stream.log("health", rr.TextLog(text, level=level))
+        if people:
+            self._people(people)
+            self._latency(people.tracks)
+
+    def close(self) -> None:
+        """Send what waits, and end the stream."""
+        self._stream.flush()
+        self._stream.disconnect()
+
+    def _calibrate(self, info: CameraInfo) -> None:
+        pinhole = rr.Pinhole(
+            focal_length=[info.fx, info.fy],
+            principal_point=[info.cx, info.cy],
+            resolution=[info.width, info.height],
+            camera_xyz=rr.ViewCoordinates.RDF,
+            image_plane_distance=0.5,
+        )
+        self._stream.log(f"map/{info.camera}", pinhole, static=True)
+        if info.camera not in self._cameras:
+            self._cameras.add(info.camera)
+            self._stream.send_blueprint(blueprint(sorted(self._cameras)))
+
+    def _frame(self, frame: RgbdFrame | CompressedRgbdFrame) -> None:
+        if isinstance(frame, RgbdFrame):
+            colour, depth = encode_jpeg(frame.rgb, QUALITY), encode_png16(frame.depth_mm)
+        else:
+            colour, depth = frame.rgb_jpeg, frame.depth_png
+        path = f"map/{frame.camera}"
+        self._stream.log(f"{path}/image", rr.EncodedImage(contents=colour, media_type="image/jpeg"))
+        self._stream.log(
+            f"{path}/depth",
+            rr.EncodedDepthImage(depth, media_type="image/png", meter=MILLIMETRES),
+        )
+
+    def _trace_base(self, odometry: Odometry) -> None:
+        position_m = [odometry.x_m, odometry.y_m, 0.0]
+        turned = rr.RotationAxisAngle(axis=[0, 0, 1], angle=rr.Angle(rad=odometry.theta_rad))
+        self._stream.log(
+            f"{odometry.frame_id}/{odometry.child_frame_id}",
+            rr.Transform3D(translation=position_m, rotation=turned),
+            rr.TransformAxes3D(0.5),
+        )
+
+    def _people(self, frame: PeopleFrame) -> None:
+        camera = f"map/{frame.tracks.camera}"
+        if frame.frame_from_optical is not None:
+            matrix = frame.frame_from_optical
+            self._stream.log(
+                camera, rr.Transform3D(translation=matrix[:3, 3], mat3x3=matrix[:3, :3])
+            )
+        if frame.skeletons:
+            self._stream.log(SKELETONS, _skeletons(frame.skeletons))
+        self._stream.log(f"{camera}/boxes", _boxes(frame.people))
+        self._stream.log(f"{camera}/limbs", _limbs_px(frame.people))
+        tracks = frame.tracks.tracks
+        colours = [colour_of(track.id) for track in tracks]
+        centres = [track.position_m for track in tracks]
+        deviations = [np.linalg.eigvalsh(t.covariance[:3, :3]) for t in tracks]
+        self._stream.log(
+            "map/people",
+            rr.Points3D(
+                centres,
+                radii=[0.1] * len(tracks),
+                colors=colours,
+                labels=[
+                    f"#{t.id} {t.state} {np.linalg.norm(t.velocity_mps):.1f} m/s" for t in tracks
+                ],
+            ),
+        )
+        self._stream.log(
+            "map/uncertainty",
+            rr.Ellipsoids3D(
+                centers=centres,
+                half_sizes=[[SIGMAS * np.sqrt(max(v[-1], 0.0))] * 2 + [0.01] for v in deviations],
+                colors=colours,
+            ),
+        )
+        turned = [track for track in tracks if track.yaw_rad is not None]
+        self._stream.log(
+            "map/headings",
+            rr.Arrows3D(
+                origins=[track.position_m for track in turned],
+                vectors=[
+                    [ARROW_M * np.cos(track.yaw_rad or 0), ARROW_M * np.sin(track.yaw_rad or 0), 0]
+                    for track in turned
+                ],
+                colors=[colour_of(track.id) for track in turned],
+            ),
+        )
+        self._stream.log(
+            "map/trajectories",
+            rr.LineStrips3D(
+                list(frame.trajectories.values()),
+                colors=[colour_of(track_id) for track_id in frame.trajectories],
+            ),
+        )
+
+    def _predict(self, message: Predictions) -> None:
+        heights = [float(person.position_m[2]) for person in message.people]
+        paths = [
+            np.column_stack([person.means_m, np.full(len(person.means_m), height)])
+            for person, height in zip(message.people, heights, strict=True)
+        ]
+        colours = [colour_of(person.id) for person in message.people]
+        self._stream.log("map/predictions", rr.LineStrips3D(paths, colors=colours))
+        horizons = len(message.horizons_s)
+        sizes = [
+            [SIGMAS * np.sqrt(np.linalg.eigvalsh(covariance_m2)[-1])] * 2 + [0.01]
+            for person in message.people
+            for covariance_m2 in person.covariances_m2
+        ]
+        self._stream.log(
+            "map/predictions/ellipses",
+            rr.Ellipsoids3D(
+                centers=[point for path in paths for point in path],
+                half_sizes=sizes,
+                colors=[colour for colour in colours for _ in range(horizons)],
+            ),
+        )
+
+    def _latency(self, tracks: Tracks) -> None:
+        total = end_to_end(tracks.trace)
+        if total:
+            self._stream.log("latency/end_to_end", rr.Scalars(total.ms))
+        for part in merge_stages(segments(tracks.trace)):
+            self._stream.log(f"latency/{part.service}/{part.stage}", rr.Scalars(part.ms))
+
+
+def open_stream(robot: str, file: Path | None) -> rr.RecordingStream:
+    """Open a stream to Rerun's viewer, which is started, or to a file.
+
+    Raises:
+        SourceError: The file cannot be written, or the viewer cannot be started.
+    """
+    stream = rr.RecordingStream("people4d", recording_id=None)
+    stream.send_property("robot", rr.AnyValues(name=robot))
+    try:
+        if file:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            stream.save(file, default_blueprint=blueprint([]))
+        else:
+            stream.spawn(default_blueprint=blueprint([]))
+    except (OSError, RuntimeError) as error:
+        name = str(file) if file else "Rerun's viewer"
+        raise SourceError(f"{name} cannot be opened: {error}") from error
+    return stream
+
+
+def blueprint(cameras: list[str]) -> rrb.Blueprint:
+    """Return the arrangement of the viewer: images, people in 3D, latency, health."""
+    images = [rrb.Spatial2DView(origin=f"map/{camera}", name=camera) for camera in cameras]
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(
+                rrb.Tabs(*images) if images else rrb.Spatial2DView(origin="map", name="camera"),
+                rrb.TimeSeriesView(origin="latency", name="latency [ms]"),
+            ),
+            rrb.Vertical(
+                rrb.Spatial3DView(origin="map", name="people"),
+                rrb.TextLogView(origin="health", name="health"),
+                row_shares=[3, 1],
+            ),
+            column_shares=[2, 3],
+        ),
+        collapse_panels=True,
+    )
+
+
+def _colour(view: ScenePerson) -> Colour:
+    return colour_of(view.track.id) if view.track else GREY
+
+
+def _boxes(people: tuple[ScenePerson, ...]) -> rr.Boxes2D:
+    detected = [(view, view.detection) for view in people if view.detection]
+    return rr.Boxes2D(
+        array=np.array([d.box_xyxy_px for _, d in detected], np.float32).reshape(-1, 4),
+        array_format=rr.Box2DFormat.XYXY,
+        labels=[view.label for view, _ in detected],
+        colors=[_colour(view) for view, _ in detected],
+    )
+
+
+def _limbs_px(people: tuple[ScenePerson, ...]) -> rr.LineStrips2D:
+    segments_px, colours = [], []
+    for view in people:
+        keypoints = view.detection.keypoints if view.detection else None
+        if keypoints is None:
+            continue
+        for limb in LIMBS:
+            if (keypoints[list(limb), 2] >= CONFIDENCE_MIN).all():
+                segments_px.append(keypoints[list(limb), :2])
+                colours.append(_colour(view))
+    return rr.LineStrips2D(segments_px, colors=colours)
+
+
+def _skeletons(frame: SkeletonFrame) -> rr.LineStrips3D:
+    segments_m, colours = [], []
+    for skeleton in frame.skeletons:
+        shade = GREY if skeleton.id is None else colour_of(skeleton.id)
+        for ends_m, measured in skeleton.limbs():
+            segments_m.append(ends_m)
+            colours.append([*shade, 255 if measured else PALE])
+    return rr.LineStrips3D(segments_m, colors=colours)

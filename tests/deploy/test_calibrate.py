@@ -1,0 +1,215 @@
+"""people4d calibrate on recordings: the files it writes, and nothing when it refuses."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from common.calibration.tags import Tag
+from common.calibration.transforms_file import read_pose, read_transforms
+from common.io.images import compress
+from common.io.recording import RecordingWriter
+from deploy.cli import app
+from deploy.cli.live.calibrate import CalibrationSession, listen
+from people4d.errors import CalibrationError, SourceError
+from people4d.messages import CameraInfo, Message
+from people4d.queue import Arrival
+from tests.builders import rgbd_frame, static_transform
+from tests.common.calibration.test_tags import image_of
+from tests.common.calibration.walks import SECOND_NS, WalkCamera, messages, square, wander
+from tests.common.calibration.walks import Path as WalkPath
+from tests.network import Network
+
+
+def record(path: Path, cameras: list[WalkCamera], people: list[WalkPath], *others: Message) -> Path:
+    """Write the detections of cameras to a recording."""
+    with RecordingWriter(path) as writer:
+        for other in others:
+            writer.write(other, 0)
+        for arrived_ns, message in sorted(messages(cameras, people), key=lambda item: item[0]):
+            writer.write(message, arrived_ns)
+    return path
+
+
+def run(*arguments: object) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["calibrate", *map(str, arguments)])
+    return result.exit_code, result.output + str(result.exception or "")
+
+
+def test_poses_of_a_recording_are_written_with_a_page(tmp_path: Path) -> None:
+    cameras = square("a", "b")
+    source = record(tmp_path / "walk.mcap", cameras, [wander(3), wander(4)])
+    out = tmp_path / "poses.toml"
+    code, said = run(source, "--out", out)
+    assert code == 0, said
+    found = read_transforms(out)
+    assert found.reference == "a"
+    assert found.cameras["b"].frame_id == "b_optical_frame"
+    assert found.cameras["b"].clock_offset_ms == pytest.approx(210, abs=10)
+    assert found.cameras["b"].pairs["a"] > 5
+    between = np.linalg.norm(read_pose(out, "a")[:3, 3] - read_pose(out, "b")[:3, 3])
+    assert between == pytest.approx(6.0, abs=0.06)
+    page = out.with_suffix(".html").read_text()
+    assert page.count("<polyline") > 10
+    assert "http" not in page
+    assert run(source, "--out", out)[0] != 0  # exists
+    assert run(source, "--out", out, "--force")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("people", "options", "problem"),
+    [
+        ([lambda _: (0.3, 0.1)], (), "no person walked"),
+        ([wander(3)], ("--cameras", "a,x"), "x sends no detections"),
+        ([wander(3)], ("--cameras", "a"), "two names or more"),
+        ([wander(3)], ("--reference", "x"), "no camera x"),
+    ],
+)
+def test_refusal_writes_nothing(
+    tmp_path: Path, people: list[WalkPath], options: tuple[str, ...], problem: str
+) -> None:
+    source = record(tmp_path / "walk.mcap", square("a", "b"), people)
+    code, said = run(source, "--out", tmp_path / "poses.toml", *options)
+    assert code != 0
+    assert problem in said
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.mcap"]
+
+
+def test_tags_in_the_frames_of_one_camera_define_the_map(tmp_path: Path) -> None:
+    cameras = square("a", "b")
+    tags = {
+        3: Tag(size_m=0.5, position_m=(0.5, 1.5, 1.2), facing_deg=-135),
+        7: Tag(size_m=0.6, position_m=(0.0, -0.3, 0.0), facing_deg=45, flat=True),
+    }
+    infos = {
+        message.camera: message
+        for _, message in messages(cameras, [])
+        if isinstance(message, CameraInfo)
+    }
+    rgb = image_of(tags, cameras[0].map_from_camera, infos["a"])
+    depth_mm = np.full(rgb.shape[:2], 3000, np.uint16)
+    frame = compress(rgbd_frame(camera="a", rgb=rgb, depth_mm=depth_mm))
+    source = record(tmp_path / "walk.mcap", cameras, [wander(3), wander(4)], frame)
+    known = tmp_path / "tags.toml"
+    rows = [
+        f"[tags.{n}]\nsize_m = {t.size_m}\nposition_m = {list(t.position_m)}\n"
+        f"facing_deg = {t.facing_deg}\nflat = {str(t.flat).lower()}"
+        for n, t in tags.items()
+    ]
+    known.write_text("\n".join(rows))
+    out = tmp_path / "poses.toml"
+    code, said = run(source, "--out", out, "--tags", known)
+    assert code == 0, said
+    for camera in cameras:
+        apart = read_pose(out, camera.name)[:3, 3] - camera.map_from_camera[:3, 3]
+        assert np.linalg.norm(apart) < 0.12
+    without = record(tmp_path / "no_images.mcap", cameras, [wander(3), wander(4)])
+    code, said = run(without, "--out", tmp_path / "other.toml", "--tags", known)
+    assert code != 0
+    assert "no camera saw a tag" in said
+
+
+@pytest.mark.parametrize(
+    ("edges", "problem"),
+    [
+        ([("base_link", "a_optical_frame")], "a is mounted on base_link"),
+        ([("x", "y"), ("y", "x")], "form a loop: "),
+    ],
+)
+def test_frames_that_cannot_hang_on_the_map_are_refused(
+    tmp_path: Path, edges: list[tuple[str, str]], problem: str
+) -> None:
+    transforms = [static_transform(np.eye(4), child, parent) for parent, child in edges]
+    source = record(tmp_path / "walk.mcap", square("a", "b"), [wander(3)], *transforms)
+    code, said = run(source, "--out", tmp_path / "poses.toml")
+    assert code != 0
+    assert problem in said
+
+
+def arrivals(cameras: list[WalkCamera], people: list[WalkPath]) -> Iterator[Arrival]:
+    """Yield live messages by the time of their arrival."""
+    for arrived_ns, message in sorted(messages(cameras, people), key=lambda item: item[0]):
+        yield Arrival(message, arrived_ns + SECOND_NS, arrived_ns + SECOND_NS)
+
+
+def test_live_walk_is_calibrated_at_the_latest_at_its_end() -> None:
+    cameras = square("a", "b")
+    session = CalibrationSession(set(), "", 1.0)
+    found = listen(session, arrivals(cameras, [wander(3), wander(4)]), 100.0)
+    between = found.map_from_camera["a"][:3, 3] - found.map_from_camera["b"][:3, 3]
+    assert np.linalg.norm(between) == pytest.approx(6.0, abs=0.1)
+
+
+def test_live_walk_that_shows_nothing_ends_after_its_time() -> None:
+    def standing() -> Iterator[Arrival]:
+        yield from arrivals(square("a", "b"), [lambda _: (0.2, 0.1)])
+        pytest.fail("the time was over before")
+
+    with pytest.raises(CalibrationError, match="no person walked"):
+        listen(CalibrationSession(set(), "", 1.0), standing(), 20.0)
+
+
+def test_ctrl_c_ends_the_walk_with_a_last_attempt() -> None:
+    def interrupted() -> Iterator[Arrival]:
+        yield from arrivals(square("a", "b"), [wander(3), wander(4)])
+        raise KeyboardInterrupt
+
+    found = listen(CalibrationSession(set(), "b", 1.0), interrupted(), 1000.0)
+    assert found.reference == "b"
+
+
+@pytest.mark.network
+def test_live_messages_of_a_system_are_taken(network: Network, tmp_path: Path) -> None:
+    robot, out = network.robot(), tmp_path / "poses.toml"
+    bus = network.open(robot)
+    command = ["calibrate", "--robot", robot, "--connect", network.endpoint, "--for", "10"]
+    ended = threading.Event()
+
+    def publish() -> None:
+        frames = [m for _, m in messages(square("a", "b"), [lambda _: (0.2, 0.1)], 4.0)]
+        while not ended.wait(0.05):
+            for message in frames:
+                bus.publish(message)
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    result = CliRunner().invoke(app, [*command, "--out", str(out)])
+    ended.set()
+    thread.join()
+    assert "Walk about in curves" in result.stdout
+    assert result.exit_code == 1
+    assert any(text in result.stderr for text in ("no person walked", "frames", "intrinsics"))
+    assert not out.exists()
+
+
+def write_poses(path: Path, matrix: str) -> Path:
+    lines = ['reference = "a"', "[cameras.a]", 'frame_id = "a_optical_frame"', f"matrix = {matrix}"]
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_pose_is_read_by_the_name_of_the_camera(tmp_path: Path) -> None:
+    poses = write_poses(
+        tmp_path / "poses.toml", "[[0, 0, 1, 2], [-1, 0, 0, 3], [0, -1, 0, 1], [0, 0, 0, 1]]"
+    )
+    assert read_pose(poses, "a")[:3, 3].tolist() == [2, 3, 1]
+    with pytest.raises(SourceError, match=r"no camera b. It has a"):
+        read_pose(poses, "b")
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        "[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
+        "[[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
+        "[[nan, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
+        "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+        '"x"',
+    ],
+)
+def test_matrix_that_is_no_pose_is_refused(tmp_path: Path, matrix: str) -> None:
+    with pytest.raises(SourceError, match="transforms"):
+        read_pose(write_poses(tmp_path / "poses.toml", matrix), "a")

@@ -1,0 +1,15 @@
+"""Decoder of protobuf by the schema in the file, as programs that do not know people4d have it."""
+
+from typing import Any
+
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message_factory import GetMessageClass
+
+
+def decode(schema_name: str, schema: bytes, data: bytes) -> Any:
+    """Return the message that the schema describes."""
+    pool = DescriptorPool()
+    for file in FileDescriptorSet.FromString(schema).file:
+        pool.AddSerializedFile(file.SerializeToString())
+    return GetMessageClass(pool.FindMessageTypeByName(schema_name)).FromString(data)
