@@ -59,10 +59,10 @@ class ReceivedTracks:
 class Ear:
     """Hears a system through its router, in a thread of its own."""
 
-    def __init__(self, connect: str) -> None:
+    def __init__(self, connect: str, robot: str = ROBOT) -> None:
         self.received: list[ReceivedTracks] = []
         self._health: dict[str, Health] = {}
-        self._client = Client(connect, ROBOT, 20.0)
+        self._client = Client(connect, robot, 20.0)
         self._arrived = threading.Condition()
         threading.Thread(target=self._listen, daemon=True).start()
 

@@ -6,6 +6,7 @@ import platform
 import re
 import shutil
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from tests import ROOT
@@ -66,6 +67,7 @@ def main() -> None:
     parser.add_argument(
         "--minutes", type=float, default=30.0, help="of one processor, for all targets together"
     )
+    parser.add_argument("--jobs", type=int, default=1, help="targets at once")
     parser.add_argument("--corpus", type=Path, help="folder of inputs, read and added to")
     parser.add_argument("--found", type=Path, default=Path("out/fuzz"), help="folder of findings")
     flags = parser.parse_args()
@@ -76,13 +78,16 @@ def main() -> None:
         t for name, t in targets if not flags.targets or any(f in name for f in flags.targets)
     ]
     seconds = flags.minutes * 60 / max(1, len(chosen))
-    rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        for target in chosen:
-            name = re.sub(r"\W+", "_", target.name)
-            corpus = (flags.corpus or Path(folder)) / name
-            rows.append(row(target, seconds, corpus, (flags.found / name).absolute()))
-            print(*rows[-1], sep=" | ", flush=True)
+
+    def work(target: Target) -> list[str]:
+        name = re.sub(r"\W+", "_", target.name)
+        corpus = (flags.corpus or Path(folder)) / name
+        cells = row(target, seconds, corpus, (flags.found / name).absolute())
+        print(*cells, sep=" | ", flush=True)
+        return cells
+
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(flags.jobs) as pool:
+        rows = list(pool.map(work, chosen))
     lines = [HEADER, ["---"] * len(HEADER), *rows]
     page = PAGE.format(
         machine=f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",

@@ -11,6 +11,7 @@ import numpy as np
 from common.geometry.wheel_odometry import JointConfig
 from common.io.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
 from common.io.ros_bag import PEOPLE, make_typestore
+from common.ros2.transforms import edges_of
 from people4d.codec import MESSAGES, decode, encode
 from people4d.errors import DecodeError
 from people4d.messages import CompressedRgbdFrame, Detections, Message
@@ -18,8 +19,8 @@ from services.camera.config import MotionConfig
 from services.camera.ros.camera import intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
-from services.camera.ros.motion import FrameTree, edges_of, odometry_of
-from services.camera.ros.topics import RGBD, RGBD_DEFINITION
+from services.camera.ros.motion import FrameTree, odometry_of
+from services.camera.ros.topics import RGBD
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.ros import LiveTruth, people_typestore, truth_of
 from tests.camera.ros.bags import Ros, compressed_depth, depth_mm, rgb
@@ -56,7 +57,7 @@ READERS: dict[str, Callable[[Any], object]] = {
     "tf2_msgs/msg/TFMessage": _tree,
     RGBD: lambda m: (colour_image(m.rgb), depth_image(m.depth)),
 }
-STORE = make_typestore(2, {RGBD: RGBD_DEFINITION})
+STORE = make_typestore(2, {})
 
 
 def message_target(name: str) -> Target:

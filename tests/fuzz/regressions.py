@@ -3,13 +3,18 @@
 import re
 import sqlite3
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from common.io.images import encode_png16
+from common.ros2 import types
+from common.transport.clock import TimeReply
 from people4d.codec import encode
+from services.events.journal import Journal
 from tests.camera.ros.bags import Ros, depth_mm, frames
 from tests.contract.examples import BY_NAME
 
@@ -61,6 +66,22 @@ def _wrong_size(folder: Path) -> bytes:
     return data[:at] + b"\xfe\xff\xff\x7f" + data[at + 4 :]
 
 
+def _broken_journal(folder: Path) -> bytes:
+    """A journal whose only message is a number."""
+    journal = Journal(folder / "events.sqlite", 100)
+    journal.append([BY_NAME["Event"]])  # type: ignore[list-item]
+    journal.close()
+    with closing(sqlite3.connect(folder / "events.sqlite")) as database, database:
+        database.execute("UPDATE events SET message = 5")
+    return (folder / "events.sqlite").read_bytes()
+
+
+def _odd_frame(_: Path) -> bytes:
+    header = {"stamp": {"sec": 5}, "frame_id": "m\x7f"}
+    pose = types.encode("geometry_msgs/msg/PoseStamped", {"header": header})
+    return b"\1" + len(pose).to_bytes(2, "little") + pose
+
+
 def _changed(statement: str) -> Callable[[Path], bytes]:
     """Return a function that makes a bag and changes its database."""
 
@@ -105,5 +126,25 @@ REGRESSIONS: Sequence[Regression] = (
         "ROS 2 bag (SQLite)",
         "a time stored as text was read as a stamp",
         _changed("UPDATE messages SET timestamp = 'soon'"),
+    ),
+    Regression(
+        "reply of a clock",
+        "an identity that is not UTF-8 raised UnicodeDecodeError in the thread of the reply",
+        lambda _: msgspec.msgpack.encode(TimeReply("name", 0, 0)).replace(b"name", b"\xff" * 4),
+    ),
+    Regression(
+        "journal of events",
+        "a damaged file, or a number in place of a message, ended the service with a traceback",
+        _broken_journal,
+    ),
+    Regression(
+        "zones of a page",
+        "a number of more than 64 bits raised OverflowError, answered by an error of the server",
+        lambda _: b'{"base": 99999999999999999999999, "zones": []}',
+    ),
+    Regression(
+        "live truth and transforms",
+        "a frame whose name cannot be used waited with its poses, and raised at every tick",
+        _odd_frame,
     ),
 )

@@ -16,7 +16,8 @@ from tests import ROOT
 from tests.fuzz.target import Target
 
 SERVICES = (
-    *("camera", "detector", "reid", "tracker", "gait", "visual_odometry", "gt_bridge", "report"),
+    *("camera", "detector", "reid", "tracker", "gait", "visual_odometry", "predictor", "gt_bridge"),
+    *("skeleton", "ros2_bridge", "report", "dashboard", "events", "site"),
 )
 CONFIG = ROOT / "deploy" / "config" / "people4d.toml"
 

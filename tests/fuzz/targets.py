@@ -5,7 +5,14 @@ from collections.abc import Iterator
 
 from tests.fuzz.target import Target
 
-MODULES = ("messages", "files", "settings")  # each with its TARGETS
+MODULES = (
+    "messages",
+    "files",
+    "settings",
+    "state",
+    "clients",
+    "sequences",
+)  # each with its TARGETS
 
 
 def groups() -> Iterator[dict[str, Target]]:

@@ -1,0 +1,9 @@
+"""The camera of the attacked system: three people who stand, few frames a second."""
+
+from benchmarks.lib.standing import Standing
+
+
+class StandingPeople(Standing):
+    """Shows people who stand, at a rate that a busy machine keeps up with."""
+
+    rate_hz = 6.0
