@@ -15,7 +15,7 @@ from people4d.errors import DecodeError
 from people4d.messages import Health, Message
 from people4d.topics import BY_MESSAGE, TOPICS
 
-WAIT_S = 10.0
+WAIT_S = 40.0
 
 M = TypeVar("M", bound=Message)
 _robots = itertools.count(1)

@@ -4,14 +4,16 @@ import importlib
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
+from common.ros2.config import Ros2Config
 from common.runtime.node import Node
 from people4d.messages import Odometry
 from services.camera.calibration import Intrinsics, camera_info
 from services.camera.source import Source, SourceFrame
+from services.ros2_bridge.config import Output
 
 SIZE = (48, 64)
 
@@ -41,7 +43,17 @@ SERVICES: dict[str, dict[str, Any]] = {
     "tracker-sort3d": {"tracker": "sort3d"},
     "gait": {},
     "visual_odometry": {},
+    "predictor": {},
+    "skeleton": {},
+    "ros2_bridge": {
+        "ros2": Ros2Config(transport="tests.ros2_bridge.memory:MemoryTransport"),
+        "publish": get_args(Output),
+        "reader_frame": "odom",
+    },
     "gt_bridge": {},
+    "dashboard": {},
+    "events": {},
+    "site": {"areas": ("area",)},
     "report": {"video": False, "sheet_frames": 2},
 }
 

@@ -15,7 +15,9 @@ FENCE = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 SPAN = re.compile(r"(?<!`)`([^`]+)`(?!`)")
-COMMAND = re.compile(r"(?:^|\s)(?:\S*/)?(people4d|python -m|make) ([^|;&]*)", re.DOTALL)
+COMMAND = re.compile(
+    r"(?:^|\s)(?:\S*/)?(people4d|python -m|make) ((?:\"[^\"]*\"|[^|;&\"])*)", re.DOTALL
+)
 ENDINGS = ("|", "&&", ";", "&", ">", "...")
 
 

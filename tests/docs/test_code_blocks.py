@@ -1,6 +1,7 @@
 """Every code block and command of README.md and docs: run, or marked as not run with a reason."""
 
 import itertools
+import json
 import os
 import re
 import shutil
@@ -37,7 +38,7 @@ from tests.network import Network
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 INCOMPLETE = {"MissingParameter", "NoArgsIsHelpError", "BadOptionUsage"}
-LANGUAGES = {"python", "javascript", "toml", "yaml", "sh", "text"}
+LANGUAGES = {"python", "javascript", "json", "toml", "yaml", "sh", "text"}
 ENDPOINT = re.compile(r"tcp/[\d.]+:7447")
 TIMEOUT_S = 60
 TARGETS = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
@@ -63,6 +64,8 @@ def publishing(network: Network) -> Iterator[str]:
         while not stop.wait(0.02):
             bus.publish(BY_NAME["Tracks"])
             bus.publish(BY_NAME["Gait"])
+            bus.publish(BY_NAME["Predictions"])
+            bus.publish(BY_NAME["Skeletons"])
 
     thread = threading.Thread(target=publish)
     thread.start()
@@ -160,6 +163,11 @@ def test_yaml_blocks_parse() -> None:
         assert yaml.safe_load(block.code), block.name
 
 
+def test_json_blocks_parse() -> None:
+    for block in blocks("json"):
+        assert json.loads(block.code), block.name
+
+
 @pytest.mark.parametrize("command", named([c for c in commands() if c.program == "people4d"]))
 def test_people4d_command_parses(command: Command) -> None:
     parse(command)
@@ -195,9 +203,10 @@ def parse(command: Command) -> None:
         return  # options of people4d alone, which act while they are parsed
     context = typer.main.get_command(app).make_context("people4d", arguments)
     while isinstance(context.command, TyperGroup):
-        name, found, rest = context.command.resolve_command(
-            context, [*context._protected_args, *context.args]
-        )
+        remaining = [*context._protected_args, *context.args]
+        if not remaining:
+            return  # a group that acts by itself
+        name, found, rest = context.command.resolve_command(context, remaining)
         assert found
         try:
             context = found.make_context(name, rest, parent=context)

@@ -17,10 +17,11 @@ from deploy.launcher.launcher import stop
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
 from people4d.messages import Health, Tracks
+from tests import ROOT
 from tests.network import Watcher
 
 ROBOT = "broken"
-START_TIMEOUT_S = 60.0
+START_TIMEOUT_S = 110.0
 
 
 class System:
@@ -44,6 +45,10 @@ class System:
         """Return the process number of a service, 0 while it does not run."""
         return self._supervisor.processes()[f"{service}-1"].pid
 
+    def pids(self) -> dict[str, int]:
+        """Return the process numbers of all services by instance."""
+        return {name: p.pid for name, p in self._supervisor.processes().items()}
+
     def signal(self, service: str, number: signal.Signals) -> int:
         """Send a signal to a service and return the process number that it went to."""
         pid = self.pid(service)
@@ -55,12 +60,15 @@ class System:
         self._bus.close()
 
 
-def up(folder: Path, port: int, *arguments: str) -> subprocess.CompletedProcess[str]:
+def up(
+    folder: Path, port: int, *arguments: str, source: str = str(DEMO)
+) -> subprocess.CompletedProcess[str]:
     """Run people4d up until it returns."""
     command = [sys.executable, "-m", "deploy.cli", "up", "--detach"]
+    own = {"PEOPLE4D_STATE": str(folder), "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
     return subprocess.run(
-        [*command, "--robot", ROBOT, "--port", str(port), "--source", str(DEMO), *arguments],
-        env={**os.environ, "PEOPLE4D_STATE": str(folder), "OMP_NUM_THREADS": "1"},
+        [*command, "--robot", ROBOT, "--port", str(port), "--source", source, *arguments],
+        env={**os.environ, **own},
         capture_output=True,
         text=True,
         timeout=START_TIMEOUT_S,
@@ -69,11 +77,15 @@ def up(folder: Path, port: int, *arguments: str) -> subprocess.CompletedProcess[
 
 
 @contextmanager
-def running(folder: Path) -> Iterator[System]:
-    """Start the system, playing in a loop; everything has ended after the block."""
+def running(
+    folder: Path,
+    *arguments: str,
+    source: str = str(DEMO),
+) -> Iterator[System]:
+    """Start the system; everything has ended after the block."""
     port, state = free_port(), State(folder / ROBOT)
     try:
-        done = up(folder, port, "--loop", "--set", "watchdog.silent_s=2.5")
+        done = up(folder, port, *arguments, source=source)
         assert done.returncode == 0, done.stderr
         system = System(state, f"tcp/127.0.0.1:{port}")
         try:

@@ -23,6 +23,9 @@ from tests.services import SERVICES, node_of
 
 pytestmark = pytest.mark.network
 
+OF_NAME = {topic.name: topic for topic in TOPICS}
+BLOCK = zenoh.CongestionControl.BLOCK  # a busy machine drops what may be dropped
+
 
 class All(Echo):
     """Takes every message there is, and tells how many of each came."""
@@ -63,16 +66,18 @@ def test_bad_payloads_are_counted_and_good_ones_handled_after_them(
     watcher = Watcher(network.open(robot), Health)
     running = threading.Thread(target=loop.run)
     running.start()
-    topics = [BY_MESSAGE[kind] for kind in node.inputs]
+    streams = [(BY_MESSAGE[kind], robot) for kind in node.inputs]
+    streams += [(OF_NAME[t.name], t.key.split("/")[2]) for t in node.foreign_inputs]
+    assert streams
     try:
         with zenoh.open(read_config(None, "client", network.environment)) as outside:
             watcher.wait(Health)
-            health = send_all(outside, robot, topics, watcher)
+            health = send_all(outside, streams, watcher)
             assert health.reason
-            received = {f"received_{topic.name}": 1 for topic in topics}
-            for topic in topics:
+            received = {f"received_{topic.name}": 1 for topic, _ in streams}
+            for topic, name in streams:
                 message = BY_NAME[topic.message.__name__]
-                outside.put(topic.key_of(message, robot), encode(message))
+                outside.put(topic.key_of(message, name), encode(message), congestion_control=BLOCK)
             health = watcher.wait_for_counters(**received)
             assert health.counters.get("errors", 0) == 0
     finally:
@@ -86,12 +91,14 @@ def test_bad_payloads_are_counted_and_good_ones_handled_after_them(
 
 
 def send_all(
-    outside: zenoh.Session, robot: str, topics: Sequence[Topic], watcher: Watcher
+    outside: zenoh.Session, streams: Sequence[tuple[Topic, str]], watcher: Watcher
 ) -> Health:
-    """Send every bad payload on every topic and wait until each was counted."""
+    """Send every bad payload on every topic of a robot and wait until each was counted."""
+    topics = [topic for topic, _ in streams]
     for number, payloads in enumerate(zip(*map(bad_payloads, topics), strict=True), 1):
-        for topic, payload in zip(topics, payloads, strict=True):
-            outside.put(topic.key_of(BY_NAME[topic.message.__name__], robot), payload)
+        for (topic, name), payload in zip(streams, payloads, strict=True):
+            key = topic.key_of(BY_NAME[topic.message.__name__], name)
+            outside.put(key, payload, congestion_control=BLOCK)
         # One at a time: of frames the newest wins, bad ones too.
         health = watcher.wait_for_counters(**{f"bad_{topic.name}": number for topic in topics})
     return health

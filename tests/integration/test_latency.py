@@ -8,10 +8,10 @@ from statistics import mean
 import pytest
 
 from common.runtime.latency import segments
+from common.runtime.monitor import of_frame
 from common.transport.clock import serve_time
 from common.transport.trace import STAGES, ProcessId, Tracer
 from deploy.chrome_trace import KINDS, FrameTraces
-from deploy.monitor import of_frame
 from people4d.client import Client
 from people4d.messages import Detections, Tracks
 from people4d.queue import Arrival

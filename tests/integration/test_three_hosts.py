@@ -4,18 +4,21 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from scripts.namespaces import Hosts, hosts, missing
-from tests import ROOT
+from common.io.recording import RecordingWriter, open_recording
+from people4d.messages import CompressedRgbdFrame, Tracks
+from scripts.namespaces import ADDRESSES, Hosts, hosts, missing
+from tests import DEMO, ROOT
 
 pytestmark = pytest.mark.processes
 
 BLOCK = re.compile(r"^```sh on=(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 HOSTS = ("tracker", "nuc")  # where something runs
+CAMERA_HOSTS = {"nuc": "cam1", "tracker": "cam2", "planner": "cam3"}  # and their robot names
 TIMEOUT_S = 100.0
 
 
@@ -41,9 +44,10 @@ def world(tmp_path: Path, state_folder: Path) -> Iterator[Hosts]:
         try:
             yield world
         finally:
-            for host in HOSTS:
-                down = [sys.executable, "-m", "deploy.cli", "down"]
-                world.run(host, down, env=environment(host, state_folder), cwd=ROOT)
+            for host, name in [*((host, "robot") for host in HOSTS), *CAMERA_HOSTS.items()]:
+                down = [sys.executable, "-m", "deploy.cli", "down", "--robot", name]
+                if (state_folder / host / name).exists():
+                    world.run(host, down, env=environment(host, state_folder), cwd=ROOT)
 
 
 @pytest.mark.timeout(300)
@@ -64,3 +68,66 @@ def test_documented_commands_bring_tracks_to_the_planner(
         except subprocess.CalledProcessError as error:
             pytest.fail(f"{host}: {text}\n{error.stdout}\n{error.stderr}")
     assert "people in map" in printed  # the last is the planner's
+
+
+@pytest.mark.timeout(600)
+def test_tracker_of_cameras_on_three_hosts_outlives_one(
+    world: Hosts, tmp_path: Path, state_folder: Path
+) -> None:
+    def run(host: str, command: str) -> str:
+        variables = environment(host, state_folder)
+        command = f"set -e; export PEOPLE4D_KEYS=keys/{CAMERA_HOSTS[host]}; {command}"
+        return world.run(
+            host, ["bash", "-c", command], env=variables, cwd=tmp_path, timeout=TIMEOUT_S
+        )
+
+    write_slow(tmp_path / "slow.mcap")
+    roles = "router,camera,detector,reid,watchdog,operator"
+    addresses = [ADDRESSES[host] for host in CAMERA_HOSTS]
+    keys = " ".join(f"--router {address}" for address in addresses)
+    keys += "".join(f" --host {name}={roles},tracker" for name in CAMERA_HOSTS.values())
+    run("nuc", f"people4d keys keys {keys}")
+    for number, (host, name) in enumerate(CAMERA_HOSTS.items()):
+        up = f"people4d up --compose deploy/hosts/two_cameras.yaml --host 0.0.0.0 --robot {name} -d"
+        for camera, service in ((1, "camera"), (2, "camera_2")):
+            for setting in ("source=slow.mcap", "loop=true", f"camera=c{2 * number + camera}"):
+                up += f" --set {service}.{setting}"
+        run(host, up)
+    connect = ",".join(f"tcp/{address}:7447" for address in addresses)
+    hosts_listed = ",".join(f'"{name}"' for name in CAMERA_HOSTS.values())
+    area = f"export PEOPLE4D_CONNECT={connect}; people4d up --compose deploy/hosts/area.yaml -d "
+    run("nuc", f"{area} --robot hall --set 'tracker.area.hosts=[{hosts_listed}]'")
+    try:
+        # One stream, through the router of another host than the tracker's.
+        router = f"--robot hall --connect tcp/{ADDRESSES['tracker']}:7447"
+        cameras = {f"c{number}" for number in range(1, 7)}
+        assert heard(run, tmp_path, router, cameras) == cameras
+        run("planner", "people4d down --robot cam3")
+        assert heard(run, tmp_path, router, cameras - {"c5", "c6"}) >= cameras - {"c5", "c6"}
+        assert "no detections come of host cam3" in run("tracker", f"people4d ps {router} || true")
+    finally:
+        run("nuc", "people4d down --robot hall")
+
+
+def write_slow(path: Path) -> None:
+    """Write one frame a second of the demo."""
+    with RecordingWriter(path) as writer:
+        number = 0
+        for log_ns, message in open_recording(DEMO).messages():
+            if isinstance(message, CompressedRgbdFrame):
+                number += 1
+            if not isinstance(message, CompressedRgbdFrame) or number % 15 == 1:
+                writer.write(message, log_ns)
+
+
+def heard(run: Callable[[str, str], str], folder: Path, router: str, wanted: set[str]) -> set[str]:
+    """Record people for some seconds at a time until those of all cameras came."""
+    found = set[str]()
+    for attempt in range(10):  # frames come once a second and camera
+        file = f"people{attempt}-{len(wanted)}.mcap"
+        run("tracker", f"people4d record {file} {router} --topics people --for 3")
+        recording = open_recording(folder / file)
+        found = {m.camera for _, m in recording.messages(Tracks) if isinstance(m, Tracks)}
+        if found >= wanted:
+            break
+    return found

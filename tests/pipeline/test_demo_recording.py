@@ -31,9 +31,8 @@ from services.detector.config import DetectorConfig
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.node import GtBridgeNode
 from services.gt_bridge.sources.registry import open_truth
-from services.tracker.build import make_tracker
+from services.tracker.build import build
 from services.tracker.config import TrackerConfig
-from services.tracker.node import TrackerNode
 from tests import ROOT
 
 pytestmark = pytest.mark.slow
@@ -189,7 +188,7 @@ def test_embeddings_one_frame_late_change_nothing(messages: list[Message]) -> No
 
 def tracked(messages: Sequence[Message], parts: Sequence[Message]) -> list[bytes]:
     """Return tracks of the tracker alone for messages in a given order."""
-    node = TrackerNode(tracker_config(), make_tracker(tracker_config()))
+    node = build(tracker_config())
     for transform in (m for m in messages if isinstance(m, StaticTransform)):
         node.handle(transform, 0)
     outputs = [output for part in parts for output in node.handle(part, 0)]

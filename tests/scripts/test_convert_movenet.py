@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.inference import OnnxSession
+from common.inference.onnx import OnnxSession
 from scripts.convert_movenet import HEADS, convert, read_member
 from services.detector.models.letterbox import Letterbox
 from tests import ROOT
