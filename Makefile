@@ -3,7 +3,9 @@
 # make quick   the tests that start no process and draw nothing
 # make check   format, lint, types, import rules, conventions, spelling
 # make docs    build the documentation as a site, out/site
-# make fuzz    feed every decoder and file reader with hostile bytes, half an hour
+# make fuzz    feed every decoder and file reader with hostile bytes, an hour
+# make audit   compare all packages with known vulnerabilities
+# make sbom    write the bill of materials (CycloneDX), out/sbom.cdx.json
 # make lock    renew the pinned dependencies
 
 PYTHON ?= python3
@@ -11,7 +13,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 
-.PHONY: demo test quick check docs format fuzz lock clean
+.PHONY: demo test quick check docs format fuzz audit sbom lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -42,7 +44,13 @@ format: $(VENV)/.dev
 
 fuzz: $(VENV)/.dev
 	$(BIN)/pip install --disable-pip-version-check "atheris>=3"
-	$(BIN)/python -m tests.fuzz --minutes 30
+	$(BIN)/python -m tests.fuzz --minutes 60
+
+audit: $(VENV)/.audit
+	$(BIN)/python -m scripts.audit
+
+sbom: $(VENV)/.audit
+	$(BIN)/python -m scripts.sbom out/sbom.cdx.json
 
 $(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -53,7 +61,7 @@ $(VENV)/bin/pip:
 $(VENV)/.run: $(VENV)/bin/pip requirements.lock pyproject.toml
 	@echo "Setting up $(VENV) (once, about a minute) ..."
 	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/pip install --disable-pip-version-check --no-deps --no-build-isolation -e '.[robot]'
+	$(BIN)/pip install --disable-pip-version-check --no-deps --no-build-isolation -e '.[robot,dashboard]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.run requirements-dev.lock
@@ -66,14 +74,21 @@ $(VENV)/.docs: $(VENV)/.run requirements-docs.lock
 	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements-docs.lock
 	@touch $@
 
+$(VENV)/.audit: $(VENV)/.run requirements-audit.lock
+	@echo "Setting up the tools of the supply chain ..."
+	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements-audit.lock
+	@touch $@
+
 lock: $(VENV)/.run
 	$(BIN)/pip install uv
-	$(BIN)/uv pip compile pyproject.toml --extra robot --extra build --generate-hashes --universal --upgrade --python-version 3.11 \
+	$(BIN)/uv pip compile pyproject.toml --extra robot --extra dashboard --extra build --generate-hashes --universal --upgrade --python-version 3.11 \
 		--no-header --no-annotate -o requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --extra robot --extra build --extra dev -c requirements.lock \
+	$(BIN)/uv pip compile pyproject.toml --extra robot --extra dashboard --extra build --extra dev -c requirements.lock \
 		--generate-hashes --universal --upgrade --python-version 3.11 --no-header --no-annotate -o requirements-dev.lock
 	$(BIN)/uv pip compile pyproject.toml --extra docs -c requirements-dev.lock --generate-hashes --universal --upgrade \
 		--python-version 3.11 --no-header --no-annotate -o requirements-docs.lock
+	$(BIN)/uv pip compile pyproject.toml --extra audit -c requirements-dev.lock --generate-hashes --universal --upgrade \
+		--python-version 3.11 --no-header --no-annotate -o requirements-audit.lock
 
 clean:
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info
