@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from benchmarks.lib.lab_frames import LabFrame, has_to_be_found, inside, is_alone, lab_frames
+from benchmarks.lib.lab_frames import LabFrame, is_alone, lab_frames
 from benchmarks.lib.table import markdown, spread, write
 from common.geometry.boxes import iou_xyxy
+from evaluation.recordings.rendered import has_to_be_found, inside
 from lab.camera.frames import FrameRenderer, RenderSettings
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
 from lab.scenario import load_scenario

@@ -22,8 +22,8 @@ from benchmarks.lib.system import running
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.lib.tracing_cost import cost_of_marks, tracing
 from common.runtime.latency import merge_stages, percentiles
+from common.runtime.monitor import FramePath, Monitor
 from common.transport.trace import STAGES, ProcessId
-from deploy.monitor import FramePath, Monitor
 from people4d.messages import Detections, Tracks
 
 WARM_UP = 15
@@ -71,18 +71,18 @@ def play(camera: Sequence[str], frames: int) -> SubscriberRun:
                 continue  # a prediction is of no frame
             count += 1
             if count == WARM_UP:
-                begin_s, begin_cpu_s = time.perf_counter(), _cpu_s()
+                begin_s, begin_cpu_s = time.perf_counter(), cpu_s()
             if count > WARM_UP and path:
                 run.paths.append(path)
                 run.end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
             if count == WARM_UP + frames:
                 break
         run.rate_hz = (count - WARM_UP) / (time.perf_counter() - begin_s)
-        run.cpu_ms = 1e3 * (_cpu_s() - begin_cpu_s) / (count - WARM_UP)
+        run.cpu_ms = 1e3 * (cpu_s() - begin_cpu_s) / (count - WARM_UP)
     return run
 
 
-def _cpu_s() -> float:
+def cpu_s() -> float:
     """Return the processor time of this process's children so far [s]."""
     times = [child.cpu_times() for child in psutil.Process().children()]
     return sum(t.user + t.system for t in times)

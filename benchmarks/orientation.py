@@ -5,7 +5,6 @@ by itself, without a tracker.
 """
 
 import argparse
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +12,8 @@ import msgspec
 import numpy as np
 
 from benchmarks.lib.table import markdown, write
-from benchmarks.positions import CachedModel, RenderedFrame, lab_frames_of, pairs
+from benchmarks.positions import CachedModel
+from evaluation.recordings.rendered import RenderedFrame, matches, render, yaw_error_deg
 from people4d.messages import F64, Detections
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import load_model
@@ -57,15 +57,8 @@ def errors_deg(config: DetectorConfig, model: CachedModel, taken: Sequence[Rende
         node.handle(rendered.info, 0)
         output = node.handle(rendered.frame, 0)[-1]
         assert isinstance(output, Detections)
-        index_of = {id(position_m): k for k, position_m in enumerate(rendered.positions_m)}
-        for position_m, detection in pairs(rendered, output.detections):
-            if detection.heading is None:
-                errors.append(math.nan)
-                continue
-            x, y, _ = rendered.map_from_optical[:3, :3] @ detection.heading
-            true_rad = rendered.people[index_of[id(position_m)]].yaw_rad
-            off_rad = math.atan2(y, x) - true_rad
-            errors.append(math.degrees(math.remainder(off_rad, 2 * math.pi)))
+        for index, detection in matches(rendered.people, output.detections).items():
+            errors.append(yaw_error_deg(rendered, index, detection))
     return np.array(errors)
 
 
@@ -85,7 +78,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="few frames, nothing is written")
     quick = parser.parse_args().quick
     sequences = QUICK if quick else SEQUENCES
-    taken = list(lab_frames_of(sequences))
+    taken = list(render(sequences))
     model = CachedModel(load_model(DetectorConfig()))
     rows, count = [], 0
     for name, output in METHODS.items():

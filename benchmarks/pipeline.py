@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.lib.system import running
 from benchmarks.lib.table import markdown, quantiles, spread, write
-from common.inference import OnnxSession
+from common.inference.onnx import OnnxSession
 from common.io.weights import choose, find, folders, load_manifest
 from common.runtime.latency import merge_stages, segments
 from people4d.messages import Span, Tracks

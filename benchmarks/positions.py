@@ -5,39 +5,23 @@ by itself, without a tracker. Models that are not shipped are looked for in `--s
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from benchmarks.lib.lab_frames import has_to_be_found
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT, models
-from common.geometry.boxes import iou_xyxy
-from common.geometry.transforms import apply
-from lab.camera.frames import FrameRenderer, RenderSettings
-from lab.scenario import load_scenario
-from lab.truth.frames import PersonView, person_views
-from lab.world import World
-from people4d.messages import F64, U8, CameraInfo, Detection, Detections, RgbdFrame
+from evaluation.recordings.rendered import HELD_OUT, RenderedFrame, matches, render
+from people4d.messages import F64, U8, Detection, Detections
 from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.models.registry import load_model
 from services.detector.node import DetectorNode
 
-# Scenario, seed and frames, none of which were used to choose a constant of the detector: four
-# people cross before a camera that stands still, four in a hall before a robot that drives, two sit
-# down.
-SEQUENCES = (
-    ("four_crossing", 22, range(200, 360, 4)),
-    ("pmrm1", 23, range(30, 430, 14)),
-    ("short_sit", 24, range(60, 240, 12)),
-)
 SEPARATE = {"method": "separate", "weighted": False}  # orientation, by which to_axis works
-OVERLAP_MIN = 0.4  # of a detection's box with the true one
 METHODS = {
     "movenet-multipose": ("keypoints", "grown", "torso"),
     "yolov8n-pose": ("keypoints", "grown", "torso"),
@@ -47,17 +31,6 @@ HEADER = [
     *("model", "position", "to axis", "found", "across: bias m", "RMSE m"),
     *("along: bias m", "RMSE m", "median m", "NES"),
 ]
-
-
-@dataclass(frozen=True)
-class RenderedFrame:
-    """One frame and the people in it that have to be found."""
-
-    frame: RgbdFrame
-    info: CameraInfo
-    people: Sequence[PersonView]
-    positions_m: Sequence[F64]  # of the same people, optical frame
-    map_from_optical: F64  # 4x4
 
 
 @dataclass
@@ -88,29 +61,6 @@ class CachedModel:
         return self._found[key]
 
 
-def lab_frames_of(
-    sequences: Sequence[tuple[str, int, range]] = SEQUENCES,
-) -> Iterator[RenderedFrame]:
-    """Draw the frames of scenarios under seeds."""
-    for name, seed, indices in sequences:
-        world = World(load_scenario(name), seed)
-        renderer = FrameRenderer(world, RenderSettings())
-        for index in indices:
-            view, t_s = renderer.view(index), world.frame_s(index)
-            frame = RgbdFrame(
-                stamp_ns=world.stamp_ns(index),
-                sequence=index,
-                camera=world.info.camera,
-                rgb=renderer.rgb(index, view),
-                depth_mm=renderer.depth_mm(index, view),
-            )
-            size = (world.info.height, world.info.width)
-            people = [p for p in person_views(world, t_s, view) if has_to_be_found(p, size)]
-            optical_from_map = world.optical_from_map(t_s)
-            positions_m = [apply(optical_from_map, p.position_m) for p in people]
-            yield RenderedFrame(frame, world.info, people, positions_m, world.map_from_optical(t_s))
-
-
 def measure(model: PersonModel, config: DetectorConfig, taken: Sequence[RenderedFrame]) -> Errors:
     """Return the errors of one method over all frames."""
     node, errors = DetectorNode(model, config), Errors()
@@ -118,21 +68,9 @@ def measure(model: PersonModel, config: DetectorConfig, taken: Sequence[Rendered
         node.handle(rendered.info, 0)
         output = node.handle(rendered.frame, 0)[-1]
         assert isinstance(output, Detections)
-        for position_true_m, detection in pairs(rendered, output.detections):
-            add(errors, position_true_m, detection)
+        for index, detection in matches(rendered.people, output.detections).items():
+            add(errors, rendered.positions_m[index], detection)
     return errors
-
-
-def pairs(rendered: RenderedFrame, found: Sequence[Detection]) -> Iterator[tuple[F64, Detection]]:
-    """Yield who was found, by the overlap of boxes, with where they truly are."""
-    if not found or not rendered.people:
-        return
-    true = np.array([p.box_xyxy_px for p in rendered.people])
-    overlap = iou_xyxy(true, np.array([d.box_xyxy_px for d in found], np.float64))
-    rows, columns = linear_sum_assignment(-overlap)
-    for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
-        if overlap[i, j] > OVERLAP_MIN:
-            yield rendered.positions_m[i], found[j]
 
 
 def add(errors: Errors, position_true_m: F64, detection: Detection) -> None:
@@ -160,7 +98,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
     shared = parser.parse_args().shared
-    taken = list(lab_frames_of())
+    taken = list(render(HELD_OUT))
     people = sum(len(rendered.people) for rendered in taken)
     rows = []
     for name, path in models(shared).items():
@@ -175,7 +113,7 @@ def main() -> None:
                 rows.append(row(name, position, to_axis, found, people))
     text = (
         f"{people} views of people of whom at least 35 % is seen, in {len(taken)} frames of "
-        + ", ".join(f"{name} (seed {seed})" for name, seed, _ in SEQUENCES)
+        + ", ".join(f"{name} (seed {seed})" for name, seed, _ in HELD_OUT)
         + ". Errors of single frames, across and along the line of sight, from the mean of "
         "shoulders and hips. Along: negative is too near. NES is the mean of the squared error "
         "normalised by the covariance that the detection tells: 3 if that is right, less if it is "

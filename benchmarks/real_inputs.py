@@ -18,6 +18,7 @@ from benchmarks.lib.table import markdown, write
 from common.drawing.people import annotate
 from common.drawing.tiles import shrink
 from common.runtime.node import Node
+from evaluation.methods import read_method
 from evaluation.pipeline import PipelineStep, pipeline, play, track_again
 from evaluation.recordings.hand_annotations import TORSO_MM, compare, crossing_camera, match
 from people4d.messages import U8, Crops, Detection, Detections, Message, RgbdFrame, Tracks
@@ -27,11 +28,19 @@ from services.reid.config import ReidConfig
 from services.report.config import ReportConfig
 from services.report.folder import AnnotatedFrame
 from services.report.node import ReportNode
-from services.report.statistics import RunSummary
+from services.report.page import RunPage
+from services.tracker.config import TrackerConfig
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "out" / "real_inputs"
-TRACKERS = ("strongsort3d", "sort3d")
+# By name in the table; the first is what ships.
+TRACKERS = {
+    "strongsort3d (ships)": TrackerConfig(),
+    "strongsort3d [PIC4SeR]": published_tracker("strongsort3d"),
+    "sort3d [PIC4SeR]": published_tracker("sort3d"),
+    "image_sort (preset image-sort-best)": read_method("image-sort-best").tracker,
+}
+SHIPPED = next(iter(TRACKERS))
 SHEET_FRAMES = 24
 
 
@@ -66,7 +75,7 @@ class Sheet:
     def add_frame(self, frame: AnnotatedFrame) -> None:
         """Take a frame of the video; there is none."""
 
-    def finish(self, sheet: U8, summary: RunSummary) -> None:  # noqa: ARG002
+    def finish(self, sheet: U8, page: RunPage) -> None:  # noqa: ARG002
         """Write the sheet."""
         save(self._path, sheet)
 
@@ -124,8 +133,8 @@ def crossing_rows(shared: Path) -> Iterator[list[str]]:
     for name, reid in [*runs, ("yolov8n-pose", osnet(shared))]:
         path = OUT / f"filinha_{name}_{reid.embedder}.png"
         played = play_with_sheet(crossing_camera(shared), models(shared)[name], reid, path)
-        for tracker in TRACKERS if reid == ReidConfig() else TRACKERS[:1]:
-            again = track_again(played.messages, published_tracker(tracker))
+        for tracker in TRACKERS if reid == ReidConfig() else (SHIPPED,):
+            again = track_again(played.messages, TRACKERS[tracker])
             yield [name, reid.embedder, tracker, *_figures(played, again)]
 
 
@@ -214,7 +223,8 @@ CROSSING_NOTE = (
     "identity` are those whose track is theirs when people and tracks are paired one to one. "
     "Tracks are confirmed identities; six would be right, and one more for a head that passes "
     "below the camera at the start. `ms a frame` is the median of all stages, one thread, without "
-    "transport. Trackers run on their shipped defaults."
+    "transport. Detector, embedder and the tracker `ships` have their defaults; [PIC4SeR] are the "
+    "trackers with its constants."
 )
 BAGS_NOTE = (
     "Five frames of one man who stands in front of the camera, other people behind. By hand: depth "

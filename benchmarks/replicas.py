@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.lib.system import Cluster, Listener, cluster, running
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.lib.timeline import Event, Frame, draw, lost
-from common.inference import OnnxSession
+from common.inference.onnx import OnnxSession
 from common.io.weights import choose, find, folders, load_manifest
 from people4d.client import Client
 from people4d.codec import encode

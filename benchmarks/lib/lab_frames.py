@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaluation.recordings.rendered import has_to_be_found
 from lab.camera.frames import FrameRenderer, RenderSettings
 from lab.drawing.renderer import DepthView
 from lab.scenario import load_scenario
@@ -13,8 +14,6 @@ from lab.world import World
 from people4d.messages import U8
 
 ALONE_MIN = 0.9  # visible share from which nothing hides a person
-VISIBLE_MIN = 0.35  # visible share below which a person need not be found
-FACE_AND_TORSO = [0, 5, 6, 11, 12]  # COCO: nose, shoulders, hips
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class LabFrame:
 
 def lab_frames(name: str, count: int, seed: int | None = None) -> Iterator[LabFrame]:
     """Draw frames of a scenario, spread evenly over its time."""
-    world = World(load_scenario(name), seed)
+    world = World(load_scenario(name, seed), seed)
     renderer = FrameRenderer(world, RenderSettings())
     bodies = [person.body for person in world.scenario.people]
     for index in np.linspace(0, world.frame_count - 1, count).astype(int).tolist():
@@ -40,20 +39,6 @@ def lab_frames(name: str, count: int, seed: int | None = None) -> Iterator[LabFr
         yield LabFrame(name, world.frame_s(index), renderer.rgb(index, view), view, people, bodies)
 
 
-def has_to_be_found(person: PersonView, size: tuple[int, int]) -> bool:
-    """Check that enough of a person is visible, face and torso inside the image."""
-    return person.visible_share >= VISIBLE_MIN and bool(
-        np.all(inside(person, size)[FACE_AND_TORSO])
-    )
-
-
 def is_alone(person: PersonView, size: tuple[int, int]) -> bool:
     """Check that nothing hides a person that has to be found."""
     return has_to_be_found(person, size) and person.visible_share >= ALONE_MIN
-
-
-def inside(person: PersonView, size: tuple[int, int]) -> U8:
-    """Return 1 for keypoints inside an image of a height and a width, 17."""
-    height, width = size
-    u, v = np.nan_to_num(person.keypoints_px, nan=-1.0).T
-    return np.asarray((u >= 0) & (v >= 0) & (u < width) & (v < height), np.uint8)

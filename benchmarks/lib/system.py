@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from common.transport.ports import free_port
+from common.transport.trace import JOINED
 from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.client import Client
 from people4d.messages import Health
@@ -51,12 +52,14 @@ class Cluster:
         """Start a process.
 
         Args:
-            service: Its service.
-            instance: Its name.
-            settings: "field=value" of its configuration.
+            service: Its service; several, with + between, in one process.
+            instance: Its name; several likewise.
+            settings: "field=value" of its configuration; "service.field=value" of several.
         """
         flags = [flag for setting in settings for flag in ("--set", setting)]
-        command = [sys.executable, "-m", f"services.{service}", "--instance", instance, *flags]
+        several = JOINED in service
+        module = ["deploy.joined", *service.split(JOINED)] if several else [f"services.{service}"]
+        command = [sys.executable, "-m", *module, "--instance", instance, *flags]
         environment = dict(os.environ, OMP_NUM_THREADS="1", PEOPLE4D_CONNECT=self.endpoint)
         environment["PEOPLE4D_STATE"] = self._state.name
         listen = {"PEOPLE4D_LISTEN": self.endpoint} if service == "router" else {}
@@ -109,7 +112,10 @@ def cluster(logs: Path) -> Iterator[Cluster]:
 
 @contextlib.contextmanager
 def running(
-    services: Sequence[tuple[str, Sequence[str]]], logs: Path, direct: bool = False
+    services: Sequence[tuple[str, Sequence[str]]],
+    logs: Path,
+    direct: bool = False,
+    together: bool = False,
 ) -> Iterator[Client]:
     """Run services until the block ends.
 
@@ -119,12 +125,19 @@ def running(
             ready.
         logs: Folder for what they print.
         direct: Whether the client is linked to the services, not only to the router.
+        together: Whether they share one process.
 
     Yields:
         A client of the system, connected before the last service starts.
     """
+    if together:
+        settings: Sequence[str] = [f"{name}.{text}" for name, texts in services for text in texts]
+        services = [(JOINED.join(name for name, _ in services), settings)]
     names = [name for name, _ in services]
-    instances = [f"{name}-{names[: k + 1].count(name)}" for k, name in enumerate(names)]
+    instances = [
+        JOINED.join(f"{one}-{names[: k + 1].count(name)}" for one in name.split(JOINED))
+        for k, name in enumerate(names)
+    ]
     with contextlib.ExitStack() as stack:
         started = stack.enter_context(cluster(logs))
         client = (
