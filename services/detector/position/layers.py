@@ -86,18 +86,19 @@ def read_layer(
 def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> tuple[float, float, float]:
     """Return the depth of the best layer, its score from 0 to 1, and the variance of the depth.
 
-    A layer of a fraction p of the two best scores, a gap away, makes the depth uncertain by
-    p (1 - p) gap^2. The score is 0 if no layer is possible, or the best one has next to nothing of
-    the person, readings that are absent or out of range counted: furniture before a person who is
-    beyond the range of the camera.
+    Another layer of a fraction p of the sum of both squared scores, a gap away, makes the depth
+    uncertain by p (1 - p) gap^2. Readings of the best layer do not count for it: they are the
+    person's own arms and legs. The score is 0 if no layer is possible, or the best one has next to
+    nothing of the person, readings that are absent or out of range counted: furniture before a
+    person who is beyond the range of the camera.
     """
     if not own.any():
         return math.nan, 0.0, 0.0
     depth_m, weights = person.depth_m[own], person.weights[own]
     near = np.abs(depth_m[:, None] - depth_m) <= config.half_m
-    scores = near @ weights / max(float(weights.sum()), 1e-9)
-    if person.size is not None:
-        scores = scores * _fit(depth_m, person.size, config)
+    parts = weights / max(float(weights.sum()), 1e-9)
+    fit = 1.0 if person.size is None else _fit(depth_m, person.size, config)
+    scores = near @ parts * fit
     best = int(np.argmax(scores))
     part_own = float(weights.sum()) / max(float(person.weights.sum()), 1e-9)
     if scores[best] <= 0 or scores[best] * part_own < config.score_min:
@@ -108,8 +109,9 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> tuple[float,
     apart = np.abs(depth_m - layer_m) > config.half_m
     if not apart.any():
         return layer_m, score, 0.0
-    second = int(np.argmax(np.where(apart, scores, 0.0)))
-    fraction = float(scores[second]) / (score + float(scores[second]))
+    others = apart * (near @ (parts * apart)) * fit
+    second = int(np.argmax(others))
+    fraction = float(others[second] ** 2 / (score**2 + others[second] ** 2))
     gap_m = float(depth_m[second]) - layer_m
     return layer_m, score, fraction * (1 - fraction) * gap_m**2
 

@@ -112,7 +112,8 @@ def test_an_outline_reaches_beyond_the_keypoints() -> None:
 
 
 def test_another_layer_of_nearly_equal_score_adds_variance() -> None:
-    # Three samples at 2 m, two at 3 m: 0.4 * 0.6 * 1 m^2; with weights of 1 and 0.5, a quarter.
+    # Three samples at 2 m, two at 3 m: 0.4^2 and 0.6^2 are 4/13 and 9/13 of their sum, 1 m apart;
+    # with weights of 1 and 0.5, 0.25^2 and 0.75^2: 0.1 and 0.9.
     torn = samples([2.0, 2.0, 2.0, 3.0, 3.0])
     limbs = replace(torn, weights=np.array([1.0, 1.0, 1.0, 0.5, 0.5]))
     alike = samples([2.0, 2.1, 1.9, math.nan, 2.0])
@@ -120,14 +121,22 @@ def test_another_layer_of_nearly_equal_score_adds_variance() -> None:
         None if layer is None else layer.variance_m2
         for layer in (assign_layers([one], CONFIG)[0] for one in (torn, limbs, alike))
     ]
-    assert variances == pytest.approx([0.24, 0.1875, 0.0])
+    assert variances == pytest.approx([36 / 169, 0.09, 0.0])
 
 
 def test_layer_that_does_not_suit_the_size_adds_little_variance() -> None:
     # As large as at 2 m; at 3 m: ln(1.5) / 0.2 = 2.03 sigma, 0.128. Scores 0.6 and 0.4 * 0.128.
     layer = assign_layers([samples([2.0, 2.0, 2.0, 3.0, 3.0], size_depth_m=2.0)], CONFIG)[0]
     assert layer is not None
-    assert layer.variance_m2 == pytest.approx(0.6 * 0.0512 / 0.6512**2, rel=0.01)
+    assert layer.variance_m2 == pytest.approx((0.0512 / 0.6) ** 2, rel=0.02)
+
+
+def test_readings_of_the_best_layer_do_not_count_for_another() -> None:
+    # All five lie within 0.25 m of 2.2 m; of their median, 2.1 m, the last is 0.26 m off and the
+    # only one of its layer: 0.2^2 against 1, not 0.4 with the reading at 2.2 m.
+    layer = assign_layers([samples([2.0, 2.0, 2.1, 2.2, 2.36])], CONFIG)[0]
+    assert layer is not None
+    assert layer.variance_m2 == pytest.approx(25 / 26**2 * 0.26**2)
 
 
 def test_nearer_layer_suits_a_person_who_is_turned() -> None:
