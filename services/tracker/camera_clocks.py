@@ -6,6 +6,7 @@ only with the clock. The difference of two cameras' least values is the offset o
 within the difference of their least unmeasured delays.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -20,6 +21,7 @@ RISE_NS = 250_000_000  # a delay longer by this, in RISEN_MAX frames in a row, i
 RISEN_MAX = 10
 TRACE_MAX_NS = 2_000_000_000  # of the stages in a trace
 ACTIVE_NS = 3_000_000_000  # a camera that was heard of within this is active
+INTERVALS = 9  # between the last frames of a camera, of which the longest counts
 REFERENCE_NS = 30_000_000_000  # without a frame of the reference after which another replaces it
 
 
@@ -60,6 +62,7 @@ class CameraClock:
     newest_ns: int = 0  # [ns] newest stamp
     heard_ns: int = 0  # [ns] monotonic
     delay: LeastDelay = field(default_factory=LeastDelay)
+    intervals_ns: deque[int] = field(default_factory=lambda: deque(maxlen=INTERVALS))
 
 
 class CameraClocks:
@@ -92,6 +95,8 @@ class CameraClocks:
             return None
         is_first = clock.delay.frames == 0
         clock.newest_ns = stamp_ns if is_first else max(clock.newest_ns, stamp_ns)
+        if not is_first:
+            clock.intervals_ns.append(now_ns - clock.heard_ns)
         clock.heard_ns = now_ns
         clock.delay.add(now_ns - _measured_ns(detections.trace) - stamp_ns, now_ns)
         self._choose_reference(camera, now_ns)
@@ -109,6 +114,11 @@ class CameraClocks:
         """Return the time since the last frame of a camera [ns]; None before the first."""
         clock = self._clocks.get(camera)
         return None if clock is None else max(now_ns - clock.heard_ns, 0)
+
+    def interval_ns(self, camera: str) -> int:
+        """Return the longest time between the last frames of a camera [ns]; 0 before the second."""
+        clock = self._clocks.get(camera)
+        return max(clock.intervals_ns, default=0) if clock else 0
 
     def is_apart(self, camera: str) -> bool:
         """Check that the clock of a camera differs by too much."""

@@ -6,12 +6,15 @@ recording that begins again, sends no frame of the time before.
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from people4d.messages import Detections
 from services.tracker.camera_clocks import CameraClocks
 
-SILENT_NS = 1_000_000_000  # without a frame of the old time, after which a clock was set
+SILENT_NS = 1_000_000_000  # without a frame of the old time, after which a clock was set; ...
+SILENT_INTERVALS = 3  # ... of a camera whose frames come rarely so many of the longest intervals
+SILENT_MAX_NS = 4_000_000_000
 CAMERAS_MAX = 8  # of which frames wait at once, ...
 HELD_MAX = 64  # ... of each so many; of more the oldest but the first are left out
 HELD_MAX_BYTES = 16 * 2**20  # of all that wait
@@ -72,14 +75,13 @@ class StampGuard:
         due = [
             camera
             for camera, held in self._held.items()
-            if flush or now_ns - held[0].arrived_ns >= SILENT_NS
+            if flush or now_ns >= self._due_ns(camera, held)
         ]
         return [frame for camera in due for frame in self._held.pop(camera)]
 
     def wake_ns(self) -> int | None:
         """Return the monotonic time at which frames are due; None if none wait."""
-        times = (held[0].arrived_ns + SILENT_NS for held in self._held.values())
-        return min(times, default=None)
+        return min((self._due_ns(*waiting) for waiting in self._held.items()), default=None)
 
     def reasons(self, now_ns: int) -> list[str]:
         """Return a sentence on each camera of which frames were left out in the last seconds."""
@@ -90,6 +92,11 @@ class StampGuard:
             "publisher use its name?"
             for camera, (_, ahead_s) in self._strays.items()
         ]
+
+    def _due_ns(self, camera: str, held: Sequence[ArrivedFrame]) -> int:
+        """Return the monotonic time at which a camera has been silent for so long."""
+        rare_ns = min(SILENT_INTERVALS * self.clocks.interval_ns(camera), SILENT_MAX_NS)
+        return held[0].arrived_ns + max(SILENT_NS, rare_ns)
 
     def _drop(self, camera: str, now_ns: int) -> None:
         """Leave out the frames of a camera that wait: a frame of its own time came."""

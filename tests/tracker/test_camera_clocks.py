@@ -208,6 +208,14 @@ def test_messages_in_the_name_of_a_camera_with_a_far_stamp_are_left_out(ahead_ms
     assert "does another publisher use its name?" in status.reason
 
 
+def test_messages_between_the_rare_frames_of_a_camera_are_left_out() -> None:
+    target = node(tracker="sort3d")
+    forged = [(1500.0 + k, view_of(15 + k, "front", HOUR_MS)) for k in range(5)]
+    results = play(target, arrivals("front")[::20], forged)  # a frame in 1.3 s
+    assert [t.sequence for t in answered(results, "front")] == list(range(0, FRAMES, 20))
+    assert target.status().counters["clock_resets"] == 0
+
+
 def test_an_old_message_that_is_sent_again_and_again_is_left_out() -> None:
     target = node(tracker="sort3d")
     old = [(5000.0 + k, view_of(10, "front")) for k in range(50)]

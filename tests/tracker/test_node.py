@@ -20,7 +20,7 @@ from people4d.messages import (
 )
 from services.tracker.build import build
 from services.tracker.node import TrackerNode
-from services.tracker.stamp_guard import SILENT_NS
+from services.tracker.stamp_guard import SILENT_MAX_NS, SILENT_NS
 from tests import builders
 from tests.tracker.scene import published_config
 
@@ -391,7 +391,7 @@ def test_wild_input_is_answered_or_counted(name: str) -> None:
         )
         answers += feed(target, [frame, embeddings], now_ns) + tracks(target.tick(now_ns))
         sent += 1
-    answers += tracks(target.tick(now_ns + 1000 * MS))
+    answers += tracks(target.tick(now_ns + SILENT_MAX_NS))
     counters = target.status().counters
     assert len(answers) + counters["stale"] + counters["stray_frames"] == sent
     assert counters["clock_resets"] > 0
