@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+import zenoh
+
 from common.transport.ports import free_port
 from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.codec import decode
@@ -16,15 +18,22 @@ from people4d.messages import Health, Message
 from people4d.topics import BY_MESSAGE, TOPICS
 
 WAIT_S = 40.0
+CONGESTED = "transport/link/tx/queue/congestion_control/drop"
 
 M = TypeVar("M", bound=Message)
 _robots = itertools.count(1)
 
 
 class Network:
-    """One router and the sessions opened through it; close ends them all."""
+    """One router and the sessions opened through it; close ends them all.
 
-    def __init__(self) -> None:
+    Args:
+        patient: No message is dropped because a reader is slow, and no link because nothing comes
+            for seconds, as on a machine that is busy with other tests; False: as shipped.
+    """
+
+    def __init__(self, patient: bool = True) -> None:
+        self._patient = patient
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         self.environment = {"PEOPLE4D_CONNECT": self.endpoint}
         self._buses: list[ZenohBus] = []
@@ -32,7 +41,7 @@ class Network:
 
     def start_router(self) -> None:
         """Open the router."""
-        config = read_config(None, "router", {"PEOPLE4D_LISTEN": self.endpoint})
+        config = self._read_config("router", {"PEOPLE4D_LISTEN": self.endpoint})
         self._router = ZenohBus(config, "robot")
 
     def stop_router(self) -> None:
@@ -45,7 +54,7 @@ class Network:
 
     def open(self, robot: str, mode: str = "client", timeout_s: float = 0.0) -> ZenohBus:
         """Open a session."""
-        bus = ZenohBus(read_config(None, mode, self.environment), robot, timeout_s)
+        bus = ZenohBus(self._read_config(mode, self.environment), robot, timeout_s)
         self._buses.append(bus)
         return bus
 
@@ -54,6 +63,14 @@ class Network:
         for bus in self._buses:
             bus.close()
         self.stop_router()
+
+    def _read_config(self, mode: str, environment: dict[str, str]) -> zenoh.Config:
+        config = read_config(None, mode, environment)
+        if self._patient:
+            for name in ("wait_before_drop", "max_wait_before_drop_fragments"):  # [us]
+                config.insert_json5(f"{CONGESTED}/{name}", str(int(WAIT_S * 1e6)))
+            config.insert_json5("transport/link/tx/lease", str(int(WAIT_S * 1e3)))  # [ms]
+        return config
 
 
 class Watcher:

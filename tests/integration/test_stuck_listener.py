@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 
 import pytest
 import zenoh
@@ -35,6 +36,14 @@ with zenoh.open(config) as session:
     print("heard", flush=True)
     time.sleep(60)
 """
+
+
+@pytest.fixture(scope="module")
+def network() -> Iterator[Network]:
+    """Router that drops what a reader does not take, as shipped."""
+    network = Network(patient=False)
+    yield network
+    network.close()
 
 
 def open_session(network: Network) -> zenoh.Session:
