@@ -9,6 +9,8 @@ import pytest
 from tests import SHARED
 from tests.network import Network
 
+RERUNS = 2
+
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
@@ -34,7 +36,13 @@ def state_folder() -> Iterator[Path]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let one worker run all tests that start processes: they share the processors."""
+    """Let one worker run all tests that start processes: they share the processors.
+
+    These and those that open sessions depend on other processes, which a busy machine may stop for
+    seconds: what fails is repeated, and the summary says so.
+    """
     for item in items:
         if item.get_closest_marker("processes"):
             item.add_marker(pytest.mark.xdist_group("processes"))
+        if item.get_closest_marker("processes") or item.get_closest_marker("network"):
+            item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=1))
