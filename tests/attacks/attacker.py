@@ -269,15 +269,26 @@ def invented_instances(attacker: Attacker) -> None:
 
 
 @attack
-def invented_cameras_and_frames(attacker: Attacker) -> None:
-    """Detections, calibrations and transforms of thousands of names."""
-    send_as_cameras(attacker, (f"c{number}" for number in range(attacker.names)))
+def as_many_messages_of_one_camera(attacker: Attacker) -> None:
+    """Detections, calibrations and transforms: what their number costs without names."""
+    send_as_cameras(attacker, ["one_more"] * attacker.names)
 
 
 @attack
-def as_many_messages_of_one_camera(attacker: Attacker) -> None:
-    """The same messages, all in one name: what their number costs without the names."""
-    send_as_cameras(attacker, ["other"] * attacker.names)
+def invented_frames_of_one_camera(attacker: Attacker) -> None:
+    """Detections of one more camera whose frame has another name every time."""
+    for number in range(500):
+        if number % 25 == 0:
+            _, found = attacker.hear("detections/*")
+        fields = {"camera": "unmounted", "frame_id": f"f{number}", "sequence": number}
+        fields |= {"stamp_ns": found["stamp_ns"] + number % 25 * 1_000_000, "detections": []}
+        attacker.send("detections/unmounted", found | fields)
+
+
+@attack
+def invented_cameras_and_frames(attacker: Attacker) -> None:
+    """The same in thousands of names, after which new ones are refused for a while."""
+    send_as_cameras(attacker, (f"c{number}" for number in range(attacker.names)))
 
 
 def send_as_cameras(attacker: Attacker, names: Iterable[str]) -> None:
@@ -293,17 +304,6 @@ def send_as_cameras(attacker: Attacker, names: Iterable[str]) -> None:
         attacker.send(f"detections/{name}", found | frame | {"detections": []})
         attacker.send(f"camera/{name}/info", info | frame)
         attacker.send(f"transforms/{name}", pose | {"child": name, "parent": f"p{name}"})
-
-
-@attack
-def invented_frames_of_one_camera(attacker: Attacker) -> None:
-    """Detections of one more camera whose frame has another name every time."""
-    for number in range(500):
-        if number % 25 == 0:
-            _, found = attacker.hear("detections/*")
-        fields = {"camera": "other", "frame_id": f"f{number}", "sequence": number}
-        fields |= {"stamp_ns": found["stamp_ns"] + number % 25 * 1_000_000, "detections": []}
-        attacker.send("detections/other", found | fields)
 
 
 @attack
