@@ -25,7 +25,7 @@ from people4d.messages.base import Positive, PositiveInt
 
 SERVICE = "watchdog"
 ROUTER = "router"
-PERIOD_NS = 500_000_000
+PERIOD_NS = 250_000_000  # supervisord, too, sees what ended when it is asked
 REPORT_S = 60.0
 DEAD_S = 10.0
 HEARD_MAX = 1024  # processes, a bound against invented ones
@@ -42,7 +42,7 @@ STRAINED = (
 class WatchdogConfig(Config, frozen=True, kw_only=True):
     """Limits above which a process hangs. All values are this project's."""
 
-    silent_s: Positive = 2.5  # [s] without a heartbeat, of which two come in a second
+    silent_s: Positive = 2.25  # [s] without a heartbeat, of which two come in a second
     # [s] in which a process says that it is stalled, which it does 2 s after it took a message that
     # it is still busy with
     stalled_s: Positive = 8.0
@@ -121,7 +121,7 @@ class HangDetector:
 
     def _excuse(self, now_s: float) -> None:
         """Excuse processes for a time in which this process itself did not run."""
-        asleep_s = 0.0 if self._checked_s is None else now_s - self._checked_s - 3 * PERIOD_NS / 1e9
+        asleep_s = 0.0 if self._checked_s is None else now_s - self._checked_s - 4 * PERIOD_NS / 1e9
         self._checked_s = now_s
         if asleep_s > 0:
             for heard in self._heard.values():
@@ -183,7 +183,7 @@ class WatchdogNode(Node):
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Look twice a second whether anyone hangs."""
+        """Check four times a second whether a process hangs."""
         self._now_s = now_ns / 1e9
         if now_ns >= self._due_ns:
             # When this process itself is late, heartbeats wait that it has not read yet.
