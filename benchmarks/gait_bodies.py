@@ -28,11 +28,14 @@ published while hidden. `exchanged`: nearer to the other side's reference by 10 
 ellipse`: of predicted points. A true step is a swing of an ankle by 0.2 m or more; found within
 0.3 s. The film may begin in a step: it is neither asked for nor invented. Walkers take three steps
 or more in view; `live`: measures published in the second after their fourth step. A limp is a true
-asymmetry of step times of 8 % or more. Visibility and steps were chosen on `two` and `choose`;
-people of `judge` have other bodies and styles. Sensors stand at 0.5 to 2.0 m and give 15 to 30
-frames a second. choose_1: a limp of 20 %, hands in pockets; choose_2: slow with bent trunk,
-carrying; judge_1: slow with bent trunk, fast; judge_2: hands in pockets, a limp of 20 %; judge_3: a
-limp of 10 %, a skirt; judge_4: three people.
+asymmetry of step times of 8 % or more. The estimator of the cadence was chosen on `two` and
+`choose`, all else before them, on `two` and other scenes; people of `judge` have other bodies and
+styles. In `two` and `robot` people also stand, turn on the spot and
+stop; in the others they walk round ellipses in a room, 2.8 to 4.7 m from the sensor, which stands
+at 0.5 to 2.0 m. They have 15 to 30 frames a second. choose_1: a limp of 20 %, hands in pockets;
+choose_2: slow with bent trunk, carrying; judge_1: slow with bent trunk, fast; judge_2: hands in
+pockets, a limp of 20 %; judge_3: a limp of 10 %, a skirt; judge_4: three people, of whom one stops
+and one carries.
 """
 
 

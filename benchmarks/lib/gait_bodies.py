@@ -55,7 +55,7 @@ class JointTruth:
 class Tally:
     """Comparisons of one person, or of several."""
 
-    errors_m: dict[str, list[float]] = field(default_factory=dict)  # by limb kind and visibility
+    errors_m: dict[str, list[float]] = field(default_factory=dict)  # by limb and visibility
     measured_hidden: int = 0
     hidden: int = 0  # published while hidden
     exchanged: dict[str, list[bool]] = field(default_factory=dict)  # by visibility
@@ -176,7 +176,10 @@ def _points(tally_: Tally, person: PersonGait, reference: F64, visible: Flags) -
         other_m = float(np.linalg.norm(point.position_m - reference[COUNTERPART[k]]))
         when = "visible" if unhidden else "hidden"
         measured = point.state == "measured"
-        tally_.errors_m.setdefault(f"{name.split('_')[1]} {when}", []).append(error_m)
+        kind = name.split("_")[1]
+        tally_.errors_m.setdefault(f"{kind} {when}", []).append(error_m)
+        if unhidden and measured:
+            tally_.errors_m.setdefault(f"{kind} measured", []).append(error_m)
         tally_.exchanged.setdefault(when, []).append(other_m < error_m - EXCHANGED_M)
         tally_.visible_measured += unhidden and measured
         tally_.hidden += not unhidden
@@ -292,8 +295,10 @@ def cells(one: Tally) -> Mapping[str, str]:
         "limps found": f"{one.limps_found} of {one.limps}",
         "limps invented": str(one.limps_invented),
         "hands visible cm": errors("hand visible"),
+        "hands visible, measured cm": errors("hand measured"),
         "hands hidden cm": errors("hand hidden"),
         "feet visible cm": errors("foot visible"),
+        "feet visible, measured cm": errors("foot measured"),
         "feet hidden cm": errors("foot hidden"),
         "visible measured %": percent(one.visible_measured, one.visible),
         "hidden as measured %": percent(one.measured_hidden, one.hidden),

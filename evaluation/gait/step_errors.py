@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -65,15 +66,17 @@ def compare_steps(
         if time_s < (compared + 1) * EVERY_S:
             continue
         compared += 1
-        true = _true(even_strides(meter.steps(), config), falls)
-        if true is not None and measures.step_length_m and measures.cadence_per_min:
-            length_m, cadence = (
-                measures.step_length_m - true[0],
-                measures.cadence_per_min / true[1] - 1,
-            )
-            speed = (measures.walking_speed_mps or np.nan) / (true[0] * true[1] / 60) - 1
+        recent = meter.steps()
+        true, steps_per_min = (
+            _true(even_strides(recent, config), falls),
+            _true_cadence(recent, falls),
+        )
+        if true and steps_per_min and measures.step_length_m and measures.cadence_per_min:
+            length_m = measures.step_length_m - true[0]
+            cadence = measures.cadence_per_min / steps_per_min - 1
+            speed = (measures.walking_speed_mps or np.nan) / (true[0] * steps_per_min / 60) - 1
             uneven = measures.step_time_asymmetry
-            means.append((length_m, cadence, speed, np.nan if uneven is None else uneven - true[2]))
+            means.append((length_m, cadence, speed, np.nan if uneven is None else uneven - true[1]))
     steps = entire.steps()
     known = [(step, k) for step in steps if (k := _match(step, falls)) is not None]
     lengths = [step.length_m - _length_m(falls, k) for step, k in known if 0 < k < len(falls) - 1]
@@ -100,10 +103,23 @@ def _length_m(falls: Sequence[Footfall], k: int) -> float:
     return float((falls[k].position_m - falls[k - 1].position_m) @ displacement)
 
 
+def _true_cadence(steps: Sequence[FootStep], falls: Sequence[Footfall]) -> float | None:
+    """Return the true cadence a minute at the times of detected steps that follow each other."""
+    landed_s = np.array([fall.time_s for fall in falls])
+    count, time_s = 0, 0.0
+    for before, step in pairwise(steps):
+        if step.follows and len(falls):
+            times_s = [[before.landed_s], [step.landed_s]]
+            first, last = np.argmin(np.abs(landed_s - times_s), axis=1).tolist()
+            count += last - first
+            time_s += float(landed_s[last] - landed_s[first])
+    return 60 * count / time_s if count else None
+
+
 def _true(
     measures: Sequence[tuple[FootStep, Stride]], falls: Sequence[Footfall]
-) -> tuple[float, float, float] | None:
-    """Return the true mean step length in m, cadence a minute and step time asymmetry.
+) -> tuple[float, float] | None:
+    """Return the true mean step length in m and the step time asymmetry.
 
     They are of the times of the detected strides; the number of true steps in these shows strides
     that were none, or two.
@@ -127,4 +143,4 @@ def _true(
         for side in (0, 1)
     )
     uneven = float(np.mean(left) - np.mean(right)) / (time_s / count) if left and right else 0.0
-    return gone_m / count, 60 * count / time_s, uneven
+    return gone_m / count, uneven

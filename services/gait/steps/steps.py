@@ -23,6 +23,7 @@ from services.gait.steps.swings import FEET, FootTrajectory, Side, Swing, find_s
 
 JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps
 STEPS_MIN = 2  # for the cadence; of each foot, for the asymmetry
+STEPS_APART_MAX = 16  # of a pair of landings by which the cadence is estimated
 UNOBSERVED = 0.3  # confidence of a step that was not seen
 
 
@@ -120,21 +121,21 @@ def step_times_s(steps: Sequence[FootStep]) -> list[float]:
 def cadence(steps: Sequence[FootStep]) -> float | None:
     """Return the steps a minute of all that follow another; None with fewer than two of them.
 
-    Regression of landings on their numbers, in each part of the walk with the same time of steps:
-    one landing that is early or late counts less than in the mean of times.
+    Median over all pairs of landings of the time of a step between them, in each part of the walk:
+    one landing that is early or late changes it little [Theil 1950] [Sen 1968].
     """
-    numbers: list[list[float]] = []
+    parts: list[list[float]] = []
     for step in steps:
-        if not (step.follows and numbers):
-            numbers.append([])
-        numbers[-1].append(step.landed_s)
-    squares = products = 0.0
-    for landed_s in numbers:
-        number = np.arange(len(landed_s)) - (len(landed_s) - 1) / 2
-        squares += float(number @ number)
-        products += float(number @ landed_s)
-    enough = len(step_times_s(steps)) >= STEPS_MIN
-    return 60 * squares / products if enough and products > 0 else None
+        if not (step.follows and parts):
+            parts.append([])
+        parts[-1].append(step.landed_s)
+    times_s: list[float] = []
+    for part in parts:
+        landed_s = np.array(part)
+        for apart in range(1, min(len(part), STEPS_APART_MAX + 1)):
+            times_s += ((landed_s[apart:] - landed_s[:-apart]) / apart).tolist()
+    time_s = float(np.median(times_s)) if len(step_times_s(steps)) >= STEPS_MIN else 0.0
+    return 60 / time_s if time_s > 0 else None
 
 
 def even_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[FootStep, Stride]]:
