@@ -32,6 +32,7 @@ from people4d.messages.base import (
 )
 from people4d.validation import Magnitude, Shape
 
+DETECTIONS_MAX = 512  # of one frame
 CLEARLY_POSITIVE = 1e-9  # least eigenvalue over the largest, at which rounding errors are small
 
 
@@ -128,7 +129,8 @@ class Detections(Message, frozen=True, kw_only=True):
     model: Text  # name of the detection model
     width: ImageSide  # [px] of the image
     height: ImageSide  # [px] of the image
-    detections: tuple[Detection, ...] = ()  # in no particular order; other messages refer by index
+    # In no particular order; other messages refer by index
+    detections: Annotated[tuple[Detection, ...], Meta(max_length=DETECTIONS_MAX)] = ()
     detector: Text = ""  # instance that made them; empty: unknown
     # instances that share the frames in turn, this one included
     replicas: tuple[Text, ...] = ()

@@ -16,6 +16,7 @@ from people4d.messages.base import (
     PositiveRatio,
     Ratio,
 )
+from people4d.messages.people import DETECTIONS_MAX
 from people4d.validation import Rule
 
 T = TypeVar("T")
@@ -47,7 +48,7 @@ class ModelSettings(Config, frozen=True, kw_only=True):
     iou_max: Ratio | None = None  # overlap above which two boxes are one person; absent: default
     engine: Engine = "onnxruntime"  # "openvino": faster on Intel's processors, an extra
     threads: PositiveInt = 1  # threads that one inference may use
-    max_people: PositiveInt = 20  # most people in one image, best first
+    max_people: Annotated[int, Meta(ge=1, le=DETECTIONS_MAX)] = 20  # in one image, best first
 
     def __post_init__(self) -> None:
         """Check that height and width are given together."""

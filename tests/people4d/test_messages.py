@@ -17,6 +17,11 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
     ("Truth", {"stamp_ns": 2**63}, f"stamp_ns: expected {-(2**62)} to {2**62}, got {2**63}"),
     ("Truth", {"trace": (SPAN,) * 65}, "trace: expected at most 64 elements, got 65"),
     (
+        "Detections",
+        {"detections": (DETECTION,) * 513},
+        "detections: expected at most 512 elements, got 513",
+    ),
+    (
         "Truth",
         {"frame_id": "a/b"},
         "frame_id: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got 'a/b'",
