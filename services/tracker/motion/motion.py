@@ -11,7 +11,7 @@ from common import kalman
 from people4d.messages import F64
 from services.tracker.config import Sort3dConfig, StrongSort3dConfig
 from services.tracker.interface import Measurement
-from services.tracker.motion.track_record import BOOL
+from services.tracker.motion.track_record import TrackRecord, stack
 
 # Parts of matrices of position and velocity (6x6), by block.
 OF_POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
@@ -47,16 +47,16 @@ def measured_noise(
 
 def limited(R_m2: F64, sigma_max_m: float) -> F64:
     """Return covariances (Nx3x3) with a standard deviation of at most that in any direction."""
-    if not exceeds(R_m2, sigma_max_m).any():
+    if not may_exceed(R_m2, sigma_max_m):
         return R_m2
     values, axes = np.linalg.eigh(R_m2)
     result: F64 = (axes * np.minimum(values, sigma_max_m**2)[:, None]) @ axes.swapaxes(1, 2)
     return result
 
 
-def exceeds(R_m2: F64, sigma_max_m: float) -> BOOL:
-    """Flag covariances (Nx3x3) that may have a larger standard deviation in some direction."""
-    return np.asarray(R_m2.trace(axis1=1, axis2=2) > sigma_max_m**2)
+def may_exceed(R_m2: F64, sigma_max_m: float) -> bool:
+    """Check if covariances (Nx3x3) may have a larger standard deviation in some direction."""
+    return bool((R_m2.trace(axis1=1, axis2=2) > sigma_max_m**2).any())
 
 
 class PositionMotion:
@@ -83,17 +83,17 @@ class PositionMotion:
         """Return the positions."""
         return np.array([m.position_m for m in measurements]).reshape(-1, 3)
 
-    def noise(self, measurements: Sequence[Measurement], x: F64, P: F64) -> F64:
-        """Return R of updates of N states, grown with depth and shrunk by the score (NSA).
+    def noise(self, measurements: Sequence[Measurement], records: Sequence[TrackRecord]) -> F64:
+        """Return R of updates of N tracks, grown with depth and shrunk by the score (NSA).
 
         It is limited, unless a measurement is beyond the gate of its state then: its depth is that
         of another person or thing, as its large covariance warns.
         """
         R, most_m = self._noise(measurements, self._score_noise), self._config.update_sigma_max_m
-        if self._config.noise != "measured" or not exceeds(R, most_m).any():
+        if self._config.noise != "measured" or not may_exceed(R, most_m):
             return R
         narrow = self._noise(measurements, self._score_noise, most_m)
-        y, S = kalman.innovation(x, P, self.measure(measurements), narrow)
+        y, S = kalman.innovation(*stack(records), self.measure(measurements), narrow)
         far = kalman.mahalanobis(y, S) > self._config.mahalanobis_max
         return np.where(far[:, None, None], R, narrow)
 
@@ -118,7 +118,7 @@ class PositionMotion:
     ) -> F64:
         if self._config.noise == "measured":
             R = measured_noise(constant, measurements, self._config.noise_factor)
-            R = limited(R, sigma_max_m)
+            R = limited(R, sigma_max_m) if sigma_max_m < math.inf else R
         else:
             R = constant(measurements)
         for R_k, measurement in zip(R, measurements, strict=True):
@@ -165,7 +165,11 @@ class BoxMotion:
         points = np.array([m.position_m for m in measurements]).reshape(-1, 3)
         return np.column_stack([centre, w * h, w / h, points])
 
-    def noise(self, measurements: Sequence[Measurement], x: F64, P: F64) -> F64:  # noqa: ARG002
+    def noise(
+        self,
+        measurements: Sequence[Measurement],
+        records: Sequence[TrackRecord],  # noqa: ARG002
+    ) -> F64:
         """Return R, constant but for the area; the states do not matter."""
         return self._noise(measurements)
 

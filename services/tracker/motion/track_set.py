@@ -11,7 +11,7 @@ from people4d.messages import F64, Track
 from services.tracker.interface import IdCounter, Measurement, Observation
 from services.tracker.motion.motion import Motion
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter
-from services.tracker.motion.track_record import TrackRecord, stack
+from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.yaw import VelocityYaw
 
 INTERVAL_MAX_NS = 200_000_000  # [ns] part of a time without frames in which somebody is missed
@@ -118,7 +118,7 @@ class TrackSet:
         if not matches:
             return
         records, measurements = [t for t, _ in matches], [m for _, m in matches]
-        z, R = self._motion.measure(measurements), self._motion.noise(measurements, *stack(records))
+        z, R = self._motion.measure(measurements), self._motion.noise(measurements, records)
         states = self._filter.update(records, z, R)
         velocities = [state.x[self._velocity] for state in states]
         yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)

@@ -94,7 +94,7 @@ class KeypointYaw(VelocityYaw):
         for state, m, velocity_mps in zip(states, measurements, velocities_mps, strict=True):
             walking_rad = self._walking(velocity_mps)
             measured = self._measured(state, m, walking_rad)
-            after.append(self._correct(measured, walking_rad, self._config.sigma_walk_rad**2))
+            after.append(self._walked(measured, walking_rad))
         return after
 
     def _walking(self, velocity_mps: F64) -> float | None:
@@ -129,23 +129,25 @@ class KeypointYaw(VelocityYaw):
                 return self._start(forwards_rad, variance)
             agreement_s = max(agreement_s - step_s, 0.0)
             return state._replace(agreement_s=agreement_s, since_s=0.0)
-        after = self._correct(state, measured_rad, variance)
         agreement_s = min(agreement_s + step_s, self._config.reversal_s)
-        return after and after._replace(agreement_s=agreement_s, since_s=0.0)
+        after = self._correct(state, measured_rad, variance)
+        return after._replace(agreement_s=agreement_s, since_s=0.0)
 
-    def _correct(
-        self, state: YawState | None, measured_rad: float | None, variance: float
-    ) -> YawState | None:
-        """Return a state updated with an angle, if there is one that is not reversed.
+    def _walked(self, state: YawState | None, walking_rad: float | None) -> YawState | None:
+        """Return a state updated with the direction of walking, if there is one not reversed."""
+        if walking_rad is None:
+            return state
+        variance = self._config.sigma_walk_rad**2
+        if state is None:
+            return self._start(walking_rad, variance)
+        reversed_ = self._is_reversed(state, walking_rad)
+        return state if reversed_ else self._correct(state, walking_rad, variance)
+
+    def _correct(self, state: YawState, measured_rad: float, variance: float) -> YawState:
+        """Return a state updated with an angle.
 
         R is raised where it takes that to keep the innovation within outlier_sigmas of sqrt(S).
         """
-        if measured_rad is None:
-            return state
-        if state is None:
-            return self._start(measured_rad, variance)
-        if self._is_reversed(state, measured_rad):
-            return state
         y = wrap(measured_rad - state.psi_rad)
         damped = (y / self._config.outlier_sigmas) ** 2 - state.psi_variance
         return corrected(state, y, max(variance, damped))

@@ -25,11 +25,15 @@ def intervals(positions_m: F64, camera_from_map: F64, half_width_m: float) -> tu
     return centre[:, None] + half[:, None] * SIDES, depth
 
 
+def overlaps(intervals: F64, others: F64) -> F64:
+    """Return the lengths (NxM, below 0 if apart) that intervals (Nx2, Mx2) have in common."""
+    high = np.minimum(intervals[:, None, 1], others[:, 1])
+    return np.asarray(high - np.maximum(intervals[:, None, 0], others[:, 0]))
+
+
 def overlap_ratios(intervals: F64, others: F64) -> F64:
     """Return the part (NxM, below 0 if apart) of each interval (Nx2) that each other one covers."""
-    low = np.maximum(intervals[:, None, 0], others[None, :, 0])
-    high = np.minimum(intervals[:, None, 1], others[None, :, 1])
-    ratio: F64 = (high - low) / (intervals[:, 1] - intervals[:, 0])[:, None]
+    ratio: F64 = overlaps(intervals, others) / (intervals[:, 1] - intervals[:, 0])[:, None]
     return ratio
 
 
@@ -39,10 +43,9 @@ def overlapping(found: F64, tracks: F64, ratio_min: float) -> BOOL:
     Of two people in one line of sight, often only one is detected, or one made of both. Two
     intervals could be of one person if either covers `ratio_min` of the other.
     """
-    low = np.maximum(found[:, None, 0], tracks[None, :, 0])
-    high = np.minimum(found[:, None, 1], tracks[None, :, 1])
     narrower = np.minimum((found[:, 1] - found[:, 0])[:, None], tracks[:, 1] - tracks[:, 0])
-    return np.asarray((high - low >= ratio_min * narrower).sum(axis=1) > 1)
+    could_be = overlaps(found, tracks) >= ratio_min * narrower
+    return np.asarray(could_be.sum(axis=1) > 1)
 
 
 def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:

@@ -14,6 +14,7 @@ from services.tracker.motion.motion import (
     confidence_factor,
     depth_factor,
 )
+from services.tracker.motion.track_record import TrackRecord
 from tests.tracker.scene import published
 
 
@@ -30,10 +31,23 @@ def measurement(score: float = 0.8, forward_m: float = 2.5) -> Measurement:
 def noise(
     motion: PositionMotion | BoxMotion, measurements: list[Measurement], off_m: float = 0.0
 ) -> F64:
-    """R of updates of states that are so far along x from their measurements."""
-    x = np.zeros((len(measurements), motion.size))
-    x[:, motion.position] = [m.position_m - [off_m, 0.0, 0.0] for m in measurements] or 0.0
-    return motion.noise(measurements, x, np.array([0.01 * np.eye(motion.size)] * len(measurements)))
+    """R of updates of tracks that are so far along x from their measurements."""
+    return motion.noise(measurements, [track(motion, one, off_m) for one in measurements])
+
+
+def track(motion: PositionMotion | BoxMotion, measured: Measurement, off_m: float) -> TrackRecord:
+    x = np.zeros(motion.size)
+    x[motion.position] = measured.position_m - [off_m, 0.0, 0.0]
+    return TrackRecord(
+        id=1,
+        x=x,
+        P=0.01 * np.eye(motion.size),
+        score=measured.score,
+        camera="camera",
+        matched_ns=0,
+        detection=measured.index,
+        confirmed=True,
+    )
 
 
 def test_white_acceleration_for_a_tenth_of_a_second() -> None:
