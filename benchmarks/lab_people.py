@@ -18,8 +18,8 @@ from evaluation.recordings.recordings import plan_recordings
 from evaluation.run.preparation import EvaluationPlan, check_models, render_all, runs_of
 from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
 
-CHOOSING = range(1, 900)
-TESTING = range(904, 1000)
+CHOOSING = range(1, 906)
+TESTING = range(906, 1000)
 SIZE = "duration_s=12&width=320&height=240"
 GROUPS = {
     "two people": f"random?people=2&{SIZE}",
@@ -80,7 +80,7 @@ def report_progress(what: str, share: float) -> None:
 def main() -> None:
     """Render, track and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--scenes", type=int, default=3, help="of each group")
+    parser.add_argument("--scenes", type=int, default=2, help="of each group")
     parser.add_argument("--choose", action="store_true", help="seeds for choosing; nothing written")
     parser.add_argument("--paths", type=Path, help="folder of recorded paths, for one more group")
     parser.add_argument("--jobs", type=int, default=2)
