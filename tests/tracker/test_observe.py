@@ -63,11 +63,11 @@ def test_covariance_is_added_above_a_pose_sigma() -> None:
 
 def test_of_too_many_people_those_of_the_highest_scores_are_tracked() -> None:
     people = [
-        Detection(box_xyxy_px=BOX, score=number / 1000, position_m=np.array([0.0, 0.0, 2.0]))
-        for number in range(1000)
+        Detection(box_xyxy_px=BOX, score=number / 500, position_m=np.array([0.0, 0.0, 2.0]))
+        for number in range(500)
     ]
     counters = Counter[str]()
     pose = TransformEstimate(LINK_FROM_OPTICAL)
     found = observe(detections(*people), None, pose, 100.0, counters)
-    assert {m.index for m in found.measurements} == set(range(1000 - PEOPLE_MAX, 1000))
-    assert counters["too_many"] == 1000 - PEOPLE_MAX
+    assert {m.index for m in found.measurements} == set(range(500 - PEOPLE_MAX, 500))
+    assert counters["too_many"] == 500 - PEOPLE_MAX
