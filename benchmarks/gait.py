@@ -222,8 +222,8 @@ def _steps(plan: Plan, runs: Mapping[tuple[str, str], Sequence[PointResults]]) -
     return "\n\n".join(
         [
             "Steps detected in the trajectories of the feet, against all true steps, turns "
-            "included. Measures of the service, the means of even strides in the last seconds, "
-            "are compared with those of the true strides at these times, twice a second "
+            "included. Measures of the service, means of even strides in the last seconds and the "
+            "cadence of all steps, are compared with the true ones at these times, twice a second "
             "(aims: step length within 4 cm, cadence within 3 %); with too few strides "
             "it publishes none. The simulated people do not limp: their true asymmetry is about 0.",
             gait_steps.table({**found, **by_recording}),
