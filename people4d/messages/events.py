@@ -22,6 +22,7 @@ from people4d.validation import Magnitude, Shape
 
 ZONES_MAX = 64
 CORNERS_MAX = 64
+PEOPLE_MAX = 1000  # that a zone may count
 AREA_MIN_M2 = 1e-4
 
 ZoneName = Annotated[Text, Meta(min_length=1, max_length=64)]
@@ -34,7 +35,8 @@ class Zone(Record, frozen=True, kw_only=True):
     # [m] x, y of the corners in order, frame: that of Tracks; the last joins the first
     corners_m: Annotated[F64, Shape("N", 2), Magnitude(MAX_M)]
     dwell_s: Positive | None = None  # [s] stay that is an event; absent: none is
-    count: PositiveInt | None = None  # people in it at once that are an event; absent: none are
+    # People in it at once that are an event; absent: none are
+    count: Annotated[int, Meta(ge=1, le=PEOPLE_MAX)] | None = None
 
     def __post_init__(self) -> None:
         """Check the fields, and that the polygon has an area and does not cross itself."""

@@ -143,6 +143,22 @@ REGRESSIONS: Sequence[Regression] = (
         lambda _: b'{"base": 99999999999999999999999, "zones": []}',
     ),
     Regression(
+        "zones of a page",
+        "a zone that counts people beyond 64 bits raised OverflowError",
+        lambda _: (
+            b'{"base": 0, "zones": [{"name": "a", "corners_m": [[0, 0], [0, 2], [2, 0]], '
+            b'"count": 33333333333333333333333333}]}'
+        ),
+    ),
+    Regression(
+        "file of zones",
+        "a zone that counts people beyond 64 bits was read, and could not be sent",
+        lambda _: (
+            b'{"revision": 4, "zones": [{"name": "a", "corners_m": [[0, 0], [0, 2], [2, 0]], '
+            b'"count": 33333333333333333333333333}]}'
+        ),
+    ),
+    Regression(
         "live truth and transforms",
         "a frame whose name cannot be used waited with its poses, and raised at every tick",
         _odd_frame,
