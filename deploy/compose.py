@@ -9,12 +9,15 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from deploy import compose_file
 from deploy.compose_file import interpolate
 from people4d.errors import ConfigError
 
+REPLICAS_MAX = 999
 CONDITIONS = ("service_started", "service_healthy", "service_completed_successfully")
 RESTARTS = ("no", "always", "unless-stopped", "on-failure")
 # fmt: off
@@ -62,7 +65,7 @@ class Service:
     has_healthcheck: bool  # it is healthy once its heartbeat reports so, else while it runs
     restart: str  # one of RESTARTS
     retries: int  # failed starts in a row after which it is given up
-    replicas: int  # number of equal processes
+    replicas: Annotated[int, Meta(ge=0, le=REPLICAS_MAX)]  # number of equal processes
     stop_grace_s: float  # time between SIGTERM and SIGKILL
     profiles: frozenset[str]  # it runs only with one of these profiles; empty: always
     # further facts: `people4d.scalable` (its replicas share their work), `people4d.option` (how it
@@ -143,8 +146,10 @@ def _service(name: str, value: Any) -> Service:
         raise ValueError(f"{name}.restart: expected one of {', '.join(RESTARTS)}, got {restart!r}")
     deploy = _fields(fields.get("deploy", {}), USED_DEPLOY, CONTAINER_ONLY_DEPLOY, f"{name}.deploy")
     replicas = str(deploy.get("replicas", 1))
-    if not replicas.isdecimal():
-        raise ValueError(f"{name}.deploy.replicas: expected a number >= 0, got {replicas!r}")
+    if not re.fullmatch(r"0*\d{1,3}", replicas, re.ASCII):
+        raise ValueError(
+            f"{name}.deploy.replicas: expected a number of 0 to {REPLICAS_MAX}, got {replicas!r}"
+        )
     return Service(
         name=name,
         command=tuple(map(str, command)),

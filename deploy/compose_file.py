@@ -5,8 +5,9 @@ the other, but for commands, which the later one replaces.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -51,10 +52,11 @@ def load(file: Path) -> Any:
         ConfigError: A file cannot be read or is not YAML.
         ValueError: A service extends one that does not exist, or itself.
     """
-    document = _parse(file)
+    parse = cache(_parse)
+    document = parse(file)
     if not isinstance(document, dict) or not isinstance(document.get("services"), dict):
         return document
-    services = {name: _service(file, name, MAX_DEPTH) for name in document["services"]}
+    services = {name: _service(parse, file, name, MAX_DEPTH) for name in document["services"]}
     return document | {"services": services}
 
 
@@ -86,8 +88,8 @@ def merge(base: Any, own: Any, field: str = "") -> Any:
     return own
 
 
-def _service(file: Path, name: Any, depth: int) -> Any:
-    document = _parse(file)
+def _service(parse: Callable[[Path], Any], file: Path, name: Any, depth: int) -> Any:
+    document = parse(file)
     services = document.get("services") if isinstance(document, dict) else None
     if not isinstance(services, dict) or name not in services:
         raise ValueError(f"{file} has no service {name!r} to extend")
@@ -97,9 +99,8 @@ def _service(file: Path, name: Any, depth: int) -> Any:
         return merge({}, own) if isinstance(own, dict) else own
     if not isinstance(extended, dict) or not isinstance(extended.get("service"), str) or not depth:
         raise ValueError(f"{name}.extends: expected a file and a service, got {extended!r:.80}")
-    base = _service(
-        file.parent / str(extended.get("file", file.name)), extended["service"], depth - 1
-    )
+    other = file.parent / str(extended.get("file", file.name))
+    base = _service(parse, other, extended["service"], depth - 1)
     return merge(base, {field: value for field, value in own.items() if field != "extends"})
 
 

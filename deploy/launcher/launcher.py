@@ -209,7 +209,7 @@ def read_plan(state: State) -> tuple[Service, ...]:
     """
     try:
         return msgspec.json.decode(state.plan_file.read_bytes(), type=tuple[Service, ...])
-    except (OSError, msgspec.DecodeError) as error:
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
         raise People4dError(
             f"{state.plan_file} cannot be read ({error})",
             "Run people4d down, then people4d up.",

@@ -7,9 +7,11 @@ import time
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 import psutil
+from msgspec import Meta
 
 from common.runtime.checkpoint import SUFFIX as CHECKPOINT
 from common.runtime.checkpoint import state_folder
@@ -29,7 +31,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """Record of a running system."""
 
     connect: str  # endpoint of its router, for example tcp/127.0.0.1:7447
-    pid: int  # process number of supervisord
+    pid: Annotated[int, Meta(ge=1)]  # process number of supervisord
 
 
 class State:
@@ -97,7 +99,7 @@ class State:
         """Return what the running system was started with, None if none runs."""
         try:
             run = msgspec.json.decode(self.run_file.read_bytes(), type=Run)
-        except (OSError, msgspec.DecodeError):
+        except (OSError, msgspec.DecodeError, UnicodeDecodeError):
             return None
         return run if _is_marked(run.pid, self.folder) else None
 

@@ -202,6 +202,7 @@ class TrackerNode(StatefulNode):
             raise DecodeError(f"checkpoint: tracks are in {checkpoint.frame_id}")
         try:
             self._tracker.restore(checkpoint.tracker)
+            self._tracker.predict(checkpoint.stamp_ns)  # raises where they do not fit each other
         except Exception as error:  # damaged where no check finds it: not half restored
             self._tracker.reset()
             raise DecodeError(f"checkpoint: {error}") from error

@@ -1,5 +1,6 @@
 """Findings of fuzzing, minimised: each input once raised an error that it must not."""
 
+import dataclasses
 import re
 import sqlite3
 from collections.abc import Callable, Sequence
@@ -9,14 +10,19 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from common.io.images import encode_png16
 from common.ros2 import types
 from common.transport.clock import TimeReply
+from deploy import compose
 from people4d.codec import encode
 from services.events.journal import Journal
+from services.tracker.node import NodeCheckpoint
+from services.tracker.stateful import TrackerCheckpoint, pack, unpack
 from tests.camera.ros.bags import Ros, depth_mm, frames
 from tests.contract.examples import BY_NAME
+from tests.fuzz.state import COMPOSE, METHODS, checkpoint_seeds
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,20 @@ def _broken_journal(folder: Path) -> bytes:
     with closing(sqlite3.connect(folder / "events.sqlite")) as database, database:
         database.execute("UPDATE events SET message = 5")
     return (folder / "events.sqlite").read_bytes()
+
+
+def _later_tracks(_: Path) -> bytes:
+    """A checkpoint of the service whose tracks are of a later time."""
+    (saved,) = (seed for seed in checkpoint_seeds(_) if seed[0] == METHODS.index("sort3d"))
+    outer = unpack(saved[1:], NodeCheckpoint)
+    inner = unpack(outer.tracker, TrackerCheckpoint)
+    later = replace(inner, stamp_ns=outer.stamp_ns + 1)
+    return saved[:1] + pack(replace(outer, tracker=pack(later)))
+
+
+def _many_replicas(_: Path) -> bytes:
+    first, *_rest = compose.read(COMPOSE, {})
+    return msgspec.json.encode([dataclasses.replace(first, replicas=2 * 10**16)])
 
 
 def _odd_frame(_: Path) -> bytes:
@@ -157,6 +177,31 @@ REGRESSIONS: Sequence[Regression] = (
             b'{"revision": 4, "zones": [{"name": "a", "corners_m": [[0, 0], [0, 2], [2, 0]], '
             b'"count": 33333333333333333333333333}]}'
         ),
+    ),
+    Regression(
+        "truth in MOT text",
+        "a position of 6e19 m was read, and could not be sent",
+        lambda _: b"1,7,10,20,30,40,1,2.5,-2.5,66666666666666666666\n[Sequence]\nframeRate=5\n",
+    ),
+    Regression(
+        "checkpoint of the tracker",
+        "tracks later than their checkpoint, or of a score of 1e158, were restored and raised",
+        _later_tracks,
+    ),
+    Regression(
+        "plan of a run",
+        "text that is not UTF-8 raised UnicodeDecodeError",
+        lambda _: b'{"connect":"\xff"',
+    ),
+    Regression(
+        "plan of a run",
+        "a process number of -1 raised ValueError",
+        lambda _: b'{"connect":"","pid":-1}',
+    ),
+    Regression(
+        "plan of a run",
+        "2e16 replicas of a service filled the memory",
+        _many_replicas,
     ),
     Regression(
         "live truth and transforms",

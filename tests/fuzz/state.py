@@ -56,7 +56,8 @@ def _checkpoint(data: bytes, _: Path) -> None:
         node.save()
 
 
-def _checkpoint_seeds(_: Path) -> Sequence[bytes]:
+def checkpoint_seeds(_: Path) -> Sequence[bytes]:
+    """Return a checkpoint of each method after some frames, behind the method's number."""
     seeds = []
     for number, method in enumerate(METHODS):
         node = _node(method)
@@ -129,7 +130,7 @@ FRAMES = _frames(3)
 PLAN = compose.read(COMPOSE, {})
 
 TARGETS = (
-    Target("checkpoint of the tracker", _checkpoint, _checkpoint_seeds, max_bytes=32768),
+    Target("checkpoint of the tracker", _checkpoint, checkpoint_seeds, max_bytes=32768),
     Target("files of a checkpoint", _files, _files_seeds),
     Target(
         "plan of a run",

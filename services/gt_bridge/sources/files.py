@@ -11,6 +11,7 @@ from common.metrics.mot_text import read_info, read_rows
 from people4d.codec import MAX_ITEMS
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, Truth, TruthPerson
+from people4d.messages.base import MAX_M
 from services.gt_bridge.config import GtBridgeConfig
 
 AXES = ("t", "pos", "vel", "yaw")  # arrays needed: N, NxKx3, NxKx3, NxK
@@ -108,6 +109,8 @@ class MotTruth:
         self._period_s = 1.0 / rate_hz
         self._rows = rows
         self._known = np.isfinite(rows.positions_m).all(axis=1) & (rows.ids >= 0)
+        if (np.abs(rows.positions_m[self._known]) > MAX_M).any():
+            raise SourceError(f"truth {path} has a position beyond {MAX_M:g} m")
         if not self._known.any():
             raise SourceError(
                 f"truth {path} has no position of a person, only boxes in the image",

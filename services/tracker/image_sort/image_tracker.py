@@ -109,6 +109,9 @@ class ImageTracker(TrackSetTracker):
         try:
             for name, (checkpoint, _) in state.images.items():
                 images[name].sort.restore(checkpoint)
+            stamps = [c.stamp_ns for c, _ in state.images.values() if c.stamp_ns is not None]
+            if stamps and max(stamps) > (state.positions.stamp_ns or 0):
+                raise ValueError("expected no boxes later than the positions")
         except ValueError as error:
             raise DecodeError(f"checkpoint: {error}") from error
         self.restore_checkpoint(state.positions)

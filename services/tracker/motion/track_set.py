@@ -166,10 +166,9 @@ class TrackSet:
 
     def predicted(self, stamp_ns: int) -> list[Track]:
         """Return the tracks predicted to a later time; the state does not change."""
-        records = self._alive(stamp_ns)
+        records, dt_s = self._alive(stamp_ns), self._seconds_to(stamp_ns)
         if not records:
             return []
-        dt_s = self._seconds_to(stamp_ns)
         states = self._filter.predict(records, dt_s)
         yaws = self._yaw.predict([t.yaw for t in records], dt_s)
         return [
