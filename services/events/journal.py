@@ -97,6 +97,6 @@ class Journal:
                 raise sqlite3.DatabaseError(
                     f"expected a table {table} of {expected}, got {found:.80}"
                 )
-        (result,) = self._base.execute("pragma quick_check(1)").fetchone()
+        (result,) = self._base.execute("pragma integrity_check(1)").fetchone()
         if result != "ok":
             raise sqlite3.DatabaseError(" ".join(f"{result:.200}".split()))

@@ -12,6 +12,7 @@ from people4d.errors import ConfigError, DecodeError
 from people4d.messages import Event, Zone, ZoneEdit, Zones
 from services.events.build import build
 from services.events.config import EventsConfig
+from services.events.journal import Journal
 from services.events.node import RUN, EventsNode
 from tests.builders import track, tracks
 
@@ -118,6 +119,16 @@ def test_repeated_recording_begins_anew_and_old_tracks_are_counted(tmp_path: Pat
     counters = node.status().counters
     assert (counters["stale"], counters["clock_resets"]) == (1, 1)
     node.close()
+
+
+def test_journal_whose_index_differs_from_its_table_is_an_error(tmp_path: Path) -> None:
+    file = tmp_path / "events.sqlite"
+    journal = Journal(file, 100)
+    journal.set_mark("published", 0)
+    journal.close()
+    file.write_bytes(file.read_bytes().replace(b"published", b"publicity", 1))
+    with pytest.raises(ConfigError, match="missing from index"):
+        Journal(file, 100)
 
 
 def test_damaged_journal_is_an_error(tmp_path: Path) -> None:
