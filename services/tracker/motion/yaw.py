@@ -90,64 +90,54 @@ class KeypointYaw(VelocityYaw):
         self, states: States, measurements: Sequence[Measurement], velocities_mps: Iterable[F64]
     ) -> list[YawState | None]:
         """Update known states, begin those measured for the first time."""
-        after = []
-        for state, m, velocity_mps in zip(states, measurements, velocities_mps, strict=True):
-            walking_rad = self._walking(velocity_mps)
-            measured = self._measured(state, m, walking_rad)
-            after.append(self._walked(measured, walking_rad))
-        return after
-
-    def _walking(self, velocity_mps: F64) -> float | None:
-        """Return the direction of walking; None of people who stand, or where it does not count."""
-        used = self._config.sigma_walk_rad < math.inf
-        return self._direction.read(None, velocity_mps) if used else None
+        after = [
+            self._measured(state, m.yaw_rad, self._variance(m), trust(m))
+            for state, m in zip(states, measurements, strict=True)
+        ]
+        variance = self._config.sigma_walk_rad**2
+        if variance == math.inf:
+            return after
+        return [
+            self._correct(state, self._direction.read(None, v), variance)
+            for state, v in zip(after, velocities_mps, strict=True)
+        ]
 
     def _measured(
-        self, state: YawState | None, measurement: Measurement, walking_rad: float | None
+        self, state: YawState | None, measured_rad: float | None, variance: float, trust: float
     ) -> YawState | None:
         """Return a state updated with an angle from keypoints, if there is one.
 
         A reversed angle is left out until reversed ones have outlasted those that agree; then the
-        state begins anew. Agreement is forgotten while there are no measurements. People do not
-        walk backwards: a state that walking confirms does not begin anew, and one that it
-        contradicts does, half a turn from angles that agree with it.
+        state begins anew. Agreement is forgotten while there are no measurements.
         """
-        measured_rad, variance = measurement.yaw_rad, self._variance(measurement)
         if measured_rad is None or not math.isfinite(measured_rad):
             return state
         if state is None:
             return self._start(measured_rad, variance)
         step_s = min(state.since_s, STEP_MAX_S)
         agreement_s = max(state.agreement_s - (state.since_s - step_s), 0.0)
-        step_s *= trust(measurement)
-        is_reversed = self._is_reversed(state, measured_rad)
-        is_backwards = walking_rad is not None and self._is_reversed(state, walking_rad)
-        if is_reversed or is_backwards:
-            is_confirmed = walking_rad is not None and not is_backwards
-            if agreement_s < step_s and not is_confirmed:
-                forwards_rad = measured_rad if is_reversed else measured_rad + math.pi
-                return self._start(forwards_rad, variance)
-            agreement_s = max(agreement_s - step_s, 0.0)
-            return state._replace(agreement_s=agreement_s, since_s=0.0)
-        agreement_s = min(agreement_s + step_s, self._config.reversal_s)
+        step_s *= trust
+        if self._is_reversed(state, measured_rad):
+            if agreement_s < step_s:
+                return self._start(measured_rad, variance)
+            return state._replace(agreement_s=agreement_s - step_s, since_s=0.0)
         after = self._correct(state, measured_rad, variance)
-        return after._replace(agreement_s=agreement_s, since_s=0.0)
+        agreement_s = min(agreement_s + step_s, self._config.reversal_s)
+        return after and after._replace(agreement_s=agreement_s, since_s=0.0)
 
-    def _walked(self, state: YawState | None, walking_rad: float | None) -> YawState | None:
-        """Return a state updated with the direction of walking, if there is one not reversed."""
-        if walking_rad is None:
-            return state
-        variance = self._config.sigma_walk_rad**2
-        if state is None:
-            return self._start(walking_rad, variance)
-        reversed_ = self._is_reversed(state, walking_rad)
-        return state if reversed_ else self._correct(state, walking_rad, variance)
-
-    def _correct(self, state: YawState, measured_rad: float, variance: float) -> YawState:
-        """Return a state updated with an angle.
+    def _correct(
+        self, state: YawState | None, measured_rad: float | None, variance: float
+    ) -> YawState | None:
+        """Return a state updated with an angle, if there is one that is not reversed.
 
         R is raised where it takes that to keep the innovation within outlier_sigmas of sqrt(S).
         """
+        if measured_rad is None:
+            return state
+        if state is None:
+            return self._start(measured_rad, variance)
+        if self._is_reversed(state, measured_rad):
+            return state
         y = wrap(measured_rad - state.psi_rad)
         damped = (y / self._config.outlier_sigmas) ** 2 - state.psi_variance
         return corrected(state, y, max(variance, damped))

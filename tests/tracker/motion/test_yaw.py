@@ -208,31 +208,6 @@ def test_reversed_first_measurement_is_corrected_by_the_second() -> None:
     assert yaw.psi_rad == pytest.approx(0.0)
 
 
-def test_walking_people_are_not_reversed() -> None:
-    shipped = KeypointYaw(YawFilterConfig())
-    forward = np.array([1.0, 0.0, 0.0])
-    yaw = update(None, facing(0.0, sigma_rad=0.15), shipped, forward)
-    for _ in range(20):
-        yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped, forward)
-        assert abs(yaw.psi_rad) < 0.2
-    # Once the person stands, there is no agreement left.
-    yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped)
-    assert yaw.psi_rad == pytest.approx(3.0)
-
-
-def test_yaw_against_the_direction_of_walking_is_reversed() -> None:
-    # Ten frames fill the agreement of 0.4 s; the fifth one of walking against it, 0.5 s, wins.
-    shipped = KeypointYaw(YawFilterConfig())
-    yaw = update(None, facing(3.0, sigma_rad=0.01), shipped)
-    for _ in range(10):
-        yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.01), shipped)
-    forward, published_ = np.array([1.0, 0.0, 0.0]), []
-    for _ in range(6):
-        yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.01), shipped, forward)
-        published_.append(abs(yaw.psi_rad) < 0.2)
-    assert published_ == [False, False, False, False, True, True]
-
-
 def test_reversed_guesses_take_longer_than_reversed_measurements() -> None:
     # At 1.28 rad, 1 - 1.28^2 / (pi^2 / 3) = half of the time counts: the ninth one wins.
     shipped = KeypointYaw(YawFilterConfig())
