@@ -1,9 +1,8 @@
 """Node of the tracker: detections and embeddings in, tracks out."""
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from statistics import median
 from typing import ClassVar
 
 import msgspec
@@ -34,11 +33,11 @@ from services.tracker.frame_join import FrameJoin, PendingFrame
 from services.tracker.interface import ImageEdges, Tracker
 from services.tracker.observe import edges, observe
 from services.tracker.output import TrackerOutput
+from services.tracker.prediction_schedule import PredictionSchedule
 from services.tracker.stamp_guard import ArrivedFrame, StampGuard
 from services.tracker.stateful import pack, unpack
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
-SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 COUNTERS = (
     *("no_transform", "predicted_base", "clock_resets", "transform_changes", "predictions"),
     *("without_position", "out_of_range", "empty_boxes", "bad_embeddings", "too_many"),
@@ -91,10 +90,7 @@ class TrackerNode(StatefulNode):
         self._areas = AreaExchange(config.area, config.frame_id, self._tracker)
         self._edges: dict[str, ImageEdges] = {}  # by camera, see Observation
         self._held: PendingFrame | None = None  # waits for the odometry of its time
-        self._last: PendingFrame | None = None  # the last frame tracked
-        self._intervals_ns: deque[int] = deque(maxlen=9)
-        self._predict_ns: int | None = None
-        self._has_published = False
+        self._schedule = PredictionSchedule(config)
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def attach(self, loop: LoopCallbacks) -> None:
@@ -110,7 +106,7 @@ class TrackerNode(StatefulNode):
         elif isinstance(message, Embeddings) and self._tracker.uses_embeddings:
             self._join.add_embeddings(message, int(self._config.clock_jump_s * 1e9))
         elif isinstance(message, AreaPeople):
-            self._areas.hear(message, now_ns, self._time_ns(now_ns))
+            self._areas.hear(message, now_ns, self._schedule.time_ns(now_ns))
         elif isinstance(message, CameraInfo):
             if message.camera in self._edges or len(self._edges) < CAMERAS_MAX:
                 self._edges[message.camera] = edges(message)
@@ -127,7 +123,7 @@ class TrackerNode(StatefulNode):
         self._now_ns = now_ns
         flushed = self._add_frames(self._guard.due(now_ns))
         tracks = self._track_due(now_ns) or self._predict_due(now_ns)
-        return [*flushed, *tracks, *self._areas.due(now_ns, self._time_ns(now_ns))]
+        return [*flushed, *tracks, *self._areas.due(now_ns, self._schedule.time_ns(now_ns))]
 
     def flush(self, now_ns: int) -> Sequence[Message]:
         """Return tracks of all frames that wait."""
@@ -136,7 +132,7 @@ class TrackerNode(StatefulNode):
 
     def wake_ns(self) -> int | None:
         """Return the time at which a frame has waited long enough or a prediction is due."""
-        due_ns = self._join.wake_ns() if self._join.waiting else self._predict_ns
+        due_ns = self._join.wake_ns() if self._join.waiting else self._schedule.wake_ns
         waking = [due_ns, self._guard.wake_ns(), self._areas.wake_ns()]
         if self._held:
             waking = [self._held_until_ns(self._held), self._areas.wake_ns()]
@@ -226,16 +222,10 @@ class TrackerNode(StatefulNode):
                 self._join.add_detections(detections, time_ns, arrived_ns, late)
         return flushed
 
-    def _time_ns(self, now_ns: int) -> int | None:
-        """Return the time of the frames that come now; None before the first one."""
-        last = self._last
-        return None if last is None else last.time_ns + now_ns - last.arrived_ns
-
     def _restart(self, detections: Detections, now_ns: int) -> None:
         self._counters["clock_resets"] += 1
         if self._groups.restart(detections.camera, now_ns):
-            self._last = self._predict_ns = None
-            self._intervals_ns.clear()
+            self._schedule.clear()
 
     def _track_due(self, now_ns: int, flush: bool = False) -> list[Message]:
         outputs: list[Message] = []
@@ -247,7 +237,7 @@ class TrackerNode(StatefulNode):
                 outputs += self._output.image_tracks(frame.detections, tracks, in_image)
                 outputs.append(tracks)
                 if not self._groups.is_apart(frame.detections.camera):
-                    self._record(frame, tracks)
+                    self._schedule.record(frame, tracks)
         return outputs
 
     def _next(self, now_ns: int, flush: bool) -> PendingFrame | None:
@@ -290,31 +280,15 @@ class TrackerNode(StatefulNode):
             detections, tracks, frame.time_ns, (embeddings or detections).trace
         )
 
-    def _record(self, frame: PendingFrame, tracks: Tracks) -> None:
-        self._has_published = bool(tracks.tracks)
-        if self._last:
-            self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
-        self._last = frame
-        # A playback slower than real time is no outage: wait longer where frames are slow.
-        period_ns = median(self._intervals_ns) if self._intervals_ns else 0
-        quiet_ns = max(self._config.predict_after_s * 1e9, SLOW_FACTOR * period_ns)
-        self._predict_ns = frame.arrived_ns + int(quiet_ns)
-
     def _predict_due(self, now_ns: int) -> list[Message]:
         """Return predicted tracks if detections stopped; after the last track an empty message."""
-        last = self._last
-        if last is None or self._predict_ns is None or now_ns < self._predict_ns:
+        due = self._schedule.due(now_ns)
+        if due is None:
             return []
-        had_tracks, later_ns = self._has_published, now_ns - last.arrived_ns
-        time_ns = last.time_ns + later_ns
         with span("prediction"):
-            predicted = self._groups.predict(time_ns)
-        stamp_ns = last.detections.stamp_ns + later_ns
-        tracks = self._output.tracks(last.detections, predicted, time_ns, (), stamp_ns)
-        self._has_published = bool(tracks.tracks)
-        if not had_tracks and not tracks.tracks:
-            self._predict_ns = None
+            predicted = self._groups.predict(due.time_ns)
+        tracks = self._output.tracks(due.detections, predicted, due.time_ns, (), due.stamp_ns)
+        if not self._schedule.publishes(tracks, now_ns):
             return []
-        self._predict_ns = now_ns + int(1e9 / self._config.predict_hz)
         self._counters["predictions"] += 1
         return [tracks]

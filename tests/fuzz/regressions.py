@@ -18,6 +18,8 @@ from common.transport.clock import TimeReply
 from deploy import compose
 from people4d.codec import encode
 from services.events.journal import Journal
+from services.tracker.image_sort.box_kalman import TRACK
+from services.tracker.image_sort.image_tracker import ImageTrackerCheckpoint
 from services.tracker.node import NodeCheckpoint
 from services.tracker.stateful import TrackerCheckpoint, pack, unpack
 from tests.camera.ros.bags import Ros, depth_mm, frames
@@ -89,6 +91,19 @@ def _later_tracks(_: Path) -> bytes:
     inner = unpack(outer.tracker, TrackerCheckpoint)
     later = replace(inner, stamp_ns=outer.stamp_ns + 1)
     return saved[:1] + pack(replace(outer, tracker=pack(later)))
+
+
+def _far_boxes(_: Path) -> bytes:
+    """A checkpoint of SORT in the image whose boxes are far beyond the image."""
+    (saved,) = (seed for seed in checkpoint_seeds(_) if seed[0] == METHODS.index("image_sort"))
+    outer = unpack(saved[1:], NodeCheckpoint)
+    inner = unpack(outer.tracker, ImageTrackerCheckpoint)
+    images = {}
+    for name, (one, direction) in inner.images.items():
+        tracks = np.frombuffer(one.tracks, TRACK).copy()
+        tracks["x"][:, :3] = tracks["box"] = 1e20
+        images[name] = (one._replace(tracks=tracks.tobytes()), direction)
+    return saved[:1] + pack(replace(outer, tracker=pack(replace(inner, images=images))))
 
 
 def _many_replicas(_: Path) -> bytes:
@@ -187,6 +202,11 @@ REGRESSIONS: Sequence[Regression] = (
         "checkpoint of the tracker",
         "tracks later than their checkpoint, or of a score of 1e158, were restored and raised",
         _later_tracks,
+    ),
+    Regression(
+        "checkpoint of the tracker",
+        "boxes of 1e77 pixels were restored and raised at the next frame",
+        _far_boxes,
     ),
     Regression(
         "plan of a run",

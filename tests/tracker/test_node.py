@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import (
@@ -18,6 +19,7 @@ from people4d.messages import (
     Span,
     Tracks,
 )
+from people4d.messages.base import MAX_STAMP_NS
 from services.tracker.build import build
 from services.tracker.node import TrackerNode
 from services.tracker.stamp_guard import SILENT_MAX_NS, SILENT_NS
@@ -319,6 +321,20 @@ def test_predictions_go_on_while_no_detections_come() -> None:
     assert results[-1].tracks == ()  # one empty message tells that the track has ended
     # 0.3, 0.4, ... 5.0 s after the last match are 48 predictions; then the empty message.
     assert len(results) == 49
+
+
+def test_predictions_end_where_stamps_end() -> None:
+    target = node(tracker="sort3d")
+    late_ns = MAX_STAMP_NS - START_NS - 1200 * MS  # of the first frame behind `START_NS`
+    target.handle(TRANSFORM, 0)
+    for number in range(10):
+        frame = detected(number, [person(0.05 * number)])
+        frame = replace(frame, stamp_ns=frame.stamp_ns + late_ns)
+        target.handle(frame, number * FRAME_MS * MS)
+    stamps = list[int]()
+    while (wake_ns := target.wake_ns()) is not None:
+        stamps += [t.stamp_ns for t in tracks(target.tick(wake_ns))]
+    assert stamps == [MAX_STAMP_NS]
 
 
 def test_predictions_change_nothing_for_the_frames_that_follow() -> None:

@@ -23,6 +23,7 @@ from services.tracker.image_sort.sort_step import (
     step,
 )
 
+STATE_MAX = 1e24  # of a checkpoint; its largest numbers are variances of areas, in pixels^4
 FOV_DEG = 69.0  # [deg] of a camera without calibration: colour of a RealSense D435i
 
 
@@ -133,8 +134,10 @@ class ImageSort:
             )
         tracks = np.frombuffer(checkpoint.tracks, TRACK).copy()
         numbers = [tracks[name] for name in ("x", "v", "pp", "pv", "vv", "box", "score")]
-        if not all(np.isfinite(column).all() for column in numbers) or (tracks["id"] < 1).any():
-            raise ValueError("expected finite numbers and identities >= 1")
+        if not all((np.abs(column) <= STATE_MAX).all() for column in numbers):
+            raise ValueError(f"expected numbers of at most {STATE_MAX:g}")
+        if (tracks["id"] < 1).any():
+            raise ValueError("expected identities >= 1")
         self._table = TrackTable(tracks, len(tracks), self.next_id, checkpoint.frames)
         self.raise_to(int(tracks["id"].max(initial=0)) + 1)
         self._stamp_ns = checkpoint.stamp_ns

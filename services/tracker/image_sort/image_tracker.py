@@ -9,6 +9,7 @@ import numpy as np
 
 from people4d.errors import DecodeError
 from people4d.messages import ImageTrack, Track
+from people4d.messages.base import MAX_PX
 from services.tracker.config import ImageSortConfig, TrackerConfig
 from services.tracker.image_sort.camera_turn import (
     CameraDirection,
@@ -184,7 +185,8 @@ def _frame(observation: Observation, image: CameraTracks) -> BoxFrame:
 def _image_tracks(tracks: Records, matched: BoxTracks, stamp_ns: int) -> tuple[ImageTrack, ...]:
     confirmed = set(matched.ids.tolist())
     result = []
-    for track in tracks:
+    # Boxes that move fast while lost may leave the range of messages.
+    for track in tracks[(np.abs(tracks["box"]) <= MAX_PX).all(axis=1)]:
         state: Literal["tentative", "confirmed", "lost"] = "tentative"
         if track["id"] in confirmed:
             state = "confirmed"

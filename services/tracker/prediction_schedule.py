@@ -1,0 +1,76 @@
+"""Schedule of predicted tracks: when detections count as stopped, and when the next is due."""
+
+from collections import deque
+from statistics import median
+from typing import NamedTuple
+
+from people4d.messages import Detections, Tracks
+from people4d.messages.base import MAX_STAMP_NS
+from services.tracker.config import TrackerConfig
+from services.tracker.frame_join import PendingFrame
+
+SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
+
+
+class DuePrediction(NamedTuple):
+    """Prediction to be published now."""
+
+    detections: Detections  # the last ones
+    time_ns: int  # [ns] time of the tracks, corrected as those of the frames
+    stamp_ns: int  # [ns] by the clock of the camera of the detections
+
+
+class PredictionSchedule:
+    """Decides when tracks are predicted instead of measured.
+
+    Predictions begin `predict_after_s` after the last frame, or later where frames are slow, and
+    go on with `predict_hz` until no track is left.
+    """
+
+    def __init__(self, config: TrackerConfig) -> None:
+        self._config = config
+        self._last: PendingFrame | None = None  # the last frame tracked
+        self._intervals_ns: deque[int] = deque(maxlen=9)
+        self._has_published = False
+        self.wake_ns: int | None = None  # [ns] arrival time at which the next one is due
+
+    def time_ns(self, now_ns: int) -> int | None:
+        """Return the time of the frames that come now; None before the first one."""
+        last = self._last
+        return None if last is None else last.time_ns + now_ns - last.arrived_ns
+
+    def record(self, frame: PendingFrame, tracks: Tracks) -> None:
+        """Note the tracks of a frame."""
+        self._has_published = bool(tracks.tracks)
+        if self._last:
+            self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
+        self._last = frame
+        # A playback slower than real time is no outage: wait longer where frames are slow.
+        period_ns = median(self._intervals_ns) if self._intervals_ns else 0
+        quiet_ns = max(self._config.predict_after_s * 1e9, SLOW_FACTOR * period_ns)
+        self.wake_ns = frame.arrived_ns + int(quiet_ns)
+
+    def due(self, now_ns: int) -> DuePrediction | None:
+        """Return the prediction that is due; none lies beyond the range of stamps."""
+        last, time_ns = self._last, self.time_ns(now_ns)
+        if last is None or time_ns is None or self.wake_ns is None or now_ns < self.wake_ns:
+            return None
+        stamp_ns = last.detections.stamp_ns + now_ns - last.arrived_ns
+        if max(time_ns, stamp_ns) > MAX_STAMP_NS:
+            self.wake_ns = None
+            return None
+        return DuePrediction(last.detections, time_ns, stamp_ns)
+
+    def publishes(self, tracks: Tracks, now_ns: int) -> bool:
+        """Return whether to publish predicted tracks: after the last track one empty message."""
+        had_tracks, self._has_published = self._has_published, bool(tracks.tracks)
+        if not had_tracks and not tracks.tracks:
+            self.wake_ns = None
+            return False
+        self.wake_ns = now_ns + int(1e9 / self._config.predict_hz)
+        return True
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        self._last = self.wake_ns = None
+        self._intervals_ns.clear()
