@@ -25,6 +25,7 @@ from people4d.messages import (
 )
 
 SKELETONS = "map/skeletons"
+VIEWS_MAX = 64  # of cameras; Rerun has two threads more for each arrangement that it is sent
 PALE = 90  # opacity of what is predicted, of 255
 QUALITY = 80  # of JPEG
 MILLIMETRES = 1000.0  # of depth in a metre
@@ -80,7 +81,7 @@ class RerunLog:
             image_plane_distance=0.5,
         )
         self._stream.log(f"map/{info.camera}", pinhole, static=True)
-        if info.camera not in self._cameras:
+        if info.camera not in self._cameras and len(self._cameras) < VIEWS_MAX:
             self._cameras.add(info.camera)
             self._stream.send_blueprint(blueprint(sorted(self._cameras)))
 

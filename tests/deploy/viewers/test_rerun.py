@@ -1,5 +1,6 @@
 """Rerun: its own reader reads back what was written."""
 
+import os
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 from common.io.recording import RecordingWriter
 from deploy.cli import app
 from deploy.cli.live.view import ImageRate
+from deploy.viewers.rerun_log import VIEWS_MAX, RerunLog, open_stream
 from tests import builders
 from tests.deploy.viewers import walk
 
@@ -44,6 +46,15 @@ def test_file_is_read_back_by_its_own_reader(tmp_path: Path) -> None:
     assert last["/map/people Points3D:positions"][0] == pytest.approx([2.0, 0.4, 1.2])
     assert len(last["/map/skeletons LineStrips3D:strips"]) > 5
     assert bytes(last["/map/front/image EncodedImage:blob"][0][:2]) == b"\xff\xd8"
+
+
+def test_invented_cameras_do_not_use_up_threads(tmp_path: Path) -> None:
+    log = RerunLog(open_stream("robot", tmp_path / "out.rrd"))
+    before = len(os.listdir("/proc/self/task"))
+    for number in range(VIEWS_MAX + 40):
+        log.write(builders.camera_info(camera=f"c{number}"), number)
+    log.close()
+    assert len(os.listdir("/proc/self/task")) <= before + 2 * VIEWS_MAX + 10
 
 
 def test_viewer_has_to_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
