@@ -8,10 +8,10 @@ import numpy as np
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert
 from people4d.messages import F64, StaticTransform
+from people4d.topics import TRANSFORMS_MAX
 
 OPTICAL, LINK = "_optical_frame", "_link"
 PATHS_MAX = 4096
-TRANSFORMS_MAX = 512  # a bound against invented frames; a humanoid robot has about 100
 Edge: TypeAlias = tuple[str, str]  # (target, source)
 Edges: TypeAlias = dict[Edge, F64]  # each with its target_from_source
 Neighbours: TypeAlias = dict[str, dict[str, F64]]  # by source and target, target_from_source
@@ -89,14 +89,15 @@ class FrameGraph:
         return neighbours
 
 
-def find_loop(parents: Mapping[str, str]) -> list[str]:
+def find_loop(parents: Mapping[str, str], children: Iterable[str] = ()) -> list[str]:
     """Return frames of which each has the next as its parent and the last is the first, or none.
 
     Args:
         parents: Parent of each frame by its name.
+        children: Frames from which to search; from all if there are none.
     """
     checked = set[str]()
-    for child in parents:
+    for child in children or parents:
         chain = [child]
         while (parent := parents.get(chain[-1])) is not None and parent not in checked:
             if parent in chain:

@@ -209,9 +209,9 @@ class Loop:
                 self._handle(arrival)
             outputs, spans = self._call(self._tick)
             self._publish(outputs, spans)
-            status = self._node.status()
-            if status.state == "finished":
-                log.info("finished%s", f": {status.reason}" if status.reason else "")
+            if self._node.is_finished():
+                reason = self._node.status().reason
+                log.info("finished%s", f": {reason}" if reason else "")
                 return
 
     def _drain(self) -> None:

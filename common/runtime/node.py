@@ -114,6 +114,13 @@ class Node(ABC):
         """Return the monotonic time in nanoseconds at which `tick` is wanted, None if at none."""
         return None
 
+    def is_finished(self) -> bool:
+        """Check that all work is done and the process may end; asked after each message.
+
+        The status is "finished" then, with the reason.
+        """
+        return False
+
     def status(self) -> Status:
         """Return state, reason and counters for the heartbeat."""
         return Status()

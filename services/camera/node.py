@@ -134,6 +134,12 @@ class CameraNode(Node):
             times.append(self._tick_ns + POLL_NS)
         return min((time_ns for time_ns in times if time_ns is not None), default=None)
 
+    def is_finished(self) -> bool:
+        """Check that the source has ended and all its frames are sent."""
+        # In this order, so that an item put before the end is still found.
+        ended = self._prefetch.ended
+        return ended and self._prefetch.peek() is None and self._pacing.wake_ns() is None
+
     def status(self) -> Status:
         """Return whether frames come, and the drops by cause."""
         counters = Counter(self._source.counters) + self._counters
@@ -144,7 +150,7 @@ class CameraNode(Node):
             reason = f"frames get no answer on {self._config.answer}"
         if self._motion and self._motion.silent and self._sequence and not reason:
             reason = f"no messages on {', '.join(self._motion.silent)}"
-        if self._is_finished():
+        if self.is_finished():
             if counters["cut_short"]:
                 reason = reason or "the recording is cut short and was played up to there"
             if not self._sequence:
@@ -161,11 +167,6 @@ class CameraNode(Node):
         self._source.interrupt()
         self._prefetch.stop(STOP_S)
         self._source.close()
-
-    def _is_finished(self) -> bool:
-        # In this order, so that an item put before the end is still found.
-        ended = self._prefetch.ended
-        return ended and self._prefetch.peek() is None and self._pacing.wake_ns() is None
 
     def _is_due(self, now_ns: int) -> bool:
         item = self._prefetch.peek()

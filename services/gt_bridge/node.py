@@ -106,6 +106,11 @@ class GtBridgeNode(Node):
         if self._received:
             self._received.close()
 
+    def is_finished(self) -> bool:
+        """Check that all truth of a file is published, and none comes from elsewhere."""
+        is_file = not self.foreign_inputs and not self._received
+        return is_file and self._playback.finished and not self._playback.problem
+
     def status(self) -> Status:
         """Return state, reason and counters for the heartbeat."""
         counters = dict(self._counters)
@@ -115,7 +120,7 @@ class GtBridgeNode(Node):
             return Status(state="degraded", reason=self._playback.problem, counters=counters)
         if self._received and self._received.problem:
             return Status(state="degraded", reason=self._received.problem, counters=counters)
-        if self._playback.finished and not self.foreign_inputs and not self._received:
+        if self.is_finished():
             return Status(state="finished", reason="all truth is published", counters=counters)
         if self._unlinked:
             reason = (

@@ -56,7 +56,8 @@ class CameraPoseLookup:
             return False
         if isinstance(message, StaticTransform):
             self._parents[message.child] = message.parent
-            self.loop = find_loop(self._parents)
+            # Without a loop so far there is one through this frame, or none.
+            self.loop = find_loop(self._parents, () if self.loop else (message.child,))
         changed = self._update_tracking_frame()
         if not isinstance(message, StaticTransform):
             return changed

@@ -81,6 +81,9 @@ class Source(Node):
     def wake_ns(self) -> int | None:
         return 0 if self.left else None
 
+    def is_finished(self) -> bool:
+        return not self.left
+
     def status(self) -> Status:
         return Status(state="ready" if self.left else "finished")
 

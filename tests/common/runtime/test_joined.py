@@ -41,6 +41,9 @@ class Caller(Source):
     def wake_ns(self) -> int | None:
         return 0 if self.due else None
 
+    def is_finished(self) -> bool:
+        return self.finished
+
     def status(self) -> Any:
         return msgspec.structs.replace(
             super().status(), state="finished" if self.finished else "ready"
