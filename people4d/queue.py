@@ -33,19 +33,21 @@ class Arrival:
 
 
 class RefusedPayload(bytes):
-    """Stands for a payload that is not read: empty.
+    """Stands for payloads that are not read: empty.
 
     Args:
         reason: What was expected, and what came.
+        number: How many.
     """
 
-    def __new__(cls, reason: str) -> "RefusedPayload":
+    def __new__(cls, reason: str, number: int = 1) -> "RefusedPayload":
         """Return it."""
         made = super().__new__(cls)
-        made.reason = reason
+        made.reason, made.number = reason, number
         return made
 
     reason: str
+    number: int
 
 
 class MessageQueue:
@@ -99,7 +101,8 @@ class MessageQueue:
                 )
         except DecodeError as error:
             with self._changed:
-                self.counters[f"bad_{topic.name}"] += 1
+                number = payload.number if isinstance(payload, RefusedPayload) else 1
+                self.counters[f"bad_{topic.name}"] += number
                 self.last_error = str(error)
                 self._failed_s = time.monotonic()
             return

@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import json
+import math
 import os
 import re
 import threading
@@ -25,6 +26,7 @@ BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")  # of the machine that Zenoh w
 CONFIGS = Path(__file__).parent / "zenoh"
 CLOSE_S = 2.0
 ANSWER_S = 2.0
+REPORT_S = 0.1  # between two reports of messages on too many keys
 KEY_FORGOTTEN_S = 10.0  # without a message, after which a key makes room for another
 ENCRYPTED = ("tls", "quic")
 IGNORED = {("connect", "router"), ("listen", "client")}
@@ -122,14 +124,19 @@ class KeyLimit:
     def __init__(self, keys_max: int) -> None:
         self.keys_max = keys_max
         self._heard_s: dict[str, float] = {}  # monotonic, the one heard of last is the last
+        self._full_until_s = -math.inf
 
     def admits(self, key: str, now_s: float) -> bool:
         """Note a message; return False if there are too many other keys."""
-        if self._heard_s.pop(key, None) is None and len(self._heard_s) >= self.keys_max:
-            oldest = next(iter(self._heard_s))
-            if now_s - self._heard_s[oldest] < KEY_FORGOTTEN_S:
+        if self._heard_s.pop(key, None) is None:
+            if now_s < self._full_until_s:
                 return False
-            del self._heard_s[oldest]
+            if len(self._heard_s) >= self.keys_max:
+                oldest = next(iter(self._heard_s))
+                self._full_until_s = self._heard_s[oldest] + KEY_FORGOTTEN_S
+                if now_s < self._full_until_s:
+                    return False
+                del self._heard_s[oldest]
         self._heard_s[key] = now_s
         return True
 
@@ -157,25 +164,37 @@ class ZenohSubscription:
         self._but = but
         self._closed = False
         self._receiving = threading.Lock()
+        self._refused, self._reported_s = 0, -math.inf  # messages that are not yet reported
 
     def __iter__(self) -> Iterator[tuple[str, bytes]]:
-        """Yield key and payload until closed, `RefusedPayload` for one that is not to be read."""
+        """Yield key and payload until closed, `RefusedPayload` for what is not to be read.
+
+        Messages on too many keys are reported a few times a second, with their number: a flood of
+        them is to cost little.
+        """
         while (sample := self._receive()) is not None:
-            if sample.kind == zenoh.SampleKind.PUT and not self._is_passed_over(sample):
-                key, size = str(sample.key_expr), len(sample.payload)
-                if size > self._max_bytes:
-                    text = f"expected at most {self._max_bytes} bytes, got {size}"
-                    received = key, RefusedPayload(text)
-                elif not self._keys.admits(key, time.monotonic()):
-                    text = f"expected at most {self._keys.keys_max} publishers at once, got more"
-                    received = key, RefusedPayload(text)
+            if sample.kind != zenoh.SampleKind.PUT or self._is_passed_over(sample):
+                continue
+            key, now_s = str(sample.key_expr), time.monotonic()
+            is_admitted = self._keys.admits(key, now_s)
+            self._refused += not is_admitted
+            if self._refused and (is_admitted or now_s - self._reported_s > REPORT_S):
+                text = f"expected at most {self._keys.keys_max} publishers at once, got more"
+                yield key, RefusedPayload(text, self._refused)
+                self._refused, self._reported_s = 0, now_s
+            if is_admitted:
+                size = len(sample.payload)
+                if size <= self._max_bytes:
+                    payload = sample.payload.to_bytes()
                 else:
-                    received = key, sample.payload.to_bytes()
+                    payload = RefusedPayload(
+                        f"expected at most {self._max_bytes} bytes, got {size}"
+                    )
                 del sample  # it would take memory until the next one comes
                 if size > self._max_bytes:
                     _release_memory()
-                yield received
-                del received
+                yield key, payload
+                del payload
 
     def samples(self) -> Iterator[Any]:
         """Yield all samples, as Zenoh gives them, until closed."""

@@ -35,8 +35,9 @@ EVERY_SERVICE = "every service"
 LOCKSTEP_MAX = 8  # frames in flight at once where none may be skipped
 IMAGE_MAX_BYTES = 64 * 2**20  # of one message with images
 OTHER_MAX_BYTES = 16 * 2**20  # of any other message
-# Keys of a topic of which a subscriber reads at once; of transforms, which have one for each frame
-KEYS_MAX, TRANSFORMS_MAX = 256, 1024
+# Keys of a topic of which a subscriber reads at once, a bound against invented ones; transforms
+# have one for each frame, of which a humanoid robot has about 100
+KEYS_MAX, TRANSFORMS_MAX = 256, 512
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry.frame_graph import TRANSFORMS_MAX
 from common.geometry.transform_buffer import (
     MOVING_MAX,
     TransformBuffer,
@@ -14,6 +13,7 @@ from common.geometry.transform_buffer import (
 from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
+from people4d.topics import TRANSFORMS_MAX
 from tests import builders
 
 CAMERA = "front_optical_frame"
