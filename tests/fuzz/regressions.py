@@ -93,6 +93,14 @@ def _later_tracks(_: Path) -> bytes:
     return saved[:1] + pack(replace(outer, tracker=pack(later)))
 
 
+def _decades_later(_: Path) -> bytes:
+    """A checkpoint of the service that was saved decades after its tracks."""
+    (saved,) = (seed for seed in checkpoint_seeds(_) if seed[0] == METHODS.index("sort3d"))
+    outer = unpack(saved[1:], NodeCheckpoint)
+    earlier = replace(unpack(outer.tracker, TrackerCheckpoint), stamp_ns=10**18)
+    return saved[:1] + pack(replace(outer, tracker=pack(earlier)))
+
+
 def _far_boxes(_: Path) -> bytes:
     """A checkpoint of SORT in the image whose boxes are far beyond the image."""
     (saved,) = (seed for seed in checkpoint_seeds(_) if seed[0] == METHODS.index("image_sort"))
@@ -202,6 +210,11 @@ REGRESSIONS: Sequence[Regression] = (
         "checkpoint of the tracker",
         "tracks later than their checkpoint, or of a score of 1e158, were restored and raised",
         _later_tracks,
+    ),
+    Regression(
+        "checkpoint of the tracker",
+        "tracks of decades before their checkpoint were predicted in steps of a tenth of a second",
+        _decades_later,
     ),
     Regression(
         "checkpoint of the tracker",

@@ -25,6 +25,7 @@ class YawState(NamedTuple):
 
 UNIFORM_RAD = math.pi / math.sqrt(3)  # standard deviation of an angle about which nothing is known
 REVERSED_RAD = math.radians(120)  # a measurement farther off is taken as reversed
+STEPS_MAX = 1000  # of one prediction; a yaw that was not measured for so long is unknown
 STEP_MAX_S = 0.2  # [s] one measurement counts for no longer
 
 States = Sequence[YawState | None]  # one for each track, None: unknown
@@ -75,7 +76,7 @@ class KeypointYaw(VelocityYaw):
     def predict(self, states: States, dt_s: float) -> list[YawState | None]:
         """Turn each track on at its own rate; the uncertainty grows."""
         config, after = self._config, list(states)
-        steps = max(math.ceil(dt_s / config.acceleration_s), 1)
+        steps = min(max(math.ceil(dt_s / config.acceleration_s), 1), STEPS_MAX)
         dt_s /= steps
         step = self._turn_s(dt_s), math.exp(-dt_s / config.rate_decay_s)
         pp, pv, vv = kalman.acceleration_noise(dt_s, config.sigma_acceleration_radps2)
