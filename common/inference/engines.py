@@ -59,9 +59,14 @@ def mean_correlation(session: Session, reference: Session) -> float:
     return float(np.mean([correlation(got[name], array) for name, array in expected.items()]))
 
 
-def probe_image(session: Session) -> Array:
-    """Return an image of noise as a network takes it: bytes to 255, floats to 1."""
-    free = iter(PROBE_SIDES)
+def probe_image(session: Session, sides: tuple[int, int] = PROBE_SIDES) -> Array:
+    """Return an image of noise as a network takes it: bytes to 255, floats to 1.
+
+    Args:
+        session: The network.
+        sides: Height and width [px], of a network that takes any size.
+    """
+    free = iter(sides)
     shape = [
         axis or (1 if index == 0 else next(free)) for index, axis in enumerate(session.input_shape)
     ]

@@ -258,9 +258,25 @@ MODEL_KEYPOINTS = {
 MODEL_FACES = {"movenet": FaceConfig(cue="nose", confidence_min=0.3)}
 
 
+class NearInputConfig(Config, frozen=True, kw_only=True):
+    """Smaller input of the network while all people in view are near; docs/methods/models.md."""
+
+    height: InputSide = 0  # [px] of the smaller input; 0: every frame gets the full one
+    width: InputSide = 0  # [px] likewise
+    person_min_px: Positive = 100.0  # [px] least height of a near person in the smaller input
+    full_every: Annotated[int, Meta(ge=2)] = 4  # at least each of so many frames is full
+
+    def __post_init__(self) -> None:
+        """Check that height and width are given together."""
+        super().__post_init__()
+        if (self.height == 0) != (self.width == 0):
+            raise ValueError("height, width: expected both or neither, got one")
+
+
 class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     """Configuration of the detector, beside the settings of its model."""
 
+    near_input: NearInputConfig = NearInputConfig()
     # Position of a person from depth. "torso": middle of shoulders and hips, by windows of depth in
     # the person's own layer, of models without keypoints the upper middle of the mask (docs/
     # method.md section 10); "mask": centroid of the mask; "keypoints": mean of the keypoints

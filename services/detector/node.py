@@ -21,6 +21,7 @@ from people4d.messages import (
 )
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person, hidden_pixels
+from services.detector.input_size import InputSizeChoice
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
 from services.detector.orientation.joint import joint_yaw
@@ -40,6 +41,12 @@ class DetectorNode(Node):
 
     Cameras may be several; each frame needs the CameraInfo of its camera before it. `handle` may be
     called from several threads at once if the model may.
+
+    Args:
+        model: Finds people in each image.
+        config: Configuration of the service.
+        near_model: The same with a smaller input, for frames in which all people are near; None:
+            there is none.
     """
 
     inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
@@ -47,8 +54,14 @@ class DetectorNode(Node):
     required_inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
     workers = 2  # so that one prepares a frame while the other infers
 
-    def __init__(self, model: PersonModel, config: DetectorConfig) -> None:
-        self._model = model
+    def __init__(
+        self,
+        model: PersonModel,
+        config: DetectorConfig,
+        near_model: PersonModel | None = None,
+    ) -> None:
+        self._model, self._near_model = model, near_model
+        self._sizes = InputSizeChoice(config.near_input)
         self._config = config
         self._keypoints = config.keypoints_for(model.name)
         self._positions = PositionEstimator(config, model.name)
@@ -137,12 +150,18 @@ class DetectorNode(Node):
 
     def _find(self, frame: RgbdFrame) -> list[DetectedPerson]:
         """Return the people in the colour image; none, counted, if the model fails."""
+        with self._lock:
+            near_model = self._near_model if self._sizes.is_near(frame.camera) else None
         try:
-            people = self._model.detect(frame.rgb)
+            people = (near_model or self._model).detect(frame.rgb)
         except Exception as error:  # a model from outside may raise anything
             log.debug("the model failed", exc_info=True)
             self._fault(frame, "model_errors", f"the model failed: {error!r:.200}")
             return []
+        with self._lock:
+            is_near = near_model is not None
+            self._counters["near_inputs"] += is_near
+            self._sizes.note(frame.camera, is_near, people, frame.depth_mm.shape)
         if frame.depth_mm.any():
             with self._lock:
                 self._faults.pop(frame.camera, None)
