@@ -15,6 +15,7 @@ from people4d.messages import F64
 from services.tracker.interface import Observation
 
 CAMERAS_MAX = 16  # that are compared
+COMPARED_MAX = 3  # other cameras with which one frame is compared, those longest not compared
 SAMPLES_MAX = 300  # of a pair of cameras
 SAMPLES_MIN = 60  # of a camera, to be fitted
 TOGETHER_NS = 150_000_000  # longest between two frames that are compared
@@ -65,6 +66,7 @@ class CameraDrift:
     def __init__(self) -> None:
         self._frames: dict[str, _Frame] = {}
         self._samples: dict[tuple[str, str], deque[_Sample]] = {}
+        self._compared_ns: dict[tuple[str, str], int] = {}
         self._fit_ns = 0
         self.movement: CameraMovement | None = None  # the one that explains most; None: none
 
@@ -72,6 +74,7 @@ class CameraDrift:
         """Forget all, after transforms or clocks changed."""
         self._frames.clear()
         self._samples.clear()
+        self._compared_ns.clear()
         self._fit_ns, self.movement = 0, None
 
     def add(self, observation: Observation) -> None:
@@ -84,9 +87,14 @@ class CameraDrift:
         frame = self._frames[camera] = _Frame(stamp_ns, positions, pose[:3, 3])
         if len(self._frames) < 2 or not len(positions):
             return
-        for other, last in self._frames.items():
-            if other != camera and abs(stamp_ns - last.stamp_ns) <= TOGETHER_NS:
-                self._compare(camera, frame, other, last)
+        others = [
+            (self._compared_ns.get(_pair(camera, other), 0), other)
+            for other, last in self._frames.items()
+            if other != camera and abs(stamp_ns - last.stamp_ns) <= TOGETHER_NS
+        ]
+        for _, other in sorted(others)[:COMPARED_MAX]:
+            self._compared_ns[_pair(camera, other)] = stamp_ns
+            self._compare(camera, frame, other, self._frames[other])
         if stamp_ns - self._fit_ns >= FIT_NS:
             self._fit_ns = stamp_ns
             self.movement = self._find()
@@ -102,10 +110,8 @@ class CameraDrift:
     def _compare(self, camera: str, frame: _Frame, other: str, last: _Frame) -> None:
         if not len(last.positions_m):
             return
-        first, second, sign = camera, other, 1.0
-        if first > second:
-            first, second, sign = second, first, -1.0
-        samples = self._samples.setdefault((first, second), deque(maxlen=SAMPLES_MAX))
+        sign = 1.0 if camera < other else -1.0
+        samples = self._samples.setdefault(_pair(camera, other), deque(maxlen=SAMPLES_MAX))
         if samples and 0 <= frame.stamp_ns - samples[-1].stamp_ns < SAMPLE_NS:
             return
         apart = frame.positions_m[:, None] - last.positions_m
@@ -182,6 +188,10 @@ class CameraDrift:
             moved_m=float(np.sqrt((explained**2).sum(axis=1).mean())),
             is_decided=True,
         )
+
+
+def _pair(camera: str, other: str) -> tuple[str, str]:
+    return (camera, other) if camera < other else (other, camera)
 
 
 def _cost(differences_m: F64) -> float:

@@ -14,6 +14,9 @@ from services.tracker.motion.state_filter import KalmanFilter, StateFilter
 from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.yaw import VelocityYaw
 
+SEVERAL_HITS = 1  # more matches that confirm a track if several cameras send
+SENDS_NS = 1_000_000_000  # [ns] since the last frame of a camera that sends
+TENTATIVE_NS = 1_000_000_000  # [ns] without a match after which, then, a tentative track ends
 INTERVAL_MAX_NS = 200_000_000  # [ns] part of a time without frames in which somebody is missed
 
 
@@ -36,13 +39,22 @@ class LifecyclePolicy:
             limit = min(self.lost_frames, record.hits)
         return record.missed - record.occluded - record.out_of_view >= limit
 
-    def confirms(self, record: TrackRecord) -> bool:
-        """Check for enough matches."""
-        return (record.hits if self.by_hits else record.streak) >= self.confirm_hits
+    def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:
+        """Check for enough matches; several cameras give more in less time, and more that is wrong.
 
-    def expired(self, record: TrackRecord, stamp_ns: int) -> bool:
-        """Check for too long a time without a match."""
-        return stamp_ns - record.matched_ns > self.lost_s * 1e9
+        In the presets of papers matches are in a row, of one camera.
+        """
+        if not self.by_hits:
+            return record.streak >= self.confirm_hits
+        return record.hits >= self.confirm_hits + SEVERAL_HITS * several_cameras
+
+    def expired(self, record: TrackRecord, stamp_ns: int, several_cameras: bool) -> bool:
+        """Check for too long a time without a match.
+
+        A false alarm behind a person is not missed by its camera, since the person hides it.
+        """
+        is_ghost = several_cameras and self.by_hits and not record.confirmed
+        return stamp_ns - record.matched_ns > (TENTATIVE_NS if is_ghost else self.lost_s * 1e9)
 
 
 class TrackSet:
@@ -62,6 +74,7 @@ class TrackSet:
         self.records: list[TrackRecord] = []
         self.ids = IdCounter()
         self.stamp_ns: int | None = None
+        self._frame_ns: dict[str, int] = {}  # stamp of the last frame of each camera that sends
         self.elapsed_ns = 0  # from the frame before to this one
         self._motion = motion
         self._filter = state_filter or KalmanFilter(motion)
@@ -74,13 +87,18 @@ class TrackSet:
         """The confirmed tracks."""
         return [t for t in self.records if t.confirmed]
 
+    @property
+    def _of_several(self) -> bool:
+        """True if several cameras send."""
+        return len(self._frame_ns) > 1
+
     def positions_m(self, records: Sequence[TrackRecord]) -> F64:
         """Return the positions (Nx3) of tracks."""
         return np.array([t.x for t in records])[:, self._position] if records else np.empty((0, 3))
 
     def clear(self) -> None:
         """Delete all tracks and the time; identities go on counting."""
-        self.records, self.stamp_ns = [], None
+        self.records, self.stamp_ns, self._frame_ns = [], None, {}
 
     def predict(self, observation: Observation) -> None:
         """Delete expired tracks and predict the others to the frame's time."""
@@ -88,6 +106,9 @@ class TrackSet:
         before_ns = self.stamp_ns
         self.elapsed_ns = 0 if before_ns is None else observation.stamp_ns - before_ns
         self.stamp_ns = observation.stamp_ns
+        self._frame_ns[observation.camera] = observation.stamp_ns
+        oldest_ns = observation.stamp_ns - SENDS_NS
+        self._frame_ns = {c: ns for c, ns in self._frame_ns.items() if ns > oldest_ns}
         self.records = self._alive(observation.stamp_ns)
         if not self.records:
             return
@@ -129,7 +150,7 @@ class TrackSet:
             record.hits += 1
             record.streak += 1
             record.missed = record.occluded = record.out_of_view = record.out_of_view_ns = 0
-            record.confirmed |= self._lifecycle.confirms(record)
+            record.confirmed |= self._lifecycle.confirms(record, self._of_several)
 
     def manage(self, unmatched: Sequence[Measurement], observation: Observation) -> list[Track]:
         """Delete ended tracks, begin one for each unmatched measurement and return all tracks."""
@@ -202,7 +223,8 @@ class TrackSet:
             record.matched_ns += duration_ns
 
     def _alive(self, stamp_ns: int) -> list[TrackRecord]:
-        return [t for t in self.records if not self._lifecycle.expired(t, stamp_ns)]
+        expired = self._lifecycle.expired
+        return [t for t in self.records if not expired(t, stamp_ns, self._of_several)]
 
     def _seconds_to(self, stamp_ns: int) -> float:
         if self.stamp_ns is None:

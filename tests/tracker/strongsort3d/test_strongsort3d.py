@@ -74,6 +74,31 @@ def test_by_hits_a_track_ends_after_as_many_misses_as_matches() -> None:
         assert [states(tracks) for tracks in results] == [[(1, "lost")]] * survives + [[]]
 
 
+def test_while_several_cameras_send_a_third_match_confirms() -> None:
+    # A false alarm that one camera has in two frames is no person.
+    sort = tracker(lifetime="hits", n_init=2)
+    for number in range(0, 4, 2):
+        sort.update(frame(number, person(3, 0)))
+        (track,) = sort.update(frame(number + 1, camera="other"))
+        assert track.state == "tentative"
+    assert states(sort.update(frame(4, person(3, 0)))) == [(1, "confirmed")]
+    alone = tracker(lifetime="hits", n_init=2)
+    alone.update(frame(0, person(3, 0)))
+    assert states(alone.update(frame(1, person(3, 0)))) == [(1, "confirmed")]
+
+
+def test_while_several_cameras_send_a_tentative_track_ends_after_a_second() -> None:
+    # Its own camera does not miss it where a person stands before it.
+    def lasts(*cameras: str) -> int:
+        sort = tracker(lifetime="hits", n_init=2)
+        sort.update(frame(0, person(3, 0)))
+        results = [sort.update(frame(k, camera=cameras[k % len(cameras)])) for k in range(1, 60)]
+        return sum(bool(tracks) for tracks in results)
+
+    assert lasts("b", "c") == 10
+    assert lasts("camera") == 0
+
+
 def test_first_two_frames_on_paper() -> None:
     # x = 2.5 m, score 0.8: R = 0.25 * 1.5 * 0.2 = 0.075 per axis; P0 = diag(0.075, 4), v = 0.
     # dt = 0.1: P = [[0.075 + 0.01 * 4 + 6.25e-6, 0.4 + 1.25e-4], [., 4 + 2.5e-3]],
