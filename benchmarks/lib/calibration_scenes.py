@@ -21,7 +21,7 @@ from people4d.messages import F64, CameraInfo, Detections
 
 TRANSPORT_S, JITTER_S = 0.2, 0.02  # largest delay of a camera, mean of each message's own
 SELDOM = CapturePlan(rate_hz=1)  # truth about people is not needed
-BASE = "random?depth_sensor=d435i&duration_s=60&clocks=free"
+BASE = "random?depth_sensor=d435i&clocks=free"
 USUAL = SyntheticDetectionsConfig()
 # Noise of positions twice the measured one, and the front of the body in place of its middle.
 ROUGH = SyntheticDetectionsConfig(
@@ -55,14 +55,15 @@ class CalibrationScene:
     clock_s: dict[str, float]  # ahead of the true time, in the middle of the scene
 
 
-def drawn(options: str) -> Callable[[int], Scenario]:
+def drawn(options: str, duration_s: float = 60) -> Callable[[int], Scenario]:
     """Return scenes drawn at random."""
-    return lambda seed: replace(random_scenario(f"{BASE}&{options}", seed), capture=SELDOM)
+    name = f"{BASE}&{options}&duration_s={duration_s}"
+    return lambda seed: replace(random_scenario(name, seed), capture=SELDOM)
 
 
 def still(seed: int) -> Scenario:
     """Return two people who stand."""
-    scene = random_scenario(f"{BASE}&cameras=4&people=2", seed)
+    scene = random_scenario(f"{BASE}&cameras=4&people=2&duration_s=60", seed)
     starts = ((0.5, 0.3), (-0.7, -0.4))
     people = tuple(
         replace(person, start=start, path=(), repeat=False)
@@ -73,7 +74,7 @@ def still(seed: int) -> Scenario:
 
 def mirrored(seed: int) -> Scenario:
     """Return two people alike, each where the other would be if the floor were turned by 180."""
-    scene = random_scenario(f"{BASE}&cameras=4&people=2&outfit=own", seed)
+    scene = random_scenario(f"{BASE}&cameras=4&people=2&outfit=own&duration_s=60", seed)
     rng = np.random.default_rng(seed)
     corners = [(float(x), float(y)) for x, y in rng.uniform((0.6, -1.8), (2.2, 1.8), (8, 2))]
     people = tuple(
@@ -106,11 +107,12 @@ def read_scene(kind: SceneKind, seed: int) -> CalibrationScene:
     views = World(kind.scenario(seed), seed).views
     rng = np.random.default_rng([seed, 0x7A])
     delays_s = {view.info.camera: float(rng.uniform(0, TRANSPORT_S)) for view in views}
+    infos = {view.info.camera: view.info for view in views}
     collector = ObservationCollector()
     for time_ns, message in _messages(render_scene(kind, seed)):
         late_s = delays_s[message.camera] + rng.exponential(JITTER_S)
         if message.camera == "c2" and isinstance(message, Detections):
-            message = _scaled(message, kind.scale_of_c2)
+            message = _scaled(message, kind.scale_of_c2, infos.get("c2"))
         collector.add(message, time_ns + round(late_s * 1e9))
     middle_s = views[0].scenario.duration_s / 2
     return CalibrationScene(
@@ -128,11 +130,18 @@ def _messages(path: Path) -> Iterator[tuple[int, CameraInfo | Detections]]:
             yield time_ns, message
 
 
-def _scaled(message: Detections, scale: float) -> Detections:
-    if scale == 1.0:
+def _scaled(message: Detections, scale: float, info: CameraInfo | None) -> Detections:
+    """Return detections as a wrong focal length has them: rays and positions farther out."""
+    if scale == 1.0 or info is None:
         return message
+    middle = np.array([info.cx, info.cy, 0.0], np.float32)
+    factors = np.array([scale, scale, 1.0], np.float32)
     people = tuple(
-        d if d.position_m is None else replace(d, position_m=d.position_m * (scale, scale, 1.0))
+        replace(
+            d,
+            position_m=None if d.position_m is None else d.position_m * factors,
+            keypoints=None if d.keypoints is None else (d.keypoints - middle) * factors + middle,
+        )
         for d in message.detections
     )
     return replace(message, detections=people)
@@ -143,6 +152,8 @@ KINDS = (
     TWO,
     SceneKind("one", drawn("cameras=4&people=1")),
     SceneKind("row", drawn("cameras=4&people=2&layout=row")),
+    SceneKind("row_long", drawn("cameras=4&people=2&layout=row", 240)),
+    SceneKind("crowd", drawn("cameras=4&people=4")),
     SceneKind("rough", drawn("cameras=4&people=2"), ROUGH),
     SceneKind("cluttered", drawn("cameras=4&people=2"), CLUTTERED),
     SceneKind("apart", drawn("cameras=4&people=4&layout=apart")),

@@ -2,26 +2,31 @@
 
 Unknown of each camera but the reference: rotation and translation, offset and drift of its clock.
 Unknown of each camera: by how much positions lie before or behind the person (bias along the ray).
-A residual is the difference of one person's positions by two cameras at one time, or that of the
-directions up that two cameras see.
+A residual is the difference of a camera's position of a person from the mean of all cameras at that
+time, weighted by their covariances, or that of the directions up that two cameras see.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from common.calibration.graph import Pair
-from common.calibration.pairs import LevelPaths, LevelPose, correspond
-from common.calibration.tracklets import STEP_S
+from common.calibration.groups import Groups, find_groups
+from common.calibration.level_paths import LevelPaths
+from common.calibration.pairs import LevelPose
 from people4d.errors import CalibrationError
 from people4d.messages import F64
 
 GATES_M = (0.45, 0.4, 0.35)  # of two positions of one person, by round
-ACROSS_SIGMA_M, DEPTH_SIGMA_M, DEPTH_SIGMA_PER_M = 0.02, 0.02, 0.004  # at depth z: s + k z^2
-BIAS_SIGMA_M = 0.03  # of what is known before
+ACROSS_SIGMA_M, DEPTH_SIGMA_M, DEPTH_SIGMA_PER_M = 0.02, 0.02, 0.001  # at depth z: s + k z^2
+LIMB_ACROSS_SIGMA_M = 0.02
+LIMB_ALONG_SIGMA_M = 1.0  # of joints at the distance of the torso, which is not theirs
+BIAS_SIGMA_M = 0.02  # of the cameras about their mean, which all have by one estimator
+COMMON_BIAS_SIGMA_M = 0.1  # of that mean: the surface lies before the axis of the body
 DRIFT_SIGMA = 1e-4  # 100 ppm
 SCALE_SIGMA = 0.1
 COMMON_SCALE_SIGMA = 1e-3
@@ -70,19 +75,6 @@ class AdjustmentResult:
     rms_m: float
 
 
-@dataclass(slots=True)
-class _Samples:
-    """Positions of the same people in a pair of cameras, optical frames."""
-
-    a: int
-    b: int
-    times_s: F64  # N, on the clock of a, from the middle of the time
-    late_s: float  # step of b minus that of a, in time
-    a_m: F64
-    b_m: F64
-    b_mps: F64
-
-
 def adjust(
     cameras: Mapping[str, LevelPaths], first: Mapping[str, LevelPose], reference: str
 ) -> AdjustmentResult:
@@ -104,25 +96,19 @@ def adjust(
         start[k, :3] = Rotation.from_matrix(rotation).as_rotvec()
         start[k, 3:6] = level[reference].T @ first[name].translation_m
         start[k, 6] = first[name].offset_s
-    steps = np.concatenate([[p.first, p.last] for n in names for p in cameras[n].paths])
-    middle = int((steps.min() + steps.max()) / 2)
+    ends = [step for p in cameras[reference].paths for step in (p.first, p.last)]
+    middle = (min(ends) + max(ends)) // 2
     problem = _Problem(len(names), np.array([level[name][2] for name in names]))
     poses = dict(first)
     for gate_m in GATES_M:
-        problem.samples = [
-            sample
-            for i, a in enumerate(names)
-            for j, b in enumerate(names[i + 1 :], i + 1)
-            if (sample := _samples(cameras[a], cameras[b], poses, gate_m, (i, j), middle))
-        ]
-        linked = {k for s in problem.samples for k in (s.a, s.b)}
-        if len(linked) < len(names):
-            apart = ", ".join(name for k, name in enumerate(names) if k not in linked)
+        problem.groups = find_groups([cameras[name] for name in names], poses, gate_m, middle)
+        absent = [name for k, name in enumerate(names) if not problem.groups.has[:, k].any()]
+        if absent:
+            apart = ", ".join(absent)
             raise CalibrationError(
                 f"people before {apart} are not where the other cameras have them",
                 "Depth or intrinsics of a camera are wrong, or it moved.",
             )
-        problem.weigh(start)
         start = problem.solve(start)
         poses = {
             name: _level_pose(start[k], level[reference], level[name])
@@ -130,9 +116,9 @@ def adjust(
         }
     covariance = problem.covariance(start)
     scaled, scale_sigmas = problem.scales(start)
-    rms = problem.rms_m(start)
-    total = np.concatenate([s.times_s for s in problem.samples])
-    squares = sum(rms[s.a, s.b] ** 2 * len(s.times_s) for s in problem.samples)
+    squares = problem.squares_m2(start)
+    total = sum(len(s) for s in squares.values())
+    steps_s = problem.groups.times_s
     return AdjustmentResult(
         poses={
             name: CameraPose(
@@ -146,58 +132,77 @@ def adjust(
             )
             for k, name in enumerate(names)
         },
-        pair_rms_m={(names[i], names[j]): value for (i, j), value in rms.items()},
-        pair_seconds={
-            (names[s.a], names[s.b]): len(np.unique(s.times_s)) * STEP_S for s in problem.samples
+        pair_rms_m={
+            (names[i], names[j]): float(np.sqrt(s.mean())) for (i, j), s in squares.items()
         },
-        rms_m=float(np.sqrt(squares / max(len(total), 1))),
+        pair_seconds={
+            (names[i], names[j]): len(np.unique(steps_s[problem.groups.pair(i, j)]))
+            * problem.groups.step_s
+            for i, j in squares
+        },
+        rms_m=float(np.sqrt(sum(s.sum() for s in squares.values()) / max(total, 1))),
     )
 
 
 class _Problem:
-    """Residuals of samples as a function of the parameters of all cameras."""
+    """Residuals of people as a function of the parameters of all cameras."""
+
+    groups: Groups
 
     def __init__(self, count: int, up: F64) -> None:
         self._count, self._up = count, up
-        self.samples: Sequence[_Samples] = []
-        self._whiteners: list[F64] = []
         self._free = np.zeros((count, PARAMETERS), np.bool_)
         self._free[1:, POSE] = self._free[1:, CLOCK] = True
         self._free[:, BIAS] = True
 
-    def weigh(self, x: F64) -> None:
-        """Fix the weights of residuals by the present poses."""
-        self._whiteners = []
-        for s in self.samples:
-            total = _covariances(s.a_m, _turn(x[s.a])) + _covariances(s.b_m, _turn(x[s.b]))
-            self._whiteners.append(np.linalg.inv(np.linalg.cholesky(total)))
+    def _moved(self, x: F64) -> tuple[F64, F64, F64]:
+        """Return positions and rays (GxCx3) in the frame of the reference, and sigmas (2xGxC).
 
-    def differences(self, x: F64) -> list[F64]:
-        """Return differences of positions [m] of each pair, Nx3."""
-        found = []
-        for s in self.samples:
-            # Time on the clock of b at each sample, less that of the step it was taken from.
-            offset_s = x[s.b, 6] - x[s.a, 6] + (x[s.b, 7] - x[s.a, 7]) * s.times_s - s.late_s
-            b_m = s.b_m + s.b_mps * offset_s[:, None]
-            found.append(_moved(x[s.a], s.a_m) - _moved(x[s.b], b_m))
-        return found
+        The sigmas are those across the ray and along it.
+        """
+        g = self.groups
+        turns = Rotation.from_rotvec(x[:, :3]).as_matrix()
+        late_s = x[:, 6] + x[:, 7] * g.times_s[:, None] - g.offsets_s
+        points = (g.points_m + g.velocities_mps * late_s[..., None]) * (1 + x[:, [9, 9, 10]])
+        distance = np.linalg.norm(points, axis=-1)
+        rays = np.einsum("cij,gcj->gci", turns, points / distance[..., None])
+        # Errors across the ray grow with the corrected distance. Without that, all cameras would
+        # be drawn to the people: the smaller the distances, the smaller the errors.
+        is_torso = np.arange(len(distance))[:, None] < g.torsos
+        across = np.where(is_torso, ACROSS_SIGMA_M, LIMB_ACROSS_SIGMA_M)
+        across = across * (1 + x[:, 9]) * (1 + x[:, 8] / distance)
+        along = np.maximum(DEPTH_SIGMA_M + DEPTH_SIGMA_PER_M * distance**2, ACROSS_SIGMA_M)
+        along = np.where(is_torso, along, LIMB_ALONG_SIGMA_M)
+        return rays * (distance + x[:, 8])[..., None] + x[:, 3:6], rays, np.stack([across, along])
+
+    def differences(self, x: F64) -> F64:
+        """Return the differences (GxCx3) from the mean position of each person, in sigmas."""
+        points, rays, sigmas = self._moved(x)
+        across, along = sigmas[..., None]
+        has = self.groups.has[..., None]
+        lines = rays[..., :, None] * rays[..., None, :]
+        inverse = np.eye(3) / across[..., None] ** 2
+        inverse = (inverse + lines * (along**-2 - across**-2)[..., None]) * has[..., None]
+        weighted = np.einsum("gcij,gcj->gi", inverse, points)
+        means = np.linalg.solve(inverse.sum(axis=1), weighted[..., None])[..., 0]
+        apart = points - means[:, None]
+        on_ray = (apart * rays).sum(axis=-1, keepdims=True)
+        return np.asarray((apart / across + rays * on_ray * (1 / along - 1 / across)) * has)
 
     def residuals(self, x: F64) -> F64:
         """Return whitened differences, and what was known before."""
-        parts = [
-            np.einsum("nij,nj->ni", w, d).ravel()
-            for w, d in zip(self._whiteners, self.differences(x), strict=True)
-        ]
         up = np.array([_turn(x[k]) @ self._up[k] for k in range(self._count)])
         known = [
             ((up[1:] - up[0]) / (np.sqrt(2) * UP_SIGMA_RAD)).ravel(),
             x[:, 7] / DRIFT_SIGMA,
-            x[:, 8] / BIAS_SIGMA_M,
+            (x[:, 8] - x[:, 8].mean()) / BIAS_SIGMA_M,
+            x[:, 8].mean(keepdims=True) / COMMON_BIAS_SIGMA_M,
             (x[:, SCALE] / SCALE_SIGMA).ravel(),
             # A scale common to all cameras does not show: all differences shrink with it.
             x[:, SCALE].mean(axis=0, keepdims=True).ravel() / COMMON_SCALE_SIGMA,
         ]
-        return np.concatenate([*parts, *(np.sqrt(CORRELATED) * k for k in known)])
+        observed = self.differences(x)[self.groups.has].ravel()
+        return np.concatenate([observed, *(np.sqrt(CORRELATED) * k for k in known)])
 
     def solve(self, start: F64) -> F64:
         """Return the parameters of least residuals."""
@@ -234,11 +239,14 @@ class _Problem:
             self._free = before
         return fitted[:, SCALE], sigmas
 
-    def rms_m(self, x: F64) -> dict[tuple[int, int], float]:
-        """Return the RMS difference of positions of each pair."""
+    def squares_m2(self, x: F64) -> dict[tuple[int, int], F64]:
+        """Return the squared distances of positions of each pair that has some."""
+        points, _, _ = self._moved(x)
+        pairs = combinations(range(self._count), 2)
         return {
-            (s.a, s.b): float(np.sqrt((d**2).sum(axis=1).mean()))
-            for s, d in zip(self.samples, self.differences(x), strict=True)
+            (a, b): ((points[both, a] - points[both, b]) ** 2).sum(axis=-1)
+            for a, b in pairs
+            if (both := self.groups.pair(a, b)).any()
         }
 
     def _covariance(self, x: F64) -> F64:
@@ -250,40 +258,13 @@ class _Problem:
             at[free] = values + STEP * (np.arange(len(values)) == k)
             jacobian[:, k] = (self.residuals(at) - base) / STEP
         # The variance of residuals as it is; consecutive ones are alike.
-        data = base[: sum(3 * len(s.times_s) for s in self.samples)]
-        variance = max(float(np.median(np.abs(data)) / 0.6745) ** 2, 0.25) if len(data) else 1.0
+        torsos = self.groups.torsos
+        count = int(self.groups.has[:torsos].sum())
+        variance = max(float(np.median(np.abs(base[: 3 * count])) / 0.6745) ** 2, 0.04)
+        variance *= count / (count - torsos)  # the means fit as well
         size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-12)
         inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), hermitian=True)
         return np.asarray(inverse / np.outer(size, size) * variance * CORRELATED)
-
-
-def _samples(
-    a: LevelPaths,
-    b: LevelPaths,
-    poses: Mapping[str, LevelPose],
-    gate_m: float,
-    numbers: tuple[int, int],
-    middle: int,
-) -> _Samples | None:
-    one, other = poses[a.camera], poses[b.camera]
-    back = one.rotation.T
-    pose = LevelPose(
-        other.yaw_rad - one.yaw_rad,
-        back @ (other.translation_m - one.translation_m),
-        other.offset_s - one.offset_s,
-        tilted=back @ other.rotation,
-    )
-    found = correspond(a, b, pose, gate_m)
-    if len(found.steps) < 3:
-        return None
-    return _Samples(
-        *numbers,
-        times_s=np.asarray((found.steps - middle) * STEP_S, np.float64),
-        late_s=found.shift * STEP_S,
-        a_m=found.a_m @ a.level_from_optical,
-        b_m=found.b_m @ b.level_from_optical,
-        b_mps=found.b_mps @ b.level_from_optical,
-    )
 
 
 def _level_pose(x: F64, reference_level: F64, level: F64) -> LevelPose:
@@ -300,19 +281,3 @@ def _matrix(x: F64) -> F64:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = _turn(x), x[3:6]
     return matrix
-
-
-def _moved(x: F64, points_m: F64) -> F64:
-    """Return points (Nx3) of a camera in the frame of the reference, corrected."""
-    scaled = points_m * (1 + x[[9, 9, 10]])
-    distance = np.linalg.norm(scaled, axis=1, keepdims=True)
-    return np.asarray((scaled * (1 + x[8] / distance)) @ _turn(x).T + x[3:6])
-
-
-def _covariances(points_m: F64, rotation: F64) -> F64:
-    """Return the expected covariances (Nx3x3) of positions, turned."""
-    distance = np.linalg.norm(points_m, axis=1)
-    ray = (points_m / distance[:, None]) @ rotation.T
-    along = (DEPTH_SIGMA_M + DEPTH_SIGMA_PER_M * distance**2) ** 2 - ACROSS_SIGMA_M**2
-    outer = ray[:, :, None] * ray[:, None, :]
-    return np.asarray(ACROSS_SIGMA_M**2 * np.eye(3) + along.clip(0)[:, None, None] * outer)

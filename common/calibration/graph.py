@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.calibration.pairs import LevelPaths, LevelPose, PairResult
+from common.calibration.level_paths import LevelPaths
+from common.calibration.pairs import LevelPose, PairResult
 
 MATCHED_MIN = 40  # positions together that link two cameras: 4 s
 AMBIGUOUS = 0.75  # share of the best score from which a different pose is as good

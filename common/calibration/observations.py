@@ -4,6 +4,7 @@ from collections import defaultdict
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo, Detection, Detections
@@ -12,7 +13,9 @@ FRAMES_MAX = 60_000  # of one camera: 33 minutes at 30 Hz
 CAMERAS_MAX = 64  # names, a bound against invented ones
 SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]  # COCO
 CONTRADICTIONS_MAX = 10  # of a camera that is started anew, or whose detectors are
+LIMBS = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]  # shoulders to ankles
 CONFIDENCE_MIN = 0.3  # of keypoints that are used
+LIMB_CONFIDENCE_MIN = 0.6  # hidden ones are guessed
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +26,7 @@ class ObservedPerson:
     low_ray: F64 | None  # 3, towards the middle of the ankles, or of the hips; None: not found
     is_low_ankle: bool  # of low_ray: ankles
     high_ray: F64 | None  # 3, towards the middle of the shoulders
+    limbs: F64 | None = None  # 12x2, rays to shoulders ... ankles at z = 1, NaN: not found
 
 
 @dataclass(slots=True)
@@ -50,6 +54,18 @@ class CameraObservations:
     def people(self) -> int:
         """Number of people with a position, over all frames."""
         return sum(len(frame.people) for frame in self.frames)
+
+    def coverage(self) -> npt.NDArray[np.bool_]:
+        """Return where people were found (3x3): far, middle, near; left, middle, right of view."""
+        cells = np.zeros((3, 3), np.bool_)
+        at = [p.position_m for frame in self.frames for p in frame.people]
+        if self.info is None or not at:
+            return cells
+        x, _, z = np.array(at).T
+        column = (x / z * self.info.fx + self.info.cx) / self.info.width * 3
+        row = 3 - z / self.info.max_depth_m * 3
+        cells[row.astype(int).clip(0, 2), column.astype(int).clip(0, 2)] = True
+        return cells
 
     @property
     def is_of_several(self) -> bool:
@@ -120,7 +136,17 @@ def _person(detection: Detection, info: CameraInfo | None) -> ObservedPerson:
     ankles = _ray(detection, ANKLES, info)
     low = _ray(detection, HIPS, info) if ankles is None else ankles
     high = _ray(detection, SHOULDERS, info)
-    return ObservedPerson(detection.position_m, low, ankles is not None, high)
+    limbs = _limbs(detection, info)
+    return ObservedPerson(detection.position_m, low, ankles is not None, high, limbs)
+
+
+def _limbs(detection: Detection, info: CameraInfo | None) -> F64 | None:
+    if info is None or detection.keypoints is None:
+        return None
+    points = detection.keypoints[LIMBS].astype(np.float64)
+    rays = deproject(points[:, :2], np.ones(len(points)), info)[:, :2]
+    rays[points[:, 2] < LIMB_CONFIDENCE_MIN] = np.nan
+    return np.asarray(rays)
 
 
 def _ray(detection: Detection, joints: list[int], info: CameraInfo | None) -> F64 | None:

@@ -4,17 +4,15 @@ Each pair of paths that overlap in time proposes a pose for each offset of the c
 brings the most people of both cameras together, and lets the fewest vanish, is taken.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from common.calibration.tracklets import STEP_S, Tracklet
-from people4d.messages import F64, CameraInfo
+from common.calibration.level_paths import LevelPaths
+from common.calibration.tracklets import STEP_S
+from people4d.messages import F64
 
-BOOL = npt.NDArray[np.bool_]
 OVERLAP_STEPS = 15  # of two paths that propose a pose
 EXTENT_M = 0.6  # of the shorter of them
 RMS_MAX_M = 0.15  # of their distance at the proposed pose
@@ -22,67 +20,9 @@ PROPOSALS_MAX = 240  # that are scored
 GATE_M, HEIGHT_GATE_M = 0.3, 0.3  # of two positions of one person
 APART_M = 0.7  # a person without another so near is missing in the other camera
 MISSING_WEIGHT = 0.5
-MARGIN = 0.1  # of the image in which people may be missed
-NEAR_M, FAR_SHARE = 1.2, 0.8  # depth in which people are found, share of the largest
 DISTINCT_M, DISTINCT_RAD, DISTINCT_S = 0.5, 0.25, 0.35  # of two different answers
 REFINED = 4  # answers that are refined
 ROUNDS = 6
-
-
-@dataclass(frozen=True)
-class LevelPaths:
-    """Paths of one camera in axes x forward, y left, z up, by grid step."""
-
-    camera: str
-    level_from_optical: F64  # 3x3
-    info: CameraInfo | None
-    paths: Sequence[Tracklet]
-
-    @cached_property
-    def first(self) -> int:
-        """First grid step."""
-        return min((p.first for p in self.paths), default=0)
-
-    @cached_property
-    def _arrays(self) -> tuple[F64, F64]:
-        last = max((p.last for p in self.paths), default=self.first)
-        rows: list[int] = []  # step after the last of each column
-        columns: list[int] = []
-        for path in sorted(self.paths, key=lambda p: p.first):
-            free = next((k for k, end in enumerate(rows) if end <= path.first), len(rows))
-            rows[free : free + 1] = [path.last]
-            columns.append(free)
-        shape = (last - self.first, max(len(rows), 1), 3)
-        positions, velocities = np.full(shape, np.nan), np.full(shape, np.nan)
-        turn = self.level_from_optical.T
-        for path, column in zip(sorted(self.paths, key=lambda p: p.first), columns, strict=True):
-            steps = slice(path.first - self.first, path.last - self.first)
-            positions[steps, column] = path.positions_m @ turn
-            velocities[steps, column] = path.velocities_mps @ turn
-        return positions, velocities
-
-    @property
-    def positions_m(self) -> F64:
-        """Positions, TxKx3, NaN where there are fewer people."""
-        return self._arrays[0]
-
-    @property
-    def velocities_mps(self) -> F64:
-        """Velocities, TxKx3."""
-        return self._arrays[1]
-
-    def in_view(self, points_m: F64) -> BOOL:
-        """Check that points (...x3) are where this camera finds people."""
-        if self.info is None:
-            return np.zeros(points_m.shape[:-1], np.bool_)
-        optical = points_m @ self.level_from_optical
-        info, z = self.info, optical[..., 2]
-        with np.errstate(all="ignore"):
-            u = optical[..., 0] / z * info.fx + info.cx
-            v = optical[..., 1] / z * info.fy + info.cy
-        inside = (u > MARGIN * info.width) & (u < (1 - MARGIN) * info.width)
-        inside &= (v > MARGIN * info.height) & (v < (1 - MARGIN) * info.height)
-        return np.asarray(inside & (z > NEAR_M) & (z < FAR_SHARE * info.max_depth_m))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,10 +66,8 @@ class Correspondences:
 
     steps: npt.NDArray[np.int64]  # N, of a
     a_m: F64  # Nx3
-    b_m: F64  # Nx3, at the grid step of b that comes nearest
-    a_mps: F64  # Nx3
+    b_m: F64  # Nx3, later by the offset of the clocks
     b_mps: F64  # Nx3
-    shift: int  # that step of b minus that of a
 
 
 @dataclass(frozen=True)
@@ -244,23 +182,21 @@ def score(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
 
 def correspond(a: LevelPaths, b: LevelPaths, pose: LevelPose, gate_m: float) -> Correspondences:
     """Return the positions of the same people in both cameras at a pose, nearest to each other."""
-    shift = round(pose.offset_s / STEP_S)
-    rows_a, rows_b = _overlap(a, b, shift)
-    pa, pb = a.positions_m[rows_a], b.positions_m[rows_b]
+    shift, share = divmod(pose.offset_s / STEP_S, 1.0)
+    rows_a, rows_b = _overlap(a, b, int(shift))
+    positions, velocities = b.between(share)
+    pa, pb, vb = a.positions_m[rows_a], positions[rows_b], velocities[rows_b]
     if not len(pa):
         empty = np.zeros((0, 3))
-        return Correspondences(np.zeros(0, np.int64), empty, empty, empty, empty, shift)
-    va, vb = a.velocities_mps[rows_a], b.velocities_mps[rows_b]
-    late_s = pose.offset_s - shift * STEP_S
-    distance = _distances(pa, pose.apply(pb + vb * late_s))
+        return Correspondences(np.zeros(0, np.int64), empty, empty, empty)
+    distance = _distances(pa, pose.apply(pb))
     nearest = distance.argmin(axis=2)
     mutual = distance.argmin(axis=1)
     t, i = np.nonzero(distance.min(axis=2) < gate_m)
     j = nearest[t, i]
     good = mutual[t, j] == i
     t, i, j = t[good], i[good], j[good]
-    steps = t + rows_a.start + a.first
-    return Correspondences(steps, pa[t, i], pb[t, j], va[t, i], vb[t, j], shift)
+    return Correspondences(t + rows_a.start + a.first, pa[t, i], pb[t, j], vb[t, j])
 
 
 def refine(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
@@ -269,8 +205,7 @@ def refine(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
         found = correspond(a, b, pose, GATE_M if k < 3 else 0.2)
         if len(found.steps) < OVERLAP_STEPS:
             break
-        late_s = pose.offset_s - found.shift * STEP_S
-        b_m = pose.apply(found.b_m + found.b_mps * late_s)
+        b_m = pose.apply(found.b_m)
         velocity = found.b_mps @ pose.rotation.T
         error = found.a_m - b_m
         about = b_m - pose.translation_m

@@ -9,8 +9,9 @@ import numpy as np
 from common.calibration.adjustment import AdjustmentResult, CameraPose, adjust
 from common.calibration.graph import GraphResult, Pair, is_ambiguous, solve_graph
 from common.calibration.level import Uprightness, level_from_optical, torso_heights_m, uprightness
+from common.calibration.level_paths import LevelPaths
 from common.calibration.observations import CameraObservations
-from common.calibration.pairs import LevelPaths, PairResult, match_pair
+from common.calibration.pairs import PairResult, match_pair
 from common.calibration.tracklets import Tracklet, tracklets
 from people4d.errors import CalibrationError
 from people4d.messages import F64

@@ -1,21 +1,20 @@
-"""AprilTags at measured positions in the map, by which a calibration gets exact metres.
+"""AprilTags and chessboards at measured positions in the map: a calibration gets exact metres.
 
-Poses by walking are relative to a reference camera. Cameras that see a tag of the family 36h11 at a
-known position say where all of them are in the map.
+Poses by walking are relative to a reference camera. Cameras that see a tag of the family 36h11 or a
+chessboard at a known position say where all of them are in the map.
 """
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import cv2
 import msgspec
 import numpy as np
-from msgspec import Meta
 from scipy.spatial.transform import Rotation
 
+from common.calibration.boards import Board, Tag
 from common.calibration.solve import CalibrationResult
 from common.geometry.transform_history import displacement
 from common.geometry.transforms import apply, camera_matrix, invert, transform_from
@@ -33,67 +32,53 @@ ERROR_MAX_PX = 2.0  # RMS of the corners, beyond which a tag is elsewhere or of 
 AMBIGUOUS = 2.0  # a second pose whose error is less than so many times the first is possible
 AMBIGUOUS_PX = 0.2  # added to the error of the first
 APART_M, APART_RAD = 0.15, np.radians(3)  # of one camera by tags and by walking
-Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4)]
-
-
-class Tag(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A tag on a wall, or flat on the floor or a table."""
-
-    size_m: Annotated[float, Meta(ge=0.01, le=5)]  # [m] side of its black square
-    position_m: tuple[Coordinate, Coordinate, Coordinate]  # [m] centre, frame: map
-    # [deg] from x of the map towards y: direction that it faces; of its upper edge if it is flat
-    facing_deg: Annotated[float, Meta(ge=-360, le=360)]
-    flat: bool = False
-
-    @property
-    def corners_m(self) -> F64:
-        """Corners (4x3) in the map: upper left, upper right, lower right, lower left."""
-        angle = np.radians(self.facing_deg)
-        direction, vertical = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([0, 0, 1.0])
-        normal, up = (vertical, direction) if self.flat else (direction, vertical)
-        right, half = np.cross(up, normal), self.size_m / 2
-        signs = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) * half
-        return np.asarray(np.array(self.position_m) + signs @ np.array([right, up]))
 
 
 class TagsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All tags of a site."""
+    """All tags and boards of a site."""
 
-    tags: dict[str, Tag]  # by number
+    tags: dict[str, Tag] = {}  # by number
+    boards: dict[str, Board] = {}  # by name
 
 
-def read_tags(path: Path) -> dict[int, Tag]:
-    """Read a file of tags.
+def read_tags(path: Path) -> dict[str, Tag | Board]:
+    """Read a file of tags and boards, by "tag" and number or "board" and name.
 
     Raises:
-        SourceError: It cannot be read, or a tag is impossible.
+        SourceError: It cannot be read, or a tag or board is impossible.
     """
     try:
-        found = msgspec.convert(read_toml(path), TagsFile).tags
-        tags = {int(number): tag for number, tag in found.items()}
+        found = msgspec.convert(read_toml(path), TagsFile)
+        tags: dict[str, Tag | Board] = {
+            f"tag {int(number)}": tag for number, tag in found.tags.items()
+        }
+        sizes = [(board.columns, board.rows) for board in found.boards.values()]
+        if len(set(sizes)) < len(sizes):
+            raise ValueError("two boards have as many columns and rows, they cannot be told apart")
+        tags |= {f"board {name}": board for name, board in found.boards.items()}
     except OSError as error:
         raise SourceError(f"tags {path} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise SourceError(f"tags {path}: {error}") from error
     if not tags or len(tags) > TAGS_MAX:
-        raise SourceError(f"tags {path}: expected 1 to {TAGS_MAX} tags, got {len(tags)}")
+        raise SourceError(f"tags {path}: expected 1 to {TAGS_MAX} tags and boards, got {len(tags)}")
     return tags
 
 
 class TagObserver:
-    """Corners of known tags in the images of cameras.
+    """Corners of known tags and boards in the images of cameras.
 
     Args:
-        tags: Tags by number; others in the images are left out.
+        tags: As `read_tags` returns them; other tags in the images are left out.
     """
 
-    def __init__(self, tags: Mapping[int, Tag]) -> None:
+    def __init__(self, tags: Mapping[str, Tag | Board]) -> None:
         self._tags = dict(tags)
         # Lines along the edges give the best corners, but only of most tags.
         methods = cv2.aruco.CORNER_REFINE_SUBPIX, cv2.aruco.CORNER_REFINE_APRILTAG
         self._detectors = [_detector(method) for method in methods]
         self._last_ns: dict[str, int] = {}
-        self._corners: dict[str, dict[int, deque[F32]]] = {}
+        self._corners: dict[str, dict[str, deque[F32]]] = {}
 
     def copy(self) -> "TagObserver":
         """Return the observer as it is now."""
@@ -112,31 +97,34 @@ class TagObserver:
         return not 0 <= stamp_ns - last_ns < EVERY_NS
 
     def add(self, camera: str, stamp_ns: int, rgb: U8) -> None:
-        """Detect tags in an image (HxWx3)."""
+        """Detect tags and boards in an image (HxWx3)."""
         self._last_ns[camera] = stamp_ns
         grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
-        found = dict[int, F32]()
+        found = dict[str, F32]()
         for detector, first_px in zip(self._detectors, FIRST_PX, strict=True):
             corners, numbers, _ = detector.detectMarkers(grey)
             for one, number in zip(corners, np.ravel(numbers), strict=True) if corners else ():
-                found[int(number)] = np.asarray(one, np.float32).reshape(4, 2) - first_px
+                found[f"tag {int(number)}"] = np.asarray(one, np.float32).reshape(4, 2) - first_px
+        for name, board in self._tags.items():
+            if isinstance(board, Board) and (pixels := board.find(grey)) is not None:
+                found[name] = pixels
         views = self._corners.setdefault(camera, defaultdict(lambda: deque(maxlen=VIEWS_MAX)))
         for known in sorted(found.keys() & self._tags.keys()):
             views[known].append(found[known])
 
     def poses(self, infos: Mapping[str, CameraInfo]) -> dict[str, F64]:
-        """Return map_from_camera (4x4) of the cameras that saw tags.
+        """Return map_from_camera (4x4) of the cameras that saw tags or boards.
 
         Raises:
-            CalibrationError: A tag is elsewhere than the file says, or leaves two poses.
+            CalibrationError: One is elsewhere than the file says, or leaves two poses.
         """
         found = {}
         for camera, views in self._corners.items():
             if views and camera in infos:
-                numbers = sorted(views)
-                pixels = np.concatenate([np.median(views[n], axis=0) for n in numbers])
-                corners_m = np.concatenate([self._tags[n].corners_m for n in numbers])
-                found[camera] = _pose(infos[camera], corners_m, pixels, numbers)
+                names = sorted(views)
+                pixels = np.concatenate([np.median(views[n], axis=0) for n in names])
+                corners_m = np.concatenate([self._tags[n].corners_m for n in names])
+                found[camera] = _pose(infos[camera], corners_m, pixels, names)
         return found
 
 
@@ -148,7 +136,7 @@ def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> Calibra
     """
     common = sorted(set(by_tags) & set(found.map_from_camera))
     if not common:
-        raise CalibrationError("no camera saw a tag", "Bring a tag of the file into view.")
+        raise CalibrationError("no camera saw a tag or board", "Bring one of the file into view.")
     moves = np.array([by_tags[name] @ invert(found.map_from_camera[name]) for name in common])
     rotation = Rotation.from_matrix(moves[:, :3, :3]).mean().as_matrix()
     origins = np.array([found.map_from_camera[name][:3, 3] for name in common])
@@ -159,8 +147,8 @@ def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> Calibra
         apart_m, apart_rad = displacement(invert(poses[name]) @ by_tags[name])
         if apart_m > APART_M or apart_rad > APART_RAD:
             raise CalibrationError(
-                f"tags have {name} {100 * apart_m:.0f} cm and {np.degrees(apart_rad):.1f} deg from "
-                "where walking has it",
+                f"tags and boards have {name} {100 * apart_m:.0f} cm and "
+                f"{np.degrees(apart_rad):.1f} deg from where walking has it",
                 "Measure the positions of its tags again, or walk longer.",
             )
     paths = {
@@ -175,8 +163,8 @@ def _detector(refinement: int) -> cv2.aruco.ArucoDetector:
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY), parameters)
 
 
-def _pose(info: CameraInfo, corners_m: F64, pixels: F64, numbers: Iterable[int]) -> F64:
-    """Return map_from_camera by corners of tags."""
+def _pose(info: CameraInfo, corners_m: F64, pixels: F64, names: Iterable[str]) -> F64:
+    """Return map_from_camera by corners of tags and boards."""
     matrix, distortion = camera_matrix(info), np.array(info.distortion)
     flat = np.linalg.matrix_rank(corners_m - corners_m.mean(axis=0), tol=1e-6) < 3
     flags = cv2.SOLVEPNP_IPPE if flat else cv2.SOLVEPNP_SQPNP
@@ -190,10 +178,10 @@ def _pose(info: CameraInfo, corners_m: F64, pixels: F64, numbers: Iterable[int])
         error_px = float(np.sqrt(((projected[:, 0] - pixels) ** 2).sum(axis=1).mean()))
         pose = transform_from(refined[1].ravel(), cv2.Rodrigues(refined[0])[0])
         solutions.append((error_px, invert(pose)))
-    named = ", ".join(str(number) for number in numbers)
+    named = ", ".join(names)
     if not solutions or min(s[0] for s in solutions) > ERROR_MAX_PX:
         raise CalibrationError(
-            f"tags {named} are not where the file says, by {info.camera}",
+            f"{named}: not where the file says, by {info.camera}",
             "Compare numbers, sizes, positions and directions.",
         )
     (error_px, pose), *others = sorted(solutions, key=lambda item: item[0])
@@ -201,7 +189,7 @@ def _pose(info: CameraInfo, corners_m: F64, pixels: F64, numbers: Iterable[int])
         _, apart_rad = displacement(invert(pose) @ other)
         if apart_rad > APART_RAD and other_px < AMBIGUOUS * (error_px + AMBIGUOUS_PX):
             raise CalibrationError(
-                f"tags {named} leave two poses of {info.camera}",
+                f"{named}: leave two poses of {info.camera}",
                 "Bring another tag into its view that is not in the same plane, or a larger one.",
             )
     return pose

@@ -7,13 +7,15 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import savgol_filter
 
-from common.calibration.observations import ObservedFrame, ObservedPerson
+from common.calibration.observations import LIMBS, ObservedFrame, ObservedPerson
 from people4d.messages import F64
 
 STEP_S = 0.1  # of the grid
 FINE = 4  # steps of smoothing in one of the grid
 WINDOW = 21  # fine steps in a window of smoothing: 0.5 s
 GAP_S = 0.45  # longest without a detection
+LIMB_GAP_S = 0.25  # longest without a joint
+LIMBS_COUNT = len(LIMBS)
 GATE_M, SPEED_MAX_MPS = 0.35, 2.5  # of detections of one person, on top of the prediction
 CLOSE_M = 0.6  # two people so near may be exchanged: their tracks end
 LENGTH_S = 0.8  # of the shortest track
@@ -26,6 +28,7 @@ class Tracklet:
     first: int  # grid step of the first position: time = step * STEP_S
     positions_m: F64  # Nx3, frame: optical
     velocities_mps: F64  # Nx3
+    limbs: F64 | None = None  # Nx12x2, see ObservedPerson
 
     @property
     def last(self) -> int:
@@ -44,6 +47,7 @@ class _Open:
 
     times_s: list[float]
     positions_m: list[F64]
+    limbs: list[F64]
 
     def predicted_m(self, time_s: float) -> F64:
         """Return the position at a later time, at constant velocity over the last half second."""
@@ -82,10 +86,11 @@ def tracklets(frames: Sequence[ObservedFrame], origin_ns: int) -> list[Tracklet]
             track = matches.get(k)
             if track is None:
                 if not close[k]:
-                    going.append(_Open([time_s], [person.position_m]))
+                    going.append(_Open([time_s], [person.position_m], [_limbs(person)]))
             elif not close[k]:
                 track.times_s.append(time_s)
                 track.positions_m.append(person.position_m)
+                track.limbs.append(_limbs(person))
     return [made for track in ended + going if (made := _smooth(track)) is not None]
 
 
@@ -125,4 +130,26 @@ def _smooth(track: _Open) -> Tracklet | None:
     even = np.column_stack([np.interp(grid, times, positions[:, k]) for k in range(3)])
     smooth = savgol_filter(even, WINDOW, 2, axis=0)
     velocity = savgol_filter(even, WINDOW, 2, deriv=1, delta=fine_s, axis=0)
-    return Tracklet(first, smooth[::FINE], velocity[::FINE])
+    limbs = _smooth_limbs(times, np.array(track.limbs), np.asarray(grid, np.float64))
+    return Tracklet(first, smooth[::FINE], velocity[::FINE], limbs[::FINE])
+
+
+def _limbs(person: ObservedPerson) -> F64:
+    return np.full((LIMBS_COUNT, 2), np.nan) if person.limbs is None else person.limbs
+
+
+def _smooth_limbs(times: F64, limbs: F64, grid: F64) -> F64:
+    """Return smoothed rays (NxJx2) on a grid, NaN where a joint was not found all the time."""
+    found = np.full((len(grid), *limbs.shape[1:]), np.nan)
+    for joint in range(limbs.shape[1]):
+        has = ~np.isnan(limbs[:, joint, 0])
+        if has.sum() < 3:
+            continue
+        known = times[has]
+        even = [np.interp(grid, known, limbs[has, joint, axis]) for axis in range(2)]
+        after = np.searchsorted(known, grid)
+        gap = known[after.clip(0, len(known) - 1)] - known[(after - 1).clip(0)]
+        is_known = (after > 0) & (after < len(known)) & (gap < LIMB_GAP_S)
+        smooth = savgol_filter(np.column_stack(even), WINDOW, 2, axis=0)
+        found[is_known, joint] = smooth[is_known]
+    return found

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from common.calibration.tags import Tag
+from common.calibration.boards import Tag
 from common.calibration.transforms_file import read_pose, read_transforms
 from common.io.images import compress
 from common.io.recording import RecordingWriter
@@ -109,7 +109,7 @@ def test_tags_in_the_frames_of_one_camera_define_the_map(tmp_path: Path) -> None
     without = record(tmp_path / "no_images.mcap", cameras, [wander(3), wander(4)])
     code, said = run(without, "--out", tmp_path / "other.toml", "--tags", known)
     assert code != 0
-    assert "no camera saw a tag" in said
+    assert "no camera saw a tag or board" in said
 
 
 @pytest.mark.parametrize(
@@ -150,6 +150,15 @@ def test_live_walk_that_shows_nothing_ends_after_its_time() -> None:
 
     with pytest.raises(CalibrationError, match="no person walked"):
         listen(CalibrationSession(set(), "", 1.0), standing(), 20.0)
+
+
+def test_progress_shows_where_each_camera_found_people() -> None:
+    session = CalibrationSession(set(), "", 1.0)
+    assert session.summary() == "no camera yet"
+    # The camera stands at (-3, -3) and looks at the middle; the person stays left of that and far.
+    for arrival in arrivals(square("a"), [lambda _: (-0.6, 0.9)]):
+        session.add(arrival.message, arrival.received_ns)
+    assert "a 400 of 400  #.. ... ..." in session.summary()
 
 
 def test_ctrl_c_ends_the_walk_with_a_last_attempt() -> None:

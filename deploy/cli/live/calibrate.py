@@ -58,7 +58,9 @@ def calibrate(
     ] = 180.0,
     tags: Annotated[
         Path | None,
-        typer.Option(help="File of AprilTags at known positions, which define the map."),
+        typer.Option(
+            help="File of AprilTags and chessboards at known positions, which define the map."
+        ),
     ] = None,
     offset_s: Annotated[
         float,
@@ -144,9 +146,12 @@ class CalibrationSession:
         return move_to_map(found, self._tags.poses(infos))
 
     def summary(self) -> str:
-        """Return how often each camera saw people."""
-        parts = (f"{c.camera} {c.people} of {len(c.frames)}" for c in self._collector.cameras)
-        return "people in frames: " + (", ".join(parts) or "no camera yet")
+        """Return how often each camera saw people, and a map of where."""
+        lines = ["people in frames, and where in view (left to right; far, middle, near):"]
+        for c in self._collector.cameras:
+            rows = ["".join("#" if cell else "." for cell in row) for row in c.coverage()]
+            lines.append(f"{c.camera} {c.people} of {len(c.frames)}  {' '.join(rows)}")
+        return "\n    ".join(lines) if len(lines) > 1 else "no camera yet"
 
 
 def listen(

@@ -1,6 +1,7 @@
 """Calibration by walking: right poses and clocks, and refusals that say what is missing."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,15 @@ def test_people_who_walk_show_poses_clocks_and_floor(people: int, limit_m: float
     assert own[1, 2] == pytest.approx(0, abs=1e-9)
     assert own[0, 2] > 0.9
     assert not found.contradicting
+
+
+def test_positions_on_the_surface_of_people_do_not_move_the_cameras() -> None:
+    cameras = [replace(c, near_m=0.1) for c in square("a", "b", "c", "d")]
+    found = calibrate(observe(cameras, [wander(3), wander(4)], 30.0))
+    position_m, angle_deg, _ = errors(found, cameras)
+    assert position_m < 0.05  # 0.2 m between opposite cameras if nothing was corrected
+    assert angle_deg < 1.0
+    assert all(pose.bias_m == pytest.approx(0.1, abs=0.03) for pose in found.poses.values())
 
 
 def test_standard_deviations_cover_the_errors() -> None:

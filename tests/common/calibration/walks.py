@@ -33,7 +33,8 @@ class WalkCamera:
     rate_hz: float = 10.0
     offset_s: float = 0.0  # of its stamps
     delay_s: float = 0.05  # of its messages
-    scale: float = 1.0  # of positions across: wrong focal length
+    scale: float = 1.0  # of all across: wrong focal length
+    near_m: float = 0.0  # by which positions are before the person
 
 
 def camera(name: str, x: float, y: float, yaw_deg: float, **fields: float) -> WalkCamera:
@@ -124,10 +125,12 @@ def _detection(
     u, v = pixels[0]
     if not (20 < u < 620 and 20 < v < 460):
         return None
+    pixels = (pixels - (info.cx, info.cy)) * one.scale + (info.cx, info.cy)
     keypoints = np.zeros((17, 3), np.float32)
     keypoints[[5, 6], :2], keypoints[[15, 16], :2] = pixels[1], pixels[2]
     keypoints[[5, 6, 15, 16], 2] = 0.9
-    position = optical[0] + rng.normal(0, noise_m, 3)
+    ray = optical[0] / np.linalg.norm(optical[0])
+    position = optical[0] - one.near_m * ray + rng.normal(0, noise_m, 3)
     return Detection(
         box_xyxy_px=np.array([u - 20, v - 60, u + 20, v + 60], np.float32),
         score=0.9,
