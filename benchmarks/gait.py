@@ -47,6 +47,7 @@ NEEDED = {
     "colour": (*gait_colour.WALKS, *gait_colour.SPEEDS),
     "points": tuple(CASES),
     "service": DETECTED,
+    "steps": tuple(STEADY),
     "speed": ("gait_medium", "gait_walk", "gait_three"),
 }
 
@@ -188,10 +189,13 @@ def service(plan: Plan) -> Sections:
         "Each point, with keypoints:",
         gait_points.by_point(with_them),
     ]
-    return {
-        "Points: the service": "\n\n".join(points_text),
-        "Steps": _steps(plan, runs),
-    }
+    return {"Points: the service": "\n\n".join(points_text)}
+
+
+def steps(plan: Plan) -> Sections:
+    """Detect steps by the points that the service tracks."""
+    runs = _follow_all(plan, STEADY, [gait_points.SERVICE, gait_points.NO_KEYPOINTS])
+    return {"Steps": _steps(plan, runs)}
 
 
 def _by_recording(plan: Plan, runs: Mapping[str, Sequence[PointResults]]) -> str:
@@ -281,6 +285,7 @@ PARTS: dict[str, Callable[[Plan], Sections]] = {
     "colour": colour,
     "points": points,
     "service": service,
+    "steps": steps,
     "speed": speed,
 }
 ORDER = (

@@ -24,6 +24,9 @@ TIME_SIGMA = 0.3  # of the logarithm of a step's time by the median
 BACK = 4  # landings, of which all but the first and the last may be none
 BETWEEN_MIN_S = 0.2  # between landings
 APART = 0.7  # median steps, from which on a landing is apart from others
+# Median steps, from which on a step was no single one: a stop, or quick steps of a turn, were
+# between its landings
+SINGLE_MAX = 1.6
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,8 @@ def _with_apart(
 def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
     """Return the cost and number of steps by their time in median steps; of one foot or both.
 
-    There are none unseen if the foot that would have taken them stood.
+    There are none unseen if the foot that would have taken them stood. Steps that take too long are
+    unknown, at the same cost: the walk goes on after them, but its rhythm does not.
     """
     counts = (2,) if same else (1, 3)
     costs = [
@@ -96,7 +100,8 @@ def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
         for steps in counts
         if steps == 1 or not stood
     ]
-    return min([*costs, (UNKNOWN, 0)])
+    cost, steps = min([*costs, (UNKNOWN, 0)])
+    return (cost, 0) if steps and ratio / steps > SINGLE_MAX else (cost, steps)
 
 
 def _stood(before: Swing, after: Swing, same: bool, config: StepConfig) -> bool:

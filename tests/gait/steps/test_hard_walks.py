@@ -62,3 +62,12 @@ def test_two_people_in_step_have_the_same_measures() -> None:
     left, right = feet(times_s)
     apart = np.array([0.0, 0.5, 0.0])
     assert measured(times_s, left, right) == measured(times_s, left + apart, right + apart)
+
+
+def test_hesitation_in_a_step_leaves_the_cadence() -> None:
+    # Both feet stand for 0.4 s after every fourth step, as where a person turns.
+    times_s = np.arange(0, 12, 1 / 30)
+    cycle_s = 2.4
+    walked_s = times_s // cycle_s * 2.0 + np.minimum(times_s % cycle_s, 2.0)
+    found = measured(times_s, *feet(walked_s))
+    assert found.cadence_per_min == pytest.approx(120, rel=0.03)
