@@ -108,6 +108,19 @@ class Acceptance:
                 return True
         return False
 
+    def _is_covered(
+        self, point: PointFilter, body: MeasuredBody, candidate: Candidate, evidence: PointEvidence
+    ) -> bool:
+        """Check that a surface hides a point or its joint, unless a keypoint and all else disagree.
+
+        A limb that moves fast, or otherwise than expected, is before its expected position, too.
+        """
+        hidden = self.is_hidden(point, candidate.position_m, evidence.anchor)
+        if not (hidden or self._joint_is_hidden(point, body, evidence)):
+            return False
+        odds = self._odds(point, body, candidate, evidence) if evidence.anchor else None
+        return odds is None or odds <= 0
+
     def _joint_is_hidden(
         self, point: PointFilter, body: MeasuredBody, evidence: PointEvidence
     ) -> bool:
@@ -133,9 +146,7 @@ class Acceptance:
             point.mark_missed(dt_s)
         elif self._config.feature != "combined":
             point.mark_measured(candidate.position_m, 1.0)
-        elif self.is_hidden(point, candidate.position_m, evidence.anchor) or self._joint_is_hidden(
-            point, body, evidence
-        ):
+        elif self._is_covered(point, body, candidate, evidence):
             point.unsupported_s += dt_s
             if candidate.noise_m2 is None or point.state == "lost":
                 point.mark_missed(dt_s)

@@ -21,6 +21,7 @@ HAND_REACHES = np.array([0.4, 0.2])
 ANKLE_DEEP_M = 0.055  # [m] from the surface to the ankle
 # [m] from the ankle to the surface at the middle of the foot: ahead, down and towards the camera
 FOOT_AHEAD_M, FOOT_BELOW_M, FOOT_NEAR_M = 0.08, 0.03, 0.03
+FOOT_AWAY = 0.4  # cosine of heading and ray, above which the surface before a foot is its heel's
 AROUND_PX = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)])  # pixels whose depth counts
 NOISE_M, UNSURE_M = 0.02, 0.03  # [m] of a keypoint in the image, and more at confidence 0
 LIMB_DEEP_M = 0.12  # [m] between wrist and hand, or foot and surface, at most
@@ -70,7 +71,8 @@ def surface_position(
         position_m = joint_m + (ANKLE_DEEP_M - FOOT_NEAR_M) * ray - FOOT_BELOW_M * up
         if heading is not None:
             position_m = position_m + FOOT_AHEAD_M * heading
-        position_m = _nearer_to_surface(position_m, body, info)
+        if heading is None or float(heading @ ray) < FOOT_AWAY:
+            position_m = _nearer_to_surface(position_m, body, info)
     sigma_m = NOISE_M + UNSURE_M * (1.0 - anchor.confidence)
     noise_m2 = sigma_m**2 * np.eye(3) + DEPTH_NOISE_M**2 * np.outer(ray, ray)
     return SurfacePosition(position_m, noise_m2, int(vertices[0]))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import project
+from people4d.messages import F64
 from services.gait.points.body import MeasuredBody
 from services.gait.points.keypoints import Anchor
 from services.gait.points.limb_surface import surface_position
@@ -77,10 +78,12 @@ def test_hand_of_a_forearm_that_points_to_the_camera_is_nearer_than_the_wrist() 
     assert found.position_m[2] == pytest.approx((2.0 + 1.94) / 2)
 
 
-def test_foot_is_between_its_ankle_and_the_surface_before_it() -> None:
+@pytest.mark.parametrize(("ahead_m", "share"), [(AHEAD, 0.5), (np.array([0.0, 0.0, 1.0]), 0.0)])
+def test_foot_is_between_its_ankle_and_the_surface_before_it(ahead_m: F64, share: float) -> None:
+    # Of a foot that points away the surface before it is its heel's.
     body = arm()
     info, ankle = INFO, body.mesh.points_m[WRIST]
-    free = surface_position("left_foot", anchor_at(WRIST, FOREARM), body, AHEAD, UP, info)
+    free = surface_position("left_foot", anchor_at(WRIST, FOREARM), body, ahead_m, UP, info)
     assert free is not None
     # The vertex whose pixel the foot has is 6 cm nearer to the camera than the ankle.
     grid = body.mesh.grid.copy()
@@ -90,9 +93,10 @@ def test_foot_is_between_its_ankle_and_the_surface_before_it() -> None:
     points_m = body.mesh.points_m.copy()
     points_m[0, 2] = ankle[2] - 0.06
     covered = replace(body, mesh=replace(body.mesh, grid=grid, points_m=points_m))
-    found = surface_position("left_foot", anchor_at(WRIST, FOREARM), covered, AHEAD, UP, info)
+    found = surface_position("left_foot", anchor_at(WRIST, FOREARM), covered, ahead_m, UP, info)
     assert found is not None
-    assert found.position_m[2] == pytest.approx((free.position_m[2] + points_m[0, 2]) / 2)
+    moved_m = share * (points_m[0, 2] - free.position_m[2])
+    assert found.position_m[2] == pytest.approx(free.position_m[2] + moved_m)
 
 
 def test_keypoint_off_the_body_measures_nothing() -> None:

@@ -1,0 +1,38 @@
+"""Acceptance of measured positions: hidden points, and points before their expected position."""
+
+import numpy as np
+import pytest
+
+from services.gait.config import DepthLayerConfig
+from services.gait.points.acceptance import Acceptance, Candidate
+from services.gait.points.keypoints import Anchor
+from services.gait.points.likelihood import PointEvidence
+from services.gait.points.normal import Normal
+from services.gait.points.point_filter import PointFilter
+from tests.gait.builders import INFO
+from tests.gait.points.test_body import arm
+
+CONFIG = DepthLayerConfig()
+HAND = 20  # a vertex, 9 cm before the end of the arm
+
+
+@pytest.mark.parametrize(
+    ("confidence", "state"), [(0.9, "measured"), (0.05, "predicted"), (None, "predicted")]
+)
+def test_hand_before_its_expected_position_is_hidden_unless_its_keypoint_is_there(
+    confidence: float | None, state: str
+) -> None:
+    body = arm()
+    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
+    point.start(HAND, body, None)
+    position_m = body.mesh.points_m[HAND]
+    # The body expects the hand 30 cm behind the surface.
+    point.prior = Normal(position_m + np.array([0.0, 0.0, 0.3]), 0.05**2 * np.eye(3))
+    pixel = body.mesh.pixels_px[HAND].astype(float)
+    anchor = None if confidence is None else Anchor(pixel, 1.0, confidence, pixel)
+    candidate = Candidate(position_m, HAND, 0.03**2 * np.eye(3))
+    acceptance = Acceptance(CONFIG, INFO)
+    acceptance.has_keypoints = True
+    evidence = PointEvidence(anchor, 10.0, None, None, None, None)
+    acceptance.update(point, body, candidate, evidence, 0.03)
+    assert point.state == state
