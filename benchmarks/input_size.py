@@ -15,9 +15,8 @@ from benchmarks.quantization import ENGINES
 from benchmarks.real_inputs import ROOT
 from benchmarks.score_calibration import matches_of_marks, real_frames
 from common.io.weights import REPOSITORY
-from evaluation.quantization.accuracy import Found, compare
-from evaluation.recordings.rendered import HELD_OUT, RenderedFrame, matches, render
-from people4d.messages import Detection, Detections
+from evaluation.quantization.accuracy import compare, found_by
+from evaluation.recordings.rendered import HELD_OUT, render
 from services.detector.build import build
 from services.detector.config import DetectorConfig, ModelSettings, NearInputConfig
 from services.detector.input_size import InputSizeChoice
@@ -63,24 +62,13 @@ def times() -> Iterator[list[str]]:
             ]
 
 
-def of_lab(frames: Sequence[RenderedFrame], config: DetectorConfig) -> tuple[Found, int]:
-    """Return what is found of the people in frames, and how many had the smaller input."""
-    node, found = build(config), dict[tuple[int, int], Detection]()
-    for number, rendered in enumerate(frames):
-        node.handle(rendered.info, 0)
-        output = node.handle(rendered.frame, 0)[-1]
-        assert isinstance(output, Detections)
-        for index, detection in matches(rendered.people, output.detections).items():
-            found[number, index] = detection
-    return found, node.status().counters.get("near_inputs", 0)
-
-
 def lab_row(title: str, scenes: Sequence[tuple[str, int, range]]) -> list[str]:
     """Return the row of scenes of the lab."""
     frames = list(render(scenes))
-    full, _ = of_lab(frames, DetectorConfig(crops=False))
-    found, near = of_lab(frames, DetectorConfig(crops=False, near_input=NEAR))
-    lost = compare(frames, full, found)
+    full = found_by(build(DetectorConfig(crops=False)), frames)
+    node = build(DetectorConfig(crops=False, near_input=NEAR))
+    found = found_by(node, frames)
+    near, lost = node.status().counters["near_inputs"], compare(frames, full, found)
     return [
         title,
         f"{near} of {len(frames)}",

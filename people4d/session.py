@@ -1,14 +1,10 @@
 """Zenoh sessions of a robot's network: configuration, credentials and subscriptions."""
 
-import contextlib
-import ctypes
 import json
-import math
 import os
 import re
 import threading
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +14,13 @@ import zenoh.ext
 from people4d import credentials
 from people4d.errors import ConfigError, People4dError
 from people4d.messages.base import check_name
-from people4d.queue import RefusedPayload
+from people4d.subscription import CLOSE_S, ZenohSubscription
 from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX, LOCKSTEP_MAX, Topic, prefix, query_key
 
 BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")  # of the machine that Zenoh was built on
 
 CONFIGS = Path(__file__).parent / "zenoh"
-CLOSE_S = 2.0
 ANSWER_S = 2.0
-REPORT_S = 0.1  # between two reports of messages on too many keys
-KEY_FORGOTTEN_S = 10.0  # without a message, after which a key makes room for another
 ENCRYPTED = ("tls", "quic")
 IGNORED = {("connect", "router"), ("listen", "client")}
 
@@ -110,124 +103,6 @@ def _open(config: zenoh.Config) -> zenoh.Session:
             "Is the system up (people4d ps), the endpoint right (--connect), and do user, "
             "password or certificates match the router's?",
         ) from error
-
-
-class KeyLimit:
-    """Bound on the keys of a subscription, against invented names.
-
-    Those that are heard of stay; a new one takes the slot of one that was silent for long.
-
-    Args:
-        keys_max: Number of keys.
-    """
-
-    def __init__(self, keys_max: int) -> None:
-        self.keys_max = keys_max
-        self._heard_s: dict[str, float] = {}  # monotonic, the one heard of last is the last
-        self._full_until_s = -math.inf
-
-    def admits(self, key: str, now_s: float) -> bool:
-        """Note a message; return False if there are too many other keys."""
-        if self._heard_s.pop(key, None) is None:
-            if now_s < self._full_until_s:
-                return False
-            if len(self._heard_s) >= self.keys_max:
-                oldest = next(iter(self._heard_s))
-                self._full_until_s = self._heard_s[oldest] + KEY_FORGOTTEN_S
-                if now_s < self._full_until_s:
-                    return False
-                del self._heard_s[oldest]
-        self._heard_s[key] = now_s
-        return True
-
-
-class ZenohSubscription:
-    """Payloads of one topic; iterate in a thread of its own.
-
-    Args:
-        subscriber: Of Zenoh.
-        max_bytes: Longest payload that is read.
-        keys_max: Keys of which payloads are read.
-        but: Identifier of a session whose payloads are passed over; None: of none.
-    """
-
-    def __init__(
-        self,
-        subscriber: Any,
-        max_bytes: int = IMAGE_MAX_BYTES,
-        keys_max: int = KEYS_MAX,
-        but: str | None = None,
-    ) -> None:
-        self._subscriber = subscriber
-        self._max_bytes = max_bytes
-        self._keys = KeyLimit(keys_max)
-        self._but = but
-        self._closed = False
-        self._receiving = threading.Lock()
-        self._refused, self._reported_s = 0, -math.inf  # messages that are not yet reported
-
-    def __iter__(self) -> Iterator[tuple[str, bytes]]:
-        """Yield key and payload until closed, `RefusedPayload` for what is not to be read.
-
-        Messages on too many keys are reported a few times a second, with their number: a flood of
-        them is to cost little.
-        """
-        while (sample := self._receive()) is not None:
-            if sample.kind != zenoh.SampleKind.PUT or self._is_passed_over(sample):
-                continue
-            key, now_s = str(sample.key_expr), time.monotonic()
-            is_admitted = self._keys.admits(key, now_s)
-            self._refused += not is_admitted
-            if self._refused and (is_admitted or now_s - self._reported_s > REPORT_S):
-                text = f"expected at most {self._keys.keys_max} publishers at once, got more"
-                yield key, RefusedPayload(text, self._refused)
-                self._refused, self._reported_s = 0, now_s
-            if is_admitted:
-                size = len(sample.payload)
-                if size <= self._max_bytes:
-                    payload = sample.payload.to_bytes()
-                else:
-                    payload = RefusedPayload(
-                        f"expected at most {self._max_bytes} bytes, got {size}"
-                    )
-                del sample  # it would take memory until the next one comes
-                if size > self._max_bytes:
-                    _release_memory()
-                yield key, payload
-                del payload
-
-    def samples(self) -> Iterator[Any]:
-        """Yield all samples, as Zenoh gives them, until closed."""
-        while (sample := self._receive()) is not None:
-            yield sample
-            del sample  # it would take memory until the next one comes
-
-    def _is_passed_over(self, sample: Any) -> bool:
-        # The cache of this session replies to its own subscribers, too.
-        source = sample.source_info if self._but else None
-        return source is not None and str(source.source_id.zid) == self._but
-
-    def _receive(self) -> Any:
-        """Wait for a sample; None once closed."""
-        try:
-            with self._receiving:
-                return None if self._closed else self._subscriber.handler.recv()
-        except zenoh.ZError:
-            return None
-
-    @property
-    def closed(self) -> bool:
-        """True once the iteration was ended."""
-        return self._closed
-
-    def close(self) -> None:
-        """End the iteration."""
-        if not self._closed:
-            self._closed = True
-            self._subscriber.undeclare()
-            # Python aborts if it ends while a thread is still inside of Zenoh.
-            if self._receiving.acquire(timeout=CLOSE_S):
-                self._receiving.release()
 
 
 class ZenohSession:
@@ -333,15 +208,6 @@ class ZenohSession:
         self._threads = [thread for thread in self._threads if thread.is_alive()]
         self._threads.append(threading.Thread(target=work, name=name, daemon=True))
         self._threads[-1].start()
-
-
-def _release_memory() -> None:
-    """Return freed memory to the system, where the C library can.
-
-    Zenoh receives a long payload in pieces, which otherwise stay in the arenas of its threads.
-    """
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 def check_chunk(field: str, name: str) -> None:

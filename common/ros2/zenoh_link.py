@@ -12,7 +12,8 @@ from common.ros2.config import Ros2Config
 from common.ros2.transport import Qos, Ros2Publisher
 from people4d import session
 from people4d.errors import ConfigError
-from people4d.session import ZenohSession, ZenohSubscription
+from people4d.session import ZenohSession
+from people4d.subscription import ZenohSubscription
 
 LOCAL = ("127.0.0.1", "localhost", "[::1]")
 

@@ -14,7 +14,7 @@ from common.runtime.node import Sharing
 from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import ZenohBus, ZenohMembers
 from people4d.messages import Health
-from people4d.session import ZenohSubscription
+from people4d.subscription import ZenohSubscription
 from people4d.topics import BY_MESSAGE, Topic
 
 SETTLE_S = 0.2  # [s] between subscribing and joining: the others must not count on us too early

@@ -21,7 +21,8 @@ from people4d.codec import encode
 from people4d.credentials import uses_certificates
 from people4d.errors import ConfigError
 from people4d.messages import Health, Message, RgbdFrame, Span
-from people4d.session import ZenohSession, ZenohSubscription, check_chunk
+from people4d.session import ZenohSession, check_chunk
+from people4d.subscription import ZenohSubscription
 from people4d.topics import BY_MESSAGE, Topic, prefix, query_key
 
 SLOW_HZ = "10"  # of each topic through $PEOPLE4D_SLOW_LINKS

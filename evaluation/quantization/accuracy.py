@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from common.inference.session import Session
+from common.runtime.node import Node
 from evaluation.recordings.rendered import RenderedFrame, matches, yaw_error_deg
 from people4d.messages import Detection, Detections
 from services.detector.build import build
@@ -45,7 +46,11 @@ class AccuracyLoss:
 def detect(session: Session, kind: str, frames: Sequence[RenderedFrame]) -> Found:
     """Return what a network of a kind detects of the people in frames, by frame and person."""
     config = msgspec.convert({"crops": False, "scores": "network"}, DetectorConfig)
-    node = build(config, find_factory(kind)(session, config, kind))
+    return found_by(build(config, find_factory(kind)(session, config, kind)), frames)
+
+
+def found_by(node: Node, frames: Sequence[RenderedFrame]) -> Found:
+    """Return what a detector finds of the people in frames, by frame and person."""
     found: dict[tuple[int, int], Detection] = {}
     for number, rendered in enumerate(frames):
         node.handle(rendered.info, 0)

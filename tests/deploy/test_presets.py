@@ -11,7 +11,8 @@ from common.config import load
 from deploy.cli import app
 from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
 from people4d.errors import ConfigError
-from services.detector.config import DetectorConfig, FaceConfig, KeypointConfig, OrientationConfig
+from services.detector.config import DetectorConfig, KeypointConfig
+from services.detector.orientation.config import FaceConfig, OrientationConfig
 from services.presets import FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
 from services.tracker.config import (

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from common.geometry.transforms import wrap
 from people4d.messages import F32, F64
-from services.detector.config import BodyModelConfig, JointPairConfig
 from services.detector.orientation.angle import YawEstimate
+from services.detector.orientation.config import BodyModelConfig, JointPairConfig
 from services.detector.orientation.observation import YawObservation, observe_body
 from services.detector.position.surface import DepthImage
 

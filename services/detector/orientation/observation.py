@@ -11,7 +11,6 @@ import numpy as np
 
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64
-from services.detector.config import BodyModelConfig
 from services.detector.orientation.angle import (
     HIPS,
     LEFT_EAR,
@@ -21,6 +20,7 @@ from services.detector.orientation.angle import (
     bearing,
     confident_pixels,
 )
+from services.detector.orientation.config import BodyModelConfig
 from services.detector.position.surface import DepthImage
 
 FACE = [0, 1, 2, 3, 4]  # COCO

@@ -10,7 +10,7 @@ import numpy as np
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, deproject, wrap
 from people4d.messages import F32, F64
-from services.detector.config import FaceConfig, KeypointConfig, OrientationConfig
+from services.detector.config import KeypointConfig
 from services.detector.orientation.angle import (
     HIPS,
     LEFT_EAR,
@@ -23,6 +23,7 @@ from services.detector.orientation.angle import (
     bearing,
     confident_pixels,
 )
+from services.detector.orientation.config import FaceConfig, OrientationConfig
 from services.detector.position.surface import DepthImage, keypoint_depth
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import zenoh
 
 from people4d.queue import MessageQueue
-from people4d.session import KEY_FORGOTTEN_S, KeyLimit, ZenohSubscription
+from people4d.subscription import KEY_FORGOTTEN_S, KeyLimit, ZenohSubscription
 from people4d.topics import BY_NAME
 
 

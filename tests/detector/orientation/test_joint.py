@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from common.geometry.transforms import wrap
 from people4d.messages import F32, F64, U16
-from services.detector.config import HIPS, SHOULDERS, BodyModelConfig
+from services.detector.orientation.config import HIPS, SHOULDERS, BodyModelConfig
 from services.detector.orientation.joint import (
     ANGLES,
     across,

@@ -8,8 +8,9 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, project, rotation_from_rpy, wrap
 from people4d.messages import F32, F64, U16
-from services.detector.config import DetectorConfig, FaceConfig, KeypointConfig, OrientationConfig
+from services.detector.config import DetectorConfig, KeypointConfig
 from services.detector.orientation.angle import YawEstimate, bearing, heading_vector
+from services.detector.orientation.config import FaceConfig, OrientationConfig
 from services.detector.orientation.separate import (
     YawPair,
     face_sign,
