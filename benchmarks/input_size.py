@@ -68,7 +68,7 @@ def lab_row(title: str, scenes: Sequence[tuple[str, int, range]]) -> list[str]:
     full = found_by(build(DetectorConfig(crops=False)), frames)
     node = build(DetectorConfig(crops=False, near_input=NEAR))
     found = found_by(node, frames)
-    near, lost = node.status().counters["near_inputs"], compare(frames, full, found)
+    near, lost = node.status().counters.get("near_inputs", 0), compare(frames, full, found)
     return [
         title,
         f"{near} of {len(frames)}",

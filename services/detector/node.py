@@ -159,9 +159,9 @@ class DetectorNode(Node):
             self._fault(frame, "model_errors", f"the model failed: {error!r:.200}")
             return []
         with self._lock:
-            is_near = near_model is not None
-            self._counters["near_inputs"] += is_near
-            self._sizes.note(frame.camera, is_near, people, frame.depth_mm.shape)
+            self._sizes.note(frame.camera, bool(near_model), people, frame.depth_mm.shape)
+            if near_model:
+                self._counters["near_inputs"] += 1
         if frame.depth_mm.any():
             with self._lock:
                 self._faults.pop(frame.camera, None)
