@@ -101,16 +101,18 @@ def _decades_later(_: Path) -> bytes:
     return saved[:1] + pack(replace(outer, tracker=pack(earlier)))
 
 
-def _far_boxes(_: Path) -> bytes:
-    """A checkpoint of SORT in the image whose boxes are far beyond the image."""
-    (saved,) = (seed for seed in checkpoint_seeds(_) if seed[0] == METHODS.index("image_sort"))
+def _odd_boxes(value: float, *names: str) -> bytes:
+    """Return a checkpoint of SORT in the image with a value in columns of its tracks."""
+    (saved,) = (seed for seed in checkpoint_seeds(Path()) if seed[0] == METHODS.index("image_sort"))
     outer = unpack(saved[1:], NodeCheckpoint)
     inner = unpack(outer.tracker, ImageTrackerCheckpoint)
     images = {}
-    for name, (one, direction) in inner.images.items():
+    for camera, (one, direction) in inner.images.items():
         tracks = np.frombuffer(one.tracks, TRACK).copy()
-        tracks["x"][:, :3] = tracks["box"] = 1e20
-        images[name] = (one._replace(tracks=tracks.tobytes()), direction)
+        tracks["x"][:, 0] += 1e4  # [px] so that no detection matches
+        for name in names:
+            tracks[name] = value
+        images[camera] = (one._replace(tracks=tracks.tobytes()), direction)
     return saved[:1] + pack(replace(outer, tracker=pack(replace(inner, images=images))))
 
 
@@ -219,7 +221,12 @@ REGRESSIONS: Sequence[Regression] = (
     Regression(
         "checkpoint of the tracker",
         "boxes of 1e77 pixels were restored and raised at the next frame",
-        _far_boxes,
+        lambda _: _odd_boxes(1e20, "x", "box"),
+    ),
+    Regression(
+        "checkpoint of the tracker",
+        "boxes of a score of -2e14 were restored and raised at the next frame",
+        lambda _: _odd_boxes(-2e14, "score"),
     ),
     Regression(
         "plan of a run",

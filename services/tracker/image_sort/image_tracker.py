@@ -79,7 +79,9 @@ class ImageTracker(TrackSetTracker):
         image.sort.raise_to(self.ids.next)
         matched = image.sort.update(_frame(observation, image))
         self.ids.raise_to(image.sort.next_id)
-        self._image_tracks = _image_tracks(image.sort.tracks, matched, observation.stamp_ns)
+        self._image_tracks = _image_tracks(
+            image.sort.tracks, set(matched.ids.tolist()), observation.stamp_ns
+        )
         return self._update_positions(observation, matched)
 
     def image_tracks(self) -> tuple[ImageTrack, ...]:
@@ -109,7 +111,9 @@ class ImageTracker(TrackSetTracker):
         }
         try:
             for name, (checkpoint, _) in state.images.items():
-                images[name].sort.restore(checkpoint)
+                sort = images[name].sort
+                sort.restore(checkpoint)
+                _image_tracks(sort.tracks, set(), checkpoint.stamp_ns or 0)  # can be published
             stamps = [c.stamp_ns for c, _ in state.images.values() if c.stamp_ns is not None]
             if stamps and max(stamps) > (state.positions.stamp_ns or 0):
                 raise ValueError("expected no boxes later than the positions")
@@ -182,8 +186,7 @@ def _frame(observation: Observation, image: CameraTracks) -> BoxFrame:
     )
 
 
-def _image_tracks(tracks: Records, matched: BoxTracks, stamp_ns: int) -> tuple[ImageTrack, ...]:
-    confirmed = set(matched.ids.tolist())
+def _image_tracks(tracks: Records, confirmed: set[int], stamp_ns: int) -> tuple[ImageTrack, ...]:
     result = []
     # Boxes that move fast while lost may leave the range of messages.
     for track in tracks[(np.abs(tracks["box"]) <= MAX_PX).all(axis=1)]:
