@@ -52,10 +52,18 @@ class FrameGraph:
             if self._count >= TRANSFORMS_MAX:
                 return False
             self._count += 1
+        is_new = not {parent, child} & self._neighbours.keys()
         _link(self._neighbours, parent, child, matrix)
         self.changes += 1
-        self._paths.clear()
-        self._with_links = None
+        if is_new and not any(name.endswith((OPTICAL, LINK)) for name in (parent, child)):
+            # Two frames apart from all others change the chain between them alone.
+            self._paths.pop((parent, child), None)
+            self._paths.pop((child, parent), None)
+            if self._with_links is not None:
+                _link(self._with_links, parent, child, matrix)
+        else:
+            self._paths.clear()
+            self._with_links = None
         return True
 
     def lookup(self, target: str, source: str) -> F64 | None:

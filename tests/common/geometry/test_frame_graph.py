@@ -1,5 +1,6 @@
 """Chains of transforms, worked by hand."""
 
+import itertools
 import math
 
 import numpy as np
@@ -73,3 +74,20 @@ def test_a_newer_transform_replaces_the_older() -> None:
     got = frames.lookup("map", "a")
     assert got is not None
     assert got[0, 3] == 5.0
+
+
+def test_paths_asked_for_in_between_change_nothing() -> None:
+    generator = np.random.default_rng(5)
+    names = ["map", "base", "a", "b", "c", "front_link", "front_optical_frame", "d", "e"]
+    for _ in range(50):
+        asked, fresh = FrameGraph(), FrameGraph()
+        for parent, child in generator.choice(names, (6, 2)):
+            if parent == child:
+                continue
+            asked.link(parent, child, np.eye(4))
+            fresh.link(parent, child, np.eye(4))  # asked at the end only
+            for source in names:
+                asked.path("map", source)
+        for target, source in itertools.permutations(names, 2):
+            found, expected = asked.path(target, source), fresh.path(target, source)
+            assert (found and list(found)) == (expected and list(expected))
