@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from people4d.messages import F64
+from people4d.messages.base import MAX_M
 from services.tracker.motion.yaw import YawState
 
+ROUNDING = 1e-9  # of the trace: a negative eigenvalue may be so large
 BOOL = npt.NDArray[np.bool_]
 
 
@@ -70,3 +72,17 @@ class TrackRecord:
 def stack(records: Sequence[TrackRecord]) -> tuple[F64, F64]:
     """Return the states (Nxn) and covariances (Nxnxn) of N tracks."""
     return np.array([t.x for t in records]), np.array([t.P for t in records])
+
+
+def check_state(x: F64, P: F64) -> None:
+    """Check states (...n) and covariances (...nxn) of a checkpoint.
+
+    Raises:
+        ValueError: They are out of range, or a covariance is not positive semidefinite.
+    """
+    if np.abs(x).max() > MAX_M or np.abs(P).max() > MAX_M**2:
+        raise ValueError(f"expected states of at most {MAX_M:g} m, and variances of its square")
+    least = ROUNDING * np.trace(P, axis1=-2, axis2=-1)
+    symmetric = np.allclose(P, P.swapaxes(-1, -2), atol=float(np.abs(least).max()))
+    if not symmetric or (np.linalg.eigvalsh(P)[..., 0] < -least).any():
+        raise ValueError("expected symmetric covariances without a negative eigenvalue")

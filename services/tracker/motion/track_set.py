@@ -1,6 +1,5 @@
 """The set of tracks: identities, prediction, update, and the life cycle of each."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -11,7 +10,7 @@ from people4d.messages import F64, Track
 from services.tracker.interface import IdCounter, Measurement, Observation
 from services.tracker.motion.motion import Motion
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter
-from services.tracker.motion.track_record import TrackRecord
+from services.tracker.motion.track_record import TrackRecord, check_state
 from services.tracker.motion.yaw import VelocityYaw
 
 SEVERAL_HITS = 1  # more matches that confirm a track if several cameras send
@@ -208,8 +207,12 @@ class TrackSet:
             raise ValueError(f"expected states of {n} numbers, got others")
         if any(t.imm and not t.imm.fits(n) for t in records):
             raise ValueError(f"expected two states of {n} numbers each, got others")
-        if not all(math.isfinite(number) for t in records for number in t.yaw or ()):
-            raise ValueError("expected finite yaws, got NaN or infinity")
+        for t in records:
+            check_state(t.x, t.P)
+            if t.imm:
+                check_state(t.imm.x, t.imm.P)
+            if t.yaw:
+                t.yaw.check()
         if len({t.id for t in records}) < len(records) or any(t.id < 1 for t in records):
             raise ValueError("expected identities >= 1, each once")
         self.records, self.stamp_ns = records, stamp_ns

@@ -22,9 +22,22 @@ class YawState(NamedTuple):
     agreement_s: float = 0.0  # [s] of measurements that agree, less that of reversed ones
     since_s: float = 0.0  # [s] since the last measurement from keypoints
 
+    def check(self) -> None:
+        """Check the state of a checkpoint.
+
+        Raises:
+            ValueError: It is out of range.
+        """
+        p, c, v = self.psi_variance, self.cross, self.rate_variance
+        in_range = all(abs(number) <= YAW_STATE_MAX for number in self)
+        times = self.agreement_s >= 0.0 and self.since_s >= 0.0
+        if not (in_range and times and p > 0.0 and c * c <= p * v * 1.001):
+            raise ValueError("expected yaws in range with a positive covariance")
+
 
 UNIFORM_RAD = math.pi / math.sqrt(3)  # standard deviation of an angle about which nothing is known
 REVERSED_RAD = math.radians(120)  # a measurement farther off is taken as reversed
+YAW_STATE_MAX = 1e12  # of a checkpoint; its largest numbers are seconds and variances
 STEPS_MAX = 1000  # of one prediction; a yaw that was not measured for so long is unknown
 STEP_MAX_S = 0.2  # [s] one measurement counts for no longer
 
