@@ -79,34 +79,38 @@ class ZenohSubscription:
         them is to cost little.
         """
         while (sample := self._receive()) is not None:
-            if sample.kind != zenoh.SampleKind.PUT or self._is_passed_over(sample):
-                continue
-            key, now_s = str(sample.key_expr), time.monotonic()
-            is_admitted = self._keys.admits(key, now_s)
-            self._refused += not is_admitted
-            if self._refused and (is_admitted or now_s - self._reported_s > REPORT_S):
-                text = f"expected at most {self._keys.keys_max} publishers at once, got more"
-                yield key, RefusedPayload(text, self._refused)
-                self._refused, self._reported_s = 0, now_s
-            if is_admitted:
-                size = len(sample.payload)
-                if size <= self._max_bytes:
-                    payload = sample.payload.to_bytes()
-                else:
-                    payload = RefusedPayload(
-                        f"expected at most {self._max_bytes} bytes, got {size}"
-                    )
-                del sample  # it would take memory until the next one comes
-                if size > self._max_bytes:
-                    _release_memory()
-                yield key, payload
-                del payload
+            received = self._read(sample)
+            is_long = len(sample.payload) > self._max_bytes
+            del sample  # it would take memory until the next one comes
+            if is_long:
+                _release_memory()
+            yield from received
+            del received
 
     def samples(self) -> Iterator[Any]:
         """Yield all samples, as Zenoh gives them, until closed."""
         while (sample := self._receive()) is not None:
             yield sample
             del sample  # it would take memory until the next one comes
+
+    def _read(self, sample: Any) -> list[tuple[str, bytes]]:
+        """Return the payload of a sample, and before it a report of those that were refused."""
+        if sample.kind != zenoh.SampleKind.PUT or self._is_passed_over(sample):
+            return []
+        key, now_s, size = str(sample.key_expr), time.monotonic(), len(sample.payload)
+        received: list[tuple[str, bytes]] = []
+        is_admitted = self._keys.admits(key, now_s)
+        self._refused += not is_admitted
+        if self._refused and (is_admitted or now_s - self._reported_s > REPORT_S):
+            text = f"expected at most {self._keys.keys_max} publishers at once, got more"
+            received.append((key, RefusedPayload(text, self._refused)))
+            self._refused, self._reported_s = 0, now_s
+        if is_admitted and size > self._max_bytes:
+            text = f"expected at most {self._max_bytes} bytes, got {size}"
+            received.append((key, RefusedPayload(text)))
+        elif is_admitted:
+            received.append((key, sample.payload.to_bytes()))
+        return received
 
     def _is_passed_over(self, sample: Any) -> bool:
         # The cache of this session replies to its own subscribers, too.
