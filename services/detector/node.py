@@ -60,8 +60,8 @@ class DetectorNode(Node):
         config: DetectorConfig,
         near_model: PersonModel | None = None,
     ) -> None:
-        self._model, self._near_model = model, near_model
-        self._sizes = InputSizeChoice(config.near_input)
+        self._model, self._near_model = model, near_model or model
+        self._sizes = InputSizeChoice(config.near_input) if near_model else None
         self._config = config
         self._keypoints = config.keypoints_for(model.name)
         self._positions = PositionEstimator(config, model.name)
@@ -151,17 +151,18 @@ class DetectorNode(Node):
     def _find(self, frame: RgbdFrame) -> list[DetectedPerson]:
         """Return the people in the colour image; none, counted, if the model fails."""
         with self._lock:
-            near_model = self._near_model if self._sizes.is_near(frame.camera) else None
+            is_near = self._sizes is not None and self._sizes.is_near(frame.camera)
+        model = self._near_model if is_near else self._model
         try:
-            people = (near_model or self._model).detect(frame.rgb)
+            people = model.detect(frame.rgb)
         except Exception as error:  # a model from outside may raise anything
             log.debug("the model failed", exc_info=True)
             self._fault(frame, "model_errors", f"the model failed: {error!r:.200}")
             return []
-        with self._lock:
-            self._sizes.note(frame.camera, bool(near_model), people, frame.depth_mm.shape)
-            if near_model:
-                self._counters["near_inputs"] += 1
+        if self._sizes is not None:
+            with self._lock:
+                self._sizes.note(frame.camera, is_near, people, frame.depth_mm.shape)
+                self._counters["near_inputs"] += is_near
         if frame.depth_mm.any():
             with self._lock:
                 self._faults.pop(frame.camera, None)

@@ -56,11 +56,17 @@ def test_cameras_are_apart() -> None:
     assert not choice.is_near("back")
 
 
-def test_the_node_gives_the_smaller_input_and_counts_it() -> None:
+def node_of_two() -> tuple[DetectorNode, FixedModel, FixedModel]:
+    """Return a calibrated detector, its model and that with the smaller input."""
     config = DetectorConfig(near_input=NearInputConfig(height=32, width=32, person_min_px=20.0))
     full, near = FixedModel([person()]), FixedModel([person()])
     made = DetectorNode(full, config, near)
     made.handle(INFO, 0)
+    return made, full, near
+
+
+def test_the_node_gives_the_smaller_input_and_counts_it() -> None:
+    made, full, near = node_of_two()
     for number in range(8):
         made.handle(frame(number), 0)
     assert (len(full.images), len(near.images)) == (2, 6)
@@ -68,10 +74,7 @@ def test_the_node_gives_the_smaller_input_and_counts_it() -> None:
 
 
 def test_after_a_frame_that_failed_the_size_is_chosen_by_the_one_before() -> None:
-    config = DetectorConfig(near_input=NearInputConfig(height=32, width=32, person_min_px=20.0))
-    full, near = FixedModel([person()]), FixedModel([person()])
-    made = DetectorNode(full, config, near)
-    made.handle(INFO, 0)
+    made, full, near = node_of_two()
     for number in range(6):
         made.handle(frame(number, white=number == 1), 0)
     assert made.status().counters["model_errors"] == 1
