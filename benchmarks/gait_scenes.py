@@ -108,6 +108,14 @@ SCENES = {
     "judge_limp_20": Scene((Style("e", BACKWARD, limp=0.2),), 40.0, 12.0, 1.0, -0.9),
     "judge_limp_10": Scene((Style("b", AHEAD, limp=-0.1),), 45.0, 12.0, 1.3, 0.9),
     "judge_even": Scene((Style("d", BACKWARD),), 40.0, 12.0, 0.8, -0.9),
+    "choose_circles": Scene(
+        (
+            Style("a", (*ellipse(3.2, 0.85, 0.4, 0.4, count=-24), (3.6, 0.85, 1.5, 0.0)), 0.75),
+            Style("c", ellipse(3.6, -0.7, 0.8, 0.45, at=0.6), arms="carry"),
+            Style("a", ellipse(4.4, 0.2, 0.4, 0.9, at=0.1), 0.95, size=(0.95, 0.97)),
+        ),
+        height_m=1.3,
+    ),
 }
 
 

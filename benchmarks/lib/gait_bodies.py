@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.lib.true_steps import even_truth, steps_by_ankles, true_asymmetry
+from benchmarks.lib.true_steps import even_truth, steady_cadence, steps_by_ankles, true_asymmetry
 from evaluation.gait.parameters import gait_parameters, limping_side
 from evaluation.gait.tables import GaitTables
 from lab.truth.motion_capture import Footfall
@@ -58,6 +58,7 @@ class Tally:
     errors_m: dict[str, list[float]] = field(default_factory=dict)  # by limb and visibility
     measured_hidden: int = 0
     hidden: int = 0  # published while hidden
+    hidden_all: int = 0  # lost ones, too
     exchanged: dict[str, list[bool]] = field(default_factory=dict)  # by visibility
     covered: list[bool] = field(default_factory=list)  # of predicted points
     visible: int = 0
@@ -69,7 +70,8 @@ class Tally:
     walkers: int = 0
     with_measures: int = 0
     length_off_m: list[float] = field(default_factory=list)
-    cadence_off: list[float] = field(default_factory=list)
+    cadence_off: list[float] = field(default_factory=list)  # of steady walking
+    turns_cadence_off: list[float] = field(default_factory=list)  # from that of all true strides
     asymmetry_off: list[float] = field(default_factory=list)
     limps: int = 0  # of 8 % or more
     limps_found: int = 0  # with their side
@@ -169,6 +171,7 @@ def _points(tally_: Tally, person: PersonGait, reference: F64, visible: Flags) -
         unhidden = bool(visible[JOINT[k]])
         point = by_name.get(name)
         tally_.visible += unhidden
+        tally_.hidden_all += not unhidden
         if point is None or point.state == "lost":
             continue
         offset = point.position_m - reference[k]
@@ -218,8 +221,8 @@ def _steps(
             tally_.invented += 1
     tally_.true += len(visible)
     tally_.found += sum(falls[n] in visible for n in taken)
-    walked = even_truth(falls)
-    if len(visible) < WALKED_STEPS or walked is None:
+    walked, steady_per_min = even_truth(falls), steady_cadence(falls)
+    if len(visible) < WALKED_STEPS or walked is None or steady_per_min is None:
         return
     tally_.walkers += 1
     measures = [tables.measures(key) for key in own]
@@ -228,7 +231,8 @@ def _steps(
         return
     tally_.with_measures += 1
     tally_.length_off_m.append(best.step_length_m - walked[0])
-    tally_.cadence_off.append(best.cadence_per_min / walked[1] - 1)
+    tally_.cadence_off.append(best.cadence_per_min / steady_per_min - 1)
+    tally_.turns_cadence_off.append(best.cadence_per_min / walked[1] - 1)
     _asymmetry(tally_, falls, steps, best)
 
 
@@ -282,6 +286,8 @@ def cells(one: Tally) -> Mapping[str, str]:
 
     worst_m = max((abs(x) for x in one.length_off_m), default=np.nan)
     worst = max((abs(x) for x in one.cadence_off), default=np.nan)
+    turning = max((abs(x) for x in one.turns_cadence_off), default=np.nan)
+    shown = sum(len(one.errors_m.get(f"{kind} visible", [])) for kind in ("hand", "foot"))
     uneven = max((abs(x) for x in one.asymmetry_off), default=np.nan)
     return {
         "steps found": f"{one.found} of {one.true}",
@@ -291,6 +297,7 @@ def cells(one: Tally) -> Mapping[str, str]:
         "live %": percent(sum(one.live), len(one.live)),
         "worst step cm": f"{100 * worst_m:.1f}",
         "worst cadence %": f"{100 * worst:.1f}",
+        "worst cadence, turns %": f"{100 * turning:.1f}",
         "worst asymmetry off %": f"{100 * uneven:.1f}",
         "limps found": f"{one.limps_found} of {one.limps}",
         "limps invented": str(one.limps_invented),
@@ -300,8 +307,10 @@ def cells(one: Tally) -> Mapping[str, str]:
         "feet visible cm": errors("foot visible"),
         "feet visible, measured cm": errors("foot measured"),
         "feet hidden cm": errors("foot hidden"),
+        "visible published %": percent(shown, one.visible),
         "visible measured %": percent(one.visible_measured, one.visible),
         "hidden as measured %": percent(one.measured_hidden, one.hidden),
+        "the same of all hidden %": percent(one.measured_hidden, one.hidden_all),
         "exchanged visible %": exchanged("visible"),
         "exchanged hidden %": exchanged("hidden"),
         "in 90 % ellipse %": percent(sum(one.covered), len(one.covered)),

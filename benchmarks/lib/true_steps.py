@@ -12,6 +12,7 @@ STEP_SPEED_MPS = 0.45  # of an ankle in a step
 STEP_MIN_M, STEP_MIN_S = 0.2, 0.12
 PAUSE = 0.5  # of the median stride, by which one with a pause is longer
 STEP_MAX_S = 1.5  # [s] between landings; longer is a pause
+SLOW = 1.6  # median step times, from which on a step is one of a turn, start or stop
 
 
 def steps_by_ankles(times_s: F64, ankles_m: F64, *, begun: bool = False) -> list[Footfall]:
@@ -53,6 +54,17 @@ def even_truth(falls: Sequence[Footfall]) -> tuple[float, float] | None:
     even = np.abs(table[:, 1] / np.median(table[:, 1]) - 1) < PAUSE
     length_m, time_s = table[even].mean(axis=0)
     return float(length_m) / 2, 120 / float(time_s)
+
+
+def steady_cadence(falls: Sequence[Footfall]) -> float | None:
+    """Return the true cadence of steady walking a minute: without slow steps of turns and stops."""
+    times_s = np.array(
+        [one.time_s - before.time_s for before, one in pairwise(falls) if before.side != one.side]
+    )
+    known = times_s[times_s < STEP_MAX_S]
+    if not len(known):
+        return None
+    return float(60 / known[known <= SLOW * np.median(known)].mean())
 
 
 def true_asymmetry(falls: Sequence[Footfall]) -> float | None:

@@ -169,6 +169,8 @@ class DepthLayerConfig(Config, frozen=True, kw_only=True):
     body_prior: bool = True  # hands and feet are expected beside and below the body
     hidden_s: Positive = 1.5  # [s] the same of a point whose body is visible
     spread_max_m: Positive = 0.35  # [m] largest standard deviation of a predicted point
+    # [m] standard deviation, as published, from which on a predicted hand or foot is lost
+    vague_m: Positive = 0.17
     swap_s: Positive = 0.15  # [s] that left and right must contradict the heading to be exchanged
     gate: Positive = 5.0  # [standard deviations] from its prediction that a point is accepted
     proposal_ratio: Positive = 0.4  # of particles that are drawn from keypoints and extremities

@@ -235,9 +235,15 @@ class PointFilter:
             position_m=position_m,
             velocity_mps=self.motion.state[3:].copy(),
             covariance=covariance,
-            state=self.state,
+            state="lost" if self._is_vague(covariance) else self.state,
             confidence=self.confidence,
         )
+
+    def _is_vague(self, covariance: F64) -> bool:
+        """Check that a predicted hand or foot could be at another limb; it may come back."""
+        if self.state != "predicted" or self.kind not in ("hand", "foot"):
+            return False
+        return bool(np.linalg.eigvalsh(covariance[:3, :3])[-1] > self._config.vague_m**2)
 
     def hidden_at(self) -> Normal | None:
         """Return the expected position of a hidden point, with its keypoint if it has one."""

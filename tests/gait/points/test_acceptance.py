@@ -36,3 +36,19 @@ def test_hand_before_its_expected_position_is_hidden_unless_its_keypoint_is_ther
     evidence = PointEvidence(anchor, 10.0, None, None, None, None)
     acceptance.update(point, body, candidate, evidence, 0.03)
     assert point.state == state
+
+
+@pytest.mark.parametrize(("sigma_m", "state"), [(0.1, "predicted"), (0.3, "lost")])
+def test_hand_that_could_be_anywhere_is_lost_until_it_is_less_uncertain(
+    sigma_m: float, state: str
+) -> None:
+    body = arm()
+    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
+    point.start(HAND, body, None)
+    assert point.motion is not None
+    point.prior = Normal(point.motion.position_m, 9.0 * np.eye(3))
+    point.motion.covariance[:3, :3] = sigma_m**2 * np.eye(3)
+    point.mark_missed(0.03)
+    assert point.estimate().state == state
+    point.motion.covariance[:3, :3] = 0.05**2 * np.eye(3)
+    assert point.estimate().state == "predicted"
