@@ -5,7 +5,7 @@ run from images to steps as `people4d gait` does.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -13,7 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.gait_scenes import SCENES, TO_AND_FRO
 from benchmarks.lib.gait_bodies import JointTruth, Tally, cells, tally
+from benchmarks.lib.other_walkers import Style
 from benchmarks.lib.table import machine, markdown
 from evaluation.gait.report import read_run
 from evaluation.gait.run import estimate_gait
@@ -21,6 +23,12 @@ from people4d.messages import CameraInfo
 from services.gait.estimator import GaitFrame, GaitResult
 
 REPORT = Path(__file__).with_name("gait_bodies.md")
+FAST_MPS = 1.2
+BY_STYLE = (
+    *("steps found", "invented", "worst step cm", "worst cadence %", "limps found"),
+    *("hands visible cm", "feet visible cm", "visible published %", "hidden as measured %"),
+    *("exchanged visible %", "exchanged hidden %"),
+)  # figures
 MARGIN_PX = 4.0  # of ankles in view to the edges
 INTRO = """
 People of a second simulator, with other bodies and another walk than the lab's. Errors are median
@@ -94,6 +102,38 @@ def run_settings(folder: Path, settings: Sequence[str] = ()) -> tuple[str, ...]:
     return (f"camera.options.fps={fps:.6g}", *frame, *settings)
 
 
+def style_name(style: Style) -> str:
+    """Return what is special in a walk."""
+    names = {
+        "skirt": style.skirt,
+        "slow, bent trunk": style.lean_rad > 0,
+        "carrying a box": style.arms == "carry",
+        "hands in pockets": style.arms == "pockets",
+        "limp": style.limp != 0,
+        "fast": style.speed_mps > FAST_MPS,
+        "turns on the spot, U-turns, stops": style.path == TO_AND_FRO
+        or any(len(point) > 2 for point in style.path),
+    }
+    return next((name for name, is_so in names.items() if is_so), "round or straight")
+
+
+def style_rows(people: Mapping[str, Sequence[Tally]]) -> list[list[str]]:
+    """Return the figures by style and half, of the people of scenes by name."""
+    found: dict[tuple[str, str], list[Tally]] = {}
+    for name, tallies in people.items():
+        if name in SCENES:
+            for style, one in zip(SCENES[name].people, tallies, strict=True):
+                found.setdefault((style_name(style), name.split("_")[0]), []).append(one)
+    rows = []
+    for (style_text, half), tallies in sorted(found.items()):
+        total = Tally()
+        for one in tallies:
+            total.add(one)
+        values = cells(total)
+        rows.append([style_text, half, str(len(tallies)), *(values[key] for key in BY_STYLE)])
+    return rows
+
+
 def main() -> None:
     """Compare the folders, and write the report."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -103,14 +143,15 @@ def main() -> None:
     parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
     columns: dict[str, Tally] = {}
+    people: dict[str, list[Tally]] = {}
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
         tasks = {
             folder.name: pool.submit(compare, folder.resolve(), arguments.settings)
             for folder in arguments.folders
         }
         for name, task in tasks.items():
-            columns[name] = Tally()
-            for one in task.result():
+            columns[name], people[name] = Tally(), task.result()
+            for one in people[name]:
                 columns[name].add(one)
             print(name, flush=True)
     table = {name: cells(one) for name, one in columns.items()}
@@ -123,6 +164,8 @@ def main() -> None:
             f"Made by `python -m benchmarks.gait_bodies {command}` on {machine()}.",
             " ".join(INTRO.split()),
             markdown(["figure", *table], rows),
+            "The same people by style, in scenes that chose and in scenes that judge:",
+            markdown(["style", "half", "people", *BY_STYLE], style_rows(people)),
         ]
     )
     arguments.report.write_text(text + "\n", encoding="utf-8")
