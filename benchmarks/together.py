@@ -1,17 +1,20 @@
 """Services together in one process beside the same ones apart: rate, latency and memory.
 
-Rate and processor time: lock-step playback from memory, two frames in flight, rounds by turns,
-beside `session.run` of onnxruntime alone, in one thread. Latency of all that is not inference: a
-live camera at 60 % of the rate of each, and at 30 Hz. Memory: proportional set size of all
-processes, the router included.
+Both with all cores for all threads, and with one core reserved for networks. Rate and processor
+time: lock-step playback from memory, two frames in flight, rounds by turns, beside `session.run` of
+onnxruntime alone, in one thread. Latency of all that is not inference: a live camera at 60 % of the
+rate of each, and at 30 Hz. Memory: proportional set size of all processes, the router included.
 """
 
 import argparse
+import os
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import psutil
@@ -21,6 +24,7 @@ from benchmarks.lib.live_camera import StoredDemo
 from benchmarks.lib.system import running
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.pipeline import bare_hz
+from common.inference.cores import VARIABLE
 from common.runtime.latency import percentiles
 from common.runtime.monitor import FramePath, Monitor
 from common.transport.trace import ProcessId
@@ -36,6 +40,21 @@ BUSY = (
 LIMITS_MS = {True: (5.0, 10.0), False: (8.0, 15.0)}  # together or apart: p50 and p99
 
 
+class Arrangement(NamedTuple):
+    """Processes and cores of the system."""
+
+    together: bool  # one process for all but the router
+    reserved: bool  # one core for networks, the others for all else
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        name = "together" if self.together else "apart"
+        return f"{name}, a core for networks" if self.reserved else name
+
+
+ARRANGEMENTS = [Arrangement(one, reserved) for reserved in (False, True) for one in (True, False)]
+
+
 @dataclass(frozen=True)
 class Playback:
     """One run of the system."""
@@ -48,7 +67,7 @@ class Playback:
 
 @dataclass
 class Figures:
-    """Figures of one way of running, over its rounds."""
+    """Figures of one arrangement, over its rounds."""
 
     rates_hz: list[float] = field(default_factory=list)
     ratios: list[float] = field(default_factory=list)  # of the rate to that of the bare network
@@ -62,11 +81,21 @@ def others_ms(path: FramePath) -> float:
     return sum(part.ms for part in path.parts if part.stage not in INFERENCE)
 
 
-def play(together: bool, model: Sequence[str], camera: Sequence[str], frames: int) -> Playback:
+@contextmanager
+def reserving(reserved: bool) -> Iterator[None]:
+    """Have processes that are started in a block reserve the last core for networks, or none."""
+    os.environ[VARIABLE] = str(max(os.sched_getaffinity(0))) if reserved else ""
+    try:
+        yield
+    finally:
+        del os.environ[VARIABLE]
+
+
+def play(one: Arrangement, model: Sequence[str], camera: Sequence[str], frames: int) -> Playback:
     """Run the system once.
 
     Args:
-        together: One process for all but the router.
+        one: Its processes and cores.
         model: Settings of the detector.
         camera: Settings of the camera.
         frames: Frames to measure, after those for warming up.
@@ -76,7 +105,8 @@ def play(together: bool, model: Sequence[str], camera: Sequence[str], frames: in
     count, begin_s, begin_cpu_s, times_ms = 0, 0.0, 0.0, list[float]()
     with (
         tempfile.TemporaryDirectory() as logs,
-        running(services, Path(logs), together=together) as client,
+        reserving(one.reserved),
+        running(services, Path(logs), together=one.together) as client,
     ):
         for arrival in client.arrivals(Tracks, Detections, timeout_s=30):
             path = monitor.add(arrival, time.time_ns(), time.monotonic())
@@ -103,42 +133,43 @@ def lockstep(frames: int) -> tuple[str, ...]:
     return (source, "loop=true", "playback=lockstep", "window=2", last)
 
 
-def measure(model: Sequence[str], rounds: int, frames: int) -> dict[bool, Figures]:
-    """Measure both ways of running by turns."""
-    found = {True: Figures(), False: Figures()}
+def measure(model: Sequence[str], rounds: int, frames: int) -> dict[Arrangement, Figures]:
+    """Measure all arrangements by turns."""
+    found = {one: Figures() for one in ARRANGEMENTS}
     (name,) = (text.partition("=")[2] for text in model if text.startswith("model="))
     for number in range(rounds):
         bare = bare_hz(name, BARE_S)
-        for together in (True, False) if number % 2 == 0 else (False, True):
-            print(f"rate, round {number + 1} of {rounds}, together: {together}", flush=True)
-            run = play(together, model, lockstep(frames), frames)
-            found[together].rates_hz.append(run.rate_hz)
-            found[together].ratios.append(run.rate_hz / bare)
-            found[together].cpu_ms.append(run.cpu_ms)
-    for together, figures in found.items():
+        for one in ARRANGEMENTS if number % 2 == 0 else reversed(ARRANGEMENTS):
+            print(f"rate, round {number + 1} of {rounds}, {one}", flush=True)
+            run = play(one, model, lockstep(frames), frames)
+            found[one].rates_hz.append(run.rate_hz)
+            found[one].ratios.append(run.rate_hz / bare)
+            found[one].cpu_ms.append(run.cpu_ms)
+    for one, figures in found.items():
         share_hz = RATE_SHARE * float(np.median(figures.rates_hz))
         for load, rate_hz in ((f"{RATE_SHARE:.0%} load", share_hz), ("30 Hz", 30.0)):
-            print(f"{load}, {rate_hz:.1f} Hz, together: {together}", flush=True)
-            run = play(together, model, live(rate_hz), frames)
+            print(f"{load}, {rate_hz:.1f} Hz, {one}", flush=True)
+            run = play(one, model, live(rate_hz), frames)
             figures.others_ms[f"{load}, {run.rate_hz:.1f} frames/s"] = run.others_ms
             figures.memory_mb.append(run.memory_mb)
     return found
 
 
-def rows(figures: dict[bool, Figures]) -> list[list[str]]:
+def rows(figures: dict[Arrangement, Figures]) -> list[list[str]]:
     """Return the rows of the table."""
     found = []
-    for together, name in ((True, "together"), (False, "apart")):
-        one = figures[together]
-        rate = spread(one.rates_hz, "{:.1f}")
+    for one, measured in figures.items():
+        name = str(one)
+        rate = spread(measured.rates_hz, "{:.1f}")
         found.append([name, "lock-step", "frames a second", rate, ""])
-        found.append([name, "lock-step", "of the bare network", spread(one.ratios), ""])
-        found.append([name, "lock-step", "processor ms a frame", spread(one.cpu_ms, "{:.1f}"), ""])
-        for load, times_ms in one.others_ms.items():
+        found.append([name, "lock-step", "of the bare network", spread(measured.ratios), ""])
+        cpu = spread(measured.cpu_ms, "{:.1f}")
+        found.append([name, "lock-step", "processor ms a frame", cpu, ""])
+        for load, times_ms in measured.others_ms.items():
             p50, _, p99 = percentiles(times_ms)
-            limit = "wanted: {:g} and {:g}".format(*LIMITS_MS[together])
+            limit = "wanted: {:g} and {:g}".format(*LIMITS_MS[one.together])
             found.append([name, load, "all but inference", f"{p50:.1f}, {p99:.1f} ms", limit])
-        memory = f"{np.median(one.memory_mb):.0f} MB"
+        memory = f"{np.median(measured.memory_mb):.0f} MB"
         found.append([name, "live", "memory with the router", memory, ""])
     return found
 
@@ -169,7 +200,8 @@ def main() -> None:
         "Camera, detector, re-ID and tracker, in one process or in four, and a subscriber to "
         "people and detections through the router; 640x480, three people, played from memory, one "
         "network thread. The bare network is `session.run` of onnxruntime alone in one thread, in "
-        "the same round. See [docs/launch/together.md](../docs/launch/together.md).",
+        "the same round. With a core for networks: `PEOPLE4D_INFERENCE_CORES` names the last one. "
+        "See [docs/launch/together.md](../docs/launch/together.md).",
         *([BUSY] if flags.busy else []),
         *sections,
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from common.inference.cores import CORES
 from common.inference.session import Array
 from common.transport.trace import span
 from people4d.errors import ModelError
@@ -42,12 +43,13 @@ class OnnxSession:
         if not path.is_file():
             raise ModelError(f"model file {path} does not exist", "See: people4d models.")
         try:
-            self._session = onnxruntime.InferenceSession(
-                str(path),
-                options,
-                providers=["CPUExecutionProvider"],
-                disabled_optimizers=DISABLED,
-            )
+            with CORES.bound():  # its threads inherit the cores
+                self._session = onnxruntime.InferenceSession(
+                    str(path),
+                    options,
+                    providers=["CPUExecutionProvider"],
+                    disabled_optimizers=DISABLED,
+                )
         except Exception as error:  # onnxruntime raises its own types, all of them Exception
             reason = str(error).splitlines()[0][:200]
             raise ModelError(f"model file {path} cannot be loaded: {reason}") from error
@@ -71,7 +73,7 @@ class OnnxSession:
         with span("inference_wait"):
             self._turn.acquire()
         try:
-            with span("inference"):
+            with span("inference"), CORES.bound():
                 outputs = self._session.run(self._outputs, {self._input.name: image})
         finally:
             self._turn.release()

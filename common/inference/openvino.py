@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from common.inference.cores import CORES
 from common.inference.session import Array
 from common.transport.trace import span
 from people4d.errors import ModelError
@@ -71,7 +72,7 @@ class OpenVinoSession:
         with span("inference_wait"):
             self._turn.acquire()
         try:
-            with span("inference"):
+            with span("inference"), CORES.bound():
                 request = self._request(image.shape)
                 request.infer({0: image}, share_inputs=True)
                 outputs = [request.get_output_tensor(k).data for k in range(len(self._names))]

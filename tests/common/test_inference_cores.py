@@ -1,0 +1,124 @@
+"""Cores reserved for networks: who runs where."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from onnx import TensorProto
+
+from common.inference.cores import VARIABLE, InferenceCores, read_cores
+from people4d.errors import ConfigError
+from tests.common.test_inference import doubling
+
+if not hasattr(os, "sched_setaffinity"):
+    pytest.skip("needs Linux", allow_module_level=True)
+ALLOWED = os.sched_getaffinity(0)
+two_cores = pytest.mark.skipif(len(ALLOWED) < 2, reason="needs two cores")
+
+
+def in_thread(cores: InferenceCores, environment: dict[str, str]) -> list[set[int]]:
+    """Return a thread's cores after reserving, within a block, and after it."""
+    found: list[set[int]] = []
+
+    def reserve() -> None:
+        cores.reserve(environment)
+        found.append(os.sched_getaffinity(0))
+        with cores.bound():
+            found.append(os.sched_getaffinity(0))
+        found.append(os.sched_getaffinity(0))
+
+    thread = threading.Thread(target=reserve)  # the affinity of the test's own thread stays
+    thread.start()
+    thread.join()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("1", {1}), ("0,2", {0, 2}), ("2-4", {2, 3, 4}), ("0-1,5", {0, 1, 5}), (" 1 , 2", {1, 2})],
+)
+def test_lists_of_cores_are_read(text: str, expected: set[int]) -> None:
+    assert read_cores(text) == expected
+
+
+@pytest.mark.parametrize("text", ["a", "1,", "3-2", "-1", "1-", "1.5", "99999", "0-4000000000"])
+def test_lists_of_no_cores_are_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match=VARIABLE):
+        read_cores(text)
+
+
+@pytest.mark.parametrize("text", [",".join(map(str, ALLOWED)), "4000", f"{min(ALLOWED)},4000"])
+def test_all_cores_and_absent_ones_are_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="may use the cores"):
+        InferenceCores().reserve({VARIABLE: text})
+
+
+@pytest.mark.parametrize("environment", [{}, {VARIABLE: ""}])
+def test_without_a_reservation_threads_use_all_cores(environment: dict[str, str]) -> None:
+    assert in_thread(InferenceCores(), environment) == [ALLOWED] * 3
+
+
+@two_cores
+def test_networks_have_their_cores_and_all_else_the_others() -> None:
+    core = max(ALLOWED)
+    others = ALLOWED - {core}
+    assert in_thread(InferenceCores(), {VARIABLE: str(core)}) == [others, {core}, others]
+
+
+@two_cores
+def test_a_core_taken_away_ends_the_reservation(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    cores = InferenceCores()
+    cores.reserve({})
+    monkeypatch.setattr(cores, "_inference", frozenset({max(ALLOWED)}))
+
+    def refuse(*_: object) -> None:
+        raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    for _ in range(3):
+        with cores.bound():
+            pass
+    assert caplog.text.count("no cores are reserved for networks any more") == 1
+
+
+@two_cores
+@pytest.mark.processes
+def test_threads_of_a_network_inherit_its_cores(tmp_path: Path) -> None:
+    path = doubling(tmp_path / "m.onnx", TensorProto.FLOAT, [1, "n", 2])
+    core = max(ALLOWED)
+    script = f"""
+import os
+from pathlib import Path
+from common.inference.cores import CORES
+CORES.reserve({{"{VARIABLE}": "{core}"}})
+import onnxruntime
+before = set(os.listdir("/proc/self/task"))
+from common.inference.onnx import OnnxSession
+session = OnnxSession(Path({str(path)!r}), threads=2)
+made = set(os.listdir("/proc/self/task")) - before
+print(len(made), [os.sched_getaffinity(int(task)) for task in made])
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert found.stdout.strip() == f"1 [{{{core}}}]"
+
+
+@pytest.mark.processes
+def test_a_service_refuses_cores_that_the_computer_does_not_have() -> None:
+    found = subprocess.run(
+        [sys.executable, "-m", "services.detector"],
+        env={**os.environ, VARIABLE: "4000"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert found.returncode == 1
+    assert VARIABLE in found.stderr
+    assert "Traceback" not in found.stderr
