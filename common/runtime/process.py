@@ -3,6 +3,7 @@
 import argparse
 import ctypes
 import faulthandler
+import gc
 import logging
 import os
 import re
@@ -127,7 +128,12 @@ def loop_settings(node: Node, flags: argparse.Namespace) -> LoopSettings:
 
 
 def release_memory() -> None:
-    """Return to the system what loading models took and left, where the C library can."""
+    """Return what loading left to the system, where it can, and end garbage collection of the rest.
+
+    A full collection over the objects of all modules takes 60 ms, in the middle of a frame.
+    """
+    gc.collect()
+    gc.freeze()
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
 
