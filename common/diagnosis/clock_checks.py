@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from common.diagnosis.evidence import Diagnostic, Evidence, Vitals, ok, problem, warning
 
 CAMERA_OFFSET = re.compile(r"camera_offset_(.+)_ms")
+CAMERA_DELAY = re.compile(r"camera_delay_(.+)_ms")
+DELAYED_MS = 150.0  # by which messages of a camera may come later than those of another
 APART_NS = 50_000_000  # [ns] by which clocks may differ before people are published too late
 LATE_NS = 1_000_000_000  # [ns] heartbeats are never so long in transit
 
@@ -38,6 +40,8 @@ def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
         name, gauges = vitals.last.instance, vitals.last.gauges
         found = ((CAMERA_OFFSET.fullmatch(gauge), ms) for gauge, ms in gauges.items())
         behind_ms = {m[1]: -ms for m, ms in found if m and abs(ms) > APART_NS / 1e6}
+        delays = ((CAMERA_DELAY.fullmatch(gauge), ms) for gauge, ms in gauges.items())
+        late_ms = {m[1]: ms for m, ms in delays if m}
         apart = [part for part in vitals.last.reason.split("; ") if "tracked apart" in part]
         if apart:
             hint = "Let their hosts keep time by one server; two recordings are played one by one."
@@ -45,6 +49,13 @@ def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
         elif behind_ms:
             what = f"stamps of cameras are apart, and corrected: {_listing(behind_ms)}"
             hint = "Let their hosts keep time by one server: chrony or systemd-timesyncd."
+            yield warning("clocks", what, hint)
+        first_ms = min(late_ms.values(), default=0.0)  # of the camera whose messages come first
+        late = {c: ms - first_ms for c, ms in late_ms.items() if ms - first_ms > DELAYED_MS}
+        if late:
+            listing = ", ".join(f"{c} by {ms:.0f} ms" for c, ms in sorted(late.items()))
+            what = f"messages of cameras come late: {listing}"
+            hint = "People are tracked at the right times, but later: see the links of these hosts."
             yield warning("clocks", what, hint)
 
 

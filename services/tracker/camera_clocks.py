@@ -1,9 +1,10 @@
-"""Offsets between the clocks of cameras, from the times at which their frames arrive.
+"""Offsets between the clocks of cameras, from the times at which their frames arrive, and people.
 
 The time from a frame's stamp to its arrival, without the stages that its trace measured, is the
 offset of two clocks plus a delay that is never negative: its least value over some seconds changes
-only with the clock. The difference of two cameras' least values is the offset of their clocks, to
-within the difference of their least unmeasured delays.
+only with the clock or with the path of the messages. The difference of two cameras' least values is
+the offset of their clocks plus the difference of their least unmeasured delays. A large one is
+taken for the clocks'; of a smaller one people before both cameras show how much is (see `adjust`).
 """
 
 from collections import deque
@@ -15,8 +16,7 @@ from services.tracker.config import TrackerConfig
 
 CAMERAS_MAX = 64  # names, a bound against invented ones
 HALF_WINDOW_NS = 5_000_000_000  # the least delay is that of one to two of these
-MEASURED_MIN = 10  # frames, before which only offsets above FIRST_NS count
-FIRST_NS = 200_000_000
+DELAY_MAX_NS = 900_000_000  # differences of delays above this are clocks that differ
 RISE_NS = 250_000_000  # a delay longer by this, in RISEN_MAX frames in a row, is a clock set back
 RISEN_MAX = 10
 TRACE_MAX_NS = 2_000_000_000  # of the stages in a trace
@@ -41,6 +41,11 @@ class LeastDelay:
         found = [ns for ns in (self._least_ns, self._before_ns) if ns is not None]
         return min(found, default=0)
 
+    @property
+    def rises(self) -> bool:
+        """The last frames came later than ever: perhaps the clock was set back."""
+        return self._risen > 0
+
     def add(self, delay_ns: int, now_ns: int) -> None:
         """Take the delay of a frame."""
         self.frames += 1
@@ -59,6 +64,7 @@ class CameraClock:
     """The clock of one camera."""
 
     offset_ns: int  # subtracted from its stamps
+    delay_ns: int = 0  # by so much longer than the reference's messages its own take
     newest_ns: int = 0  # [ns] newest stamp
     heard_ns: int = 0  # [ns] monotonic
     delay: LeastDelay = field(default_factory=LeastDelay)
@@ -68,9 +74,9 @@ class CameraClock:
 class CameraClocks:
     """Corrections of stamps to one common time, that of the reference camera.
 
-    The first camera is the reference. A stamp is corrected by an offset that changes only when the
-    measured one differs from it by more than `clock_tolerance_s`, so that clocks that agree are
-    left alone. A camera whose clock differs by more than `clock_offset_max_s` is apart.
+    The first camera is the reference. A stamp is corrected by an offset that changes when frames
+    come earlier or later, without their delay, than it says by more than `clock_tolerance_s`, and
+    by `adjust`. A camera whose clock differs by more than `clock_offset_max_s` is apart.
     """
 
     def __init__(self, config: TrackerConfig) -> None:
@@ -80,6 +86,7 @@ class CameraClocks:
         self._restored: dict[str, int] = {}  # offsets of a checkpoint [ns]
         self._restored_ns: int | None = None  # newest stamp of its reference
         self.reference = ""  # name of the camera; empty before the first frame
+        self.corrected: set[str] = set()  # cameras whose offset changed by the arrival of frames
         self._reference_ns = 0  # [ns] monotonic, of its last frame
 
     def add(self, detections: Detections, now_ns: int) -> int | None:
@@ -140,13 +147,38 @@ class CameraClocks:
             self.reference = others[0]
         return was_apart or bool(others)
 
+    def adjust(self, camera: str, ahead_ns: int) -> bool:
+        """Correct the stamps of a camera further, as people show; return False if they are wrong.
+
+        Args:
+            camera: Name of the camera.
+            ahead_ns: By so much its corrected stamps are ahead of the reference's.
+        """
+        clock, reference = self._clocks.get(camera), self._clocks.get(self.reference)
+        if clock is None or reference is None or camera == self.reference:
+            return False
+        if clock.delay.rises or reference.delay.rises:
+            return False
+        offset_ns = clock.offset_ns + ahead_ns
+        delay_ns = offset_ns - reference.offset_ns - self._measured_ahead_ns(camera)
+        if abs(delay_ns) > DELAY_MAX_NS:
+            return False
+        clock.offset_ns, clock.delay_ns = offset_ns, delay_ns
+        return True
+
     def offsets_ms(self, now_ns: int) -> dict[str, float]:
         """Return by how much the clocks of active cameras are ahead of the reference's [ms]."""
+        return {camera: self._ahead_ns(camera) / 1e6 for camera in self._active(now_ns)}
+
+    def delays_ms(self, now_ns: int) -> dict[str, float]:
+        """Return by how much later messages of active cameras come than the reference's [ms]."""
         return {
-            camera: self._measured_ahead_ns(camera) / 1e6
-            for camera, clock in self._clocks.items()
-            if now_ns - clock.heard_ns < ACTIVE_NS
+            camera: (self._ahead_ns(camera) - self._measured_ahead_ns(camera)) / 1e6
+            for camera in self._active(now_ns)
         }
+
+    def _active(self, now_ns: int) -> list[str]:
+        return [c for c, clock in self._clocks.items() if now_ns - clock.heard_ns < ACTIVE_NS]
 
     def save(self) -> dict[str, int]:
         """Return the offsets [ns] by camera, that of the reference first."""
@@ -184,13 +216,10 @@ class CameraClocks:
         reference = self._clocks.get(self.reference)
         if reference is None or camera == self.reference:
             return
-        offset_ns = reference.offset_ns + self._measured_ahead_ns(camera)
-        frames = min(clock.delay.frames, reference.delay.frames)
-        tolerance_ns = self._tolerance_ns
-        if frames < MEASURED_MIN:
-            tolerance_ns = max(tolerance_ns, FIRST_NS)
-        if abs(offset_ns - clock.offset_ns) > tolerance_ns:
+        offset_ns = reference.offset_ns + self._measured_ahead_ns(camera) + clock.delay_ns
+        if abs(offset_ns - clock.offset_ns) > self._tolerance_ns:
             clock.offset_ns = offset_ns
+            self.corrected.add(camera)
 
     def _measured_ahead_ns(self, camera: str) -> int:
         """Return by how much a clock is ahead of the reference's, as measured."""

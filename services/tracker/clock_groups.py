@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 
 from people4d.messages import Detections, ImageTrack, Track
 from services.tracker.camera_clocks import CameraClocks
+from services.tracker.camera_watch.drift import CameraDrift
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Observation, Tracker
+from services.tracker.motion.past_frames import LENGTH_NS
 
-LATE_NS = 1_000_000_000  # a frame up to so late is tracked at the time of the last one
+STAMP_MIN_S, STAMP_SIGMAS = 0.015, 3.0  # errors of stamps that are corrected
 APART_MAX = 4  # cameras tracked apart
 APART_NS = 10_000_000_000  # without a frame after which a camera apart is forgotten
-COUNTERS = ("tracker_failures", "refused_cameras", "apart")
+COUNTERS = ("late_frames", "tracker_failures", "refused_cameras", "apart")
 
 
 @dataclass(slots=True)
@@ -80,22 +82,32 @@ class ClockGroups:
         apart, last_ns = self._apart.get(camera), self._last_ns
         last_ns = apart.last_ns if apart else last_ns
         # The process before may have tracked an earlier frame.
-        late_ns = 0 if self._is_restored and not apart else LATE_NS
+        late_ns = 0 if self._is_restored and not apart else LENGTH_NS
         return last_ns is not None and time_ns < last_ns - late_ns
+
+    def correct_stamps(self, watch: CameraDrift, time_ns: int) -> None:
+        """Correct the stamps of cameras that differ by the people before two of them."""
+        clocks = self.clocks
+        while clocks.corrected:
+            watch.forget(clocks.corrected.pop())
+        for camera, error in watch.stamp_errors(clocks.reference, time_ns).items():
+            is_significant = abs(error.ahead_s) > max(STAMP_MIN_S, STAMP_SIGMAS * error.sigma_s)
+            if is_significant and clocks.adjust(camera, round(error.ahead_s * 1e9)):
+                watch.forget(camera)
 
     def update(self, observation: Observation, now_ns: int) -> list[Track] | None:
         """Track a frame whose stamp is in the common time; None if too many cameras are apart."""
         if self.clocks.is_apart(observation.camera):
             return self._update_apart(observation, now_ns)
         self._apart.pop(observation.camera, None)
-        time_ns = observation.stamp_ns
-        if self._last_ns is not None:
-            time_ns = max(time_ns, self._last_ns)
-            self._bridge_absence(time_ns - self._last_ns)
-        self._last_ns, self._is_restored = time_ns, False
+        time_ns, last_ns = observation.stamp_ns, self._last_ns
         try:
-            if time_ns != observation.stamp_ns:
-                observation = replace(observation, stamp_ns=time_ns)
+            if last_ns is not None and time_ns < last_ns:
+                self.counters["late_frames"] += 1
+                return self.main.update_late(observation, last_ns)
+            if last_ns is not None:
+                self._bridge_absence(time_ns - last_ns)
+            self._last_ns, self._is_restored = time_ns, False
             return self.main.update(observation)
         except Exception:  # a state that fails once fails at every frame
             self.counters["tracker_failures"] += 1
@@ -112,11 +124,12 @@ class ClockGroups:
         return (apart.tracker if apart else self.main).image_tracks()
 
     def gauges(self, now_ns: int) -> dict[str, float]:
-        """Return the offsets of clocks [ms] by name, of two or more cameras."""
-        offsets_ms = self.clocks.offsets_ms(now_ns)
+        """Return offsets of clocks and delays of messages [ms] by name, of two or more cameras."""
+        offsets_ms, delays_ms = self.clocks.offsets_ms(now_ns), self.clocks.delays_ms(now_ns)
         if len(offsets_ms) < 2:
             return {}
-        return {f"camera_offset_{camera}_ms": ms for camera, ms in offsets_ms.items()}
+        offsets = {f"camera_offset_{camera}_ms": ms for camera, ms in offsets_ms.items()}
+        return offsets | {f"camera_delay_{camera}_ms": ms for camera, ms in delays_ms.items()}
 
     def reasons(self, now_ns: int) -> list[str]:
         """Return a sentence on each active camera whose clock is too far from the others'."""

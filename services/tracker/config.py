@@ -297,9 +297,9 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     # [s] a stamp this far from the camera's clock waits until more confirm it; if it is back, the
     # tracker restarts then; nearer, it is stale
     clock_jump_s: Positive = 1.0
-    # [s] a camera's clock that differs from the first camera's by more is corrected; a smaller
-    # difference may be one of delays
-    clock_tolerance_s: Positive = 0.05
+    # [s] a camera whose messages come later, or earlier, than the first camera's by more has
+    # another clock; a smaller difference is one of delays, unless people before both show another
+    clock_tolerance_s: Positive = 0.35
     clock_offset_max_s: Positive = 2.0  # [s] a camera whose clock differs by more is tracked apart
     embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
     embedding_timeouts_max: PositiveInt = 3  # consecutive timeouts after which waiting stops

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
@@ -135,6 +135,17 @@ class Tracker(ABC):
         Raises:
             ValueError: The stamp lies before that of the last observation.
         """
+
+    def update_late(self, observation: Observation, now_ns: int) -> list[Track]:
+        """Process a frame that is older than the last one, and return the tracks at its time.
+
+        A tracker that does not go back takes it as one of the last one's time.
+
+        Args:
+            observation: The frame.
+            now_ns: Stamp of the last observation.
+        """
+        return self.update(replace(observation, stamp_ns=now_ns))
 
     @abstractmethod
     def predict(self, stamp_ns: int) -> list[Track]:

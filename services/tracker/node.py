@@ -272,7 +272,8 @@ class TrackerNode(StatefulNode):
             self._areas.refresh(frame.time_ns, frame.arrived_ns)
             tracks = self._groups.update(observation, frame.arrived_ns)
         if not self._groups.is_apart(detections.camera):
-            self._drift.add(observation)
+            self._drift.add(observation, tracks or ())
+            self._groups.correct_stamps(self._drift, frame.time_ns)
         if tracks is None:
             return None
         self._absence.add(observation, tracks, frame.arrived_ns)

@@ -7,7 +7,7 @@ import numpy as np
 
 from people4d.errors import DecodeError
 from people4d.messages import F64, Track
-from services.tracker.interface import GalleryEntry, IdCounter, Tracker
+from services.tracker.interface import GalleryEntry, IdCounter, Observation, Tracker
 from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.track_set import TrackSet
 
@@ -34,6 +34,14 @@ class TrackSetTracker(Tracker):
         self._method = method
         self.tracks = tracks
         self.ids = tracks.ids
+
+    def update_late(self, observation: Observation, now_ns: int) -> list[Track]:  # noqa: ARG002
+        """Process a late frame at its own time, and then all that was matched since again."""
+        self.tracks.go_back(observation.stamp_ns)
+        try:
+            return self.update(observation)
+        finally:
+            self.tracks.go_forward()
 
     def predict(self, stamp_ns: int) -> list[Track]:
         """Return the tracks predicted to a later time."""

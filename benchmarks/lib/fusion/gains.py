@@ -25,9 +25,6 @@ def gains(
     yield "as it is", track(scene, nothing)[0]
     yield "colours alike in all cameras", track(same_colours, nothing)[0]
     yield "each camera's mean error taken away", track(scene, without_bias(scene))[0]
-    for late_ms in (40, 100, 300):
-        found, _ = track(scene, nothing, delays_ns={"c2": late_ms * 1_000_000})
-        yield f"messages of c2 {late_ms} ms late", found
 
 
 def without_bias(scene: FusionScene) -> Change:

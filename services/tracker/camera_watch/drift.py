@@ -7,11 +7,13 @@ too large is reported. Tracks do not change by it. Section 28 of docs/method.md.
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from people4d.messages import F64
+from people4d.messages import F64, Track
+from services.tracker.camera_watch.stamp_errors import StampError, Walked, stamp_errors
 from services.tracker.interface import Observation
 
 CAMERAS_MAX = 16  # that are compared
@@ -21,6 +23,8 @@ SAMPLES_MIN = 60  # of a camera, to be fitted
 TOGETHER_NS = 150_000_000  # longest between two frames that are compared
 WINDOW_NS = 20_000_000_000
 SAMPLE_NS = 200_000_000  # between two samples of a pair
+FRAMES_MAX = 16  # of each camera: others may be late
+STAMPS_NS = 2_000_000_000  # between two fits of errors of stamps
 FIT_NS = 5_000_000_000  # between two fits
 SAME_M, ALONE_M = 1.0, 1.5  # of one person by two cameras; to the next person
 MOVED_M = 0.12  # RMS of the displacement of people that is reported
@@ -47,6 +51,7 @@ class _Frame:
 
     stamp_ns: int
     positions_m: F64  # Nx3
+    velocities_mps: F64  # Nx3, of their tracks; NaN where there is none
     origin_m: F64  # 3, of the camera
 
 
@@ -58,16 +63,18 @@ class _Sample:
     apart_m: F64  # 3, position by the first minus that by the second
     from_first_m: F64  # 3, from the first camera to the person
     from_second_m: F64
+    velocity_mps: F64  # 3, NaN if unknown
+    between_s: float  # stamp of the first frame minus that of the second
 
 
 class CameraDrift:
     """Compares the people of all cameras, and finds the camera that has moved."""
 
     def __init__(self) -> None:
-        self._frames: dict[str, _Frame] = {}
+        self._frames: dict[str, deque[_Frame]] = {}
         self._samples: dict[tuple[str, str], deque[_Sample]] = {}
         self._compared_ns: dict[tuple[str, str], int] = {}
-        self._fit_ns = 0
+        self._fit_ns = self._stamps_ns = 0
         self.movement: CameraMovement | None = None  # the one that explains most; None: none
 
     def clear(self) -> None:
@@ -77,27 +84,57 @@ class CameraDrift:
         self._compared_ns.clear()
         self._fit_ns, self.movement = 0, None
 
-    def add(self, observation: Observation) -> None:
-        """Compare the people of a frame with those of the last frames of other cameras."""
+    def forget(self, camera: str) -> None:
+        """Forget the frames of a camera, after its stamps were corrected."""
+        self._frames.pop(camera, None)
+        self._samples = {pair: s for pair, s in self._samples.items() if camera not in pair}
+
+    def add(self, observation: Observation, tracks: Sequence[Track] = ()) -> None:
+        """Compare the people of a frame with those of other cameras at the time.
+
+        Args:
+            observation: The frame.
+            tracks: Tracks after it.
+        """
         camera, stamp_ns = observation.camera, observation.stamp_ns
         pose = observation.map_from_camera
         if pose is None or (camera not in self._frames and len(self._frames) >= CAMERAS_MAX):
             return
         positions = np.array([m.position_m for m in observation.measurements]).reshape(-1, 3)
-        frame = self._frames[camera] = _Frame(stamp_ns, positions, pose[:3, 3])
+        walks = {t.detection: t.velocity_mps for t in tracks if t.detection is not None}
+        unknown = np.full(3, np.nan)
+        velocities = [walks.get(m.index, unknown) for m in observation.measurements]
+        frame = _Frame(stamp_ns, positions, np.array(velocities).reshape(-1, 3), pose[:3, 3])
+        self._frames.setdefault(camera, deque(maxlen=FRAMES_MAX)).append(frame)
         if len(self._frames) < 2 or not len(positions):
             return
         others = [
-            (self._compared_ns.get(_pair(camera, other), 0), other)
-            for other, last in self._frames.items()
-            if other != camera and abs(stamp_ns - last.stamp_ns) <= TOGETHER_NS
+            (self._compared_ns.get(_pair(camera, other), 0), other, at_the_time)
+            for other, frames in self._frames.items()
+            if other != camera and (at_the_time := _at(frames, stamp_ns)) is not None
         ]
-        for _, other in sorted(others)[:COMPARED_MAX]:
+        for _, other, last in sorted(others, key=lambda item: item[:2])[:COMPARED_MAX]:
             self._compared_ns[_pair(camera, other)] = stamp_ns
-            self._compare(camera, frame, other, self._frames[other])
+            self._compare(camera, frame, other, last)
         if stamp_ns - self._fit_ns >= FIT_NS:
             self._fit_ns = stamp_ns
             self.movement = self._find()
+
+    def stamp_errors(self, reference: str, stamp_ns: int) -> dict[str, StampError]:
+        """Return errors of stamps against a camera's, by camera; empty until they are due."""
+        if 0 <= stamp_ns - self._stamps_ns < STAMPS_NS:
+            return {}
+        self._stamps_ns = stamp_ns
+        walked = {
+            pair: Walked(
+                np.array([s.apart_m for s in samples]),
+                np.array([s.velocity_mps for s in samples]),
+                np.array([s.between_s for s in samples]),
+            )
+            for pair, samples in self._samples.items()
+            if samples
+        }
+        return stamp_errors(walked, reference)
 
     def reasons(self) -> list[str]:
         """Return a sentence on the camera that has moved, if there is one."""
@@ -114,6 +151,7 @@ class CameraDrift:
         samples = self._samples.setdefault(_pair(camera, other), deque(maxlen=SAMPLES_MAX))
         if samples and 0 <= frame.stamp_ns - samples[-1].stamp_ns < SAMPLE_NS:
             return
+        between_s = sign * (frame.stamp_ns - last.stamp_ns) / 1e9
         apart = frame.positions_m[:, None] - last.positions_m
         distance = np.linalg.norm(apart, axis=-1)
         for i in range(len(distance)):
@@ -123,7 +161,10 @@ class CameraDrift:
                 continue
             rays = frame.positions_m[i] - frame.origin_m, last.positions_m[j] - last.origin_m
             own, its = rays if sign > 0 else rays[::-1]
-            samples.append(_Sample(frame.stamp_ns, sign * apart[i, j], own, its))
+            velocity = frame.velocities_mps[i]
+            samples.append(
+                _Sample(frame.stamp_ns, sign * apart[i, j], own, its, velocity, between_s)
+            )
         while samples and frame.stamp_ns - samples[0].stamp_ns > WINDOW_NS:
             samples.popleft()
 
@@ -188,6 +229,12 @@ class CameraDrift:
             moved_m=float(np.sqrt((explained**2).sum(axis=1).mean())),
             is_decided=True,
         )
+
+
+def _at(frames: Sequence[_Frame], stamp_ns: int) -> _Frame | None:
+    """Return the frame nearest to a time; None if none is near enough."""
+    nearest = min(reversed(frames), key=lambda frame: abs(frame.stamp_ns - stamp_ns))
+    return nearest if abs(nearest.stamp_ns - stamp_ns) <= TOGETHER_NS else None
 
 
 def _pair(camera: str, other: str) -> tuple[str, str]:

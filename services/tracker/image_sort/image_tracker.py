@@ -25,7 +25,13 @@ from services.tracker.image_sort.image_sort import (
     ImageSortCheckpoint,
 )
 from services.tracker.image_sort.sort_step import NONE, Records
-from services.tracker.interface import IdCounter, Measurement, Observation, UnlocatedDetection
+from services.tracker.interface import (
+    IdCounter,
+    Measurement,
+    Observation,
+    Tracker,
+    UnlocatedDetection,
+)
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
 from services.tracker.motion.yaw import make_yaw
@@ -83,6 +89,10 @@ class ImageTracker(TrackSetTracker):
             image.sort.tracks, set(matched.ids.tolist()), observation.stamp_ns
         )
         return self._update_positions(observation, matched)
+
+    def update_late(self, observation: Observation, now_ns: int) -> list[Track]:
+        """Process a late frame as one of the last one's time: boxes do not go back."""
+        return Tracker.update_late(self, observation, now_ns)
 
     def image_tracks(self) -> tuple[ImageTrack, ...]:
         """Return the tracks in the image of the last update, ordered by id."""

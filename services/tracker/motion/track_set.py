@@ -9,6 +9,7 @@ import numpy as np
 from people4d.messages import F64, Track
 from services.tracker.interface import IdCounter, Measurement, Observation
 from services.tracker.motion.motion import Motion
+from services.tracker.motion.past_frames import PastFrames, PastMatch
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter
 from services.tracker.motion.track_record import TrackRecord, check_state
 from services.tracker.motion.yaw import VelocityYaw
@@ -80,6 +81,8 @@ class TrackSet:
         self._lifecycle = lifecycle
         self._yaw = yaw
         self._position, self._velocity = motion.position, motion.velocity
+        self._past = PastFrames(self._filter, yaw, motion.velocity)
+        self._now_ns: int | None = None  # time of the last frame, while the tracks are back
 
     @property
     def confirmed(self) -> list[TrackRecord]:
@@ -98,6 +101,19 @@ class TrackSet:
     def clear(self) -> None:
         """Delete all tracks and the time; identities go on counting."""
         self.records, self.stamp_ns, self._frame_ns = [], None, {}
+        self._past.clear()
+
+    def go_back(self, stamp_ns: int) -> None:
+        """Set all tracks to their states before a late frame, which is tracked then."""
+        self._now_ns = self.stamp_ns
+        self.stamp_ns = self._past.go_back(self.records, stamp_ns)
+
+    def go_forward(self) -> None:
+        """Return to the present from the time of a late frame."""
+        if self._now_ns is None or self.stamp_ns is None:
+            return
+        self._past.go_forward(self.records, self.stamp_ns)
+        self.stamp_ns, self._now_ns = self._now_ns, None
 
     def predict(self, observation: Observation) -> None:
         """Delete expired tracks and predict the others to the frame's time."""
@@ -142,8 +158,11 @@ class TrackSet:
         states = self._filter.update(records, z, R)
         velocities = [state.x[self._velocity] for state in states]
         yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)
-        for (record, measurement), state, yaw in zip(matches, states, yaws, strict=True):
+        for k, ((record, measurement), state, yaw) in enumerate(
+            zip(matches, states, yaws, strict=True)
+        ):
             (record.x, record.P, record.imm), record.yaw = state, yaw
+            self._past.match(record, PastMatch(measurement, z[k], R[k]))
             record.score, record.detection = measurement.score, measurement.index
             record.camera, record.matched_ns = observation.camera, observation.stamp_ns
             record.hits += 1
@@ -159,6 +178,7 @@ class TrackSet:
                 record.streak = 0
         for measurement in unmatched:
             self.begin(measurement, observation, self.ids.new())
+        self._past.add(self.records, observation.stamp_ns)
         return self.tracks(observation.stamp_ns)
 
     def begin(self, measurement: Measurement, observation: Observation, identity: int) -> None:
@@ -251,7 +271,7 @@ class TrackSet:
             yaw_rad=self._yaw.read(record.yaw, velocity_mps),
             hits=record.hits,
             age=record.age,
-            time_since_update_s=(stamp_ns - record.matched_ns) / 1e9,
+            time_since_update_s=max(stamp_ns - record.matched_ns, 0) / 1e9,
             detection=record.detection,
             score=record.score,
             identity=record.identity.identity,

@@ -230,6 +230,20 @@ def test_camera_of_another_clock_is_reported(heard: Heard) -> None:
     assert (found.level, found.what) == ("problem", reason)
 
 
+def test_camera_whose_messages_come_late_is_reported(heard: Heard) -> None:
+    gauges = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": 0.0}
+    gauges |= {"camera_delay_front_ms": 0.0, "camera_delay_back_ms": -300.0}
+    heard.fields["tracker-1"] = {"gauges": gauges}
+    found = heard.found("clocks")
+    # Delays are those beyond the first camera's: here its own messages are the late ones.
+    assert (found.level, found.what) == (
+        "warning",
+        "messages of cameras come late: front by 300 ms",
+    )
+    heard.fields["tracker-1"] = {"gauges": gauges | {"camera_delay_back_ms": 140.0}}
+    assert {f.level for f in heard.diagnostics()} == {"ok"}
+
+
 def test_clock_that_was_set_is_reported(heard: Heard) -> None:
     heard.count("tracker-1", clock_steps=1)
     assert heard.found("clocks").what == "a clock was set while tracker-1 ran"

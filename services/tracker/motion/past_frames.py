@@ -1,0 +1,158 @@
+"""Frames of the last second, by which a late frame is tracked at its own time.
+
+The tracks go back to the states that they had then, the frame is tracked, and the matches that were
+made since are filtered again, on top of it. Section 3 of docs/method.md.
+"""
+
+from bisect import insort
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from people4d.messages import F64
+from services.tracker.interface import Measurement
+from services.tracker.motion.state_filter import FilterState, StateFilter
+from services.tracker.motion.track_record import TrackRecord
+from services.tracker.motion.yaw import VelocityYaw, YawState
+
+LENGTH_NS = 1_000_000_000  # for which frames are stored
+
+
+class PastMatch(NamedTuple):
+    """A measurement that a track was updated with."""
+
+    measurement: Measurement
+    z: F64
+    R: F64
+
+
+class PastState(NamedTuple):
+    """A track after a frame."""
+
+    record: TrackRecord  # as it is now
+    state: FilterState
+    yaw: YawState | None
+    matched_ns: int
+
+
+@dataclass(slots=True)
+class PastFrame:
+    """All tracks after a frame, by the addresses of their records."""
+
+    stamp_ns: int
+    states: dict[int, PastState]
+    matches: dict[int, PastMatch]
+
+
+class PastFrames:
+    """The last frames of a tracker.
+
+    Args:
+        state_filter: Filter of the states.
+        yaw: Filter of the yaws.
+        velocity: Part of a state.
+    """
+
+    def __init__(self, state_filter: StateFilter, yaw: VelocityYaw, velocity: slice) -> None:
+        self._filter, self._yaw, self._velocity = state_filter, yaw, velocity
+        self._frames: list[PastFrame] = []  # by time
+        self._matches: dict[int, PastMatch] = {}  # of the frame that is tracked
+        self._present: dict[int, TrackRecord] = {}  # copies of the records, while they are back
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._frames.clear()
+        self._matches.clear()
+        self._present.clear()
+
+    def match(self, record: TrackRecord, match: PastMatch) -> None:
+        """Note a match in the frame that is tracked."""
+        self._matches[id(record)] = match
+
+    def add(self, records: Sequence[TrackRecord], stamp_ns: int) -> None:
+        """Store the tracks after the frame that is tracked."""
+        states = {  # their arrays are replaced, never changed
+            id(t): PastState(t, FilterState(t.x, t.P, t.imm), t.yaw, t.matched_ns) for t in records
+        }
+        frame, self._matches = PastFrame(stamp_ns, states, self._matches), {}
+        insort(self._frames, frame, key=lambda f: f.stamp_ns)
+        newest_ns = self._frames[-1].stamp_ns
+        while self._frames[0].stamp_ns < newest_ns - LENGTH_NS:
+            del self._frames[0]
+
+    def go_back(self, records: Sequence[TrackRecord], stamp_ns: int) -> int:
+        """Set tracks to their states after the last frame before a time; return its stamp [ns].
+
+        A track that began later is where it began.
+        """
+        self._present = {id(t): replace(t) for t in records}
+        before = [frame for frame in self._frames if frame.stamp_ns <= stamp_ns]
+        later = [frame for frame in self._frames if frame.stamp_ns > stamp_ns]
+        for record in records:
+            frames = (*before[-1:], *later)
+            found = next((f.states[id(record)] for f in frames if id(record) in f.states), None)
+            if found:
+                (record.x, record.P, record.imm), record.yaw = found.state, found.yaw
+                record.matched_ns = found.matched_ns
+        return before[-1].stamp_ns if before else stamp_ns
+
+    def go_forward(self, records: Sequence[TrackRecord], stamp_ns: int) -> None:
+        """Bring tracks to the present, with all that was measured since a time."""
+        present, self._present = self._present, {}
+        later = [frame for frame in self._frames if frame.stamp_ns > stamp_ns]
+        changed = [t for t in records if _is_changed(t, present, later)]
+        self._filter_again(changed, stamp_ns, later)
+        is_changed = {id(t) for t in changed}
+        for record in records:
+            before = present.get(id(record))
+            if before and id(record) not in is_changed:
+                record.x, record.P, record.imm = before.x, before.P, before.imm
+                record.yaw = before.yaw
+            if before and before.matched_ns > record.matched_ns:
+                record.matched_ns, record.camera = before.matched_ns, before.camera
+                record.missed, record.score = before.missed, before.score
+            # The next frame is that after the last one, not after the late one.
+            record.missed_since_ns = max(record.missed_since_ns, record.matched_ns)
+
+    def _filter_again(
+        self, records: Sequence[TrackRecord], stamp_ns: int, later: Sequence[PastFrame]
+    ) -> None:
+        if not records:
+            return
+        for frame in later:
+            dt_s = (frame.stamp_ns - stamp_ns) / 1e9
+            states = self._filter.predict(records, dt_s)
+            yaws = self._yaw.predict([t.yaw for t in records], dt_s)
+            for record, state, yaw in zip(records, states, yaws, strict=True):
+                (record.x, record.P, record.imm), record.yaw = state, yaw
+            matched = [t for t in records if id(t) in frame.matches]
+            self._update(matched, [frame.matches[id(t)] for t in matched])
+            for t in records:
+                before = frame.states.get(id(t))
+                matched_ns = max(t.matched_ns, before.matched_ns if before else 0)
+                state = FilterState(t.x, t.P, t.imm)
+                frame.states[id(t)] = PastState(t, state, t.yaw, matched_ns)
+            stamp_ns = frame.stamp_ns
+
+    def _update(self, records: Sequence[TrackRecord], matches: Sequence[PastMatch]) -> None:
+        if not records:
+            return
+        z, R = np.array([m.z for m in matches]), np.array([m.R for m in matches])
+        states = self._filter.update(records, z, R)
+        velocities = [state.x[self._velocity] for state in states]
+        measurements = [match.measurement for match in matches]
+        yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)
+        for record, state, yaw in zip(records, states, yaws, strict=True):
+            (record.x, record.P, record.imm), record.yaw = state, yaw
+
+
+def _is_changed(
+    record: TrackRecord, present: dict[int, TrackRecord], later: Sequence[PastFrame]
+) -> bool:
+    """Check for a track that a late frame began, or that it updated and that was there before."""
+    if id(record) not in present:
+        return True
+    began_later = bool(later) and id(record) not in later[0].states
+    return record.detection is not None and not began_later
