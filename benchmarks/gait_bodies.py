@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.gait_scenes import SCENES, TO_AND_FRO
-from benchmarks.lib.gait_bodies import JointTruth, Tally, cells, tally
+from benchmarks.lib.gait_bodies import JointTruth, tally
+from benchmarks.lib.gait_tally import Tally, cells
 from benchmarks.lib.other_walkers import Style
 from benchmarks.lib.table import machine, markdown
 from evaluation.gait.report import read_run

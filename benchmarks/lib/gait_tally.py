@@ -1,0 +1,93 @@
+"""Comparisons of points and steps of people against joints, and their figures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Tally:
+    """Comparisons of one person, or of several."""
+
+    errors_m: dict[str, list[float]] = field(default_factory=dict)  # by limb and visibility
+    measured_hidden: int = 0
+    hidden: int = 0  # published while hidden
+    hidden_all: int = 0  # lost ones, too
+    exchanged: dict[str, list[bool]] = field(default_factory=dict)  # by visibility
+    covered: list[bool] = field(default_factory=list)  # of predicted points
+    visible: int = 0
+    visible_measured: int = 0
+    true: int = 0
+    found: int = 0
+    invented: int = 0
+    wrong_foot: int = 0
+    walkers: int = 0
+    with_measures: int = 0
+    length_off_m: list[float] = field(default_factory=list)
+    cadence_off: list[float] = field(default_factory=list)  # of steady walking
+    turns_cadence_off: list[float] = field(default_factory=list)  # from that of all true strides
+    asymmetry_off: list[float] = field(default_factory=list)
+    limps: int = 0  # of 8 % or more
+    limps_found: int = 0  # with their side
+    limps_invented: int = 0  # of people who do not limp, or at the wrong side
+    live: list[bool] = field(default_factory=list)  # measures in frames after three steps
+
+    def add(self, other: "Tally") -> None:
+        """Add the comparisons of another."""
+        for name, value in vars(other).items():
+            own = getattr(self, name)
+            if isinstance(value, int):
+                setattr(self, name, own + value)
+            elif isinstance(value, list):
+                own.extend(value)
+            else:
+                for key, some in value.items():
+                    own.setdefault(key, []).extend(some)
+
+
+def cells(one: Tally) -> Mapping[str, str]:
+    """Return the figures of a tally by column."""
+
+    def errors(kind: str) -> str:
+        known = 100 * np.array(one.errors_m.get(kind, []))
+        return f"{np.median(known):.1f}, {np.quantile(known, 0.9):.1f}" if len(known) else "-"
+
+    def percent(count: float, of: float) -> str:
+        return f"{100 * count / of:.1f}" if of else "-"
+
+    def exchanged(when: str) -> str:
+        flags = one.exchanged.get(when, [])
+        return percent(sum(flags), len(flags))
+
+    worst_m = max((abs(x) for x in one.length_off_m), default=np.nan)
+    worst = max((abs(x) for x in one.cadence_off), default=np.nan)
+    turning = max((abs(x) for x in one.turns_cadence_off), default=np.nan)
+    shown = sum(len(one.errors_m.get(f"{kind} visible", [])) for kind in ("hand", "foot"))
+    uneven = max((abs(x) for x in one.asymmetry_off), default=np.nan)
+    return {
+        "steps found": f"{one.found} of {one.true}",
+        "invented": str(one.invented),
+        "other foot": str(one.wrong_foot),
+        "walkers with measures": f"{one.with_measures} of {one.walkers}",
+        "live %": percent(sum(one.live), len(one.live)),
+        "worst step cm": f"{100 * worst_m:.1f}",
+        "worst cadence %": f"{100 * worst:.1f}",
+        "worst cadence, turns %": f"{100 * turning:.1f}",
+        "worst asymmetry off %": f"{100 * uneven:.1f}",
+        "limps found": f"{one.limps_found} of {one.limps}",
+        "limps invented": str(one.limps_invented),
+        "hands visible cm": errors("hand visible"),
+        "hands visible, measured cm": errors("hand measured"),
+        "hands hidden cm": errors("hand hidden"),
+        "feet visible cm": errors("foot visible"),
+        "feet visible, measured cm": errors("foot measured"),
+        "feet hidden cm": errors("foot hidden"),
+        "visible published %": percent(shown, one.visible),
+        "visible measured %": percent(one.visible_measured, one.visible),
+        "hidden as measured %": percent(one.measured_hidden, one.hidden),
+        "the same of all hidden %": percent(one.measured_hidden, one.hidden_all),
+        "exchanged visible %": exchanged("visible"),
+        "exchanged hidden %": exchanged("hidden"),
+        "in 90 % ellipse %": percent(sum(one.covered), len(one.covered)),
+    }
