@@ -7,8 +7,9 @@ import numpy as np
 
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo
+from services.gait.config import DepthLayerConfig
 from services.gait.points.body import UP, Extremity, MeasuredBody
-from services.gait.points.keypoints import KINDS, START_CONFIDENCE, Anchor
+from services.gait.points.keypoints import KINDS, START_CONFIDENCE, Anchor, pixels_of
 from services.gait.points.point_filter import PointFilter
 
 REACH_M = 0.30  # from the predicted point to its extremity, at most
@@ -18,6 +19,9 @@ UNASSIGNED_COST = 9.0
 SIGMA_MAX_M = 0.2  # of a prediction
 PRIOR_FREE = 3.0  # squared deviation from the body's prior that costs nothing
 ARM_MIN = 0.3  # of the stature, geodesic distance of fingertips
+EXPECTED2 = 7.8  # squared deviations of an expected end of a leg, at most
+SIDED2 = 2.0  # by which the other side must expect it less
+START_M = 0.05  # [m] of a keypoint to the body, at most, for a point to start there
 TAKEN_M = 0.12  # [m] of a tracked point to an extremity that is not free
 TO_CAMERA = np.array([0.0, 0.0, -1.0])  # heading of people of unknown heading
 Starts = list[tuple[str, Extremity]]
@@ -81,6 +85,21 @@ def _cost(point: PointFilter, extremity: Extremity, anchors_m: Mapping[str, F64]
     return float(cost) + 1.0 - extremity.strength
 
 
+def is_idle(point: PointFilter, config: DepthLayerConfig) -> bool:
+    """Check that a point is lost, or had no extremity for long."""
+    if point.motion is None or config.feature != "combined":
+        return point.motion is None
+    return not point.alive or point.unsupported_s > config.timeout_s
+
+
+def body_vertex(pixel: F64, body: MeasuredBody, info: CameraInfo) -> int | None:
+    """Return the vertex at a keypoint's pixel (2); None if it is not on the body."""
+    distances = np.linalg.norm(body.mesh.pixels_px - pixel, axis=1)
+    vertex = int(np.argmin(distances))
+    near_px = pixels_of(START_M, float(body.mesh.points_m[vertex, 2]), info)
+    return vertex if distances[vertex] <= near_px else None
+
+
 def initial_extremities(
     points: Iterable[PointFilter],
     idle: Sequence[PointFilter],
@@ -104,10 +123,41 @@ def initial_extremities(
     return found
 
 
+def expected_starts(points: Mapping[str, PointFilter], extremities: Sequence[Extremity]) -> Starts:
+    """Return the free ends of legs at which lost feet start, where the body expects them.
+
+    For feet whose keypoints are too uncertain to start at; the end of a leg must be expected by one
+    side rather than by the other.
+    """
+    feet = [point for point in points.values() if point.kind == "foot"]
+    taken = [point.motion.position_m for point in feet if point.motion and point.alive]
+    free = [one for one in extremities if one.kind == "foot" and _is_clear(one, taken)]
+    found: list[tuple[float, str, Extremity]] = []
+    for point in feet:
+        if point.prior is None or (point.motion is not None and point.alive):
+            continue
+        for one in free:
+            others = [o.prior for o in feet if o is not point and o.prior is not None]
+            own2, *other2 = (
+                float(prior.distances2(one.position_m[None])[0]) for prior in (point.prior, *others)
+            )
+            if own2 < EXPECTED2 and all(own2 + SIDED2 < other for other in other2):
+                found.append((own2, point.name, one))
+    starts: Starts = []
+    for _, name, one in sorted(found, key=lambda start: start[0]):
+        if all(name != other and one is not end for other, end in starts):
+            starts.append((name, one))
+    return starts
+
+
 def _is_free(extremity: Extremity, taken: Sequence[F64], body: MeasuredBody) -> bool:
     short = extremity.kind == "hand" and extremity.geodesic_m <= ARM_MIN * body.stature_m
+    return not short and _is_clear(extremity, taken)
+
+
+def _is_clear(extremity: Extremity, taken: Sequence[F64]) -> bool:
     near = any(np.linalg.norm(extremity.position_m - point) <= TAKEN_M for point in taken)
-    return extremity.strength > START_CONFIDENCE and not short and not near
+    return extremity.strength > START_CONFIDENCE and not near
 
 
 def _by_side(

@@ -7,7 +7,13 @@ import numpy as np
 from people4d.messages import F64, CameraInfo
 from services.gait.config import DepthLayerConfig
 from services.gait.points.acceptance import Acceptance, drop_same
-from services.gait.points.assignment import assign_all, initial_extremities
+from services.gait.points.assignment import (
+    assign_all,
+    body_vertex,
+    expected_starts,
+    initial_extremities,
+    is_idle,
+)
 from services.gait.points.body import (
     UP,
     Extremity,
@@ -28,7 +34,6 @@ from services.gait.points.keypoints import (
     anchors,
     feet_ahead,
     joint_pixels,
-    pixels_of,
     sigma_px,
 )
 from services.gait.points.likelihood import (
@@ -48,7 +53,6 @@ from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
 VERTICES_MIN = 30  # of a body
 CONTRADICTIONS_MAX = 2  # frames in which a keypoint contradicts a point, before it starts again
 DAMPING_S = 0.05  # [s] time constant with which an occluded point takes the head's velocity
-START_M = 0.05  # [m] of a keypoint to the body, at most, for a point to start there
 MARKED_TIP_MAX_M = 0.4  # [m] of a marked point to the end of its limb
 
 
@@ -254,26 +258,21 @@ class DepthLayer:
             if anchor is None or anchor.confidence < START_CONFIDENCE:
                 continue
             if lost or point.contradicted > CONTRADICTIONS_MAX:
-                self._start_near(name, anchor.pixel, body)
+                vertex = body_vertex(anchor.pixel, body, self._info)
+                if vertex is not None:
+                    self._start_at(name, vertex, body)
         if self._combined and self._config.keypoints and observation.keypoints is not None:
+            for name, one in expected_starts(self._points, extremities):
+                self._start_at(name, body.mesh.nearest(one.position_m), body)
             return
         points = self._points.values()
-        idle = [point for point in points if self._is_idle(point)]
+        idle = [point for point in points if is_idle(point, self._config)]
         for name, one in initial_extremities(points, idle, extremities, body, self._heading):
             if self._is_possible(name, one.position_m):
                 self._start(name, body.mesh.nearest(one.position_m), body)
 
-    def _is_idle(self, point: PointFilter) -> bool:
-        """Check that a point is lost, or had no extremity for long."""
-        if point.motion is None or not self._combined:
-            return point.motion is None
-        return not point.alive or point.unsupported_s > self._config.timeout_s
-
-    def _start_near(self, name: str, pixel: F64, body: MeasuredBody) -> None:
-        distances = np.linalg.norm(body.mesh.pixels_px - pixel, axis=1)
-        vertex = int(np.argmin(distances))
-        near = distances[vertex] <= pixels_of(START_M, body.mesh.points_m[vertex, 2], self._info)
-        if near and self._is_possible(name, body.mesh.points_m[vertex]):
+    def _start_at(self, name: str, vertex: int, body: MeasuredBody) -> None:
+        if self._is_possible(name, body.mesh.points_m[vertex]):
             self._start(name, vertex, body)
             self._points[name].state = "predicted"  # until the next frame agrees
 

@@ -54,7 +54,9 @@ def on_own_limbs(
         depth_m = float(expected[0].mean_m[2])
         apart_px = float(np.linalg.norm(own[left].pixel - own[right].pixel))
         if apart_px < pixels_of(SAME_M, depth_m, info):
-            own.pop(right if costs[0, 0] <= costs[1, 1] else left)
+            confident = [own[name].confidence > config.keypoint_confidence_min for name in names]
+            fits = costs[0, 0] <= costs[1, 1] if confident[0] == confident[1] else confident[0]
+            own.pop(right if fits else left)
     return own
 
 

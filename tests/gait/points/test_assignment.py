@@ -1,12 +1,14 @@
 """Assignment of extremities to points."""
 
 import numpy as np
+import pytest
 
 from services.gait.config import DepthLayerConfig
-from services.gait.points.assignment import assign
+from services.gait.points.assignment import assign, expected_starts
 from services.gait.points.body import Extremity
 from services.gait.points.kalman import PointKalmanFilter
-from services.gait.points.point_filter import PointFilter
+from services.gait.points.normal import Normal
+from services.gait.points.point_filter import PointFilter, PointState
 from tests.gait.builders import INFO
 
 CONFIG = DepthLayerConfig()
@@ -66,3 +68,35 @@ def test_lost_point_is_not_assigned() -> None:
     point = hand("left_hand", 0.0)
     point.state = "lost"
     assert assign([point], [extremity(0, 0.0)], {}) == {}
+
+
+def foot(name: str, x_m: float, state: PointState) -> PointFilter:
+    """A foot that the body expects at a position, to 5 cm."""
+    point = hand(name, x_m)
+    point.kind, point.state = "foot", state
+    point.prior = Normal(np.array([x_m, 0.0, 2.0]), 0.05**2 * np.eye(3))
+    return point
+
+
+def leg(x_m: float) -> Extremity:
+    return Extremity(0, "foot", np.array([x_m, 0.0, 2.0]), LENGTH_M, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("leg_m", "right", "starts"),
+    [
+        (0.13, "lost", ["left_foot"]),
+        (-0.13, "lost", ["right_foot"]),
+        (0.0, "lost", []),  # of either side
+        (0.4, "lost", []),  # where no foot is expected
+        (-0.13, "measured", []),  # the right foot is there
+    ],
+)
+def test_lost_foot_starts_at_the_end_of_a_leg_on_its_side(
+    leg_m: float, right: PointState, starts: list[str]
+) -> None:
+    points = {
+        "left_foot": foot("left_foot", 0.1, "lost"),
+        "right_foot": foot("right_foot", -0.1, right),
+    }
+    assert [name for name, _ in expected_starts(points, [leg(leg_m)])] == starts

@@ -50,6 +50,17 @@ def test_doubtful_ankle_counts_near_its_own_foot_only(
     assert (LEFT_FOOT in on_own_limbs(found, feet(), 0.0, INFO, CONFIG)) == counts
 
 
+def test_of_two_ankles_on_one_foot_the_confident_one_counts() -> None:
+    # Between both feet, nearer to the left one.
+    between_m = FEET_M[LEFT_FOOT] + (-0.15, 0.0, 0.0)
+    pixel = project(between_m, INFO)[0]
+    found = {
+        LEFT_FOOT: Anchor(pixel, 1.0, 0.2, pixel),
+        RIGHT_FOOT: Anchor(pixel, 1.0, 0.7, pixel),
+    }
+    assert set(on_own_limbs(found, feet(), 0.0, INFO, CONFIG)) == {RIGHT_FOOT}
+
+
 def test_doubtful_ankle_of_a_person_who_is_not_known_does_not_count() -> None:
     points = feet()
     for point in points.values():
