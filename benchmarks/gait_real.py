@@ -1,0 +1,277 @@
+"""Steps and points of real people: against steps counted by eye, and on the depth of bodies.
+
+The recordings show identifiable people and are not part of the repository: `--shared` names the
+folder that holds them. The landings counted by eye are in `real_people_marks/filinha_steps.json`.
+"""
+
+import argparse
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from benchmarks.lib.table import machine, markdown
+from common.geometry.transforms import apply, invert, project
+from evaluation.gait.report import read_run
+from evaluation.gait.run import BoxCorners, estimate_gait
+from evaluation.gait.tables import GaitTables
+from evaluation.recordings.hand_annotations import MOUNT_RPY_RAD, MOUNT_XYZ_M, TORSO_MM, Pixel
+from evaluation.recordings.hand_marks import Mark, read_frames
+from people4d.messages import F64, CameraInfo
+from services.gait.config import StepConfig
+from services.gait.estimator import GaitFrame, GaitResult
+
+ROOT = Path(__file__).resolve().parents[1]
+REPORT = Path(__file__).with_suffix(".md")
+MARKS = Path(__file__).with_name("real_people_marks")
+RATES_HZ = (4.0, 10.0)  # as steps and speeds tell; as elsewhere in this folder
+NEAR_FRAMES = 1.2  # between a step counted by eye and the published one
+OWNER_FRAMES = 5  # about a step, whose tracks tell which person took it
+TORSO_HALF_PX, TORSO_TOP_PX = 90.0, 40.0  # of the person in a TUE bag, and their head's
+AROUND_PX, SAME_M = 4, 0.10  # of a measured point, to depth that is its own
+LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
+INTRO = """
+Real people walk before a fixed Xtion (filinha, 108 pictures; they come in, turn and go out, behind
+desks and each other) and stand before a robot (TUE, five single pictures). The service has the
+default system's settings. Landings of feet were counted by eye in contact sheets of all pictures
+(`real_people_marks/filinha_steps.json`), in the frames in which the feet can be followed; a
+published step is found where it lands within 1.2 frames of one by eye, of the same person, by a
+mark on the torso in every picture; it is invented where no step by eye is near although steps could
+be counted there. Constants were chosen on N, G and S alone. The pictures have no times. A step
+takes most often two frames, and people go 0.20 to 0.27 m from frame to frame: at 10 Hz, at which
+other benchmarks play them, these would be 300 steps a minute at more than 2 m/s; at 4 Hz they are
+104 to 120 at 0.8 to 1.1 m/s. On the depth: measured points with a depth within 0.10 m of their own
+no farther than 4 px away.
+"""
+Run = list[tuple[CameraInfo, GaitFrame, Sequence[GaitResult]]]
+
+
+class StepByEye(msgspec.Struct, frozen=True):
+    """Landing of a foot."""
+
+    frame: float
+    foot: Literal["left", "right"]
+    hidden: bool = False  # the foot could not be seen when it landed
+
+
+class StepsByEye(msgspec.Struct, frozen=True):
+    """Landings of one person, and the frames in which they can be counted."""
+
+    person: str
+    half: Literal["choose", "judge"]
+    spans: tuple[tuple[float, float], ...]
+    steps: tuple[StepByEye, ...]
+
+
+class _StepFile(msgspec.Struct, frozen=True):
+    people: tuple[StepsByEye, ...]
+
+
+@dataclass
+class StepCounts:
+    """Steps of one person, or of several."""
+
+    true: int = 0
+    hidden: int = 0  # of them
+    published: int = 0  # in the frames in which steps were counted
+    found: int = 0
+    other_foot: int = 0  # of those found
+    invented: int = 0
+    off_frames: list[float] = field(default_factory=list)
+
+    def add(self, other: "StepCounts") -> None:
+        """Add the steps of others."""
+        for name, value in vars(other).items():
+            setattr(self, name, getattr(self, name) + value)
+
+    def cells(self) -> list[str]:
+        """Return the figures of a row."""
+        off = f"{np.median(self.off_frames):.1f}" if self.off_frames else "-"
+        numbers = (self.true, self.hidden, self.published)
+        rest = (self.other_foot, self.invented)
+        return [*map(str, numbers), f"{self.found} of {self.true}", *map(str, rest), off]
+
+
+def play(source: Path, settings: Iterable[str], box: BoxCorners | None = None) -> Run:
+    """Return the results of all frames of a source; of all people, or of the one in a box."""
+    found: Run = []
+    run = read_run(str(source), box, "", tuple(settings))
+    for _ in estimate_gait(run, lambda *frame: found.append(frame)):
+        pass
+    return found
+
+
+def owners(run: Run, marks: dict[int, tuple[Mark, ...]]) -> dict[tuple[int, int], str]:
+    """Return the person of each track and frame: the mark nearest to the middle of its box."""
+    found = {}
+    for index, (_, _, results) in enumerate(run):
+        for one in results:
+            box = one.person.box_xyxy_px
+            if box is None:
+                continue
+            left, top, right, bottom = map(float, box)
+            inside = [
+                (abs(2 * m.u_px - left - right) + abs(2 * m.v_px - top - bottom), m.person)
+                for m in marks.get(index, ())
+                if left <= m.u_px <= right and top <= m.v_px <= bottom
+            ]
+            if inside:
+                found[one.person.id, index] = min(inside)[1]
+    return found
+
+
+def published_steps(
+    run: Run, marks: dict[int, tuple[Mark, ...]], rate_hz: float
+) -> dict[str, list[tuple[float, str]]]:
+    """Return frame and foot of the published steps of each person."""
+    tables = GaitTables(StepConfig())
+    for _, frame, results in run:
+        tables.add(frame.stamp_ns, results)
+    owner = owners(run, marks)
+    found: dict[str, list[tuple[float, str]]] = {}
+    for track in tables.people:
+        for step in tables.steps(track):
+            at = step.landed_s * rate_hz
+            near = range(int(at) - OWNER_FRAMES, int(at) + OWNER_FRAMES + 1)
+            votes = Counter(owner[track, index] for index in near if (track, index) in owner)
+            if votes:
+                found.setdefault(votes.most_common(1)[0][0], []).append((at, step.foot))
+    return found
+
+
+def counts(known: StepsByEye, published: Sequence[tuple[float, str]]) -> StepCounts:
+    """Return how many steps by eye were published, each by the nearest step."""
+    inside = [
+        (at, foot)
+        for at, foot in published
+        if any(begin - NEAR_FRAMES <= at <= end + NEAR_FRAMES for begin, end in known.spans)
+    ]
+    pairs = sorted(
+        (abs(at - true.frame), n, k)
+        for n, (at, _) in enumerate(inside)
+        for k, true in enumerate(known.steps)
+        if abs(at - true.frame) <= NEAR_FRAMES
+    )
+    one, taken = StepCounts(true=len(known.steps)), dict[int, int]()
+    for off, n, k in pairs:
+        if n not in taken and k not in taken.values():
+            taken[n] = k
+            one.off_frames.append(off)
+            one.other_foot += inside[n][1] != known.steps[k].foot
+    one.hidden = sum(step.hidden for step in known.steps)
+    one.found = len(taken)
+    one.invented = sum(
+        n not in taken and any(begin <= at <= end for begin, end in known.spans)
+        for n, (at, _) in enumerate(inside)
+    )
+    one.published = one.found + one.invented
+    return one
+
+
+def on_depth(run: Run, names: Sequence[str]) -> tuple[int, int]:
+    """Return how many measured points have their depth about their pixels, and how many are."""
+    near = known = 0
+    for info, frame, results in run:
+        for one in results:
+            points = [p for p in one.person.points if p.state == "measured" and p.name in names]
+            if points:
+                here_m = apply(
+                    invert(frame.fixed_from_optical), np.array([p.position_m for p in points])
+                )
+                for point_m, pixel in zip(here_m, project(here_m, info), strict=True):
+                    known += 1
+                    near += _has_depth(frame, point_m, pixel)
+    return near, known
+
+
+def _has_depth(frame: GaitFrame, point_m: F64, pixel: F64) -> bool:
+    u, v = np.rint(pixel).astype(int)
+    rows, columns = (slice(max(at - AROUND_PX, 0), at + AROUND_PX + 1) for at in (v, u))
+    depth_m = frame.depth_mm[rows, columns] / 1000.0
+    return bool((np.abs(depth_m[depth_m > 0] - point_m[2]) <= SAME_M).any())
+
+
+def walking(run: Run) -> str:
+    """Return the live measures: tracks with any, and their median step length and cadence."""
+    known: dict[int, list[tuple[float, float]]] = {}
+    for *_, results in run:
+        for one in results:
+            measures = one.person.measures
+            found = known.setdefault(one.person.id, [])
+            if measures.step_length_m is not None and measures.cadence_per_min is not None:
+                found.append((measures.step_length_m, measures.cadence_per_min))
+    medians = [np.median(values, axis=0) for values in known.values() if values]
+    texts = [f"{length_m:.2f} m at {cadence:.0f}/min" for length_m, cadence in medians]
+    return f"{len(medians)} of {len(known)} tracks: {', '.join(texts)}" if medians else "none"
+
+
+def main() -> None:
+    """Compare, and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--shared", type=Path, default=ROOT.parent / "shared", help="reference data"
+    )
+    parser.add_argument("--set", dest="settings", action="append", default=[], help="as people4d")
+    parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
+    arguments = parser.parse_args()
+    data = arguments.shared / "data" / "rgbd"
+    known = msgspec.json.decode((MARKS / "filinha_steps.json").read_bytes(), type=_StepFile)
+    marks = read_frames(MARKS / "filinha.json")
+    mount = (
+        f"camera.mount_xyz_m={list(MOUNT_XYZ_M)}",
+        f"camera.mount_rpy_rad={list(MOUNT_RPY_RAD)}",
+    )
+    steps, depth, live = [], [], []
+    for rate_hz in RATES_HZ:
+        rate = f"camera.options.fps={rate_hz:g}"
+        run = play(data / "filinha", (rate, *mount, *arguments.settings))
+        found = published_steps(run, marks, rate_hz)
+        halves = {"choose": StepCounts(), "judge": StepCounts()}
+        for person in known.people:
+            one = counts(person, found.get(person.person, ()))
+            halves[person.half].add(one)
+            steps.append([f"{rate_hz:g}", person.person, person.half, *one.cells()])
+        steps += [[f"{rate_hz:g}", "all", half, *one.cells()] for half, one in halves.items()]
+        depth.append(_depth_row(f"filinha, {rate_hz:g} Hz", [run]))
+        live.append(f"At {rate_hz:g} Hz: {walking(run)}.")
+    bags = [
+        play(data / "tue" / f"{name}.bag", (), _box_about(torso))
+        for name, torso in TORSO_MM.items()
+    ]
+    depth.append(_depth_row("TUE, one person by a box", bags))
+    columns = ("by eye", "of them hidden", "published", "found", "other foot", "invented")
+    header = ["Hz", "person", "half", *columns, "off: median frames"]
+    text = "\n\n".join(
+        [
+            "# Gait of real people",
+            f"Made by `python -m benchmarks.gait_real` on {machine()}.",
+            " ".join(INTRO.split()),
+            markdown(header, steps),
+            "Measures that were published live, medians of each track. " + " ".join(live),
+            markdown(["recording", "all points on the depth", "hands", "feet"], depth),
+        ]
+    )
+    arguments.report.write_text(text + "\n", encoding="utf-8")
+    print(text)
+
+
+def _box_about(torso: Iterable[Pixel]) -> BoxCorners:
+    """Return the box of a person who stands before the robot, cut off below, by their torso."""
+    middle = float(np.mean([u for u, _ in torso]))
+    return middle - TORSO_HALF_PX, TORSO_TOP_PX, middle + TORSO_HALF_PX, 479.0
+
+
+def _depth_row(name: str, runs: Sequence[Run]) -> list[str]:
+    cells = [name]
+    for names in (("head", *LIMBS), LIMBS[:2], LIMBS[2:]):
+        both = np.array([on_depth(run, names) for run in runs]).sum(axis=0).tolist()
+        cells.append(f"{both[0]} of {both[1]}")
+    return cells
+
+
+if __name__ == "__main__":
+    main()
