@@ -37,7 +37,7 @@ OUT = ROOT / "out" / "real_people"
 MARKS = Path(__file__).with_name("real_people_marks")
 HALF_FRAME = 54  # frames before it choose, the others test
 HALVES = {"first half": range(HALF_FRAME), "second half": range(HALF_FRAME, 10_000)}
-DEFAULT = "MoveNet, histogram (default)"
+DEFAULT = "MoveNet, appearance (default)"
 SWITCHES = {
     "contact": "tracker.strongsort3d.contact.enabled=false",
     "occlusion": "tracker.strongsort3d.occlusion.enabled=false",
@@ -83,10 +83,10 @@ def variants(shared: Path) -> list[Variant]:
     embedder = "reid.embedder=osnet"
     best = [
         Variant(DEFAULT, "best", (), "MoveNet", draws=True),
-        Variant("MoveNet, appearance", "best", ("reid.embedder=appearance",)),
+        Variant("MoveNet, histogram", "best", ("reid.embedder=histogram",)),
         Variant("MoveNet, OSNet", "best", (embedder, osnet), draws=True),
-        Variant("YOLOv8n-pose, histogram", "best", (yolo,), "YOLOv8n-pose", draws=True),
-        Variant("YOLOv8n-pose, appearance", "best", (yolo, "reid.embedder=appearance")),
+        Variant("YOLOv8n-pose, appearance", "best", (yolo,), "YOLOv8n-pose", draws=True),
+        Variant("YOLOv8n-pose, histogram", "best", (yolo, "reid.embedder=histogram")),
         Variant("YOLOv8n-pose, OSNet", "best", (yolo, embedder, osnet), draws=True),
     ]
     switched = [

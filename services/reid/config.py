@@ -11,7 +11,7 @@ NETWORKS = {"appearance": "appearance-lab", "osnet": "osnet-x0.25-msmt17"}
 class ReidConfig(Config, frozen=True, kw_only=True):
     """Embedder and its network."""
 
-    embedder: str = "histogram"  # one of EMBEDDERS, or "module:Class" called with this record
+    embedder: str = "appearance"  # one of EMBEDDERS, or "module:Class" called with this record
     # Network: name in the manifest of models, or path of an .onnx file; empty: the embedder's own
     model: str = ""
     folder: str = ""  # folder that is searched first for named models; empty: none

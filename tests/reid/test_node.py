@@ -27,7 +27,7 @@ def embed(node: ReidNode, *crops: Crop) -> Embeddings:
 
 
 def test_every_crop_gets_a_vector_under_its_detection() -> None:
-    node = build(ReidConfig())
+    node = build(ReidConfig(embedder="histogram"))
     assert isinstance(node, ReidNode)
     answer = embed(node, crop(4), crop(0), crop(2))
     assert (answer.stamp_ns, answer.sequence, answer.camera) == (77, 5, "front")
@@ -39,7 +39,7 @@ def test_every_crop_gets_a_vector_under_its_detection() -> None:
 
 
 def test_an_empty_frame_is_answered() -> None:
-    node = build(ReidConfig())
+    node = build(ReidConfig(embedder="histogram"))
     assert isinstance(node, ReidNode)
     answer = embed(node)
     assert answer.detections == ()
@@ -47,7 +47,7 @@ def test_an_empty_frame_is_answered() -> None:
 
 
 def test_tiny_crops_are_counted_and_left_out() -> None:
-    node = build(ReidConfig())
+    node = build(ReidConfig(embedder="histogram"))
     assert isinstance(node, ReidNode)
     answer = embed(node, crop(0, width=7), crop(1), crop(2, height=1, width=1))
     assert answer.detections == (1,)

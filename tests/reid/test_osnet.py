@@ -8,6 +8,7 @@ import pytest
 from common.inference.session import Array
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import Crop
+from services.reid.appearance import AppearanceEmbedder
 from services.reid.config import ReidConfig
 from services.reid.embedders import load_embedder
 from services.reid.histogram import HistogramEmbedder
@@ -65,7 +66,7 @@ def test_other_networks_are_refused() -> None:
 
 
 def test_embedders_are_made_by_name() -> None:
-    assert isinstance(load_embedder(ReidConfig()), HistogramEmbedder)
+    assert isinstance(load_embedder(ReidConfig()), AppearanceEmbedder)
     outside = ReidConfig(embedder="services.reid.histogram:load")
     assert isinstance(load_embedder(outside), HistogramEmbedder)
     with pytest.raises(
