@@ -30,6 +30,7 @@ BY_STYLE = (
     *("hands visible cm", "feet visible cm", "visible published %", "hidden as measured %"),
     *("exchanged visible %", "exchanged hidden %"),
 )  # figures
+DEPTH_MAX_M = 5.0  # farthest reading of the sensor
 MARGIN_PX = 4.0  # of ankles in view to the edges
 INTRO = """
 People of a second simulator, with other bodies and another walk than the lab's. Errors are median
@@ -38,7 +39,9 @@ joints (wrist and ankle). A point is hidden where its joint is. `hidden as measu
 published while hidden, predicted or measured; below, of all hidden points, lost ones too.
 `exchanged`: nearer to the other side's reference by 10 cm. `in 90 % ellipse`: of predicted points.
 A true step is a swing of an ankle by 0.2 m or more; found within 0.3 s. The film may begin in a
-step: it is neither asked for nor invented. Walkers take three steps or more in view. `worst
+step: it is neither asked for nor invented. Walkers take three steps or more in view. `in range`:
+nearer than 5 m, beyond which the sensor gives no depth: there a joint may be visible in colour
+alone. Estimates and true people are paired one to one in each frame, by their heads. `worst
 cadence`: of steady walking, true and published, without steps of more than 1.6 times the median
 (turns, starts, stops; turns are measured apart [El-Gohary 2014]); `turns`: the published one
 against the mean of all true strides, those of turns included. `live`: measures published in the
@@ -65,14 +68,20 @@ def read_truth(folder: Path, frames: Sequence[GaitFrame]) -> JointTruth:
     width, height = 2 * data["K"][2], 2 * data["K"][3]
     joints_m = data["kp3d"][:count].astype(np.float64)
     camera_m = np.empty((count, 3))
+    depth_m = np.empty(joints_m.shape[:3])
     for index, frame in enumerate(frames[:count]):
-        moved = frame.fixed_from_optical @ np.linalg.inv(data["T_world_cam"][index])
+        optical = np.linalg.inv(data["T_world_cam"][index])
+        depth_m[index] = joints_m[index] @ optical[2, :3] + optical[2, 3]
+        moved = frame.fixed_from_optical @ optical
         joints_m[index] = joints_m[index] @ moved[:3, :3].T + moved[:3, 3]
         camera_m[index] = frame.fixed_from_optical[:3, 3]
     ankles_px = data["kp2d"][:count, :, 15:17]
     inside = (ankles_px > MARGIN_PX) & (ankles_px < (width - MARGIN_PX, height - MARGIN_PX))
     visible = data["kpvis"][:count].astype(bool)
-    return JointTruth(data["t"][:count], joints_m, visible, camera_m, inside.all(axis=(2, 3)))
+    in_view = inside.all(axis=(2, 3))
+    return JointTruth(
+        data["t"][:count], joints_m, visible, camera_m, in_view, depth_m < DEPTH_MAX_M
+    )
 
 
 def compare(folder: Path, settings: Sequence[str] = ()) -> list[Tally]:

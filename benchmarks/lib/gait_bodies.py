@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
 
 from benchmarks.lib.gait_tally import Tally
 from benchmarks.lib.true_steps import even_truth, steady_cadence, steps_by_ankles, true_asymmetry
@@ -27,6 +28,7 @@ Flags = npt.NDArray[np.bool_]
 LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
 COUNTERPART = {0: 1, 1: 0, 2: 3, 3: 2}
 JOINT = (9, 10, 15, 16)  # COCO: wrists, ankles
+ANKLES = (15, 16)
 BEFORE = (7, 8, 13, 14)  # elbows, knees
 HAND_REACH = 0.35  # of the forearm, from the wrist to the middle of the hand
 HAND_DEEP_M, FOOT_DEEP_M = 0.02, 0.03  # from the middle to the surface that the camera sees
@@ -49,6 +51,7 @@ class JointTruth:
     visible: Flags  # NxKx17
     camera_m: F64  # Nx3, position of the camera
     in_view: Flags  # NxK, the feet are in the image
+    in_range: Flags  # NxKx17, nearer than the farthest depth
     footfalls: list[list[Footfall]] | None = None  # of each person; None: by the ankles
 
 
@@ -91,48 +94,60 @@ def tally(
     tables = GaitTables(StepConfig())
     for index, frame in enumerate(results):
         tables.add(stamps_ns[index], frame)
-        found = {}
-        for one in frame:
-            k = _person(one.person, truth.joints_m[index])
-            if k is not None:
-                found[k] = one.person
-                votes.setdefault(one.person.id, [0] * people)[k] += 1
-        assigned.append(found)
+        assigned.append(_assigned([one.person for one in frame], truth.joints_m[index]))
+        for k, person in assigned[-1].items():
+            votes.setdefault(person.id, [0] * people)[k] += 1
     tallies = [Tally() for _ in range(people)]
     for k in range(people):
         for index, found in enumerate(assigned):
             if k in found:
-                _points(tallies[k], found[k], reference[index, k], truth.visible[index, k])
+                flags = truth.visible[index, k], truth.in_range[index, k]
+                _points(tallies[k], found[k], reference[index, k], *flags)
         own = [key for key, counts in votes.items() if int(np.argmax(counts)) == k]
         falls = (
-            steps_by_ankles(truth.times_s, truth.joints_m[:, k, (15, 16)])
+            steps_by_ankles(truth.times_s, truth.joints_m[:, k, ANKLES])
             if truth.footfalls is None
             else truth.footfalls[k]
         )
-        begun = steps_by_ankles(truth.times_s, truth.joints_m[:, k, (15, 16)], begun=True)
+        begun = steps_by_ankles(truth.times_s, truth.joints_m[:, k, ANKLES], begun=True)
         _steps(tallies[k], truth, k, (falls, begun), tables, own)
         _live(tallies[k], truth, falls, [found.get(k) for found in assigned])
     return tallies
 
 
-def _person(person: PersonGait, joints_m: F64) -> int | None:
-    """Return the number of the true person of an estimate, by the head or all points."""
+def _assigned(estimates: Sequence[PersonGait], joints_m: F64) -> dict[int, PersonGait]:
+    """Return the estimates by the number of their true person, one to one, by heads."""
+    off_m = np.array([_off_m(one, joints_m) for one in estimates]).reshape(-1, len(joints_m))
+    rows, columns = linear_sum_assignment(np.minimum(off_m, SAME_PERSON_M))
+    return {
+        int(k): estimates[int(row)]
+        for row, k in zip(rows, columns, strict=True)
+        if off_m[row, k] < SAME_PERSON_M
+    }
+
+
+def _off_m(person: PersonGait, joints_m: F64) -> F64:
+    """Return the level distances of an estimate to K true heads, by its head or all points."""
     points = [p.position_m for p in person.points if p.name == "head"] or [
         p.position_m for p in person.points
     ]
     if not points:
-        return None
-    off = np.linalg.norm(joints_m[:, :5, :2].mean(axis=1) - np.mean(points, axis=0)[:2], axis=1)
-    return int(np.argmin(off)) if off.min() < SAME_PERSON_M else None
+        return np.full(len(joints_m), np.inf)
+    heads_m = joints_m[:, :5, :2].mean(axis=1)
+    return np.asarray(np.linalg.norm(heads_m - np.mean(points, axis=0)[:2], axis=1))
 
 
-def _points(tally_: Tally, person: PersonGait, reference: F64, visible: Flags) -> None:
+def _points(
+    tally_: Tally, person: PersonGait, reference: F64, visible: Flags, in_range: Flags
+) -> None:
     by_name = {point.name: point for point in person.points}
     for k, name in enumerate(LIMBS):
         unhidden = bool(visible[JOINT[k]])
         point = by_name.get(name)
         tally_.visible += unhidden
         tally_.hidden_all += not unhidden
+        near = unhidden and bool(in_range[JOINT[k]])
+        tally_.visible_in_range += near
         if point is None or point.state == "lost":
             continue
         offset = point.position_m - reference[k]
@@ -142,6 +157,8 @@ def _points(tally_: Tally, person: PersonGait, reference: F64, visible: Flags) -
         measured = point.state == "measured"
         kind = name.split("_")[1]
         tally_.errors_m.setdefault(f"{kind} {when}", []).append(error_m)
+        if near:
+            tally_.errors_m.setdefault(f"{kind} in range", []).append(error_m)
         if unhidden and measured:
             tally_.errors_m.setdefault(f"{kind} measured", []).append(error_m)
         tally_.exchanged.setdefault(when, []).append(other_m < error_m - EXCHANGED_M)
@@ -182,6 +199,11 @@ def _steps(
             tally_.invented += 1
     tally_.true += len(visible)
     tally_.found += sum(falls[n] in visible for n in taken)
+    in_range = [
+        fall for fall in visible if truth.in_range[_at(truth, fall.time_s), k, ANKLES[fall.side]]
+    ]
+    tally_.true_in_range += len(in_range)
+    tally_.found_in_range += sum(falls[n] in in_range for n in taken)
     walked, steady_per_min = even_truth(falls), steady_cadence(falls)
     if len(visible) < WALKED_STEPS or walked is None or steady_per_min is None:
         return

@@ -18,8 +18,11 @@ class Tally:
     covered: list[bool] = field(default_factory=list)  # of predicted points
     visible: int = 0
     visible_measured: int = 0
+    visible_in_range: int = 0  # nearer than the farthest depth
     true: int = 0
     found: int = 0
+    true_in_range: int = 0
+    found_in_range: int = 0
     invented: int = 0
     wrong_foot: int = 0
     walkers: int = 0
@@ -64,9 +67,11 @@ def cells(one: Tally) -> Mapping[str, str]:
     worst = max((abs(x) for x in one.cadence_off), default=np.nan)
     turning = max((abs(x) for x in one.turns_cadence_off), default=np.nan)
     shown = sum(len(one.errors_m.get(f"{kind} visible", [])) for kind in ("hand", "foot"))
+    near = sum(len(one.errors_m.get(f"{kind} in range", [])) for kind in ("hand", "foot"))
     uneven = max((abs(x) for x in one.asymmetry_off), default=np.nan)
     return {
         "steps found": f"{one.found} of {one.true}",
+        "in range of depth": f"{one.found_in_range} of {one.true_in_range}",
         "invented": str(one.invented),
         "other foot": str(one.wrong_foot),
         "walkers with measures": f"{one.with_measures} of {one.walkers}",
@@ -79,11 +84,14 @@ def cells(one: Tally) -> Mapping[str, str]:
         "limps invented": str(one.limps_invented),
         "hands visible cm": errors("hand visible"),
         "hands visible, measured cm": errors("hand measured"),
+        "hands visible, in range cm": errors("hand in range"),
         "hands hidden cm": errors("hand hidden"),
         "feet visible cm": errors("foot visible"),
         "feet visible, measured cm": errors("foot measured"),
+        "feet visible, in range cm": errors("foot in range"),
         "feet hidden cm": errors("foot hidden"),
         "visible published %": percent(shown, one.visible),
+        "the same in range %": percent(near, one.visible_in_range),
         "visible measured %": percent(one.visible_measured, one.visible),
         "hidden as measured %": percent(one.measured_hidden, one.hidden),
         "the same of all hidden %": percent(one.measured_hidden, one.hidden_all),
