@@ -15,7 +15,7 @@ from msgspec import Meta
 from common.config import Config
 from lab.bodies.cast import cast_names
 from lab.bodies.outfits import Outfit
-from lab.camera.layouts import CameraModel, Clocks, Layout, lay_out
+from lab.camera.layouts import ROW_M, CameraModel, Clocks, Layout, Spacing, lay_out
 from lab.camera.plan import CameraPlan, CameraSide, ImagePlan
 from lab.depth.config import SensorName
 from lab.furniture import FurniturePlan
@@ -60,6 +60,7 @@ class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
     cameras: Annotated[int, Meta(ge=1, le=6)] = 1
     # ring: all look at the middle; row: neighbours overlap a little; apart: none overlap
     layout: Layout = "ring"
+    row_m: Annotated[float, Meta(ge=1, le=6)] = ROW_M  # [m] between cameras in a row
     clocks: Clocks = "alike"  # free: each with its own offset, drift and rate
     robot: bool = False  # the last camera drives
 
@@ -147,7 +148,8 @@ def _several(options: RandomScene, rng: np.random.Generator) -> Scenario:
         image=ImagePlan() if options.plain else _image(options, rng),
         duration_s=options.duration_s,
     )
-    plan = lay_out(options.cameras, options.layout, options.clocks, options.robot, model, rng)
+    spaced = Spacing(options.layout, options.row_m)
+    plan = lay_out(options.cameras, spaced, options.clocks, options.robot, model, rng)
     floor = FreeFloor(*plan.floor, lambda _: True)
     count = options.people or max(1, round(options.density * floor.area_m2))
     people = _people(options, rng, floor, count)

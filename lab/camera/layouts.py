@@ -34,6 +34,20 @@ class LayoutPlan:
 
 
 @dataclass(frozen=True)
+class Spacing:
+    """Layout of cameras about the floor."""
+
+    layout: Layout
+    row_m: float = ROW_M  # between cameras in a row
+
+    def step_m(self, count: int) -> float:
+        """Return the distance of neighbours in a row, or apart."""
+        if self.layout == "row":
+            return self.row_m
+        return min(APART_M, LENGTH_M / max(count - 1, 1))
+
+
+@dataclass(frozen=True)
 class CameraModel:
     """Image and rate common to the cameras of a layout."""
 
@@ -48,7 +62,7 @@ class CameraModel:
 
 def lay_out(
     count: int,
-    layout: Layout,
+    spacing: Spacing,
     clocks: Clocks,
     robot: bool,
     model: CameraModel,
@@ -58,17 +72,17 @@ def lay_out(
 
     Args:
         count: Number of cameras, with that of the robot.
-        layout: ring: all look at the middle. row: each overlaps with its neighbours only. apart: no
-            two of the fixed ones see the same floor.
+        spacing: ring: all look at the middle. row: each overlaps with its neighbours only. apart:
+            no two of the fixed ones see the same floor.
         clocks: alike: all exact and of one rate. free: each with its own offset, drift and rate.
         robot: The last one drives.
         model: Image and rate.
         rng: Random numbers.
     """
     fixed = count - robot
-    poses = _ring(fixed, rng) if layout == "ring" else _row(fixed, layout, rng)
+    poses = _ring(fixed, rng) if spacing.layout == "ring" else _row(fixed, spacing, rng)
     cameras = [_camera(k, pose, clocks, model, rng) for k, pose in enumerate(poses)]
-    floor = _floor(fixed, layout)
+    floor = _floor(fixed, spacing)
     if robot:
         cameras.append(_robot(len(cameras), floor, clocks, model, rng))
     return LayoutPlan(tuple(cameras), floor)
@@ -85,8 +99,10 @@ def _ring(count: int, rng: np.random.Generator) -> list[tuple[float, float, floa
     return poses
 
 
-def _row(count: int, layout: Layout, rng: np.random.Generator) -> list[tuple[float, float, float]]:
-    step_m = _step_m(count, layout)
+def _row(
+    count: int, spacing: Spacing, rng: np.random.Generator
+) -> list[tuple[float, float, float]]:
+    step_m = spacing.step_m(count)
     return [
         ((k - (count - 1) / 2) * step_m, rng.uniform(-0.1, 0.1), 90 + rng.uniform(-2, 2))
         for k in range(count)
@@ -97,16 +113,12 @@ def _radius_m(count: int) -> float:
     return RING_M + RING_GROWTH_M * max(count - 4, 0)
 
 
-def _floor(count: int, layout: Layout) -> Floor:
-    if layout == "ring":
+def _floor(count: int, spacing: Spacing) -> Floor:
+    if spacing.layout == "ring":
         side_m = _radius_m(count) - INSIDE_M
         return (-side_m, -side_m), (side_m, side_m)
-    half_m = (count - 1) / 2 * _step_m(count, layout) + 1.2
+    half_m = (count - 1) / 2 * spacing.step_m(count) + 1.2
     return (-half_m, NEAR_M), (half_m, FAR_M[count > 4])
-
-
-def _step_m(count: int, layout: Layout) -> float:
-    return ROW_M if layout == "row" else min(APART_M, LENGTH_M / max(count - 1, 1))
 
 
 def _camera(

@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+import zenoh
 from msgspec.structs import replace
 
+from common.transport.zenoh_bus import read_config
 from people4d.messages import AreaPeople, Health, Tracks
 from tests import builders
 from tests.integration.processes import start
@@ -65,7 +67,8 @@ class AreaFeed:
 def test_walker_has_one_identity_and_people_of_other_areas_outlive_a_tracker(
     network: Network, state_folder: Path
 ) -> None:
-    a, b, site = (network.robot() for _ in range(3))
+    hall, site = network.robot(), network.robot()
+    a, b = f"{hall}_a", f"{hall}_b"
     with contextlib.ExitStack() as stack:
 
         def run(robot: str, instance: str, *settings: str) -> subprocess.Popen[bytes]:
@@ -86,10 +89,17 @@ def test_walker_has_one_identity_and_people_of_other_areas_outlive_a_tracker(
         for feed in feeds:
             stack.callback(feed.close)
         planner = Watcher(network.open(site), Tracks, Health)
+        heard_keys = set[str]()
+        keys = stack.enter_context(zenoh.open(read_config(None, "client", network.environment)))
+        keys.declare_subscriber(
+            f"people4d/v1/{hall}_$*/people", lambda sample: heard_keys.add(str(sample.key_expr))
+        )
 
         # Somebody in each area: two identities in one stream.
         feeds[0].people, feeds[1].people = [(-1.0, RED)], [(1.4, BLUE)]
         both = planner.wait(Tracks, lambda m: {t.id % 1000 for t in m.tracks} == {1, 2})
+        # The areas of a site are one key expression, too, without those of other sites.
+        assert heard_keys == {f"people4d/v1/{area}/people" for area in (a, b)}
         red, blue = (next(t.id for t in both.tracks if t.id % 1000 == n) for n in (1, 2))
         # Red leaves area a; area b hears of it, and sees them 0.5 m further on.
         feeds[0].watcher.wait(AreaPeople, lambda m: red in {p.id for p in m.people})
