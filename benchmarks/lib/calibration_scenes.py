@@ -21,6 +21,8 @@ from people4d.messages import F64, CameraInfo, Detections
 
 TRANSPORT_S, JITTER_S = 0.2, 0.02  # largest delay of a camera, mean of each message's own
 SELDOM = CapturePlan(rate_hz=1)  # truth about people is not needed
+# Overlap of neighbours' views 3 m before them [m], distance of the cameras [m], time [s].
+ROWS = ((2.0, 1.12, 120), (1.5, 1.62, 120), (1.0, 2.12, 240))
 BASE = "random?depth_sensor=d435i&clocks=free"
 USUAL = SyntheticDetectionsConfig()
 # Noise of positions twice the measured one, and the front of the body in place of its middle.
@@ -151,6 +153,10 @@ TWO = SceneKind("two", drawn("cameras=4&people=2"))
 KINDS = (
     TWO,
     SceneKind("one", drawn("cameras=4&people=1")),
+    *(
+        SceneKind(f"row_{overlap_m}", drawn(f"cameras=4&people=2&layout=row&row_m={row_m}", time_s))
+        for overlap_m, row_m, time_s in ROWS
+    ),
     SceneKind("row", drawn("cameras=4&people=2&layout=row")),
     SceneKind("row_long", drawn("cameras=4&people=2&layout=row", 240)),
     SceneKind("crowd", drawn("cameras=4&people=4")),

@@ -1,6 +1,7 @@
 """Scores of tracks of several cameras against the ground truth of the lab."""
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from people4d.messages import F64, Track
 
 SLOT_NS = 100_000_000  # of scoring
 MATCH_M = 0.5  # largest error of a match
+LATER = range(8, 20)  # tenths of a second after a hand-over in which identities are compared
 MEASURED_S = 0.1  # since the last match by any camera, within which a position is measured
 
 
@@ -104,10 +106,19 @@ class FusionScore:
     double: float
     switches_per_min: float
     hand_overs: HandOvers
+    gap_causes: Counter[str]  # what became of identities after a gap
 
 
 def hand_overs(scene: FusionScene, matching: Matching) -> HandOvers:
     """Count people who leave the view of a camera for that of another, with and without a gap."""
+    totals = HandOvers(0, 0, 0, 0)
+    for in_views, tracked in _by_person(scene, matching):
+        totals += _of_person(in_views, tracked)
+    return totals
+
+
+def _by_person(scene: FusionScene, matching: Matching) -> Iterator[tuple[F64, F64]]:
+    """Yield flags of views (TxC) and numbers of tracks (T, -1: none) of each person."""
     frames = matching.sequence.frames
     tracked = np.full((len(frames), scene.people_m.shape[1]), -1)
     for k, matches in enumerate(matching.frame_matches):
@@ -115,13 +126,10 @@ def hand_overs(scene: FusionScene, matching: Matching) -> HandOvers:
     persons = {number: int(name) for number, name in enumerate(matching.persons)}
     column = {person: number for number, person in persons.items()}
     views = [scene.views(np.asarray(frame.truth.positions_m)) for frame in frames]
-    totals = HandOvers(0, 0, 0, 0)
     for person in range(scene.people_m.shape[1]):
-        if person not in column:
-            continue
-        in_views = np.array([[view[c][person] for c in sorted(scene.infos)] for view in views])
-        totals += _of_person(in_views, tracked[:, column[person]])
-    return totals
+        if person in column:
+            in_views = [[view[c][person] for c in sorted(scene.infos)] for view in views]
+            yield np.array(in_views), tracked[:, column[person]]
 
 
 def _of_person(in_views: F64, tracked: F64) -> HandOvers:
@@ -132,9 +140,7 @@ def _of_person(in_views: F64, tracked: F64) -> HandOvers:
         tracked: T, number of the track, -1 where there is none.
     """
     counts = [0, 0, 0, 0]
-    last_camera: int | None = None
-    gone = 0
-    for k in range(1, len(in_views) - 20):
+    for k in range(1, len(in_views) - LATER.stop):
         left = np.flatnonzero(in_views[k - 1] & ~in_views[k])
         for camera in left:
             stays = in_views[k : k + 10].all(axis=0) & in_views[max(k - 3, 0) : k].all(axis=0)
@@ -143,24 +149,53 @@ def _of_person(in_views: F64, tracked: F64) -> HandOvers:
             if away and before and np.any(np.delete(stays, camera)):
                 counts[0] += 1
                 counts[1] += _is_same(tracked, k, k)
-        if in_views[k].any():
-            if (
-                gone >= 5
-                and last_camera is not None
-                and not in_views[k, last_camera]
-                and gone <= 100
-            ):
-                counts[2] += 1
-                counts[3] += _is_same(tracked, k - gone, k)
-            last_camera, gone = int(np.flatnonzero(in_views[k])[0]), 0
-        else:
-            gone += 1
+    for gone, returned in gaps(in_views):
+        counts[2] += 1
+        counts[3] += _is_same(tracked, gone, returned)
     return HandOvers(*counts)
+
+
+def gaps(in_views: F64) -> Iterator[tuple[int, int]]:
+    """Yield the times at which a person leaves all views, and comes back before another camera.
+
+    Args:
+        in_views: TxC flags, ten a second.
+    """
+    last_camera: int | None = None
+    gone = 0
+    for k in range(1, len(in_views) - LATER.stop):
+        if not in_views[k].any():
+            gone += 1
+            continue
+        if last_camera is not None and not in_views[k, last_camera] and 5 <= gone <= 100:
+            yield k - gone, k
+        last_camera, gone = int(np.flatnonzero(in_views[k])[0]), 0
+
+
+def gap_causes(scene: FusionScene, matching: Matching) -> Counter[str]:
+    """Count what became of the identities of people who come back after a gap."""
+    causes = Counter[str]()
+    for in_views, tracked in _by_person(scene, matching):
+        for left, returned in gaps(in_views):
+            before = tracked[max(left - 10, 0) : left]
+            later = slice(returned + LATER.start, returned + LATER.stop)
+            after = tracked[later]
+            if _is_same(tracked, left, returned):
+                causes["the same"] += 1
+            elif not in_views[later].any():
+                causes["gone again before 0.8 s"] += 1
+            elif (before < 0).all():
+                causes["no track in the last second before"] += 1
+            elif (after < 0).all():
+                causes["no track 0.8 to 2 s after"] += 1
+            else:
+                causes["another"] += 1
+    return causes
 
 
 def _is_same(tracked: F64, left: int, returned: int) -> bool:
     before = tracked[max(left - 10, 0) : left]
-    after = tracked[returned + 8 : returned + 20]
+    after = tracked[returned + LATER.start : returned + LATER.stop]
     before, after = before[before >= 0], after[after >= 0]
     return bool(len(before) and len(after) and before[-1] == np.bincount(after).argmax())
 
@@ -177,6 +212,7 @@ def score_of(scene: FusionScene, matching: Matching) -> FusionScore:
         double=double_share(matching),
         switches_per_min=scores.id_switches_per_min,
         hand_overs=hand_overs(scene, matching),
+        gap_causes=gap_causes(scene, matching),
     )
 
 

@@ -121,13 +121,17 @@ class CameraDrift:
             self.movement = self._find()
 
     def stamp_errors(self, reference: str, stamp_ns: int) -> dict[str, StampError]:
-        """Return errors of stamps against a camera's, by camera; empty until they are due."""
-        if 0 <= stamp_ns - self._stamps_ns < STAMPS_NS:
+        """Return errors of stamps against a camera's, by camera; empty until they are due.
+
+        Empty, too, while a camera has moved: what is apart is so by its pose.
+        """
+        if self.movement or 0 <= stamp_ns - self._stamps_ns < STAMPS_NS:
             return {}
         self._stamps_ns = stamp_ns
         walked = {
             pair: Walked(
                 np.array([s.apart_m for s in samples]),
+                np.array([s.from_first_m for s in samples]),
                 np.array([s.velocity_mps for s in samples]),
                 np.array([s.between_s for s in samples]),
             )

@@ -18,6 +18,7 @@ SPEED_MIN_MPS = 0.3  # slower people say nothing
 ROBUST_M = 0.2  # of differences in the cost, which has a limit for two people taken for one
 ITERATIONS = 4  # of the reweighted fit
 POSE_SIGMA_M = 0.1  # standard deviation of a constant difference of two cameras' positions before
+TURN_SIGMA_RAD = 0.1  # and of a rotation about the vertical
 STAMP_SIGMA_S = 10.0  # and of errors of stamps
 ALIKE = 3.0  # samples in a row with one error
 Pair: TypeAlias = tuple[str, str]
@@ -27,6 +28,7 @@ class Walked(NamedTuple):
     """People before two cameras at once, N samples."""
 
     apart_m: F64  # Nx3, position by the first camera minus that by the second
+    ray_m: F64  # Nx3, from the first camera
     velocity_mps: F64  # Nx3, NaN where unknown
     between_s: F64  # N, stamp of the first minus that of the second
 
@@ -69,7 +71,8 @@ def stamp_errors(walked: Mapping[Pair, Walked], reference: str) -> dict[str, Sta
 def _of_pair(walked: Walked) -> tuple[float, float] | None:
     """Return by how much the first camera's stamps are ahead of the second's, and the variance.
 
-    With stamps ahead by e, a person at velocity v is seen apart by b + v (dt - e), b of the poses.
+    With stamps ahead by e, a person at velocity v and ray r is apart by b + w x r + v (dt - e), b
+    and w of the poses.
     """
     speed = np.linalg.norm(walked.velocity_mps[:, :2], axis=1)
     moves = speed > SPEED_MIN_MPS  # not NaN
@@ -77,14 +80,17 @@ def _of_pair(walked: Walked) -> tuple[float, float] | None:
         return None
     velocity = walked.velocity_mps[moves, :2]
     apart = walked.apart_m[moves, :2] - velocity * walked.between_s[moves, None]
-    jacobian = np.zeros((len(apart), 2, 3))
+    jacobian = np.zeros((len(apart), 2, 4))  # shift, rotation, stamp
     jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
-    jacobian[:, :, 2] = -velocity
-    prior = np.diag([POSE_SIGMA_M**-2, POSE_SIGMA_M**-2, STAMP_SIGMA_S**-2])
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = -walked.ray_m[moves, 1], walked.ray_m[moves, 0]
+    jacobian[:, :, 3] = -velocity
+    prior = np.diag(np.array([POSE_SIGMA_M, POSE_SIGMA_M, TURN_SIGMA_RAD, STAMP_SIGMA_S]) ** -2.0)
     weights = np.ones(len(apart))
     for _ in range(ITERATIONS):
         normal = np.einsum("n,nij,nik->jk", weights, jacobian, jacobian)
-        solution = np.linalg.solve(normal, np.einsum("n,nij,ni->j", weights, jacobian, apart))
+        solution = np.linalg.solve(
+            normal + 1e-6 * prior, np.einsum("n,nij,ni->j", weights, jacobian, apart)
+        )
         remaining = apart - jacobian @ solution
         squares = (remaining**2).sum(axis=1)
         weights = 1 / (1 + squares / ROBUST_M**2) ** 2
@@ -93,4 +99,4 @@ def _of_pair(walked: Walked) -> tuple[float, float] | None:
     estimate = covariance @ (
         np.einsum("n,nij,ni->j", weights, jacobian, apart) / (variance_m2 * ALIKE)
     )
-    return float(estimate[2]), float(covariance[2, 2])
+    return float(estimate[3]), float(covariance[3, 3])
