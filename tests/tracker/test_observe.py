@@ -71,3 +71,18 @@ def test_of_too_many_people_those_of_the_highest_scores_are_tracked() -> None:
     found = observe(detections(*people), None, pose, 100.0, counters)
     assert {m.index for m in found.measurements} == set(range(500 - PEOPLE_MAX, 500))
     assert counters["too_many"] == 500 - PEOPLE_MAX
+
+
+def test_people_who_face_away_from_the_camera_are_from_behind() -> None:
+    # The person is 45 deg to the right; yaws count from the line of sight, + to the left.
+    pose = TransformEstimate(LINK_FROM_OPTICAL)
+    for yaw_deg, expected in ((0, True), (55, True), (-55, True), (65, False), (180, False)):
+        yaw_rad = np.radians(yaw_deg - 45)
+        person = Detection(
+            box_xyxy_px=BOX,
+            score=0.9,
+            position_m=np.array([2.0, 0.0, 2.0]),
+            heading=np.array([-np.sin(yaw_rad), 0.0, np.cos(yaw_rad)]),
+        )
+        (found,) = observe(detections(person), None, pose, 100.0, Counter()).measurements
+        assert found.from_behind == expected

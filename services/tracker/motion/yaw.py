@@ -39,6 +39,7 @@ UNIFORM_RAD = math.pi / math.sqrt(3)  # standard deviation of an angle about whi
 REVERSED_RAD = math.radians(120)  # a measurement farther off is taken as reversed
 YAW_STATE_MAX = 1e12  # of a checkpoint; its largest numbers are seconds and variances
 STEPS_MAX = 1000  # of one prediction; a yaw that was not measured for so long is unknown
+WALKING = 0.5  # weight of a direction of walking against measurements: people step back, too
 STEP_MAX_S = 0.2  # [s] one measurement counts for no longer
 
 States = Sequence[YawState | None]  # one for each track, None: unknown
@@ -104,40 +105,55 @@ class KeypointYaw(VelocityYaw):
         self, states: States, measurements: Sequence[Measurement], velocities_mps: Iterable[F64]
     ) -> list[YawState | None]:
         """Update known states, begin those measured for the first time."""
-        after = [
-            self._measured(state, m.yaw_rad, self._variance(m), trust(m))
-            for state, m in zip(states, measurements, strict=True)
-        ]
-        variance = self._config.sigma_walk_rad**2
-        if variance == math.inf:
+        after = [self._measured(state, m) for state, m in zip(states, measurements, strict=True)]
+        if self._config.sigma_walk_rad == math.inf:
             return after
         return [
-            self._correct(state, self._direction.read(None, v), variance)
-            for state, v in zip(after, velocities_mps, strict=True)
+            self._walked(state, self._direction.read(None, v), before)
+            for state, v, before in zip(after, velocities_mps, states, strict=True)
         ]
 
-    def _measured(
-        self, state: YawState | None, measured_rad: float | None, variance: float, trust: float
-    ) -> YawState | None:
+    def _measured(self, state: YawState | None, measurement: Measurement) -> YawState | None:
         """Return a state updated with an angle from keypoints, if there is one.
 
         A reversed angle is left out until reversed ones have outlasted those that agree; then the
-        state begins anew. Agreement is forgotten while there are no measurements.
+        state begins anew. One of a person seen from behind is right, and outlasts all others.
+        Agreement is forgotten while there are no measurements.
         """
+        measured_rad, variance = measurement.yaw_rad, self._variance(measurement)
         if measured_rad is None or not math.isfinite(measured_rad):
             return state
+        least_s = self._config.reversal_s if measurement.from_behind else 0.0
         if state is None:
-            return self._start(measured_rad, variance)
+            return self._start(measured_rad, variance, least_s)
         step_s = min(state.since_s, STEP_MAX_S)
         agreement_s = max(state.agreement_s - (state.since_s - step_s), 0.0)
-        step_s *= trust
+        step_s *= trust(measurement)
         if self._is_reversed(state, measured_rad):
-            if agreement_s < step_s:
-                return self._start(measured_rad, variance)
+            if agreement_s < step_s or least_s > 0:
+                return self._start(measured_rad, variance, least_s)
             return state._replace(agreement_s=agreement_s - step_s, since_s=0.0)
         after = self._correct(state, measured_rad, variance)
-        agreement_s = min(agreement_s + step_s, self._config.reversal_s)
+        agreement_s = max(min(agreement_s + step_s, self._config.reversal_s), least_s)
         return after and after._replace(agreement_s=agreement_s, since_s=0.0)
+
+    def _walked(
+        self, state: YawState | None, direction_rad: float | None, before: YawState | None
+    ) -> YawState | None:
+        """Return a state updated with a direction of walking, if there is one.
+
+        A reversed one takes away agreement in frames with a measurement, until the state turns.
+        """
+        variance = self._config.sigma_walk_rad**2
+        if state is None or before is None or direction_rad is None:
+            return self._correct(state, direction_rad, variance)
+        if not self._is_reversed(state, direction_rad):
+            return self._correct(state, direction_rad, variance)
+        step_s = min(max(before.since_s - state.since_s, 0.0), STEP_MAX_S)
+        agreement_s = state.agreement_s - WALKING * step_s
+        if agreement_s >= 0:
+            return state._replace(agreement_s=agreement_s)
+        return self._start(state.psi_rad + math.pi, state.psi_variance)
 
     def _correct(
         self, state: YawState | None, measured_rad: float | None, variance: float
@@ -170,9 +186,9 @@ class KeypointYaw(VelocityYaw):
         tau_s = self._config.rate_decay_s
         return dt_s if tau_s == math.inf else -tau_s * math.expm1(-dt_s / tau_s)
 
-    def _start(self, psi_rad: float, variance: float) -> YawState:
+    def _start(self, psi_rad: float, variance: float, agreement_s: float = 0.0) -> YawState:
         rate = self._config.sigma_start_rate_radps**2
-        return YawState(wrap(psi_rad), 0.0, variance, 0.0, rate)
+        return YawState(wrap(psi_rad), 0.0, variance, 0.0, rate, agreement_s)
 
     def _variance(self, measurement: Measurement) -> float:
         """Return R: one constant, or the variance of the measurement, limited."""

@@ -1,6 +1,7 @@
 """Yaw of tracks: the filter by hand, the velocity, and through the node."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -199,6 +200,33 @@ def test_reversed_measurements_are_left_out_until_they_have_lasted() -> None:
         yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped)
         published_.append(yaw.psi_rad)
     np.testing.assert_allclose(published_, [0.0, 0.0, 0.0, 0.0, 3.0], atol=1e-3)
+
+
+def test_a_person_seen_from_behind_ends_a_reversed_yaw_at_once() -> None:
+    shipped = KeypointYaw(YawFilterConfig())
+    yaw = update(None, facing(3.0, sigma_rad=0.15), shipped)
+    for _ in range(10):
+        yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped)
+    back = replace(facing(0.0, sigma_rad=0.15), from_behind=True)
+    yaw = update(predict(yaw, 0.1, shipped), back, shipped)
+    assert yaw.psi_rad == pytest.approx(0.0)
+    # It outlasts four reversed ones, as ten that agree do.
+    for _ in range(4):
+        yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped)
+        assert yaw.psi_rad == pytest.approx(0.0)
+
+
+def test_walking_decides_between_measurements_that_contradict_each_other() -> None:
+    shipped = KeypointYaw(YawFilterConfig())
+    walks = np.array([1.0, 0.0, 0.0])
+    for angles, expected in (([3.0, 3.0], 3.0), ([3.0, 0.0], 0.0)):
+        # Who steps back is measured alike in all frames, and is not turned round.
+        yaw = update(None, facing(3.0, sigma_rad=0.15), shipped)
+        for _ in range(10):
+            yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped, walks)
+        for angle in angles * 10:
+            yaw = update(predict(yaw, 0.1, shipped), facing(angle, sigma_rad=0.15), shipped, walks)
+        assert abs(wrap(yaw.psi_rad - expected)) < 0.3
 
 
 def test_reversed_first_measurement_is_corrected_by_the_second() -> None:
