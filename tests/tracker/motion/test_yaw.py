@@ -202,7 +202,7 @@ def test_reversed_measurements_are_left_out_until_they_have_lasted() -> None:
     np.testing.assert_allclose(published_, [0.0, 0.0, 0.0, 0.0, 3.0], atol=1e-3)
 
 
-def test_a_person_seen_from_behind_ends_a_reversed_yaw_at_once() -> None:
+def test_a_yaw_from_behind_ends_a_reversed_one_at_once() -> None:
     shipped = KeypointYaw(YawFilterConfig())
     yaw = update(None, facing(3.0, sigma_rad=0.15), shipped)
     for _ in range(10):
