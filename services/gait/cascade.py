@@ -18,7 +18,6 @@ from services.gait.surface.mesh import BodyMesh, build_mesh
 from services.gait.surface.segmentation import BodySegment, segment_body
 from services.gait.surface.silhouette import part_rows_px
 
-JUMP_M, JUMP_MPS = 0.4, 2.0  # of a person's depth, by which it is that of somebody else
 SAME_BOX_IOU = 0.7  # of a detected box to that of the colour layer, which goes on then
 
 
@@ -51,7 +50,6 @@ class _PersonState:
     layer: DepthLayer
     box: F64 | None = None
     depth_m: float | None = None
-    body_m: float | None = None  # depth of the body when it was last processed
     detected_ns: int = 0  # of the last detected box
     observed_ns: int = 0  # of the last observation
     processed: int = -1  # number of the last frame in which depth was processed
@@ -69,7 +67,6 @@ class Cascade:
         self._colours = ColourLayer(config.colour, config.seed)
         self._floor = FloorDetector(config.floor, info, config.seed)
         self._people: dict[int, _PersonState] = {}
-        self._taken: list[BodySegment] = []  # bodies of this frame
         self._frame = 0
         self._stamp_ns = 0
 
@@ -93,13 +90,9 @@ class Cascade:
         self._update_boxes(stamp_ns, rgb, observations)
         self._floor.update(depth_mm)
         chosen = self._turns(observations)
-        found = {
-            one.id: self._estimate(one, depth_mm, one.id in chosen)
-            for one in sorted(observations, key=self._order)
-        }
-        self._taken.clear()
+        estimates = [self._estimate(one, depth_mm, one.id in chosen) for one in observations]
         self._frame += 1
-        return [found[one.id] for one in observations]
+        return estimates
 
     def mark(self, person: int, name: str, pixel: F64, depth_mm: U16) -> bool:
         """Track a point from a pixel (u, v) of the last frame on; an unknown name adds a point.
@@ -182,9 +175,8 @@ class Cascade:
         points = state.layer.update(
             MeshObservation(mesh, elapsed_s, one.keypoints, self._floor.floor)
         )
-        if mesh is not None and body is not None:
-            state.depth_m = state.body_m = float(mesh.middle_m[2])
-            self._taken.append(body)
+        if mesh is not None:
+            state.depth_m = float(mesh.middle_m[2])
         if not config.details:
             return GaitEstimate(one.id, state.box, points)
         particles = {name: p.particles for name, p in state.layer.filters.items()}
@@ -201,33 +193,7 @@ class Cascade:
         margin = ratio * (state.box[3] - state.box[1])
         box = state.box + margin * np.array([-1.0, -1.0, 1.0, 1.0])
         box[3] = max(box[3], self._floor_row(state) + margin)
-        depth_mm = self._floor.remove(depth_mm, box)
-        if self._taken:
-            depth_mm = depth_mm.copy()
-        for body in self._taken:
-            height, width = body.mask.shape
-            rows = slice(body.top_px, body.top_px + height)
-            columns = slice(body.left_px, body.left_px + width)
-            depth_mm[rows, columns][body.mask] = 0
-        seed_m = state.body_m if self._jumped(state) else state.depth_m
-        return segment_body(depth_mm, box, seed_m, config.body)
-
-    def _order(self, one: PersonObservation) -> tuple[bool, float]:
-        """Return the order in which bodies are taken from the depth image: the nearest first.
-
-        A person whose depth jumped is last: the detector saw somebody else before them.
-        """
-        state = self._people[one.id]
-        depth_m = np.inf if state.depth_m is None else state.depth_m
-        return self._jumped(state), depth_m
-
-    def _jumped(self, state: _PersonState) -> bool:
-        """Check that a person's depth is too far from that of their body shortly before."""
-        if state.body_m is None or state.depth_m is None:
-            return False
-        elapsed_s = (self._stamp_ns - state.processed_ns) / 1e9
-        recent = elapsed_s <= self._config.gap_s
-        return recent and abs(state.depth_m - state.body_m) > JUMP_M + JUMP_MPS * elapsed_s
+        return segment_body(self._floor.remove(depth_mm, box), box, state.depth_m, config.body)
 
     def _floor_row(self, state: _PersonState) -> float:
         """Return the row of the floor below a person; that of the box's bottom if it is not known.

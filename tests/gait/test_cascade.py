@@ -157,22 +157,6 @@ def test_legs_below_a_box_that_ends_too_high_belong_to_the_body() -> None:
     assert lowest[1] == pytest.approx(lowest[0], abs=4)
 
 
-def test_person_hidden_behind_another_does_not_take_their_body() -> None:
-    # Person 2 stands 4 m away; then person 1 comes before them, and the box of both is theirs.
-    cascade = Cascade(CascadeConfig(details=True), INFO)
-    rgb, near_mm = images()
-    far_mm = np.where(near_mm == round(DEPTH_M * 1000), 4000, 6000).astype(np.uint16)
-    near_mm = np.where(near_mm == 4000, 6000, near_mm).astype(np.uint16)
-    behind = PersonObservation(2, BOX, None, 4.0)
-    (alone,) = cascade.update(0, rgb, far_mm, [behind])
-    mistaken = PersonObservation(2, BOX, None, DEPTH_M)
-    hidden, front = cascade.update(PERIOD_NS, rgb, near_mm, [mistaken, observation(1)])
-    assert alone.mesh is not None
-    assert (hidden.id, front.id) == (2, 1)
-    assert front.mesh is not None
-    assert hidden.mesh is None
-
-
 def test_legs_cut_off_by_the_image_have_no_feet() -> None:
     # Knees at the lowest rows, 110 rows lower than in `images`.
     rgb, depth_mm = images()
