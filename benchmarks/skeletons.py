@@ -78,7 +78,7 @@ class TimedNode(Node):
     """A node that notes the processor time of messages that it answers."""
 
     def __init__(self, node: Node) -> None:
-        self._node, self.inputs = node, node.inputs  # type: ignore[misc]
+        self._node, self.inputs = node, node.inputs
         self.times_ms: list[float] = []
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:

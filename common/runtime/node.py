@@ -74,7 +74,7 @@ class Node(ABC):
             have the order of the inputs.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = ()
+    inputs: tuple[type[Message], ...] = ()
     required_inputs: ClassVar[tuple[type[Message], ...]] = ()
     periodic_outputs: ClassVar[tuple[type[Message], ...]] = ()
     sharing: ClassVar[Sharing | None] = None

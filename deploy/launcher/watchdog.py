@@ -11,7 +11,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 from common.config import Config
 from common.runtime import process
@@ -155,7 +154,7 @@ class HangDetector:
 class WatchdogNode(Node):
     """Ends processes of this host that hang, so that supervisord starts them again."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Health,)
+    inputs: tuple[type[Message], ...] = (Health,)
 
     def __init__(self, config: WatchdogConfig, supervisor: Supervisor, host: str) -> None:
         self._config = config

@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -89,7 +88,7 @@ class PeopleFrame:
 class PeopleScene:
     """Joins detections with their tracks, and gathers trajectories; bounded memory."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         CameraInfo,
         StaticTransform,
         MovingTransform,

@@ -48,13 +48,13 @@ class CameraNode(Node):
     ConfigError if the playback does not suit the source.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Tracks, Detections)
     periodic_outputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
 
     def __init__(self, config: CameraConfig, source: Source) -> None:
         self._config = config
         self._source = source
         self._lockstep = config.playback == "lockstep"
+        self.inputs = (ANSWERS[config.answer],) if self._lockstep else ()
         self._pacing = _pacing(config, source.live)
         self._info: CameraInfo | None = None
         self._transforms: Sequence[StaticTransform] = ()
@@ -80,13 +80,12 @@ class CameraNode(Node):
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Register an answer, after which `tick` sends the next frame; forward motion."""
-        if self._motion and type(message) not in self.inputs:
+        if self._motion and not isinstance(message, Tracks | Detections):
             own = [self._info.frame_id] if self._info else []
             return self._motion.convert(message, [*own, *(t.parent for t in self._transforms)])
-        answer = ANSWERS[self._config.answer]
         if (
             isinstance(message, Tracks | Detections)
-            and isinstance(message, answer)
+            and isinstance(message, self.inputs)
             and self._info
             and message.camera == self._info.camera
         ):

@@ -55,9 +55,7 @@ class _Detected:
 class DashboardNode(Node):
     """Shows what the pipeline publishes; images are decoded while a page shows them only."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
-        *(Tracks, CameraInfo, StaticTransform, Event, Zones),
-    )
+    inputs: tuple[type[Message], ...] = (*(Tracks, CameraInfo, StaticTransform, Event, Zones),)
     inputs_on_demand: ClassVar[tuple[type[Message], ...]] = (
         *(RgbdFrame, CompressedRgbdFrame, Detections, Predictions, Health),
         *(MovingTransform, Odometry, Skeletons),

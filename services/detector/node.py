@@ -49,7 +49,7 @@ class DetectorNode(Node):
             there is none.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (CameraInfo, RgbdFrame)
+    inputs: tuple[type[Message], ...] = (CameraInfo, RgbdFrame)
     sharing: ClassVar[Sharing] = Sharing(RgbdFrame, Detections)
     required_inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
     workers = 2  # so that one prepares a frame while the other infers

@@ -40,7 +40,7 @@ COUNTERS = ("stale", "clock_resets", "journal_errors", "edits", "edits_refused")
 class EventsNode(Node):
     """Makes events; each is in the journal before it is published."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         *(Tracks, ZoneEdit, StaticTransform, MovingTransform, Odometry),
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)

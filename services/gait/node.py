@@ -48,7 +48,7 @@ class GaitNode(Node):
     `on_frame` is called with every processed frame.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         *(RgbdFrame, Detections, Tracks, CameraInfo),
         *(StaticTransform, MovingTransform, Odometry),
     )

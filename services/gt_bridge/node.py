@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from typing import ClassVar
 
 import msgspec
 
@@ -38,7 +37,7 @@ class GtBridgeNode(Node):
     read instead, or is received by its source.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         *(Detections, Tracks, CameraInfo),
         *(StaticTransform, MovingTransform, Odometry),
     )

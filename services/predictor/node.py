@@ -46,9 +46,7 @@ class PredictorNode(Node):
     Without Tracks there are no predictions: an old one would only mislead.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
-        *(Tracks, StaticTransform, MovingTransform, Odometry),
-    )
+    inputs: tuple[type[Message], ...] = (*(Tracks, StaticTransform, MovingTransform, Odometry),)
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
 
     def __init__(self, config: PredictorConfig) -> None:

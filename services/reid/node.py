@@ -20,7 +20,7 @@ class ReidNode(Node):
         embedder: Maps crops to vectors.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Crops,)
+    inputs: tuple[type[Message], ...] = (Crops,)
     sharing: ClassVar[Sharing] = Sharing(Crops, Embeddings)
     required_inputs = inputs
 

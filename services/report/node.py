@@ -1,7 +1,6 @@
 """Annotates each frame of a running pipeline, and writes a report at the end."""
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 from common.drawing.people import CameraView, annotate
 from common.drawing.tiles import Tile, grid, shrink
@@ -35,7 +34,7 @@ CAMERAS_MAX = 64  # further names of cameras are ignored
 class ReportNode(Node):
     """Joins frames with what was made of them; memory is bounded however long the run."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         RgbdFrame,
         Detections,
         Tracks,

@@ -53,7 +53,7 @@ class Ros2BridgeNode(Node):
         wall_ns: Clock of the stamps "sent".
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         *(Tracks, Predictions, Detections, Health),
         *(StaticTransform, MovingTransform, Odometry),
     )

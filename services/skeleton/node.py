@@ -47,7 +47,7 @@ class SkeletonNode(Node):
     share one frame, so each has one skeleton whichever camera sees them.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         *(Detections, Tracks, CameraInfo),
         *(StaticTransform, MovingTransform, Odometry),
     )

@@ -70,7 +70,7 @@ class TrackerNode(StatefulNode):
         make_tracker: Makes a tracker.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         *(Detections, Embeddings),
         *(CameraInfo, StaticTransform, MovingTransform, Odometry),
     )

@@ -49,7 +49,7 @@ class VisualOdometryNode(Node):
     odometry of the base, this one is silent: two origins would make people jump.
     """
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (
+    inputs: tuple[type[Message], ...] = (
         *(RgbdFrame, Detections, CameraInfo),
         *(StaticTransform, Odometry),
     )

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Literal
+from typing import Literal
 
 from common.runtime.node import Node, Status
 from common.transport.trace import span
@@ -20,7 +20,7 @@ def detections(sequence: int, camera: str = "front") -> Detections:
 class Echo(Node):
     """Answers Detections with empty Tracks of the same stamp; a camera named "bad" raises."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Detections,)
+    inputs: tuple[type[Message], ...] = (Detections,)
 
     def __init__(self, hook: Callable[[Message], None] = lambda _: None) -> None:
         self.hook = hook

@@ -51,7 +51,7 @@ from services.toy.config import ToyConfig
 class ToyNode(Node):
     """Counts tracks."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
+    inputs: tuple[type[Message], ...] = (Tracks,)
 
     def __init__(self, config: ToyConfig) -> None:
         self._config, self._count = config, 0

@@ -4,7 +4,6 @@ import random
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 import zenoh
@@ -30,7 +29,7 @@ BLOCK = zenoh.CongestionControl.BLOCK  # a busy machine drops what may be droppe
 class All(Echo):
     """Takes every message there is, and tells how many of each came."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = tuple(topic.message for topic in TOPICS)
+    inputs: tuple[type[Message], ...] = tuple(topic.message for topic in TOPICS)
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         self.handled.append(message.sequence)

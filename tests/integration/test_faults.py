@@ -38,7 +38,6 @@ pytestmark = [pytest.mark.processes, pytest.mark.network]
 BACK_S = 10.0
 
 INPUTS = {
-    "camera": ("people", "detections"),
     "detector": ("frames", "camera_info"),
     "reid": ("crops",),
     "tracker": ("detections", "embeddings", "static_transforms"),

@@ -4,7 +4,6 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -149,7 +148,7 @@ def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.Monke
 class Detector(Node):
     """Answers each frame."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    inputs: tuple[type[Message], ...] = (RgbdFrame,)
 
     def __init__(self) -> None:
         self.frames: list[RgbdFrame] = []

@@ -2,7 +2,6 @@
 
 import threading
 from collections.abc import Sequence
-from typing import ClassVar
 
 import msgspec
 import pytest
@@ -21,7 +20,7 @@ pytestmark = pytest.mark.network
 class Heavy(Echo):
     """Answers frames with Truth of the same number, in a heavy part and a light one."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    inputs: tuple[type[Message], ...] = (RgbdFrame,)
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,7 +1,6 @@
 """Nodes wired in one thread."""
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 from common.runtime.node import Node
 from common.transport.memory_bus import MemoryBus
@@ -14,7 +13,7 @@ from tests.contract.examples import BY_NAME
 class Evaluator(Node):
     """Answers Tracks with Truth, and one Odometry when its time has come."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
+    inputs: tuple[type[Message], ...] = (Tracks,)
 
     def __init__(self) -> None:
         self.ticks_ns: list[int] = []
