@@ -6,8 +6,9 @@ since the scheduler prefers threads that have slept. A core of its own lets the 
 
 import logging
 import os
-from collections.abc import Iterator, Mapping, Set
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Set
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 from people4d.errors import ConfigError
 
@@ -15,18 +16,19 @@ VARIABLE = "PEOPLE4D_INFERENCE_CORES"
 CORES_MAX = 4096  # of one computer
 HINT = "Write cores of this computer as in 0,2 or 2-3, and leave at least one to all else."
 
+T = TypeVar("T")
+
 log = logging.getLogger("people4d")
 
 
 class InferenceCores:
     """Cores on which networks of this process run, and nothing else of it.
 
-    Without a reservation all threads use all cores.
+    Without a reservation networks run in the threads of their callers, on all cores.
     """
 
     def __init__(self) -> None:
-        self._inference: frozenset[int] = frozenset()
-        self._others: frozenset[int] = frozenset()
+        self._threads: ThreadPoolExecutor | None = None  # on the cores for networks
 
     def reserve(self, environment: Mapping[str, str]) -> None:
         """Reserve the cores that the environment names; from then on other threads leave them.
@@ -50,30 +52,23 @@ class InferenceCores:
             raise ConfigError(
                 f"{VARIABLE} is {text!r}, this process may use the cores {listed(allowed)}", HINT
             )
-        self._inference, self._others = named, frozenset(allowed - named)
-        self._bind(self._others)
+        # Threads of their own: to move one to another core that is busy takes milliseconds.
+        self._threads = ThreadPoolExecutor(
+            len(named), "inference", initializer=bind, initargs=(named,)
+        )
+        bind(allowed - named)
 
-    @contextmanager
-    def bound(self) -> Iterator[None]:
-        """Bind the calling thread to the cores for networks during a block, if any are reserved."""
-        if not self._inference:
-            yield
-            return
-        self._bind(self._inference)
-        try:
-            yield
-        finally:
-            self._bind(self._others)
+    def run(self, function: Callable[[], T]) -> T:
+        """Return the result of a function that runs a network or starts its threads."""
+        return function() if self._threads is None else self._threads.submit(function).result()
 
-    def _bind(self, cores: Set[int]) -> None:
-        """Bind the calling thread; where the system has taken the cores away, end reserving."""
-        if not cores:
-            return
-        try:
-            os.sched_setaffinity(0, cores)
-        except OSError as error:
-            log.warning("no cores are reserved for networks any more: %s", error)
-            self._inference = self._others = frozenset()
+
+def bind(cores: Set[int]) -> None:
+    """Bind the calling thread to cores; where the system forbids it, say so and go on."""
+    try:
+        os.sched_setaffinity(0, cores)
+    except OSError as error:
+        log.warning("a thread cannot be bound to the cores %s: %s", listed(cores), error)
 
 
 def read_cores(text: str) -> frozenset[int]:

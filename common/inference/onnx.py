@@ -43,13 +43,14 @@ class OnnxSession:
         if not path.is_file():
             raise ModelError(f"model file {path} does not exist", "See: people4d models.")
         try:
-            with CORES.bound():  # its threads inherit the cores
-                self._session = onnxruntime.InferenceSession(
+            self._session = CORES.run(  # its threads inherit the cores
+                lambda: onnxruntime.InferenceSession(
                     str(path),
                     options,
                     providers=["CPUExecutionProvider"],
                     disabled_optimizers=DISABLED,
                 )
+            )
         except Exception as error:  # onnxruntime raises its own types, all of them Exception
             reason = str(error).splitlines()[0][:200]
             raise ModelError(f"model file {path} cannot be loaded: {reason}") from error
@@ -73,8 +74,10 @@ class OnnxSession:
         with span("inference_wait"):
             self._turn.acquire()
         try:
-            with span("inference"), CORES.bound():
-                outputs = self._session.run(self._outputs, {self._input.name: image})
+            with span("inference"):
+                outputs = CORES.run(
+                    lambda: self._session.run(self._outputs, {self._input.name: image})
+                )
         finally:
             self._turn.release()
         return dict(zip(self._outputs, outputs, strict=True))

@@ -72,13 +72,17 @@ class OpenVinoSession:
         with span("inference_wait"):
             self._turn.acquire()
         try:
-            with span("inference"), CORES.bound():
-                request = self._request(image.shape)
-                request.infer({0: image}, share_inputs=True)
-                outputs = [request.get_output_tensor(k).data for k in range(len(self._names))]
-                return dict(zip(self._names, map(np.copy, outputs), strict=True))
+            with span("inference"):
+                return CORES.run(lambda: self._infer(image))
         finally:
             self._turn.release()
+
+    def _infer(self, image: Array) -> Mapping[str, Array]:
+        """Return the outputs by name."""
+        request = self._request(image.shape)
+        request.infer({0: image}, share_inputs=True)
+        outputs = [request.get_output_tensor(k).data for k in range(len(self._names))]
+        return dict(zip(self._names, map(np.copy, outputs), strict=True))
 
     def _request(self, shape: tuple[int, ...]) -> Any:
         """Return what runs images of a shape; batches of any number share one."""

@@ -20,14 +20,13 @@ two_cores = pytest.mark.skipif(len(ALLOWED) < 2, reason="needs two cores")
 
 
 def in_thread(cores: InferenceCores, environment: dict[str, str]) -> list[set[int]]:
-    """Return a thread's cores after reserving, within a block, and after it."""
+    """Return a thread's cores after reserving, those of a network's run, and its own after it."""
     found: list[set[int]] = []
 
     def reserve() -> None:
         cores.reserve(environment)
         found.append(os.sched_getaffinity(0))
-        with cores.bound():
-            found.append(os.sched_getaffinity(0))
+        found.append(cores.run(lambda: os.sched_getaffinity(0)))
         found.append(os.sched_getaffinity(0))
 
     thread = threading.Thread(target=reserve)  # the affinity of the test's own thread stays
@@ -69,21 +68,26 @@ def test_networks_have_their_cores_and_all_else_the_others() -> None:
 
 
 @two_cores
-def test_a_core_taken_away_ends_the_reservation(
+def test_a_failed_run_raises_as_without_a_reservation() -> None:
+    def fail() -> None:
+        raise ValueError("of the network")
+
+    cores = InferenceCores()
+    assert in_thread(cores, {VARIABLE: str(max(ALLOWED))})
+    with pytest.raises(ValueError, match="of the network"):
+        cores.run(fail)
+
+
+@two_cores
+def test_a_system_that_binds_no_threads_is_reported(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    cores = InferenceCores()
-    cores.reserve({})
-    monkeypatch.setattr(cores, "_inference", frozenset({max(ALLOWED)}))
-
     def refuse(*_: object) -> None:
-        raise OSError(22, "Invalid argument")
+        raise OSError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setaffinity", refuse)
-    for _ in range(3):
-        with cores.bound():
-            pass
-    assert caplog.text.count("no cores are reserved for networks any more") == 1
+    assert in_thread(InferenceCores(), {VARIABLE: str(max(ALLOWED))}) == [ALLOWED] * 3
+    assert caplog.text.count("cannot be bound to the cores") == 2
 
 
 @two_cores
@@ -101,12 +105,13 @@ before = set(os.listdir("/proc/self/task"))
 from common.inference.onnx import OnnxSession
 session = OnnxSession(Path({str(path)!r}), threads=2)
 made = set(os.listdir("/proc/self/task")) - before
-print(len(made), [os.sched_getaffinity(int(task)) for task in made])
+print(len(made), *(os.sched_getaffinity(int(task)) for task in made))
 """
     found = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
     )
-    assert found.stdout.strip() == f"1 [{{{core}}}]"
+    # That of its runs, and the second one that it asked for.
+    assert found.stdout.strip() == f"2 {{{core}}} {{{core}}}"
 
 
 @pytest.mark.processes
