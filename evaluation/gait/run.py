@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import msgspec
 import numpy as np
@@ -120,7 +119,7 @@ def _check_results(results: Sequence[GaitResult] | None, observation: PersonObse
 class _EmptyDetector(Node):
     """Answers each frame with no detections, so that lock-step playback goes on."""
 
-    inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
+    inputs: tuple[type[Message], ...] = (RgbdFrame,)
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Return empty detections."""

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Collection, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,14 @@ class Quantizer:
 
     def heads(self) -> list[str]:
         """Return the convolutions that no other one follows: they make the outputs."""
+        return [name for name in self.convolutions if name in self._ends]
+
+    @cached_property
+    def _ends(self) -> frozenset[str]:
+        """Operators that no convolution follows: the heads, and what decodes their results.
+
+        Eight bits cannot hold coordinates up to 640 px and scores up to 1 that are joined there.
+        """
         readers: dict[str, list[Any]] = {}
         for node in self._graph.node:
             for name in node.input:
@@ -62,10 +71,13 @@ class Quantizer:
         for node in reversed(self._graph.node):  # against the order of the computation
             following = [reader for name in node.output for reader in readers.get(name, [])]
             leads_on[node.name] = any(n.op_type == "Conv" or leads_on[n.name] for n in following)
-        return [name for name in self.convolutions if not leads_on[name]]
+        return frozenset(name for name, leads in leads_on.items() if not leads)
 
     def write(self, path: Path, floats: Collection[str]) -> None:
-        """Write the quantised network; `floats` names convolutions that stay as they are."""
+        """Write the quantised network; `floats` names convolutions that stay as they are.
+
+        What follows the heads stays in float, too.
+        """
         import onnx  # noqa: PLC0415
         from onnxruntime.quantization import QuantType  # noqa: PLC0415
         from onnxruntime.quantization.qdq_quantizer import QDQQuantizer  # noqa: PLC0415
@@ -78,7 +90,7 @@ class Quantizer:
             QuantType.QUInt8,
             self._ranges,
             [],
-            sorted(floats),
+            sorted(self._ends.union(floats)),
             list(QUANTIZED_OPS),
             {"ActivationSymmetric": False, "WeightSymmetric": True},
         )

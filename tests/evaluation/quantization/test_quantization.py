@@ -89,6 +89,28 @@ def test_quantized_network_gives_nearly_the_same_with_its_head_in_float(
     assert np.abs(output(out, image) - expected).max() < np.abs(got - expected).max()
 
 
+def test_small_scores_beside_large_coordinates_survive(network: Path, tmp_path: Path) -> None:
+    model = onnx.load(str(network))
+    graph, decoded = model.graph, tmp_path / "decoded.onnx"
+    head = graph.output[0].name
+    graph.initializer.append(numpy_helper.from_array(np.array(640, np.float32), "width"))
+    graph.node.append(helper.make_node("Mul", [head, "width"], ["coordinates"], "scale"))
+    graph.node.append(helper.make_node("Sigmoid", [head], ["scores"], "sigmoid"))
+    joined = helper.make_node("Concat", ["coordinates", "scores"], ["all"], "join", axis=1)
+    graph.node.append(joined)
+    del graph.output[:]
+    shape = [1, 8, SIZE, SIZE]
+    graph.output.append(helper.make_tensor_value_info("all", TensorProto.FLOAT, shape))
+    onnx.save(model, str(decoded))
+    quantizer, out = Quantizer(decoded, images(), tmp_path), tmp_path / "q.onnx"
+    assert quantizer.heads() == ["c2"]
+    quantizer.write(out, quantizer.heads())
+    assert is_quantized(out)
+    (image,) = images(1)
+    expected, got = (output(path, image).reshape(8, -1)[4:].ravel() for path in (decoded, out))
+    assert np.corrcoef(expected, got)[0, 1] > 0.99
+
+
 def test_harm_of_each_layer_but_the_heads_is_measured(network: Path, tmp_path: Path) -> None:
     reported: list[tuple[int, int]] = []
     found = harm(
