@@ -10,7 +10,7 @@ import numpy as np
 from common.inference.session import Session
 from common.runtime.node import Node
 from evaluation.recordings.rendered import RenderedFrame, matches, yaw_error_deg
-from people4d.messages import Detection, Detections
+from people4d.messages import F64, Detection, Detections
 from services.detector.build import build
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import find_factory
@@ -67,12 +67,22 @@ def compare(frames: Sequence[RenderedFrame], reference: Found, found: Found) -> 
     both = sorted(reference.keys() & found.keys())
     errors = np.array([[*_errors(frames, k, reference), *_errors(frames, k, found)] for k in both])
     errors = errors.reshape(-1, 4)
-    position_m = np.nanmean(errors[:, 2] - errors[:, 0]) if both else math.inf
-    yaw_deg = np.nanmean(errors[:, 3] - errors[:, 1]) if both else math.inf
+    position_m, yaw_deg = _growth(errors[:, 0], errors[:, 2]), _growth(errors[:, 1], errors[:, 3])
     recall = (len(reference) - len(found)) / max(people, 1)
     scales = [found[key].score / max(reference[key].score, 1e-6) for key in both]
     scale = float(np.median(scales)) if both else 1.0
-    return AccuracyLoss(people, recall, float(position_m), float(yaw_deg), scale)
+    return AccuracyLoss(people, recall, position_m, yaw_deg, scale)
+
+
+def _growth(before: F64, after: F64) -> float:
+    """Return by how much errors (N, NaN where nothing was estimated) grew on average.
+
+    0 if the reference estimates none, as a network without keypoints does of yaws.
+    """
+    if len(before) and np.isnan(before).all():
+        return 0.0
+    both = np.isfinite(before) & np.isfinite(after)
+    return float(np.mean((after - before)[both])) if both.any() else math.inf
 
 
 def _errors(

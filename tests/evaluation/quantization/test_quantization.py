@@ -199,3 +199,12 @@ def test_losses_are_of_people_whom_both_networks_found() -> None:
     assert same.acceptable
     assert same.score_scale == 1.0
     assert not compare(frames_with_one_person(), reference, {}).acceptable
+
+
+def test_a_network_without_yaws_loses_none() -> None:
+    def detection(heading: Any) -> Any:
+        return builders.detection(position_m=np.array([0.0, 0.0, 3.0]), heading=heading)
+
+    without, with_yaw = {(0, 0): detection(None)}, {(0, 0): detection(np.array([1.0, 0.0, 0.0]))}
+    assert compare(frames_with_one_person(), without, without).acceptable
+    assert not compare(frames_with_one_person(), with_yaw, without).acceptable
