@@ -61,6 +61,7 @@ class Playback:
 
     rate_hz: float  # frames a second
     others_ms: list[float]  # time of each frame in all but inference
+    age_ms: list[float]  # time of each frame from the image to the subscriber
     memory_mb: float  # proportional set size of all processes
     cpu_ms: float  # processor time of all processes for one frame
 
@@ -102,7 +103,8 @@ def play(one: Arrangement, model: Sequence[str], camera: Sequence[str], frames: 
     """
     services = [("tracker", ()), ("reid", ()), ("detector", model), ("camera", camera)]
     monitor = Monitor(ProcessId("subscriber", "subscriber", "here"), 1.0)
-    count, begin_s, begin_cpu_s, times_ms = 0, 0.0, 0.0, list[float]()
+    count, begin_s, begin_cpu_s = 0, 0.0, 0.0
+    times_ms, age_ms = list[float](), list[float]()
     with (
         tempfile.TemporaryDirectory() as logs,
         reserving(one.reserved),
@@ -118,12 +120,13 @@ def play(one: Arrangement, model: Sequence[str], camera: Sequence[str], frames: 
                 begin_s, begin_cpu_s = time.perf_counter(), cpu_s()
             if count > WARM_UP and path:
                 times_ms.append(others_ms(path))
+                age_ms.append(path.end_to_end.ms)
             if count == WARM_UP + frames:
                 break
         rate_hz = (count - WARM_UP) / (time.perf_counter() - begin_s)
         cpu_ms = 1e3 * (cpu_s() - begin_cpu_s) / (count - WARM_UP)
         pss = [child.memory_full_info().pss for child in psutil.Process().children()]
-    return Playback(rate_hz, times_ms, sum(pss) / 2**20, cpu_ms)
+    return Playback(rate_hz, times_ms, age_ms, sum(pss) / 2**20, cpu_ms)
 
 
 def lockstep(frames: int) -> tuple[str, ...]:

@@ -1,0 +1,119 @@
+"""The whole pipeline beside others who track people, from image to tracks, in the same run.
+
+Ultralytics' `track`, and trackers of other packages on boxes from onnxruntime, on the same network
+file; ours with the default network, too. `--peers` names the interpreter of their environment, see
+`lib/video_peers.py`.
+"""
+
+import argparse
+import json
+import subprocess
+import tempfile
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import onnx
+
+from benchmarks.latency import live
+from benchmarks.lib.live_camera import StoredDemo
+from benchmarks.lib.table import markdown, spread, write
+from benchmarks.pipeline import bare_hz
+from benchmarks.real_inputs import ROOT
+from benchmarks.together import RATE_SHARE, Arrangement, lockstep, play
+from common.runtime.latency import percentiles
+
+SCRIPT = Path(__file__).parent / "lib" / "video_peers.py"
+BARE_S = 4.0
+APART, TOGETHER = Arrangement(False, False), Arrangement(True, False)
+REFERENCE = "Ultralytics' track"
+# What Ultralytics writes into the files that it exports, and reads there
+PROPERTIES = {"task": "pose", "stride": "32", "batch": "1", "imgsz": "[640, 640]"}
+PROPERTIES |= {"names": "{0: 'person'}", "kpt_shape": "[17, 3]"}
+
+
+def peers(python: str, model: Path, frames: int) -> dict[str, tuple[str, list[float]]]:
+    """Return the version and the seconds of each frame of every peer.
+
+    Args:
+        python: Interpreter of their environment.
+        model: Network of YOLOv8-pose.
+        frames: Frames of the shipped recording, repeated.
+    """
+    shown = [frame.rgb for frame in StoredDemo()]
+    images = np.array([shown[k % len(shown)] for k in range(frames)])
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "frames.npy", Path(folder) / "times.json"
+        described = Path(folder) / model.name
+        np.save(source, images)
+        network = onnx.load(str(model))
+        onnx.helper.set_model_props(network, PROPERTIES)
+        onnx.save(network, str(described))
+        command = [python, "-P", str(SCRIPT), str(source), str(described), str(target)]
+        subprocess.run(command, check=True)
+        found = json.loads(target.read_text(encoding="utf-8"))
+    for name, one in found.items():
+        if not one["tracks"]:
+            raise RuntimeError(f"{name} found no people: the comparison would be of nothing")
+    return {f"{name} {one['version']}": (name, one["times_s"]) for name, one in found.items()}
+
+
+def ours(model: Path) -> dict[str, tuple[Arrangement, list[str]]]:
+    """Return arrangements and settings of the detector by name."""
+    yolo = [f"model={model}"]
+    integers = ["model=movenet-multipose-int8", "engine=openvino"]
+    return {
+        "ours, the same network": (APART, yolo),
+        "ours, the same network, together": (TOGETHER, yolo),
+        "ours, the same network, OpenVINO": (APART, [*yolo, "engine=openvino"]),
+        "ours, MoveNet (default)": (APART, ["model=movenet-multipose"]),
+        "ours, MoveNet of integers, OpenVINO": (APART, integers),
+    }
+
+
+def main() -> None:
+    """Measure by turns and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--peers", required=True, help="Python interpreter of their environment")
+    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--frames", type=int, default=100)
+    flags = parser.parse_args()
+    model = flags.shared / "data" / "models" / "yolov8n-pose_640.onnx"
+    rates_hz, age_ms = defaultdict[str, list[float]](list), defaultdict[str, list[float]](list)
+    reference_hz: list[float] = []
+    for number in range(flags.rounds):
+        print(f"round {number + 1} of {flags.rounds}", flush=True)
+        rates_hz["bare network, onnxruntime"].append(bare_hz(str(model), BARE_S))
+        for words, (name, times_s) in peers(flags.peers, model, flags.frames).items():
+            rates_hz[words].append(len(times_s) / sum(times_s))
+            age_ms[words] += [1e3 * s for s in times_s]
+            if name == REFERENCE:
+                reference_hz.append(rates_hz[words][-1])
+        for words, (one, settings) in ours(model).items():
+            print(words, flush=True)
+            run = play(one, settings, lockstep(flags.frames), flags.frames)
+            rates_hz[words].append(run.rate_hz)
+            paced = play(one, settings, live(RATE_SHARE * run.rate_hz), flags.frames)
+            age_ms[words] += paced.age_ms
+    rows = []
+    for words, found in rates_hz.items():
+        ratios = [a / b for a, b in zip(found, reference_hz, strict=True)]
+        p50, _, p99 = percentiles(age_ms[words]) if age_ms[words] else (np.nan, np.nan, np.nan)
+        latency = f"{p50:.1f}, {p99:.1f}" if age_ms[words] else ""
+        rows.append([words, spread(found, "{:.1f}"), spread(ratios, "{:.2f}"), latency])
+    write(
+        __file__,
+        "The whole pipeline beside others",
+        "Frames of the shipped recording (640x480, three people) from memory, one network thread; "
+        f"median (least to most) of {flags.rounds} rounds by turns, on two cores. The network is "
+        "YOLOv8n-pose at 640x640. Others call one function after the other, and give boxes and "
+        "identities in the image. Ours are processes (or one, together) with positions, velocities "
+        "and yaws in 3D and re-identification, to a subscriber through the router: rate in "
+        f"lock-step, latency from a live camera at {RATE_SHARE:.0%} of it.",
+        markdown(["", "frames a second", f"of {REFERENCE}", "latency p50, p99 [ms]"], rows),
+    )
+
+
+if __name__ == "__main__":
+    main()
