@@ -8,6 +8,8 @@ rate of each, and at 30 Hz. Memory: proportional set size of all processes, the 
 
 import argparse
 import os
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -136,12 +138,31 @@ def lockstep(frames: int) -> tuple[str, ...]:
     return (source, "loop=true", "playback=lockstep", "window=2", last)
 
 
-def measure(model: Sequence[str], rounds: int, frames: int) -> dict[Arrangement, Figures]:
-    """Measure all arrangements by turns."""
-    found = {one: Figures() for one in ARRANGEMENTS}
+def beside_a_loop_hz(name: str) -> float:
+    """Return runs per second of the network alone on the last core, a loop of Python on the first.
+
+    Where both are threads of one physical core, that is all that a pipeline can leave to a network.
+    """
+    cores = os.sched_getaffinity(0)
+    loop = f"import os; os.sched_setaffinity(0, {{{min(cores)}}})\nwhile True: pass"
+    with subprocess.Popen([sys.executable, "-c", loop]) as beside:
+        os.sched_setaffinity(0, {max(cores)})
+        try:
+            return bare_hz(name, BARE_S)
+        finally:
+            os.sched_setaffinity(0, cores)
+            beside.kill()
+
+
+def measure(
+    model: Sequence[str], rounds: int, frames: int
+) -> tuple[list[float], dict[Arrangement, Figures]]:
+    """Measure all arrangements by turns; return the ratios beside a loop, and their figures."""
+    found, shared = {one: Figures() for one in ARRANGEMENTS}, list[float]()
     (name,) = (text.partition("=")[2] for text in model if text.startswith("model="))
     for number in range(rounds):
         bare = bare_hz(name, BARE_S)
+        shared.append(beside_a_loop_hz(name) / bare)
         for one in ARRANGEMENTS if number % 2 == 0 else reversed(ARRANGEMENTS):
             print(f"rate, round {number + 1} of {rounds}, {one}", flush=True)
             run = play(one, model, lockstep(frames), frames)
@@ -155,12 +176,12 @@ def measure(model: Sequence[str], rounds: int, frames: int) -> dict[Arrangement,
             run = play(one, model, live(rate_hz), frames)
             figures.others_ms[f"{load}, {run.rate_hz:.1f} frames/s"] = run.others_ms
             figures.memory_mb.append(run.memory_mb)
-    return found
+    return shared, found
 
 
-def rows(figures: dict[Arrangement, Figures]) -> list[list[str]]:
+def rows(shared: Sequence[float], figures: dict[Arrangement, Figures]) -> list[list[str]]:
     """Return the rows of the table."""
-    found = []
+    found = [["bare, a loop on the other core", "", "of the bare network", spread(shared), ""]]
     for one, measured in figures.items():
         name = str(one)
         rate = spread(measured.rates_hz, "{:.1f}")
@@ -192,7 +213,7 @@ def main() -> None:
     flags = parser.parse_args()
     sections = []
     for texts in flags.detectors:
-        table = rows(measure(texts.split(","), flags.rounds, flags.frames))
+        table = rows(*measure(texts.split(","), flags.rounds, flags.frames))
         sections.append(f"## Detector: {texts.replace(',', ', ')}")
         sections.append(
             markdown(["", "load", "", "median (spread), or p50 and p99", "wanted"], table)
@@ -203,7 +224,8 @@ def main() -> None:
         "Camera, detector, re-ID and tracker, in one process or in four, and a subscriber to "
         "people and detections through the router; 640x480, three people, played from memory, one "
         "network thread. The bare network is `session.run` of onnxruntime alone in one thread, in "
-        "the same round. With a core for networks: `PEOPLE4D_INFERENCE_CORES` names the last one. "
+        "the same round; beside a loop of Python on the other core it shows how far the cores are "
+        "one. With a core for networks: `PEOPLE4D_INFERENCE_CORES` names the last one. "
         "See [docs/launch/together.md](../docs/launch/together.md).",
         *([BUSY] if flags.busy else []),
         *sections,
