@@ -22,12 +22,12 @@ class AppearanceEmbedder(NetworkEmbedder):
         resized = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_AREA)
         tensor = np.ones((self.channels, height, width), np.float32)
         tensor[:3] = resized.transpose(2, 0, 1) / np.float32(255)
-        mask = (crop.rgb != np.array(HIDDEN_RGB, np.uint8)).any(axis=2)
+        visible = cv2.inRange(crop.rgb, HIDDEN_RGB, HIDDEN_RGB) == 0
         if crop.mask is not None and crop.mask.any():
-            mask &= crop.mask != 0
-        if mask.any():
+            visible &= crop.mask != 0
+        if visible.any():
             share = cv2.resize(
-                mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA
+                visible.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA
             )
             tensor[3] = share > 0.5
         return tensor
