@@ -50,7 +50,7 @@ LATE_ABOUT = (
     f"The first {FEW} scenes. Stamps are right but where a clock is named; messages of a camera "
     "stay in order. Age: from the newest frame whose tracks are published to the time of each "
     "publication, 95th percentile, 60 ms of it for detection. Processor time: of the tracker's "
-    "node, a second of the scene."
+    "node, a second of the scene, to compare the rows."
 )
 LATE_HEADER = ["age ms", "processor ms"]
 FAULTS_ABOUT = (
