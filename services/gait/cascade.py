@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from common.geometry.boxes import iou_xyxy
-from common.geometry.transforms import deproject, project
 from people4d.messages import F32, F64, U8, U16, CameraInfo
 from services.gait.colour.colour_layer import ColourLayer
 from services.gait.config import CascadeConfig
@@ -192,22 +191,7 @@ class Cascade:
         ratio = config.colour_margin if by_colour else config.box_margin
         margin = ratio * (state.box[3] - state.box[1])
         box = state.box + margin * np.array([-1.0, -1.0, 1.0, 1.0])
-        box[3] = max(box[3], self._floor_row(state) + margin)
         return segment_body(self._floor.remove(depth_mm, box), box, state.depth_m, config.body)
-
-    def _floor_row(self, state: _PersonState) -> float:
-        """Return the row of the floor below a person; that of the box's bottom if it is not known.
-
-        The box of a person whose feet are not detected, as behind somebody else, ends above them.
-        """
-        assert state.box is not None
-        floor, (left, top, right, bottom) = self._floor.floor, state.box
-        if floor is None or state.depth_m is None:
-            return float(bottom)
-        middle = np.array([(left + right) / 2, (top + bottom) / 2])
-        body_m = deproject(middle, [state.depth_m], self._info)[0]
-        below_m = body_m - floor.heights_m(body_m) * floor.up
-        return float(project(below_m, self._info)[0, 1]) if below_m[2] > 0.1 else float(bottom)
 
 
 def _valid_box(observation: PersonObservation) -> F64 | None:

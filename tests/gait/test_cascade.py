@@ -140,23 +140,6 @@ def test_earlier_stamp_resets_the_cascade() -> None:
     assert cascade.people == (2,)
 
 
-def test_legs_below_a_box_that_ends_too_high_belong_to_the_body() -> None:
-    # A floor 1.25 m below the camera: the soles are 0.1 m above it, the box ends at the hips.
-    rgb, depth_mm = images()
-    down = (np.arange(480) - 240) / 500
-    floor_mm = np.where(down > 0.0, 1350 / np.maximum(down, 1e-3), 4000.0)
-    depth_mm = np.where(depth_mm == 4000, np.minimum(floor_mm, 4000)[:, None], depth_mm)
-    config = CascadeConfig(details=True)
-    lowest = []
-    for box in (BOX, np.array([270.0, 70.0, 370.0, 290.0])):
-        (estimate,) = Cascade(config, INFO).update(
-            0, rgb, depth_mm.astype(np.uint16), [observation(box=box)]
-        )
-        assert estimate.mesh is not None
-        lowest.append(float(estimate.mesh.pixels_px[:, 1].max()))
-    assert lowest[1] == pytest.approx(lowest[0], abs=4)
-
-
 def test_legs_cut_off_by_the_image_have_no_feet() -> None:
     # Knees at the lowest rows, 110 rows lower than in `images`.
     rgb, depth_mm = images()
