@@ -52,7 +52,7 @@ REPORTS = {
     ),
     "a_flood_of_small_messages": Report("tracker", "bad_detections", "expected", "state"),
     "frames_with_thousands_of_people": Report("tracker", "too_many"),
-    "odd_keys": Report("camera", "bad_detections", "expected", "state"),
+    "odd_keys": Report("tracker", "bad_detections", "expected", "state"),
     "many_subscribers_come_and_go": Report(
         nothing="anyone may subscribe without keys, and takes nothing from others by it"
     ),

@@ -76,7 +76,7 @@ def test_stages_of_frames_sum_to_the_time_since_acquisition(
     assert mean(named_ms[WARM_UP:]) == pytest.approx(mean(end_to_end_ms[WARM_UP:]), rel=0.03)
     assert {name.partition(".")[2] for name in stages} <= set(STAGES)
     work = {"detector.inference", "detector.postprocess", "detector.hand_over", "detector.crops"}
-    work |= {"camera.capture", "camera.release", "reid.embedding", "tracker.association"}
+    work |= {"camera.capture", "camera.release", "reid.inference", "tracker.association"}
     paths = {
         f"{service}.{stage}"
         for service in ("detector", "reid", "tracker")
