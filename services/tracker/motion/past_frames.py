@@ -13,9 +13,10 @@ import numpy as np
 
 from people4d.messages import F64
 from services.tracker.interface import Measurement
-from services.tracker.motion.state_filter import FilterState, StateFilter
+from services.tracker.motion.state_filter import FilterState
+from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord
-from services.tracker.motion.yaw import VelocityYaw, YawState
+from services.tracker.motion.yaw import YawState
 
 LENGTH_NS = 1_000_000_000  # for which frames are stored
 
@@ -50,13 +51,11 @@ class PastFrames:
     """The last frames of a tracker.
 
     Args:
-        state_filter: Filter of the states.
-        yaw: Filter of the yaws.
-        velocity: Part of a state.
+        track_filter: Its filters.
     """
 
-    def __init__(self, state_filter: StateFilter, yaw: VelocityYaw, velocity: slice) -> None:
-        self._filter, self._yaw, self._velocity = state_filter, yaw, velocity
+    def __init__(self, track_filter: TrackFilter) -> None:
+        self._filter = track_filter
         self._frames: list[PastFrame] = []  # by time
         self._matches: dict[int, PastMatch] = {}  # of the frame that is tracked
         self._present: dict[int, TrackRecord] = {}  # copies of the records, while they are back
@@ -123,10 +122,7 @@ class PastFrames:
             return
         for frame in later:
             dt_s = (frame.stamp_ns - stamp_ns) / 1e9
-            states = self._filter.predict(records, dt_s)
-            yaws = self._yaw.predict([t.yaw for t in records], dt_s)
-            for record, state, yaw in zip(records, states, yaws, strict=True):
-                (record.x, record.P, record.imm), record.yaw = state, yaw
+            self._filter.predict(records, dt_s)
             matched = [t for t in records if id(t) in frame.matches]
             self._update(matched, [frame.matches[id(t)] for t in matched])
             for t in records:
@@ -140,12 +136,7 @@ class PastFrames:
         if not records:
             return
         z, R = np.array([m.z for m in matches]), np.array([m.R for m in matches])
-        states = self._filter.update(records, z, R)
-        velocities = [state.x[self._velocity] for state in states]
-        measurements = [match.measurement for match in matches]
-        yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)
-        for record, state, yaw in zip(records, states, yaws, strict=True):
-            (record.x, record.P, record.imm), record.yaw = state, yaw
+        self._filter.update(records, [match.measurement for match in matches], z, R)
 
 
 def _is_changed(

@@ -11,6 +11,7 @@ from services.tracker.interface import IdCounter, Measurement, Observation
 from services.tracker.motion.motion import Motion
 from services.tracker.motion.past_frames import PastFrames, PastMatch
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter
+from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord, check_state
 from services.tracker.motion.yaw import VelocityYaw
 
@@ -77,11 +78,12 @@ class TrackSet:
         self._frame_ns: dict[str, int] = {}  # stamp of the last frame of each camera that sends
         self.elapsed_ns = 0  # from the frame before to this one
         self._motion = motion
-        self._filter = state_filter or KalmanFilter(motion)
+        self._state_filter = state_filter or KalmanFilter(motion)
         self._lifecycle = lifecycle
         self._yaw = yaw
         self._position, self._velocity = motion.position, motion.velocity
-        self._past = PastFrames(self._filter, yaw, motion.velocity)
+        self._filter = TrackFilter(self._state_filter, yaw, motion.velocity)
+        self._past = PastFrames(self._filter)
         self._now_ns: int | None = None  # time of the last frame, while the tracks are back
 
     @property
@@ -127,10 +129,8 @@ class TrackSet:
         self.records = self._alive(observation.stamp_ns)
         if not self.records:
             return
-        states = self._filter.predict(self.records, dt_s)
-        yaws = self._yaw.predict([t.yaw for t in self.records], dt_s)
-        for record, state, yaw in zip(self.records, states, yaws, strict=True):
-            (record.x, record.P, record.imm), record.yaw = state, yaw
+        self._filter.predict(self.records, dt_s)
+        for record in self.records:
             record.age += 1
             record.detection = None
             record.missed += record.camera == observation.camera
@@ -155,13 +155,8 @@ class TrackSet:
             return
         records, measurements = [t for t, _ in matches], [m for _, m in matches]
         z, R = self._motion.measure(measurements), self._motion.noise(measurements, records)
-        states = self._filter.update(records, z, R)
-        velocities = [state.x[self._velocity] for state in states]
-        yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)
-        for k, ((record, measurement), state, yaw) in enumerate(
-            zip(matches, states, yaws, strict=True)
-        ):
-            (record.x, record.P, record.imm), record.yaw = state, yaw
+        self._filter.update(records, measurements, z, R)
+        for k, (record, measurement) in enumerate(matches):
             self._past.match(record, PastMatch(measurement, z[k], R[k]))
             record.score, record.detection = measurement.score, measurement.index
             record.camera, record.matched_ns = observation.camera, observation.stamp_ns
@@ -196,7 +191,7 @@ class TrackSet:
             confirmed=self._lifecycle.confirm_hits <= 1,
             embedding=measurement.embedding,
             yaw=yaw,
-            imm=self._filter.start(x, P),
+            imm=self._state_filter.start(x, P),
         )
         self.records.append(record)
 
@@ -209,11 +204,11 @@ class TrackSet:
         records, dt_s = self._alive(stamp_ns), self._seconds_to(stamp_ns)
         if not records:
             return []
-        states = self._filter.predict(records, dt_s)
-        yaws = self._yaw.predict([t.yaw for t in records], dt_s)
         return [
             self._track(replace(t, x=x, P=P, yaw=yaw, detection=None), stamp_ns)
-            for t, (x, P, _), yaw in zip(records, states, yaws, strict=True)
+            for t, ((x, P, _), yaw) in zip(
+                records, self._filter.predicted(records, dt_s), strict=True
+            )
         ]
 
     def restore(self, records: list[TrackRecord], stamp_ns: int | None) -> None:

@@ -1,0 +1,48 @@
+"""The filters of a track's state and of its yaw, applied to tracks together."""
+
+from collections.abc import Sequence
+
+from people4d.messages import F64
+from services.tracker.interface import Measurement
+from services.tracker.motion.state_filter import FilterState, StateFilter
+from services.tracker.motion.track_record import TrackRecord
+from services.tracker.motion.yaw import VelocityYaw, YawState
+
+Filtered = list[tuple[FilterState, YawState | None]]
+
+
+class TrackFilter:
+    """Predicts and updates tracks.
+
+    Args:
+        state: Filter of the states.
+        yaw: Filter of the yaws.
+        velocity: Part of a state.
+    """
+
+    def __init__(self, state: StateFilter, yaw: VelocityYaw, velocity: slice) -> None:
+        self._state, self._yaw, self._velocity = state, yaw, velocity
+
+    def predicted(self, records: Sequence[TrackRecord], dt_s: float) -> Filtered:
+        """Return states and yaws of tracks dt_s seconds later."""
+        states = self._state.predict(records, dt_s)
+        yaws = self._yaw.predict([t.yaw for t in records], dt_s)
+        return list(zip(states, yaws, strict=True))
+
+    def predict(self, records: Sequence[TrackRecord], dt_s: float) -> None:
+        """Move tracks ahead by dt_s seconds."""
+        _set(records, self.predicted(records, dt_s))
+
+    def update(
+        self, records: Sequence[TrackRecord], measurements: Sequence[Measurement], z: F64, R: F64
+    ) -> None:
+        """Update tracks with one measurement (Nx3, noise Nx3x3) each."""
+        states = self._state.update(records, z, R)
+        velocities = [state.x[self._velocity] for state in states]
+        yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)
+        _set(records, list(zip(states, yaws, strict=True)))
+
+
+def _set(records: Sequence[TrackRecord], filtered: Filtered) -> None:
+    for record, (state, yaw) in zip(records, filtered, strict=True):
+        (record.x, record.P, record.imm), record.yaw = state, yaw
