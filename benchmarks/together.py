@@ -1,9 +1,10 @@
 """Services together in one process beside the same ones apart: rate, latency and memory.
 
-Both with all cores for all threads, and with one core reserved for networks. Rate and processor
-time: lock-step playback from memory, two frames in flight, rounds by turns, beside `session.run` of
-onnxruntime alone, in one thread. Latency of all that is not inference: a live camera at 60 % of the
-rate of each, and at 30 Hz. Memory: proportional set size of all processes, the router included.
+Both with all cores for all threads, and with one core reserved for the detector's network. Rate and
+processor time: lock-step playback from memory, two frames in flight, rounds by turns, beside
+`session.run` of onnxruntime alone, in one thread. Latency of all that is not inference: a live
+camera at 60 % of the rate of each, and at 30 Hz. Memory: proportional set size of all processes,
+the router included.
 """
 
 import argparse
@@ -46,12 +47,12 @@ class Arrangement(NamedTuple):
     """Processes and cores of the system."""
 
     together: bool  # one process for all but the router
-    reserved: bool  # one core for networks, the others for all else
+    reserved: bool  # one core for the detector's network, the others for all else
 
     def __str__(self) -> str:
         """Return it in words."""
         name = "together" if self.together else "apart"
-        return f"{name}, a core for networks" if self.reserved else name
+        return f"{name}, a core for the detector" if self.reserved else name
 
 
 ARRANGEMENTS = [Arrangement(one, reserved) for reserved in (False, True) for one in (True, False)]
@@ -86,7 +87,7 @@ def others_ms(path: FramePath) -> float:
 
 @contextmanager
 def reserving(reserved: bool) -> Iterator[None]:
-    """Have processes that are started in a block reserve the last core for networks, or none."""
+    """Have processes started in a block reserve the last core for the detector, or none."""
     os.environ[VARIABLE] = str(max(os.sched_getaffinity(0))) if reserved else ""
     try:
         yield
@@ -225,7 +226,7 @@ def main() -> None:
         "people and detections through the router; 640x480, three people, played from memory, one "
         "network thread. The bare network is `session.run` of onnxruntime alone in one thread, in "
         "the same round; beside a loop of Python on the other core it shows how far the cores are "
-        "one. With a core for networks: `PEOPLE4D_INFERENCE_CORES` names the last one. "
+        "one. With a core for the detector: `PEOPLE4D_DETECTOR_CORES` names the last one. "
         "See [docs/launch/together.md](../docs/launch/together.md).",
         *([BUSY] if flags.busy else []),
         *sections,

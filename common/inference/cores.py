@@ -1,18 +1,24 @@
-"""Cores reserved for networks.
+"""Threads and cores of networks.
 
-Where cores are few, threads that wake for a message interrupt a network that runs, again and again,
-since the scheduler prefers threads that have slept. A core of its own lets the network finish.
+A network that runs in a thread of its own stays on one core, with its weights in that core's cache,
+while the rest of the process works on others; and a frame that waits begins as soon as the one
+before has ended, not when a thread that wants the interpreter has noticed. Where cores are few,
+threads that wake for a message still interrupt it, again and again, since the scheduler prefers
+threads that have slept. A core of its own lets the network finish.
 """
 
 import logging
 import os
+import time
 from collections.abc import Callable, Mapping, Set
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 from typing import TypeVar
 
+from common.transport.trace import record
 from people4d.errors import ConfigError
 
-VARIABLE = "PEOPLE4D_INFERENCE_CORES"
+VARIABLE = "PEOPLE4D_DETECTOR_CORES"
 CORES_MAX = 4096  # of one computer
 HINT = "Write cores of this computer as in 0,2 or 2-3, and leave at least one to all else."
 
@@ -22,13 +28,10 @@ log = logging.getLogger("people4d")
 
 
 class InferenceCores:
-    """Cores on which networks of this process run, and nothing else of it.
-
-    Without a reservation networks run in the threads of their callers, on all cores.
-    """
+    """Cores of long networks: all, or some on which nothing else of this process runs."""
 
     def __init__(self) -> None:
-        self._threads: ThreadPoolExecutor | None = None  # on the cores for networks
+        self._reserved: frozenset[int] = frozenset()
 
     def reserve(self, environment: Mapping[str, str]) -> None:
         """Reserve the cores that the environment names; from then on other threads leave them.
@@ -36,7 +39,7 @@ class InferenceCores:
         Call it before the process starts threads: they inherit the cores of their parent.
 
         Args:
-            environment: Variables of the process; `PEOPLE4D_INFERENCE_CORES` as in "1" or "2-3".
+            environment: Variables of the process; `PEOPLE4D_DETECTOR_CORES` as in "1" or "2-3".
 
         Raises:
             ConfigError: It names no cores of this computer, or all of them.
@@ -52,15 +55,45 @@ class InferenceCores:
             raise ConfigError(
                 f"{VARIABLE} is {text!r}, this process may use the cores {listed(allowed)}", HINT
             )
-        # Threads of their own: to move one to another core that is busy takes milliseconds.
-        self._threads = ThreadPoolExecutor(
-            len(named), "inference", initializer=bind, initargs=(named,)
-        )
+        self._reserved = named
         bind(allowed - named)
 
+    def thread(self) -> ThreadPoolExecutor:
+        """Start a thread on these cores; the threads that it starts inherit them."""
+        if not self._reserved:
+            return ThreadPoolExecutor(1, "inference")
+        return ThreadPoolExecutor(1, "inference", initializer=bind, initargs=(self._reserved,))
+
+
+class NetworkRuns:
+    """Runs of one network, one at a time.
+
+    Args:
+        cores: Cores of the thread in which it runs; None: it runs in the threads of its callers,
+            which is faster for one that takes less than a millisecond.
+    """
+
+    def __init__(self, cores: InferenceCores | None) -> None:
+        self._thread = None if cores is None else cores.thread()
+        self._turn = Lock()
+
+    def call(self, function: Callable[[], T]) -> T:
+        """Return the result of a function that loads the network."""
+        return function() if self._thread is None else self._thread.submit(function).result()
+
     def run(self, function: Callable[[], T]) -> T:
-        """Return the result of a function that runs a network or starts its threads."""
-        return function() if self._threads is None else self._threads.submit(function).result()
+        """Return the result of a function that runs the network; record the time."""
+        asked_ns = time.time_ns()
+
+        def run() -> tuple[T, int, int]:
+            with self._turn:
+                begin_ns = time.time_ns()
+                return function(), begin_ns, time.time_ns()
+
+        result, begin_ns, end_ns = self.call(run)
+        record("inference_wait", asked_ns, begin_ns)
+        record("inference", begin_ns, end_ns)
+        return result
 
 
 def bind(cores: Set[int]) -> None:
@@ -95,4 +128,4 @@ def listed(cores: Set[int]) -> str:
     return ",".join(map(str, sorted(cores)))
 
 
-CORES = InferenceCores()  # of this process
+DETECTOR = InferenceCores()  # of this process

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from common.inference.cores import InferenceCores
 from common.inference.onnx import OnnxSession
 from common.inference.session import Array, Engine, Session
 
@@ -16,12 +17,23 @@ CORRELATION_MIN = 0.75
 log = logging.getLogger("people4d")
 
 
-def open_session(path: Path, threads: int = 1, engine: Engine = "onnxruntime") -> Session:
+def open_session(
+    path: Path,
+    threads: int = 1,
+    engine: Engine = "onnxruntime",
+    cores: InferenceCores | None = None,
+) -> Session:
     """Open a network with an engine.
 
     Networks of integers are compared with the graph as it is in the file, on one image: some
     versions of the libraries fuse such graphs wrongly. What differs is run as it is in the file,
     which is slower.
+
+    Args:
+        path: The .onnx file.
+        threads: Threads that one run may use.
+        engine: The engine.
+        cores: Cores of the thread in which it runs; None: it runs in those of its callers.
 
     Raises:
         ModelError: The file is absent or cannot be run, or the engine is not installed.
@@ -30,12 +42,12 @@ def open_session(path: Path, threads: int = 1, engine: Engine = "onnxruntime") -
     if engine == "openvino":
         from common.inference.openvino import OpenVinoSession  # noqa: PLC0415  # an extra
 
-        session = OpenVinoSession(path, threads)
+        session = OpenVinoSession(path, threads, cores)
     else:
-        session = OnnxSession(path, threads)
+        session = OnnxSession(path, threads, cores=cores)
     if not is_quantized(path):
         return session
-    reference = OnnxSession(path, threads, optimised=False)
+    reference = OnnxSession(path, threads, optimised=False, cores=cores)
     found = mean_correlation(session, reference)
     if found >= CORRELATION_MIN:
         return session

@@ -1,14 +1,12 @@
 """Sessions of onnxruntime."""
 
-import threading
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from common.inference.cores import CORES
+from common.inference.cores import InferenceCores, NetworkRuns
 from common.inference.session import Array
-from common.transport.trace import span
 from people4d.errors import ModelError
 
 # Quantises the weights of convolutions that were left in float because they must not be, and
@@ -23,15 +21,23 @@ class OnnxSession:
         path: The .onnx file.
         threads: Threads that one run may use; they do not spin while idle.
         optimised: Let onnxruntime fuse operators.
+        cores: See `NetworkRuns`.
 
     Raises:
         ModelError: The file is absent or not a network that can be run.
     """
 
-    def __init__(self, path: Path, threads: int = 1, optimised: bool = True) -> None:
+    def __init__(
+        self,
+        path: Path,
+        threads: int = 1,
+        optimised: bool = True,
+        cores: InferenceCores | None = None,
+    ) -> None:
         import onnxruntime  # noqa: PLC0415  # it starts a thread, and many services never need it
 
         self.optimised = optimised
+        self._runs = NetworkRuns(cores)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         options.inter_op_num_threads = 1
@@ -43,7 +49,7 @@ class OnnxSession:
         if not path.is_file():
             raise ModelError(f"model file {path} does not exist", "See: people4d models.")
         try:
-            self._session = CORES.run(  # its threads inherit the cores
+            self._session = self._runs.call(  # its threads inherit the cores
                 lambda: onnxruntime.InferenceSession(
                     str(path),
                     options,
@@ -56,7 +62,6 @@ class OnnxSession:
             raise ModelError(f"model file {path} cannot be loaded: {reason}") from error
         self._input = self._session.get_inputs()[0]
         self._outputs = [output.name for output in self._session.get_outputs()]
-        self._turn = threading.Lock()
 
     @property
     def input_shape(self) -> tuple[int | None, ...]:
@@ -71,13 +76,6 @@ class OnnxSession:
 
     def run(self, image: Array) -> Mapping[str, Array]:
         """Run the network on its one input and return the outputs by name."""
-        with span("inference_wait"):
-            self._turn.acquire()
-        try:
-            with span("inference"):
-                outputs = CORES.run(
-                    lambda: self._session.run(self._outputs, {self._input.name: image})
-                )
-        finally:
-            self._turn.release()
+        inputs = {self._input.name: image}
+        outputs = self._runs.run(lambda: self._session.run(self._outputs, inputs))
         return dict(zip(self._outputs, outputs, strict=True))

@@ -1,15 +1,13 @@
 """Sessions of OpenVINO, an engine for Intel's processors; the extra people4d[openvino]."""
 
-import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from common.inference.cores import CORES
+from common.inference.cores import InferenceCores, NetworkRuns
 from common.inference.session import Array
-from common.transport.trace import span
 from people4d.errors import ModelError
 
 SHAPES_MAX = 8  # sizes of an image for which a network stays compiled
@@ -21,12 +19,13 @@ class OpenVinoSession:
     Args:
         path: The .onnx file.
         threads: Threads that one run may use; they are pinned to no core.
+        cores: See `NetworkRuns`.
 
     Raises:
         ModelError: OpenVINO is not installed, or the file is absent or no network that it can run.
     """
 
-    def __init__(self, path: Path, threads: int = 1) -> None:
+    def __init__(self, path: Path, threads: int = 1, cores: InferenceCores | None = None) -> None:
         try:
             import openvino  # noqa: PLC0415  # an extra
         except ImportError:
@@ -44,6 +43,7 @@ class OpenVinoSession:
             "INFERENCE_PRECISION_HINT": "f32",  # floats stay floats where the CPU has bfloat16
         }
         self._path = path
+        self._runs = NetworkRuns(cores)
         try:
             model = self._core.read_model(path)
             self._shape = tuple(
@@ -55,7 +55,6 @@ class OpenVinoSession:
             raise self._error(error) from error
         self._names = [min(output.get_names(), key=len) for output in model.outputs]
         self._requests: dict[tuple[int, ...], Any] = {}
-        self._turn = threading.Lock()
 
     @property
     def input_shape(self) -> tuple[int | None, ...]:
@@ -69,13 +68,7 @@ class OpenVinoSession:
 
     def run(self, image: Array) -> Mapping[str, Array]:
         """Run the network on its one input and return the outputs by name."""
-        with span("inference_wait"):
-            self._turn.acquire()
-        try:
-            with span("inference"):
-                return CORES.run(lambda: self._infer(image))
-        finally:
-            self._turn.release()
+        return self._runs.run(lambda: self._infer(image))
 
     def _infer(self, image: Array) -> Mapping[str, Array]:
         """Return the outputs by name."""

@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from common.config import load
-from common.inference.cores import CORES
+from common.inference.cores import DETECTOR
 from common.runtime.loop import Loop
 from common.runtime.node import Node
 from common.runtime.process import (
@@ -66,7 +66,7 @@ def main(
     flags = options.parse_intermixed_args(arguments)
     prepare(flags.instance or JOINED.join(flags.services), flags.debug)
     try:
-        CORES.reserve(os.environ)
+        DETECTOR.reserve(os.environ)
         builds = find(flags.services)
         ids = process_ids(flags.services, flags.instance)
         config = read_config(flags.zenoh, "peer", role=flags.services[0])

@@ -19,7 +19,7 @@ import cv2
 import msgspec
 
 from common.config import load
-from common.inference.cores import CORES
+from common.inference.cores import DETECTOR
 from common.runtime.checkpoint import FOLDER, state_folder
 from common.runtime.loop import Loop, LoopSettings
 from common.runtime.node import Node
@@ -60,7 +60,7 @@ def main(
     (process_id,) = process_ids([service], flags.instance)
     prepare(process_id.instance, flags.debug)
     try:
-        CORES.reserve(os.environ)
+        DETECTOR.reserve(os.environ)
         config = load(kind, service, flags.config, flags.set)
         bus = ZenohBus(read_config(flags.zenoh, mode, role=service), flags.robot)
         try:

@@ -1,15 +1,17 @@
-"""Cores reserved for networks: who runs where."""
+"""Threads and cores of networks: who runs where, and in which order."""
 
 import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 from onnx import TensorProto
 
-from common.inference.cores import VARIABLE, InferenceCores, read_cores
+from common.inference.cores import VARIABLE, InferenceCores, NetworkRuns, read_cores
+from common.transport.trace import ProcessId, collect
 from people4d.errors import ConfigError
 from tests.common.test_inference import doubling
 
@@ -26,7 +28,7 @@ def in_thread(cores: InferenceCores, environment: dict[str, str]) -> list[set[in
     def reserve() -> None:
         cores.reserve(environment)
         found.append(os.sched_getaffinity(0))
-        found.append(cores.run(lambda: os.sched_getaffinity(0)))
+        found.append(NetworkRuns(cores).call(lambda: os.sched_getaffinity(0)))
         found.append(os.sched_getaffinity(0))
 
     thread = threading.Thread(target=reserve)  # the affinity of the test's own thread stays
@@ -74,8 +76,56 @@ def test_a_failed_run_raises_as_without_a_reservation() -> None:
 
     cores = InferenceCores()
     assert in_thread(cores, {VARIABLE: str(max(ALLOWED))})
+    runs = NetworkRuns(cores)
     with pytest.raises(ValueError, match="of the network"):
-        cores.run(fail)
+        runs.run(fail)
+    assert runs.run(lambda: 1) == 1
+
+
+@pytest.mark.parametrize("cores", [None, InferenceCores()])
+def test_a_network_runs_in_one_thread_or_in_those_of_its_callers(
+    cores: InferenceCores | None,
+) -> None:
+    runs, callers = NetworkRuns(cores), list[int]()
+    threads = set[int]()
+
+    def call() -> None:
+        callers.append(threading.get_ident())
+        threads.add(runs.run(threading.get_ident))
+
+    started = [threading.Thread(target=call) for _ in range(3)]
+    for thread in started:
+        thread.start()
+    for thread in started:
+        thread.join()
+    if cores is None:
+        assert threads == set(callers)
+    else:
+        assert len(threads) == 1
+        assert not threads.intersection(callers)
+
+
+@pytest.mark.parametrize("cores", [None, InferenceCores()])
+def test_one_run_at_a_time_and_the_wait_for_it_is_recorded(cores: InferenceCores | None) -> None:
+    runs, entered, end = NetworkRuns(cores), threading.Event(), threading.Event()
+
+    def first() -> None:
+        entered.set()
+        end.wait(10)
+
+    thread = threading.Thread(target=lambda: runs.run(first))
+    thread.start()
+    entered.wait(10)
+    timer = threading.Timer(0.05, end.set)
+    timer.start()
+    with collect(ProcessId("detector", "detector", "here")) as spans:
+        runs.run(lambda: time.sleep(0.01))
+    thread.join()
+    waited, ran = spans
+    assert (waited.stage, ran.stage) == ("detector.inference_wait", "detector.inference")
+    assert waited.end_ns - waited.start_ns > 0.03e9
+    assert ran.start_ns == waited.end_ns
+    assert ran.end_ns - ran.start_ns >= 0.01e9
 
 
 @two_cores
@@ -98,12 +148,12 @@ def test_threads_of_a_network_inherit_its_cores(tmp_path: Path) -> None:
     script = f"""
 import os
 from pathlib import Path
-from common.inference.cores import CORES
-CORES.reserve({{"{VARIABLE}": "{core}"}})
+from common.inference.cores import DETECTOR
+DETECTOR.reserve({{"{VARIABLE}": "{core}"}})
 import onnxruntime
 before = set(os.listdir("/proc/self/task"))
 from common.inference.onnx import OnnxSession
-session = OnnxSession(Path({str(path)!r}), threads=2)
+session = OnnxSession(Path({str(path)!r}), threads=2, cores=DETECTOR)
 made = set(os.listdir("/proc/self/task")) - before
 print(len(made), *(os.sched_getaffinity(int(task)) for task in made))
 """

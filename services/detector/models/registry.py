@@ -6,6 +6,7 @@ from typing import TypeAlias
 import msgspec
 
 from common import registry
+from common.inference.cores import DETECTOR
 from common.inference.engines import open_session
 from common.inference.session import Array, Session
 from common.io import weights
@@ -38,7 +39,7 @@ def load_model(settings: ModelSettings) -> PersonModel:
         scale = settings.score_scale * entry.score_scale
         settings = msgspec.structs.replace(settings, score_scale=scale)
     factory = find_factory(kind) if kind else None
-    session = open_session(path, settings.threads, settings.engine)
+    session = open_session(path, settings.threads, settings.engine, DETECTOR)
     if factory is None:
         kind = recognise(session, settings, str(path))
         factory = find_factory(kind)
