@@ -147,6 +147,11 @@ class CameraClocks:
             self.reference = others[0]
         return was_apart or bool(others)
 
+    def is_adjusted(self, camera: str) -> bool:
+        """Check that people have shown that the stamps of a camera are wrong."""
+        clock = self._clocks.get(camera)
+        return clock is not None and clock.delay_ns != 0
+
     def adjust(self, camera: str, ahead_ns: int) -> bool:
         """Correct the stamps of a camera further, as people show; return False if they are wrong.
 

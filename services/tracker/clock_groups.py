@@ -11,7 +11,8 @@ from services.tracker.config import TrackerConfig
 from services.tracker.interface import Observation, Tracker
 from services.tracker.motion.past_frames import LENGTH_NS
 
-STAMP_MIN_S, STAMP_SIGMAS = 0.015, 3.0  # errors of stamps that are corrected
+STAMP_MIN_S, STAMP_SIGMAS = 0.015, 3.0  # errors of a camera's stamps that are corrected first,
+AGAIN_MIN_S, AGAIN_SIGMAS = 0.005, 1.0  # and later: its stamps are wrong, but by how much exactly
 APART_MAX = 4  # cameras tracked apart
 APART_NS = 10_000_000_000  # without a frame after which a camera apart is forgotten
 COUNTERS = ("late_frames", "tracker_failures", "refused_cameras", "apart")
@@ -91,9 +92,13 @@ class ClockGroups:
         while clocks.corrected:
             watch.forget(clocks.corrected.pop())
         for camera, error in watch.stamp_errors(clocks.reference, time_ns).items():
-            is_significant = abs(error.ahead_s) > max(STAMP_MIN_S, STAMP_SIGMAS * error.sigma_s)
-            if is_significant and clocks.adjust(camera, round(error.ahead_s * 1e9)):
-                watch.forget(camera)
+            least_s, sigmas = STAMP_MIN_S, STAMP_SIGMAS
+            if clocks.is_adjusted(camera):
+                least_s, sigmas = AGAIN_MIN_S, AGAIN_SIGMAS
+            ahead_ns = round(error.ahead_s * 1e9)
+            is_significant = abs(error.ahead_s) > max(least_s, sigmas * error.sigma_s)
+            if is_significant and clocks.adjust(camera, ahead_ns):
+                watch.restamp(camera, ahead_ns)
 
     def update(self, observation: Observation, now_ns: int) -> list[Track] | None:
         """Track a frame whose stamp is in the common time; None if too many cameras are apart."""

@@ -303,8 +303,8 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     clock_offset_max_s: Positive = 2.0  # [s] a camera whose clock differs by more is tracked apart
     embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
     embedding_timeouts_max: PositiveInt = 3  # consecutive timeouts after which waiting stops
-    # [s] with several cameras or detectors, longest wait for frames of an earlier stamp; absent: as
-    # long as from one frame of the camera to the next
+    # [s] with several cameras or detectors, longest wait for frames of an earlier stamp; absent:
+    # for other detectors as long as from one frame of the camera to the next, for other cameras not
     reorder_wait_s: NonNegative | None = None
     odometry_wait_s: NonNegative = 0.05  # [s] longest wait for the odometry of a frame
     predict_after_s: Positive = 0.2  # [s] without detections after which predictions are published

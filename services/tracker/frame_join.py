@@ -216,10 +216,12 @@ class FrameJoin:
     def _due_ns(self, frame: PendingFrame) -> int:
         lacks = self._lacks_embeddings(frame) and not self.ignores_embeddings
         wait_ns = self._embedding_ns if lacks else 0
-        stream = self._stream(frame.detections.camera)
-        if self._is_ahead(frame) or stream.may_lack(frame.detections):
-            reorder_ns = self._reorder_ns
+        stream, reorder_ns = self._stream(frame.detections.camera), self._reorder_ns
+        if stream.may_lack(frame.detections):
             wait_ns = max(wait_ns, stream.period_ns if reorder_ns is None else reorder_ns)
+        # By default other cameras are not waited for: late frames are tracked at their own time.
+        if reorder_ns and self._is_ahead(frame):
+            wait_ns = max(wait_ns, reorder_ns)
         return frame.arrived_ns + wait_ns
 
     def _is_ahead(self, frame: PendingFrame) -> bool:

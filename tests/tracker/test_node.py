@@ -361,8 +361,17 @@ def test_a_slow_playback_is_no_outage() -> None:
     assert numbers(results) == list(range(10))
 
 
-def test_two_cameras_are_tracked_in_one_order_of_stamps() -> None:
+def test_a_frame_does_not_wait_for_another_camera() -> None:
     target = node(tracker="sort3d")
+    back = msgspec.structs.replace(TRANSFORM, child="back_optical")
+    feed(target, [TRANSFORM, back, detected(0, [])])
+    frames = [detected(0, [], "back", late_ms=50), detected(1, [], "back", late_ms=50)]
+    assert [len(tracks(target.handle(f, 10 * MS))) for f in (*frames, detected(1, []))] == [1] * 3
+    assert target.status().counters["late_frames"] == 1
+
+
+def test_two_cameras_are_tracked_in_one_order_of_stamps_if_a_wait_is_set() -> None:
+    target = node(tracker="sort3d", reorder_wait_s=0.1)
     back = msgspec.structs.replace(TRANSFORM, child="back_optical")
     assert len(feed(target, [TRANSFORM, back, detected(0, [])])) == 1
     # The back camera's frames (50 and 150 ms) come before the front camera's (100 ms).
@@ -373,7 +382,7 @@ def test_two_cameras_are_tracked_in_one_order_of_stamps() -> None:
         ("back", 50 * MS),
         ("front", 100 * MS),
     ]
-    # The frame of 150 ms came at 20 ms and waits for the front camera at most one period, 100 ms.
+    # The frame of 150 ms came at 20 ms and waits for the front camera at most 100 ms.
     assert target.wake_ns() == 120 * MS
     assert numbers(tracks(target.tick(120 * MS))) == [1]
     assert target.status().counters["stale"] == 0

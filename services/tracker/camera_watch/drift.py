@@ -8,7 +8,7 @@ too large is reported. Tracks do not change by it. Section 28 of docs/method.md.
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,6 +89,18 @@ class CameraDrift:
         self._frames.pop(camera, None)
         self._samples = {pair: s for pair, s in self._samples.items() if camera not in pair}
 
+    def restamp(self, camera: str, ahead_ns: int) -> None:
+        """Correct the stamps of the frames of a camera, which were ahead by so much."""
+        if frames := self._frames.get(camera):
+            for k, frame in enumerate(frames):
+                frames[k] = replace(frame, stamp_ns=frame.stamp_ns - ahead_ns)
+        for pair, samples in self._samples.items():
+            if camera not in pair:
+                continue
+            later_s = (-1.0 if camera == pair[0] else 1.0) * ahead_ns / 1e9
+            for k, sample in enumerate(samples):
+                samples[k] = replace(sample, between_s=sample.between_s + later_s)
+
     def add(self, observation: Observation, tracks: Sequence[Track] = ()) -> None:
         """Compare the people of a frame with those of other cameras at the time.
 
@@ -165,7 +177,8 @@ class CameraDrift:
                 continue
             rays = frame.positions_m[i] - frame.origin_m, last.positions_m[j] - last.origin_m
             own, its = rays if sign > 0 else rays[::-1]
-            velocity = frame.velocities_mps[i]
+            # Updates by one camera alone would make it too slow or too fast where stamps are wrong.
+            velocity = (frame.velocities_mps[i] + last.velocities_mps[j]) / 2
             samples.append(
                 _Sample(frame.stamp_ns, sign * apart[i, j], own, its, velocity, between_s)
             )

@@ -33,6 +33,10 @@ from services.tracker.strongsort3d.policies import (
     Policies,
 )
 
+# [ns] since a match before another camera after which the distance says little: that camera's
+# frames may be late, or it sends no more, so its track was not missed
+OTHERS_NS = 200_000_000
+
 
 class StrongSort3d(TrackSetTracker):
     """StrongSORT with the 3D position as its state.
@@ -129,7 +133,7 @@ class StrongSort3d(TrackSetTracker):
         first = associate(self._appearance_cost(confirmed, frame), confirmed, detections)
         # After a time without frames the distance alone says little.
         gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
-        recent = [] if gap else [t for t in first.unmatched_tracks if t.missed <= 1]
+        recent = [] if gap else [t for t in first.unmatched_tracks if _is_recent(t, observation)]
         recent += tentative
         rest = first.unmatched_detections
         cost = self._distance_cost(recent, rest)
@@ -183,6 +187,13 @@ class StrongSort3d(TrackSetTracker):
         for record in self.tracks.records:
             record.embedding = None
         self._policies.identity.clear()
+
+
+def _is_recent(record: TrackRecord, observation: Observation) -> bool:
+    """Check for a match in the last frame, or the one before, of the camera that had it."""
+    is_own = record.camera == observation.camera
+    elapsed_ns = observation.stamp_ns - record.matched_ns
+    return record.missed <= 1 and (is_own or elapsed_ns <= OTHERS_NS)
 
 
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:

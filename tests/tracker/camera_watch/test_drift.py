@@ -13,7 +13,7 @@ from common.geometry.transforms import (
     rotation_from_rpy,
     transform_from,
 )
-from people4d.messages import F64
+from people4d.messages import F64, Track
 from services.tracker.camera_watch.drift import CameraDrift
 from services.tracker.interface import Measurement, Observation
 
@@ -48,6 +48,22 @@ def observation(
     )
 
 
+def track_of(detection: int, velocity_mps: F64) -> Track:
+    return Track(
+        id=detection + 1,
+        state="confirmed",
+        position_m=np.zeros(3),
+        velocity_mps=velocity_mps,
+        yaw_rad=None,
+        covariance=np.eye(6),
+        hits=9,
+        age=9,
+        time_since_update_s=0.0,
+        detection=detection,
+        score=0.9,
+    )
+
+
 def watch(true: dict[str, F64], seconds: float = 40.0, others: float = 0.0) -> CameraDrift:
     """Let cameras look; in a share of their frames they see somebody else 0.8 m beside."""
     drift, rng = CameraDrift(), np.random.default_rng(1)
@@ -72,6 +88,24 @@ def turned(camera: str, degrees: float) -> dict[str, F64]:
     pose = POSES[camera].copy()
     pose[:3, :3] = rotation_from_rpy(0, 0, math.radians(degrees)) @ pose[:3, :3]
     return {**POSES, camera: pose}
+
+
+def test_samples_of_a_camera_stay_when_its_stamps_are_corrected() -> None:
+    drift, rng, ahead_s = CameraDrift(), np.random.default_rng(1), 0.1
+    for k in range(300):
+        for number, camera in enumerate("ab"):
+            t_s = k * 0.1 + 0.03 * number
+            view = observation(camera, t_s, POSES[camera], POSES[camera], rng)
+            velocities = (people(t_s + 0.01) - people(t_s - 0.01)) / 0.02
+            walks = [track_of(number, v) for number, v in enumerate(velocities)]
+            at_s = t_s + ahead_s * (camera == "b")
+            drift.add(replace(view, stamp_ns=round(at_s * 1e9)), walks)
+    found = drift.stamp_errors("a", round(at_s * 1e9))["b"]
+    assert found.ahead_s == pytest.approx(ahead_s, abs=3 * found.sigma_s)
+    drift.restamp("b", round(ahead_s * 1e9))
+    again = drift.stamp_errors("a", round((at_s + 3) * 1e9))["b"]
+    assert again.ahead_s == pytest.approx(found.ahead_s - ahead_s, abs=0.005)
+    assert again.sigma_s == pytest.approx(found.sigma_s, rel=0.1)
 
 
 def test_cameras_where_they_should_be_are_not_reported() -> None:

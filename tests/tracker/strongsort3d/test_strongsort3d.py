@@ -138,6 +138,20 @@ def test_round_two_is_closed_to_tracks_missed_before() -> None:
     assert results == [(1, "confirmed")]  # and the tentative track, unmatched, is gone
 
 
+@pytest.mark.parametrize(("since", "identity"), [(2, 1), (3, 2)])
+def test_round_two_is_closed_to_tracks_that_another_camera_had_long_ago(
+    since: int, identity: int
+) -> None:
+    # Frames of the first camera come late: it has not missed its person, 0.3 m from the other.
+    sort = tracker()
+    for number in range(3):
+        sort.update(frame(number, person(3, 0, embedding=RED)))
+    for number in range(3, 2 + since):
+        sort.update(frame(number, camera="other"))
+    found = sort.update(frame(2 + since, person(3, 0.3, embedding=BLUE), camera="other"))
+    assert [track.id for track in found if track.detection is not None] == [identity]
+
+
 def test_round_two_has_a_largest_distance() -> None:
     # A tentative track goes through round 2 only: 0.69 m aside matches, 0.71 m does not.
     for y, identity in ((0.69, 1), (0.71, 2)):
