@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
+import numpy as np
+
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
 from people4d.messages import (
@@ -24,7 +26,7 @@ from services.detector.crops import crop_person, hidden_pixels
 from services.detector.input_size import InputSizeChoice
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
-from services.detector.orientation.joint import joint_yaw
+from services.detector.orientation.joint import joint_yaws
 from services.detector.orientation.separate import separate_yaws
 from services.detector.position.estimator import PositionEstimator
 from services.detector.position.silhouette import grow_mask
@@ -190,28 +192,38 @@ class DetectorNode(Node):
         torsos: Sequence[LayeredTorso | None],
         image: DepthImage,
     ) -> tuple[Detection, ...]:
-        yaws = [
-            self._yaw(person, torso, image) for person, torso in zip(people, torsos, strict=True)
-        ]
-        positions = [
-            self._positions.estimate(person, torso, image, None if yaw is None else yaw.rad)
-            for person, torso, yaw in zip(people, torsos, yaws, strict=True)
-        ]
+        yaws = self._yaws(people, torsos, image)
+        yaws_rad = [None if yaw is None else yaw.rad for yaw in yaws]
+        positions = self._positions.estimate(people, torsos, image, yaws_rad)
         return tuple(map(_detection, people, yaws, positions, keypoint_surfaces(people, image)))
 
-    def _yaw(
-        self, person: DetectedPerson, torso: LayeredTorso | None, image: DepthImage
-    ) -> YawEstimate | None:
-        keypoints, config = person.keypoints, self._orientation
-        if keypoints is None:
-            return None
+    def _yaws(
+        self,
+        people: Sequence[DetectedPerson],
+        torsos: Sequence[LayeredTorso | None],
+        image: DepthImage,
+    ) -> list[YawEstimate | None]:
+        config, used = self._orientation, self._keypoints
         if config.method == "separate":
-            yaws = separate_yaws(keypoints, image, config, self._keypoints)
-            return yaws.fuse(config.weighted)
-        if torso is None:
-            return None
-        confidence_min = self._keypoints.confidence_min
-        return joint_yaw(keypoints, torso[1].depth_m, image, confidence_min, config.body)
+            return [
+                None
+                if person.keypoints is None
+                else separate_yaws(person.keypoints, image, config, used).fuse(config.weighted)
+                for person in people
+            ]
+        yaws: list[YawEstimate | None] = [None] * len(people)
+        pairs = zip(people, torsos, strict=True)
+        known = {
+            k: (person.keypoints, torso[1].depth_m)
+            for k, (person, torso) in enumerate(pairs)
+            if person.keypoints is not None and torso is not None
+        }
+        if known:
+            keypoints, layers_m = map(np.array, zip(*known.values(), strict=True))
+            found = joint_yaws(keypoints, layers_m, image, used.confidence_min, config.body)
+            for k, yaw in zip(known, found, strict=True):
+                yaws[k] = yaw
+        return yaws
 
     def _crops(
         self,

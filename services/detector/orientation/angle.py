@@ -28,22 +28,22 @@ class YawEstimate:
 
 
 def confident_pixels(keypoints: F32, confidence_min: float) -> F64:
-    """Return u and v of keypoints (17x3), 17x2, NaN where the confidence is too low."""
-    confident = keypoints[:, 2:] > confidence_min
-    return np.where(confident, keypoints[:, :2].astype(np.float64), np.nan)
+    """Return u and v of keypoints (...x17x3), ...x17x2, NaN where the confidence is too low."""
+    confident = keypoints[..., 2:] > confidence_min
+    return np.where(confident, keypoints[..., :2].astype(np.float64), np.nan)
 
 
-def bearing(pixels: F64, info: CameraInfo) -> float:
-    """Return the direction of the line of sight to the torso, 0 = optical axis, + to the left.
+def bearings(pixels: F64, info: CameraInfo) -> F64:
+    """Return the directions of the lines of sight to N torsos, 0 = optical axis, + to the left.
 
-    Pixels (17x2) are NaN where unknown.
+    Pixels (Nx17x2) are NaN where unknown.
     """
-    torso = pixels[[*SHOULDERS, *HIPS]]
-    torso = torso[np.isfinite(torso[:, 0])]
-    if not len(torso):
-        return 0.0
-    x, _, z = deproject(torso.mean(axis=0), [1.0], info)[0]
-    return math.atan2(-x, z)
+    torsos = pixels[:, [*SHOULDERS, *HIPS]]
+    known = np.isfinite(torsos[..., 0])
+    total_px = np.where(known[..., None], torsos, 0.0).sum(axis=1)
+    count = known.sum(axis=1)
+    x, _, z = deproject(total_px / np.maximum(count, 1)[:, None], np.ones(len(pixels)), info).T
+    return np.where(count > 0, np.arctan2(-x, z), 0.0)
 
 
 def heading_vector(yaw_rad: float) -> F64:

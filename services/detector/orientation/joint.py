@@ -15,13 +15,12 @@ from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
 from common.geometry.transforms import wrap
 from people4d.messages import F32, F64
 from services.detector.orientation.angle import YawEstimate
 from services.detector.orientation.config import BodyModelConfig, JointPairConfig
-from services.detector.orientation.observation import YawObservation, observe_body
+from services.detector.orientation.observation import YawObservations, observe_bodies
 from services.detector.position.surface import DepthImage
 
 STEP_DEG = 3
@@ -34,31 +33,32 @@ SPAN_M = 1.0  # [m] range of distances between joints that are outliers
 SIGMA_MAX_RAD = math.pi / 2  # a less certain angle is not estimated
 
 
-def joint_yaw(
+def joint_yaws(
     keypoints: F32,
-    layer_m: float,
+    layers_m: F64,
     image: DepthImage,
     confidence_min: float,
     config: BodyModelConfig,
-) -> YawEstimate | None:
-    """Estimate the yaw of a person from all cues at once; arguments as of `observe_body`."""
-    observation = observe_body(keypoints, layer_m, image, confidence_min, config)
-    best = best_angle(log_likelihood(observation, image.info.fx, config))
-    if best is None:
-        return None
-    sigma_rad = best.sigma_rad * sigma_factor(observation, config)
-    if sigma_rad >= SIGMA_MAX_RAD:
-        return None
-    return YawEstimate(wrap(best.rad + observation.ray_rad), sigma_rad)
+) -> list[YawEstimate | None]:
+    """Estimate the yaws of N people from all cues at once; arguments as of `observe_bodies`."""
+    observations = observe_bodies(keypoints, layers_m, image, confidence_min, config)
+    best_rad, sigma_rad = best_angles(log_likelihood(observations, image.info.fx, config))
+    sigma_rad *= sigma_factors(observations, config)
+    yaws_rad = best_rad + observations.ray_rad
+    return [
+        YawEstimate(wrap(yaw), sigma) if sigma < SIGMA_MAX_RAD else None
+        for yaw, sigma in zip(yaws_rad.tolist(), sigma_rad.tolist(), strict=True)
+    ]
 
 
-def log_likelihood(observation: YawObservation, fx: float, config: BodyModelConfig) -> F64:
-    """Return the logarithm of the likelihood of each of `ANGLES`; fx in pixels."""
-    total: F64 = sum(_cues(observation, fx, config), np.zeros(len(ANGLES)))
-    swapped = np.roll(total, len(ANGLES) // 2)
+def log_likelihood(observations: YawObservations, fx: float, config: BodyModelConfig) -> F64:
+    """Return the logarithm of the likelihood of each of `ANGLES`, NxA; fx in pixels."""
+    flat = np.zeros((len(observations.z_m), len(ANGLES)))
+    total: F64 = sum(_cues(observations, fx, config), flat)
+    swapped = np.roll(total, len(ANGLES) // 2, axis=1)
     total = np.logaddexp(math.log(1 - config.swapped) + total, math.log(config.swapped) + swapped)
     if config.use_confidence:
-        total += _face_confidence(observation, config)
+        total += _face_confidence(observations, config)
     return total
 
 
@@ -72,10 +72,10 @@ def across(pair: JointPairConfig) -> F64:
     return expected_m
 
 
-def across_sigma(pair: JointPairConfig, z_m: float, fx: float, config: BodyModelConfig) -> F64:
-    """Return the standard deviation of `across`: of joints, pixels and widths of people."""
-    joints_m = math.hypot(pair.sigma_across_m, math.sqrt(2) * config.joint_px * z_m / fx)
-    return np.hypot(joints_m, config.sigma_width * pair.width_m * COSINE)
+def across_sigma(pair: JointPairConfig, z_m: F64, fx: float, config: BodyModelConfig) -> F64:
+    """Return the standard deviation of `across`, NxA: of joints, pixels and widths of people."""
+    joints_m = np.hypot(pair.sigma_across_m, math.sqrt(2) * config.joint_px * z_m / fx)
+    return np.hypot(joints_m[:, None], config.sigma_width * pair.width_m * COSINE)
 
 
 @cache
@@ -91,78 +91,74 @@ def along(pair: JointPairConfig, hiding_m: float) -> F64:
     return expected_m
 
 
-def _cues(observation: YawObservation, fx: float, config: BodyModelConfig) -> Iterator[F64]:
-    """Yield the log likelihoods by shoulders, hips and head."""
-    z_m = observation.z_m
+def _cues(observations: YawObservations, fx: float, config: BodyModelConfig) -> Iterator[F64]:
+    """Yield the log likelihoods by shoulders, hips and head, NxA."""
+    z_m = observations.z_m
     pairs = {"shoulders": config.shoulders} if config.use_shoulders else {}
     pairs |= {"hips": config.hips} if config.use_hips else {}
     for name, pair in pairs.items():
-        offset = observation.pairs[name]
+        offsets = observations.pairs[name]
         sigma_m = across_sigma(pair, z_m, fx, config)
-        yield _log(offset.across_m - across(pair), sigma_m, config.outliers_across, SPAN_M)
+        error_m = offsets.across_m[:, None] - across(pair)
+        yield _log(error_m, sigma_m, config.outliers_across, SPAN_M)
         if config.use_depth:
-            noise_m = math.hypot(pair.sigma_along_m, config.depth_per_m * z_m**2)
-            error_m = offset.along_m - along(pair, config.hiding_m)
-            yield _log(error_m, noise_m, config.outliers_along, SPAN_M)
+            noise_m = np.hypot(pair.sigma_along_m, config.depth_per_m * z_m**2)
+            error_m = offsets.along_m[:, None] - along(pair, config.hiding_m)
+            yield _log(error_m, noise_m[:, None], config.outliers_along, SPAN_M)
     if config.use_head:
-        yield _head(observation, config)
+        yield _head(observations, config)
 
 
-def _head(observation: YawObservation, config: BodyModelConfig) -> F64:
+def _head(observations: YawObservations, config: BodyModelConfig) -> F64:
     """Return the log likelihood by the head, which is turned on the chest at times."""
-    forward, left = observation.ears_m / config.ears_m, observation.nose_m / config.nose_m
-    size = max(math.hypot(forward, left), 0.3)
-    sigma_rad = math.hypot(config.sigma_head_rad, config.sigma_face / size)
-    error_rad = np.angle(np.exp(1j * (math.atan2(left, forward) - ANGLES)))
-    return _log(error_rad, sigma_rad, config.outliers_head, 2 * math.pi)
+    forward, left = observations.ears_m / config.ears_m, observations.nose_m / config.nose_m
+    size = np.maximum(np.hypot(forward, left), 0.3)
+    sigma_rad = np.hypot(config.sigma_head_rad, config.sigma_face / size)
+    error_rad = _wrapped(np.arctan2(left, forward)[:, None] - ANGLES)
+    return _log(error_rad, sigma_rad[:, None], config.outliers_head, 2 * math.pi)
 
 
-def _face_confidence(observation: YawObservation, config: BodyModelConfig) -> F64:
+def _face_confidence(observations: YawObservations, config: BodyModelConfig) -> F64:
     """Return the log likelihood by the network's confidence of the face."""
     expected = config.face_front + (config.face_back - config.face_front) * FROM_BEHIND
-    error = observation.face - expected
-    return _log(error, config.sigma_confidence, config.outliers_confidence, 1.0)
+    error, sigma = observations.face[:, None] - expected, np.array(config.sigma_confidence)
+    return _log(error, sigma, config.outliers_confidence, 1.0)
 
 
-def _log(error: F64, sigma: npt.ArrayLike, outliers: float, span: float) -> F64:
+def _log(error: F64, sigma: F64, outliers: float, span: float) -> F64:
     """Return the log density of errors: normal, a fraction of outliers uniform; 0 if unknown."""
-    if np.isnan(error).any():
-        return np.zeros(len(ANGLES))
-    scale = np.asarray(sigma, np.float64)
-    normal = np.exp(-np.square(error / scale) / 2) / (scale * math.sqrt(2 * math.pi))
-    density: F64 = np.log((1 - outliers) * normal + outliers / span)
-    return density
+    normal = np.exp(-np.square(error / sigma) / 2) * ((1 - outliers) / math.sqrt(2 * math.pi))
+    density = np.log(normal / sigma + outliers / span)
+    return np.where(np.isnan(error[:, :1]), 0.0, density)
 
 
-def best_angle(log_p: F64) -> YawEstimate | None:
-    """Return the most likely angle and its standard deviation; None of a flat likelihood.
+def best_angles(log_p: F64) -> tuple[F64, F64]:
+    """Return the most likely angle of each row and its standard deviation, infinite of a flat one.
 
     Both are those of the angles around the best one. A small probability elsewhere, the other way
     round for example, is left to the filter over time; more than that increases the variance.
     """
-    if np.ptp(log_p) < 1e-9:
-        return None
-    p = np.exp(log_p - log_p.max())
-    p /= p.sum()
-    index = int(p.argmax())
-    best, off = float(ANGLES[index]), _offsets(index)
-    near = np.abs(off) <= NEAR_RAD
-    mean = float(p[near] @ off[near] / p[near].sum())
-    variance = float(p[near] @ np.square(off[near] - mean) / p[near].sum())
-    variance += max(1 - float(p[near].sum()) - FAR_MAX, 0.0) * math.pi**2
+    p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
+    p /= p.sum(axis=1, keepdims=True)
+    best_rad = ANGLES[p.argmax(axis=1)]
+    off = _wrapped(ANGLES - best_rad[:, None])
+    near_p = np.where(np.abs(off) <= NEAR_RAD, p, 0.0)
+    total = near_p.sum(axis=1)
+    mean = (near_p * off).sum(axis=1) / total
+    variance = (near_p * np.square(off - mean[:, None])).sum(axis=1) / total
+    variance += np.maximum(1 - total - FAR_MAX, 0.0) * math.pi**2
     # The grid has a variance of its own.
-    return YawEstimate(wrap(best + mean), math.sqrt(variance + math.radians(STEP_DEG) ** 2 / 12))
+    sigma_rad = np.sqrt(variance + math.radians(STEP_DEG) ** 2 / 12)
+    return best_rad + mean, np.where(np.ptp(log_p, axis=1) < 1e-9, np.inf, sigma_rad)
 
 
-@cache
-def _offsets(index: int) -> F64:
-    """Return the angles from one of `ANGLES` to all of them, -pi to pi."""
-    off: F64 = np.angle(np.exp(1j * (ANGLES - float(ANGLES[index]))))
-    return off
+def _wrapped(angle_rad: F64) -> F64:
+    """Return angles between -2 pi and 2 pi as -pi to pi."""
+    return angle_rad - 2 * math.pi * np.rint(angle_rad / (2 * math.pi))
 
 
-def sigma_factor(observation: YawObservation, config: BodyModelConfig) -> float:
-    """Return the factor by which sigma grows where the network is not confident of the joints."""
-    if not 0 < observation.side < config.side_confidence_min:
-        return 1.0
-    return float((config.side_confidence_min / observation.side) ** config.side_power)
+def sigma_factors(observations: YawObservations, config: BodyModelConfig) -> F64:
+    """Return the factors by which sigma grows where the network is not confident of the joints."""
+    least, side = config.side_confidence_min, observations.side
+    unsure = (side > 0) & (side < least)
+    return np.where(unsure, (least / np.where(unsure, side, 1.0)) ** config.side_power, 1.0)

@@ -1,9 +1,8 @@
-"""Observation of a body from one frame, for the joint likelihood of its yaw.
+"""Observation of bodies from one frame, for the joint likelihood of their yaws.
 
 Everything is measured from the line of sight to the torso: across it to the right, and along it.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -17,11 +16,12 @@ from services.detector.orientation.angle import (
     NOSE,
     RIGHT_EAR,
     SHOULDERS,
-    bearing,
+    bearings,
     confident_pixels,
 )
 from services.detector.orientation.config import BodyModelConfig
-from services.detector.position.surface import DepthImage
+from services.detector.position.surface import DepthImage, read_windows
+from services.detector.position.visible_area import in_image
 
 FACE = [0, 1, 2, 3, 4]  # COCO
 SIDES = [[1, 3, 5, 7, 9, 11, 13, 15], [2, 4, 6, 8, 10, 12, 14, 16]]  # left, right
@@ -31,79 +31,76 @@ JOINTS = {"shoulders": SHOULDERS, "hips": HIPS}
 
 
 @dataclass(frozen=True, slots=True)
-class JointOffset:
-    """Position of the right joint of a pair from the left one; NaN if unknown."""
+class JointOffsets:
+    """Positions of the right joints of a pair from the left ones, of N people; NaN if unknown."""
 
-    across_m: float  # [m] to the right
-    along_m: float  # [m] farther from the camera
+    across_m: F64  # [m] N, to the right
+    along_m: F64  # [m] N, farther from the camera
 
 
 @dataclass(frozen=True, slots=True)
-class YawObservation:
-    """Measurements of one person."""
+class YawObservations:
+    """Measurements of N people."""
 
-    z_m: float  # [m] depth of the person
-    pairs: Mapping[str, JointOffset]  # "shoulders" and "hips"
-    nose_m: float  # [m] nose to the left of the ears' middle; NaN if unknown
-    ears_m: float  # [m] right ear to the right of the left one; NaN if unknown
-    face: float = math.nan  # mean confidence of nose, eyes and ears
-    side: float = math.nan  # mean confidence of the keypoints of the less confident side
-    ray_rad: float = 0.0  # [rad] direction of the line of sight, 0 = optical axis, + to the left
+    z_m: F64  # [m] N, depth of the person
+    pairs: Mapping[str, JointOffsets]  # "shoulders" and "hips"
+    nose_m: F64  # [m] N, nose to the left of the ears' middle; NaN if unknown
+    ears_m: F64  # [m] N, right ear to the right of the left one; NaN if unknown
+    face: F64  # N, mean confidence of nose, eyes and ears
+    side: F64  # N, mean confidence of the keypoints of the less confident side
+    ray_rad: F64  # [rad] N, direction of the line of sight, 0 = optical axis, + to the left
 
 
-def observe_body(
+def observe_bodies(
     keypoints: F32,
-    layer_m: float,
+    layers_m: F64,
     image: DepthImage,
     confidence_min: float,
     config: BodyModelConfig,
-) -> YawObservation:
-    """Measure the body of a person in a layer of depth.
+) -> YawObservations:
+    """Measure the bodies of N people, each in a layer of depth.
 
-    Keypoints are 17x3, u and v in pixels and confidence, which must be more than `confidence_min`.
+    Keypoints are Nx17x3, u and v in pixels and confidence, which must be more than
+    `confidence_min`; layers N in metres.
     """
     pixels = confident_pixels(keypoints, confidence_min)
-    ray_rad = bearing(pixels, image.info)
-    across_m = deproject(pixels, np.full(17, layer_m), image.info)[:, 0] * math.cos(ray_rad)
-    windows_m = {"shoulders": config.shoulders.window_m, "hips": config.hips.window_m}
+    rays_rad = bearings(pixels, image.info)
+    points_m = deproject(pixels.reshape(-1, 2), np.repeat(layers_m, 17), image.info)
+    across_m = points_m[:, 0].reshape(-1, 17) * np.cos(rays_rad)[:, None]
+    depths_m = _joint_depths(pixels, layers_m, image, config)
     pairs = {}
-    for name, (left, right) in JOINTS.items():
-        half_px = windows_m[name] / 2 * image.info.fx / layer_m
-        reach_px = max(round(half_px), WINDOW_MIN_PX // 2)
-        depth_m = [
-            _joint_depth(pixels[joint], reach_px, layer_m, config.reach_m, image)
-            for joint in (left, right)
-        ]
-        wide_m, deep_m = across_m[right] - across_m[left], depth_m[1] - depth_m[0]
-        if math.isnan(deep_m):
-            wide_m = math.nan  # the position of a hidden joint is a guess
-        along_m = deep_m / math.cos(ray_rad) - wide_m * math.tan(ray_rad)
-        pairs[name] = JointOffset(wide_m, along_m)
-    ears_m, confidence = across_m[[LEFT_EAR, RIGHT_EAR]], keypoints[:, 2].astype(np.float64)
-    return YawObservation(
-        z_m=layer_m,
+    for k, (name, (left, right)) in enumerate(JOINTS.items()):
+        deep_m = depths_m[:, 2 * k + 1] - depths_m[:, 2 * k]
+        # The position of a hidden joint is a guess.
+        wide_m = np.where(np.isnan(deep_m), np.nan, across_m[:, right] - across_m[:, left])
+        pairs[name] = JointOffsets(wide_m, deep_m / np.cos(rays_rad) - wide_m * np.tan(rays_rad))
+    left_m, right_m = across_m[:, LEFT_EAR], across_m[:, RIGHT_EAR]
+    confidence = keypoints[:, :, 2].astype(np.float64)
+    return YawObservations(
+        z_m=layers_m,
         pairs=pairs,
-        nose_m=float(ears_m.mean() - across_m[NOSE]),
-        ears_m=float(ears_m[1] - ears_m[0]),
-        face=float(confidence[FACE].mean()),
-        side=min(float(confidence[side].mean()) for side in SIDES),
-        ray_rad=ray_rad,
+        nose_m=(left_m + right_m) / 2 - across_m[:, NOSE],
+        ears_m=right_m - left_m,
+        face=confidence[:, FACE].mean(axis=1),
+        side=confidence[:, SIDES].mean(axis=2).min(axis=1),
+        ray_rad=rays_rad,
     )
 
 
-def _joint_depth(
-    pixel: F64, reach_px: int, layer_m: float, reach_m: float, image: DepthImage
-) -> float:
-    """Return the depth in the window of a joint, NaN where the person hardly fills it."""
-    height, width = image.depth_mm.shape
-    if not ((pixel > -0.5) & (pixel < (width - 0.5, height - 0.5))).all():
-        return math.nan  # NaN pixels too
-    u, v = np.rint(pixel).astype(int).tolist()
-    rows = slice(max(v - reach_px, 0), v + reach_px + 1)
-    window_m = image.depth_mm[rows, max(u - reach_px, 0) : u + reach_px + 1] / 1000.0
-    own_m = window_m[np.abs(window_m - layer_m) <= reach_m]
-    if own_m.size < VISIBLE_MIN * window_m.size:
-        return math.nan
-    own_m.sort()
-    # As np.median, which takes several times as long for so few.
-    return float((own_m[(own_m.size - 1) // 2] + own_m[own_m.size // 2]) / 2)
+def _joint_depths(pixels: F64, layers_m: F64, image: DepthImage, config: BodyModelConfig) -> F64:
+    """Return the depths at shoulders and hips, Nx4 in metres; NaN where others fill the window."""
+    windows_m = np.repeat([config.shoulders.window_m, config.hips.window_m], 2)
+    half_px = np.rint(windows_m / 2 * image.info.fx / layers_m[:, None]).astype(int)
+    sides_px = 2 * np.maximum(half_px, WINDOW_MIN_PX // 2) + 1
+    joints_px = pixels[:, [*SHOULDERS, *HIPS]].reshape(-1, 2)
+    inside = in_image(joints_px, image.info)
+    middle_m = np.repeat(layers_m, 4)
+    depths_m, share = read_windows(
+        np.where(inside[:, None], joints_px, 0.0),
+        image,
+        sides_px.ravel(),
+        middle_m - config.reach_m,
+        middle_m + config.reach_m,
+    )
+    depths_m[~inside | (share < VISIBLE_MIN)] = np.nan  # a joint at NaN is not inside
+    return depths_m.reshape(-1, 4)

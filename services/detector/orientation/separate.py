@@ -20,7 +20,7 @@ from services.detector.orientation.angle import (
     RIGHT_EYE,
     SHOULDERS,
     YawEstimate,
-    bearing,
+    bearings,
     confident_pixels,
 )
 from services.detector.orientation.config import FaceConfig, OrientationConfig
@@ -64,7 +64,7 @@ def separate_yaws(
         psi_1 = vector_yaw(points, config)
     if config.ratio:
         pixels = confident_pixels(keypoints, used.confidence_min)
-        ray_rad = bearing(pixels, image.info) if config.ray else 0.0
+        ray_rad = float(bearings(pixels[None], image.info)[0]) if config.ray else 0.0
         psi_2 = ratio_yaw(keypoints, pixels, ray_rad, psi_1, config)
     return YawPair(psi_1, psi_2)
 

@@ -66,9 +66,9 @@ def axis_sigma(
     return 0.0 if yaw_rad is not None else abs(ellipse.half_width_m - ellipse.half_depth_m) / 8**0.5
 
 
-def joint_sigma(z_m: float, info: CameraInfo, config: UncertaintyConfig) -> float:
-    """Return the standard deviation, in metres, of a joint across the line of sight."""
-    return math.hypot(config.joint_m, config.joint_px * z_m / info.fx)
+def joint_sigma(z_m: F64, info: CameraInfo, config: UncertaintyConfig) -> F64:
+    """Return the standard deviations, in metres, of joints across the line of sight."""
+    return np.hypot(config.joint_m, config.joint_px * z_m / info.fx)
 
 
 def variance_along(z_m: float, readings_m: F64, sigma_m: float, config: UncertaintyConfig) -> float:

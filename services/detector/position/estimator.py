@@ -36,25 +36,25 @@ class PositionEstimator:
 
     def estimate(
         self,
-        person: DetectedPerson,
-        torso: LayeredTorso | None,
+        people: Sequence[DetectedPerson],
+        torsos: Sequence[LayeredTorso | None],
         image: DepthImage,
-        yaw_rad: float | None,
-    ) -> PositionEstimate | None:
-        """Return the position of one person, yaw in the camera's frame; None without valid depth.
+        yaws_rad: Sequence[float | None],
+    ) -> list[PositionEstimate | None]:
+        """Return the positions of people, yaws in the camera's frame; None without valid depth.
 
-        The torso, from `torsos`, is needed for the method "torso" only.
+        The torsos, from `torsos`, are needed for the method "torso" only.
         """
         if self._config.position != "torso":
-            return self._from_surface(person, image, yaw_rad)
-        estimate = None
-        if person.keypoints is None and person.mask is not None:
-            estimate = self._torso.estimate_from_mask(person.mask, image, yaw_rad)
-        elif torso is not None:
-            estimate = self._torso.estimate(*torso, image, yaw_rad)
-        if estimate is None or self._config.covariance:
-            return estimate
-        return replace(estimate, covariance_m2=None)
+            pairs = zip(people, yaws_rad, strict=True)
+            return [self._from_surface(person, image, yaw_rad) for person, yaw_rad in pairs]
+        positions = self._torso.estimate(torsos, image, yaws_rad)
+        for k, (person, yaw_rad) in enumerate(zip(people, yaws_rad, strict=True)):
+            if person.keypoints is None and person.mask is not None:
+                positions[k] = self._torso.estimate_from_mask(person.mask, image, yaw_rad)
+        if self._config.covariance:
+            return positions
+        return [position and replace(position, covariance_m2=None) for position in positions]
 
     def _from_surface(
         self, person: DetectedPerson, image: DepthImage, yaw_rad: float | None

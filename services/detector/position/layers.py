@@ -17,7 +17,7 @@ import numpy as np
 from people4d.messages import F64
 from services.detector.config import LayerConfig
 from services.detector.position.proportions import BodySize, Flags
-from services.detector.position.surface import DepthImage, read_depth
+from services.detector.position.surface import DepthImage, read_windows
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +38,15 @@ class PersonLayer:
     depth_m: float  # [m] its middle
     own: Flags  # N, samples that no other person covers
     variance_m2: float = 0.0  # [m^2] since the torso may be in another layer
+
+
+@dataclass(frozen=True, slots=True)
+class LayerWindows:
+    """Windows of depth on one person, in whose layer they are read."""
+
+    pixels: F64  # [px] Nx2, their middles
+    window_px: int  # [px] odd side
+    layer_m: float  # [m] middle of the layer
 
 
 def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[PersonLayer | None]:
@@ -67,20 +76,27 @@ def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[P
     return layers
 
 
-def read_layer(
-    pixels: F64, window_px: int, image: DepthImage, layer_m: float, half_m: float
-) -> F64:
-    """Return the depth at N pixels (Nx2, u and v) by the readings of one layer only.
+def read_layers(people: Sequence[LayerWindows], image: DepthImage, half_m: float) -> list[F64]:
+    """Return the depth in the windows of people by the readings of one layer each only.
 
-    At an outline that is the person's side of it. NaN where no reading lies in the layer.
+    At an outline that is the person's side of it.
+
+    Args:
+        people: Windows of each.
+        image: The depth.
+        half_m: [m] half the depth of a layer.
+
+    Returns:
+        N in metres for each, NaN where no reading lies in the layer.
     """
-    height, width = image.depth_mm.shape
-    left, top = np.maximum(np.rint(pixels.min(axis=0)).astype(int) - window_px, 0)
-    right, bottom = np.rint(pixels.max(axis=0)).astype(int) + window_px + 1
-    cut_mm = image.depth_mm[top : min(bottom, height), left : min(right, width)]
-    outside = np.abs(cut_mm / 1000.0 - layer_m) > half_m
-    inside = DepthImage(np.where(outside, np.uint16(0), cut_mm), image.info)
-    return read_depth(pixels - (left, top), inside, window_px, layer_m + half_m)
+    counts = [len(windows.pixels) for windows in people]
+    if not sum(counts):
+        return [np.zeros(0) for _ in people]
+    window_px = np.repeat([windows.window_px for windows in people], counts)
+    layer_m = np.repeat([windows.layer_m for windows in people], counts)
+    pixels = np.vstack([windows.pixels for windows in people])
+    depth_m, _ = read_windows(pixels, image, window_px, layer_m - half_m, layer_m + half_m)
+    return np.split(depth_m, np.cumsum(counts[:-1]))
 
 
 def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> tuple[float, float, float]:

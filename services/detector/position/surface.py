@@ -17,6 +17,7 @@ from services.detector.models.base import DetectedPerson, InstanceMask
 
 TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
 SURFACE_WINDOW_PX = 5
+NONE_MM = np.uint16(65535)  # no reading, after the least one is subtracted
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,38 +77,75 @@ def keypoint_depth(keypoints: F32, image: DepthImage, config: KeypointConfig) ->
     return np.where(used, depth_m, np.nan)
 
 
-def read_depth(
-    pixels: F64, image: DepthImage, window_px: int = 1, max_depth_m: float | None = None
-) -> F64:
+def read_depth(pixels: F64, image: DepthImage, window_px: npt.ArrayLike = 1) -> F64:
     """Return the median of the valid readings around pixels (Nx2), N in metres, NaN if none.
 
     Args:
         pixels: u and v, rounded to the nearest pixel.
         image: The depth.
-        window_px: Odd side of the window; its part beyond the image is left out.
-        max_depth_m: Readings beyond are invalid; None: as the calibration states.
+        window_px: Odd side of the windows, one or N; parts beyond the image are left out.
     """
-    depth_mm = image.depth_mm
-    furthest_m = image.info.max_depth_m if max_depth_m is None else max_depth_m
-    height, width = depth_mm.shape
-    reach = np.arange(window_px) - window_px // 2
+    return read_windows(pixels, image, window_px, 0.0, image.info.max_depth_m)[0]
+
+
+def read_windows(
+    pixels: F64,
+    image: DepthImage,
+    window_px: npt.ArrayLike,
+    nearest_m: npt.ArrayLike,
+    farthest_m: npt.ArrayLike,
+) -> tuple[F64, F64]:
+    """Return the median of the readings between two depths around pixels, and their share.
+
+    Args:
+        pixels: Nx2, u and v, rounded to the nearest pixel.
+        image: The depth.
+        window_px: Odd side of the windows, one or N; parts beyond the image are left out.
+        nearest_m: Least depth that counts, one or N; 0 is no reading.
+        farthest_m: Largest depth that counts, one or N.
+
+    Returns:
+        Median, N in metres, NaN where no reading counts; share of the window's pixels, N.
+    """
+    height, width = image.depth_mm.shape
+    sides_px = np.asarray(window_px).reshape(-1, 1)
+    most_px = int(sides_px.max(initial=1)) // 2
     # Far outside is outside: a wild coordinate must not overflow the integer.
-    u, v = np.rint(np.clip(pixels, -window_px - 1, max(height, width) + window_px)).astype(int).T
-    columns, rows = u[:, None, None] + reach, v[:, None, None] + reach[:, None]
-    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-    # As clip, which takes three times as long for so few.
-    rows, columns = (
-        np.minimum(np.maximum(index, 0), side - 1)
-        for index, side in ((rows, height), (columns, width))
-    )
-    readings_m = depth_mm[rows, columns] / 1000.0
-    readings_m[~inside | (readings_m == 0) | (readings_m > furthest_m)] = np.nan
-    readings_m = readings_m.reshape(len(pixels), window_px**2)
-    readings_m.sort(axis=1)  # NaN comes last
-    count, row = np.isfinite(readings_m).sum(axis=1), np.arange(len(pixels))
-    median_m: F64 = (readings_m[row, (count - 1) // 2] + readings_m[row, count // 2]) / 2
-    median_m[count == 0] = np.nan
-    return median_m
+    bounded = np.minimum(np.maximum(pixels, -most_px - 1), max(height, width) + most_px)
+    u, v = np.rint(bounded).astype(np.intp).T[..., None]
+    reach = np.arange(-most_px, most_px + 1)
+    columns, rows, inside = u + reach, v + reach, None
+    if (
+        sides_px.min(initial=2 * most_px + 1) < len(reach)
+        or min(columns.min(initial=0), rows.min(initial=0)) < 0
+        or columns.max(initial=0) >= width
+        or rows.max(initial=0) >= height
+    ):
+        near = np.abs(reach) <= sides_px // 2
+        inside = (near & (rows >= 0) & (rows < height))[:, :, None]
+        inside = inside & (near & (columns >= 0) & (columns < width))[:, None]
+        columns = np.minimum(np.maximum(columns, 0), width - 1)
+        rows = np.minimum(np.maximum(rows, 0), height - 1)
+    indices = (rows * width)[:, :, None] + columns[:, None]
+    least_mm = _millimetres(np.ceil(np.multiply(nearest_m, 1000) - 1e-6), 1)
+    span_mm = _millimetres(np.floor(np.multiply(farthest_m, 1000) + 1e-6), 1) - least_mm
+    # What is nearer, or no reading, wraps round and comes last.
+    above_mm = image.depth_mm.reshape(-1)[indices.reshape(len(pixels), len(reach) ** 2)] - least_mm
+    if inside is not None:
+        inside = inside.reshape(above_mm.shape)
+        above_mm[~inside] = NONE_MM
+    above_mm.sort(axis=1)
+    found = np.count_nonzero(above_mm <= span_mm, axis=1)
+    row = np.arange(len(pixels))
+    middles = above_mm[row, (found - 1) // 2].astype(np.float64) + above_mm[row, found // 2]
+    median_m: F64 = np.where(found > 0, middles / 2000 + least_mm[:, 0] / 1000, np.nan)
+    total = above_mm.shape[1] if inside is None else np.maximum(inside.sum(axis=1), 1)
+    return median_m, found / total
+
+
+def _millimetres(depth_mm: npt.ArrayLike, least: int) -> U16:
+    """Return limits of readings as a column."""
+    return np.minimum(np.maximum(depth_mm, least), NONE_MM).astype(np.uint16).reshape(-1, 1)
 
 
 def keypoint_surfaces(people: Sequence[DetectedPerson], image: DepthImage) -> list[F32 | None]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common.geometry.transforms import deproject
-from people4d.messages import F32, F64
+from people4d.messages import F32, F64, CameraInfo
 from services.detector.config import EllipseConfig, TorsoConfig, UncertaintyConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.axis import (
@@ -26,13 +26,20 @@ from services.detector.position.axis import (
 )
 from services.detector.position.layers import (
     DepthSamples,
+    LayerWindows,
     PersonLayer,
     assign_layers,
-    read_layer,
+    read_layers,
 )
-from services.detector.position.proportions import Flags, size_depth, torso_middle
+from services.detector.position.proportions import Flags, size_depth, torso_middles
 from services.detector.position.surface import TORSO, DepthImage, PositionEstimate, read_depth
-from services.detector.position.visible_area import area_pixels, box_torso, in_image, read_pixels
+from services.detector.position.visible_area import (
+    EMPTY,
+    area_pixels,
+    box_torso,
+    in_image,
+    read_pixels,
+)
 
 OTHERS = [i for i in range(17) if i not in TORSO]  # face and limbs
 TORSO_ROWS = (0.20, 0.275, 0.35, 0.425, 0.50)  # of a mask's height: chest to hips of the upright
@@ -42,15 +49,24 @@ RANGE_PART, READ_MIN = 0.9, 0.5
 
 
 @dataclass(frozen=True, slots=True)
+class SamplePoints:
+    """Pixels at which the depth of one person is read."""
+
+    torso_px: F64  # [px] Nx2, middles of windows on the torso
+    window_px: int  # [px] side of the windows
+    others_px: F64  # [px] Nx2, middles of windows at other keypoints
+    area_px: F64  # [px] Nx2, single pixels in the visible area
+
+
+@dataclass(frozen=True, slots=True)
 class TorsoJoints:
     """Torso of one person in the image."""
 
     joints_px: F64  # [px] 4x2, shoulders and hips
     known: Flags  # 4, joints that are confident and inside the image
-    torso_px: F64  # [px] Nx2, windows of depth on the torso
-    window_px: int  # [px] side of the windows
+    diagonal_px: float  # [px] extent of the known ones, 0 of none
     box_xyxy_px: F32  # [px] 4
-    samples: DepthSamples  # at torso_px, then at other keypoints and in the visible area
+    points: SamplePoints
 
 
 LayeredTorso = tuple[TorsoJoints, PersonLayer]
@@ -83,8 +99,10 @@ class TorsoEstimator:
         Keypoints count that are more confident than the minimum and inside the image. None without
         keypoints, or where no depth is the person's.
         """
-        torsos = [self._joints(person, confidence_min, image) for person in people]
-        samples = [torso.samples for torso in torsos if torso is not None]
+        torsos = [self._joints(person, confidence_min, image.info) for person in people]
+        known = [torso for torso in torsos if torso is not None]
+        read = self._samples([torso.points for torso in known], image)
+        samples = [self._sized(*pair, image.info) for pair in zip(known, read, strict=True)]
         layers = iter(assign_layers(samples, self._config.layer))
         found: list[LayeredTorso | None] = []
         for torso in torsos:
@@ -93,13 +111,10 @@ class TorsoEstimator:
         return found
 
     def _joints(
-        self, person: DetectedPerson, confidence_min: float, image: DepthImage
+        self, person: DetectedPerson, confidence_min: float, info: CameraInfo
     ) -> TorsoJoints | None:
-        """Return the torso of one person in the image; no joint need be known.
-
-        None for somebody out of the camera's range: what depth there is would be of furniture.
-        """
-        info, config, keypoints = image.info, self._config, person.keypoints
+        """Return the torso of one person in the image; no joint need be known."""
+        config, keypoints = self._config, person.keypoints
         if keypoints is None:
             return None
         pixels = keypoints[:, :2].astype(np.float64)
@@ -109,44 +124,71 @@ class TorsoEstimator:
         torso_px, diagonal_px = joints_px[known], 0.0
         if known.any():
             middle_px = torso_px.mean(axis=0)
-            diagonal_px = float(np.linalg.norm(np.ptp(torso_px, axis=0)))
+            diagonal_px = math.dist(torso_px.max(axis=0), torso_px.min(axis=0))
             torso_px = np.vstack([torso_px + (middle_px - torso_px) * config.pull, middle_px])
-        window_px = self._window(diagonal_px)
         visible = confident & in_image(pixels, info)
         others_px = pixels[OTHERS][visible[OTHERS]]
         area_px = area_pixels(person.box_xyxy_px, joints_px, known, info, config.area)
-        size = size_depth(joints_px, known, info, config.proportions)
-        samples = self._samples(torso_px, others_px, area_px, window_px, image)
-        read = np.isfinite(samples.depth_m[: len(torso_px)])
-        far_m = RANGE_PART * info.max_depth_m
-        if size is not None and size.depth_m > far_m and read.mean() < READ_MIN:
-            return None
-        samples = replace(samples, size=size, margin_px=config.margin_share * diagonal_px)
-        return TorsoJoints(joints_px, known, torso_px, window_px, person.box_xyxy_px, samples)
+        points = SamplePoints(torso_px, self._window(diagonal_px), others_px, area_px)
+        return TorsoJoints(joints_px, known, diagonal_px, person.box_xyxy_px, points)
+
+    def _sized(self, torso: TorsoJoints, samples: DepthSamples, info: CameraInfo) -> DepthSamples:
+        """Return the depth samples of a torso with its size.
+
+        Those of somebody out of the camera's range count as not read: they would be of furniture.
+        """
+        config = self._config
+        size = size_depth(torso.joints_px, torso.known, info, config.proportions)
+        if size is not None and size.depth_m > RANGE_PART * info.max_depth_m:
+            windows_m = samples.depth_m[: len(torso.points.torso_px)]
+            if np.isfinite(windows_m).mean() < READ_MIN:
+                samples = replace(samples, depth_m=np.full_like(samples.depth_m, np.nan))
+        return replace(samples, size=size, margin_px=config.margin_share * torso.diagonal_px)
 
     def estimate(
-        self, torso: TorsoJoints, layer: PersonLayer, image: DepthImage, yaw_rad: float | None
-    ) -> PositionEstimate:
-        """Return the position of a torso by its joints; yaw in the camera's body frame."""
-        own_px = torso.torso_px[layer.own[: len(torso.torso_px)]]
-        middle = self._middle(torso, layer, image, yaw_rad)
-        return self._on_axis(middle, own_px, torso.window_px, image, yaw_rad)
+        self,
+        torsos: Sequence[LayeredTorso | None],
+        image: DepthImage,
+        yaws_rad: Sequence[float | None],
+    ) -> list[PositionEstimate | None]:
+        """Return the positions of torsos by their joints; yaws in the camera's body frame."""
+        known = [pair for pair in torsos if pair is not None]
+        windows = [
+            LayerWindows(
+                torso.points.torso_px[layer.own[: len(torso.points.torso_px)]],
+                torso.points.window_px,
+                layer.depth_m,
+            )
+            for torso, layer in known
+        ]
+        own_yaws_rad = [yaw for pair, yaw in zip(torsos, yaws_rad, strict=True) if pair]
+        middles = self._middles(known, image.info, own_yaws_rad)
+        depths_m = self._read(windows, image)
+        positions = iter(
+            self._on_axis(*each, image.info)
+            for each in zip(middles, windows, depths_m, own_yaws_rad, strict=True)
+        )
+        return [None if pair is None else next(positions) for pair in torsos]
 
-    def _middle(
-        self, torso: TorsoJoints, layer: PersonLayer, image: DepthImage, yaw_rad: float | None
-    ) -> _Middle:
-        """Return the middle of a torso by its joints; by the box where none is known."""
-        info, layer_m = image.info, layer.depth_m
-        if not torso.known.any():
-            area = self._config.area
-            pixel = box_torso(torso.box_xyxy_px, layer_m, info, area)
-            position_m = deproject(pixel, [layer_m], info)[0]
-            return _Middle(position_m, area.sigma_m**2, layer.variance_m2)
-        joints_m = deproject(torso.joints_px, np.full(4, layer_m), info)[:, :2]
-        sigma_m = joint_sigma(layer_m, info, self._uncertainty)
-        proportions = self._config.proportions
-        middle_m, across_m2 = torso_middle(joints_m, torso.known, yaw_rad, sigma_m, proportions)
-        return _Middle(np.array([*middle_m, layer_m]), across_m2, layer.variance_m2)
+    def _middles(
+        self, torsos: Sequence[LayeredTorso], info: CameraInfo, yaws_rad: Sequence[float | None]
+    ) -> list[_Middle]:
+        """Return the middles of torsos by their joints; by the box where none is known."""
+        area, layers_m = self._config.area, np.array([layer.depth_m for _, layer in torsos])
+        joints_px = np.array([torso.joints_px for torso, _ in torsos]).reshape(-1, 2)
+        joints_m = deproject(joints_px, np.repeat(layers_m, 4), info)[:, :2].reshape(-1, 4, 2)
+        known = np.array([torso.known for torso, _ in torsos]).reshape(-1, 4)
+        sigma_m = joint_sigma(layers_m, info, self._uncertainty)
+        found = torso_middles(joints_m, known, yaws_rad, sigma_m, self._config.proportions)
+        middles = []
+        for (torso, layer), middle_m, across_m2 in zip(torsos, *found, strict=True):
+            position_m, variance_m2 = np.array([*middle_m, layer.depth_m]), float(across_m2)
+            if not torso.known.any():
+                pixel = box_torso(torso.box_xyxy_px, layer.depth_m, info, area)
+                position_m = deproject(pixel, [layer.depth_m], info)[0]
+                variance_m2 = area.sigma_m**2
+            middles.append(_Middle(position_m, variance_m2, layer.variance_m2))
+        return middles
 
     def estimate_from_mask(
         self, mask: InstanceMask, image: DepthImage, yaw_rad: float | None
@@ -160,52 +202,59 @@ class TorsoEstimator:
         columns = [float(np.flatnonzero(mask.window[row]).mean()) for row in chosen]
         torso_px = np.column_stack([mask.x_px + np.array(columns), mask.y_px + chosen])
         window_px = self._window(height * float(np.ptp(TORSO_ROWS)))
-        samples = self._samples(torso_px, torso_px[:0], torso_px[:0], window_px, image)
-        layer = assign_layers([samples], self._config.layer)[0]
+        samples = self._samples([SamplePoints(torso_px, window_px, EMPTY, EMPTY)], image)
+        layer = assign_layers(samples, self._config.layer)[0]
         if layer is None:
             return None
         position_m = deproject(torso_px.mean(axis=0), [layer.depth_m], image.info)[0]
         config = self._uncertainty
         across_m2 = config.centroid_m**2 + (config.joint_px * layer.depth_m / image.info.fx) ** 2
         middle = _Middle(position_m, across_m2, 0.0)
-        return self._on_axis(middle, torso_px, window_px, image, yaw_rad)
+        windows = LayerWindows(torso_px, window_px, layer.depth_m)
+        (depth_m,) = self._read([windows], image)
+        return self._on_axis(middle, windows, depth_m, yaw_rad, image.info)
 
     def _window(self, torso_px: float) -> int:
         """Return the odd side of windows on a torso of a size in the image."""
         window_px = round(self._config.window_share * torso_px)
         return min(max(window_px, WINDOW_MIN_PX), self._config.window_max_px) | 1
 
-    def _samples(
-        self, torso_px: F64, others_px: F64, area_px: F64, window_px: int, image: DepthImage
-    ) -> DepthSamples:
-        """Read depth for the first time: on the torso, at other keypoints, in the visible area."""
+    def _samples(self, people: Sequence[SamplePoints], image: DepthImage) -> list[DepthSamples]:
+        """Read depth for the first time: on torsos, at other keypoints, in the visible areas."""
+        if not people:
+            return []
         config = self._config.layer
-        keypoints_px = np.vstack([torso_px, others_px])
-        windows_m, area_m = read_depth(keypoints_px, image, window_px), read_pixels(area_px, image)
-        area_weight = config.area_weight / max(len(area_px), 1)
-        counts = [len(torso_px), len(others_px), len(area_px)]
-        return DepthSamples(
-            np.vstack([keypoints_px, area_px]),
-            np.concatenate([windows_m, area_m]),
-            np.repeat([1.0, config.other_weight, area_weight], counts),
-        )
+        windows_px = [np.vstack([points.torso_px, points.others_px]) for points in people]
+        sides_px = np.repeat([points.window_px for points in people], list(map(len, windows_px)))
+        windows_m = read_depth(np.vstack(windows_px), image, sides_px)
+        area_m = read_pixels(np.vstack([points.area_px for points in people]), image)
+        samples, window, pixel = [], 0, 0
+        for points, keypoints_px in zip(people, windows_px, strict=True):
+            counts = [len(points.torso_px), len(points.others_px), len(points.area_px)]
+            ends = window + len(keypoints_px), pixel + len(points.area_px)
+            depth_m = np.concatenate([windows_m[window : ends[0]], area_m[pixel : ends[1]]])
+            weights = [1.0, config.other_weight, config.area_weight / max(counts[2], 1)]
+            pixels = np.vstack([keypoints_px, points.area_px])
+            samples.append(DepthSamples(pixels, depth_m, np.repeat(weights, counts)))
+            window, pixel = ends
+        return samples
+
+    def _read(self, windows: Sequence[LayerWindows], image: DepthImage) -> list[F64]:
+        """Return the depth in windows on torsos, [m] N each, NaN where none is the person's."""
+        return read_layers(windows, image, self._config.layer.half_m)
 
     def _on_axis(
         self,
         middle: _Middle,
-        torso_px: F64,
-        window_px: int,
-        image: DepthImage,
+        windows: LayerWindows,
+        depth_m: F64,
         yaw_rad: float | None,
+        info: CameraInfo,
     ) -> PositionEstimate:
         """Return the position on the axis, by the depth in windows on the torso."""
-        layer_m, half_m = float(middle.position_m[2]), self._config.layer.half_m
-        read = np.zeros(len(torso_px), np.bool_)
-        if len(torso_px):
-            depth_m = read_layer(torso_px, window_px, image, layer_m, half_m)
-            read = np.isfinite(depth_m)
+        layer_m, read = windows.layer_m, np.isfinite(depth_m)
         if read.any():
-            right_m = deproject(torso_px, np.full(len(read), layer_m), image.info)[read, 0]
+            right_m = deproject(windows.pixels, np.full(len(read), layer_m), info)[read, 0]
             offset_m = self._to_axis(right_m - middle.position_m[0], middle.position_m, yaw_rad)
             axis_m = depth_m[read] + offset_m
             sigma_m = axis_sigma(self._ellipse, yaw_rad, self._uncertainty)

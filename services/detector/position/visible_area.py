@@ -5,6 +5,8 @@ of depth samples there outvotes single readings of the background (docs/method.m
 """
 
 import math
+from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -31,19 +33,29 @@ def area_pixels(
     left, top, right, bottom = cut_to_image(box_xyxy_px, info)
     if not (left < right and top < bottom):
         return EMPTY
-    rows_px = joints_px[:, 1]
-    upper = float(rows_px[:2][known[:2]].mean()) if known[:2].any() else math.nan
-    lower = float(rows_px[2:][known[2:]].mean()) if known[2:].any() else math.nan
+    rows_px, is_known = joints_px[:, 1].tolist(), known.tolist()
+    upper, lower = _mean(rows_px[:2], is_known[:2]), _mean(rows_px[2:], is_known[2:])
     if math.isnan(upper):
         upper = top + config.below_top * (bottom - top)
     if math.isnan(lower) or lower <= upper:
         lower = bottom
-    across, down = np.arange(config.columns) + 0.5, np.arange(config.rows) + 0.5
-    middle, width = (left + right) / 2, config.width * (right - left)
-    grid = np.empty((config.rows, config.columns, 2))
-    grid[..., 0] = middle + width * (across / config.columns - 0.5)
-    grid[..., 1] = (upper + (lower - upper) * (down / config.rows))[:, None]
-    return grid.reshape(-1, 2)
+    width = config.width * (right - left)
+    grid: F64 = _grid(config.columns, config.rows) * (width, lower - upper)
+    grid += ((left + right - width) / 2, upper)
+    return grid
+
+
+@cache
+def _grid(columns: int, rows: int) -> F64:
+    """Return the middles of the cells of a square of side 1, Nx2."""
+    across, down = (np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows
+    return np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+
+
+def _mean(values: Sequence[float], known: Sequence[bool]) -> float:
+    """Return the mean of the known values; NaN if there are none."""
+    chosen = [value for value, is_known in zip(values, known, strict=True) if is_known]
+    return sum(chosen) / len(chosen) if chosen else math.nan
 
 
 def read_pixels(pixels: F64, image: DepthImage) -> F64:
@@ -57,9 +69,8 @@ def read_pixels(pixels: F64, image: DepthImage) -> F64:
 def cut_to_image(box_xyxy_px: F32, info: CameraInfo) -> list[float]:
     """Return the part of a box inside the image: left, top, right, bottom; empty if NaN."""
     sides = (info.width - 1.0, info.height - 1.0) * 2
-    box = np.clip(np.nan_to_num(box_xyxy_px.astype(np.float64), nan=0.0), 0.0, sides)
-    corners: list[float] = box.tolist()
-    return corners
+    corners = zip(box_xyxy_px.tolist(), sides, strict=True)
+    return [min(max(corner, 0.0), side) if corner == corner else 0.0 for corner, side in corners]
 
 
 def box_torso(box_xyxy_px: F32, depth_m: float, info: CameraInfo, config: AreaConfig) -> F64:

@@ -14,20 +14,25 @@ from services.detector.orientation.joint import (
     ANGLES,
     across,
     along,
-    best_angle,
-    joint_yaw,
+    best_angles,
+    joint_yaws,
     log_likelihood,
-    sigma_factor,
+    sigma_factors,
 )
-from services.detector.orientation.observation import JointOffset, YawObservation, observe_body
+from services.detector.orientation.observation import (
+    JointOffsets,
+    YawObservations,
+    observe_bodies,
+)
 from services.detector.position.surface import DepthImage
 from tests import builders
 
 CONFIG = BodyModelConfig()
 FX = 600.0
 INFO = builders.camera_info(width=641, height=481, fx=FX, cx=320.0, cy=240.0)
-UNKNOWN = JointOffset(math.nan, math.nan)
-NOTHING = YawObservation(3.0, {"shoulders": UNKNOWN, "hips": UNKNOWN}, math.nan, math.nan)
+NAN: F64 = np.array([math.nan])
+LAYER_M: F64 = np.array([3.0])
+UNKNOWN = JointOffsets(NAN, NAN)
 MIRRORED = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
 
 
@@ -36,27 +41,44 @@ def at(values: F64, angle_deg: int) -> float:
     return float(values[(angle_deg + 180) // 3 % len(ANGLES)])
 
 
-def observation(angle_deg: int, **changed: Any) -> YawObservation:
+def offsets(across_m: float, along_m: float) -> JointOffsets:
+    return JointOffsets(np.array([across_m]), np.array([along_m]))
+
+
+def observed_as(**changed: Any) -> YawObservations:
+    """Return the observation of one person at 3 m of whom nothing is known but this."""
+    fields: dict[str, Any] = {
+        "z_m": np.array([3.0]),
+        "pairs": {"shoulders": UNKNOWN, "hips": UNKNOWN},
+        **dict.fromkeys(("nose_m", "ears_m", "face", "side"), NAN),
+        "ray_rad": np.zeros(1),
+    }
+    own = {name: np.array([v]) if isinstance(v, float) else v for name, v in changed.items()}
+    return YawObservations(**fields | own)
+
+
+def observation(angle_deg: int, **changed: Any) -> YawObservations:
     """Return the expected observation of a body at an angle."""
     pairs = {
-        name: JointOffset(at(across(pair), angle_deg), at(along(pair, CONFIG.hiding_m), angle_deg))
+        name: offsets(at(across(pair), angle_deg), at(along(pair, CONFIG.hiding_m), angle_deg))
         for name, pair in (("shoulders", SHOULDERS), ("hips", HIPS))
     }
     turned = math.radians(angle_deg)
     nose_m, ears_m = CONFIG.nose_m * math.sin(turned), CONFIG.ears_m * math.cos(turned)
-    fields: dict[str, Any] = {
-        "z_m": 3.0,
-        "pairs": pairs,
-        "nose_m": nose_m,
-        "ears_m": ears_m,
-    } | changed
-    return YawObservation(**fields)
+    fields: dict[str, Any] = {"pairs": pairs, "nose_m": nose_m, "ears_m": ears_m}
+    return observed_as(**fields | changed)
 
 
-def found_deg(body: YawObservation, rule: BodyModelConfig = CONFIG) -> float:
-    best = best_angle(log_likelihood(body, FX, rule))
-    assert best is not None
-    return math.degrees(best.rad)
+def best(body: YawObservations, rule: BodyModelConfig = CONFIG) -> tuple[float, float]:
+    """Return the most likely angle and its standard deviation."""
+    (angle_rad,), (sigma_rad,) = best_angles(log_likelihood(body, FX, rule))
+    return float(angle_rad), float(sigma_rad)
+
+
+def found_deg(body: YawObservations, rule: BodyModelConfig = CONFIG) -> float:
+    angle_rad, sigma_rad = best(body, rule)
+    assert math.isfinite(sigma_rad)
+    return math.degrees(wrap(angle_rad))
 
 
 def test_expected_distance_across() -> None:
@@ -84,9 +106,9 @@ def test_expected_observation_gives_its_angle(angle_deg: int) -> None:
 
 
 def test_the_face_gives_the_side_of_a_profile() -> None:
-    profile = {"shoulders": JointOffset(-0.01, 0.0), "hips": JointOffset(-0.04, 0.0)}
-    left = found_deg(replace_fields(NOTHING, pairs=profile, nose_m=0.08, ears_m=0.0))
-    right = found_deg(replace_fields(NOTHING, pairs=profile, nose_m=-0.08, ears_m=0.0))
+    profile = {"shoulders": offsets(-0.01, 0.0), "hips": offsets(-0.04, 0.0)}
+    left = found_deg(observed_as(pairs=profile, nose_m=0.08, ears_m=0.0))
+    right = found_deg(observed_as(pairs=profile, nose_m=-0.08, ears_m=0.0))
     assert left == pytest.approx(90, abs=4)
     assert right == pytest.approx(-90, abs=4)
 
@@ -101,36 +123,29 @@ def test_low_face_confidence_suggests_a_view_from_behind() -> None:
     # more confident of visible faces.
     confident, other = observation(-180, face=0.62), observation(-180, face=0.45)
     rule = replace(CONFIG, use_confidence=True)
-    spread = [best_angle(log_likelihood(one, FX, rule)) for one in (confident, other)]
-    assert spread[0] is not None
-    assert spread[1] is not None
-    assert spread[1].sigma_rad > 2 * spread[0].sigma_rad
+    assert best(other, rule)[1] > 2 * best(confident, rule)[1]
 
 
 def test_without_measurements_there_is_no_angle() -> None:
-    assert best_angle(log_likelihood(NOTHING, FX, CONFIG)) is None
+    assert best(observed_as())[1] == math.inf
     off = replace(CONFIG, use_shoulders=False, use_hips=False, use_head=False)
-    assert best_angle(log_likelihood(observation(30), FX, off)) is None
+    assert best(observation(30), off)[1] == math.inf
 
 
 def test_parts_are_switched_off() -> None:
     # Facing half to the left; depth is of somebody who faces half to the right.
     body = observation(135, nose_m=math.nan, ears_m=math.nan)
-    wrong = {name: JointOffset(p.across_m, -p.along_m) for name, p in body.pairs.items()}
+    wrong = {name: JointOffsets(p.across_m, -p.along_m) for name, p in body.pairs.items()}
     body = replace_fields(body, pairs=wrong)
     assert found_deg(body) == pytest.approx(-135, abs=4)
-    flat = log_likelihood(body, FX, replace(CONFIG, use_depth=False))
+    (flat,) = log_likelihood(body, FX, replace(CONFIG, use_depth=False))
     assert at(flat, 135) == pytest.approx(at(flat, -135))
 
 
 def test_sigma_grows_where_the_network_is_not_confident_of_a_side() -> None:
     # 0.6 / 0.3 = 2.
-    assert sigma_factor(replace_fields(NOTHING, side=0.3), CONFIG) == pytest.approx(2.0)
-    assert (
-        sigma_factor(replace_fields(NOTHING, side=0.7), CONFIG)
-        == sigma_factor(NOTHING, CONFIG)
-        == 1.0
-    )
+    for side, factor in ((0.3, 2.0), (0.7, 1.0), (0.0, 1.0), (math.nan, 1.0)):
+        assert sigma_factors(observed_as(side=side), CONFIG) == pytest.approx(factor)
 
 
 # From images
@@ -152,10 +167,10 @@ def scene(right_m: float = -0.3, hidden: bool = False) -> tuple[F32, U16]:
     return keypoints, depth
 
 
-def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> YawObservation:
+def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> YawObservations:
     """Return the observation by a camera whose axis is turned so far from the body."""
     info = replace(INFO, cx=INFO.cx + FX * math.tan(ray_rad))
-    return observe_body(keypoints, 3.0, DepthImage(depth, info), 0.3, CONFIG)
+    return observe_bodies(keypoints[None], LAYER_M, DepthImage(depth, info), 0.3, CONFIG)
 
 
 def test_pairs_are_measured_from_the_ray_to_the_torso() -> None:
@@ -163,7 +178,7 @@ def test_pairs_are_measured_from_the_ray_to_the_torso() -> None:
     body = observed(keypoints, depth)
     assert body.pairs["shoulders"].across_m == pytest.approx(-0.3, abs=1e-6)
     assert body.pairs["shoulders"].along_m == pytest.approx(0.1, abs=1e-6)
-    assert math.isnan(body.nose_m)
+    assert np.isnan(body.nose_m).all()
     # Seen along a line 0.2 rad to the left: across 0.3 cos 0.2, and the left joint, which is to the
     # right, is 0.3 sin 0.2 farther along that line, so the right one is nearer by that much:
     # 0.1 / cos 0.2 + 0.3 sin 0.2 as the line goes through the middle of both.
@@ -176,11 +191,11 @@ def test_pairs_are_measured_from_the_ray_to_the_torso() -> None:
 def test_hidden_joints_do_not_count() -> None:
     keypoints, depth = scene(hidden=True)
     body = observed(keypoints, depth)
-    assert all(math.isnan(pair.across_m) for pair in body.pairs.values())
+    assert all(np.isnan(pair.across_m).all() for pair in body.pairs.values())
     keypoints, depth = scene()
     keypoints[6, 0] = -50  # outside of the image
     body = observed(keypoints, depth)
-    assert math.isnan(body.pairs["shoulders"].across_m)
+    assert np.isnan(body.pairs["shoulders"].across_m).all()
     # The line of sight is to the three joints inside of the image.
     assert body.pairs["hips"].across_m == pytest.approx(-0.18, abs=2e-3)
 
@@ -189,8 +204,9 @@ def test_a_mirrored_image_mirrors_the_angle() -> None:
     keypoints, depth = scene()
     mirrored = keypoints[MIRRORED].copy()
     mirrored[:, 0] = 640 - mirrored[:, 0]
-    one = joint_yaw(keypoints, 3.0, DepthImage(depth, INFO), 0.3, CONFIG)
-    other = joint_yaw(mirrored, 3.0, DepthImage(depth[:, ::-1].copy(), INFO), 0.3, CONFIG)
+    flipped = DepthImage(depth[:, ::-1].copy(), INFO)
+    (one,) = joint_yaws(keypoints[None], LAYER_M, DepthImage(depth, INFO), 0.3, CONFIG)
+    (other,) = joint_yaws(mirrored[None], LAYER_M, flipped, 0.3, CONFIG)
     assert one is not None
     assert other is not None
     assert one.rad == pytest.approx(-other.rad, abs=1e-6)
@@ -200,8 +216,24 @@ def test_a_mirrored_image_mirrors_the_angle() -> None:
 
 def test_an_empty_depth_image_gives_no_yaw_by_shoulders_and_hips() -> None:
     keypoints, depth = scene()
-    assert joint_yaw(keypoints, 3.0, DepthImage(np.zeros_like(depth), INFO), 0.3, CONFIG) is None
+    empty = DepthImage(np.zeros_like(depth), INFO)
+    assert joint_yaws(keypoints[None], LAYER_M, empty, 0.3, CONFIG) == [None]
 
 
-def replace_fields(body: YawObservation, **changed: Any) -> YawObservation:
-    return YawObservation(**{f: getattr(body, f) for f in YawObservation.__slots__} | changed)
+def test_people_are_measured_as_each_alone() -> None:
+    keypoints, depth = scene()
+    aside = keypoints.copy()
+    aside[:, 0] -= 100
+    aside[6, 2] = 0.1  # not confident
+    image, layers_m = DepthImage(depth, INFO), np.array([3.0, 3.05, 2.9])
+    people = np.array([keypoints, aside, np.zeros_like(keypoints)])
+    together = joint_yaws(people, layers_m, image, 0.3, CONFIG)
+    alone = [
+        joint_yaws(people[k : k + 1], layers_m[k : k + 1], image, 0.3, CONFIG)[0] for k in range(3)
+    ]
+    assert together == alone
+    assert together[2] is None
+
+
+def replace_fields(body: YawObservations, **changed: Any) -> YawObservations:
+    return YawObservations(**{f: getattr(body, f) for f in YawObservations.__slots__} | changed)

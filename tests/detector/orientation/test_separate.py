@@ -9,7 +9,7 @@ import pytest
 from common.geometry.transforms import LINK_FROM_OPTICAL, project, rotation_from_rpy, wrap
 from people4d.messages import F32, F64, U16
 from services.detector.config import DetectorConfig, KeypointConfig
-from services.detector.orientation.angle import YawEstimate, bearing, heading_vector
+from services.detector.orientation.angle import YawEstimate, bearings, heading_vector
 from services.detector.orientation.config import FaceConfig, OrientationConfig
 from services.detector.orientation.separate import (
     YawPair,
@@ -201,8 +201,10 @@ def test_sign_by_the_nose() -> None:
 def test_the_angle_counts_from_the_ray() -> None:
     # u = 320 - 600: the ray points 45 deg to the left. Profile, left ear seen: 90 + 45.
     pixels = torso(0.0, 0.0, 100.0, u=-280.0)
-    assert math.degrees(bearing(pixels, INFO)) == pytest.approx(45.0)
-    ray_rad = bearing(pixels, INFO)
+    unknown = np.full_like(pixels, np.nan)
+    ray_rad, straight_rad = bearings(np.stack([pixels, unknown]), INFO).tolist()
+    assert math.degrees(ray_rad) == pytest.approx(45.0)
+    assert straight_rad == 0.0
     assert degrees(ratio_yaw(keypoints_of(L_EAR), pixels, ray_rad, None, CONFIG)) == 135.0
     assert degrees(ratio_yaw(keypoints_of(R_EAR), pixels, ray_rad, None, CONFIG)) == -45.0
 

@@ -35,8 +35,8 @@ def test_a_common_error_does_not_shrink() -> None:
 
 def test_sigma_of_a_far_joint_is_that_of_pixels() -> None:
     # 2 px at fx = 50: 0.04 m per metre; at 1 m with 0.03 m: 0.05 m.
-    assert joint_sigma(1.0, INFO, CONFIG) == pytest.approx(0.05)
-    assert joint_sigma(100.0, INFO, CONFIG) == pytest.approx(4.0, rel=1e-3)
+    sigmas_m = joint_sigma(np.array([1.0, 100.0]), INFO, CONFIG)
+    assert sigmas_m == pytest.approx([0.05, 4.0], rel=1e-3)
 
 
 def test_axis_is_uncertain_where_yaw_or_body_is_unknown() -> None:

@@ -8,8 +8,9 @@ from people4d.messages import F64
 from services.detector.config import LayerConfig
 from services.detector.position.layers import (
     DepthSamples,
+    LayerWindows,
     assign_layers,
-    read_layer,
+    read_layers,
 )
 from services.detector.position.proportions import BodySize
 from services.detector.position.surface import DepthImage
@@ -94,9 +95,12 @@ def test_at_an_outline_the_persons_side_is_read() -> None:
     depth_mm = np.full((10, 10), 4000, np.uint16)
     depth_mm[:, :5] = 2000
     image, edge = DepthImage(depth_mm, INFO), np.array([[5.0, 5.0]])
-    np.testing.assert_allclose(read_layer(edge, 3, image, 2.1, 0.25), [2.0])
-    np.testing.assert_allclose(read_layer(edge, 3, image, 4.0, 0.25), [4.0])
-    assert np.isnan(read_layer(edge, 3, image, 3.0, 0.25)).all()
+    windows = [LayerWindows(edge, 3, layer_m) for layer_m in (2.1, 4.0, 3.0)]
+    windows.append(LayerWindows(np.zeros((0, 2)), 3, 2.0))
+    person, wall, neither, nothing = read_layers(windows, image, 0.25)
+    np.testing.assert_allclose([*person, *wall, *neither], [2.0, 4.0, np.nan])
+    assert not len(nothing)
+    assert [len(none) for none in read_layers(windows[3:], image, 0.25)] == [0]
 
 
 def test_an_outline_reaches_beyond_the_keypoints() -> None:

@@ -13,6 +13,7 @@ from services.detector.position.surface import (
     keypoint_mean,
     mask_centroid,
     read_depth,
+    read_windows,
 )
 from tests import builders
 from tests.detector.cameras import lab_info
@@ -126,6 +127,27 @@ def test_a_window_reads_the_median_of_valid_readings() -> None:
         read_depth(pixels, DepthImage(depth, INFO), window_px=3), [2.0, np.nan]
     )
     np.testing.assert_allclose(read_depth(pixels, DepthImage(depth, INFO)), [np.nan, np.nan])
+
+
+def test_windows_of_several_sizes_and_ranges_are_read_as_each_alone() -> None:
+    rng = np.random.default_rng(3)
+    depth = rng.integers(0, 4000, (48, 64)).astype(np.uint16)
+    depth[rng.random(depth.shape) < 0.2] = 0
+    image = DepthImage(depth, INFO)
+    pixels = rng.uniform(-8, 70, (40, 2))
+    sides = rng.choice([1, 3, 5, 9], 40)
+    nearest_m = rng.uniform(-0.5, 2.0, 40)
+    farthest_m = nearest_m + rng.uniform(0.1, 3.0, 40)
+    median_m, share = read_windows(pixels, image, sides, nearest_m, farthest_m)
+    for k, (u, v) in enumerate(np.rint(pixels).astype(int)):
+        half = sides[k] // 2
+        rows = slice(max(v - half, 0), max(v + half + 1, 0))
+        window_m = depth[rows, max(u - half, 0) : max(u + half + 1, 0)] / 1000
+        counted = window_m[(window_m > 0) & (window_m >= nearest_m[k])]
+        counted = counted[counted <= farthest_m[k]]
+        expected_m = np.median(counted) if counted.size else np.nan
+        np.testing.assert_allclose(median_m[k], expected_m)
+        assert share[k] == pytest.approx(counted.size / max(window_m.size, 1))
 
 
 def test_a_keypoint_on_the_wall_is_left_out_by_the_torso_gap() -> None:

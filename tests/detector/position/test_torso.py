@@ -48,7 +48,7 @@ def estimates(
 ) -> list[PositionEstimate | None]:
     image = DepthImage(depth_mm, INFO)
     torsos = estimator.find([person(points) for points in people], 0.3, image)
-    return [None if t is None else estimator.estimate(*t, image, yaw_rad) for t in torsos]
+    return estimator.estimate(torsos, image, [yaw_rad] * len(torsos))
 
 
 def person(points: F32) -> DetectedPerson:
@@ -191,10 +191,12 @@ def side_on(z_m: float = 1.2) -> tuple[DetectedPerson, U16]:
 def test_near_person_from_the_side_without_hips_is_not_put_on_the_wall() -> None:
     cut_off, depth_mm = side_on()
     image = DepthImage(depth_mm, INFO)
-    torso = AXIS.find([cut_off], 0.3, image)[0]
-    assert torso is not None
-    assert torso[0].known.tolist() == [True, True, False, False]  # hips at the edge are guesses
-    estimate = AXIS.estimate(*torso, image, None)
+    torsos = AXIS.find([cut_off], 0.3, image)
+    assert torsos[0] is not None
+    known = torsos[0][0].known.tolist()
+    assert known == [True, True, False, False]  # hips at the edge are guesses
+    (estimate,) = AXIS.estimate(torsos, image, [None])
+    assert estimate is not None
     assert estimate.position_m[2] == pytest.approx(1.35, abs=0.02)
     assert estimate.covariance_m2 is not None
     assert abs(estimate.position_m[2] - 1.35) < 2 * math.sqrt(estimate.covariance_m2[2, 2])
