@@ -25,7 +25,7 @@ class Measurement:
     embedding: F64 | None = None  # D, unit length; None if unknown
     yaw_rad: float | None = None  # [rad] orientation, frame: tracking; None: unknown
     yaw_sigma_rad: float | None = None  # [rad] its standard deviation; None if unknown
-    from_behind: bool = False  # by the yaw, the camera shows the person's back
+    bearing_rad: float | None = None  # [rad] direction from the camera; None: unknown
     added_covariance_m2: F64 | None = None  # [m^2] 3x3, on top of the measurement noise
 
 

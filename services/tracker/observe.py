@@ -15,7 +15,6 @@ from services.tracker.interface import ImageEdges, Measurement, Observation, Unl
 
 PEOPLE_MAX = 128  # of one frame, those of the highest scores; matching takes their cube
 POSE_SIGMA_MIN_M = 0.01  # [m] a better known pose adds no covariance
-BEHIND_COS = 0.5  # a heading within 60 deg of the line of sight shows the back
 LEVEL_MIN = 0.2  # a heading with a shorter level part (steeper than 78 deg) has no yaw
 
 
@@ -60,7 +59,7 @@ def observe(
                     embedding=vectors.get(index),
                     yaw_rad=yaw_rad,
                     yaw_sigma_rad=person.heading_sigma_rad,
-                    from_behind=is_from_behind(yaw_rad, positions_m[index], map_from_camera),
+                    bearing_rad=math.atan2(*(positions_m[index] - map_from_camera[:3, 3])[1::-1]),
                     added_covariance_m2=pose_covariance(
                         map_from_camera[:3, :3] @ person.position_m, pose
                     )
@@ -102,14 +101,6 @@ def _covariances_m2(people: Sequence[Detection], map_from_camera: F64) -> dict[i
     known = {i: covariance for i, covariance in covariances_m2 if covariance is not None}
     stacked = np.array(list(known.values()))
     return dict(zip(known, rotated(stacked, map_from_camera), strict=True)) if known else {}
-
-
-def is_from_behind(yaw_rad: float | None, position_m: F64, map_from_camera: F64) -> bool:
-    """Check that a yaw in the map leads away from the camera, which then shows the back."""
-    if yaw_rad is None:
-        return False
-    x, y, _ = (position_m - map_from_camera[:3, 3]).tolist()
-    return math.cos(yaw_rad - math.atan2(y, x)) > BEHIND_COS
 
 
 def edges(info: CameraInfo) -> ImageEdges:

@@ -3,6 +3,7 @@
 from collections import Counter
 
 import numpy as np
+import pytest
 
 from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
@@ -73,16 +74,9 @@ def test_of_too_many_people_those_of_the_highest_scores_are_tracked() -> None:
     assert counters["too_many"] == 500 - PEOPLE_MAX
 
 
-def test_people_who_face_away_from_the_camera_are_from_behind() -> None:
-    # The person is 45 deg to the right; yaws count from the line of sight, + to the left.
+def test_bearing_leads_from_the_camera_to_the_person() -> None:
+    # The camera looks along +x from the origin; the person is 45 deg to the right.
+    person = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([2.0, 0.0, 2.0]))
     pose = TransformEstimate(LINK_FROM_OPTICAL)
-    for yaw_deg, expected in ((0, True), (55, True), (-55, True), (65, False), (180, False)):
-        yaw_rad = np.radians(yaw_deg - 45)
-        person = Detection(
-            box_xyxy_px=BOX,
-            score=0.9,
-            position_m=np.array([2.0, 0.0, 2.0]),
-            heading=np.array([-np.sin(yaw_rad), 0.0, np.cos(yaw_rad)]),
-        )
-        (found,) = observe(detections(person), None, pose, 100.0, Counter()).measurements
-        assert found.from_behind == expected
+    (found,) = observe(detections(person), None, pose, 100.0, Counter()).measurements
+    assert found.bearing_rad == pytest.approx(np.radians(-45))

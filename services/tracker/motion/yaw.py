@@ -39,7 +39,10 @@ UNIFORM_RAD = math.pi / math.sqrt(3)  # standard deviation of an angle about whi
 REVERSED_RAD = math.radians(120)  # a measurement farther off is taken as reversed
 YAW_STATE_MAX = 1e12  # of a checkpoint; its largest numbers are seconds and variances
 STEPS_MAX = 1000  # of one prediction; a yaw that was not measured for so long is unknown
-WALKING = 0.5  # weight of a direction of walking against measurements: people step back, too
+BEHIND_COS = 0.5  # a heading within 60 deg of the line of sight shows the back
+# Weights of a direction of walking against measurements: people step back, too; but networks take
+# backs for fronts more often than people step back from a camera
+WALKING, WALKING_AWAY = 0.5, 2.0
 STEP_MAX_S = 0.2  # [s] one measurement counts for no longer
 
 States = Sequence[YawState | None]  # one for each track, None: unknown
@@ -109,8 +112,8 @@ class KeypointYaw(VelocityYaw):
         if self._config.sigma_walk_rad == math.inf:
             return after
         return [
-            self._walked(state, self._direction.read(None, v), before)
-            for state, v, before in zip(after, velocities_mps, states, strict=True)
+            self._walked(state, self._direction.read(None, v), before, m)
+            for state, v, before, m in zip(after, velocities_mps, states, measurements, strict=True)
         ]
 
     def _measured(self, state: YawState | None, measurement: Measurement) -> YawState | None:
@@ -123,7 +126,7 @@ class KeypointYaw(VelocityYaw):
         measured_rad, variance = measurement.yaw_rad, self._variance(measurement)
         if measured_rad is None or not math.isfinite(measured_rad):
             return state
-        least_s = self._config.reversal_s if measurement.from_behind else 0.0
+        least_s = self._config.reversal_s if is_from_behind(measured_rad, measurement) else 0.0
         if state is None:
             return self._start(measured_rad, variance, least_s)
         step_s = min(state.since_s, STEP_MAX_S)
@@ -138,22 +141,32 @@ class KeypointYaw(VelocityYaw):
         return after and after._replace(agreement_s=agreement_s, since_s=0.0)
 
     def _walked(
-        self, state: YawState | None, direction_rad: float | None, before: YawState | None
+        self,
+        state: YawState | None,
+        direction_rad: float | None,
+        before: YawState | None,
+        measurement: Measurement,
     ) -> YawState | None:
         """Return a state updated with a direction of walking, if there is one.
 
-        A reversed one takes away agreement in frames with a measurement, until the state turns.
+        In frames with a measurement a reversed one takes away agreement, until the state turns; one
+        that leads away from the camera adds to it, too.
         """
         variance = self._config.sigma_walk_rad**2
         if state is None or before is None or direction_rad is None:
             return self._correct(state, direction_rad, variance)
-        if not self._is_reversed(state, direction_rad):
-            return self._correct(state, direction_rad, variance)
+        leaves = is_from_behind(direction_rad, measurement)
         step_s = min(max(before.since_s - state.since_s, 0.0), STEP_MAX_S)
-        agreement_s = state.agreement_s - WALKING * step_s
+        step_s *= WALKING_AWAY if leaves else WALKING
+        if not self._is_reversed(state, direction_rad):
+            after = self._correct(state, direction_rad, variance)
+            agreement_s = state.agreement_s + step_s * leaves
+            limited_s = max(min(agreement_s, self._config.reversal_s), state.agreement_s)
+            return after and after._replace(agreement_s=limited_s)
+        agreement_s = state.agreement_s - step_s
         if agreement_s >= 0:
             return state._replace(agreement_s=agreement_s)
-        return self._start(state.psi_rad + math.pi, state.psi_variance)
+        return self._start(state.psi_rad + math.pi, state.psi_variance, step_s * leaves)
 
     def _correct(
         self, state: YawState | None, measured_rad: float | None, variance: float
@@ -202,6 +215,12 @@ def trust(measurement: Measurement) -> float:
     """Return the weight (0 to 1) of a measurement against reversed ones; a guess has none."""
     sigma_rad = measurement.yaw_sigma_rad or 0.0
     return max(1.0 - (sigma_rad / UNIFORM_RAD) ** 2, 0.0)
+
+
+def is_from_behind(direction_rad: float, measurement: Measurement) -> bool:
+    """Check that a direction leads away from the camera: a person who faces it shows the back."""
+    bearing_rad = measurement.bearing_rad
+    return bearing_rad is not None and math.cos(direction_rad - bearing_rad) > BEHIND_COS
 
 
 def predicted(

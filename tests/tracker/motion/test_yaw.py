@@ -15,7 +15,13 @@ from people4d.messages import F64, Detection, Message, Track, Tracks
 from services.tracker.build import build, make_tracker
 from services.tracker.config import TrackerConfig, YawFilterConfig
 from services.tracker.interface import Measurement
-from services.tracker.motion.yaw import KeypointYaw, VelocityYaw, YawState, make_yaw
+from services.tracker.motion.yaw import (
+    KeypointYaw,
+    VelocityYaw,
+    YawState,
+    is_from_behind,
+    make_yaw,
+)
 from services.tracker.observe import yaw_of
 from tests import builders
 from tests.tracker.scene import FRAME_NS, frame, person, published, published_config
@@ -207,13 +213,45 @@ def test_a_yaw_from_behind_ends_a_reversed_one_at_once() -> None:
     yaw = update(None, facing(3.0, sigma_rad=0.15), shipped)
     for _ in range(10):
         yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped)
-    back = replace(facing(0.0, sigma_rad=0.15), from_behind=True)
+    back = replace(facing(0.0, sigma_rad=0.15), bearing_rad=0.0)
     yaw = update(predict(yaw, 0.1, shipped), back, shipped)
     assert yaw.psi_rad == pytest.approx(0.0)
     # It outlasts four reversed ones, as ten that agree do.
     for _ in range(4):
         yaw = update(predict(yaw, 0.1, shipped), facing(3.0, sigma_rad=0.15), shipped)
         assert yaw.psi_rad == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "expected"), [(0, True), (55, True), (-55, True), (65, False), (180, False)]
+)
+def test_yaw_along_the_view_is_from_behind(yaw_deg: float, expected: bool) -> None:
+    measured = replace(facing(0.0), bearing_rad=np.radians(-45))
+    assert is_from_behind(np.radians(yaw_deg - 45), measured) == expected
+    assert not is_from_behind(np.radians(yaw_deg - 45), facing(0.0))
+
+
+def test_walking_away_turns_a_yaw_towards_the_camera() -> None:
+    shipped = KeypointYaw(YawFilterConfig())
+    front = replace(facing(3.0, sigma_rad=0.15), bearing_rad=0.0)
+    away, nearer = np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0])
+    yaw = update(None, front, shipped)
+    for _ in range(10):
+        yaw = update(predict(yaw, 0.1, shipped), front, shipped)
+    published_ = []
+    for _ in range(6):
+        yaw = update(predict(yaw, 0.1, shipped), front, shipped, away)
+        published_.append(abs(yaw.psi_rad) < 0.5)
+    assert published_ == [False, False, True, True, True, True]
+    # A person who stops, and is measured from the front still, faces the camera.
+    for _ in range(6):
+        yaw = update(predict(yaw, 0.1, shipped), front, shipped, np.zeros(3))
+    assert yaw.psi_rad == pytest.approx(3.0, abs=0.2)
+    # Walking towards a camera, a person measured from behind steps back.
+    back = replace(facing(0.0, sigma_rad=0.15), bearing_rad=0.0)
+    for _ in range(6):
+        yaw = update(predict(yaw, 0.1, shipped), back, shipped, nearer)
+    assert yaw.psi_rad == pytest.approx(0.0, abs=0.2)
 
 
 def test_walking_decides_between_measurements_that_contradict_each_other() -> None:
