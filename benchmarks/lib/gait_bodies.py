@@ -5,7 +5,7 @@ inside of the body: a reference is made from joints, the middle of the hand from
 forearm, that of the foot from the ankle along the heading, both moved towards the camera.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,7 +94,9 @@ def tally(
     tables = GaitTables(StepConfig())
     for index, frame in enumerate(results):
         tables.add(stamps_ns[index], frame)
-        assigned.append(_assigned([one.person for one in frame], truth.joints_m[index]))
+        before = {one.id: k for k, one in assigned[-1].items()} if assigned else {}
+        people_here = [one.person for one in frame]
+        assigned.append(_assigned(people_here, truth.joints_m[index], before))
         for k, person in assigned[-1].items():
             votes.setdefault(person.id, [0] * people)[k] += 1
     tallies = [Tally() for _ in range(people)]
@@ -115,10 +117,21 @@ def tally(
     return tallies
 
 
-def _assigned(estimates: Sequence[PersonGait], joints_m: F64) -> dict[int, PersonGait]:
-    """Return the estimates by the number of their true person, one to one, by heads."""
+def _assigned(
+    estimates: Sequence[PersonGait], joints_m: F64, before: Mapping[int, int]
+) -> dict[int, PersonGait]:
+    """Return the estimates by the number of their true person, one to one, by heads.
+
+    A pair of the frame before, the person by the id, stays while it is near: somebody who is hidden
+    and predicted takes no one else's estimate [Bernardin 2008].
+    """
     off_m = np.array([_off_m(one, joints_m) for one in estimates]).reshape(-1, len(joints_m))
-    rows, columns = linear_sum_assignment(np.minimum(off_m, SAME_PERSON_M))
+    costs = np.minimum(off_m, SAME_PERSON_M)
+    for row, one in enumerate(estimates):
+        k = before.get(one.id)
+        if k is not None and off_m[row, k] < SAME_PERSON_M:
+            costs[row, k] -= len(estimates) * SAME_PERSON_M
+    rows, columns = linear_sum_assignment(costs)
     return {
         int(k): estimates[int(row)]
         for row, k in zip(rows, columns, strict=True)
