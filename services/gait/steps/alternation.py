@@ -105,9 +105,12 @@ def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
 
 
 def _stood(before: Swing, after: Swing, same: bool, config: StepConfig) -> bool:
-    """Check that the other foot than the one that landed first stood between two landings."""
-    there_m = after.other_m if same else after.from_m
-    return bool(np.linalg.norm(there_m - before.other_m) < config.length_min_m)
+    """Check that a foot that would have taken an unseen step between two landings stood."""
+    if same:
+        moved_m = [after.other_m - before.other_m]
+    else:
+        moved_m = [after.from_m - before.other_m, after.other_m - before.to_m]
+    return any(bool(np.linalg.norm(one) < config.length_min_m) for one in moved_m)
 
 
 def _period_s(swings: Sequence[Swing], config: StepConfig) -> float | None:

@@ -19,7 +19,8 @@ from services.gait.config import StepConfig
 from services.gait.steps.stances import Bins, Stance, collect, find_stances, inliers
 
 BIN_S = 0.05
-EDGES = (0.1, 0.92)  # of the length of a swing, at which the foot has left and has landed
+# Of the length of a swing: the foot has left; between the others it approaches its footprint
+LIFTED, APPROACH = 0.1, (0.7, 0.92)
 EXCHANGE_COST_M = 0.08  # displacement that feet must save to be exchanged
 EXCHANGED_COST_M = 0.01  # of each frame of exchanged feet: else labels are taken as right
 SWING_MAX_S = 1.2
@@ -28,6 +29,7 @@ DOUBLE_S = 0.08  # [s] least time that both feet stand between two swings
 PARTIAL = 1.5  # times the least length, of a swing whose begin was not visible
 LANDED_S = 0.2  # [s] after a landing, from which on it is one
 HIDDEN_S = 0.15  # [s] without a sample, of which the foot may have stood a part
+BRIEF_S = 0.25  # [s] shorter motions are less likely swings
 CLEAR = 1.5  # times the least length, from which on a swing counts in full
 
 Side = Literal["left", "right"]
@@ -188,7 +190,8 @@ def _swing(
     known = [k for k in range(first, last + 1) if bins.sampled[k]]
     along = np.array([bins.position_m(k, k + 1) for k in known]) - from_m
     along = np.maximum.accumulate(along @ (to_m - from_m) / length_m**2)
-    lifted_s, landed_s = (_crossing_s(times_s[known], along, edge) for edge in EDGES)
+    lifted_s = _crossing_s(times_s[known], along, LIFTED)
+    landed_s = min(_landed_s(times_s[known], along), float(times_s[last]) + BIN_S)
     moving = slice(first + 1, last)
     stands = np.zeros(len(times_s), bool)
     for one in others:
@@ -206,9 +209,18 @@ def _swing(
         from_m=from_m,
         to_m=to_m,
         other_m=there[-1].position_m if there else np.full(2, np.nan),
-        confidence=clear * visible * alone,
+        confidence=clear * visible * alone * min(1.0, time_s / BRIEF_S),
         complete=complete,
     )
+
+
+def _landed_s(times_s: F64, along: F64) -> float:
+    """Return when a foot would reach its footprint at the speed with which it approaches it.
+
+    The end of the path itself is not clear: it is as slow there as its noise.
+    """
+    far_s, near_s = (_crossing_s(times_s, along, edge) for edge in APPROACH)
+    return near_s + (1.0 - APPROACH[1]) / (APPROACH[1] - APPROACH[0]) * max(near_s - far_s, 0.0)
 
 
 def _crossing_s(times_s: F64, along: F64, edge: float) -> float:

@@ -390,6 +390,31 @@ def test_unobserved_step_counts_in_the_cadence_only_if_the_foot_moved() -> None:
     assert [one.steps for one in alternating(stood, CONFIG)] == [0, 1, 1, 0, 1]
 
 
+def test_foot_that_stood_between_two_landings_took_no_unseen_steps() -> None:
+    # Right and then left, with the time of three steps between them.
+    swings = walk("lrlr..lr")
+    assert [one.steps for one in alternating(swings, CONFIG)] == [0, 1, 1, 1, 3, 1]
+    swings[4] = replace(swings[4], other_m=swings[3].to_m)
+    assert [one.steps for one in alternating(swings, CONFIG)] == [0, 1, 1, 1, 0, 1]
+
+
+def test_motion_of_a_frame_or_two_is_hardly_a_step() -> None:
+    # A point that jumps past the other foot.
+    times_s = np.arange(0, 4, 1 / 30)
+    left, right = feet(np.zeros_like(times_s))
+    left[times_s > 2, 0] += 0.7
+    assert all(one.confidence < 0.5 for one in found_steps(left, right, times_s))
+
+
+def test_landing_is_in_time_at_any_rate_and_phase() -> None:
+    # Landings every 0.5 s, from 0.5 s on.
+    for begin_s, rate_hz in ((0.0, 30), (0.013, 30), (0.02, 20), (0.0, 15)):
+        times_s = np.arange(begin_s, 8, 1 / rate_hz)
+        landed_s = [one.landed_s for one in found_steps(*feet(times_s), times_s)]
+        off_s = np.array(landed_s) / 0.5 - np.round(np.array(landed_s) / 0.5)
+        assert np.abs(off_s * 0.5).max() < 0.06, rate_hz
+
+
 def test_step_after_a_pause_is_one() -> None:
     swings = walk("lrlr")
     swings.append(landed("left", swings[-1].landed_s + 3.0, 3.0))
