@@ -107,7 +107,8 @@ class Loop:
             LoopCallbacks(
                 wake=self.inbox.wake,
                 release=self._turnstile.release,
-                publish=self._send,
+                # Who receives it in this process would only contend for the interpreter.
+                publish=None if self._bus.exchange else self._send,
                 replicas=self._replica.names if self._replica else lambda: ("", ()),
                 demand=self._demand,
                 robot=self._bus.robot,

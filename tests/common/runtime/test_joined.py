@@ -12,7 +12,7 @@ import pytest
 from common.runtime import joined, process
 from common.runtime.joined import ServiceBuild
 from common.runtime.loop import Loop
-from common.runtime.node import Node
+from common.runtime.node import LoopCallbacks, Node
 from common.transport.exchange import Exchange
 from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import ZenohBus, read_config
@@ -262,3 +262,20 @@ def test_services_are_named_one_by_one() -> None:
     ]
     with pytest.raises(ConfigError, match="names 3 of 2"):
         process.process_ids(["detector", "tracker"], "a+b+c")
+
+
+@pytest.mark.parametrize("exchange", [None, Exchange()])
+def test_only_apart_an_output_goes_out_before_the_rest_of_the_answer(
+    network: Network, exchange: Exchange | None
+) -> None:
+    # In one process its receiver and the sender would contend for the interpreter.
+    found: list[bool] = []
+
+    class Attached(Source):
+        def attach(self, loop: LoopCallbacks) -> None:
+            found.append(loop.publish is None)
+
+    config = read_config(None, "peer", network.environment)
+    with contextlib.closing(ZenohBus(config, network.robot(), exchange=exchange)) as bus:
+        Loop(Attached(0), bus, ProcessId("detector", "detector-1", "here")).run()
+    assert found == [exchange is not None]
