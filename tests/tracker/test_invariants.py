@@ -224,6 +224,24 @@ def test_predicting_changes_nothing(name: str) -> None:
 
 
 @both
+def test_frames_of_other_cameras_do_not_make_tracks_stiff(name: str) -> None:
+    def last(others: int) -> Track:
+        tracker = make(name)
+        for number in range(20):
+            (track,) = tracker.update(frame(number, person(3, 0.1 * number), camera="a"))
+            for k in range(others):
+                later_ns = (k + 1) * FRAME_NS // (others + 1)
+                empty = frame(number, camera=f"b{k}")
+                tracker.update(dataclasses.replace(empty, stamp_ns=empty.stamp_ns + later_ns))
+        return track
+
+    alone, among = last(0), last(3)
+    np.testing.assert_allclose(np.diag(among.covariance), np.diag(alone.covariance), rtol=0.05)
+    np.testing.assert_allclose(among.position_m, alone.position_m, atol=1e-3)
+    np.testing.assert_allclose(among.velocity_mps, alone.velocity_mps, atol=1e-2)
+
+
+@both
 def test_prediction_moves_and_grows_uncertain_until_the_track_ends(name: str) -> None:
     tracker = make(name)
     for number in range(10):

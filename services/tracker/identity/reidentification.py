@@ -90,7 +90,9 @@ class Reidentification(IdentityPolicy):
         since_ns = record.missed_since_ns + record.out_of_view_ns
         missed_s = (observation.stamp_ns - since_ns) / 1e9
         config = self._config
-        return missed_s > (config.absent_cut_off_s if leaves else config.absent_s)
+        # Before its own camera has missed it, that camera's frames may be late.
+        has_left = leaves and record.missed > 0
+        return missed_s > (config.absent_cut_off_s if has_left else config.absent_s)
 
     def _ended(self, record: TrackRecord, observation: Observation) -> bool:
         """Check for a confirmed track of the frame's camera that is absent."""

@@ -69,9 +69,10 @@ class PositionMotion:
     def __init__(self, config: StrongSort3dConfig) -> None:
         self._config = config
 
-    def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
-        """Move states ahead."""
-        pp, pv, vv = kalman.acceleration_noise(dt_s, self._config.sigma_acceleration_mps2)
+    def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
+        """Move states ahead; the covariance of the process noise is multiplied by a factor."""
+        sigma_mps2 = math.sqrt(noise_factor) * self._config.sigma_acceleration_mps2
+        pp, pv, vv = kalman.acceleration_noise(dt_s, sigma_mps2)
         F = np.eye(6) + dt_s * VELOCITY_TO_POSITION
         return kalman.predict(x, P, F, pp * OF_POSITION + pv * OF_BOTH + vv * OF_VELOCITY)
 
@@ -150,13 +151,13 @@ class BoxMotion:
     def __init__(self, config: Sort3dConfig) -> None:
         self._config = config
 
-    def predict(self, x: F64, P: F64, dt_s: float) -> tuple[F64, F64]:
+    def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
         """Move states ahead; an area that would vanish stops shrinking, as in SORT."""
         x = x.copy()
         x[x[:, 2] + dt_s * x[:, 9] <= 0, 9] = 0.0
         F = np.eye(13)
         F[self._moving, self._speeds] = dt_s
-        return kalman.predict(x, P, F, self._process_noise(x[:, 2], dt_s))
+        return kalman.predict(x, P, F, noise_factor * self._process_noise(x[:, 2], dt_s))
 
     def measure(self, measurements: Sequence[Measurement]) -> F64:
         """Return u, v, s, r, x, y, z."""

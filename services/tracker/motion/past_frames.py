@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.interface import Measurement
+from services.tracker.interface import Measurement, Observation
 from services.tracker.motion.state_filter import FilterState
 from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.yaw import YawState
 
 LENGTH_NS = 1_000_000_000  # for which frames are stored
+LASTS_MAX_S = 0.2  # of an acceleration between frames of several cameras
 
 
 class PastMatch(NamedTuple):
@@ -43,6 +44,7 @@ class PastFrame:
     """All tracks after a frame, by the addresses of their records."""
 
     stamp_ns: int
+    camera: str
     states: dict[int, PastState]
     matches: dict[int, PastMatch]
 
@@ -70,16 +72,27 @@ class PastFrames:
         """Note a match in the frame that is tracked."""
         self._matches[id(record)] = match
 
-    def add(self, records: Sequence[TrackRecord], stamp_ns: int) -> None:
+    def add(self, records: Sequence[TrackRecord], observation: Observation) -> None:
         """Store the tracks after the frame that is tracked."""
         states = {  # their arrays are replaced, never changed
             id(t): PastState(t, FilterState(t.x, t.P, t.imm), t.yaw, t.matched_ns) for t in records
         }
-        frame, self._matches = PastFrame(stamp_ns, states, self._matches), {}
+        frame = PastFrame(observation.stamp_ns, observation.camera, states, self._matches)
+        self._matches = {}
         insort(self._frames, frame, key=lambda f: f.stamp_ns)
         newest_ns = self._frames[-1].stamp_ns
         while self._frames[0].stamp_ns < newest_ns - LENGTH_NS:
             del self._frames[0]
+
+    def noise_factor(self, observation: Observation, dt_s: float) -> float:
+        """Return the factor of the noise of the motion, dt_s seconds after the frame before.
+
+        An acceleration lasts from one frame of a camera to its next, as with one camera alone. If
+        it lasted for the shorter time between frames of several, tracks would follow people the
+        less the more cameras there are.
+        """
+        before_ns = self._stamps_before(observation.stamp_ns).get(observation.camera)
+        return _noise_factor(observation.stamp_ns, before_ns, dt_s)
 
     def go_back(self, records: Sequence[TrackRecord], stamp_ns: int) -> int:
         """Set tracks to their states after the last frame before a time; return its stamp [ns].
@@ -115,14 +128,20 @@ class PastFrames:
             # The next frame is that after the last one, not after the late one.
             record.missed_since_ns = max(record.missed_since_ns, record.matched_ns)
 
+    def _stamps_before(self, stamp_ns: int) -> dict[str, int]:
+        """Return the stamp of the last frame of each camera before a time."""
+        return {f.camera: f.stamp_ns for f in self._frames if f.stamp_ns < stamp_ns}
+
     def _filter_again(
         self, records: Sequence[TrackRecord], stamp_ns: int, later: Sequence[PastFrame]
     ) -> None:
         if not records:
             return
+        before_ns = self._stamps_before(later[0].stamp_ns) if later else {}
         for frame in later:
             dt_s = (frame.stamp_ns - stamp_ns) / 1e9
-            self._filter.predict(records, dt_s)
+            factor = _noise_factor(frame.stamp_ns, before_ns.get(frame.camera), dt_s)
+            self._filter.predict(records, dt_s, factor)
             matched = [t for t in records if id(t) in frame.matches]
             self._update(matched, [frame.matches[id(t)] for t in matched])
             for t in records:
@@ -130,13 +149,20 @@ class PastFrames:
                 matched_ns = max(t.matched_ns, before.matched_ns if before else 0)
                 state = FilterState(t.x, t.P, t.imm)
                 frame.states[id(t)] = PastState(t, state, t.yaw, matched_ns)
-            stamp_ns = frame.stamp_ns
+            stamp_ns = before_ns[frame.camera] = frame.stamp_ns
 
     def _update(self, records: Sequence[TrackRecord], matches: Sequence[PastMatch]) -> None:
         if not records:
             return
         z, R = np.array([m.z for m in matches]), np.array([m.R for m in matches])
         self._filter.update(records, [match.measurement for match in matches], z, R)
+
+
+def _noise_factor(stamp_ns: int, before_ns: int | None, dt_s: float) -> float:
+    """Return the factor of the noise in a frame whose camera's frame before had a stamp."""
+    if before_ns is None or dt_s <= 0:
+        return 1.0
+    return max(min((stamp_ns - before_ns) / 1e9, LASTS_MAX_S) / dt_s, 1.0)
 
 
 def _is_changed(

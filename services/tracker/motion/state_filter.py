@@ -69,11 +69,14 @@ class KalmanFilter:
     def start(self, x: F64, P: F64) -> None:
         """Return None: the state has one model only."""
 
-    def predict(self, records: Sequence[TrackRecord], dt_s: float) -> list[FilterState]:
-        """Return the states of tracks dt_s seconds later."""
+    def predict(
+        self, records: Sequence[TrackRecord], dt_s: float, noise_factor: float = 1.0
+    ) -> list[FilterState]:
+        """Return the states of tracks dt_s seconds later, see `PositionMotion.predict`."""
         unmatched = np.array([t.missed > 0 for t in records])
         x, P = self._decay(*stack(records), unmatched, dt_s)
-        return [FilterState(*s) for s in zip(*self._motion.predict(x, P, dt_s), strict=True)]
+        states = self._motion.predict(x, P, dt_s, noise_factor)
+        return [FilterState(*s) for s in zip(*states, strict=True)]
 
     def update(self, records: Sequence[TrackRecord], z: F64, R: F64) -> list[FilterState]:
         """Return states updated with one measurement (Nxm, noise Nxmxm) each."""
@@ -101,17 +104,26 @@ class Imm:
         """Begin with one state (6) and covariance (6x6): both modes are equally probable."""
         return ImmState(np.array([x, x]), np.array([P, P]), np.array([0.5, 0.5]))
 
-    def predict(self, records: Sequence[TrackRecord], dt_s: float) -> list[FilterState]:
-        """Return the states of tracks dt_s seconds later."""
+    def predict(
+        self, records: Sequence[TrackRecord], dt_s: float, noise_factor: float = 1.0
+    ) -> list[FilterState]:
+        """Return the states of tracks dt_s seconds later, see `PositionMotion.predict`."""
         unmatched = np.array([t.missed > 0 for t in records])
-        return self.means(*self.predict_modes(*self._modes(records), unmatched, dt_s))
+        modes = self.predict_modes(*self._modes(records), unmatched, dt_s, noise_factor)
+        return self.means(*modes)
 
     def update(self, records: Sequence[TrackRecord], z: F64, R: F64) -> list[FilterState]:
         """Return states updated with one measurement (Nx3, noise Nx3x3) each."""
         return self.means(*self.update_modes(*self._modes(records), z, R))
 
     def predict_modes(
-        self, x: F64, P: F64, probability: F64, unmatched: BOOL, dt_s: float
+        self,
+        x: F64,
+        P: F64,
+        probability: F64,
+        unmatched: BOOL,
+        dt_s: float,
+        noise_factor: float = 1.0,
     ) -> tuple[F64, F64, F64]:
         """Mix the modes of N tracks by their transitions and move each on for dt_s seconds.
 
@@ -122,8 +134,8 @@ class Imm:
         transition = np.array([[1 - start, start], [stop, 1 - stop]])
         x, P, probability = mix(x, P, probability, transition)
         walking = self._decay(x[:, WALKING], P[:, WALKING], unmatched, dt_s)
-        x[:, WALKING], P[:, WALKING] = self._motion.predict(*walking, dt_s)
-        self._stand(x[:, STANDING], P[:, STANDING], dt_s)
+        x[:, WALKING], P[:, WALKING] = self._motion.predict(*walking, dt_s, noise_factor)
+        self._stand(x[:, STANDING], P[:, STANDING], dt_s, noise_factor)
         return x, P, probability
 
     def update_modes(
@@ -160,10 +172,11 @@ class Imm:
             np.array([s.mode_probability for s in states]),
         )
 
-    def _stand(self, x: F64, P: F64, dt_s: float) -> None:
+    def _stand(self, x: F64, P: F64, dt_s: float, noise_factor: float) -> None:
         """Stay, with a velocity of 0 that has the variance of a person who begins to walk."""
         config = self._config
-        drift_m2 = config.standing_sigma_mps**2 * dt_s**2 + config.drift_m2ps * dt_s
+        moved_m2 = noise_factor * config.standing_sigma_mps**2 * dt_s**2
+        drift_m2 = moved_m2 + config.drift_m2ps * dt_s
         x[:, 3:] = 0.0
         P *= IS_POSITION
         P += drift_m2 * ON_POSITION + self._begins_to_walk

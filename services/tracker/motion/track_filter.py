@@ -23,15 +23,19 @@ class TrackFilter:
     def __init__(self, state: StateFilter, yaw: VelocityYaw, velocity: slice) -> None:
         self._state, self._yaw, self._velocity = state, yaw, velocity
 
-    def predicted(self, records: Sequence[TrackRecord], dt_s: float) -> Filtered:
-        """Return states and yaws of tracks dt_s seconds later."""
-        states = self._state.predict(records, dt_s)
+    def predicted(
+        self, records: Sequence[TrackRecord], dt_s: float, noise_factor: float = 1.0
+    ) -> Filtered:
+        """Return states and yaws of tracks dt_s seconds later, see `PositionMotion.predict`."""
+        states = self._state.predict(records, dt_s, noise_factor)
         yaws = self._yaw.predict([t.yaw for t in records], dt_s)
         return list(zip(states, yaws, strict=True))
 
-    def predict(self, records: Sequence[TrackRecord], dt_s: float) -> None:
+    def predict(
+        self, records: Sequence[TrackRecord], dt_s: float, noise_factor: float = 1.0
+    ) -> None:
         """Move tracks ahead by dt_s seconds."""
-        _set(records, self.predicted(records, dt_s))
+        _set(records, self.predicted(records, dt_s, noise_factor))
 
     def update(
         self, records: Sequence[TrackRecord], measurements: Sequence[Measurement], z: F64, R: F64

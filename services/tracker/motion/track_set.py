@@ -129,7 +129,7 @@ class TrackSet:
         self.records = self._alive(observation.stamp_ns)
         if not self.records:
             return
-        self._filter.predict(self.records, dt_s)
+        self._filter.predict(self.records, dt_s, self._past.noise_factor(observation, dt_s))
         for record in self.records:
             record.age += 1
             record.detection = None
@@ -173,7 +173,7 @@ class TrackSet:
                 record.streak = 0
         for measurement in unmatched:
             self.begin(measurement, observation, self.ids.new())
-        self._past.add(self.records, observation.stamp_ns)
+        self._past.add(self.records, observation)
         return self.tracks(observation.stamp_ns)
 
     def begin(self, measurement: Measurement, observation: Observation, identity: int) -> None:

@@ -133,7 +133,7 @@ class StrongSort3d(TrackSetTracker):
         first = associate(self._appearance_cost(confirmed, frame), confirmed, detections)
         # After a time without frames the distance alone says little.
         gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
-        recent = [] if gap else [t for t in first.unmatched_tracks if _is_recent(t, observation)]
+        recent = [] if gap else [t for t in first.unmatched_tracks if t.missed <= 1]
         recent += tentative
         rest = first.unmatched_detections
         cost = self._distance_cost(recent, rest)
@@ -164,7 +164,8 @@ class StrongSort3d(TrackSetTracker):
             return np.zeros((len(records), len(detections)), np.bool_)
         (x, P), z = stack(records), self._motion.measure(detections)
         d_m2 = kalman.gating_distances(x, P, z, self._motion.gate_noise(detections))
-        far = d_m2 > self._config.mahalanobis_max
+        uncertain = np.array([_is_uncertain(t, frame.observation) for t in records])
+        far = (d_m2 > self._config.mahalanobis_max) | uncertain[:, None]
         unlike = cosine_distances(records, detections) > frame.cosine_distance_max  # not of NaN
         confirmed = np.array([record.confirmed for record in records])
         return np.asarray(far & unlike & confirmed[:, None])
@@ -189,11 +190,10 @@ class StrongSort3d(TrackSetTracker):
         self._policies.identity.clear()
 
 
-def _is_recent(record: TrackRecord, observation: Observation) -> bool:
-    """Check for a match in the last frame, or the one before, of the camera that had it."""
-    is_own = record.camera == observation.camera
+def _is_uncertain(record: TrackRecord, observation: Observation) -> bool:
+    """Check for a track that another camera had last, so long ago that its position is a guess."""
     elapsed_ns = observation.stamp_ns - record.matched_ns
-    return record.missed <= 1 and (is_own or elapsed_ns <= OTHERS_NS)
+    return record.camera != observation.camera and elapsed_ns > OTHERS_NS
 
 
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:

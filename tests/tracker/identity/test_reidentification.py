@@ -187,6 +187,21 @@ def test_track_cut_off_at_the_edge_is_absent_sooner() -> None:
     assert results(absent_cut_off_s=0.3) == [(2, "tentative", None)]
 
 
+@pytest.mark.parametrize(("camera", "identity"), [("camera", 2), ("other", 1)])
+def test_track_cut_off_at_the_edge_is_not_absent_before_its_camera_missed_it(
+    camera: str, identity: int
+) -> None:
+    # The frames of a camera that come late miss it no more than those that are not there yet.
+    sort = tracker(IdentityConfig(enabled=True))
+    red = person(3, 1.5, embedding=RED)
+    for number in range(10):
+        sort.update(with_pose(number, red))
+    for number in range(10, 13):
+        sort.update(dataclasses.replace(with_pose(number), camera=camera))
+    tracks = sort.update(dataclasses.replace(with_pose(13, red), camera="other"))
+    assert [t.id for t in tracks if t.detection is not None] == [identity]
+
+
 @pytest.mark.parametrize("y_m", [0.0, 1.0])
 def test_person_hidden_at_the_edge_left(y_m: float) -> None:
     # RED, at 4 m, is last seen in the middle of the image or at its edge, then hidden by BLUE for

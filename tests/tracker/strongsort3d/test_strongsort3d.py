@@ -138,17 +138,19 @@ def test_round_two_is_closed_to_tracks_missed_before() -> None:
     assert results == [(1, "confirmed")]  # and the tentative track, unmatched, is gone
 
 
-@pytest.mark.parametrize(("since", "identity"), [(2, 1), (3, 2)])
-def test_round_two_is_closed_to_tracks_that_another_camera_had_long_ago(
-    since: int, identity: int
+@pytest.mark.parametrize(
+    ("since", "embedding", "identity"), [(2, BLUE, 1), (3, BLUE, 2), (3, RED, 1)]
+)
+def test_gated_round_two_goes_by_appearance_where_another_camera_had_the_track_long_ago(
+    since: int, embedding: tuple[float, ...], identity: int
 ) -> None:
     # Frames of the first camera come late: it has not missed its person, 0.3 m from the other.
-    sort = tracker()
+    sort = tracker(distance_gated=True)
     for number in range(3):
         sort.update(frame(number, person(3, 0, embedding=RED)))
     for number in range(3, 2 + since):
         sort.update(frame(number, camera="other"))
-    found = sort.update(frame(2 + since, person(3, 0.3, embedding=BLUE), camera="other"))
+    found = sort.update(frame(2 + since, person(3, 0.3, embedding=embedding), camera="other"))
     assert [track.id for track in found if track.detection is not None] == [identity]
 
 
