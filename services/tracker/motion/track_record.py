@@ -58,6 +58,7 @@ class TrackRecord:
     hits: int = 1  # frames matched, the first included
     streak: int = 1  # frames matched since the last miss
     age: int = 1  # frames since the first one, itself included
+    begun_ns: int = 0  # [ns] stamp of the first match; 0: unknown
     missed_since_ns: int = 0  # [ns] stamp of the last match; of the frame after it, if much later
     missed: int = 0  # frames since the last match, this one included until it is matched
     occluded: int = 0  # of these, frames in which another person hid this one
@@ -67,6 +68,11 @@ class TrackRecord:
     visible_ratio: float = 1.0  # part of a person's width inside of the image there
     leaving: bool = False  # the predicted position has left the image
     cut_off: bool = False  # the last box reached the left or right of the image
+
+
+def is_beside(record: TrackRecord, new: TrackRecord) -> bool:
+    """Check that a camera found a person beside a new track: they are two people."""
+    return record.camera == new.camera and record.matched_ns >= new.begun_ns > 0
 
 
 def stack(records: Sequence[TrackRecord]) -> tuple[F64, F64]:

@@ -187,6 +187,7 @@ class TrackSet:
             score=measurement.score,
             camera=observation.camera,
             matched_ns=observation.stamp_ns,
+            begun_ns=observation.stamp_ns,
             detection=measurement.index,
             confirmed=self._lifecycle.confirm_hits <= 1,
             embedding=measurement.embedding,
@@ -239,6 +240,7 @@ class TrackSet:
             self.stamp_ns += duration_ns
         for record in self.records:
             record.matched_ns += duration_ns
+            record.begun_ns += duration_ns
 
     def _alive(self, stamp_ns: int) -> list[TrackRecord]:
         expired = self._lifecycle.expired
