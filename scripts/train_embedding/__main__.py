@@ -18,12 +18,11 @@ OUTPUT = Path(__file__).resolve().parents[2] / "models" / "appearance-lab.onnx"
 SCENES, CROPS = 6, 4  # in a batch: scenes, and crops of each of their people
 TEMPERATURE = 0.1
 RATE, DECAY = 2e-3, 1e-4
-SCHEDULE_STEPS = 2800  # in which the rate would fall to 0
 SHARED_SCENE = 6  # identities of a scene, see render.PEOPLE
 
 
 def read_crops(folder: Path) -> tuple[Tensor, np.ndarray]:
-    """Return all crops (Nx4xHxW bytes) and their owners (N)."""
+    """Return all crops (Nx6xHxW bytes) and their owners (N)."""
     crops, owners, first = [], [], 0
     for path in sorted(folder.glob("*.npz")):
         with np.load(path) as file:
@@ -75,7 +74,7 @@ def main() -> None:
     """Train and export."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("data", type=Path, help="folder that render.py wrote")
-    parser.add_argument("--steps", type=int, default=2000)
+    parser.add_argument("--steps", type=int, default=2200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
     flags = parser.parse_args()
@@ -86,11 +85,15 @@ def main() -> None:
     print(f"{len(crops)} crops of {len(np.unique(owners))} people", flush=True)
     network = AppearanceNetwork()
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, SCHEDULE_STEPS, pct_start=0.1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, flags.steps + 1, pct_start=0.1)
     total = 0.0
     for step in range(1, flags.steps + 1):
         indices, people = batches(owners, rng)
-        loss = contrastive_loss(network(augment(crops[indices], CROPS)), torch.from_numpy(people))
+        number, scene = (
+            torch.from_numpy(np.unique(groups, return_inverse=True)[1])
+            for groups in (people, people // SHARED_SCENE)
+        )
+        loss = contrastive_loss(network(augment(crops[indices], number, scene)), number)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

@@ -6,19 +6,22 @@ from torch.nn import functional  # type: ignore[import-not-found]
 
 from scripts.train_embedding.network import HEIGHT_PX, WIDTH_PX
 
+HIDDEN = (124 / 255, 116 / 255, 104 / 255)  # colour of hidden pixels, HIDDEN_RGB of the messages
+RGB, OWN, HIDES, LAYER = slice(0, 3), slice(3, 4), slice(4, 5), slice(5, 6)  # channels of crops
 
-def augment(crops: Tensor, views: int) -> Tensor:
+
+def augment(crops: Tensor, people: Tensor, scenes: Tensor) -> Tensor:
     """Return crops as input of the network.
 
     Args:
-        crops: Nx4xHxW bytes, the last channel is the mask; all crops of one person in a row.
-        views: Number of crops of each person.
+        crops: Nx6xHxW bytes, see render.py.
+        people: N numbers from 0, of the person of each crop.
+        scenes: N numbers from 0, of the scene of each crop: its light is much the same.
     """
-    images = dyed(moved(crops.float() / 255), views)
-    images = other_background(images)
-    images = occluded(images)
-    rgb, mask = images[:, :3], images[:, 3:]
-    return torch.cat([blurred(lit(rgb)), used_mask(mask)], 1)
+    images = dyed(moved(crops.float() / 255), people, scenes)
+    images = occluded(other_background(images))
+    rgb = blurred(lit(images[:, RGB], scenes))
+    return with_mask(torch.cat([rgb, images[:, 3:]], 1))
 
 
 def uniform(count: int, low: float, high: float) -> Tensor:
@@ -31,23 +34,28 @@ def chance(count: int, share: float) -> Tensor:
     return uniform(count, 0, 1) < share
 
 
-def dyed(images: Tensor, views: int) -> Tensor:
-    """Return images in which some people have other colours, the same in all their views."""
-    people = len(images) // views
-    matrix = torch.eye(3) + 0.25 * torch.randn(people, 3, 3)
-    order = torch.rand(people, 3).argsort(1)
+def dyed(images: Tensor, people: Tensor, scenes: Tensor) -> Tensor:
+    """Return images in which some people have other colours, the same in all their views.
+
+    In some scenes everyone's are dark.
+    """
+    count = int(people.max()) + 1
+    matrix = torch.eye(3) + 0.25 * torch.randn(count, 3, 3)
+    order = torch.rand(count, 3).argsort(1)
     matrix = torch.gather(matrix, 1, order[:, :, None].expand(-1, -1, 3))
     matrix = matrix / matrix.sum(2, keepdim=True).clamp_min(0.3)
-    matrix = matrix * torch.exp(0.5 * torch.randn(people, 1, 1))
-    matrix = torch.where(torch.rand(people, 1, 1) < 0.5, matrix, torch.eye(3))
-    light = torch.einsum("nij,njhw->nihw", matrix.repeat_interleave(views, 0), images[:, :3] ** 2.2)
-    mask = images[:, 3:]
-    rgb = mask * light.clamp(0, 1) ** (1 / 2.2) + (1 - mask) * images[:, :3]
-    return torch.cat([rgb, mask], 1)
+    matrix = matrix * torch.exp(0.5 * torch.randn(count, 1, 1))
+    matrix = torch.where(torch.rand(count, 1, 1) < 0.5, matrix, torch.eye(3))[people]
+    several = int(scenes.max()) + 1
+    darker = torch.where(chance(several, 0.2), uniform(several, 0.05, 0.3), torch.ones(1))
+    light = torch.einsum("nij,njhw->nihw", matrix, images[:, RGB] ** 2.2) * darker[scenes]
+    own = images[:, OWN]
+    rgb = own * light.clamp(0, 1) ** (1 / 2.2) + (1 - own) * images[:, RGB]
+    return torch.cat([rgb, images[:, 3:]], 1)
 
 
 def moved(images: Tensor) -> Tensor:
-    """Return images with boxes that are a little off, some mirrored."""
+    """Return images with boxes that are a little off, some mirrored, some cut off."""
     count = len(images)
     theta = torch.zeros(count, 2, 3)
     turn = torch.randn(count) * 0.08
@@ -56,75 +64,119 @@ def moved(images: Tensor) -> Tensor:
     theta[:, 0, 0], theta[:, 1, 1] = flip * scale[:, 0], scale[:, 1]
     theta[:, 0, 1], theta[:, 1, 0] = turn, -turn
     theta[:, :, 2] = torch.randn(count, 2) * 0.1
-    # Some boxes are cut low, as by a desk or the image's edge
-    cut = torch.where(
-        torch.rand(count) < 0.15, torch.empty(count).uniform_(0.45, 0.9), torch.ones(1)
+    # Some boxes are cut, low as by a desk, or left and right as by the image's edge
+    low, side = (
+        torch.where(
+            torch.rand(count) < share, torch.empty(count).uniform_(least, 0.9), torch.ones(1)
+        )
+        for share, least in ((0.25, 0.35), (0.12, 0.4))
     )
-    theta[:, 1, 2] += cut - 1
-    theta[:, 1, 1] *= cut
-    grid = functional.affine_grid(theta, [count, 4, HEIGHT_PX, WIDTH_PX], align_corners=False)
+    theta[:, 1, 2] += low - 1
+    theta[:, 1, 1] *= low
+    theta[:, 0, 2] += (1 - side) * torch.where(torch.rand(count) < 0.5, -1.0, 1.0)
+    theta[:, 0, 0] *= side
+    grid = functional.affine_grid(
+        theta, [count, images.shape[1], HEIGHT_PX, WIDTH_PX], align_corners=False
+    )
     return functional.grid_sample(images, grid, padding_mode="border", align_corners=False)
 
 
 def other_background(images: Tensor) -> Tensor:
     """Return images some of whose backgrounds are another image, or one colour."""
     count = len(images)
-    rgb, mask = images[:, :3], images[:, 3:]
-    other = images[torch.randperm(count), :3].flip(3)
+    rgb, own = images[:, RGB], images[:, OWN]
+    other = images[torch.randperm(count), RGB].flip(3)
     plain = torch.rand(count, 3, 1, 1) + 0.1 * torch.randn(count, 3, HEIGHT_PX, WIDTH_PX)
     other = torch.where(chance(count, 0.4), plain.clamp(0, 1), other)
-    mixed = mask * rgb + (1 - mask) * other
-    return torch.cat([torch.where(chance(count, 0.4), mixed, rgb), mask], 1)
+    mixed = own * rgb + (1 - own) * other
+    return torch.cat([torch.where(chance(count, 0.4), mixed, rgb), images[:, 3:]], 1)
 
 
 def occluded(images: Tensor) -> Tensor:
-    """Return images, in some of which a part of another image covers a rectangle."""
+    """Return images, in some of which another person, or a rectangle, covers a part."""
     count = len(images)
     v = torch.arange(HEIGHT_PX).view(1, 1, -1, 1) / HEIGHT_PX
     u = torch.arange(WIDTH_PX).view(1, 1, 1, -1) / WIDTH_PX
-    hidden = (v - uniform(count, 0, 1)).abs() < uniform(count, 0.05, 0.3)
-    hidden = hidden & ((u - uniform(count, -0.2, 1.2)).abs() < uniform(count, 0.1, 0.5))
-    hidden = hidden & chance(count, 0.3)
-    other = images[torch.randperm(count)].clone()
-    other[:, 3] = 0
-    return torch.where(hidden, other, images)
+    rectangle = (v - uniform(count, 0, 1)).abs() < uniform(count, 0.05, 0.3)
+    rectangle = rectangle & ((u - uniform(count, -0.2, 1.2)).abs() < uniform(count, 0.1, 0.5))
+    # Another person before this one, to a side and lower in the image, since nearer
+    other = images[torch.randperm(count)]
+    theta = torch.zeros(count, 2, 3)
+    theta[:, 0, 0] = torch.empty(count).uniform_(0.5, 1.2)
+    theta[:, 1, 1] = torch.empty(count).uniform_(0.5, 1.1)
+    theta[:, 0, 2] = torch.empty(count).uniform_(-1.2, 1.2)
+    theta[:, 1, 2] = torch.empty(count).uniform_(-1.0, 0.2)
+    grid = functional.affine_grid(theta, list(other.shape), align_corners=False)
+    other = functional.grid_sample(other, grid, align_corners=False)
+    hides = torch.where(chance(count, 0.6), other[:, OWN], rectangle.float())
+    hides = hides * chance(count, 0.4)
+    rgb = hides * other[:, RGB] + (1 - hides) * images[:, RGB]
+    planes = images[:, 3:] * (1 - hides)
+    planes[:, 1:2] = torch.maximum(images[:, HIDES], hides)
+    return torch.cat([rgb, planes], 1)
 
 
-def lit(rgb: Tensor) -> Tensor:
-    """Return images in other light: exposure, white balance, gradients, glare, tone, saturation."""
-    count = len(rgb)
+def lit(rgb: Tensor, scenes: Tensor) -> Tensor:
+    """Return images in other light: exposure, white balance, gradients, glare, tone, saturation.
+
+    Most of it is common to a scene, since one camera saw it within minutes.
+    """
+    count, several = len(rgb), int(scenes.max()) + 1
     light = rgb.clamp(0, 1) ** 2.2
     v = torch.linspace(-1, 1, HEIGHT_PX).view(1, 1, -1, 1)
     u = torch.linspace(-1, 1, WIDTH_PX).view(1, 1, 1, -1)
-    gain = torch.randn(count, 1, 1, 1) * 0.4 + torch.randn(count, 3, 1, 1) * 0.07
-    gain = gain + v * torch.randn(count, 1, 1, 1) * 0.25 + u * torch.randn(count, 1, 1, 1) * 0.2
-    light = light * torch.exp(gain) + uniform(count, -0.02, 0.03)
+    gain = torch.randn(several, 1, 1, 1) * 0.4 + torch.randn(several, 3, 1, 1) * 0.1
+    gain = gain[scenes] + torch.randn(count, 1, 1, 1) * 0.25 + torch.randn(count, 3, 1, 1) * 0.05
+    gain = gain + v * torch.randn(count, 1, 1, 1) * 0.2 + u * torch.randn(count, 1, 1, 1) * 0.15
+    glare = uniform(several, -0.015, 0.025)[scenes] + uniform(count, -0.005, 0.005)
+    light = light * torch.exp(gain) + glare
     grey = light.mean(1, keepdim=True)
-    light = (grey + uniform(count, 0.75, 1.7) * (light - grey)).clamp(0, 1)
-    return light ** (uniform(count, 0.75, 1.5) / 2.2)
+    saturation = uniform(several, 0.7, 1.7)[scenes] * uniform(count, 0.9, 1.1)
+    light = (grey + saturation * (light - grey)).clamp(0, 1)
+    return light ** (uniform(several, 0.75, 1.5)[scenes] * uniform(count, 0.93, 1.07) / 2.2)
 
 
 def blurred(rgb: Tensor) -> Tensor:
-    """Return images some of which are blurred, with noise."""
+    """Return images some of which are blurred or small, with noise."""
     count = len(rgb)
     soft = functional.avg_pool2d(rgb, 3, 1, 1, count_include_pad=False)
-    coarse = functional.interpolate(functional.avg_pool2d(rgb, 2), scale_factor=2.0)
-    rgb = torch.where(chance(count, 0.25), soft, rgb)
-    rgb = torch.where(chance(count, 0.2), coarse, rgb)
-    return (rgb + torch.randn_like(rgb) * uniform(count, 0, 0.04)).clamp(0, 1)
+    streaked = functional.avg_pool2d(rgb, (1, 5), 1, (0, 2), count_include_pad=False)
+    rgb = torch.where(chance(count, 0.2), soft, rgb)
+    rgb = torch.where(chance(count, 0.15), streaked, rgb)
+    rgb = noisy(rgb, 0.03)
+    for factor, share in ((2, 0.25), (3, 0.12)):
+        pooled = noisy(functional.avg_pool2d(rgb, factor), 0.03)
+        coarse = functional.interpolate(pooled, rgb.shape[2:], mode="bilinear")
+        rgb = torch.where(chance(count, share), coarse, rgb)
+    return rgb
 
 
-def used_mask(mask: Tensor) -> Tensor:
-    """Return masks as a depth layer gives them; all ones where there is none."""
-    count = len(mask)
-    grown = functional.max_pool2d(mask, 3, 1, 1)
-    shrunk = 1 - functional.max_pool2d(1 - mask, 3, 1, 1)
-    mask = torch.where(chance(count, 0.3), grown, mask)
-    mask = torch.where(chance(count, 0.3), shrunk, mask)
-    shift = int(torch.randint(-2, 3, (1,)))
-    mask = torch.where(chance(count, 0.5), mask.roll(shift, 3), mask)
+def noisy(rgb: Tensor, most: float) -> Tensor:
+    """Return images with noise of a random standard deviation."""
+    return (rgb + torch.randn_like(rgb) * uniform(len(rgb), 0, most)).clamp(0, 1)
+
+
+def with_mask(images: Tensor) -> Tensor:
+    """Return colours and a mask as a detector gives them.
+
+    With a depth image, hidden pixels are blanked, and the mask is without them, in half of the
+    images without what is far behind, too; some detectors give a mask of the person, and without
+    depth and without such a mask it is all ones.
+    """
+    count = len(images)
+    own, hides, layer = images[:, OWN], images[:, HIDES], images[:, LAYER]
+    ragged = torch.rand(count, 1, HEIGHT_PX, WIDTH_PX) * uniform(count, 0, 0.8)
+    shift = int(torch.randint(-1, 2, (1,)))
+    moved_layer = torch.where(chance(count, 0.4), layer.roll(shift, 3), layer)
     holes = functional.interpolate(
-        torch.rand(count, 1, HEIGHT_PX // 6, WIDTH_PX // 6), scale_factor=6.0
+        torch.rand(count, 1, HEIGHT_PX // 4, WIDTH_PX // 4), scale_factor=4.0
     )
-    mask = torch.where(chance(count, 0.3) & (holes < 0.1), torch.zeros(1), mask)
-    return torch.where(chance(count, 0.7), (mask > 0.5).float(), torch.ones(1))
+    near = torch.maximum(moved_layer + ragged, (holes < uniform(count, 0, 0.3)).float())
+    blank = (hides + 0.5 * (ragged - 0.4) > 0.5).float()
+    kind = uniform(count, 0, 1)
+    mask = torch.where(kind < 0.5, near * (1 - blank), 1 - blank)
+    mask = torch.where(kind > 0.85, own, mask)
+    mask = torch.where(kind > 0.93, torch.ones(1), mask)
+    colour = torch.tensor(HIDDEN).view(1, 3, 1, 1)
+    rgb = torch.where((kind < 0.9) & (blank > 0), colour, images[:, RGB])
+    return torch.cat([rgb, (mask > 0.5).float()], 1)

@@ -115,8 +115,22 @@ def draw_cut(rng: Rng) -> CastMember:
     )
 
 
-def draw_outfit(rng: Rng) -> Outfit:
-    """Draw the colours of a person; dark clothes are as common as they are."""
+def draw_outfit(rng: Rng, dark: bool = False) -> Outfit:
+    """Draw the colours of a person; dark clothes are as common as they are.
+
+    `dark`: black, dark grey or navy from head to foot.
+    """
+    if dark:
+        return Outfit(
+            shirt=np.array([dark_cloth(rng)]),
+            band_m=1.0,
+            open_m=0.0,
+            pattern=Pattern(0),
+            legs=dark_cloth(rng),
+            shoes=grey(rng, 0.008, 0.03),
+            hair=varied(rng, HAIRS[rng.integers(len(HAIRS))], 0.4),
+            skin=varied(rng, SKINS[rng.integers(len(SKINS))], 0.2),
+        )
     count = 1 if rng.random() < 0.72 else int(rng.integers(2, 4))
     patterns: Sequence[Pattern] = (
         list(Pattern) if count == 1 and rng.random() < 0.4 else [Pattern(0)]
@@ -131,6 +145,12 @@ def draw_outfit(rng: Rng) -> Outfit:
         hair=varied(rng, HAIRS[rng.integers(len(HAIRS))], 0.4),
         skin=varied(rng, SKINS[rng.integers(len(SKINS))], 0.2),
     )
+
+
+def dark_cloth(rng: Rng) -> F64:
+    """Draw a dark colour, some of them bluish."""
+    blue = np.array([1.0, 1.0, rng.uniform(1.0, 2.2)])
+    return varied(rng, grey(rng, 0.006, 0.035) * blue, 0.15)
 
 
 def shirt_cloth(rng: Rng) -> F64:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from common.geometry.transforms import (
     LINK_FROM_OPTICAL,
@@ -31,11 +32,15 @@ from lab.motion.motion import PersonMotion, simulate
 from lab.scenario import WALKABLE_M, Gesture, PersonPlan, RoomName, Waypoint
 from lab.truth.frames import project_visible
 from lab.world import camera_info
-from people4d.messages import F64, U8, CameraInfo
+from people4d.messages import F32, F64, U8, CameraInfo
 from scripts.train_embedding.outfits import DressedBody, Paint, Rng, draw_cut, draw_outfit
 
+BOOL = npt.NDArray[np.bool_]
 HEIGHT_PX, WIDTH_PX = 80, 40  # of stored crops
 IMAGE_PX = (256, 192)
+DARK_SCENES = 0.4  # share of scenes in which all wear dark clothes
+LAYER_M = (-0.4, 0.5)  # depths of the person's layer, relative to the median of what is visible
+FULL_BOX = 0.6  # share of crops whose box reaches towards hidden parts of the body
 PIXELS_MIN = 150  # of a person that are visible, else there is no crop
 PEOPLE = 6  # of a scene
 SHOULDERS = [5, 6]  # COCO; of people without one that is visible there is no crop
@@ -49,6 +54,16 @@ class Stage:
     bodies: Sequence[DressedBody]
     motions: Sequence[PersonMotion]  # of each body
     rooms: Sequence[tuple[RoomName, Renderer]]
+
+
+@dataclass(frozen=True)
+class PersonView:
+    """View of one person in an image."""
+
+    own: U8  # HxW, 1 where the person is visible
+    hidden: U8  # HxW, 1 on surfaces before the person
+    layer: U8  # HxW, 1 on surfaces at about the person's depth
+    box_px: F64  # left, top, right, bottom of the body with its hidden parts, in the image
 
 
 @dataclass(frozen=True)
@@ -95,32 +110,34 @@ def draw_motion(rng: Rng, body: DressedBody) -> PersonMotion:
 
 
 def crops_of_scene(rng: Rng, stage: Stage, views: int) -> Iterator[tuple[int, U8]]:
-    """Yield the crops of one scene: number of the person, HEIGHT_PX x WIDTH_PX x 4, last the mask.
+    """Yield the crops of one scene: number of the person, HEIGHT_PX x WIDTH_PX x 6.
 
-    Half of the views are in one room.
+    The last channels are `own`, `hidden` and `layer` of PersonView. Half of the views are in one
+    room.
     """
-    people = [draw_identity(rng, stage) for _ in range(PEOPLE)]
+    dark = bool(rng.random() < DARK_SCENES)
+    people = [draw_identity(rng, stage, dark) for _ in range(PEOPLE)]
     home = int(rng.integers(len(stage.rooms)))
     for view in range(views):
         room = home if view < views // 2 else int(rng.integers(len(stage.rooms)))
-        rgb, masks = draw_image(rng, stage, people, room)
-        for k, mask in enumerate(masks):
-            crop = cut(rng, rgb, mask)
+        rgb, person_views = draw_image(rng, stage, people, room)
+        for k, person_view in person_views.items():
+            crop = cut(rng, rgb, person_view)
             if crop is not None:
                 yield k, crop
 
 
-def draw_identity(rng: Rng, stage: Stage) -> Identity:
+def draw_identity(rng: Rng, stage: Stage, dark: bool) -> Identity:
     """Draw a person."""
     body = int(rng.integers(len(stage.bodies)))
     pose = stage.motions[body].at(0.0)
-    return Identity(body, stage.bodies[body].paint(draw_outfit(rng), pose))
+    return Identity(body, stage.bodies[body].paint(draw_outfit(rng, dark), pose))
 
 
 def draw_image(
     rng: Rng, stage: Stage, people: Sequence[Identity], number: int
-) -> tuple[U8, list[U8]]:
-    """Draw the people somewhere in a room; return the image, and the mask of each found person."""
+) -> tuple[U8, dict[int, PersonView]]:
+    """Draw the people somewhere in a room; return the image, and the views of found people."""
     kind, renderer = stage.rooms[number]
     (left, low), (_, high) = WALKABLE_M[kind]
     at = np.array(
@@ -137,23 +154,38 @@ def draw_image(
         meshes.append(dressed.mesh(moved, k + 1, person.paint))
         shoulders_m.append(dressed.body.keypoints_m(moved)[SHOULDERS])
     rgb = renderer.exposed([Instant(meshes, optical_from_map)], int(rng.integers(2**31)))
-    owners = draw_owners([renderer.room.mesh, *meshes], optical_from_map, renderer.info)
-    masks = []
+    owners, depth_m = draw_owners([renderer.room.mesh, *meshes], optical_from_map, renderer.info)
+    views = {}
     for k, points_m in enumerate(shoulders_m):
-        mask = (owners == k + 1).astype(np.uint8)
+        own = owners == k + 1
         column, row = np.rint(project_visible(apply(optical_from_map, points_m), renderer.info)).T
-        inside = (column >= 0) & (column < mask.shape[1]) & (row >= 0) & (row < mask.shape[0])
-        visible = mask[row[inside].astype(int), column[inside].astype(int)].any()
-        masks.append(mask if visible else np.zeros_like(mask))
-    return rgb, masks
+        inside = (column >= 0) & (column < own.shape[1]) & (row >= 0) & (row < own.shape[0])
+        if own[row[inside].astype(int), column[inside].astype(int)].any():
+            body_px = project_visible(apply(optical_from_map, meshes[k].vertices_m), renderer.info)
+            views[k] = view_of(own, depth_m, body_px)
+    return rgb, views
 
 
-def draw_owners(meshes: Sequence[Mesh], optical_from_map: F64, info: CameraInfo) -> U8:
-    """Return the image of the numbers of people, 0 = room."""
+def view_of(own: BOOL, depth_m: F32, body_px: F64) -> PersonView:
+    """Return the view of a person from their pixels, the depth image and the projected body."""
+    relative_m = depth_m - np.median(depth_m[own])
+    body_px = body_px[np.isfinite(body_px).all(axis=1)]
+    box_px = np.concatenate([body_px.min(axis=0), body_px.max(axis=0)])
+    size = np.array(own.shape[::-1] * 2)
+    return PersonView(
+        own.astype(np.uint8),
+        ((relative_m < LAYER_M[0]) & ~own).astype(np.uint8),
+        ((relative_m >= LAYER_M[0]) & (relative_m <= LAYER_M[1])).astype(np.uint8),
+        np.clip(box_px, 0, size),
+    )
+
+
+def draw_owners(meshes: Sequence[Mesh], optical_from_map: F64, info: CameraInfo) -> tuple[U8, F32]:
+    """Return the image of the numbers of people, 0 = room, and the depth image [m]."""
     scene = join(meshes)
     corners = homogeneous(scene.vertices_m, camera_matrix(info) @ optical_from_map[:3])
     raster = rasterise(corners, scene.faces, (info.height, info.width))
-    return np.append(scene.owner, 0).astype(np.uint8)[raster.triangle]
+    return np.append(scene.owner, 0).astype(np.uint8)[raster.triangle], raster.depth_m()
 
 
 def camera_pose(at: F64, target: F64, roll_rad: float) -> F64:
@@ -187,24 +219,26 @@ def moved_pose(pose: BodyPose, where: F64, turn_rad: float) -> BodyPose:
     return BodyPose(moved, pose.rotations)
 
 
-def cut(rng: Rng, rgb: U8, mask: U8) -> U8 | None:
-    """Cut out what is visible of a person, about as a detector does; None if that is too little."""
-    if np.count_nonzero(mask) < PIXELS_MIN:
+def cut(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
+    """Cut out a person, about as a detector does; None if too little of them is visible."""
+    own = view.own
+    if np.count_nonzero(own) < PIXELS_MIN:
         return None
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    low = np.array([rows[0], columns[0]])
-    high = np.array([rows[-1] + 1, columns[-1] + 1])
+    rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
+    visible_px = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
+    share = rng.uniform(0, 1, 4) if rng.random() < FULL_BOX else np.zeros(4)
+    box_px = visible_px + share * (view.box_px - visible_px)
+    low, high = box_px[1::-1], box_px[:1:-1]
     size = high - low
     low = np.clip(np.rint(low - size * rng.uniform(-0.04, 0.1, 2)), 0, None).astype(int)
-    high = np.clip(np.rint(high + size * rng.uniform(-0.04, 0.1, 2)), low + 4, mask.shape)
+    high = np.clip(np.rint(high + size * rng.uniform(-0.04, 0.1, 2)), low + 4, own.shape)
     window = (slice(low[0], int(high[0])), slice(low[1], int(high[1])))
-    if min(rgb[window].shape[:2]) < 8:
+    if min(rgb[window].shape[:2]) < 8 or not own[window].any():
         return None
-    image = cv2.resize(rgb[window], (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA)
-    own = cv2.resize(
-        mask[window] * np.uint8(255), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA
-    )
-    return np.dstack([image, own])
+    planes = [plane[window] * np.uint8(255) for plane in (own, view.hidden, view.layer)]
+    parts = [rgb[window], *planes]
+    size_px = (WIDTH_PX, HEIGHT_PX)
+    return np.dstack([cv2.resize(part, size_px, interpolation=cv2.INTER_AREA) for part in parts])
 
 
 def main() -> None:
