@@ -7,100 +7,24 @@ lock-step with tracing on and off, by turns.
 """
 
 import argparse
-import tempfile
-import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
-import psutil
 
-from benchmarks.lib.live_camera import DEMO, LiveDemo
-from benchmarks.lib.system import running
+from benchmarks.lib.playback import INFERENCE, Playback, live, lockstep, play
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.lib.tracing_cost import cost_of_marks, tracing
 from common.runtime.latency import merge_stages, percentiles
-from common.runtime.monitor import FramePath, Monitor
-from common.transport.trace import STAGES, ProcessId
-from people4d.messages import Detections, Tracks
+from common.runtime.monitor import FramePath
+from common.transport.trace import STAGES
 
-WARM_UP = 15
 RATE_SHARE = 0.6
-LIMITS_MS = (5.0, 15.0)  # wanted of all that is not inference, at p50 and p99
-INFERENCE = ("inference", "inference_wait")
-
-
-@dataclass
-class SubscriberRun:
-    """Frames of one run as received by a subscriber.
-
-    Args:
-        ways: Of every frame, up to the subscriber.
-        end_to_end_ms: From acquisition to the subscriber; empty in lock-step.
-        rate_hz: Frames per second.
-        cpu_ms: Processor time of all processes for one frame.
-    """
-
-    paths: list[FramePath] = field(default_factory=list)
-    end_to_end_ms: list[float] = field(default_factory=list)
-    rate_hz: float = 0.0
-    cpu_ms: float = 0.0
-
-
-def play(camera: Sequence[str], frames: int) -> SubscriberRun:
-    """Run the pipeline once.
-
-    Args:
-        camera: Settings of the camera.
-        frames: Frames to measure, after those for warming up.
-    """
-    services = [("tracker", ()), ("reid", ()), ("detector", ()), ("camera", camera)]
-    monitor, run, count = (
-        Monitor(ProcessId("subscriber", "subscriber", "here"), 1.0),
-        SubscriberRun(),
-        0,
-    )
-    begin_s, begin_cpu_s = 0.0, 0.0
-    with tempfile.TemporaryDirectory() as logs, running(services, Path(logs)) as client:
-        for arrival in client.arrivals(Tracks, Detections, timeout_s=30):
-            now_ns, message = time.time_ns(), arrival.message
-            path = monitor.add(arrival, now_ns, time.monotonic())
-            if not isinstance(message, Tracks) or (message.trace and not path):
-                continue  # a prediction is of no frame
-            count += 1
-            if count == WARM_UP:
-                begin_s, begin_cpu_s = time.perf_counter(), cpu_s()
-            if count > WARM_UP and path:
-                run.paths.append(path)
-                run.end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
-            if count == WARM_UP + frames:
-                break
-        run.rate_hz = (count - WARM_UP) / (time.perf_counter() - begin_s)
-        run.cpu_ms = 1e3 * (cpu_s() - begin_cpu_s) / (count - WARM_UP)
-    return run
-
-
-def cpu_s() -> float:
-    """Return the processor time of this process's children so far [s]."""
-    times = [child.cpu_times() for child in psutil.Process().children()]
-    return sum(t.user + t.system for t in times)
-
-
-def lockstep(frames: int) -> tuple[str, ...]:
-    """Return the camera's settings for the shipped recording, as fast as it goes."""
-    last = f"max_frames={frames + WARM_UP + 5}"
-    return (f"source={DEMO}", "loop=true", "playback=lockstep", last)
-
-
-def live(rate_hz: float) -> tuple[str, ...]:
-    """Return the camera's settings for the same pictures at a rate, stamped by the clock."""
-    return (f"source={LiveDemo.__module__}:{LiveDemo.__name__}", f"options.rate_hz={rate_hz:.2f}")
+LIMITS_MS = (8.0, 15.0)  # wanted of all that is not inference, at p50 and p99
 
 
 def stage_table(paths: Sequence[FramePath]) -> str:
-    """Return the durations of all stages in the order of the way, and their share of the whole."""
+    """Return the durations of all stages in the order of the path, and their share of the whole."""
     found: dict[tuple[str, bool], list[float]] = defaultdict(list)
     for path in sorted(paths, key=lambda path: -len(path.parts)):  # the fullest tells the order
         for pieces, beside in ((path.parts, False), (path.beside, True)):
@@ -112,7 +36,7 @@ def stage_table(paths: Sequence[FramePath]) -> str:
             name,
             f"{np.sum(values) / len(paths):.2f}",
             *(f"{ms:.2f}" for ms in percentiles(values)),
-            "beside the way" if beside else f"{np.sum(values) / total_ms:.1%}",
+            "beside the path" if beside else f"{np.sum(values) / total_ms:.1%}",
         ]
         for (name, beside), values in sorted(found.items(), key=lambda item: item[0][1])
     ]
@@ -144,7 +68,7 @@ def _meaning(stage: str) -> str:
     return STAGES.get(stage, "").removeprefix("* ")
 
 
-def sums_table(run: SubscriberRun) -> str:
+def sums_table(run: Playback) -> str:
     """Return how much of the end-to-end time the stages explain."""
     named = [sum(p.ms for p in path.parts if p.stage != "other") for path in run.paths]
     every = [sum(p.ms for p in path.parts) for path in run.paths]
@@ -163,7 +87,7 @@ def _share(part: Sequence[float], end_to_end: Sequence[float]) -> str:
     return f"{np.mean(part) / np.mean(end_to_end):.2%}"
 
 
-def cost_table(pairs: Sequence[tuple[SubscriberRun, SubscriberRun]]) -> str:
+def cost_table(pairs: Sequence[tuple[Playback, Playback]]) -> str:
     """Return what the pipeline does with tracing on and off.
 
     Args:

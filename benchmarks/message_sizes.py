@@ -25,7 +25,7 @@ from services.tracker.config import TrackerConfig
 
 DEPLOY = Path(__file__).resolve().parents[1] / "deploy"
 DEMO, SETTINGS = DEPLOY / "demo" / "crossing.mcap", DEPLOY / "config" / "people4d.toml"
-# Stages in the trace of a message when it is sent: `benchmarks/pipeline.md` lists them.
+# Stages in the trace of a message when it is sent: `benchmarks/latency.md` lists them.
 STAGES = {"detections": 11, "crops": 11, "embeddings": 15, "people": 20, "score": 24}
 SPAN = Span(
     stage="detector.postprocess",

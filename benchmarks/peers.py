@@ -15,17 +15,14 @@ from pathlib import Path
 import numpy as np
 import onnx
 
-from benchmarks.latency import live
 from benchmarks.lib.live_camera import StoredDemo
+from benchmarks.lib.playback import APART, TOGETHER, Arrangement, bare_hz, live, lockstep, play
 from benchmarks.lib.table import markdown, spread, write
-from benchmarks.pipeline import bare_hz
 from benchmarks.real_inputs import ROOT
-from benchmarks.together import RATE_SHARE, Arrangement, lockstep, play
+from benchmarks.together import RATE_SHARE
 from common.runtime.latency import percentiles
 
 SCRIPT = Path(__file__).parent / "lib" / "video_peers.py"
-BARE_S = 4.0
-APART, TOGETHER = Arrangement(False, False), Arrangement(True, False)
 REFERENCE = "Ultralytics' track"
 # What Ultralytics writes into the files that it exports, and reads there
 PROPERTIES = {"task": "pose", "stride": "32", "batch": "1", "imgsz": "[640, 640]"}
@@ -84,7 +81,7 @@ def main() -> None:
     reference_hz: list[float] = []
     for number in range(flags.rounds):
         print(f"round {number + 1} of {flags.rounds}", flush=True)
-        rates_hz["bare network, onnxruntime"].append(bare_hz(str(model), BARE_S))
+        rates_hz["bare network, onnxruntime"].append(bare_hz(str(model)))
         for words, (name, times_s) in peers(flags.peers, model, flags.frames).items():
             rates_hz[words].append(len(times_s) / sum(times_s))
             age_ms[words] += [1e3 * s for s in times_s]
@@ -92,10 +89,10 @@ def main() -> None:
                 reference_hz.append(rates_hz[words][-1])
         for words, (one, settings) in ours(model).items():
             print(words, flush=True)
-            run = play(one, settings, lockstep(flags.frames), flags.frames)
+            run = play(lockstep(flags.frames), flags.frames, settings, one)
             rates_hz[words].append(run.rate_hz)
-            paced = play(one, settings, live(RATE_SHARE * run.rate_hz), flags.frames)
-            age_ms[words] += paced.age_ms
+            paced = play(live(RATE_SHARE * run.rate_hz), flags.frames, settings, one)
+            age_ms[words] += paced.end_to_end_ms
     rows = []
     for words, found in rates_hz.items():
         ratios = [a / b for a, b in zip(found, reference_hz, strict=True)]
