@@ -36,7 +36,8 @@ INTRO = """
 People of a second simulator, with other bodies and another walk than the lab's. Errors are median
 and 90th percentile of the distance to the surface at the middle of hand and foot, made from the
 joints (wrist and ankle). A point is hidden where its joint is. `hidden as measured`: of the points
-published while hidden, predicted or measured; below, of all hidden points, lost ones too.
+published while hidden, predicted or measured; below, of these the ones more than 0.1 m off (of a
+foot the ankle may be covered and the toes not), then of all hidden points, lost ones too.
 `exchanged`: nearer to the other side's reference by 10 cm. `in 90 % ellipse`: of predicted points.
 A true step is a swing of an ankle by 0.2 m or more; found within 0.3 s. The film may begin in a
 step: it is neither asked for nor invented. Walkers take three steps or more in view. `in range`:

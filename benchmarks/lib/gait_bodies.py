@@ -35,6 +35,7 @@ HAND_DEEP_M, FOOT_DEEP_M = 0.02, 0.03  # from the middle to the surface that the
 FOOT_AHEAD_M, FOOT_BELOW_M = 0.08, 0.03  # from the ankle to the middle of the foot
 SAME_PERSON_M = 0.6  # from the head to the true one, level
 EXCHANGED_M = 0.10  # by which a point is nearer to its counterpart's reference than to its own
+HIDDEN_OFF_M = 0.10  # of a point that is measured though its joint is hidden
 COVERED_90 = 6.251  # chi-square of 3 degrees of freedom
 
 NEAR_S = 0.3  # between a detected step and the true one
@@ -178,6 +179,7 @@ def _points(
         tally_.visible_measured += unhidden and measured
         tally_.hidden += not unhidden
         tally_.measured_hidden += not unhidden and measured
+        tally_.measured_hidden_off += not unhidden and measured and error_m > HIDDEN_OFF_M
         if not measured:
             d2 = offset @ np.linalg.solve(point.covariance[:3, :3], offset)
             tally_.covered.append(bool(d2 <= COVERED_90))

@@ -12,6 +12,7 @@ class Tally:
 
     errors_m: dict[str, list[float]] = field(default_factory=dict)  # by limb and visibility
     measured_hidden: int = 0
+    measured_hidden_off: int = 0  # of these, farther from the truth than is usual when visible
     hidden: int = 0  # published while hidden
     hidden_all: int = 0  # lost ones, too
     exchanged: dict[str, list[bool]] = field(default_factory=dict)  # by visibility
@@ -94,6 +95,7 @@ def cells(one: Tally) -> Mapping[str, str]:
         "the same in range %": percent(near, one.visible_in_range),
         "visible measured %": percent(one.visible_measured, one.visible),
         "hidden as measured %": percent(one.measured_hidden, one.hidden),
+        "the same, > 10 cm off %": percent(one.measured_hidden_off, one.hidden),
         "the same of all hidden %": percent(one.measured_hidden, one.hidden_all),
         "exchanged visible %": exchanged("visible"),
         "exchanged hidden %": exchanged("hidden"),
