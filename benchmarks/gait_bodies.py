@@ -42,22 +42,22 @@ foot the ankle may be covered and the toes not), then of all hidden points, lost
 A true step is a swing of an ankle by 0.2 m or more; found within 0.3 s. The film may begin in a
 step: it is neither asked for nor invented. Walkers take three steps or more in view. `in range`:
 nearer than 5 m, beyond which the sensor gives no depth: there a joint may be visible in colour
-alone. Estimates and true people are paired one to one in each frame, by their heads. `worst
-cadence`: of steady walking, true and published, without steps of more than 1.6 times the median
-(turns, starts, stops; turns are measured apart [El-Gohary 2014]); `turns`: the published one
-against the mean of all true strides, those of turns included. `live`: measures published in the
-second after their fourth step. A limp is a true asymmetry of step times of 8 % or more. The scenes
-`choose` and `judge` are made by `python -m benchmarks.gait_scenes`: constants and rules of today
-were chosen on `choose` and `two`, those before on other scenes of this simulator; the weights of
-visible hands were fitted to `choose_1`, `choose_2`, `choose_turns`, `choose_circles`, `two` and
-`robot`; people of `judge` have other bodies and styles. They walk in a room, 2.8 to 4.7 m from the
-sensor, which stands at 0.5 to 2.0 m and has 12 to 30 frames a second. choose_1: a limp of 20 %,
-hands in pockets; choose_2: slow with bent trunk, carrying a box; turns: stops, turns on the spot
-and U-turns; choose_circles: three people, of whom one walks circles of 0.4 m with stops, one
-carries and one is behind the others; judge_1: slow with bent trunk, fast; judge_2: hands in
-pockets, a limp of 20 %; judge_3: a limp of 10 %, a skirt; judge_4: three people, of whom one stops
-and one carries; limp and even: a robot follows a person who walks straight, or drives ahead of
-them, for 40 to 45 s.
+alone. Estimates and true people are paired one to one in each frame, by their heads; a pair stays
+while it is near [Bernardin 2008]. `worst cadence`: of steady walking, true and published, without
+steps of more than 1.6 times the median (turns, starts, stops; turns are measured apart [El-Gohary
+2014]); `turns`: the published one against the mean of all true strides, those of turns included.
+`live`: measures published in the second after their fourth step. A limp is a true asymmetry of step
+times of 8 % or more. The scenes `choose` and `judge` are made by `python -m
+benchmarks.gait_scenes`: constants and rules of today were chosen on `choose` and `two`, those
+before on other scenes of this simulator; the weights of visible hands were fitted to `choose_1`,
+`choose_2`, `choose_turns`, `choose_circles`, `two` and `robot`; people of `judge` have other bodies
+and styles. They walk in a room, 2.8 to 4.7 m from the sensor, which stands at 0.5 to 2.0 m and has
+12 to 30 frames a second. choose_1: a limp of 20 %, hands in pockets; choose_2: slow with bent
+trunk, carrying a box; turns: stops, turns on the spot and U-turns; choose_circles: three people, of
+whom one walks circles of 0.4 m with stops, one carries and one is behind the others; judge_1: slow
+with bent trunk, fast; judge_2: hands in pockets, a limp of 20 %; judge_3: a limp of 10 %, a skirt;
+judge_4: three people, of whom one stops and one carries; limp and even: a robot follows a person
+who walks straight, or drives ahead of them, for 40 to 45 s.
 """
 
 
