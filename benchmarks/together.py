@@ -129,7 +129,8 @@ def main() -> None:
         "people and detections through the router; 640x480, three people, played from memory, one "
         "network thread. The bare network is `session.run` of onnxruntime alone in one thread, in "
         "the same round; beside a loop of Python on the other core it shows how far the cores are "
-        "one. With a core for the detector: `PEOPLE4D_DETECTOR_CORES` names the last one. "
+        "one. With a core for the detector: `PEOPLE4D_DETECTOR_CORES` names the last one, and the "
+        "subscriber leaves it, too. "
         "See [docs/launch/together.md](../docs/launch/together.md).",
         *([BUSY] if flags.busy else []),
         *sections,

@@ -108,6 +108,7 @@ def play(
         tempfile.TemporaryDirectory() as logs,
         _reserving(one.reserved),
         running(services, Path(logs), together=one.together) as client,
+        _leaving_core(one.reserved),
     ):
         for arrival in client.arrivals(Tracks, Detections, timeout_s=30):
             now_ns, message = time.time_ns(), arrival.message
@@ -157,6 +158,17 @@ def _reserving(reserved: bool) -> Iterator[None]:
         yield
     finally:
         del os.environ[VARIABLE]
+
+
+@contextmanager
+def _leaving_core(reserved: bool) -> Iterator[None]:
+    """Have this thread, which stands for a planner, leave the reserved core in a block."""
+    cores = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, cores - {max(cores)} if reserved else cores)
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
 
 
 def _cpu_s() -> float:
