@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo, Detection, Detections
+from people4d.messages.base import MAX_CAMERAS
 
 FRAMES_MAX = 60_000  # of one camera: 33 minutes at 30 Hz
-CAMERAS_MAX = 64  # names, a bound against invented ones
 SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]  # COCO
 CONTRADICTIONS_MAX = 10  # of a camera that is started anew, or whose detectors are
 LIMBS = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]  # shoulders to ankles
@@ -103,7 +103,7 @@ class ObservationCollector:
         """
         known = self._cameras.get(message.camera)
         if known is None:
-            if len(self._cameras) >= CAMERAS_MAX:
+            if len(self._cameras) >= MAX_CAMERAS:
                 self.dropped["cameras"] += 1
                 return
             known = self._cameras[message.camera] = CameraObservations(message.camera)

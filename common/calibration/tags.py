@@ -21,13 +21,14 @@ from common.geometry.transforms import apply, camera_matrix, invert, transform_f
 from common.io.files import read_toml
 from people4d.errors import CalibrationError, SourceError
 from people4d.messages import F32, F64, U8, CameraInfo
+from people4d.messages.base import MAX_CAMERAS
 
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
 TAGS_MAX = 200  # of a file
 FIRST_PX = np.float32(0), np.float32(0.5)  # middle of the first pixel, by each detector
 EVERY_NS = 500_000_000  # between two images of a camera in which tags are detected
 VIEWS_MAX = 40  # of one tag by one camera
-CAMERAS_MAX = 64
+
 ERROR_MAX_PX = 2.0  # RMS of the corners, beyond which a tag is elsewhere or of another size
 AMBIGUOUS = 2.0  # a second pose whose error is less than so many times the first is possible
 AMBIGUOUS_PX = 0.2  # added to the error of the first
@@ -93,7 +94,7 @@ class TagObserver:
         """Check that it is time for another image of a camera."""
         last_ns = self._last_ns.get(camera)
         if last_ns is None:
-            return len(self._last_ns) < CAMERAS_MAX
+            return len(self._last_ns) < MAX_CAMERAS
         return not 0 <= stamp_ns - last_ns < EVERY_NS
 
     def add(self, camera: str, stamp_ns: int, rgb: U8) -> None:

@@ -8,8 +8,8 @@ from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transforms import apply, deproject, project
 from common.metrics.record import BOOL
 from people4d.messages import F64, CameraInfo
+from people4d.messages.base import MAX_CAMERAS
 
-CAMERAS_MAX = 64  # further names of cameras are ignored
 NEAR_M = 1e-3  # [m] what is nearer along the axis, or behind, has no pixel
 MAX_REPROJECTION = 0.01  # [m] per metre of depth: so near a pixel must lead back to its point
 
@@ -23,7 +23,7 @@ class CameraViews:
 
     def add(self, info: CameraInfo) -> None:
         """Take the calibration of a camera."""
-        if info.camera in self._infos or len(self._infos) < CAMERAS_MAX:
+        if info.camera in self._infos or len(self._infos) < MAX_CAMERAS:
             self._infos[info.camera] = info
 
     def outside(self, positions_m: Sequence[F64], frame_id: str, stamp_ns: int) -> BOOL | None:

@@ -25,11 +25,11 @@ from people4d.messages import (
     Track,
     Tracks,
 )
+from people4d.messages.base import MAX_CAMERAS
 
 WAITING_MAX = 32  # detections whose tracks have not come
 TRAJECTORY_S = 10.0
 TRAJECTORIES_MAX = 256
-CAMERAS_MAX = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class PeopleScene:
     def add(self, message: Message) -> PeopleFrame | None:
         """Take a message; return the people of a frame when its tracks come."""
         if isinstance(message, CameraInfo):
-            if message.camera in self.infos or len(self.infos) < CAMERAS_MAX:
+            if message.camera in self.infos or len(self.infos) < MAX_CAMERAS:
                 self.infos[message.camera] = message
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
             self.transforms.add(message)
@@ -123,7 +123,7 @@ class PeopleScene:
 
     def skeletons(self, message: Skeletons) -> SkeletonFrame:
         """Return the skeletons of a message; from now on those of its camera come from there."""
-        if len(self._skeleton_cameras) < CAMERAS_MAX:
+        if len(self._skeleton_cameras) < MAX_CAMERAS:
             self._skeleton_cameras.add(message.camera)
         people = (
             SceneSkeleton(one.id, one.positions_m.astype(float), one.measured)

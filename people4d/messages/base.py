@@ -24,6 +24,7 @@ MAX_PIXELS = 4096 * 4096  # more is no RGB-D camera; it bounds what is allocated
 MAX_STAMP_NS = 2**62  # [ns] the year 2116; sums and differences of two stamps fit 64 bits
 MAX_M = 1e7  # [m] from the origin, and [m/s]; coordinates of UTM stay below
 MAX_COVARIANCE = 1e14  # [m^2] square of that
+MAX_CAMERAS = 64  # of one robot: a bound against invented names
 MAX_PX = 1e6  # [px] a position in or beside an image
 MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
 

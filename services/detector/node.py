@@ -21,6 +21,7 @@ from people4d.messages import (
     Message,
     RgbdFrame,
 )
+from people4d.messages.base import MAX_CAMERAS
 from services.detector.config import DetectorConfig
 from services.detector.crops import crop_person, hidden_pixels
 from services.detector.input_size import InputSizeChoice
@@ -34,8 +35,6 @@ from services.detector.position.surface import DepthImage, PositionEstimate, key
 from services.detector.position.torso import LayeredTorso
 
 log = logging.getLogger("people4d")
-
-CAMERAS_MAX = 64  # further names of cameras are refused
 
 
 class DetectorNode(Node):
@@ -83,7 +82,7 @@ class DetectorNode(Node):
         if isinstance(message, CameraInfo):
             with self._lock:
                 known = message.camera in self._calibrations
-                if known or len(self._calibrations) < CAMERAS_MAX:
+                if known or len(self._calibrations) < MAX_CAMERAS:
                     self._calibrations[message.camera] = message
                 else:
                     self._counters["refused_cameras"] += 1

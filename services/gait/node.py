@@ -24,6 +24,7 @@ from people4d.messages import (
     Track,
     Tracks,
 )
+from people4d.messages.base import MAX_CAMERAS
 from services.gait.cascade import PersonObservation
 from services.gait.config import GaitConfig
 from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame, OnFrame
@@ -35,7 +36,6 @@ NODE_COUNTERS = (
     "frames_unused",  # without tracks: the detector skipped them, or the tracks came too late
 )
 SETTLE_MAX = 10  # times settle_s, after which a frame is processed in any case
-CAMERAS_MAX = 64  # further names of cameras are ignored
 
 
 class GaitNode(Node):
@@ -107,7 +107,7 @@ class GaitNode(Node):
 
     def _calibrate(self, info: CameraInfo) -> None:
         before = self._infos.get(info.camera)
-        if before is None and len(self._infos) >= CAMERAS_MAX:
+        if before is None and len(self._infos) >= MAX_CAMERAS:
             return
         self._infos[info.camera] = info
         if before is None or _intrinsics(before) != _intrinsics(info):

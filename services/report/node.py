@@ -20,6 +20,7 @@ from people4d.messages import (
     Tracks,
     Truth,
 )
+from people4d.messages.base import MAX_CAMERAS
 from services.report.config import ReportConfig
 from services.report.even_sample import EvenSample
 from services.report.folder import AnnotatedFrame, ReportOutput
@@ -27,8 +28,6 @@ from services.report.page import RunPage
 from services.report.sheet import COLUMNS, contact_sheet
 from services.report.statistics import RunStatistics
 from services.report.trajectories import TrajectoryStore
-
-CAMERAS_MAX = 64  # further names of cameras are ignored
 
 
 class ReportNode(Node):
@@ -61,7 +60,7 @@ class ReportNode(Node):
         self._statistics.add(message, now_ns)
         if isinstance(message, CameraInfo):
             known = message.camera in self._infos
-            if known or len(self._infos) < CAMERAS_MAX:
+            if known or len(self._infos) < MAX_CAMERAS:
                 self._infos[message.camera] = message
         if isinstance(message, Tracks | Truth | StaticTransform):
             self._trajectories.add(message)

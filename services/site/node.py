@@ -12,11 +12,10 @@ from common.text import listed
 from common.transport.other_robot import topic_of
 from people4d.errors import ConfigError
 from people4d.messages import Message, Track, Tracks
-from people4d.messages.base import Name
+from people4d.messages.base import MAX_CAMERAS, Name
 from services.site.config import SiteConfig
 from services.site.merge import merge, predicted
 
-CAMERAS_MAX = 64  # of one area
 COUNTERS = ("doubles", "id_conflicts", "other_frame", "refused_cameras", "clock_apart")
 
 
@@ -89,7 +88,7 @@ class SiteNode(Node):
         if tracks.frame_id != self._frame_id:
             self._counters["other_frame"] += 1
             return ()
-        if tracks.camera not in state.last and len(state.last) >= CAMERAS_MAX:
+        if tracks.camera not in state.last and len(state.last) >= MAX_CAMERAS:
             self._counters["refused_cameras"] += 1
             return ()
         state.last[tracks.camera] = tracks, now_ns

@@ -21,6 +21,7 @@ from people4d.messages import (
     Track,
     Tracks,
 )
+from people4d.messages.base import MAX_CAMERAS
 from services.skeleton.config import SkeletonConfig
 from services.skeleton.joint_filter import JointStates
 from services.skeleton.observation import observe
@@ -35,7 +36,6 @@ NODE_COUNTERS = (
     "too_many",  # people beyond people_max
     "repeated",  # tracks with the id of another one of the message
 )
-CAMERAS_MAX = 64  # further names of cameras are ignored
 FRAMES_MAX = 64  # detections that wait for their tracks, of all cameras
 CLOCK_JUMP_NS = 1_000_000_000  # a stamp older than the newest by more: the clock was reset
 
@@ -68,7 +68,7 @@ class SkeletonNode(Node):
         if isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add(message)
         elif isinstance(message, CameraInfo):
-            if message.camera in self._infos or len(self._infos) < CAMERAS_MAX:
+            if message.camera in self._infos or len(self._infos) < MAX_CAMERAS:
                 self._infos[message.camera] = message
         elif isinstance(message, Detections):
             self._detections[message.camera, message.stamp_ns] = message

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from people4d.messages import Detections, Span
+from people4d.messages.base import MAX_CAMERAS
 from services.tracker.config import TrackerConfig
 
-CAMERAS_MAX = 64  # names, a bound against invented ones
 HALF_WINDOW_NS = 5_000_000_000  # the least delay is that of one to two of these
 DELAY_MAX_NS = 900_000_000  # differences of delays above this are clocks that differ
 RISE_NS = 250_000_000  # a delay longer by this, in RISEN_MAX frames in a row, is a clock set back
@@ -90,7 +90,7 @@ class CameraClocks:
         self._reference_ns = 0  # [ns] monotonic, of its last frame
 
     def add(self, detections: Detections, now_ns: int) -> int | None:
-        """Take the arrival of detections; return their time [ns], None beyond CAMERAS_MAX cameras.
+        """Take the arrival of detections; return their time [ns], None beyond MAX_CAMERAS cameras.
 
         Args:
             detections: The detections.
@@ -197,7 +197,7 @@ class CameraClocks:
         self._restored_ns = time_ns + offset_ns
 
     def _begin(self, camera: str, now_ns: int) -> CameraClock | None:
-        if len(self._clocks) >= CAMERAS_MAX:
+        if len(self._clocks) >= MAX_CAMERAS:
             oldest = min(self._clocks, key=lambda name: self._clocks[name].heard_ns)
             # A camera that is heard of makes no room for an invented one.
             if now_ns - self._clocks[oldest].heard_ns < ACTIVE_NS:

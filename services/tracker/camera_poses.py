@@ -15,8 +15,7 @@ from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, wrap
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, Track
-
-CAMERAS_MAX = 64  # names of frames, a bound against invented ones
+from people4d.messages.base import MAX_CAMERAS
 
 
 class CameraPoseLookup:
@@ -76,7 +75,7 @@ class CameraPoseLookup:
         if pose is None and camera in self._fixed and camera not in self.without_transform:
             return TransformEstimate(self._fixed[camera])
         if pose is None:
-            if len(self.without_transform) < CAMERAS_MAX:
+            if len(self.without_transform) < MAX_CAMERAS:
                 self.without_transform.add(camera)
             if self._required:
                 return None
@@ -84,7 +83,7 @@ class CameraPoseLookup:
         else:
             self.without_transform.discard(camera)
         is_fixed = static is not None or camera in self.without_transform
-        if is_fixed and (camera in self._fixed or len(self._fixed) < CAMERAS_MAX):
+        if is_fixed and (camera in self._fixed or len(self._fixed) < MAX_CAMERAS):
             self._fixed[camera] = pose.matrix
         return pose
 

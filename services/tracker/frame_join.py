@@ -6,12 +6,12 @@ from statistics import median
 from typing import TypeAlias
 
 from people4d.messages import Detections, Embeddings
+from people4d.messages.base import MAX_CAMERAS
 from services.tracker.config import TrackerConfig
 
 ACTIVE_NS = 1_000_000_000
 EARLY_MAX = 64  # embeddings that came before their detections, ...
 EARLY_MAX_BYTES = 16 * 2**20  # ... and their size in all
-CAMERAS_MAX = 64  # names, a bound against invented ones
 FIRST_PERIOD_NS = 50_000_000  # until two frames have come
 PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000
 PERIODS = 15  # of which the median is taken
@@ -149,7 +149,7 @@ class FrameJoin:
             return
         newest_ns, _ = self._newest.pop(camera, (time_ns, now_ns))
         self._newest[camera] = max(newest_ns, time_ns), now_ns
-        if len(self._newest) > CAMERAS_MAX:
+        if len(self._newest) > MAX_CAMERAS:
             del self._newest[next(iter(self._newest))]
         self._frames.append(PendingFrame(detections, time_ns, now_ns, self._early.pop(key, None)))
         self._frames.sort(key=lambda f: (f.time_ns, f.detections.camera, f.detections.sequence))
@@ -235,7 +235,7 @@ class FrameJoin:
     def _stream(self, camera: str) -> DetectionStream:
         stream = self._streams.pop(camera, None) or DetectionStream()
         self._streams[camera] = stream  # the one used last is the last to be forgotten
-        if len(self._streams) > CAMERAS_MAX:
+        if len(self._streams) > MAX_CAMERAS:
             del self._streams[next(iter(self._streams))]
         return stream
 

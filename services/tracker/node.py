@@ -22,9 +22,10 @@ from people4d.messages import (
     StaticTransform,
     Tracks,
 )
+from people4d.messages.base import MAX_CAMERAS
 from services.tracker.areas.exchange import AreaExchange
 from services.tracker.areas.hosts import CameraHosts
-from services.tracker.camera_poses import CAMERAS_MAX, CameraPoseLookup
+from services.tracker.camera_poses import CameraPoseLookup
 from services.tracker.camera_watch.absence import CameraAbsence
 from services.tracker.camera_watch.drift import CameraDrift
 from services.tracker.clock_groups import ClockGroups
@@ -108,7 +109,7 @@ class TrackerNode(StatefulNode):
         elif isinstance(message, AreaPeople):
             self._areas.hear(message, now_ns, self._schedule.time_ns(now_ns))
         elif isinstance(message, CameraInfo):
-            if message.camera in self._edges or len(self._edges) < CAMERAS_MAX:
+            if message.camera in self._edges or len(self._edges) < MAX_CAMERAS:
                 self._edges[message.camera] = edges(message)
         elif isinstance(message, TRANSFORMS) and self._poses.add(message):
             # The tracks are relative to the former pose of the camera.

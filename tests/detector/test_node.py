@@ -14,10 +14,11 @@ from common.geometry.transforms import apply, invert
 from common.transport.memory_bus import MemoryBus
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import HIDDEN_RGB, U8, Crops, Detection, Detections, Message, RgbdFrame, Span
+from people4d.messages.base import MAX_CAMERAS
 from services.detector.build import build
 from services.detector.config import DetectorConfig, KeypointConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
-from services.detector.node import CAMERAS_MAX, DetectorNode
+from services.detector.node import DetectorNode
 from tests import builders
 from tests.detector.cameras import INFO, lab_info
 
@@ -243,8 +244,8 @@ def test_calibrations_of_invented_cameras_are_bounded_and_the_known_ones_go_on()
     target = node(person())
     published = MemoryBus([target]).publish(INFO, *invented, INFO, frame())
     assert only(Detections, published).detections
-    assert len(target._calibrations) == CAMERAS_MAX
-    assert target.status().counters["refused_cameras"] == 201 - CAMERAS_MAX
+    assert len(target._calibrations) == MAX_CAMERAS
+    assert target.status().counters["refused_cameras"] == 201 - MAX_CAMERAS
 
 
 def test_threads_may_share_the_node() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from people4d.messages import Detections, Mask, Span, StaticTransform, Tracks
-from services.tracker.camera_clocks import CAMERAS_MAX
+from people4d.messages.base import MAX_CAMERAS
 from services.tracker.node import TrackerNode
 from services.tracker.stamp_guard import HELD_MAX, HELD_MAX_BYTES, PERSON_BYTES, SILENT_NS
 from tests import builders
@@ -172,8 +172,8 @@ def test_invented_cameras_are_refused_and_the_known_ones_go_on() -> None:
     ]
     results = play(target, arrivals("front"), invented)
     assert len(answered(results, "front")) == FRAMES
-    assert target.status().counters["refused_cameras"] >= 300 - CAMERAS_MAX
-    assert len(target.status().gauges) <= CAMERAS_MAX
+    assert target.status().counters["refused_cameras"] >= 300 - MAX_CAMERAS
+    assert len(target.status().gauges) <= MAX_CAMERAS
 
 
 @pytest.mark.parametrize("stamps", ["equal", "jittering"])

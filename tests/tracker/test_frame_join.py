@@ -4,8 +4,9 @@ import msgspec
 import numpy as np
 
 from people4d.messages import Embeddings
+from people4d.messages.base import MAX_CAMERAS
 from services.tracker.config import TrackerConfig
-from services.tracker.frame_join import CAMERAS_MAX, EARLY_MAX_BYTES, FrameJoin
+from services.tracker.frame_join import EARLY_MAX_BYTES, FrameJoin
 from tests import builders
 from tests.contract.examples import BY_NAME
 
@@ -25,5 +26,5 @@ def test_embeddings_of_invented_frames_and_cameras_are_bounded() -> None:
     for number in range(500):
         join.add_detections(builders.detections(camera=f"c{number}"), 0, number)
         join.pop(number, flush=True)
-    assert len(join._streams) <= CAMERAS_MAX
-    assert len(join._newest) <= CAMERAS_MAX
+    assert len(join._streams) <= MAX_CAMERAS
+    assert len(join._newest) <= MAX_CAMERAS

@@ -12,9 +12,9 @@ import numpy as np
 from common.geometry.transforms import apply
 from common.text import NAMES_MAX, named
 from people4d.messages import Track
+from people4d.messages.base import MAX_CAMERAS
 from services.tracker.interface import Observation
 
-CAMERAS_MAX = 64
 SILENT_NS, SILENT_FRAMES = 3_000_000_000, 10  # both without a frame: a camera is silent
 FORGOTTEN_NS = 600_000_000_000  # after which a camera that is silent has been taken away
 SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000
@@ -68,7 +68,7 @@ class CameraAbsence:
     def add(self, observation: Observation, tracks: Sequence[Track], arrived_ns: int) -> None:
         """Take a frame and the tracks after it."""
         name, stamp_ns = observation.camera, observation.stamp_ns
-        if name not in self._cameras and len(self._cameras) >= CAMERAS_MAX:
+        if name not in self._cameras and len(self._cameras) >= MAX_CAMERAS:
             return
         camera = self._cameras.setdefault(name, _Camera(arrived_ns))
         camera.interval_ns = max(arrived_ns - camera.arrived_ns, camera.interval_ns * 9 // 10)
