@@ -9,7 +9,7 @@ from people4d.messages import F64
 from services.tracker.config import IdentityConfig
 from services.tracker.identity.gallery import Gallery, IdentityQuery
 from services.tracker.interface import GalleryEntry, Observation
-from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord, is_beside
+from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import distances, match_probabilities
 from services.tracker.strongsort3d.policies import (
@@ -167,7 +167,7 @@ class Reidentification(IdentityPolicy):
         if not record.confirmed:
             return
         query = IdentityQuery(record.x[:3], stamp_ns, pending.unoccluded or pending.others)
-        present = {t.id for t in tracks.records if t.detection is not None or is_beside(t, record)}
+        present = {t.id for t in tracks.records if t.detection is not None or _beside(t, record)}
         candidates = self._gallery.plausible(query, present)
         if pending.unoccluded:
             candidates = self._gallery.similar(query, candidates, frame.cosine_distance_max)
@@ -188,6 +188,11 @@ class Reidentification(IdentityPolicy):
         record, measurement = match
         embedding = measurement.embedding if quality.unoccluded else None
         self._gallery.add(record.id, record.x[:3], stamp_ns, embedding)
+
+
+def _beside(record: TrackRecord, new: TrackRecord) -> bool:
+    """Check that a camera found a person beside a new track: they are two people."""
+    return record.camera == new.camera and record.matched_ns >= new.begun_ns > 0
 
 
 def _ambiguous(tracks_m: F64, found_m: F64) -> BOOL:

@@ -70,11 +70,6 @@ class TrackRecord:
     cut_off: bool = False  # the last box reached the left or right of the image
 
 
-def is_beside(record: TrackRecord, new: TrackRecord) -> bool:
-    """Check that a camera found a person beside a new track: they are two people."""
-    return record.camera == new.camera and record.matched_ns >= new.begun_ns > 0
-
-
 def stack(records: Sequence[TrackRecord]) -> tuple[F64, F64]:
     """Return the states (Nxn) and covariances (Nxnxn) of N tracks."""
     return np.array([t.x for t in records]), np.array([t.P for t in records])

@@ -21,13 +21,7 @@ from services.tracker.interface import (
     in_order,
 )
 from services.tracker.motion.motion import PositionMotion
-from services.tracker.motion.track_record import (
-    BOOL,
-    IdentityDecision,
-    TrackRecord,
-    is_beside,
-    stack,
-)
+from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import associate, cosine_distances, distances
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
@@ -42,11 +36,6 @@ from services.tracker.strongsort3d.policies import (
 # [ns] since a match before another camera after which the distance says little: that camera's
 # frames may be late, or it sends no more, so its track was not missed
 OTHERS_NS = 200_000_000
-
-
-# A new person, found beside a track, claims detections farther from the track than this, [m], and
-# nearer to the new person by this ratio
-CLAIMED_M, CLAIMED_RATIO = 0.5, 0.5
 
 
 class StrongSort3d(TrackSetTracker):
@@ -141,10 +130,7 @@ class StrongSort3d(TrackSetTracker):
         confirmed_m = self.tracks.positions_m(confirmed)
         frame = FrameContext(observation, detections, confirmed_m, self._config)
 
-        cost = self._appearance_cost(confirmed, frame)
-        if tentative and self._config.identity.enabled:
-            cost[self._claimed(confirmed, tentative, frame)] = np.inf
-        first = associate(cost, confirmed, detections)
+        first = associate(self._appearance_cost(confirmed, frame), confirmed, detections)
         # After a time without frames the distance alone says little.
         gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
         recent = [] if gap else [t for t in first.unmatched_tracks if t.missed <= 1]
@@ -169,19 +155,6 @@ class StrongSort3d(TrackSetTracker):
             wide_m2 = kalman.gating_distances(x, P, z, R + wider_m2)
             d_m2 = np.where(np.isnan(d_cos), d_m2, wide_m2)
         return combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
-
-    def _claimed(
-        self, records: Sequence[TrackRecord], tentative: Sequence[TrackRecord], frame: FrameContext
-    ) -> BOOL:
-        """Flag pairs (NxM) whose detection is of a new person, found beside the track before."""
-        pairs = np.zeros((len(records), len(frame.detections)), np.bool_)
-        if not pairs.size:
-            return pairs
-        beside = np.array([[is_beside(t, new) for new in tentative] for t in records])
-        own_m = distances(self.tracks.positions_m(records), frame.positions_m)
-        new_m = distances(self.tracks.positions_m(tentative), frame.positions_m)
-        new_m = np.where(beside[:, :, None], new_m, np.inf).min(axis=1)
-        return np.asarray((own_m > CLAIMED_M) & (new_m < own_m * CLAIMED_RATIO))
 
     def _contradicted(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext

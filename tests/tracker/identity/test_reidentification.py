@@ -75,25 +75,18 @@ def test_lost_track_ends_when_its_person_is_reidentified() -> None:
     assert stay(sort, 13, 3, person(3, 1, embedding=RED)) == [(1, "confirmed", "reidentified")]
 
 
-def test_person_found_beside_another_is_not_that_one() -> None:
-    # Dressed alike, 1.4 m apart: one is found while the other still is, who is lost then. The lost
-    # track does not take the detections of the new one, and the new one is not the lost person.
-    sort = tracker()
-    first, new = person(3, -0.7, embedding=RED), person(3, 0.7, 1, 0.8, RED)
-    stay(sort, 0, 10, first)
-    stay(sort, 10, 1, first, new)
-    for number in range(11, 15):
-        tracks = sort.update(frame(number, person(3, 0.7, embedding=RED)))
-        assert [(t.id, t.detection) for t in tracks] == [(1, None), (2, 0)]
-    assert [t.identity for t in tracks] == ["continued", "continued"]
-
-
-def test_lost_track_matches_a_detection_that_no_new_track_claims() -> None:
-    # The same, but the one who appears is found after the other was lost.
-    sort = tracker()
-    stay(sort, 0, 10, person(3, -0.7, embedding=RED))
-    (track,) = sort.update(frame(10, person(3, 0.3, embedding=RED)))
-    assert (track.id, track.detection) == (1, 0)
+@pytest.mark.parametrize(("first", "ids"), [(9, [1, 2]), (10, [1])])
+def test_person_found_beside_another_is_not_that_one(first: int, ids: list[int]) -> None:
+    # Dressed alike, 1 m apart; one is lost after frame 9, the other found in that frame, or in the
+    # next: then they could be one person.
+    strong = published(
+        identity=IdentityConfig(enabled=True), a_max=9, mahalanobis_max=0.5, distance_max_m=0.4
+    )
+    sort = build_strongsort3d(published_config(strongsort3d=strong))
+    gone, new = person(3, -0.5, embedding=RED), person(3, 0.5, 1, 0.8, RED)
+    stay(sort, 0, 9, gone)
+    stay(sort, 9, 1, *([gone, new] if first == 9 else [gone]))
+    assert [id_ for id_, _, _ in stay(sort, 10, 4, person(3, 0.5, embedding=RED))] == ids
 
 
 def test_person_beyond_walking_distance_is_new() -> None:
