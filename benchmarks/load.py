@@ -68,8 +68,7 @@ def main() -> None:
         "## Cameras",
         f"Three people before each, {RATE_HZ:.0f} frames a second from each, one detector, one "
         "tracker; the processor as part of one core. A detector that is too slow takes the newest "
-        "frame of each camera in turn. With several cameras the tracker waits up to one period of "
-        "the frames for earlier ones of another camera.",
+        "frame of each camera in turn.",
         markdown([*cameras, latency, "age p50, p99 [ms]"], camera_rows(flags.frames)),
     )
 
