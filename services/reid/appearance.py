@@ -25,7 +25,7 @@ class AppearanceEmbedder(NetworkEmbedder):
         visible = cv2.inRange(crop.rgb, HIDDEN_RGB, HIDDEN_RGB) == 0
         if crop.mask is not None and crop.mask.any():
             visible &= crop.mask != 0
-        if visible.any():
+        if visible.any() and not visible.all():
             share = cv2.resize(
                 visible.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA
             )
