@@ -18,9 +18,13 @@ from services.detector.models.base import DetectedPerson
 def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
     """Return left, top, right and bottom of the pixels of a box (xyxy) inside an image's shape."""
     height, width = shape[:2]
-    left, top = np.clip(np.floor(box_xyxy_px[:2]), 0, (width, height)).astype(int)
-    right, bottom = np.clip(np.ceil(box_xyxy_px[2:]), 0, (width, height)).astype(int)
-    return int(left), int(top), int(right), int(bottom)
+    left, top, right, bottom = box_xyxy_px.tolist()
+    return (
+        math.floor(min(max(0.0, left), width)),
+        math.floor(min(max(0.0, top), height)),
+        math.ceil(min(max(0.0, right), width)),
+        math.ceil(min(max(0.0, bottom), height)),
+    )
 
 
 Flags = npt.NDArray[np.bool_]

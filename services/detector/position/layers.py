@@ -94,7 +94,7 @@ def read_layers(people: Sequence[LayerWindows], image: DepthImage, half_m: float
         return [np.zeros(0) for _ in people]
     window_px = np.repeat([windows.window_px for windows in people], counts)
     layer_m = np.repeat([windows.layer_m for windows in people], counts)
-    pixels = np.vstack([windows.pixels for windows in people])
+    pixels = np.concatenate([windows.pixels for windows in people])
     depth_m, _ = read_windows(pixels, image, window_px, layer_m - half_m, layer_m + half_m)
     return np.split(depth_m, np.cumsum(counts[:-1]))
 

@@ -224,17 +224,17 @@ class TorsoEstimator:
         if not people:
             return []
         config = self._config.layer
-        windows_px = [np.vstack([points.torso_px, points.others_px]) for points in people]
+        windows_px = [np.concatenate([points.torso_px, points.others_px]) for points in people]
         sides_px = np.repeat([points.window_px for points in people], list(map(len, windows_px)))
-        windows_m = read_depth(np.vstack(windows_px), image, sides_px)
-        area_m = read_pixels(np.vstack([points.area_px for points in people]), image)
+        windows_m = read_depth(np.concatenate(windows_px), image, sides_px)
+        area_m = read_pixels(np.concatenate([points.area_px for points in people]), image)
         samples, window, pixel = [], 0, 0
         for points, keypoints_px in zip(people, windows_px, strict=True):
             counts = [len(points.torso_px), len(points.others_px), len(points.area_px)]
             ends = window + len(keypoints_px), pixel + len(points.area_px)
             depth_m = np.concatenate([windows_m[window : ends[0]], area_m[pixel : ends[1]]])
             weights = [1.0, config.other_weight, config.area_weight / max(counts[2], 1)]
-            pixels = np.vstack([keypoints_px, points.area_px])
+            pixels = np.concatenate([keypoints_px, points.area_px])
             samples.append(DepthSamples(pixels, depth_m, np.repeat(weights, counts)))
             window, pixel = ends
         return samples
