@@ -2,7 +2,7 @@
 
 Ultralytics' `track`, and trackers of other packages on boxes from onnxruntime, on the same network
 file; ours with the default network, too. `--peers` names the interpreter of their environment, see
-`lib/video_peers.py`.
+`lib/video_peers.py`; `--integers` the file that `people4d models quantize` made of the network.
 """
 
 import argparse
@@ -55,16 +55,19 @@ def peers(python: str, model: Path, frames: int) -> dict[str, tuple[str, list[fl
     return {f"{name} {one['version']}": (name, one["times_s"]) for name, one in found.items()}
 
 
-def ours(model: Path) -> dict[str, tuple[Arrangement, list[str]]]:
+def ours(model: Path, integers: Path) -> dict[str, tuple[Arrangement, list[str]]]:
     """Return arrangements and settings of the detector by name."""
-    yolo = [f"model={model}"]
-    integers = ["model=movenet-multipose-int8", "engine=openvino"]
+    yolo, yolo_integers = [f"model={model}"], [f"model={integers}"]
+    openvino = "engine=openvino"
+    movenet_integers = ["model=movenet-multipose-int8", openvino]
     return {
         "ours, the same network": (APART, yolo),
         "ours, the same network, together": (TOGETHER, yolo),
-        "ours, the same network, OpenVINO": (APART, [*yolo, "engine=openvino"]),
+        "ours, the same network, OpenVINO": (APART, [*yolo, openvino]),
+        "ours, of integers": (APART, yolo_integers),
+        "ours, of integers, OpenVINO": (APART, [*yolo_integers, openvino]),
         "ours, MoveNet (default)": (APART, ["model=movenet-multipose"]),
-        "ours, MoveNet of integers, OpenVINO": (APART, integers),
+        "ours, MoveNet of integers, OpenVINO": (APART, movenet_integers),
     }
 
 
@@ -72,6 +75,7 @@ def main() -> None:
     """Measure by turns and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--peers", required=True, help="Python interpreter of their environment")
+    parser.add_argument("--integers", type=Path, required=True, help="the network in 8 bits")
     parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--frames", type=int, default=100)
@@ -87,7 +91,7 @@ def main() -> None:
             age_ms[words] += [1e3 * s for s in times_s]
             if name == REFERENCE:
                 reference_hz.append(rates_hz[words][-1])
-        for words, (one, settings) in ours(model).items():
+        for words, (one, settings) in ours(model, flags.integers.resolve()).items():
             print(words, flush=True)
             run = play(lockstep(flags.frames), flags.frames, settings, one)
             rates_hz[words].append(run.rate_hz)
@@ -104,9 +108,10 @@ def main() -> None:
         "The whole pipeline beside others",
         "Frames of the shipped recording (640x480, three people) from memory, one network thread; "
         f"median (least to most) of {flags.rounds} rounds by turns, on two cores. The network is "
-        "YOLOv8n-pose at 640x640. Others call one function after the other, and give boxes and "
-        "identities in the image. Ours are processes (or one, together) with positions, velocities "
-        "and yaws in 3D and re-identification, to a subscriber through the router: rate in "
+        "YOLOv8n-pose at 640x640; of integers: made of it by `people4d models quantize`. "
+        "Others call one function after the other, and give boxes and identities in the image. "
+        "Ours are processes (or one, together) with positions, velocities and yaws in 3D and "
+        "re-identification, to a subscriber through the router: rate in "
         f"lock-step, latency from a live camera at {RATE_SHARE:.0%} of it.",
         markdown(["", "frames a second", f"of {REFERENCE}", "latency p50, p99 [ms]"], rows),
     )
