@@ -147,13 +147,13 @@ class StrongSort3d(TrackSetTracker):
         if not records or not detections:
             return np.full((len(records), len(detections)), np.inf)
         (x, P), z, R = stack(records), frame.positions_m, motion.gate_noise(detections)
-        d_m2 = kalman.gating_distances(x, P, z, R)
         d_cos = cosine_distances(records, detections)
+        unknown = np.isnan(d_cos)
         wider_m2 = self._policies.contact.gate_covariances_m2(frame)
-        if wider_m2 is not None:
+        d_m2 = kalman.gating_distances(x, P, z, R if wider_m2 is None else R + wider_m2)
+        if wider_m2 is not None and unknown.any():
             # A wide gate needs an appearance that speaks for the pair.
-            wide_m2 = kalman.gating_distances(x, P, z, R + wider_m2)
-            d_m2 = np.where(np.isnan(d_cos), d_m2, wide_m2)
+            d_m2 = np.where(unknown, kalman.gating_distances(x, P, z, R), d_m2)
         return combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
 
     def _contradicted(

@@ -58,10 +58,10 @@ def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
 
 def common_ratios(boxes: F64) -> F64:
     """Return the part (NxN) of each box (Nx4, xyxy, pixels) that each other one covers."""
-    low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
-    high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
-    sides = np.maximum(high - low, 0.0)
-    common = sides[..., 0] * sides[..., 1]
+    left, top, right, bottom = np.ascontiguousarray(boxes.T)
+    width = np.minimum(right[:, None], right) - np.maximum(left[:, None], left)
+    height = np.minimum(bottom[:, None], bottom) - np.maximum(top[:, None], top)
+    common = np.maximum(width, 0.0) * np.maximum(height, 0.0)
     area = common.diagonal().copy()  # each box covers itself
     common.flat[:: len(boxes) + 1] = 0.0
     ratios: F64 = common / area[:, None]
