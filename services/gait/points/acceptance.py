@@ -23,7 +23,7 @@ from services.gait.points.likelihood import (
 from services.gait.points.limb_anchors import SAME_M
 from services.gait.points.limb_surface import SurfacePosition
 from services.gait.points.point_filter import PointFilter
-from services.gait.points.visibility import VISIBILITY, limb_evidence
+from services.gait.points.visibility import VISIBILITY, limb_evidence, shank_points_away
 
 CONTRADICTION = 3.0  # [standard deviations] of a point from its keypoint
 TOLERANCE = 1.5  # [standard deviations] that count as one
@@ -190,7 +190,7 @@ class Acceptance:
             point.mark_missed(dt_s)
             return
         odds = self._odds(point, body, candidate, evidence)
-        if not (supported and self._is_visible(point, odds)):
+        if not (supported and self._is_visible(point, body, evidence.anchor, odds)):
             noise_m2 = _uncertainty_m2(point, candidate, odds)
             point.mark_doubtful(position, noise_m2, dt_s, likely=odds is not None and odds > 0)
             return
@@ -220,14 +220,18 @@ class Acceptance:
         )
         return None if measured is None else kind.odds(measured)
 
-    def _is_visible(self, point: PointFilter, odds: float | None) -> bool:
-        """Check that the surface that was measured is probably that of the point itself."""
-        if odds is not None:
-            return odds >= VISIBILITY[point.kind].least
-        if point.kind not in VISIBILITY or self.has_keypoints:
-            return True
-        # In a frame without a detection points go on, none begins.
-        return point.state == "measured" or not self.had_keypoints
+    def _is_visible(
+        self, point: PointFilter, body: MeasuredBody, anchor: Anchor | None, odds: float | None
+    ) -> bool:
+        """Check that the surface that was measured is probably that of the point itself.
+
+        With keypoints that is not known without a detection, and before there is a heading.
+        """
+        if odds is None:
+            return point.kind not in VISIBILITY or not self.had_keypoints
+        if point.kind == "foot" and shank_points_away(anchor, body, self._info):
+            return False
+        return odds >= VISIBILITY[point.kind].least
 
     def _by_extremity(
         self, point: PointFilter, body: MeasuredBody, vertex: int, evidence: PointEvidence

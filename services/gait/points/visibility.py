@@ -21,6 +21,10 @@ from services.gait.points.keypoints import Anchor
 from services.gait.points.point_filter import PointFilter
 
 PIXEL_SIGMA = 3.0  # [px] of a point on the surface
+SHANK = 0.246  # of the stature, from knee to ankle [Winter 2009]
+# Of a shank that points away from the camera: share of its length in the image, at most, and metres
+# from the surface at the knee to that at the ankle, at least
+AWAY_SHARE, AWAY_M = 0.5, 0.1
 SIGMAS_MAX = 20.0**0.5
 
 
@@ -69,6 +73,21 @@ VISIBILITY: Mapping[str, Visibility] = MappingProxyType(
         ),
     }
 )
+
+
+def shank_points_away(anchor: Anchor | None, body: MeasuredBody, info: CameraInfo) -> bool:
+    """Check that a shank points away from the camera: it hides its own ankle, as in a swing.
+
+    The foot may be visible below, but the surface at the ankle is that of the shank.
+    """
+    if anchor is None or anchor.joint is None or anchor.before is None:
+        return False
+    vertices = body.mesh.vertices_at(np.stack([anchor.joint, anchor.before]))
+    if (vertices < 0).any():
+        return False
+    ankle_m, knee_m = body.mesh.points_m[vertices, 2]
+    length_m = float(np.linalg.norm(anchor.joint - anchor.before)) * knee_m / info.fx
+    return bool(ankle_m - knee_m > AWAY_M and length_m < AWAY_SHARE * SHANK * body.stature_m)
 
 
 def limb_evidence(

@@ -29,7 +29,8 @@ DOUBLE_S = 0.08  # [s] least time that both feet stand between two swings
 PARTIAL = 1.5  # times the least length, of a swing whose begin was not visible
 LANDED_S = 0.2  # [s] after a landing, from which on it is one
 HIDDEN_S = 0.15  # [s] without a sample, of which the foot may have stood a part
-BRIEF_S = 0.25  # [s] shorter motions are less likely swings
+BRIEF_S = 0.25  # [s] shorter motions before or after a long stance are less likely swings
+STANDING_S = 1.2  # [s] of such a stance: of a person who stands rather than walks
 CLEAR = 1.5  # times the least length, from which on a swing counts in full
 
 Side = Literal["left", "right"]
@@ -202,6 +203,8 @@ def _swing(
     there = [one for one in others if times_s[one.begin] <= landed_s <= times_s[one.end - 1] + 0.1]
     visible = float(bins.sampled[max(first - 2, 0) : last + 3].mean())
     clear = min(1.0, length_m / (CLEAR * config.length_min_m))
+    stood_s = max(float(times_s[one.end - 1] - times_s[one.begin]) for one in (before, after))
+    swift = min(1.0, time_s / BRIEF_S) if stood_s > STANDING_S else 1.0
     return Swing(
         foot=FEET[side],
         lifted_s=lifted_s,
@@ -209,7 +212,7 @@ def _swing(
         from_m=from_m,
         to_m=to_m,
         other_m=there[-1].position_m if there else np.full(2, np.nan),
-        confidence=clear * visible * alone * min(1.0, time_s / BRIEF_S),
+        confidence=clear * visible * alone * swift,
         complete=complete,
     )
 

@@ -38,6 +38,22 @@ def test_hand_before_its_expected_position_is_hidden_unless_its_keypoint_is_ther
     assert point.state == state
 
 
+@pytest.mark.parametrize("had_keypoints", [False, True])
+def test_with_keypoints_a_hand_is_measured_only_where_the_body_expects_hands(
+    had_keypoints: bool,
+) -> None:
+    # No heading yet, or no detection in this frame: there is no expectation.
+    body = arm()
+    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
+    point.start(HAND, body, None)
+    acceptance = Acceptance(CONFIG, INFO)
+    acceptance.had_keypoints = had_keypoints
+    candidate = Candidate(body.mesh.points_m[HAND], HAND)
+    evidence = PointEvidence(None, 1.0, None, None, None, None)
+    acceptance.update(point, body, candidate, evidence, 0.03)
+    assert point.state == ("predicted" if had_keypoints else "measured")
+
+
 @pytest.mark.parametrize(("sigma_m", "state"), [(0.1, "predicted"), (0.3, "lost")])
 def test_hand_that_could_be_anywhere_is_lost_until_it_is_less_uncertain(
     sigma_m: float, state: str

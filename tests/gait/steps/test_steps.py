@@ -406,6 +406,20 @@ def test_motion_of_a_frame_or_two_is_hardly_a_step() -> None:
     assert all(one.confidence < 0.5 for one in found_steps(left, right, times_s))
 
 
+def test_brief_motions_of_a_walk_are_steps() -> None:
+    # Points that stay at a footprint until their feet have come down at the next one.
+    times_s = np.arange(0, 6, 1 / 30)
+    left, right = feet(times_s)
+    known = len(found_steps(left, right, times_s))
+    for foot in (left, right):
+        foot[1:] = np.where(np.diff(foot[:, :1], axis=0) > 1e-6, np.nan, foot[1:])
+        for k in range(1, len(foot)):
+            foot[k] = np.where(np.isfinite(foot[k]), foot[k], foot[k - 1])
+    steps = found_steps(left, right, times_s)
+    assert len(steps) >= known - 1
+    assert all(one.confidence > 0.5 for one in steps if one.observed)
+
+
 def test_landing_is_in_time_at_any_rate_and_phase() -> None:
     # Landings every 0.5 s, from 0.5 s on.
     for begin_s, rate_hz in ((0.0, 30), (0.013, 30), (0.02, 20), (0.0, 15)):
