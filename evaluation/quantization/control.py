@@ -19,7 +19,7 @@ GROWTH = 1.5  # layers in float, from one candidate to the next
 class QuantizedCandidate:
     """A network with some layers in float, and what it loses."""
 
-    floats: Sequence[str]  # convolutions that stay in float, beside the heads
+    floats: Sequence[str]  # convolutions that stay in float, beside the ends
     loss: AccuracyLoss
 
 
@@ -43,8 +43,8 @@ def harm(
         progress: Is called with the number of layers done, and of all.
     """
     expected = [reference.run(image) for image in images]
-    heads = set(quantizer.heads())
-    layers = [name for name in quantizer.convolutions if name not in heads]
+    ends = set(quantizer.ends())
+    layers = [name for name in quantizer.convolutions if name not in ends]
 
     def change(floats: Collection[str]) -> float:
         quantizer.write(path, floats)
@@ -52,10 +52,10 @@ def harm(
         pairs = zip(expected, map(session.run, images), strict=True)
         return float(np.mean([_difference(one, other) for one, other in pairs]))
 
-    everything = change(heads)
+    everything = change(ends)
     found = {}
     for number, name in enumerate(layers, 1):
-        found[name] = everything - change(heads | {name})
+        found[name] = everything - change(ends | {name})
         progress(number, len(layers))
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
@@ -75,10 +75,10 @@ def candidates(
         order: Returns the convolutions in the order in which they go back to float; asked only if
             the network does not hold without it.
     """
-    heads, layers, count = quantizer.heads(), list[str](), 0
+    ends, layers, count = quantizer.ends(), list[str](), 0
     while True:
         floats = layers[:count]
-        quantizer.write(path, [*heads, *floats])
+        quantizer.write(path, [*ends, *floats])
         loss = score(path)
         yield QuantizedCandidate(floats, loss)
         if not count:

@@ -1,7 +1,7 @@
 """Static quantisation of a network: 8-bit weights per channel, 8-bit activations."""
 
 import logging
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -53,30 +53,56 @@ class Quantizer:
             reason = (str(error).splitlines() or [""])[0][:200]
             raise ModelError(f"model file {path} cannot be quantised: {reason}") from error
 
-    def heads(self) -> list[str]:
-        """Return the convolutions that no other one follows: they make the outputs."""
+    def ends(self) -> list[str]:
+        """Return the convolutions at the ends of the network, which are never quantised."""
         return [name for name in self.convolutions if name in self._ends]
 
     @cached_property
     def _ends(self) -> frozenset[str]:
-        """Operators that no convolution follows: the heads, and what decodes their results.
+        """Operators up to the first convolution, and those behind which nothing but an output is.
 
-        Eight bits cannot hold coordinates up to 640 px and scores up to 1 that are joined there.
+        Kernels of integers are slower than those of float for three channels, and for the few of
+        a layer that makes an output. Eight bits cannot hold coordinates up to 640 px and scores up
+        to 1 that are joined.
         """
+        nodes = list(self._graph.node)
+        outputs = {output.name for output in self._graph.output}
         readers: dict[str, list[Any]] = {}
-        for node in self._graph.node:
+        for node in nodes:
             for name in node.input:
                 readers.setdefault(name, []).append(node)
-        leads_on: dict[str, bool] = {}  # whether a convolution reads a node's results, or others do
-        for node in reversed(self._graph.node):  # against the order of the computation
-            following = [reader for name in node.output for reader in readers.get(name, [])]
-            leads_on[node.name] = any(n.op_type == "Conv" or leads_on[n.name] for n in following)
-        return frozenset(name for name, leads in leads_on.items() if not leads)
+        first = next(index for index, node in enumerate(nodes) if node.op_type == "Conv")
+        ends = {node.name for node in nodes[: first + 1]}
+        last: set[str] = set()  # results that make an output without another convolution
+        for node in reversed(nodes):  # against the order of the computation
+            following = readers.get(node.output[0], [])
+            makes = any(n.op_type != "Conv" and n.output[0] in last for n in following)
+            if makes or outputs.intersection(node.output):
+                last.add(node.output[0])
+                ends.add(node.name)
+                if node.op_type == "Conv":
+                    ends.update(self._chain(node, readers))
+        return frozenset(ends)
+
+    def _chain(self, head: Any, readers: Mapping[str, Sequence[Any]]) -> list[str]:
+        """Return the operators between a head and where paths part or join before it.
+
+        None if that is nowhere: then the chain is the network.
+        """
+        makers = {name: node for node in self._graph.node for name in node.output}
+        outputs = {output.name for output in self._graph.output}
+        chain, node = list[str](), head
+        while inputs := [makers[name] for name in node.input if name in makers]:
+            node, result = inputs[0], inputs[0].output[0]
+            if len(inputs) > 1 or len(readers[result]) > 1 or result in outputs:
+                return chain
+            chain.append(node.name)
+        return []
 
     def write(self, path: Path, floats: Collection[str]) -> None:
         """Write the quantised network; `floats` names convolutions that stay as they are.
 
-        What follows the heads stays in float, too.
+        The ends of the network stay in float, too.
         """
         import onnx  # noqa: PLC0415
         from onnxruntime.quantization import QuantType  # noqa: PLC0415

@@ -73,7 +73,7 @@ def quantize(
     for candidate in done:
         loss = candidate.loss
         table.add_row(
-            str(len(quantizer.heads()) + len(candidate.floats)),
+            str(len(quantizer.ends()) + len(candidate.floats)),
             f"{-100 * loss.recall:+.1f} %",
             f"{1000 * loss.position_m:+.1f} mm",
             f"{loss.yaw_deg:+.2f} deg",
