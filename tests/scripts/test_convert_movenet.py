@@ -12,8 +12,10 @@ import numpy.typing as npt
 import pytest
 
 from common.inference.onnx import OnnxSession
-from scripts.convert_movenet import HEADS, convert, read_member
+from scripts.convert_movenet import convert, read_member
 from services.detector.models.letterbox import Letterbox
+from services.detector.models.movenet import STRIDE
+from services.detector.models.movenet_heads import LOCAL, DenseHeads, HeadReader
 from tests import ROOT
 
 REPOSITORY = ROOT
@@ -57,7 +59,7 @@ class Tfjs:
             "weightsManifest": [{"weights": self.manifest}],
         }
         path = folder / "converted.onnx"
-        path.write_bytes(convert(model, self.content, {"head": head}).SerializeToString())
+        path.write_bytes(convert(model, self.content, {"head": head}, []).SerializeToString())
         outputs: Mapping[str, Any] = OnnxSession(path).run(np.asarray(image, np.uint8)[None])
         return np.asarray(outputs["head"][0])
 
@@ -161,8 +163,14 @@ def test_embedded_model_equals_the_reference(shared: Path, size: tuple[int, int]
             np.ascontiguousarray(bgr[..., ::-1]), grey=0
         )
         wanted = reference.run(fitted[None].astype(np.float32))
-        got = embedded.run(fitted[None])
-        assert set(got) == set(wanted) == set(HEADS)
-        for head in HEADS:
-            apart = np.abs(np.subtract(got[head], wanted[head], dtype=np.float32))
-            assert apart.max() <= 1e-3
+        outputs = embedded.run(fitted[None])
+        height, width = (side // STRIDE for side in size)
+        got, dense = HeadReader(outputs, height, width, "m").heads(outputs), DenseHeads(wanted)
+        assert np.abs(got.center - dense.center).max() <= 1e-5
+        assert np.abs(got.keypoints - dense.keypoints).max() <= 1e-5
+        rows, columns = (axis.ravel() for axis in np.mgrid[:height, :width])
+        pairs = zip(
+            *(heads.read(tuple(LOCAL), rows, columns) for heads in (got, dense)), strict=True
+        )
+        for found, expected in pairs:
+            assert np.abs(found - expected).max() <= 1e-3

@@ -2,7 +2,7 @@
 
 The network works as CenterNet [Zhou 2019b]: a heat map of person centres; at each centre the
 box and a first guess of the keypoints; a heat map per keypoint, read near that guess; and offsets
-below the grid's step. Cut at these raw heads, it has no limit of six people.
+below the grid's step. Cut at these heads, it has no limit of six people.
 """
 
 from dataclasses import dataclass
@@ -11,17 +11,18 @@ import cv2
 import numpy as np
 
 from common.geometry.boxes import iou_xyxy
-from common.inference.session import Array
 from people4d.messages import F32, F64
 from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
-from services.detector.models.network import NetworkModel, Outputs, check_output
+from services.detector.models.movenet_heads import Cells, HeadReader, Heads
+from services.detector.models.network import NetworkModel, Outputs
 from services.detector.models.scores import ScoreCalibration
 
 STRIDE = 4  # [px] of the input per cell of the heads
 PEAK_CELLS = 5  # a centre is the highest of so many cells around it
 CENTRES_PER_PERSON = 3  # peaks that are read, for each person that may be returned
 KEYPOINT_MIN = 0.127  # confidence above which the original counts a keypoint
+AT_CENTRES = ("box_offset", "box_scale", "kpt_regress")  # heads that are read there
 SPREAD = 0.3  # variance of the keypoint search, a fraction of the grid's shorter side, halved
 
 # Of 228 people marked by hand in real frames, 256x320 finds 207 at a least score of 0.05, with 6
@@ -35,9 +36,6 @@ SIMILARITY_MAX = 0.5  # two people side by side stay below 0.4, two centres on o
 LABEL_MM = [26, 25, 25, 35, 35, 79, 79, 72, 72, 62, 62, 107, 107, 87, 87, 89, 89]
 LABEL_SPREAD = np.array(LABEL_MM) / 1e3
 
-HEADS = {"center": 1, "box_scale": 2, "box_offset": 2}  # channels
-HEADS |= {"kpt_heatmap": 17, "kpt_regress": 34, "kpt_offset": 34}
-
 
 @dataclass(frozen=True)
 class MoveNetCandidates:
@@ -49,7 +47,7 @@ class MoveNetCandidates:
 
 
 class MoveNet(NetworkModel):
-    """MoveNet MultiPose on a network cut at its raw heads."""
+    """MoveNet MultiPose on a network cut at its heads."""
 
     kind = "movenet"
     default_size = (256, 320)
@@ -59,77 +57,88 @@ class MoveNet(NetworkModel):
 
     def _check(self, outputs: Outputs) -> None:
         height, width = (side // STRIDE for side in self._input.size)
-        for head, channels in HEADS.items():
-            check_output(outputs, head, (1, channels, height, width), self.name)
+        self._reader = HeadReader(outputs, height, width, self.name)
 
     def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
-        candidates = decode(outputs, self._limits)
+        candidates = decode(self._reader.heads(outputs), self._limits)
         return [to_person(candidates, k, letterbox) for k in select(candidates, self._limits)]
 
 
-def decode(heads: Outputs, limits: Limits) -> MoveNetCandidates:
-    """Read the people from the heads (1xCxHxW each); some may be there twice.
+def decode(heads: Heads, limits: Limits) -> MoveNetCandidates:
+    """Read the people from the heads; some may be there twice.
 
     A person's score is that of the centre times the mean of the confident keypoints, so centres
     below the least score need not be read.
     """
-    rows, columns, scores = find_centres(heads["center"][0, 0], limits.score_min)
+    rows, columns, scores = find_centres(heads.center, limits.score_min)
     best = np.argsort(-scores, kind="stable")[: CENTRES_PER_PERSON * limits.max_people]
     rows, columns, scores = rows[best], columns[best], scores[best]
-    boxes = read_boxes(heads, rows, columns)
-    keypoints = np.zeros((len(rows), 17, 3))
-    for index, (row, column) in enumerate(zip(rows, columns, strict=True)):
-        keypoints[index] = read_keypoints(heads, row, column, boxes[index])
+    offset, size, regressed = heads.read(AT_CENTRES, rows, columns)
+    boxes = boxes_at(rows, columns, offset, size, heads.center.shape)
+    guesses = np.stack([rows, columns], axis=1)[:, None] + np.float64(regressed.reshape(-1, 17, 2))
+    keypoints = read_keypoints(heads, guesses, boxes)
     confident = keypoints[:, :, 2] > KEYPOINT_MIN
     total = (keypoints[:, :, 2] * confident).sum(axis=1)
     means = total / np.maximum(confident.sum(axis=1), 1)
     return MoveNetCandidates(scores * means, boxes * STRIDE, keypoints * (STRIDE, STRIDE, 1))
 
 
-def find_centres(logits: Array, score_min: float) -> tuple[Array, Array, F64]:
+def find_centres(heat: F32, score_min: float) -> tuple[Cells, Cells, F64]:
     """Return rows, columns and scores of the peaks of the centre map (HxW)."""
-    heat = sigmoid(logits)
     around = cv2.dilate(heat, np.ones((PEAK_CELLS, PEAK_CELLS), np.uint8))
     rows, columns = np.nonzero((heat >= around) & (heat >= score_min))
     return rows, columns, heat[rows, columns].astype(np.float64)
 
 
-def read_boxes(heads: Outputs, rows: Array, columns: Array) -> F64:
+def boxes_at(rows: Cells, columns: Cells, offset: F32, size: F32, grid: tuple[int, ...]) -> F64:
     """Return the boxes (Nx4 xyxy, in cells) at the given centres, clipped to the grid.
 
     Against true boxes they have a median overlap of 0.95; the extent of the keypoints has 0.67.
     """
-    offset = heads["box_offset"][0][:, rows, columns].astype(np.float64)
-    height, width = np.maximum(heads["box_scale"][0][:, rows, columns], 0)
-    y, x = rows + offset[0], columns + offset[1]
-    boxes = np.stack([x - width / 2, y - height / 2, x + width / 2, y + height / 2], axis=1)
-    grid_height, grid_width = heads["center"].shape[2:]
-    clipped: F64 = np.clip(boxes, 0, [grid_width, grid_height, grid_width, grid_height])
+    middle = np.stack([columns, rows], axis=1) + offset[:, ::-1].astype(np.float64)
+    half = np.maximum(size[:, ::-1], 0) / 2
+    clipped: F64 = np.clip(np.hstack([middle - half, middle + half]), 0, (grid[1], grid[0]) * 2)
     return clipped
 
 
-def read_keypoints(heads: Outputs, row: int, column: int, box: F64) -> F64:
-    """Return 17x3 (x, y in cells, confidence) of the person centred at a cell.
+def read_keypoints(heads: Heads, guesses: F64, boxes: F64) -> F64:
+    """Return Nx17x3 (x, y in cells, confidence) of people with guesses (Nx17x2 row and column).
 
     Each keypoint is the cell inside the box where heat times nearness to the regressed guess is
-    largest; that product is its confidence.
+    largest; that product is its confidence. It is 0 in a box without a cell.
     """
-    left, top, right, bottom = np.ceil(box).astype(int)
-    if right <= left or bottom <= top:
-        return np.zeros((17, 3))
-    guess = np.array([row, column]) + heads["kpt_regress"][0, :, row, column].reshape(17, 2)
-    variance = SPREAD * min(heads["center"].shape[2:])
-    near_y = np.exp(-((np.arange(top, bottom) - guess[:, :1]) ** 2) / variance)
-    near_x = np.exp(-((np.arange(left, right) - guess[:, 1:]) ** 2) / variance)
-    heat = sigmoid(heads["kpt_heatmap"][0, :, top:bottom, left:right])
-    heat *= near_y[:, :, None] * near_x[:, None, :]
-    flat = heat.reshape(17, -1)
-    best = flat.argmax(axis=1)
-    rows, columns = top + best // (right - left), left + best % (right - left)
+    keypoints = np.zeros((len(boxes), 17, 3))
+    bounds = np.ceil(boxes).astype(int)
+    found = np.flatnonzero((bounds[:, 2:] > bounds[:, :2]).all(axis=1))
+    for index in found:
+        keypoints[index] = best_cells(heads.keypoints, guesses[index], *bounds[index].tolist())
+    x, y = keypoints[found, :, 0].astype(int).ravel(), keypoints[found, :, 1].astype(int).ravel()
+    (offsets,) = heads.read(("kpt_offset",), y, x)
     each = np.arange(17)
-    offsets = heads["kpt_offset"][0].reshape(17, 2, *heads["center"].shape[2:])
-    offset = offsets[each, :, rows, columns]
-    return np.stack([columns + offset[:, 1], rows + offset[:, 0], flat[each, best]], axis=1)
+    keypoints[found, :, :2] += offsets.reshape(-1, 17, 17, 2)[:, each, each, ::-1]
+    return keypoints
+
+
+def best_cells(heat: F32, guess: F64, left: int, top: int, right: int, bottom: int) -> F64:
+    """Return 17x3 (column, row, confidence) of one person's keypoints.
+
+    Args:
+        heat: 17xHxW, probabilities.
+        guess: 17x2 row and column, as regressed.
+        left: First column of the box.
+        top: First row.
+        right: Column after the last one.
+        bottom: Row after the last one.
+    """
+    variance = SPREAD * min(heat.shape[1:])
+    near_y = np.exp(-((np.arange(top, bottom) - guess[:, :1]) ** 2) / variance).astype(np.float32)
+    near_x = np.exp(-((np.arange(left, right) - guess[:, 1:]) ** 2) / variance).astype(np.float32)
+    weighed = heat[:, top:bottom, left:right] * near_y[:, :, None]
+    weighed *= near_x[:, None, :]
+    flat = weighed.reshape(17, -1)
+    best = flat.argmax(axis=1)
+    rows, columns = np.divmod(best, right - left)
+    return np.stack([left + columns, top + rows, flat[np.arange(17), best]], axis=1)
 
 
 def select(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
@@ -171,8 +180,3 @@ def to_person(candidates: MoveNetCandidates, index: int, letterbox: Letterbox) -
         box_xyxy_px=letterbox.to_image(candidates.boxes[index]).astype(np.float32),
         keypoints=keypoints.astype(np.float32),
     )
-
-
-def sigmoid(logits: Array) -> F32:
-    """Return 1 / (1 + exp(-x))."""
-    return np.asarray(1 / (1 + np.exp(-logits.astype(np.float32))), np.float32)

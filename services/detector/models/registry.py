@@ -85,7 +85,9 @@ def recognise(session: Session, settings: ModelSettings, path: str) -> str:
 
 def kind_of(outputs: Mapping[str, Array]) -> str:
     """Return the kind that has such outputs, empty if none has."""
-    if {"center", "kpt_heatmap"} <= outputs.keys():
+    if any(
+        maps <= outputs.keys() for maps in ({"center_map", "kpt_map"}, {"center", "kpt_heatmap"})
+    ):
         return "movenet"
     rows = {array.ndim: array.shape[1] for array in outputs.values() if array.ndim in (3, 4)}
     if rows == {3: 56}:

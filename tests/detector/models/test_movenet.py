@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 
@@ -6,11 +7,19 @@ from people4d.messages import F32, F64
 from services.detector.config import ModelSettings
 from services.detector.models.base import DetectedPerson
 from services.detector.models.movenet import (
-    HEADS,
     MoveNet,
     MoveNetCandidates,
     find_centres,
     similarity,
+)
+from services.detector.models.movenet_heads import (
+    FEATURES,
+    LOCAL,
+    MAPS,
+    DenseHeads,
+    HeadReader,
+    Heads,
+    sigmoid,
 )
 from tests.detector.array_session import ArraySession
 
@@ -20,7 +29,9 @@ ON = 4.0  # logit of a sure thing: sigmoid 0.982
 
 def empty_heads(height: int = 64, width: int = 80) -> dict[str, F32]:
     """Heads of an input of four times the size, with no person in it."""
-    heads = {name: np.zeros((1, n, height, width), np.float32) for name, n in HEADS.items()}
+    heads = {
+        name: np.zeros((1, n, height, width), np.float32) for name, n in (MAPS | LOCAL).items()
+    }
     heads["center"][:] = OFF
     heads["kpt_heatmap"][:] = OFF
     return heads
@@ -111,7 +122,7 @@ def test_centre_is_the_highest_cell_around() -> None:
     # 5x5 cells around: (2, 2) outshines (2, 4), two cells off, but not (2, 5), three cells off.
     logits = np.full((6, 9), -9.0, np.float32)
     logits[2, [2, 4, 5]] = 2.0, 1.0, 1.5
-    rows, columns, scores = find_centres(logits, 0.1)
+    rows, columns, scores = find_centres(sigmoid(logits), 0.1)
     assert (rows.tolist(), columns.tolist()) == ([2, 2], [2, 5])
     np.testing.assert_allclose(scores, [0.8808, 0.8176], atol=1e-4)
 
@@ -146,6 +157,62 @@ def test_no_people_and_flat_heads() -> None:
     heads = empty_heads()
     heads["center"][:] = 0.0  # every cell a peak, every box empty
     assert detect(heads) == []
+
+
+def local_heads(cells: int = 8) -> tuple[Heads, Heads]:
+    """Return random heads of a grid, computed where they are read and computed everywhere."""
+    random = np.random.default_rng(5)
+
+    def draw(*shape: int) -> F32:
+        return random.normal(size=shape).astype(np.float32)
+
+    count, hidden = len(LOCAL), 7
+    outputs = {
+        "center_map": draw(1, 1, cells, cells),
+        "kpt_map": draw(1, 17, cells, cells),
+        "features": draw(1, FEATURES, cells, cells),
+        "local.depthwise": draw(count, 9, FEATURES),
+        "local.pointwise": draw(count, FEATURES, hidden),
+        "local.pointwise_bias": draw(count, hidden),
+        "local.output": draw(sum(LOCAL.values()), hidden),
+        "local.output_bias": draw(sum(LOCAL.values())),
+    }
+    dense = {"center": outputs["center_map"], "kpt_heatmap": outputs["kpt_map"]}
+    row = 0
+    for k, (name, channels) in enumerate(LOCAL.items()):
+        kernels = outputs["local.depthwise"][k].T.reshape(FEATURES, 3, 3)
+        pairs = zip(outputs["features"][0], kernels, strict=True)
+        # Correlation with zeros beyond the image, as networks do it
+        filtered = np.stack(
+            [
+                cv2.filter2D(image, -1, kernel, borderType=cv2.BORDER_CONSTANT)
+                for image, kernel in pairs
+            ]
+        )
+        mixed = np.einsum("fij,fg->gij", filtered, outputs["local.pointwise"][k])
+        mixed = np.maximum(mixed + outputs["local.pointwise_bias"][k][:, None, None], 0)
+        rows = slice(row, row + channels)
+        values = np.einsum("kg,gij->kij", outputs["local.output"][rows], mixed)
+        dense[name] = (values + outputs["local.output_bias"][rows][:, None, None])[None]
+        row += channels
+    return HeadReader(outputs, cells, cells, "m").heads(outputs), DenseHeads(dense)
+
+
+def test_heads_at_cells_are_those_of_the_whole_image() -> None:
+    local, dense = local_heads()
+    rows, columns = np.array([0, 3, 7, 7]), np.array([0, 5, 7, 2])  # corners and inner cells
+    for name in LOCAL:
+        (found,), (expected,) = (heads.read((name,), rows, columns) for heads in (local, dense))
+        assert found.shape == (4, LOCAL[name])
+        np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def test_no_cell_has_no_values() -> None:
+    local, _ = local_heads()
+    nowhere = np.zeros(0, np.intp)
+    assert [x.shape for x in local.read(tuple(LOCAL), nowhere, nowhere)] == [
+        (0, n) for n in LOCAL.values()
+    ]
 
 
 def test_bytes_or_floats_by_the_network() -> None:
