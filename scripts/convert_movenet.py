@@ -157,8 +157,8 @@ def chain_of(nodes: Mapping[str, Node], name: str) -> list[Node]:
 def local_weights(graph: "Graph", chains: Sequence[Sequence[Node]]) -> dict[str, Array]:
     """Return the weights of heads by name of the output, see `convert`."""
 
-    def of(place: int, which: int) -> list[Array]:
-        return [graph.weights[chain[place]["input"][which]] for chain in chains]
+    def of(step: int, which: int) -> list[Array]:
+        return [graph.weights[chain[step]["input"][which]] for chain in chains]
 
     return {
         "local.depthwise": np.stack([taps.reshape(9, -1) for taps in of(0, 1)]),

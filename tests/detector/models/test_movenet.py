@@ -198,7 +198,7 @@ def local_heads(cells: int = 8) -> tuple[Heads, Heads]:
     return HeadReader(outputs, cells, cells, "m").heads(outputs), DenseHeads(dense)
 
 
-def test_heads_at_cells_are_those_of_the_whole_image() -> None:
+def test_heads_at_cells_are_those_computed_everywhere() -> None:
     local, dense = local_heads()
     rows, columns = np.array([0, 3, 7, 7]), np.array([0, 5, 7, 2])  # corners and inner cells
     for name in LOCAL:
