@@ -4,9 +4,10 @@ import math
 from typing import Annotated, Literal, TypeVar
 
 import msgspec
-from msgspec import Meta
+from msgspec import Meta, field
 
 from common.config import Config
+from common.inference.processor import has_integer_dot_products
 from common.inference.session import Engine
 from people4d.messages.base import (
     NonNegative,
@@ -31,10 +32,16 @@ InputSide = Annotated[
 ]
 
 
+def shipped_model() -> str:
+    """Return the model that ships and suits this processor: of integers where they are fast."""
+    return "movenet-multipose-int8" if has_integer_dot_products() else "movenet-multipose"
+
+
 class ModelSettings(Config, frozen=True, kw_only=True):
     """People model and its thresholds."""
 
-    model: str = "movenet-multipose"  # name in models/models.toml, or path of an .onnx file
+    # Name in models/models.toml, or path of an .onnx file; absent: see `shipped_model`
+    model: str = field(default_factory=shipped_model)
     kind: str = ""  # one of MODELS or "module:Class"; empty: as the manifest or the file says
     folder: str = ""  # folder that is searched first for named models; empty: none
     input_height: InputSide = 0  # [px] of the network; 0: as the model is made

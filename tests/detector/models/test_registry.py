@@ -7,7 +7,7 @@ from common.inference.session import Session
 from common.io import weights
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import U8
-from services.detector.config import ModelSettings
+from services.detector.config import ModelSettings, shipped_model
 from services.detector.models.base import DetectedPerson
 from services.detector.models.registry import MODELS, find_factory, kind_of, load_model
 
@@ -24,7 +24,7 @@ class NoPeople:
 
 def test_default_model_finds_no_person_in_a_grey_image() -> None:
     model = load_model(ModelSettings())
-    assert model.name == "movenet-multipose"
+    assert model.name == shipped_model()
     assert model.detect(np.full((480, 640, 3), 128, np.uint8)) == []
 
 
@@ -45,7 +45,7 @@ def test_unknown_kind(kind: str) -> None:
 
 
 def test_model_of_the_wrong_kind() -> None:
-    with pytest.raises(ModelError, match="movenet-multipose: expected"):
+    with pytest.raises(ModelError, match=f"{shipped_model()}: expected"):
         load_model(ModelSettings(kind="yolov8-pose"))
 
 
@@ -58,7 +58,7 @@ def test_altered_file_is_refused(tmp_path: Path) -> None:
     good = (weights.REPOSITORY / "models" / "movenet-multipose.onnx").read_bytes()
     (tmp_path / "movenet-multipose.onnx").write_bytes(good[:-1] + bytes([good[-1] ^ 1]))
     with pytest.raises(ModelError, match="expected sha256"):
-        load_model(ModelSettings(folder=str(tmp_path)))
+        load_model(ModelSettings(model="movenet-multipose", folder=str(tmp_path)))
 
 
 def test_file_that_is_no_network(tmp_path: Path) -> None:

@@ -1,0 +1,27 @@
+from pathlib import Path
+
+import pytest
+
+from common.inference.processor import has_integer_dot_products
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("processor\t: 0\nflags\t\t: fpu avx2 avx512_vnni sse\n", True),
+        ("flags\t\t: fpu avx2 avx_vnni\n", True),
+        ("flags\t\t: fpu avx2 avx512f\nvmx flags\t: avx_vnni\n", False),
+        ("Features\t: fp asimd asimddp\n", False),  # not measured
+        ("", False),
+    ],
+)
+def test_dot_products_by_the_flags_of_the_processor(
+    tmp_path: Path, text: str, expected: bool
+) -> None:
+    file = tmp_path / "cpuinfo"
+    file.write_text(text)
+    assert has_integer_dot_products(file) is expected
+
+
+def test_processor_without_flags_has_no_dot_products(tmp_path: Path) -> None:
+    assert not has_integer_dot_products(tmp_path / "absent")
