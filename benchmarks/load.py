@@ -10,8 +10,9 @@ from benchmarks.lib.crowd import Crowd
 from benchmarks.lib.playback import bare_hz, live, lockstep, play
 from benchmarks.lib.table import markdown, write
 from common.runtime.latency import percentiles
+from services.detector.config import shipped_model
 
-MODEL = "movenet-multipose"
+MODEL = shipped_model()
 PEOPLE = (1, 2, 5, 10, 20)
 CAMERAS = (1, 2, 4, 6)
 RATE_HZ = 15.0

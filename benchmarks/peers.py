@@ -59,15 +59,16 @@ def ours(model: Path, integers: Path) -> dict[str, tuple[Arrangement, list[str]]
     """Return arrangements and settings of the detector by name."""
     yolo, yolo_integers = [f"model={model}"], [f"model={integers}"]
     openvino = "engine=openvino"
-    movenet_integers = ["model=movenet-multipose-int8", openvino]
+    movenet_integers = ["model=movenet-multipose-int8"]
     return {
         "ours, the same network": (APART, yolo),
         "ours, the same network, together": (TOGETHER, yolo),
         "ours, the same network, OpenVINO": (APART, [*yolo, openvino]),
         "ours, of integers": (APART, yolo_integers),
         "ours, of integers, OpenVINO": (APART, [*yolo_integers, openvino]),
-        "ours, MoveNet (default)": (APART, ["model=movenet-multipose"]),
-        "ours, MoveNet of integers, OpenVINO": (APART, movenet_integers),
+        "ours, MoveNet in float": (APART, ["model=movenet-multipose"]),
+        "ours, MoveNet of integers (default here)": (APART, movenet_integers),
+        "ours, MoveNet of integers, together": (TOGETHER, movenet_integers),
     }
 
 

@@ -108,7 +108,7 @@ def main() -> None:
     parser.add_argument(
         "detectors",
         nargs="*",
-        default=["model=movenet-multipose"],
+        default=["model=movenet-multipose", "model=movenet-multipose-int8"],
         help="settings of the detector with commas between: model=...,engine=openvino",
     )
     parser.add_argument("--rounds", type=int, default=3)

@@ -144,31 +144,32 @@ def best_cells(heat: F32, guess: F64, left: int, top: int, right: int, bottom: i
 def select(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
     """Return the candidates that are people, each once, best first."""
     selected: list[int] = []
-    overlap = iou_xyxy(candidates.boxes, candidates.boxes)
-    for index in np.argsort(-candidates.scores, kind="stable"):
-        if candidates.scores[index] < limits.score_min or len(selected) == limits.max_people:
+    good = np.flatnonzero(candidates.scores >= limits.score_min)
+    boxes, keypoints = candidates.boxes[good], candidates.keypoints[good]
+    same = iou_xyxy(boxes, boxes) > limits.iou_max
+    same |= similarities(boxes, keypoints) > SIMILARITY_MAX
+    for index in np.argsort(-candidates.scores[good], kind="stable").tolist():
+        if len(selected) == limits.max_people:
             break
-        if selected and overlap[index, selected].max() > limits.iou_max:
-            continue
-        if all(similarity(candidates, index, other) <= SIMILARITY_MAX for other in selected):
-            selected.append(int(index))
-    return selected
+        if not same[index, selected].any():
+            selected.append(index)
+    people: list[int] = good[selected].tolist()
+    return people
 
 
-def similarity(candidates: MoveNetCandidates, one: int, other: int) -> float:
-    """Return the similarity of two people's keypoints: 1 the same, 0 apart (COCO's OKS).
+def similarities(boxes: F64, keypoints: F64) -> F64:
+    """Return how similar the keypoints of N people are, NxN: 1 the same, 0 apart (COCO's OKS).
 
     Two centres on one body give boxes that overlap little but the same keypoints.
     """
-    pair = [one, other]
-    confident = (candidates.keypoints[pair, :, 2] > KEYPOINT_MIN).all(axis=0)
-    if not confident.any():
-        return 0.0
-    sides = candidates.boxes[pair, 2:] - candidates.boxes[pair, :2]
-    area = max(sides.prod(axis=1).min(), 1.0)
-    apart = np.subtract(*candidates.keypoints[pair, :, :2])
-    exponent = (apart**2).sum(axis=1) / (2 * area * (2 * LABEL_SPREAD) ** 2)
-    return float(np.exp(-exponent[confident]).mean())
+    confident = keypoints[:, :, 2] > KEYPOINT_MIN
+    both = confident[:, None] & confident
+    areas = np.maximum((boxes[:, 2:] - boxes[:, :2]).prod(axis=1), 1.0)
+    spread = 2 * np.minimum(areas[:, None], areas)[:, :, None] * (2 * LABEL_SPREAD) ** 2
+    squared = np.square(keypoints[:, None, :, :2] - keypoints[:, :, :2]).sum(axis=3)
+    near = np.exp(-squared / spread) * both
+    mean: F64 = near.sum(axis=2) / np.maximum(both.sum(axis=2), 1)
+    return mean
 
 
 def to_person(candidates: MoveNetCandidates, index: int, letterbox: Letterbox) -> DetectedPerson:

@@ -8,9 +8,8 @@ from services.detector.config import ModelSettings
 from services.detector.models.base import DetectedPerson
 from services.detector.models.movenet import (
     MoveNet,
-    MoveNetCandidates,
     find_centres,
-    similarity,
+    similarities,
 )
 from services.detector.models.movenet_heads import (
     FEATURES,
@@ -135,10 +134,10 @@ def test_similarity_of_keypoints() -> None:
     keypoints[1, 0, 0] = 5.2
     keypoints[0, 5, 2] = 0.9
     boxes = np.array([[0.0, 0.0, 100.0, 100.0], [0.0, 0.0, 100.0, 200.0]])
-    candidates = MoveNetCandidates(np.array([0.9, 0.8]), boxes, keypoints)
-    assert similarity(candidates, 0, 1) == pytest.approx(0.6065, abs=1e-4)
+    expected = [[1, 0.6065], [0.6065, 1]]
+    np.testing.assert_allclose(similarities(boxes, keypoints), expected, atol=1e-4)
     keypoints[:, :, 2] = 0
-    assert similarity(candidates, 0, 1) == 0
+    assert not similarities(boxes, keypoints).any()
 
 
 def test_weak_people_and_many_people_are_dropped() -> None:
