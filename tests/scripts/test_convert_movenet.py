@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from common.inference.onnx import OnnxSession
-from scripts.convert_movenet import convert, read_member
+from scripts.convert_movenet.__main__ import convert, read_member
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.movenet import STRIDE
 from services.detector.models.movenet_heads import LOCAL, DenseHeads, HeadReader

@@ -1,0 +1,1 @@
+"""The shipped MoveNet from the model of an npm package."""
