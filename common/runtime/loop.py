@@ -284,14 +284,26 @@ class Loop:
                 return (), spans
 
     def _publish(self, outputs: Iterable[Message], spans: list[Span]) -> None:
-        for message in outputs:
-            traced = self._tracer.worked(message, spans)
-            try:
-                self._bus.publish(traced, self._tracer.publishing(traced))
+        messages = [self._tracer.worked(message, spans) for message in outputs]
+        if self._bus.exchange:
+            messages = [each for each in messages if self._attempt(self._bus.hand_over, each)]
+            time.sleep(0)  # services of this process begin before messages are encoded for others
+        for message in messages:
+            if self._attempt(self._bus.send, message):
                 self._activity.count(f"sent_{BY_MESSAGE[type(message)].name}")
-            except Exception as error:  # one bad message must not end the thread that sends
-                name = type(message).__name__
-                self._activity.note_error(error, f"{name} could not be sent")
+
+    def _attempt(
+        self,
+        publish: Callable[[Message, Callable[[], Span] | None], None],
+        message: Message,
+    ) -> bool:
+        """Publish a message in one way; return False, noted, if it cannot be."""
+        try:
+            publish(message, self._tracer.publishing(message))
+        except Exception as error:  # one bad message must not end the thread that sends
+            self._activity.note_error(error, f"{type(message).__name__} could not be sent")
+            return False
+        return True
 
 
 def _name(message: Message) -> str:

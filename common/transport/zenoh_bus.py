@@ -167,18 +167,27 @@ class ZenohBus(ZenohSession):
             message: The message.
             publishing: Gives the last stage of its trace, called when it is encoded.
         """
+        self.hand_over(message, publishing)
+        self.send(message, publishing)
+
+    def hand_over(self, message: Message, publishing: Callable[[], Span] | None) -> None:
+        """Give a message to the subscribers in this process, if services share it."""
+        if not self.exchange:
+            return
         topic = BY_MESSAGE[type(message)]
+        trace = (*message.trace, publishing()) if publishing else message.trace
         key = topic.key_of(message, self.robot)
+        self.exchange.publish(topic, key, msgspec.structs.replace(message, trace=trace))
+
+    def send(self, message: Message, publishing: Callable[[], Span] | None) -> None:
+        """Send a message to other processes; among shared services only if one subscribes."""
+        topic = BY_MESSAGE[type(message)]
         lossless = (isinstance(message, RgbdFrame) and message.lockstep) or (
             isinstance(message, Health) and message.state == "stopping"
         )
-        publisher = self._publisher(topic, key, lossless)
-        if self.exchange:
-            trace = (*message.trace, publishing()) if publishing else message.trace
-            self.exchange.publish(topic, key, msgspec.structs.replace(message, trace=trace))
-            if not publisher.is_wanted(time.monotonic()):
-                return
-        publisher.put(encode(message, publishing))
+        publisher = self._publisher(topic, topic.key_of(message, self.robot), lossless)
+        if not self.exchange or publisher.is_wanted(time.monotonic()):
+            publisher.put(encode(message, publishing))
 
     def subscribe(self, topic: Topic, own: bool = True) -> ZenohSubscription:
         """Receive a topic as `ZenohSession.subscribe` does; through Zenoh only what others send.
