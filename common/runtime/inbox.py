@@ -1,5 +1,6 @@
 """Queue of messages that wait for a busy node, or for the answers of its replicas."""
 
+import threading
 import time
 from collections.abc import Callable
 
@@ -84,3 +85,29 @@ class Inbox(MessageQueue):
             size = size_of(message.payload)
             arrival = Arrival(message.payload, message.received_ns, now_ns, size=size)
             self._add(topic, message.key, arrival, again=True)
+
+
+class Turnstile:
+    """Admits one thread at a time to the heavy part of a node, before it takes a message.
+
+    Else a second thread would take a frame while the first still runs the network, and hold it
+    until that is done: an old one by then. Before the turnstile the frame waits in the inbox,
+    where a newer one replaces it.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._holder: int | None = None
+
+    def acquire(self, timeout_s: float) -> bool:
+        """Wait for admission; return False if it did not come in time."""
+        if not self._lock.acquire(timeout=timeout_s):
+            return False
+        self._holder = threading.get_ident()
+        return True
+
+    def release(self) -> None:
+        """Admit the next thread; does nothing if this thread is not the one admitted."""
+        if self._holder == threading.get_ident():
+            self._holder = None
+            self._lock.release()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from common.runtime.checkpoint import Checkpoint, CheckpointStore
 from common.runtime.heartbeat import Activity, Heartbeat
-from common.runtime.inbox import Inbox
+from common.runtime.inbox import Inbox, Turnstile
 from common.runtime.node import LoopCallbacks, Node, StatefulNode
 from common.runtime.replicas import Replica
 from common.transport.trace import ProcessId, Tracer, span
@@ -36,32 +36,6 @@ class LoopSettings:
 
 
 DEFAULT = LoopSettings()
-
-
-class Turnstile:
-    """Admits one thread at a time to the heavy part of a node, before it takes a message.
-
-    Else a second thread would take a frame while the first still runs the network, and hold it
-    until that is done: an old one by then. Before the turnstile the frame waits in the inbox,
-    where a newer one replaces it.
-    """
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._holder: int | None = None
-
-    def acquire(self, timeout_s: float) -> bool:
-        """Wait for admission; return False if it did not come in time."""
-        if not self._lock.acquire(timeout=timeout_s):
-            return False
-        self._holder = threading.get_ident()
-        return True
-
-    def release(self) -> None:
-        """Admit the next thread; does nothing if this thread is not the one admitted."""
-        if self._holder == threading.get_ident():
-            self._holder = None
-            self._lock.release()
 
 
 class Loop:
