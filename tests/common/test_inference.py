@@ -140,6 +140,23 @@ def quantized(path: Path) -> Path:
     return path
 
 
+def test_network_of_integers_that_cannot_be_run_fused_runs_as_in_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    path, run = quantized(tmp_path / "m.onnx"), OnnxSession.run
+
+    def failing(self: OnnxSession, image: Array) -> Mapping[str, Array]:
+        if self.optimised:
+            raise RuntimeError("zero point must be a scalar\nand more")
+        return run(self, image)
+
+    monkeypatch.setattr(OnnxSession, "run", failing)
+    session = open_session(path)
+    assert "onnxruntime cannot run it fused: zero point must be a scalar; it runs" in caplog.text
+    found = outputs(session, np.array([[0.004, 0.5, 0.996]], np.float32))
+    np.testing.assert_allclose(found["rounded"], [[0, 0.5, 1.0]], atol=1e-6)
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_network_of_integers_is_compared_with_its_file(
     tmp_path: Path,
