@@ -14,6 +14,7 @@ from people4d.messages import F64, BodyPoint, GaitMeasures
 from services.gait.config import StepConfig
 from services.gait.estimator import UP, GaitResult
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
+from services.gait.steps.rhythm import FeetDistance, feet_distance
 from services.gait.steps.steps import FootStep, find_steps, gait_measures
 from services.gait.steps.swings import FootTrajectory
 
@@ -82,18 +83,27 @@ class GaitTables:
 
     def steps(self, person: int) -> list[FootStep]:
         """Return all steps of a person."""
+        feet = self._feet(person)
+        return [] if feet is None else find_steps(*feet, UP, self._config)
+
+    def feet_distance(self, person: int) -> FeetDistance | None:
+        """Return the distance of a person's feet over time; None if one was never found."""
+        feet = self._feet(person)
+        return None if feet is None else feet_distance(*feet, UP)
+
+    def measures(self, person: int) -> GaitMeasures:
+        """Return the gait measures of a person over all steps."""
+        return gait_measures(self.steps(person), self._config, self.feet_distance(person))
+
+    def _feet(self, person: int) -> tuple[FootTrajectory, FootTrajectory] | None:
         trajectories = self.trajectories(person)
         if LEFT_FOOT not in trajectories or RIGHT_FOOT not in trajectories:
-            return []
+            return None
         left, right = (
             FootTrajectory(one.times_s, one.positions_m, one.covariances_m2)
             for one in (trajectories[LEFT_FOOT], trajectories[RIGHT_FOOT])
         )
-        return find_steps(left, right, UP, self._config)
-
-    def measures(self, person: int) -> GaitMeasures:
-        """Return the gait measures of a person over all steps."""
-        return gait_measures(self.steps(person), self._config)
+        return left, right
 
     def write(self, folder: Path) -> None:
         """Write gait.csv, steps.csv and measures.csv.

@@ -19,11 +19,16 @@ import numpy as np
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
 from services.gait.steps.alternation import Landing, alternating
+from services.gait.steps.rhythm import WINDOW_S, FeetDistance, feet_distance, with_rhythm
 from services.gait.steps.swings import FEET, FootTrajectory, Side, Swing, find_swings
 
-JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps
+JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps, unless the foot is lifted
+LIFT_M, LIFT_SIGMA_M = 0.03, 0.1  # of a foot in a swing; level noise of its points, at most
+LIFT_S = (0.1, 0.6)  # [s] about a swing, in which the foot is lifted, and mostly stands
 STEPS_MIN = 2  # for the cadence; of each foot, for the asymmetry
 STEPS_APART_MAX = 16  # of a pair of landings by which the cadence is estimated
+LANDING_S = 0.08  # [s] standard deviation of the time of a landing
+UNSURE = 0.02  # of the time of a step: from this standard deviation on the rhythm counts, too
 UNOBSERVED = 0.3  # confidence of a step that was not seen
 
 
@@ -64,7 +69,8 @@ def find_steps(
     swings = [
         one
         for one in find_swings(left, right, up, config)
-        if one.confidence >= config.step_confidence_min and not _is_jump(one)
+        if one.confidence >= config.step_confidence_min
+        and not (_is_brief(one) and not _is_lifted(one, left if one.foot == "left" else right, up))
     ]
     found: list[FootStep] = []
     for landing in alternating(swings, config):
@@ -74,10 +80,25 @@ def find_steps(
     return found
 
 
-def _is_jump(swing: Swing) -> bool:
-    """Check that a short motion does not pass the other foot: the point jumped, or slid."""
+def _is_brief(swing: Swing) -> bool:
+    """Check that a short motion does not pass the other foot: a point that jumps or slides."""
     length_m, _ = _from_other_m(swing)
     return length_m < JUMP_M and swing.landed_s - swing.lifted_s < JUMP_S
+
+
+def _is_lifted(swing: Swing, foot: FootTrajectory, up: F64) -> bool:
+    """Check that a foot that is well known rose in a brief swing, as in the steps of a turn."""
+    inside, about = (
+        (foot.times_s >= swing.lifted_s - margin_s) & (foot.times_s <= swing.landed_s + margin_s)
+        for margin_s in LIFT_S
+    )
+    if not inside.any():
+        return False
+    heights_m = foot.points_m @ up
+    rise_m = float(np.quantile(heights_m[inside], 0.9) - np.median(heights_m[about]))
+    level = np.eye(3) - np.outer(up, up)
+    variance_m2 = float(np.trace(level @ foot.covariances_m2[inside].mean(axis=0)))
+    return rise_m > LIFT_M and variance_m2 < LIFT_SIGMA_M**2
 
 
 def _from_other_m(swing: Swing) -> tuple[float, float | None]:
@@ -89,10 +110,15 @@ def _from_other_m(swing: Swing) -> tuple[float, float | None]:
     return float(apart @ direction), abs(across)
 
 
-def gait_measures(steps: Sequence[FootStep], config: StepConfig) -> GaitMeasures:
-    """Return the measures of a walk; the number of steps alone if too few strides are even."""
+def gait_measures(
+    steps: Sequence[FootStep], config: StepConfig, feet: FeetDistance | None = None
+) -> GaitMeasures:
+    """Return the measures of a walk; the number of steps alone if too few strides are even.
+
+    The distance of both feet, if it is known, improves the cadence.
+    """
     even = even_strides(steps, config)
-    cadence_per_min = cadence(steps)
+    cadence_per_min = cadence(steps, feet)
     if len(even) < config.strides_min or cadence_per_min is None:
         return GaitMeasures(steps=len(steps))
     length_m = float(np.mean([stride.length_m for _, stride in even]))
@@ -118,11 +144,12 @@ def step_times_s(steps: Sequence[FootStep]) -> list[float]:
     return [after.landed_s - one.landed_s for one, after in pairwise(steps) if after.follows]
 
 
-def cadence(steps: Sequence[FootStep]) -> float | None:
+def cadence(steps: Sequence[FootStep], feet: FeetDistance | None = None) -> float | None:
     """Return the steps a minute of all that follow another; None with fewer than two of them.
 
     Median over all pairs of landings of the time of a step between them, in each part of the walk:
-    one landing that is early or late changes it little [Theil 1950] [Sen 1968].
+    one landing that is early or late changes it little [Theil 1950] [Sen 1968]. The rhythm of the
+    distance of both feet counts the more, the fewer landings there are.
     """
     parts: list[list[float]] = []
     for step in steps:
@@ -130,12 +157,20 @@ def cadence(steps: Sequence[FootStep]) -> float | None:
             parts.append([])
         parts[-1].append(step.landed_s)
     times_s: list[float] = []
+    spread = 0.0  # squares of the numbers of landings about their means
     for part in parts:
         landed_s = np.array(part)
+        spread += len(part) * (len(part) ** 2 - 1) / 12
         for apart in range(1, min(len(part), STEPS_APART_MAX + 1)):
             times_s += ((landed_s[apart:] - landed_s[:-apart]) / apart).tolist()
     time_s = float(np.median(times_s)) if len(step_times_s(steps)) >= STEPS_MIN else 0.0
-    return 60 / time_s if time_s > 0 else None
+    if time_s <= 0:
+        return None
+    sigma_s = LANDING_S / math.sqrt(spread)
+    walked_s = sum(part[-1] - part[0] for part in parts)
+    if feet is not None and walked_s >= WINDOW_S and sigma_s > UNSURE * time_s:
+        time_s = with_rhythm(time_s, sigma_s, feet)
+    return 60 / time_s
 
 
 def even_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[FootStep, Stride]]:
@@ -144,7 +179,7 @@ def even_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[Fo
     if not known:
         return []
     sizes = np.array([(stride.length_m, stride.time_s) for _, stride in known])
-    off = np.abs(sizes / np.median(sizes, axis=0) - 1)
+    off = np.abs(sizes / np.quantile(sizes, 0.5, axis=0, method="higher") - 1)
     even = (off <= (config.length_spread, config.time_spread)).all(axis=1)
     return [one for one, is_even in zip(known, even, strict=True) if is_even]
 
@@ -233,13 +268,17 @@ class StepMeter:
                 samples.popleft()
         if stamp_s >= self._due_s:
             self._due_s = stamp_s + self._config.every_s
-            self._measures = gait_measures(self.steps(), self._config)
+            steps, feet = self.steps(), feet_distance(*self._trajectories(), self._up)
+            self._measures = gait_measures(steps, self._config, feet)
         return self._measures
 
     def steps(self) -> list[FootStep]:
         """Return the steps of the last seconds."""
+        return find_steps(*self._trajectories(), self._up, self._config)
+
+    def _trajectories(self) -> tuple[FootTrajectory, FootTrajectory]:
         left, right = (_trajectory(samples) for samples in self._samples.values())
-        return find_steps(left, right, self._up, self._config)
+        return left, right
 
 
 def _trajectory(samples: Collection[tuple[float, FootSample]]) -> FootTrajectory:

@@ -420,6 +420,23 @@ def test_brief_motions_of_a_walk_are_steps() -> None:
     assert all(one.confidence > 0.5 for one in steps if one.observed)
 
 
+@pytest.mark.parametrize(
+    ("lift_m", "noise_m", "found"), [(0.08, 0.02, 1), (0.0, 0.02, 0), (0.08, 0.12, 0)]
+)
+def test_brief_step_beside_the_other_foot_needs_a_foot_that_is_lifted(
+    lift_m: float, noise_m: float, found: int
+) -> None:
+    # The left foot comes 0.3 m nearer, beside the right one, as at the end of a turn.
+    times_s = np.arange(0, 4, 1 / 30)
+    part = np.clip((times_s - 2.0) / 0.3, 0, 1)
+    zero = np.zeros_like(times_s)
+    left = np.stack([0.3 * part, zero + 0.2, lift_m * np.sin(np.pi * part)], axis=1)
+    right = np.stack([zero + 0.3, zero, zero], axis=1)
+    noises_m2 = np.tile(noise_m**2 * np.eye(3), (len(times_s), 1, 1))
+    feet_ = [FootTrajectory(times_s, one, noises_m2) for one in (left, right)]
+    assert len(find_steps(feet_[0], feet_[1], UP, CONFIG)) == found
+
+
 def test_landing_is_in_time_at_any_rate_and_phase() -> None:
     # Landings every 0.5 s, from 0.5 s on.
     for begin_s, rate_hz in ((0.0, 30), (0.013, 30), (0.02, 20), (0.0, 15)):
