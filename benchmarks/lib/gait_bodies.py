@@ -1,8 +1,6 @@
 """Points and steps of tracked people against joints: visible and hidden, left and right, steps.
 
-Any recording will do whose joints are known. Hands and feet are on the visible surface, joints
-inside of the body: a reference is made from joints, the middle of the hand from the wrist along the
-forearm, that of the foot from the ankle along the heading, both moved towards the camera.
+Any recording will do whose joints are known.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,6 +11,7 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from benchmarks.lib.gait_tally import Tally
+from benchmarks.lib.limb_references import JOINT, references
 from benchmarks.lib.true_steps import even_truth, steady_cadence, steps_by_ankles, true_asymmetry
 from evaluation.gait.parameters import gait_parameters, limping_side
 from evaluation.gait.tables import GaitTables
@@ -27,12 +26,7 @@ Flags = npt.NDArray[np.bool_]
 
 LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
 COUNTERPART = {0: 1, 1: 0, 2: 3, 3: 2}
-JOINT = (9, 10, 15, 16)  # COCO: wrists, ankles
 ANKLES = (15, 16)
-BEFORE = (7, 8, 13, 14)  # elbows, knees
-HAND_REACH = 0.35  # of the forearm, from the wrist to the middle of the hand
-HAND_DEEP_M, FOOT_DEEP_M = 0.02, 0.03  # from the middle to the surface that the camera sees
-FOOT_AHEAD_M, FOOT_BELOW_M = 0.08, 0.03  # from the ankle to the middle of the foot
 SAME_PERSON_M = 0.6  # from the head to the true one, level
 EXCHANGED_M = 0.10  # by which a point is nearer to its counterpart's reference than to its own
 HIDDEN_OFF_M = 0.10  # of a point that is measured though its joint is hidden
@@ -56,28 +50,6 @@ class JointTruth:
     footfalls: list[list[Footfall]] | None = None  # of each person; None: by the ankles
 
 
-def references(truth: JointTruth) -> F64:
-    """Return the surface at the middles of hands and feet: NxKx4x3."""
-    joints = truth.joints_m
-    found = np.empty((*joints.shape[:2], 4, 3))
-    shoulders = joints[:, :, 6] - joints[:, :, 5]
-    hips = joints[:, :, 12] - joints[:, :, 11]
-    across = (shoulders + hips) * (1.0, 1.0, 0.0)
-    ahead = np.cross((0.0, 0.0, 1.0), across)  # from the left to the right, turned ahead
-    ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
-    for k, (joint, before) in enumerate(zip(JOINT, BEFORE, strict=True)):
-        end = joints[:, :, joint]
-        if k < 2:
-            middle = end + HAND_REACH * (end - joints[:, :, before])
-            deep = HAND_DEEP_M
-        else:
-            middle = end + FOOT_AHEAD_M * ahead - (0.0, 0.0, FOOT_BELOW_M)
-            deep = FOOT_DEEP_M
-        ray = middle - truth.camera_m[:, None]
-        found[:, :, k] = middle - deep * ray / np.linalg.norm(ray, axis=-1, keepdims=True)
-    return found
-
-
 def tally(
     truth: JointTruth, results: Sequence[Sequence[GaitResult]], stamps_ns: Sequence[int]
 ) -> list[Tally]:
@@ -89,7 +61,7 @@ def tally(
         stamps_ns: N.
     """
     people = truth.joints_m.shape[1]
-    reference = references(truth)
+    reference = references(truth.joints_m, truth.camera_m)
     assigned: list[dict[int, PersonGait]] = []
     votes: dict[int, list[int]] = {}
     tables = GaitTables(StepConfig())

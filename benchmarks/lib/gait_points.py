@@ -1,7 +1,8 @@
 """Points of a body against their ground truth, as in Figures 5.7 to 5.9 of the source.
 
-An error is the distance in space from the estimate to the visible surface at the middle of the
-head, hand or foot, in frames in which it is visible.
+An error is the distance in space from the estimate to the middle of the head, hand or foot, in
+frames in which it is visible: of points that are marked by hand to the surface that is visible
+there, of the service's to its own definition (`limb_references`), to that surface besides.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,6 +34,7 @@ CASES = {
     "gait_hand": "hand before the torso",
 }
 LIMBS = [POINTS.index(name) for name in HANDS_AND_FEET]
+HANDS, FEET = LIMBS[:2], LIMBS[2:]
 RIGHT_HAND = POINTS.index("right_hand")
 KEYPOINT_M = 0.1  # of a keypoint and the depth at it, standard deviation
 PUBLISHED_STATES = ("measured", "predicted")
@@ -75,6 +77,7 @@ class PointResults:
         measured: NxKx5, False where predicted.
         covariances_m2: NxKx5x3x3, of the points.
         errors_m: NxKx5, NaN where the estimate is lost or the truth occluded.
+        surface_errors_m: NxKx5, the same to the visible surface.
         visible: NxKx5, of the ground truth.
     """
 
@@ -82,6 +85,7 @@ class PointResults:
     measured: Flags
     covariances_m2: F64
     errors_m: F64
+    surface_errors_m: F64
     visible: Flags
 
 
@@ -112,17 +116,26 @@ def track_points(
         points.append([row[0] for row in rows])
         measured.append([row[1] for row in rows])
         covariances.append([row[2] for row in rows])
-    return compared(recording, np.array(points), np.array(measured), np.array(covariances))
+    arrays = np.array(points), np.array(measured), np.array(covariances)
+    return compared(recording, *arrays, by_hand=variant.by_hand)
 
 
 def compared(
-    recording: GaitRecording, points_m: F64, measured: Flags, covariances_m2: F64
+    recording: GaitRecording,
+    points_m: F64,
+    measured: Flags,
+    covariances_m2: F64,
+    *,
+    by_hand: bool = False,
 ) -> PointResults:
     """Return points compared with the ground truth."""
-    errors = np.linalg.norm(points_m - recording.truth.points_m[: len(points_m)], axis=-1)
     visible = recording.truth.visible[: len(points_m)].astype(bool)
-    known = np.where(visible, errors, np.nan)
-    return PointResults(points_m, measured, covariances_m2, known, visible)
+    surface, middle = (
+        np.where(visible, np.linalg.norm(points_m - true_m[: len(points_m)], axis=-1), np.nan)
+        for true_m in (recording.truth.points_m, recording.middles_m)
+    )
+    errors = surface if by_hand else middle
+    return PointResults(points_m, measured, covariances_m2, errors, surface, visible)
 
 
 def keypoints_alone(recording: GaitRecording) -> PointResults:
@@ -187,6 +200,13 @@ def _points(estimate: GaitEstimate) -> tuple[F64, Flags, F64]:
             covariances[row] = point.covariance[:3, :3]
             measured[row] = point.state == "measured"
     return points, measured, covariances
+
+
+def surface_errors(runs: Iterable[PointResults], points: Sequence[int]) -> str:
+    """Return median and 90th percentile of the errors to the visible surface, of all runs."""
+    errors = np.concatenate([run.surface_errors_m[..., points].ravel() for run in runs])
+    known = 100 * errors[np.isfinite(errors)]
+    return f"{np.median(known):.1f}, {np.quantile(known, 0.9):.1f}"
 
 
 def figures(runs: Sequence[PointResults], points: Sequence[int]) -> list[str]:

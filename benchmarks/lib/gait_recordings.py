@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.lib.limb_references import references
 from common.geometry.transforms import apply
 from common.io.images import decompress
 from common.io.recording import open_recording
@@ -127,6 +128,22 @@ class GaitRecording:
             np.savez_compressed(path, **{name: getattr(made, name) for name in TRUTH})
         with np.load(path) as arrays:
             return PointTruth(**{name: arrays[name] for name in TRUTH})
+
+    @cached_property
+    def middles_m(self) -> F64:
+        """Middles of hands and feet as the service defines them, by joints, and heads: NxKx5x3.
+
+        Frame: optical; NaN where the truth is occluded. Unlike the visible surface before the
+        middle, which is at the toes in front and at the heel behind, they turn with the foot.
+        """
+        times_s = [self.world.frame_s(index) for index in range(len(self.truth.boxes_px))]
+        joints_m = np.array([self.world.keypoints_m(t_s) for t_s in times_s])
+        limbs_m = references(joints_m, np.tile(self.map_from_optical[:3, 3], (len(joints_m), 1)))
+        optical = apply(self.world.optical_from_map(0.0), limbs_m.reshape(-1, 3))
+        found = self.truth.points_m.copy()
+        found[:, :, 1:] = optical.reshape(limbs_m.shape)
+        found[~self.truth.visible.astype(bool)] = np.nan
+        return found
 
     @cached_property
     def footfalls(self) -> list[list[Footfall]]:

@@ -43,7 +43,7 @@ from services.gait.points.likelihood import (
     single_feature_weights,
     spin_similarities,
 )
-from services.gait.points.limb_anchors import on_own_limbs
+from services.gait.points.limb_anchors import feet_apart, on_own_limbs
 from services.gait.points.limb_prior import limb_priors
 from services.gait.points.limb_surface import surface_position
 from services.gait.points.normal import Normal
@@ -141,7 +141,7 @@ class DepthLayer:
         return PointFilter(name, self._config, self._info, self._generator)
 
     def _estimates(self) -> dict[str, PointEstimate]:
-        return {name: point.estimate() for name, point in self._points.items()}
+        return feet_apart({name: point.estimate() for name, point in self._points.items()})
 
     def _measure(self, observation: MeshObservation) -> MeasuredBody | None:
         """Measure what all points need: heights, geodesic distances, extrema."""

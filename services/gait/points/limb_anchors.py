@@ -4,18 +4,28 @@ Source: docs/method.md, section 19.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from people4d.messages import CameraInfo
 from services.gait.config import DepthLayerConfig
-from services.gait.points.keypoints import COUNTERPARTS, PAIRS, Anchor, kind_of, pixels_of, sigma_px
+from services.gait.points.keypoints import (
+    COUNTERPARTS,
+    LEFT_FOOT,
+    PAIRS,
+    RIGHT_FOOT,
+    Anchor,
+    pixels_of,
+    sigma_px,
+)
 from services.gait.points.normal import Normal
-from services.gait.points.point_filter import PointFilter
+from services.gait.points.point_filter import PointEstimate, PointFilter
 
 EXCHANGE_MIN = 6.0  # squared deviations by which exchanged keypoints fit better
 COST_MAX = 25.0  # squared deviations of one keypoint
 DOUBTFUL_COST_MAX = 9.0  # the same of one of low confidence
+FEET_APART_M = 0.13  # between the middles of two feet, at least
 SAME_M = 0.10  # [m] two points nearer to each other are on one limb
 
 
@@ -46,9 +56,7 @@ def on_own_limbs(
         costs = np.array(
             [[_cost(one, own[name], info, config) for name in names] for one in expected if one]
         )
-        if kind_of(left) == "hand" and (
-            costs[0, 1] + costs[1, 0] + EXCHANGE_MIN < costs[0, 0] + costs[1, 1]
-        ):
+        if costs[0, 1] + costs[1, 0] + EXCHANGE_MIN < costs[0, 0] + costs[1, 1]:
             own[left], own[right] = own[right], own[left]
             costs = costs[:, ::-1]
         depth_m = float(expected[0].mean_m[2])
@@ -58,6 +66,19 @@ def on_own_limbs(
             fits = costs[0, 0] <= costs[1, 1] if confident[0] == confident[1] else confident[0]
             own.pop(right if fits else left)
     return own
+
+
+def feet_apart(estimates: Mapping[str, PointEstimate]) -> dict[str, PointEstimate]:
+    """Return estimates in which of two feet at one place the less certain one is lost."""
+    found = dict(estimates)
+    feet = [name for name in (LEFT_FOOT, RIGHT_FOOT) if name in found]
+    if len(feet) < 2 or any(found[name].state == "lost" for name in feet):
+        return found
+    both = [found[name] for name in feet]
+    if np.linalg.norm(both[0].position_m - both[1].position_m) < FEET_APART_M:
+        worse = int(np.argmax([np.trace(one.covariance[:3, :3]) for one in both]))
+        found[feet[worse]] = replace(both[worse], state="lost")
+    return found
 
 
 def _fits(

@@ -19,7 +19,7 @@ from services.gait.steps.swings import FEET, Swing
 
 # Costs, as squared deviations: of another foot, of a landing that is none, of a step not seen, and
 # of a pause or part of the walk of which nothing is known.
-FLIP, DROP, MISSED, UNKNOWN = 4.0, 5.0, 3.0, 9.0
+FLIP, DROP, MISSED, UNKNOWN = 4.0, 7.0, 3.0, 9.0
 TIME_SIGMA = 0.3  # of the logarithm of a step's time by the median
 BACK = 4  # landings, of which all but the first and the last may be none
 BETWEEN_MIN_S = 0.2  # between landings

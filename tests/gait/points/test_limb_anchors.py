@@ -9,9 +9,9 @@ from common.geometry.transforms import project
 from people4d.messages import F64
 from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT, Anchor
-from services.gait.points.limb_anchors import on_own_limbs
+from services.gait.points.limb_anchors import feet_apart, on_own_limbs
 from services.gait.points.normal import Normal
-from services.gait.points.point_filter import PointFilter
+from services.gait.points.point_filter import PointEstimate, PointFilter
 from tests.gait.builders import INFO
 
 CONFIG = DepthLayerConfig(keypoint_confidence_min=0.4)
@@ -67,3 +67,25 @@ def test_doubtful_ankle_of_a_person_who_is_not_known_does_not_count() -> None:
         point.prior = None
     found = left_anchor(FEET_M[LEFT_FOOT], 0.2)
     assert not on_own_limbs(found, points, 0.0, INFO, CONFIG)
+
+
+def test_exchanged_ankles_are_given_back() -> None:
+    pixels = {name: project(position_m, INFO)[0] for name, position_m in FEET_M.items()}
+    found = {
+        LEFT_FOOT: Anchor(pixels[RIGHT_FOOT], 1.0, 0.7, pixels[RIGHT_FOOT]),
+        RIGHT_FOOT: Anchor(pixels[LEFT_FOOT], 1.0, 0.7, pixels[LEFT_FOOT]),
+    }
+    own = on_own_limbs(found, feet(), 0.0, INFO, CONFIG)
+    assert {name: one.pixel.tolist() for name, one in own.items()} == {
+        name: pixel.tolist() for name, pixel in pixels.items()
+    }
+
+
+@pytest.mark.parametrize(("apart_m", "lost"), [(0.05, True), (0.2, False)])
+def test_of_two_feet_that_coincide_the_less_certain_one_is_lost(apart_m: float, lost: bool) -> None:
+    certain = PointEstimate(np.zeros(3), np.zeros(3), 0.05**2 * np.eye(6), "measured", 1.0)
+    other_m = np.array([apart_m, 0.0, 0.0])
+    doubtful = PointEstimate(other_m, np.zeros(3), 0.1**2 * np.eye(6), "predicted", 0.0)
+    found = feet_apart({LEFT_FOOT: doubtful, RIGHT_FOOT: certain})
+    assert found[RIGHT_FOOT] is certain
+    assert found[LEFT_FOOT].state == ("lost" if lost else "predicted")

@@ -382,6 +382,21 @@ def test_landing_between_two_steps_is_none() -> None:
     assert [one.steps for one in found] == [0, 1, 1, 1, 1, 1]
 
 
+def test_clear_landing_beside_one_that_was_missed_is_a_step() -> None:
+    # In a turn the right foot lands early, the left one treads on the spot unseen, and the right
+    # foot goes on: nothing is known between its landings, but both are landings.
+    swings = walk("lrl")
+    last = swings[-1]
+    stands = float(last.to_m[0])
+    swings.append(landed("right", last.landed_s + 0.45, 1.6, stands))
+    swings.append(landed("right", last.landed_s + 1.25, 2.2, stands))
+    swings.append(landed("left", last.landed_s + 1.85, 2.8))
+    swings.append(landed("right", last.landed_s + 2.45, 3.4))
+    found = alternating(swings, CONFIG)
+    assert [one.steps for one in found] == [0, 1, 1, 1, 0, 1, 1]
+    assert "".join("lr"[one.side] for one in found) == "lrlrrlr"
+
+
 def test_unobserved_step_counts_in_the_cadence_only_if_the_foot_moved() -> None:
     swings = walk("lrl.lr")
     assert [one.steps for one in alternating(swings, CONFIG)] == [0, 1, 1, 2, 1]
