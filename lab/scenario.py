@@ -66,6 +66,17 @@ class Gesture(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise ValueError(f"for_s: expected >= {2 * self.move_s}, got {self.for_s}")
 
 
+class WalkStyle(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Walking style of a person, by default that of most people."""
+
+    # (left - right) / mean of the times of steps; above 0 the right foot is spared
+    limp: Annotated[float, Meta(ge=-0.4, le=0.4)] = 0.0
+    cadence: Annotated[float, Meta(ge=0.7, le=1.4)] = 1.0  # over the usual at that speed
+    lean_deg: Annotated[float, Meta(ge=0, le=35)] = 0.0  # [deg] of the chest, forward
+    # carry: both forearms held before the body, as with a box
+    arms: Literal["swing", "pockets", "carry"] = "swing"
+
+
 class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One person and their path."""
 
@@ -81,6 +92,7 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     outfit: Outfit = "own"  # clothes
     size: Annotated[float, Meta(ge=0.8, le=1.2)] = 1.0  # stature over that in the cast
     gestures: tuple[Gesture, ...] = ()
+    style: WalkStyle = WalkStyle()
 
     def __post_init__(self) -> None:
         """Check the name of the body, and the times of a trajectory."""

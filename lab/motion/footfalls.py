@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lab.motion.bouts import WalkingBout, WalkPath, find_walking_bouts
+from lab.motion.bouts import WalkingBout, WalkPath, find_walking_bouts, limping
 from people4d.messages import F64
 
 SIDES = (1.0, -1.0)  # left, right; index 0 and 1 in all arrays of feet
@@ -47,11 +47,15 @@ class BodyProportions:
     half_stance_m: float  # ankle to the middle, standing
     quickness: float = 1.0  # cadence over that of the average person
     first_foot: int = 0  # preferred first foot, 0 left or 1 right
+    limp: float = 0.0  # (left - right) / mean of the times of steps
 
 
 def plan_steps(path: WalkPath, body: BodyProportions) -> StepPlan:
     """Plan all steps of a person on a path."""
-    bouts = find_walking_bouts(path, body.stature_m, body.quickness, body.first_foot)
+    bouts = [
+        limping(bout, body.limp)
+        for bout in find_walking_bouts(path, body.stature_m, body.quickness, body.first_foot)
+    ]
     stepping = np.zeros(len(path.times_s))
     for bout in bouts:
         stepping[bout.begin : bout.begin + len(bout.times_s)] = 1.0

@@ -1,5 +1,6 @@
 """Kinematics of all segments: pelvis, torso and arms by the gait table, legs by the feet."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from lab.motion.foot_path import FootPath, foot_path
 from lab.motion.footfalls import BodyProportions, StepPlan, plan_steps
 from lab.motion.gait import REFERENCE_MPS, GaitCurves, load_gait_curves, step_length_m
 from lab.motion.limbs import (
+    HELD,
     ArmAngles,
     arm_rotations,
     bend_leg,
@@ -21,7 +23,7 @@ from lab.motion.limbs import (
     with_gestures,
 )
 from lab.motion.walker import STEP_S
-from lab.scenario import Gesture
+from lab.scenario import PersonPlan
 from people4d.messages import F64
 
 PERSON_KEY = 7100
@@ -44,22 +46,20 @@ class Individual:
     cadence_factor: float  # cadence over that of the average person
     arm_swing: float  # amplitude over that of the average person
     first_foot: int  # preferred first foot, 0 left or 1 right
-    gestures: tuple[Gesture, ...] = ()  # that the person makes
+    plan: PersonPlan  # gestures and style
 
     @classmethod
-    def draw(
-        cls, skeleton: Skeleton, seed: int, index: int, gestures: tuple[Gesture, ...] = ()
-    ) -> "Individual":
+    def draw(cls, skeleton: Skeleton, seed: int, index: int, plan: PersonPlan) -> "Individual":
         """Return a person of a scenario."""
         rng = np.random.default_rng([seed, PERSON_KEY, index])
         return cls(
             skeleton,
             seed,
             index,
-            cadence_factor=float(rng.uniform(0.95, 1.05)),
+            cadence_factor=float(rng.uniform(0.95, 1.05)) * plan.style.cadence,
             arm_swing=float(rng.uniform(0.75, 1.2)),
             first_foot=int(rng.integers(2)),
-            gestures=gestures,
+            plan=plan,
         )
 
     def proportions(self) -> BodyProportions:
@@ -72,6 +72,7 @@ class Individual:
             half_m,
             self.cadence_factor,
             self.first_foot,
+            self.plan.style.limp,
         )
 
 
@@ -149,6 +150,7 @@ def _torso_motion(
 ) -> TorsoMotion:
     """Return pelvis, chest and head before the pelvis is lowered to let the feet be reached."""
     lean = _curve("chest.pitch", scaling) * np.minimum(scaling.stride, 1.0) + sitting.chest_rad
+    lean += math.radians(person.plan.style.lean_deg)
     lean += stance.breath(path.times_s) * (1.0 - scaling.stepping)
     gaze = _gaze(person, path, looking)
     pelvis = (
@@ -230,7 +232,8 @@ def _arm(
     elbow = HANGING_ELBOW_DEG + elbow * np.minimum(swing, 1.2)
     shoulder = shoulder + (stance.RESTING_SHOULDER_DEG - shoulder) * sitting.rest
     elbow = elbow + (stance.RESTING_ELBOW_DEG - elbow) * sitting.rest
-    angles = with_gestures(ArmAngles(shoulder, elbow), person.gestures, side, scaling.times_s)
+    angles = HELD.get(person.plan.style.arms, ArmAngles(shoulder, elbow))
+    angles = with_gestures(angles, person.plan.gestures, side, scaling.times_s)
     # Leaning forward leaves the arms hanging.
     lean = np.arctan2(-torso.chest[:, 2, 0], torso.chest[:, 2, 2])
     return arm_rotations(angles, torso.chest, lean, side)

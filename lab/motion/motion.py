@@ -106,7 +106,7 @@ def simulate(
         around = Surroundings(area_m, stools_m, obstacle, discs)
         paths = simulate_paths(walkers, times_s, around)
     drawn = [
-        Individual.draw(skeleton, seed, index, plan.gestures)
+        Individual.draw(skeleton, seed, index, plan)
         for index, (skeleton, plan) in enumerate(zip(skeletons, people, strict=True))
     ]
     return tuple(_motion(paths, index, person) for index, person in enumerate(drawn))

@@ -16,6 +16,7 @@ from services.gait.points.keypoints import (
     PAIRS,
     RIGHT_FOOT,
     Anchor,
+    kind_of,
     pixels_of,
     sigma_px,
 )
@@ -56,7 +57,9 @@ def on_own_limbs(
         costs = np.array(
             [[_cost(one, own[name], info, config) for name in names] for one in expected if one]
         )
-        if costs[0, 1] + costs[1, 0] + EXCHANGE_MIN < costs[0, 0] + costs[1, 1]:
+        if kind_of(left) == "hand" and (
+            costs[0, 1] + costs[1, 0] + EXCHANGE_MIN < costs[0, 0] + costs[1, 1]
+        ):
             own[left], own[right] = own[right], own[left]
             costs = costs[:, ::-1]
         depth_m = float(expected[0].mean_m[2])

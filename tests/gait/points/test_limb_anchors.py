@@ -69,18 +69,6 @@ def test_doubtful_ankle_of_a_person_who_is_not_known_does_not_count() -> None:
     assert not on_own_limbs(found, points, 0.0, INFO, CONFIG)
 
 
-def test_exchanged_ankles_are_given_back() -> None:
-    pixels = {name: project(position_m, INFO)[0] for name, position_m in FEET_M.items()}
-    found = {
-        LEFT_FOOT: Anchor(pixels[RIGHT_FOOT], 1.0, 0.7, pixels[RIGHT_FOOT]),
-        RIGHT_FOOT: Anchor(pixels[LEFT_FOOT], 1.0, 0.7, pixels[LEFT_FOOT]),
-    }
-    own = on_own_limbs(found, feet(), 0.0, INFO, CONFIG)
-    assert {name: one.pixel.tolist() for name, one in own.items()} == {
-        name: pixel.tolist() for name, pixel in pixels.items()
-    }
-
-
 @pytest.mark.parametrize(("apart_m", "lost"), [(0.05, True), (0.2, False)])
 def test_of_two_feet_that_coincide_the_less_certain_one_is_lost(apart_m: float, lost: bool) -> None:
     certain = PointEstimate(np.zeros(3), np.zeros(3), 0.05**2 * np.eye(6), "measured", 1.0)
