@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import t as student
 
+from evaluation.gait.literature import source_of
 from people4d.messages import F64
 from services.gait.config import StepConfig
 from services.gait.steps.rhythm import FeetDistance
@@ -44,6 +45,11 @@ class GaitParameter:
     high: float | None
     count: int  # of values
     definition: str
+
+    @property
+    def source(self) -> str:
+        """Key of the literature that defines it; empty: this project's."""
+        return source_of(self.name)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from string import Template
 
 from common.drawing.strokes import colour_of
 from common.drawing.topdown import Trajectories
+from evaluation.gait.literature import REFERENCES
 from evaluation.gait.parameters import GaitParameter, limping_side
 from services.gait.steps.steps import FootStep
 from services.gait.steps.swings import FEET
@@ -17,7 +18,7 @@ from services.report.svg import Line, draw_map, plot
 NOTE = (
     "The measures are for comparing people with themselves. They are not intended for medical use."
 )
-HEAD = ("", "unit", "mean", "95 % interval", "values", "definition")
+HEAD = ("", "unit", "mean", "95 % interval", "values", "definition", "literature")
 
 
 def person_page(
@@ -33,6 +34,7 @@ def person_page(
         headline=escape(f"{len(steps)} steps.{limp}" if steps else "No steps were found."),
         note=escape(NOTE),
         table=_table(parameters),
+        references=_references(),
         plots=_plots(steps),
         map=draw_map(path, {person: colour_of(person)}),
         version=escape(importlib.metadata.version("people4d")),
@@ -75,5 +77,12 @@ def _table(parameters: Sequence[GaitParameter]) -> str:
         value = "" if one.value is None else f"{one.value:.3g}"
         cells = (one.name, one.unit, value, interval, str(one.count))
         row = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-        rows.append(f'<tr>{row}<td class="text">{escape(one.definition)}</td></tr>')
+        text = "".join(f'<td class="text">{escape(t)}</td>' for t in (one.definition, one.source))
+        rows.append(f"<tr>{row}{text}</tr>")
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _references() -> str:
+    """Return the literature of the definitions as a list."""
+    items = (f"<li>[{escape(key)}] {escape(text)}</li>" for key, text in REFERENCES.items())
+    return f"<ul>{''.join(items)}</ul>"

@@ -112,14 +112,14 @@ class GaitReport:
             path = None if head is None else HeadPath(head.times_s, ground_m)
             feet = self.tables.feet_distance(person)
             parameters = gait_parameters(steps, path, self._run.gait.steps, feet)
-            rows += [(person, *astuple(one)) for one in parameters]
+            rows += [(person, *astuple(one), one.source) for one in parameters]
             tracks = {person: ground_m} if head is not None else {}
             page = person_page(person, parameters, steps, Trajectories(tracks=tracks))
             write_bytes(self._folder / f"person_{person}.html", page.encode())
             name = f"points_{person}.trc"
             if trajectories:
                 write_bytes(self._folder / name, trc(trajectories, name).encode())
-        header = ("person", *(one.name for one in fields(GaitParameter)))
+        header = ("person", *(one.name for one in fields(GaitParameter)), "literature")
         write_csv(self._folder / "parameters.csv", header, rows)
 
     def _plot(self) -> None:

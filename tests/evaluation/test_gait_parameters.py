@@ -1,11 +1,13 @@
 """Gait parameters of walks by hand, their page, and points for tools of biomechanics."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from common.drawing.topdown import Trajectories
+from evaluation.gait.literature import REFERENCES
 from evaluation.gait.parameters import (
     GaitParameter,
     HeadPath,
@@ -97,6 +99,14 @@ def test_person_who_stands_has_no_parameters() -> None:
     assert "No steps were found" in page
 
 
+def test_literature_of_definitions_is_that_of_the_method() -> None:
+    method = Path("docs/method.md").read_text(encoding="utf-8")
+    for one in gait_parameters([], None, CONFIG):
+        assert not one.source or one.source in REFERENCES, one.name
+    for key, text in REFERENCES.items():
+        assert f"| [{key}] | {text} |" in method
+
+
 def turn(degrees: float, duration_s: float) -> F64:
     """Return headings at 30 Hz: a second straight on, a turn, a second straight on."""
     middle = np.linspace(0, math.radians(degrees), round(30 * duration_s))
@@ -121,6 +131,7 @@ def test_page_contains_everything_and_loads_nothing() -> None:
     assert "Gait of person 7" in page
     assert page.count("<svg") == 4
     assert "double support" in page
+    assert "[Perry 2010] J. Perry" in page
     assert not [
         word
         for word in ("$", "src=", "http://", "https://")
