@@ -1,7 +1,9 @@
 """Scenes of the lab for the calibration of several cameras, rendered once, and their truth."""
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ from msgspec.structs import replace
 from common.calibration.observations import CameraObservations, ObservationCollector
 from common.io.recording import open_recording
 from evaluation.cache import default_folder, key_of
+from lab.camera.frames import FrameRenderer, RenderSettings
 from lab.camera.synthetic_detections import SyntheticDetectionsConfig
 from lab.depth.config import DepthSensorConfig
 from lab.output.render import Outputs, render
@@ -22,7 +25,9 @@ from people4d.messages import F64, CameraInfo, Detections
 TRANSPORT_S, JITTER_S = 0.2, 0.02  # largest delay of a camera, mean of each message's own
 SELDOM = CapturePlan(rate_hz=1)  # truth about people is not needed
 # Overlap of neighbours' views 3 m before them [m], distance of the cameras [m], time [s].
+MEETING_M, MEETING_POSITIONS = 0.8, 6  # about the middle between two cameras; before going on
 ROWS = ((2.0, 1.12, 120), (1.5, 1.62, 120), (1.0, 2.12, 240))
+DEPTHS = 6  # images of depth of each camera, for the floor
 BASE = "random?depth_sensor=d435i&clocks=free"
 USUAL = SyntheticDetectionsConfig()
 # Noise of positions twice the measured one, and the front of the body in place of its middle.
@@ -46,6 +51,7 @@ class SceneKind:
     scenario: Callable[[int], Scenario]
     detector: SyntheticDetectionsConfig = USUAL
     scale_of_c2: float = 1.0  # of its positions across: a wrong focal length
+    depths: int = 0  # images of depth of each camera that reach the calibration
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,11 @@ class CalibrationScene:
     observed: Sequence[CameraObservations]
     map_from_camera: dict[str, F64]  # 4x4
     clock_s: dict[str, float]  # ahead of the true time, in the middle of the scene
+
+
+def with_depth(kind: SceneKind) -> SceneKind:
+    """Return the same scenes, with depth images."""
+    return dataclasses.replace(kind, name=f"{kind.name}_depth", depths=DEPTHS)
 
 
 def drawn(options: str, duration_s: float = 60) -> Callable[[int], Scenario]:
@@ -91,6 +102,22 @@ def mirrored(seed: int) -> Scenario:
     return replace(scene, people=people, name="mirrored", capture=SELDOM)
 
 
+def between(row_m: float, seed: int) -> Scenario:
+    """Return two people in a row of cameras who walk for 4 min where the views of two meet."""
+    options = f"cameras=4&people=2&layout=row&row_m={row_m}&duration_s=240"
+    scene = random_scenario(f"{BASE}&{options}", seed)
+    rng = np.random.default_rng([seed, 0xBE])
+    people = []
+    for person, order in zip(scene.people, ((0, 1, 2), (2, 0, 1)), strict=True):
+        middles = np.repeat([(k - 1) * row_m for k in order], MEETING_POSITIONS)
+        x = middles + rng.uniform(-MEETING_M, MEETING_M, len(middles))
+        y = rng.uniform(2.0, 4.4, len(middles))
+        corners = list(zip(x.tolist(), y.tolist(), strict=True))
+        path = tuple(Waypoint(to=corner) for corner in corners[1:])
+        people.append(replace(person, start=corners[0], path=path, repeat=True))
+    return replace(scene, people=tuple(people), name="between", capture=SELDOM)
+
+
 def render_scene(kind: SceneKind, seed: int) -> Path:
     """Render a scene, unless it was rendered before, and return its recording."""
     plan = kind.scenario(seed)
@@ -116,6 +143,8 @@ def read_scene(kind: SceneKind, seed: int) -> CalibrationScene:
         if message.camera == "c2" and isinstance(message, Detections):
             message = _scaled(message, kind.scale_of_c2, infos.get("c2"))
         collector.add(message, time_ns + round(late_s * 1e9))
+    for view in views:
+        _add_depths(collector, view, kind.depths)
     middle_s = views[0].scenario.duration_s / 2
     return CalibrationScene(
         observed=collector.cameras,
@@ -124,6 +153,13 @@ def read_scene(kind: SceneKind, seed: int) -> CalibrationScene:
             view.info.camera: view.scenario.camera.clock_s(middle_s) - middle_s for view in views
         },
     )
+
+
+def _add_depths(collector: ObservationCollector, view: World, count: int) -> None:
+    renderer, camera = FrameRenderer(view, RenderSettings(colour="flat")), view.info.camera
+    for index in np.linspace(0, view.frame_count - 1, count).astype(int).tolist():
+        depth_mm = renderer.depth_mm(index, renderer.view(index))
+        collector.add_depth(camera, view.stamp_ns(index), depth_mm)
 
 
 def _messages(path: Path) -> Iterator[tuple[int, CameraInfo | Detections]]:
@@ -150,17 +186,25 @@ def _scaled(message: Detections, scale: float, info: CameraInfo | None) -> Detec
 
 
 TWO = SceneKind("two", drawn("cameras=4&people=2"))
+ROUGH_KIND = SceneKind("rough", drawn("cameras=4&people=2"), ROUGH)
+IN_A_ROW = [
+    SceneKind(f"row_{overlap_m}", drawn(f"cameras=4&people=2&layout=row&row_m={row_m}", time_s))
+    for overlap_m, row_m, time_s in ROWS
+]
+BETWEEN = SceneKind("row_1.0_between", partial(between, ROWS[-1][1]))
 KINDS = (
     TWO,
+    with_depth(TWO),
     SceneKind("one", drawn("cameras=4&people=1")),
-    *(
-        SceneKind(f"row_{overlap_m}", drawn(f"cameras=4&people=2&layout=row&row_m={row_m}", time_s))
-        for overlap_m, row_m, time_s in ROWS
-    ),
+    *IN_A_ROW,
+    with_depth(IN_A_ROW[-1]),
+    BETWEEN,
+    with_depth(BETWEEN),
     SceneKind("row", drawn("cameras=4&people=2&layout=row")),
     SceneKind("row_long", drawn("cameras=4&people=2&layout=row", 240)),
     SceneKind("crowd", drawn("cameras=4&people=4")),
-    SceneKind("rough", drawn("cameras=4&people=2"), ROUGH),
+    ROUGH_KIND,
+    with_depth(ROUGH_KIND),
     SceneKind("cluttered", drawn("cameras=4&people=2"), CLUTTERED),
     SceneKind("apart", drawn("cameras=4&people=4&layout=apart")),
     SceneKind("focal", drawn("cameras=4&people=2"), scale_of_c2=1.1),

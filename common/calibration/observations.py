@@ -1,19 +1,21 @@
 """Detections of several cameras, collected for their calibration."""
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from common.calibration.floor import thinned
 from common.geometry.transforms import deproject
-from people4d.messages import F64, CameraInfo, Detection, Detections
+from people4d.messages import F64, U16, CameraInfo, Detection, Detections
 from people4d.messages.base import MAX_CAMERAS
 
 FRAMES_MAX = 60_000  # of one camera: 33 minutes at 30 Hz
 SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]  # COCO
 CONTRADICTIONS_MAX = 10  # of a camera that is started anew, or whose detectors are
 LIMBS = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]  # shoulders to ankles
+DEPTHS_MAX, DEPTH_EVERY_NS = 60, 1_000_000_000  # images of a camera, and between two of them
 CONFIDENCE_MIN = 0.3  # of keypoints that are used
 LIMB_CONFIDENCE_MIN = 0.6  # hidden ones are guessed
 
@@ -48,6 +50,8 @@ class CameraObservations:
     delay_ns: int | None = None  # least time from stamp to arrival, on two clocks
     unlocated: int = 0  # people without a position
     sequence: int = -1  # of the last frame
+    depths_mm: deque[U16] = field(default_factory=lambda: deque(maxlen=DEPTHS_MAX))  # thinned
+    depth_ns: int | None = None  # stamp of the last of these
     contradictions: int = 0  # frames that are later by their stamp and not by their number
 
     @property
@@ -89,10 +93,23 @@ class ObservationCollector:
         """Return what was collected so far, which later messages do not change."""
         other = ObservationCollector()
         other._cameras = {
-            name: replace(camera, frames=list(camera.frames))
+            name: replace(camera, frames=list(camera.frames), depths_mm=camera.depths_mm.copy())
             for name, camera in self._cameras.items()
         }
         return other
+
+    def wants_depth(self, camera: str, stamp_ns: int) -> bool:
+        """Check that it is time for another depth image of a camera that sends detections."""
+        known = self._cameras.get(camera)
+        if known is None:
+            return False
+        return known.depth_ns is None or not 0 <= stamp_ns - known.depth_ns < DEPTH_EVERY_NS
+
+    def add_depth(self, camera: str, stamp_ns: int, depth_mm: U16) -> None:
+        """Take a depth image (HxW) of a camera, for the floor."""
+        known = self._cameras[camera]
+        known.depth_ns = stamp_ns
+        known.depths_mm.append(thinned(depth_mm))
 
     def add(self, message: CameraInfo | Detections, arrived_ns: int) -> None:
         """Take a message; frames that go back in time, or are too many, are counted and dropped.

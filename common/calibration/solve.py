@@ -1,4 +1,4 @@
-"""Calibration of several cameras: all steps, and the reasons to refuse."""
+"""Calibration of several cameras: all steps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,24 +7,20 @@ from itertools import combinations
 import numpy as np
 
 from common.calibration.adjustment import AdjustmentResult, CameraPose, adjust
-from common.calibration.graph import GraphResult, Pair, is_ambiguous, solve_graph
+from common.calibration.checks import check_adjustment, check_cameras, check_graph, check_walks
+from common.calibration.floor import MeasuredFloor, find_floor
+from common.calibration.graph import Pair, solve_graph
 from common.calibration.level import Uprightness, level_from_optical, torso_heights_m, uprightness
 from common.calibration.level_paths import LevelPaths
 from common.calibration.observations import CameraObservations
-from common.calibration.pairs import PairResult, match_pair
+from common.calibration.pairs import match_pair
 from common.calibration.tracklets import Tracklet, tracklets
-from people4d.errors import CalibrationError
+from common.geometry.transforms import apply
 from people4d.messages import F64
 
 SEARCH_S = 1.0  # by which clocks may differ from what times of arrival say
-WALK_M = 1.0  # extent of a path of a person who walks
-PEOPLE_MIN = 30  # positions of people in a camera
 HEIGHTS_MIN = 20  # people with ankles in view, for the height of the floor
 TORSO_M = 1.08  # height of a torso over the floor where no ankles are in view
-RMS_MAX_M = 0.2  # of the distances of one person's positions by two cameras
-SIGMA_MAX_M, SIGMA_MAX_RAD = 0.04, 0.0175  # of a pose that is sure enough
-SCALE_MAX, SCALE_SIGMAS = 0.04, 4.0  # change of scale that right intrinsics do not need
-WALK_HINT = "Let one or two people walk about in curves, for a minute, in view of two cameras each."
 
 
 @dataclass(frozen=True)
@@ -37,7 +33,8 @@ class CalibrationResult:
     adjustment: AdjustmentResult
     contradicting: Sequence[Pair]  # pairs that were left out
     frames: Mapping[str, str]  # optical frame by camera
-    floor_people: int  # on whose feet the height of the floor rests; 0: on usual statures
+    # on whose feet the height of the floor rests if depth has none; 0: on usual statures
+    floor_people: int
     paths_m: Mapping[str, Sequence[F64]]  # Nx3 each, of all people by camera, frame: map
 
 
@@ -60,10 +57,10 @@ def calibrate(
     """
     names = [c.camera for c in observed]
     reference = reference or min(names, default="")
-    _check_cameras(observed, reference)
+    check_cameras(observed, reference)
     origin_ns = {c.camera: _origin_ns(c, observed) for c in observed}
     paths = {c.camera: tracklets(c.frames, origin_ns[c.camera]) for c in observed}
-    _check_walks(observed, paths)
+    check_walks(observed, paths)
     upright = {c.camera: _uprightness(c, paths[c.camera]) for c in observed}
     cameras = {
         c.camera: LevelPaths(
@@ -76,14 +73,15 @@ def calibrate(
         for a, b in combinations(sorted(names), 2)
     }
     graph = solve_graph(cameras, pairs, reference)
-    _check_graph(names, pairs, graph)
-    adjustment = adjust(cameras, graph.poses, reference)
-    _check_adjustment(adjustment, reference)
+    check_graph(names, pairs, graph)
+    floors = {c.camera: f for c in observed if (f := _floor(c, upright[c.camera].up()))}
+    adjustment = adjust(cameras, graph.poses, reference, floors)
+    check_adjustment(adjustment, reference)
     poses = {
         name: _with_clock(pose, origin_ns[name] - origin_ns[reference])
         for name, pose in adjustment.poses.items()
     }
-    from_reference, floor_people = _map_from_reference(observed, poses, upright)
+    from_reference, floor_people = _map_from_reference(observed, adjustment.floor, poses, upright)
     if map_from_reference is not None:
         from_reference = map_from_reference
     map_from = {name: from_reference @ pose.matrix for name, pose in poses.items()}
@@ -120,139 +118,54 @@ def _uprightness(camera: CameraObservations, paths: Sequence[Tracklet]) -> Uprig
     return uprightness([p for frame in camera.frames for p in frame.people], paths)
 
 
+def _floor(camera: CameraObservations, up: F64) -> MeasuredFloor | None:
+    """Return the floor before a camera as depth has it, at the feet of people."""
+    levels, floors = _levels_m(camera, np.eye(4), up)
+    if camera.info is None or not camera.depths_mm:
+        return None
+    floor_m = _floor_m(floors, levels)
+    return find_floor(list(camera.depths_mm), camera.info, up, -floor_m)
+
+
 def _map_from_reference(
     observed: Sequence[CameraObservations],
+    floor: MeasuredFloor | None,
     poses: Mapping[str, CameraPose],
     upright: Mapping[str, Uprightness],
 ) -> tuple[F64, int]:
     """Return the reference's pose above the floor, x forward, and the people it rests on."""
+    if floor is not None:
+        return _above(floor.up, -floor.camera_m), 0
     up = Uprightness.total(
         upright[name].turned(pose.matrix[:3, :3]) for name, pose in poses.items()
     ).up()
-    torsos, floors = list[float](), list[F64]()
-    for camera in observed:
-        matrix = poses[camera.camera].matrix
-        people = [p for frame in camera.frames for p in frame.people]
-        people = people[:: max(len(people) // 2000, 1)]
-        own_up = matrix[:3, :3].T @ up
-        footed = [p for p in people if p.low_ray is not None and p.is_low_ankle]
-        heights = torso_heights_m(footed, own_up)
-        levels = np.array([(matrix[:3, :3] @ p.position_m + matrix[:3, 3]) @ up for p in people])
-        torsos += levels.tolist()
-        if len(heights) == len(footed) and len(footed):
-            at = np.array([(matrix[:3, :3] @ p.position_m + matrix[:3, 3]) @ up for p in footed])
-            floors.append(at - heights)
-    found = np.concatenate(floors) if floors else np.zeros(0)
-    enough = len(found) >= HEIGHTS_MIN
-    floor_m = float(np.median(found)) if enough else float(np.median(torsos)) - TORSO_M
+    found = [_levels_m(camera, poses[camera.camera].matrix, up) for camera in observed]
+    levels, floors = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return _above(up, _floor_m(floors, levels)), len(floors) if len(floors) >= HEIGHTS_MIN else 0
+
+
+def _above(up: F64, floor_m: float) -> F64:
     matrix = np.eye(4)
     matrix[:3, :3] = level_from_optical(up)
     matrix[2, 3] = -floor_m
-    return matrix, len(found) if enough else 0
+    return matrix
 
 
-def _check_cameras(observed: Sequence[CameraObservations], reference: str) -> None:
-    names = ", ".join(c.camera for c in observed)
-    if len(observed) < 2:
-        heard = f"only {names} sends detections" if observed else "no camera sends detections"
-        raise CalibrationError(f"expected two cameras or more, {heard}", "Start the others, too.")
-    if reference not in [c.camera for c in observed]:
-        raise CalibrationError(f"there is no camera {reference}", f"There are {names}.")
-    several = [c.camera for c in observed if c.is_of_several]
-    if several:
-        raise CalibrationError(
-            f"two cameras or robots call themselves {_these(several)}: their frames are mixed",
-            "Give each camera of the site a name of its own: camera.camera.",
-        )
-    empty = [c.camera for c in observed if c.people < PEOPLE_MIN]
-    if empty:
-        raise CalibrationError(
-            f"{_these(empty)} saw people for less than {PEOPLE_MIN} frames", WALK_HINT
-        )
-    without = [c.camera for c in observed if c.info is None]
-    if without:
-        raise CalibrationError(
-            f"the intrinsics of {_these(without)} are not known", "See CameraInfo in the messages."
-        )
+def _floor_m(floors_m: F64, torsos_m: F64) -> float:
+    """Return the level of the floor: by feet, or by usual statures."""
+    if len(floors_m) >= HEIGHTS_MIN:
+        return float(np.median(floors_m))
+    return float(np.median(torsos_m)) - TORSO_M
 
 
-def _check_walks(
-    observed: Sequence[CameraObservations], paths: Mapping[str, Sequence[Tracklet]]
-) -> None:
-    still = [
-        c.camera
-        for c in observed
-        if max((path.extent_m for path in paths[c.camera]), default=0.0) < WALK_M
-    ]
-    if still:
-        raise CalibrationError(f"no person walked before {_these(still)}", WALK_HINT)
-
-
-def _check_graph(
-    names: Sequence[str], pairs: Mapping[Pair, PairResult], graph: GraphResult
-) -> None:
-    missing = sorted(set(names) - set(graph.poses))
-    if not missing:
-        return
-    linked = sorted(graph.poses)
-    unsure = [pair for pair in graph.ambiguous if set(pair) & set(missing)]
-    if unsure:
-        a, b = unsure[0]
-        raise CalibrationError(
-            f"the walks before {a} and {b} fit in two ways",
-            f"One person alone walks in curves between {a} and {b}: walks that are straight, or "
-            "mirror each other, do not show which is which.",
-        )
-    seconds = {
-        pair: result.best.matched / 10 if result.best and not is_ambiguous(result) else 0.0
-        for pair, result in pairs.items()
-        if len(set(pair) & set(missing)) == 1
-    }
-    a, b = max(seconds, key=lambda pair: seconds[pair])
-    raise CalibrationError(
-        f"{_these(missing)} shared no person with {_these(linked)} for long enough",
-        f"Walk between {a} and {b}.",
+def _levels_m(camera: CameraObservations, matrix: F64, up: F64) -> tuple[F64, F64]:
+    """Return the levels of torsos, and of the floor at people's feet, in another frame."""
+    people = [p for frame in camera.frames for p in frame.people]
+    people = people[:: max(len(people) // 2000, 1)]
+    footed = [p for p in people if p.low_ray is not None and p.is_low_ankle]
+    heights = torso_heights_m(footed, matrix[:3, :3].T @ up)
+    levels, at = (
+        apply(matrix, np.array([p.position_m for p in some]).reshape(-1, 3)) @ up
+        for some in (people, footed)
     )
-
-
-def _check_adjustment(adjustment: AdjustmentResult, reference: str) -> None:
-    if adjustment.rms_m > RMS_MAX_M:
-        raise CalibrationError(
-            f"positions of one person differ by {adjustment.rms_m:.2f} m from camera to camera",
-            "Depth or intrinsics of a camera are wrong, or the cameras moved. " + WALK_HINT,
-        )
-    wrong = {
-        name: (axis, scale, abs(scale - 1) / max(sigma, 1e-9))
-        for name, pose in adjustment.poses.items()
-        for axis, scale, sigma in zip(
-            ("focal length", "depth"), pose.scales, pose.scale_sigmas, strict=True
-        )
-        if abs(scale - 1) > SCALE_MAX and abs(scale - 1) > SCALE_SIGMAS * sigma
-    }
-    if wrong:
-        name = max(wrong, key=lambda n: abs(wrong[n][1] - 1))
-        axis, scale, _ = wrong[name]
-        raise CalibrationError(
-            f"the intrinsics of {name} do not fit: positions are {abs(scale - 1):.0%} too "
-            f"{'small' if scale > 1 else 'large'} by its {axis}",
-            f"Compare the calibration of {name} with its image size, and its unit of depth.",
-        )
-    unsure = {
-        name: pose
-        for name, pose in adjustment.poses.items()
-        if name != reference and (pose.sigma_m > SIGMA_MAX_M or pose.sigma_rad > SIGMA_MAX_RAD)
-    }
-    if unsure:
-        name, pose = max(unsure.items(), key=lambda item: item[1].sigma_m)
-        seconds = {pair: s for pair, s in adjustment.pair_seconds.items() if name in pair}
-        near = max(seconds, key=lambda pair: seconds[pair], default=(name, reference))
-        other = near[0] if near[1] == name else near[1]
-        raise CalibrationError(
-            f"the pose of {name} is not sure: {100 * pose.sigma_m:.1f} cm, "
-            f"{np.degrees(pose.sigma_rad):.1f} deg",
-            f"Walk longer, and in curves, between {name} and {other}.",
-        )
-
-
-def _these(names: Sequence[str]) -> str:
-    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]
+    return levels, at - heights if len(heights) == len(footed) else np.zeros(0)

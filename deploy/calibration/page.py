@@ -45,7 +45,8 @@ def write_page(path: Path, found: CalibrationResult) -> None:
                 for name, matrix in sorted(found.map_from_camera.items())
             ],
         ),
-        f"<p>Relative to {escape(found.reference)}, one standard deviation.</p>",
+        f"<p>Relative to {escape(found.reference)}, one standard deviation. "
+        f"{escape(floor_text(found))}</p>",
         "<h2>Pairs</h2>",
         _table(
             ("pair", "together [s]", "positions differ by [cm]"),
@@ -63,6 +64,17 @@ def write_page(path: Path, found: CalibrationResult) -> None:
         replace_file(path, ("\n".join(parts) + "\n").encode())
     except OSError as error:
         raise SourceError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def floor_text(found: CalibrationResult) -> str:
+    """Return what the floor rests on."""
+    adjustment = found.adjustment
+    if adjustment.floor:
+        names, sigma_cm = ", ".join(adjustment.floor_cameras), 100 * adjustment.floor.sigma_m
+        return f"The floor is that in the depth of {names}, ± {sigma_cm:.1f} cm."
+    if found.floor_people:
+        return "The floor is at people's feet: no depth of it reached this command."
+    return "No feet were in view: the floor is where usual statures put it."
 
 
 def _map(found: CalibrationResult) -> str:

@@ -19,18 +19,26 @@ from people4d.messages import CameraInfo, Message
 from people4d.queue import Arrival
 from tests.builders import rgbd_frame, static_transform
 from tests.common.calibration.test_tags import image_of
-from tests.common.calibration.walks import SECOND_NS, WalkCamera, messages, square, wander
+from tests.common.calibration.walks import (
+    EPOCH_NS,
+    SECOND_NS,
+    WalkCamera,
+    floor_depth_mm,
+    messages,
+    square,
+    wander,
+)
 from tests.common.calibration.walks import Path as WalkPath
 from tests.network import Network
 
 
 def record(path: Path, cameras: list[WalkCamera], people: list[WalkPath], *others: Message) -> Path:
-    """Write the detections of cameras to a recording."""
+    """Write the detections of cameras to a recording, and other messages after them."""
     with RecordingWriter(path) as writer:
-        for other in others:
-            writer.write(other, 0)
         for arrived_ns, message in sorted(messages(cameras, people), key=lambda item: item[0]):
             writer.write(message, arrived_ns)
+        for other in others:
+            writer.write(other, arrived_ns)
     return path
 
 
@@ -76,6 +84,25 @@ def test_refusal_writes_nothing(
     assert code != 0
     assert problem in said
     assert [path.name for path in tmp_path.iterdir()] == ["walk.mcap"]
+
+
+def test_floor_is_that_of_depth_images_that_come(tmp_path: Path) -> None:
+    cameras = square("a", "b")
+    rgb = np.zeros((480, 640, 3), np.uint8)
+    frames = []
+    for one in cameras:
+        depth_mm = floor_depth_mm(one)
+        at = [EPOCH_NS + k * SECOND_NS for k in range(4)]
+        frames += [
+            compress(rgbd_frame(camera=one.name, rgb=rgb, depth_mm=depth_mm, stamp_ns=stamp_ns))
+            for stamp_ns in at
+        ]
+    source = record(tmp_path / "walk.mcap", cameras, [wander(3), wander(4)], *frames)
+    out = tmp_path / "poses.toml"
+    code, said = run(source, "--out", out)
+    assert code == 0, said
+    assert "The floor is that in the depth of a, b" in said
+    assert read_pose(out, "a")[2, 3] == pytest.approx(2.2, abs=0.01)
 
 
 def test_tags_in_the_frames_of_one_camera_define_the_map(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from common.calibration.tags import TagObserver, move_to_map, read_tags
 from common.calibration.transforms_file import check_tree, write_transforms
 from common.io.images import decompress
 from common.io.recording import open_recording
-from deploy.calibration.page import write_page
+from deploy.calibration.page import floor_text, write_page
 from deploy.cli.data.targets import Force, check_target
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.terminal import console, plain_table, shown
@@ -32,8 +32,10 @@ from people4d.messages import (
 from people4d.queue import Arrival
 
 EVERY_NS = 10_000_000_000  # between two attempts
-KINDS: tuple[type[Message], ...] = (CameraInfo, StaticTransform, Detections)
-FRAMES: tuple[type[Message], ...] = (RgbdFrame, CompressedRgbdFrame)
+KINDS: tuple[type[Message], ...] = (
+    *(CameraInfo, StaticTransform, Detections),
+    *(RgbdFrame, CompressedRgbdFrame),  # for the floor and tags, where they reach this host
+)
 
 
 def calibrate(
@@ -79,15 +81,14 @@ def calibrate(
     check_target(page, None, force)
     observer = TagObserver(read_tags(tags)) if tags else None
     session = CalibrationSession(_names(cameras), reference, offset_s, observer)
-    kinds = KINDS + (FRAMES if tags else ())
     if recording:
-        for log_ns, message in open_recording(recording).messages(*kinds):
+        for log_ns, message in open_recording(recording).messages(*KINDS):
             session.add(message, log_ns)
         found = session.solve()
     else:
         console.print("Walk about in curves, one or two people; Ctrl-C ends the walk.")
         with open_client(connect, robot) as client:
-            found = listen(session, client.arrivals(*kinds, timeout_s=seconds), seconds)
+            found = listen(session, client.arrivals(*KINDS, timeout_s=seconds), seconds)
     write_transforms(out, found)
     write_page(page, found)
     _show(found)
@@ -121,14 +122,21 @@ class CalibrationSession:
             not self._cameras or message.camera in self._cameras
         ):
             self._collector.add(message, arrived_ns)
-        elif (
-            isinstance(message, RgbdFrame | CompressedRgbdFrame)
-            and self._tags
-            and self._tags.wants(message.camera, message.stamp_ns)
-        ):
+        elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
             with suppress(DecodeError):  # the next image is as good
-                frame = message if isinstance(message, RgbdFrame) else decompress(message)
-                self._tags.add(message.camera, message.stamp_ns, frame.rgb)
+                self._add_frame(message)
+
+    def _add_frame(self, message: RgbdFrame | CompressedRgbdFrame) -> None:
+        at = message.camera, message.stamp_ns
+        for_floor = self._collector.wants_depth(*at)
+        for_tags = self._tags is not None and self._tags.wants(*at)
+        if not (for_floor or for_tags):
+            return
+        frame = message if isinstance(message, RgbdFrame) else decompress(message)
+        if for_floor:
+            self._collector.add_depth(*at, frame.depth_mm)
+        if self._tags and for_tags:
+            self._tags.add(*at, frame.rgb)
 
     def solve(self) -> CalibrationResult:
         """Return the calibration; CalibrationError if something is missing."""
@@ -214,8 +222,13 @@ def _show(found: CalibrationResult) -> None:
     )
     for a, b in found.contradicting:
         console.print(f"[yellow]{shown(a)} and {shown(b)} contradict the others, left out[/]")
-    if not found.floor_people:
-        console.print("[yellow]No feet were in view: the floor is where usual statures put it.[/]")
+    odd = ", ".join(found.adjustment.odd_floors)
+    if odd:
+        console.print(
+            f"[yellow]The floor before {shown(odd)} is not on a level with that of the others: "
+            "left out[/]"
+        )
+    console.print(shown(floor_text(found)))
 
 
 def _names(text: str) -> set[str]:

@@ -10,12 +10,13 @@ from common.calibration.observations import CameraObservations, ObservationColle
 from common.geometry.transforms import (
     LINK_FROM_OPTICAL,
     apply,
+    deproject,
     invert,
     project,
     rotation_from_rpy,
     transform_from,
 )
-from people4d.messages import F64, CameraInfo, Detection, Detections
+from people4d.messages import F64, U16, CameraInfo, Detection, Detections
 from tests.builders import camera_info
 
 Path = Callable[[float], tuple[float, float]]  # time [s] -> x, y [m], frame: map
@@ -137,3 +138,35 @@ def _detection(
         keypoints=keypoints,
         position_m=position * (one.scale, one.scale, 1.0),
     )
+
+
+def floor_depth_mm(
+    one: WalkCamera,
+    level_m: float = 0.0,
+    tilt_deg: float = 0.0,
+    table: bool = False,
+    noise_m: float = 0.01,
+    seed: int = 0,
+) -> U16:
+    """Return the depth of a floor, HxW.
+
+    Args:
+        one: Camera that sees it.
+        level_m: Height of it at the origin of the map.
+        tilt_deg: Tilt of it about x of the map.
+        table: A table 0.75 m high stands in the left half of the image.
+        noise_m: Standard deviation of each reading.
+        seed: Of the noise.
+    """
+    info = camera_info(camera=one.name)
+    v, u = np.mgrid[: info.height, : info.width]
+    rays = deproject(np.column_stack([u.ravel(), v.ravel()]), np.ones(u.size), info)
+    turned = rays @ one.map_from_camera[:3, :3].T
+    tilt = math.radians(tilt_deg)
+    normal = np.array([0.0, math.sin(tilt), math.cos(tilt)])
+    levels = np.where(table & (u.ravel() < info.width // 2), level_m + 0.75, level_m)
+    with np.errstate(divide="ignore"):
+        depth_m = (levels - one.map_from_camera[:3, 3] @ normal) / (turned @ normal)
+    depth_m = depth_m + np.random.default_rng(seed).normal(0, noise_m, depth_m.shape)
+    is_read = (depth_m > 0.3) & (depth_m < info.max_depth_m)
+    return np.asarray(np.where(is_read, 1000 * depth_m, 0).reshape(v.shape), np.uint16)
