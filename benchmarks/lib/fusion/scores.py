@@ -177,20 +177,29 @@ def gap_causes(scene: FusionScene, matching: Matching) -> Counter[str]:
     causes = Counter[str]()
     for in_views, tracked in _by_person(scene, matching):
         for left, returned in gaps(in_views):
-            before = tracked[max(left - 10, 0) : left]
-            later = slice(returned + LATER.start, returned + LATER.stop)
-            after = tracked[later]
-            if _is_same(tracked, left, returned):
-                causes["the same"] += 1
-            elif not in_views[later].any():
-                causes["gone again before 0.8 s"] += 1
-            elif (before < 0).all():
-                causes["no track in the last second before"] += 1
-            elif (after < 0).all():
-                causes["no track 0.8 to 2 s after"] += 1
-            else:
-                causes["another"] += 1
+            causes[_gap_cause(in_views, tracked, left, returned)] += 1
     return causes
+
+
+def _gap_cause(in_views: F64, tracked: F64, left: int, returned: int) -> str:
+    before = tracked[max(left - 10, 0) : left]
+    later = slice(returned + LATER.start, returned + LATER.stop)
+    if _is_same(tracked, left, returned):
+        return "the same"
+    if not in_views[later].any():
+        cause = "gone again before 0.8 s"
+    elif (before < 0).all():
+        cause = "no track in the last second before"
+    elif (tracked[later] < 0).all():
+        cause = "no track 0.8 to 2 s after"
+    else:
+        return "another"
+    earlier, after = tracked[:left], tracked[returned : returned + LATER.stop]
+    earlier, after = earlier[earlier >= 0], after[after >= 0]
+    if not len(earlier) or not len(after):
+        return cause
+    is_same = earlier[-1] == np.bincount(after).argmax()
+    return f"{cause}, yet {'that' if is_same else 'not that'} of their last track"
 
 
 def _is_same(tracked: F64, left: int, returned: int) -> bool:
