@@ -1,5 +1,6 @@
 """people4d calibrate on recordings: the files it writes, and nothing when it refuses."""
 
+import contextlib
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -219,6 +220,43 @@ def test_live_messages_of_a_system_are_taken(network: Network, tmp_path: Path) -
     assert result.exit_code == 1
     assert any(text in result.stderr for text in ("no person walked", "frames", "intrinsics"))
     assert not out.exists()
+
+
+@pytest.mark.network
+def test_cameras_of_two_hosts_with_a_router_each_are_heard(tmp_path: Path) -> None:
+    with contextlib.ExitStack() as stack:
+        hosts = [Network(), Network()]
+        for host in hosts:
+            stack.callback(host.close)
+        names = [host.robot() for host in hosts]
+        buses = [host.open(name) for host, name in zip(hosts, names, strict=True)]
+        ended = threading.Event()
+
+        def publish() -> None:
+            sent = [
+                (bus, m)
+                for bus, one in zip(buses, square("a", "b"), strict=True)
+                for _, m in messages([one], [lambda _: (0.2, 0.1)], 4.0)
+            ]
+            while not ended.wait(0.05):
+                for bus, message in sent:
+                    bus.publish(message)
+
+        thread = threading.Thread(target=publish)
+        thread.start()
+        endpoints = ",".join(host.endpoint for host in hosts)
+        command = ["calibrate", "--hosts", ",".join(names), "--connect", endpoints, "--for", "10"]
+        result = CliRunner().invoke(app, [*command, "--out", str(tmp_path / "poses.toml")])
+        ended.set()
+        thread.join()
+    assert "before a and b" in result.stderr or "a and b saw" in result.stderr
+
+
+def test_routers_that_do_not_fit_the_hosts_are_refused(tmp_path: Path) -> None:
+    command = ["--hosts", "x,y,z", "--connect", "tcp/h:1,tcp/i:1"]
+    code, said = run(*command, "--out", tmp_path / "poses.toml")
+    assert code != 0
+    assert "expected one router, or 3" in said
 
 
 def write_poses(path: Path, matrix: str) -> Path:

@@ -1,8 +1,8 @@
 """people4d calibrate."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -69,6 +69,13 @@ def calibrate(
         typer.Option("--clocks", min=0.1, max=5, help="Largest difference of clocks, in seconds."),
     ] = 1.0,
     force: Force = False,
+    hosts: Annotated[
+        str,
+        typer.Option(
+            help="Robot names of the hosts of the cameras, with commas between; --connect likewise "
+            "has the router of each, or one for all. Default: the host named by --robot."
+        ),
+    ] = "",
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
@@ -87,12 +94,34 @@ def calibrate(
         found = session.solve()
     else:
         console.print("Walk about in curves, one or two people; Ctrl-C ends the walk.")
-        with open_client(connect, robot) as client:
-            found = listen(session, client.arrivals(*KINDS, timeout_s=seconds), seconds)
+        with ExitStack() as stack:
+            arrivals = _arrivals(stack, _listed(hosts) or [robot], connect, seconds)
+            found = listen(session, arrivals, seconds)
     write_transforms(out, found)
     write_page(page, found)
     _show(found)
     typer.echo(f"Wrote {out} and {page}. Use it: people4d up --transforms {out}")
+
+
+def _arrivals(
+    stack: ExitStack, hosts: Sequence[str], connect: str, seconds: float
+) -> Iterator[Arrival]:
+    """Return the messages of all hosts in one stream, until the stack is closed."""
+    endpoints = _listed(connect) or [""]
+    if len(endpoints) not in (1, len(hosts)):
+        raise ConfigError(
+            f"--connect: expected one router, or {len(hosts)}, one of each host, "
+            f"got {len(endpoints)}"
+        )
+    endpoints *= len(hosts) // len(endpoints)
+    first, *others = [
+        stack.enter_context(open_client(endpoint, host))
+        for endpoint, host in zip(endpoints, hosts, strict=True)
+    ]
+    for other in others:
+        other.queue = first.queue
+        other.arrivals(*KINDS)
+    return first.arrivals(*KINDS, timeout_s=seconds)
 
 
 class CalibrationSession:
@@ -232,7 +261,11 @@ def _show(found: CalibrationResult) -> None:
 
 
 def _names(text: str) -> set[str]:
-    names = [name.strip() for name in text.split(",") if name.strip()]
+    names = set(_listed(text))
     if len(names) == 1:
         raise ConfigError(f"--cameras: expected two names or more, got {text}")
-    return set(names)
+    return names
+
+
+def _listed(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
