@@ -36,6 +36,7 @@ ABOUT = {
     "row_1.5": "two people, a row whose neighbours share 1.5 m, 2 min",
     "row_1.0": "two people, a row whose neighbours share 1.0 m, 4 min",
     "row_1.0_depth": "the same, and depth of the floor",
+    "row_1.0_tags": "the same row and walk, and two tags of 0.3 m before the first and last camera",
     "row_1.0_between": "the same row, 4 min, two people who walk where the views of two meet",
     "row_1.0_between_depth": "the same, and depth of the floor",
     "row": "two people, a row whose neighbours share 0.3 m, 1 min",
@@ -104,7 +105,7 @@ def run(kind: SceneKind, seeds: Sequence[int]) -> tuple[list[Errors], list[tuple
         scene = read_scene(kind, seed)
         start_s = time.process_time()
         try:
-            found = calibrate(scene.observed)
+            found = calibrate(scene.observed, tags=scene.tags)
         except CalibrationError as error:
             problems.append((seed, str(error)))
             continue

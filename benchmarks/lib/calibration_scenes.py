@@ -10,6 +10,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from common.calibration.observations import CameraObservations, ObservationCollector
+from common.calibration.tags.boards import Board, Tag
+from common.calibration.tags.fusion import TagPose, tag_poses
+from common.calibration.tags.observer import TagObserver
+from common.geometry.transforms import apply, invert, project
 from common.io.recording import open_recording
 from evaluation.cache import default_folder, key_of
 from lab.camera.frames import FrameRenderer, RenderSettings
@@ -20,13 +24,14 @@ from lab.output.sequence import ErrorModels, RenderJob
 from lab.random_scenario import random_scenario
 from lab.scenario import CapturePlan, PersonPlan, Scenario, Waypoint
 from lab.world import World
-from people4d.messages import F64, CameraInfo, Detections
+from people4d.messages import F32, F64, CameraInfo, Detections
 
 TRANSPORT_S, JITTER_S = 0.2, 0.02  # largest delay of a camera, mean of each message's own
 SELDOM = CapturePlan(rate_hz=1)  # truth about people is not needed
 # Overlap of neighbours' views 3 m before them [m], distance of the cameras [m], time [s].
 MEETING_M, MEETING_POSITIONS = 0.8, 6  # about the middle between two cameras; before going on
 ROWS = ((2.0, 1.12, 120), (1.5, 1.62, 120), (1.0, 2.12, 240))
+TAG_NOISE_PX, TAG_SIGMA_M = 0.3, 0.005  # errors of corners, and of what is said of the place
 DEPTHS = 6  # images of depth of each camera, for the floor
 BASE = "random?depth_sensor=d435i&clocks=free"
 USUAL = SyntheticDetectionsConfig()
@@ -52,6 +57,7 @@ class SceneKind:
     detector: SyntheticDetectionsConfig = USUAL
     scale_of_c2: float = 1.0  # of its positions across: a wrong focal length
     depths: int = 0  # images of depth of each camera that reach the calibration
+    tagged: tuple[str, ...] = ()  # cameras that see two tags each
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,7 @@ class CalibrationScene:
     observed: Sequence[CameraObservations]
     map_from_camera: dict[str, F64]  # 4x4
     clock_s: dict[str, float]  # ahead of the true time, in the middle of the scene
+    tags: dict[str, TagPose]  # poses by tags
 
 
 def with_depth(kind: SceneKind) -> SceneKind:
@@ -152,7 +159,32 @@ def read_scene(kind: SceneKind, seed: int) -> CalibrationScene:
         clock_s={
             view.info.camera: view.scenario.camera.clock_s(middle_s) - middle_s for view in views
         },
+        tags=_by_tags([view for view in views if view.info.camera in kind.tagged], seed),
     )
+
+
+def _by_tags(views: Sequence[World], seed: int) -> dict[str, TagPose]:
+    """Return poses by a tag on a wall and one on the floor before each camera, both of 0.3 m."""
+    rng = np.random.default_rng([seed, 0x7A6])
+    found = dict[str, F64]()
+    corners_m = dict[str, F64]()
+    for view in views:
+        pose, camera = view.map_from_optical(0.0), view.info.camera
+        x, y = pose[:2, 3].tolist()
+        tags: dict[str, Tag | Board] = {
+            "wall": Tag(size_m=0.3, position_m=(x - 0.5, y + 3.2, 1.2), facing_deg=-75),
+            "floor": Tag(size_m=0.3, position_m=(x + 0.5, y + 3.0, 0.0), facing_deg=90, flat=True),
+        }
+        observer = TagObserver(tags)
+        pixels = dict[str, F32]()
+        for name, tag in tags.items():
+            true_m = apply(invert(pose), tag.corners_m + rng.normal(0, TAG_SIGMA_M, 3))
+            noise_px = rng.normal(0, TAG_NOISE_PX, (4, 2))
+            pixels[name] = (project(true_m, view.info) + noise_px).astype(np.float32)
+        observer.add_corners(camera, pixels)
+        found |= observer.poses({camera: view.info})
+        corners_m[camera] = observer.corners_m(camera)
+    return tag_poses(found, corners_m, {view.info.camera: view.info for view in views})
 
 
 def _add_depths(collector: ObservationCollector, view: World, count: int) -> None:
@@ -198,6 +230,7 @@ KINDS = (
     SceneKind("one", drawn("cameras=4&people=1")),
     *IN_A_ROW,
     with_depth(IN_A_ROW[-1]),
+    dataclasses.replace(IN_A_ROW[-1], name="row_1.0_tags", tagged=("c1", "c4")),
     BETWEEN,
     with_depth(BETWEEN),
     SceneKind("row", drawn("cameras=4&people=2&layout=row")),

@@ -14,6 +14,7 @@ from common.calibration.level import Uprightness, level_from_optical, torso_heig
 from common.calibration.level_paths import LevelPaths
 from common.calibration.observations import CameraObservations
 from common.calibration.pairs import match_pair
+from common.calibration.tags.fusion import TagPose
 from common.calibration.tracklets import Tracklet, tracklets
 from common.geometry.transforms import apply
 from people4d.messages import F64
@@ -43,6 +44,7 @@ def calibrate(
     reference: str = "",
     map_from_reference: F64 | None = None,
     search_s: float = SEARCH_S,
+    tags: Mapping[str, TagPose] | None = None,
 ) -> CalibrationResult:
     """Return the poses and clocks of cameras from the people who walked before them.
 
@@ -51,6 +53,7 @@ def calibrate(
         reference: Camera that is the origin; empty: the first by name.
         map_from_reference: Its pose (4x4); None: the map is on the floor below it, x forward.
         search_s: Largest offset of clocks beyond what times of arrival say.
+        tags: Poses by tags of the cameras that see some, which join the others.
 
     Raises:
         CalibrationError: The people do not determine the poses; says what is missing.
@@ -75,7 +78,7 @@ def calibrate(
     graph = solve_graph(cameras, pairs, reference)
     check_graph(names, pairs, graph)
     floors = {c.camera: f for c in observed if (f := _floor(c, upright[c.camera].up()))}
-    adjustment = adjust(cameras, graph.poses, reference, floors)
+    adjustment = adjust(cameras, graph.poses, reference, floors, tags or {})
     check_adjustment(adjustment, reference)
     poses = {
         name: _with_clock(pose, origin_ns[name] - origin_ns[reference])

@@ -12,7 +12,8 @@ import typer
 from common.calibration.observations import ObservationCollector
 from common.calibration.solve import CalibrationResult
 from common.calibration.solve import calibrate as solve
-from common.calibration.tags import TagObserver, move_to_map, read_tags
+from common.calibration.tags.fusion import tag_poses
+from common.calibration.tags.observer import TagObserver, move_to_map, read_tags
 from common.calibration.transforms_file import check_tree, write_transforms
 from common.io.images import decompress
 from common.io.recording import open_recording
@@ -176,11 +177,14 @@ class CalibrationSession:
                 f"{', '.join(sorted(absent))} sends no detections", "Start it, or leave it out."
             )
         check_tree(list(self._transforms.values()), {c.camera: c.frame_id for c in observed})
-        found = solve(observed, self._reference, search_s=self._offset_s)
         if self._tags is None:
-            return found
+            return solve(observed, self._reference, search_s=self._offset_s)
         infos = {camera.camera: camera.info for camera in observed if camera.info}
-        return move_to_map(found, self._tags.poses(infos))
+        by_tags = self._tags.poses(infos)
+        corners_m = {camera: self._tags.corners_m(camera) for camera in by_tags}
+        tags = tag_poses(by_tags, corners_m, infos)
+        found = solve(observed, self._reference, search_s=self._offset_s, tags=tags)
+        return move_to_map(found, by_tags)
 
     def summary(self) -> str:
         """Return how often each camera saw people, and a map of where."""

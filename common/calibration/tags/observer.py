@@ -14,8 +14,8 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from common.calibration.boards import Board, Tag
 from common.calibration.solve import CalibrationResult
+from common.calibration.tags.boards import Board, Tag
 from common.geometry.transform_history import displacement
 from common.geometry.transforms import apply, camera_matrix, invert, transform_from
 from common.io.files import read_toml
@@ -109,9 +109,13 @@ class TagObserver:
         for name, board in self._tags.items():
             if isinstance(board, Board) and (pixels := board.find(grey)) is not None:
                 found[name] = pixels
+        self.add_corners(camera, found)
+
+    def add_corners(self, camera: str, pixels: Mapping[str, F32]) -> None:
+        """Take the corners (Nx2) of tags and boards in an image; unknown ones are left out."""
         views = self._corners.setdefault(camera, defaultdict(lambda: deque(maxlen=VIEWS_MAX)))
-        for known in sorted(found.keys() & self._tags.keys()):
-            views[known].append(found[known])
+        for known in sorted(pixels.keys() & self._tags.keys()):
+            views[known].append(pixels[known])
 
     def poses(self, infos: Mapping[str, CameraInfo]) -> dict[str, F64]:
         """Return map_from_camera (4x4) of the cameras that saw tags or boards.
@@ -124,9 +128,12 @@ class TagObserver:
             if views and camera in infos:
                 names = sorted(views)
                 pixels = np.concatenate([np.median(views[n], axis=0) for n in names])
-                corners_m = np.concatenate([self._tags[n].corners_m for n in names])
-                found[camera] = _pose(infos[camera], corners_m, pixels, names)
+                found[camera] = _pose(infos[camera], self.corners_m(camera), pixels, names)
         return found
+
+    def corners_m(self, camera: str) -> F64:
+        """Return the corners (Nx3) in the map that a camera saw."""
+        return np.concatenate([self._tags[n].corners_m for n in sorted(self._corners[camera])])
 
 
 def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> CalibrationResult:

@@ -1,0 +1,100 @@
+"""Poses by tags and boards, joined with those by walking: what two cameras see of the map."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from common.geometry.transforms import apply, invert, project, transform_from
+from people4d.messages import F64, CameraInfo
+
+CORNER_SIGMA_PX = 0.5  # of each corner
+MEASURED_SIGMAS = np.array([0.005, 0.005, 0.005, 0.01, 0.01, 0.01])  # [rad, m] of tags in the map
+CONTRADICTION = 3.0  # RMS of differences by their standard deviations from which tags are not used
+STEP = 1e-6  # of derivatives
+
+
+@dataclass(frozen=True, slots=True)
+class TagPose:
+    """Pose of a camera by tags and boards."""
+
+    map_from_camera: F64  # 4x4
+    covariance: F64  # 6x6: rotation [rad], translation [m], in the frame of the camera
+
+    @classmethod
+    def of(cls, map_from_camera: F64, corners_m: F64, info: CameraInfo) -> "TagPose":
+        """Return a pose with the covariance that the errors of corners (Nx3, map) leave."""
+
+        def pixels(motion: F64) -> F64:
+            return project(
+                apply(invert(map_from_camera @ _motion(motion)), corners_m), info
+            ).ravel()
+
+        jacobian = _jacobian(pixels, np.zeros(6))
+        covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * CORNER_SIGMA_PX**2
+        return cls(map_from_camera, np.asarray(covariance + np.diag(MEASURED_SIGMAS**2)))
+
+
+def fuse(
+    values: F64, covariance: F64, matrices: Callable[[F64], Sequence[F64]], tags: Sequence[TagPose]
+) -> tuple[F64, F64]:
+    """Return parameters and their covariance, joined with what tags say of cameras.
+
+    They stay as they are if tags contradict them.
+
+    Args:
+        values: Parameters of all cameras by walking.
+        covariance: Theirs.
+        matrices: Returns the poses (4x4) of the cameras that see tags, by the parameters.
+        tags: What these see.
+    """
+    base, *others = tags
+    expected = [invert(base.map_from_camera) @ tag.map_from_camera for tag in others]
+
+    def differences(x: F64) -> F64:
+        first, *rest = matrices(x)
+        pairs = zip(expected, rest, strict=True)
+        return np.concatenate([_vector(invert(e) @ invert(first) @ m) for e, m in pairs])
+
+    moved = np.concatenate([_adjoint(invert(e)) for e in expected])
+    noise = moved @ base.covariance @ moved.T
+    for k, tag in enumerate(others):
+        rows = slice(6 * k, 6 * k + 6)
+        noise[rows, rows] += tag.covariance
+    error, jacobian = differences(values), _jacobian(differences, values)
+    total = jacobian @ covariance @ jacobian.T + noise
+    if np.sqrt(error @ np.linalg.solve(total, error) / len(error)) > CONTRADICTION:
+        return values, covariance
+    gain = np.linalg.solve(total, jacobian @ covariance).T
+    joined = covariance - gain @ jacobian @ covariance
+    return values - gain @ error, np.asarray((joined + joined.T) / 2)
+
+
+def tag_poses(
+    poses: Mapping[str, F64], corners_m: Mapping[str, F64], infos: Mapping[str, CameraInfo]
+) -> dict[str, TagPose]:
+    """Return poses by tags (4x4, by camera) with their covariances."""
+    return {name: TagPose.of(pose, corners_m[name], infos[name]) for name, pose in poses.items()}
+
+
+def _motion(vector: F64) -> F64:
+    return transform_from(vector[3:], Rotation.from_rotvec(vector[:3]).as_matrix())
+
+
+def _vector(motion: F64) -> F64:
+    return np.append(Rotation.from_matrix(motion[:3, :3]).as_rotvec(), motion[:3, 3])
+
+
+def _adjoint(motion: F64) -> F64:
+    """Return the matrix (6x6) that brings small motions from the source frame to the target."""
+    x, y, z = motion[:3, 3]
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turn = motion[:3, :3]
+    return np.block([[turn, np.zeros((3, 3))], [cross @ turn, turn]])
+
+
+def _jacobian(function: Callable[[F64], F64], at: F64) -> F64:
+    base = function(at)
+    columns = [(function(at + STEP * unit) - base) / STEP for unit in np.eye(len(at))]
+    return np.stack(columns, axis=1)
