@@ -21,6 +21,7 @@ from deploy.calibration.page import floor_text, write_page
 from deploy.cli.data.targets import Force, check_target
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.terminal import console, plain_table, shown
+from people4d.client import Client
 from people4d.errors import CalibrationError, ConfigError, DecodeError
 from people4d.messages import (
     CameraInfo,
@@ -33,10 +34,9 @@ from people4d.messages import (
 from people4d.queue import Arrival
 
 EVERY_NS = 10_000_000_000  # between two attempts
-KINDS: tuple[type[Message], ...] = (
-    *(CameraInfo, StaticTransform, Detections),
-    *(RgbdFrame, CompressedRgbdFrame),  # for the floor and tags, where they reach this host
-)
+# Compressed frames are for the floor. All raw ones are a load that only tags are worth.
+KINDS: tuple[type[Message], ...] = (CameraInfo, StaticTransform, Detections, CompressedRgbdFrame)
+RAW: tuple[type[Message], ...] = (RgbdFrame,)
 
 
 def calibrate(
@@ -89,25 +89,25 @@ def calibrate(
     check_target(page, None, force)
     observer = TagObserver(read_tags(tags)) if tags else None
     session = CalibrationSession(_names(cameras), reference, offset_s, observer)
+    kinds = KINDS + (RAW if tags else ())
     if recording:
-        for log_ns, message in open_recording(recording).messages(*KINDS):
+        for log_ns, message in open_recording(recording).messages(*kinds):
             session.add(message, log_ns)
         found = session.solve()
     else:
         console.print("Walk about in curves, one or two people; Ctrl-C ends the walk.")
         with ExitStack() as stack:
-            arrivals = _arrivals(stack, _listed(hosts) or [robot], connect, seconds)
-            found = listen(session, arrivals, seconds)
+            opened = _clients(_listed(hosts), connect) if hosts else [open_client(connect, robot)]
+            clients = [stack.enter_context(client) for client in opened]
+            found = listen(session, _arrivals(clients, kinds, seconds), seconds)
     write_transforms(out, found)
     write_page(page, found)
     _show(found)
     typer.echo(f"Wrote {out} and {page}. Use it: people4d up --transforms {out}")
 
 
-def _arrivals(
-    stack: ExitStack, hosts: Sequence[str], connect: str, seconds: float
-) -> Iterator[Arrival]:
-    """Return the messages of all hosts in one stream, until the stack is closed."""
+def _clients(hosts: Sequence[str], connect: str) -> Iterator[Client]:
+    """Yield a client of each host."""
     endpoints = _listed(connect) or [""]
     if len(endpoints) not in (1, len(hosts)):
         raise ConfigError(
@@ -115,14 +115,18 @@ def _arrivals(
             f"got {len(endpoints)}"
         )
     endpoints *= len(hosts) // len(endpoints)
-    first, *others = [
-        stack.enter_context(open_client(endpoint, host))
-        for endpoint, host in zip(endpoints, hosts, strict=True)
-    ]
+    yield from map(open_client, endpoints, hosts)
+
+
+def _arrivals(
+    clients: Sequence[Client], kinds: Sequence[type[Message]], seconds: float
+) -> Iterator[Arrival]:
+    """Return the messages of all clients in one stream, until these are closed."""
+    first, *others = clients
     for other in others:
         other.queue = first.queue
-        other.arrivals(*KINDS)
-    return first.arrivals(*KINDS, timeout_s=seconds)
+        other.arrivals(*kinds)
+    return first.arrivals(*kinds, timeout_s=seconds)
 
 
 class CalibrationSession:
