@@ -93,6 +93,8 @@ class NetworkRuns:
         result, begin_ns, end_ns = self.call(run)
         record("inference_wait", asked_ns, begin_ns)
         record("inference", begin_ns, end_ns)
+        if self._thread is not None:
+            record("wake", end_ns, time.time_ns())
         return result
 
 

@@ -28,6 +28,7 @@ STAGES = {
     "preprocess": "the image becomes the network's input",
     "inference_wait": "another thread runs the network",
     "inference": "the network runs",
+    "wake": "the network's thread has ended, the one that waited for it goes on",
     "postprocess": "the network's outputs become people",
     "hand_over": "the network is free, another thread begins with the next frame",
     "crops": "images of the people are cut out",

@@ -121,11 +121,14 @@ def test_one_run_at_a_time_and_the_wait_for_it_is_recorded(cores: InferenceCores
     with collect(ProcessId("detector", "detector", "here")) as spans:
         runs.run(lambda: time.sleep(0.01))
     thread.join()
-    waited, ran = spans
+    waited, ran, *after = spans
     assert (waited.stage, ran.stage) == ("detector.inference_wait", "detector.inference")
     assert waited.end_ns - waited.start_ns > 0.03e9
     assert ran.start_ns == waited.end_ns
     assert ran.end_ns - ran.start_ns >= 0.01e9
+    # Its own thread ends, and the caller goes on later.
+    assert [one.stage for one in after] == (["detector.wake"] if cores else [])
+    assert all(one.start_ns == ran.end_ns for one in after)
 
 
 @two_cores
