@@ -21,11 +21,12 @@ from evaluation.gait.run import estimate_gait
 from lab.bodies.cast import cast_names
 from lab.bodies.outfits import Outfit
 from lab.camera.plan import CameraPlan
+from lab.catalogue import FOLDER
 from lab.drawing.renderer import draw_depth
 from lab.output.chunks import digest_of
 from lab.output.render import Outputs, render
 from lab.output.sequence import RenderJob
-from lab.scenario import FOLDER, PersonPlan, Scenario, WalkStyle, Waypoint
+from lab.scenario import PersonPlan, Scenario, WalkStyle, Waypoint
 from lab.truth.frames import person_views
 from lab.truth.motion_capture import footfalls
 from lab.world import World

@@ -15,7 +15,7 @@ from common.geometry.boxes import iou_xyxy
 from evaluation.recordings.rendered import has_to_be_found, inside
 from lab.camera.frames import FrameRenderer, RenderSettings
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from lab.truth.frames import PersonView
 from lab.world import World
 from people4d.messages import F32, F64, U8

@@ -21,7 +21,7 @@ from common.io.images import decode_jpeg
 from common.io.recording import open_recording
 from deploy.anonymise.heads import Cover, cover_frames
 from deploy.anonymise.recordings import detect, model
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from lab.truth.frames import person_views
 from lab.world import World
 from people4d.messages import F64, U8, CompressedRgbdFrame

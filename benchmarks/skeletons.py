@@ -20,7 +20,7 @@ from common.transport.memory_bus import MemoryBus
 from evaluation.pipeline import pipeline
 from evaluation.recordings.rendered import rgbd_frame
 from lab.camera.frames import FrameRenderer, RenderSettings, transforms
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.messages import F64, JOINTS, Message, Skeletons, Tracks

@@ -34,7 +34,7 @@ from evaluation.recordings.recordings import plan_recordings, render_recording
 from evaluation.recordings.visual_motion import FrameMotion, VisualMotion, write_with_motion
 from evaluation.run.preparation import EvaluationPlan, runs_of
 from evaluation.run.run import EvaluationRun, execute
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from lab.world import EPOCH_NS, World
 from people4d.messages import F64, Odometry
 from services.camera.config import CameraConfig

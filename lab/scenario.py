@@ -1,26 +1,18 @@
 """Scenarios: people, their paths, the camera and the room, in text files that anyone can add."""
 
 import math
-import re
 from itertools import combinations, pairwise
-from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
-from common.config import Config, setting
-from common.io.files import read_toml
+from common.config import Config
 from lab.bodies.cast import cast_names
 from lab.bodies.outfits import Outfit
 from lab.camera.plan import CameraPlan, RateHz
 from lab.furniture import FurniturePlan
-from people4d.errors import ConfigError
 from people4d.messages.base import NonNegative
-from people4d.validation import explain
 
-FOLDER = Path(__file__).parent / "scenarios"
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 RoomName = Literal["lab", "hall", "office", "square"]
 # [m] lower and upper corner of the floor that is free in each room, for the middle of a person.
 WALKABLE_M: dict[RoomName, tuple[tuple[float, float], tuple[float, float]]] = {
@@ -33,8 +25,6 @@ APART_M = 0.5  # between two people at the start
 BESIDE_M = 0.2  # between the middle of a person and furniture, at the positions of a plan
 MAX_CAMERAS = 16  # in one world
 MAX_PEOPLE = 100  # the image of owners has room for 255
-PREFIX = "lab:"
-TRUTH = "lab.source:LabTruth"
 
 WalkingSpeed = Annotated[float, Meta(ge=0.4, le=1.4)]  # [m/s] in which the walk is true to life
 
@@ -171,86 +161,3 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
                     f"people[{k}]: expected to start at least {APART_M} m from people[{j}], "
                     f"got {list(other.start)}"
                 )
-
-
-def scenario_names() -> list[str]:
-    """Return the names of the scenarios that ship."""
-    return sorted(path.stem for path in FOLDER.glob("*.toml"))
-
-
-def load_scenario(name: str, seed: int | None = None) -> Scenario:
-    """Read a scenario that ships by its name, any by the path of its file, or draw a random one.
-
-    Args:
-        name: Name, path, or random?OPTION=VALUE&..., see `lab.random_scenario.RandomScene`.
-        seed: Of a random one, in place of that in its name; others are not changed by it.
-
-    Raises:
-        ConfigError: There is none, or it cannot be read.
-    """
-    from lab.random_scenario import is_random, random_scenario  # noqa: PLC0415 (needs Scenario)
-
-    if is_random(name):
-        return random_scenario(name, seed)
-    path = FOLDER / f"{name}.toml" if NAME.fullmatch(name) else Path(name)
-    data: dict[str, object] = {}
-    try:
-        data = {**read_toml(path), "name": path.stem}
-        return msgspec.convert(data, Scenario)
-    except FileNotFoundError as error:
-        names = ", ".join(scenario_names())
-        raise ConfigError(f"there is no scenario {name}", f"There are {names}.") from error
-    except OSError as error:
-        raise ConfigError(f"scenario {path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        hint = f"Compare it with those that ship, in {FOLDER}."
-        problem = explain(error, data, "").lstrip(".: ")
-        raise ConfigError(f"scenario {path}: {problem}", hint) from error
-
-
-def split_seed(name: str) -> tuple[str, int | None]:
-    """Split the name or path of a scenario from the seed that may follow it, NAME@SEED.
-
-    Raises:
-        ConfigError: The text after @ is no seed.
-    """
-    scenario, separator, seed = name.rpartition("@")
-    if not separator:
-        return name, None
-    if not seed.isdecimal():
-        raise ConfigError(f"scenario {name}: expected a whole number after @, got {seed!r}")
-    return scenario, int(seed)
-
-
-def is_scenario(source: str) -> bool:
-    """Check that a source is a scenario."""
-    return source.startswith(PREFIX)
-
-
-def resolve(source: str) -> str:
-    """Return the source with an absolute path, since services run in another folder.
-
-    Raises:
-        ConfigError: There is no such scenario.
-    """
-    from lab.random_scenario import absolute, is_random  # noqa: PLC0415 (needs Scenario)
-
-    name, seed = split_seed(source.removeprefix(PREFIX))
-    load_scenario(name)
-    if is_random(name):
-        return PREFIX + absolute(name, seed)
-    if NAME.fullmatch(name):
-        return source
-    return PREFIX + str(Path(source.removeprefix(PREFIX)).absolute())
-
-
-def truth_settings(truth: str, loop: bool) -> list[str]:
-    """Return the settings of the ground-truth bridge for a scenario, played in a loop or once."""
-    settings = [setting("gt_bridge.source", TRUTH)]
-    if loop:
-        name, _ = split_seed(truth.removeprefix(PREFIX))
-        scenario = load_scenario(name)
-        # A camera in a loop adds the duration of its whole frames to the stamps.
-        frames = round(scenario.duration_s * scenario.camera.fps)
-        settings.append(f"gt_bridge.loop_s={frames / scenario.camera.fps}")
-    return settings

@@ -9,9 +9,9 @@ from msgspec import Meta, field
 
 from common.config import Config
 from lab.camera.frames import FrameRenderer, RenderSettings, odometry, transforms
+from lab.catalogue import load_scenario, split_seed
 from lab.depth.config import SENSORS
 from lab.depth.metadata import change_sensor
-from lab.scenario import load_scenario, split_seed
 from lab.truth.motion_capture import capture_truth
 from lab.world import World
 from people4d.messages import Truth

@@ -8,8 +8,8 @@ import numpy as np
 
 from common.drawing.tiles import Tile, grid, shrink
 from lab.camera.frames import FrameRenderer, RenderSettings
+from lab.catalogue import load_scenario
 from lab.output.preview import Preview, depth_image
-from lab.scenario import load_scenario
 from lab.world import World
 from people4d.messages import U8
 

@@ -20,12 +20,12 @@ from common.io.images import decompress
 from common.io.recording import open_recording
 from evaluation.cache import default_folder, key_of
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
+from lab.catalogue import FOLDER, load_scenario
 from lab.drawing.mesh import Material, Mesh
 from lab.drawing.renderer import DepthView, draw_depth
 from lab.output.chunks import digest_of
 from lab.output.render import Outputs, render
 from lab.output.sequence import RenderJob
-from lab.scenario import FOLDER, load_scenario
 from lab.truth.frames import person_views, visible_points
 from lab.truth.motion_capture import Footfall, footfalls
 from lab.world import World

@@ -7,8 +7,8 @@ import numpy as np
 
 from evaluation.recordings.rendered import has_to_be_found
 from lab.camera.frames import FrameRenderer, RenderSettings
+from lab.catalogue import load_scenario
 from lab.drawing.renderer import DepthView
-from lab.scenario import load_scenario
 from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.messages import U8

@@ -18,7 +18,7 @@ from evaluation.recordings.detections import DetectionJob, detect, read_tracker_
 from evaluation.recordings.recordings import plan_recordings, render_recording
 from lab.camera.frames import odometry as lab_odometry
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from lab.truth.silhouette import silhouettes
 from lab.world import World
 from people4d.messages import F64, Detections, Odometry

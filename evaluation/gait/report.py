@@ -20,8 +20,8 @@ from evaluation.gait.viewer import GaitViewer
 from evaluation.methods import read_method
 from evaluation.pool import OnProgress
 from evaluation.report.csv_files import write_bytes, write_csv
-from lab import scenario as scenarios
-from lab.scenario import load_scenario, split_seed
+from lab import catalogue as scenarios
+from lab.catalogue import load_scenario, split_seed
 from people4d.errors import SourceError
 from people4d.messages import U8, CameraInfo
 from services.camera.describe import describe

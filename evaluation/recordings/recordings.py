@@ -9,11 +9,12 @@ import lab
 from common.io.recording import open_recording
 from evaluation.cache import key_of
 from evaluation.pool import OnProgress
+from lab.catalogue import PREFIX, is_scenario, load_scenario, scenario_names, split_seed
 from lab.depth.metadata import read_metadata
 from lab.output.chunks import digest_of
 from lab.output.render import Outputs, render
 from lab.output.sequence import Fidelity, RenderJob
-from lab.scenario import PREFIX, Scenario, is_scenario, load_scenario, scenario_names, split_seed
+from lab.scenario import Scenario
 from people4d.errors import ConfigError, SourceError
 from services.camera.sources import kind_of
 

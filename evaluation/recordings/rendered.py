@@ -10,8 +10,8 @@ from scipy.optimize import linear_sum_assignment
 from common.geometry.boxes import iou_xyxy
 from common.geometry.transforms import apply
 from lab.camera.frames import FrameRenderer, RenderSettings
+from lab.catalogue import load_scenario
 from lab.drawing.renderer import DepthView
-from lab.scenario import load_scenario
 from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.messages import F64, U8, CameraInfo, Detection, RgbdFrame

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from common.io.recording import open_recording
 from deploy.cli import app
+from lab.catalogue import is_scenario, resolve, scenario_names, truth_settings
 from lab.depth.metadata import read_metadata
-from lab.scenario import is_scenario, resolve, scenario_names, truth_settings
 from people4d.errors import ConfigError
 from people4d.messages import Detections
 from tests.lab.scenarios import FRAMES, write_scenario

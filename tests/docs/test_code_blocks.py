@@ -26,7 +26,7 @@ from common.config import load
 from common.io.recording import RecordingWriter, open_recording
 from deploy.cli import app
 from evaluation.methods import read_method
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from people4d.codec import encode
 from people4d.messages import CompressedRgbdFrame
 from services.camera.calibration import MatNames, read_calibration

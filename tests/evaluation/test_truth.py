@@ -12,7 +12,7 @@ from evaluation.pool import Pool
 from evaluation.recordings.ground_truth import read_truth, sample_truth
 from evaluation.recordings.recordings import EvaluationRecording, plan_recordings, render_recording
 from evaluation.recordings.visibility import load_views, save_views, simulated_views
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from lab.truth.frames import person_views
 from lab.world import World
 from people4d.errors import SourceError

@@ -9,7 +9,7 @@ import msgspec
 
 from common.config import load
 from common.io import weights
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from people4d.errors import People4dError
 from services.presets import FOLDER, preset_settings
 from tests import ROOT

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.catalogue import load_scenario
 from lab.drawing.renderer import draw_depth
 from lab.furniture import FurniturePlan, discs_of
-from lab.scenario import load_scenario
 from lab.truth.frames import person_views
 from lab.world import World
 from people4d.errors import ConfigError

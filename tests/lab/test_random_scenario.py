@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from evaluation.recordings.recordings import plan_recordings
+from lab.catalogue import load_scenario, resolve
 from lab.motion.trajectories import follow
 from lab.random_scenario import random_scenario
-from lab.scenario import WALKABLE_M, load_scenario, resolve
+from lab.scenario import WALKABLE_M
 from lab.world import World
 from people4d.errors import ConfigError
 

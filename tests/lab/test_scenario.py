@@ -7,14 +7,9 @@ import pytest
 
 from common.geometry.transforms import wrap
 from lab.bodies.cast import load_cast
+from lab.catalogue import FOLDER, load_scenario, scenario_names, split_seed
 from lab.drawing.rooms import room_mesh
-from lab.scenario import (
-    FOLDER,
-    WALKABLE_M,
-    load_scenario,
-    scenario_names,
-    split_seed,
-)
+from lab.scenario import WALKABLE_M
 from people4d.errors import ConfigError
 from tests.lab.worlds import watch, world
 

@@ -10,10 +10,11 @@ from common.geometry.transforms import apply, invert, project
 from common.io.recording import open_recording
 from lab.camera.plan import CameraPlan
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
+from lab.catalogue import load_scenario
 from lab.depth.config import DepthSensorConfig
 from lab.output.render import Outputs, render
 from lab.output.sequence import RenderJob, SequenceRenderer
-from lab.scenario import Scenario, load_scenario
+from lab.scenario import Scenario
 from lab.source import LabOptions, LabSource
 from lab.world import EPOCH_NS, World
 from people4d.codec import encode

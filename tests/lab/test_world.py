@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import apply
+from lab.catalogue import load_scenario
 from lab.drawing.furniture import SEAT_M
-from lab.scenario import load_scenario
 from lab.world import EPOCH_NS, World
 from tests.lab.worlds import world
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.processes
 DIGEST = """
 import hashlib
 from lab.drawing.renderer import draw_depth
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from lab.truth.motion_capture import capture
 from lab.world import World
 of = World(load_scenario("short_robot"))

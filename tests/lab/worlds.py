@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry.transforms import apply
-from lab.scenario import load_scenario
+from lab.catalogue import load_scenario
 from lab.world import World
 from people4d.messages import F64
 

@@ -8,7 +8,7 @@ import typer
 
 from deploy.cli.options import Figures, Preset, Settings
 from deploy.cli.terminal import can_draw_figures, console, interruptible, plain_table, progress
-from lab import scenario as scenarios
+from lab import catalogue as scenarios
 from people4d.errors import ConfigError
 
 # The report is imported on use: compiled code takes a second to load.

@@ -11,8 +11,9 @@ import typer
 from common.config import load
 from deploy.cli.options import Fidelity, Jobs
 from deploy.cli.terminal import console, cores, interruptible, plain_table, progress, shown
+from lab.catalogue import load_scenario, scenario_names
 from lab.depth.config import SENSORS
-from lab.scenario import Scenario, load_scenario, scenario_names
+from lab.scenario import Scenario
 from people4d.errors import ConfigError
 
 # Modules that draw are imported on use: compiled code takes a second to load.

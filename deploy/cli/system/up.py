@@ -33,7 +33,7 @@ from deploy.launcher.plan import (
 )
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
-from lab import scenario as scenarios
+from lab import catalogue as scenarios
 from people4d.errors import ConfigError
 from services.camera.sources import ROS2
 from services.gt_bridge.sources.registry import is_live

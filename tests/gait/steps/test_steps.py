@@ -9,7 +9,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from lab.scenario import Waypoint, load_scenario
+from lab.catalogue import load_scenario
+from lab.scenario import Waypoint
 from lab.truth.motion_capture import footfalls
 from lab.world import World
 from people4d.messages import F64, GaitMeasures

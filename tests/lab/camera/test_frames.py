@@ -9,7 +9,8 @@ from msgspec import structs
 from lab.camera.frames import FrameRenderer, RenderSettings
 from lab.camera.image_drift import ImageDrift
 from lab.camera.plan import CameraPlan, ImagePlan
-from lab.scenario import Scenario, load_scenario
+from lab.catalogue import load_scenario
+from lab.scenario import Scenario
 from lab.world import World, camera_info
 from people4d.messages import U8
 from tests.lab.scenarios import write_scenario

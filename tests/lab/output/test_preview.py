@@ -8,8 +8,8 @@ import pytest
 
 from common.drawing.strokes import PEOPLE
 from lab.camera.frames import FrameRenderer, RenderSettings
+from lab.catalogue import load_scenario
 from lab.output.preview import Preview, depth_image, write_sheet, write_video
-from lab.scenario import load_scenario
 from lab.world import World
 from people4d.errors import SourceError
 from tests.lab.scenarios import FRAMES, SIZE, write_scenario

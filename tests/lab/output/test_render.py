@@ -7,12 +7,12 @@ import pytest
 
 from common.io.images import decode_jpeg, decode_png16
 from common.io.recording import open_recording
+from lab.catalogue import load_scenario
 from lab.depth.metadata import read_metadata
 from lab.output import render as job
 from lab.output.chunks import ChunkStore
 from lab.output.render import Outputs, render
 from lab.output.sequence import Fidelity, RenderJob
-from lab.scenario import load_scenario
 from lab.source import LabOptions, LabSource
 from people4d.errors import SourceError
 from people4d.messages import (

@@ -7,8 +7,9 @@ import pytest
 from msgspec.structs import replace
 
 from common.geometry.transforms import apply, project
+from lab.catalogue import load_scenario
 from lab.drawing.renderer import DepthView, draw_depth
-from lab.scenario import PersonPlan, load_scenario
+from lab.scenario import PersonPlan
 from lab.truth.files import frame_arrays, save_frames
 from lab.truth.frames import PersonView, person_views
 from lab.world import World

@@ -6,7 +6,8 @@ import pytest
 from msgspec.structs import replace
 
 from common.geometry.transforms import wrap
-from lab.scenario import CapturePlan, Scenario, load_scenario
+from lab.catalogue import load_scenario
+from lab.scenario import CapturePlan, Scenario
 from lab.source import LabTruth
 from lab.truth.motion_capture import capture, capture_truth, captured_samples, velocity_mps
 from lab.world import EPOCH_NS, World
