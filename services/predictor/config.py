@@ -21,7 +21,7 @@ class PedestrianConfig(Config, frozen=True, kw_only=True):
     noise_factor: Positive = 1.7
     # Position and velocity of a track count with these shares of their standard deviations: a
     # tracker's velocity is more accurate than its covariance
-    track_factors: tuple[Positive, Positive] = (0.5, 0.25)
+    track_factors: tuple[Positive, Positive] = (0.9, 0.3)
     sigma_min_mps: Positive = 0.02  # [m/s]
     sigma_first_mps: Positive = 1.5  # [m/s] of the velocity of a person just found, per axis
     first: tuple[Probability, Probability, Probability] = (0.05, 0.6, 0.35)  # modes at first

@@ -71,9 +71,6 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     # Part of a box that the box of another person, not farther by `nearer_slack_m`, covers, above
     # which its crop counts as occluded; so does that of a box cut off at the left or right
     covered_max: Ratio = 0.3
-    # Part of a track's width that a detection covers if it could be of that track; a detection that
-    # could be of several counts as occluded, too
-    overlap_min: Positive = 0.5
     identities_max: PositiveInt = 100  # people; the longest unseen is deleted first
     retention_s: Positive = 600.0  # [s] since the last match
     # [s] A track unmatched for longer, and never occluded, ends; its person is re-identified, with
@@ -112,9 +109,6 @@ class ImmConfig(Config, frozen=True, kw_only=True):
     walking_sigma_mps: Positive = 0.6  # [m/s] of people who begin to walk, per axis
     standing_s: Positive = 0.5  # [s] mean time until a standing person begins to walk
     walking_s: Positive = 10.0  # [s] and until a walking person stops
-    # The modes are weighed with R divided by this: `noise_factor` makes R larger because errors
-    # last for frames, but the mode shows in single errors
-    noise_divisor: Positive = 4.0
     # Largest d_M^2 of a match in the walking mode: people turn and stop faster than they walk on,
     # so P is raised until a match is no farther off. inf: P as it is
     surprise_max: PositiveOrInfinite = 2.0
@@ -183,14 +177,9 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # "measured": R is the covariance of the detection where the detector estimates one, and neither
     # depth nor score change it; "constant": sigma_measurement_m; section 3
     noise: Literal["constant", "measured"] = "measured"
-    # R is so many times that covariance: errors of consecutive frames are similar, and longer for
-    # two people close together, but count as if they were independent
+    # In gates R is so many times that covariance: errors of consecutive frames are similar, and
+    # longer for two people close together, so that a track may be off by as much as a measurement
     noise_factor: Positive = 4.0
-    # [m] of R in an update, in any direction. The large covariance of a half hidden person is for
-    # the few whose depth is another's; gates have all of it, but of those that they admit most err
-    # by 0.1 m, and a track that follows them slowly leaves its person. Those that would be beyond
-    # mahalanobis_max by the limited R are such a few: theirs is as it is. inf: all are
-    update_sigma_max_m: PositiveOrInfinite = 0.3
     # beyond section 5, each with its own switch
     occlusion: OcclusionConfig = OcclusionConfig()
     contact: ContactConfig = ContactConfig()

@@ -11,7 +11,6 @@ from common import kalman
 from people4d.messages import F64
 from services.tracker.config import Sort3dConfig, StrongSort3dConfig
 from services.tracker.interface import Measurement
-from services.tracker.motion.track_record import TrackRecord, stack
 
 # Parts of matrices of position and velocity (6x6), by block.
 OF_POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
@@ -45,20 +44,6 @@ def measured_noise(
     return result
 
 
-def limited(R_m2: F64, sigma_max_m: float) -> F64:
-    """Return covariances (Nx3x3) with a standard deviation of at most that in any direction."""
-    if not may_exceed(R_m2, sigma_max_m):
-        return R_m2
-    values, axes = np.linalg.eigh(R_m2)
-    result: F64 = (axes * np.minimum(values, sigma_max_m**2)[:, None]) @ axes.swapaxes(1, 2)
-    return result
-
-
-def may_exceed(R_m2: F64, sigma_max_m: float) -> bool:
-    """Check if covariances (Nx3x3) may have a larger standard deviation in some direction."""
-    return bool((R_m2.trace(axis1=1, axis2=2) > sigma_max_m**2).any())
-
-
 class PositionMotion:
     """State x, y, z and their velocities; measured x, y, z (docs/method.md, section 5)."""
 
@@ -84,23 +69,13 @@ class PositionMotion:
         """Return the positions."""
         return np.array([m.position_m for m in measurements]).reshape(-1, 3)
 
-    def noise(self, measurements: Sequence[Measurement], records: Sequence[TrackRecord]) -> F64:
-        """Return R of updates of N tracks, grown with depth and shrunk by the score (NSA).
-
-        It is limited, unless a measurement is beyond the gate of its state then: its depth is that
-        of another person or thing, as its large covariance warns.
-        """
-        R, most_m = self._noise(measurements, self._score_noise), self._config.update_sigma_max_m
-        if self._config.noise != "measured" or not may_exceed(R, most_m):
-            return R
-        narrow = self._noise(measurements, self._score_noise, most_m)
-        y, S = kalman.innovation(*stack(records), self.measure(measurements), narrow)
-        far = kalman.mahalanobis(y, S) > self._config.mahalanobis_max
-        return np.where(far[:, None, None], R, narrow)
+    def noise(self, measurements: Sequence[Measurement]) -> F64:
+        """Return R of updates: as measured, or grown with depth and shrunk by the score (NSA)."""
+        return self._noise(measurements, self._score_noise, 1.0)
 
     def gate_noise(self, measurements: Sequence[Measurement]) -> F64:
         """Return R, grown with depth only: StrongSORT gates without the score."""
-        return self._noise(measurements, self._depth_noise)
+        return self._noise(measurements, self._depth_noise, self._config.noise_factor)
 
     def _score_noise(self, measurements: Sequence[Measurement]) -> F64:
         factor = confidence_factor([m.score for m in measurements], self._config.nsa_floor)
@@ -115,11 +90,10 @@ class PositionMotion:
         self,
         measurements: Sequence[Measurement],
         constant: Callable[[Sequence[Measurement]], F64],
-        sigma_max_m: float = math.inf,
+        factor: float,
     ) -> F64:
         if self._config.noise == "measured":
-            R = measured_noise(constant, measurements, self._config.noise_factor)
-            R = limited(R, sigma_max_m) if sigma_max_m < math.inf else R
+            R = measured_noise(constant, measurements, factor)
         else:
             R = constant(measurements)
         for R_k, measurement in zip(R, measurements, strict=True):
@@ -130,7 +104,7 @@ class PositionMotion:
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
         """Begin at the measured position, with a velocity of 0 and its variance."""
         P = np.eye(6) * self._config.sigma_start_velocity_mps**2
-        P[:3, :3] = self._noise([measurement], self._score_noise)[0]
+        P[:3, :3] = self.noise([measurement])[0]
         return np.concatenate([measurement.position_m, np.zeros(3)]), P
 
 
@@ -166,15 +140,8 @@ class BoxMotion:
         points = np.array([m.position_m for m in measurements]).reshape(-1, 3)
         return np.column_stack([centre, w * h, w / h, points])
 
-    def noise(
-        self,
-        measurements: Sequence[Measurement],
-        records: Sequence[TrackRecord],  # noqa: ARG002
-    ) -> F64:
-        """Return R, constant but for the area; the states do not matter."""
-        return self._noise(measurements)
-
-    def _noise(self, measurements: Sequence[Measurement]) -> F64:
+    def noise(self, measurements: Sequence[Measurement]) -> F64:
+        """Return R, constant but for the area."""
         z = self.measure(measurements)
         sigmas = np.empty_like(z)
         sigmas[:, :2] = self._config.sigma_centre_px
@@ -190,7 +157,7 @@ class BoxMotion:
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
         """Begin with the measurement, with velocities of 0 and their variances."""
-        z, R = self.measure([measurement])[0], self._noise([measurement])[0]
+        z, R = self.measure([measurement])[0], self.noise([measurement])[0]
         config = self._config
         sigmas = [config.sigma_start_centre_pxps] * 2
         sigmas += [config.sigma_start_area_ratio_hz * z[2]] + [config.sigma_start_velocity_mps] * 3

@@ -101,8 +101,13 @@ class Imm:
         self._begins_to_walk = np.diag([0.0, 0.0, 0.0, level, level, up])
 
     def start(self, x: F64, P: F64) -> ImmState:
-        """Begin with one state (6) and covariance (6x6): both modes are equally probable."""
-        return ImmState(np.array([x, x]), np.array([P, P]), np.array([0.5, 0.5]))
+        """Begin with one state (6) and covariance (6x6); modes are as probable as in the long run.
+
+        Who is seen for the first time mostly walks. With equal modes the velocities of newcomers
+        stayed near 0 for half a second.
+        """
+        lasting_s = np.array([self._config.standing_s, self._config.walking_s])
+        return ImmState(np.array([x, x]), np.array([P, P]), lasting_s / lasting_s.sum())
 
     def predict(
         self, records: Sequence[TrackRecord], dt_s: float, noise_factor: float = 1.0
@@ -144,16 +149,14 @@ class Imm:
         """Update with one measurement (3) each, and weigh the modes by its likelihood."""
         z, R = z[:, None], R[:, None]
         y, S = kalman.innovation(x, P, z, R)
-        _, likely = kalman.innovation(x, P, z, R / self._config.noise_divisor)
-        # One inversion of the innovations' covariances, of both modes and for both uses.
-        inverse = np.linalg.inv(np.concatenate([S, likely], axis=1))
-        d_m2 = kalman.squared_lengths(np.concatenate([y, y], axis=1), inverse)
-        logs = -0.5 * (d_m2[:, 2:] + np.linalg.slogdet(likely)[1])
+        inverse: F64 = np.linalg.inv(S)
+        d_m2 = kalman.squared_lengths(y, inverse)
+        logs = -0.5 * (d_m2 + np.linalg.slogdet(S)[1])
         surprise = d_m2[:, WALKING] / self._config.surprise_max
         if (surprise > 1).any():
             P = widened(P, surprise)
             inverse = np.linalg.inv(kalman.innovation(x, P, z, R)[1])
-        x, P = kalman.corrected(x, P, y, R, inverse[:, :2])
+        x, P = kalman.corrected(x, P, y, R, inverse)
         greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
         weight = normalised(probability * np.exp(logs - greatest))
         return x, P, normalised(np.maximum(weight, PROBABILITY_MIN))

@@ -154,7 +154,7 @@ class TrackSet:
         if not matches:
             return
         records, measurements = [t for t, _ in matches], [m for _, m in matches]
-        z, R = self._motion.measure(measurements), self._motion.noise(measurements, records)
+        z, R = self._motion.measure(measurements), self._motion.noise(measurements)
         self._filter.update(records, measurements, z, R)
         for k, (record, measurement) in enumerate(matches):
             self._past.match(record, PastMatch(measurement, z[k], R[k]))

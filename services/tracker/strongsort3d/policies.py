@@ -23,7 +23,6 @@ class FrameContext:
 
     observation: Observation
     detections: Sequence[Measurement]  # in an order that does not depend on their arrival
-    tracks_m: F64  # Nx3, predicted positions of the confirmed tracks
     config: StrongSort3dConfig
 
     @cached_property
@@ -37,18 +36,6 @@ class FrameContext:
         return np.array([m.position_m for m in self.detections]).reshape(-1, 3)
 
     @cached_property
-    def overlapping(self) -> frozenset[int]:
-        """Indices of the detections that could belong to several tracks in one line of sight."""
-        camera_from_map, config = self.observation.camera_from_map, self.config
-        if camera_from_map is None or len(self.tracks_m) < 2:
-            return frozenset()
-        half_m = config.occlusion.half_width_m
-        found, _ = visibility.intervals(self.positions_m, camera_from_map, half_m)
-        tracks, depth_m = visibility.intervals(self.tracks_m, camera_from_map, half_m)
-        tracks = tracks[depth_m > visibility.NEAR_M]
-        return self._indices(visibility.overlapping(found, tracks, config.identity.overlap_min))
-
-    @cached_property
     def cut_off(self) -> frozenset[int]:
         """Indices of the detections whose box reaches the left or right of the image."""
         return self._indices(visibility.cut_off(self._boxes, self.observation.size_px))
@@ -60,7 +47,7 @@ class FrameContext:
         before = depths_m[None] <= depths_m[:, None] + self.config.occlusion.nearer_slack_m
         covered = (self._common * before).max(axis=1, initial=0.0)
         hidden = self._indices(covered > self.config.identity.covered_max)
-        return self.overlapping | hidden | self.cut_off
+        return hidden | self.cut_off
 
     @cached_property
     def depth_uncertain(self) -> frozenset[int]:

@@ -127,8 +127,7 @@ class StrongSort3d(TrackSetTracker):
         confirmed = [t for t in records if t.confirmed and not is_absent(t, observation)]
         tentative = [t for t in records if not t.confirmed]
         detections = in_order(observation.measurements)
-        confirmed_m = self.tracks.positions_m(confirmed)
-        frame = FrameContext(observation, detections, confirmed_m, self._config)
+        frame = FrameContext(observation, detections, self._config)
 
         first = associate(self._appearance_cost(confirmed, frame), confirmed, detections)
         # After a time without frames the distance alone says little.

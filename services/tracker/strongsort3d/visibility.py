@@ -37,17 +37,6 @@ def overlap_ratios(intervals: F64, others: F64) -> F64:
     return ratio
 
 
-def overlapping(found: F64, tracks: F64, ratio_min: float) -> BOOL:
-    """Return the detections (M) that could belong to several predicted tracks.
-
-    Of two people in one line of sight, often only one is detected, or one made of both. Two
-    intervals could be of one person if either covers `ratio_min` of the other.
-    """
-    narrower = np.minimum((found[:, 1] - found[:, 0])[:, None], tracks[:, 1] - tracks[:, 0])
-    could_be = overlaps(found, tracks) >= ratio_min * narrower
-    return np.asarray(could_be.sum(axis=1) > 1)
-
-
 def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
     """Return the boxes (Nx4, xyxy, pixels) that reach the left or right of an image of a size."""
     if size_px is None:

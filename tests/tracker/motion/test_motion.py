@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from people4d.messages import F64
 from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.motion import (
@@ -14,7 +13,6 @@ from services.tracker.motion.motion import (
     confidence_factor,
     depth_factor,
 )
-from services.tracker.motion.track_record import TrackRecord
 from tests.tracker.scene import published
 
 
@@ -25,28 +23,6 @@ def measurement(score: float = 0.8, forward_m: float = 2.5) -> Measurement:
         score=score,
         position_m=np.array([1.0, 2.0, 3.0]),
         forward_m=forward_m,
-    )
-
-
-def noise(
-    motion: PositionMotion | BoxMotion, measurements: list[Measurement], off_m: float = 0.0
-) -> F64:
-    """R of updates of tracks that are so far along x from their measurements."""
-    return motion.noise(measurements, [track(motion, one, off_m) for one in measurements])
-
-
-def track(motion: PositionMotion | BoxMotion, measured: Measurement, off_m: float) -> TrackRecord:
-    x = np.zeros(motion.size)
-    x[motion.position] = measured.position_m - [off_m, 0.0, 0.0]
-    return TrackRecord(
-        id=1,
-        x=x,
-        P=0.01 * np.eye(motion.size),
-        score=measured.score,
-        camera="camera",
-        matched_ns=0,
-        detection=measured.index,
-        confirmed=True,
     )
 
 
@@ -71,7 +47,7 @@ def test_depth_and_score_scale_the_noise() -> None:
     # R = 0.5^2 = 0.25; depth 2.5 of 5 m: x 1.5 = 0.375; score 0.8: x 0.2 = 0.075.
     motion = PositionMotion(published())
     np.testing.assert_allclose(motion.gate_noise([measurement()])[0], 0.375 * np.eye(3))
-    np.testing.assert_allclose(noise(motion, [measurement()])[0], 0.075 * np.eye(3))
+    np.testing.assert_allclose(motion.noise([measurement()])[0], 0.075 * np.eye(3))
 
 
 def test_a_certain_detection_leaves_some_noise() -> None:
@@ -108,7 +84,7 @@ def test_box_moves_with_constant_velocity_and_keeps_its_aspect() -> None:
 
 def test_box_noise_of_the_area_is_relative() -> None:
     # 10 % of 4000 = 400, squared 160000; 5 px squared 25; 0.1 squared 0.01; 0.15 m squared 0.0225.
-    R = noise(BoxMotion(Sort3dConfig()), [measurement()])[0]
+    R = BoxMotion(Sort3dConfig()).noise([measurement()])[0]
     np.testing.assert_allclose(np.diag(R), [25, 25, 160000, 0.01, 0.0225, 0.0225, 0.0225])
 
 
@@ -124,40 +100,25 @@ def test_a_shrinking_area_stays_positive() -> None:
 
 
 def test_measured_noise_is_the_covariance_of_the_detection() -> None:
-    # Told diag(1, 4, 9) cm^2, times 2; neither depth nor score change it.
+    # Told diag(1, 4, 9) cm^2, times 2 in gates; neither depth nor score change it.
     results = np.diag([1e-4, 4e-4, 9e-4])
     certain, plain = replace(measurement(), covariance_m2=results), measurement()
     motion = PositionMotion(published(noise="measured", noise_factor=2.0))
-    for R in (
-        noise(motion, [certain]),
-        motion.gate_noise([certain]),
-        motion.start(certain)[1][None, :3, :3],
-    ):
-        np.testing.assert_allclose(R[0], 2 * results)
+    np.testing.assert_allclose(motion.noise([certain])[0], results)
+    np.testing.assert_allclose(motion.gate_noise([certain])[0], 2 * results)
+    np.testing.assert_allclose(motion.start(certain)[1][:3, :3], results)
     # Without a covariance, and in constant mode with one, it is [PIC4SeR]'s.
-    np.testing.assert_allclose(noise(motion, [certain, plain])[1], 0.075 * np.eye(3))
+    np.testing.assert_allclose(motion.noise([certain, plain])[1], 0.075 * np.eye(3))
     paper = PositionMotion(published())
-    np.testing.assert_allclose(noise(paper, [certain])[0], 0.075 * np.eye(3))
-    assert noise(motion, []).shape == (0, 3, 3)
+    np.testing.assert_allclose(paper.noise([certain])[0], 0.075 * np.eye(3))
+    assert motion.noise([]).shape == (0, 3, 3)
 
 
 def test_measured_noise_of_a_box_does_not_change_the_pixels() -> None:
     results = np.diag([1e-4, 4e-4, 9e-4])
     certain = replace(measurement(), covariance_m2=results)
-    constant = noise(BoxMotion(Sort3dConfig()), [certain])[0]
-    measured = noise(BoxMotion(Sort3dConfig(noise="measured", noise_factor=2.0)), [certain])[0]
+    constant = BoxMotion(Sort3dConfig()).noise([certain])[0]
+    measured = BoxMotion(Sort3dConfig(noise="measured", noise_factor=2.0)).noise([certain])[0]
     np.testing.assert_allclose(measured[4:, 4:], 2 * results)
     np.testing.assert_array_equal(measured[:4, :4], constant[:4, :4])
-    assert noise(BoxMotion(Sort3dConfig(noise="measured")), []).shape == (0, 7, 7)
-
-
-def test_noise_of_an_update_is_limited_inside_of_the_gate_and_that_of_a_gate_is_not() -> None:
-    # 4 * 0.5^2 = 1 m^2 along x, above 0.3^2 = 0.09; 4 * 0.1^2 = 0.04 along the others.
-    one = replace(measurement(), covariance_m2=np.diag([0.25, 0.01, 0.01]))
-    motion = PositionMotion(published(noise="measured", noise_factor=4.0, update_sigma_max_m=0.3))
-    assert noise(motion, [one])[0] == pytest.approx(np.diag([0.09, 0.04, 0.04]))
-    # 0.8 m off: 0.64 / (0.09 + 0.01) = 6.4 is inside of the gate, 7.8; 0.9 m off: 8.1 is not.
-    assert noise(motion, [one], 0.8)[0] == pytest.approx(np.diag([0.09, 0.04, 0.04]))
-    assert noise(motion, [one], 0.9)[0] == pytest.approx(np.diag([1.0, 0.04, 0.04]))
-    assert motion.gate_noise([one])[0] == pytest.approx(np.diag([1.0, 0.04, 0.04]))
-    assert motion.start(one)[1][:3, :3] == pytest.approx(np.diag([1.0, 0.04, 0.04]))
+    assert BoxMotion(Sort3dConfig(noise="measured")).noise([]).shape == (0, 7, 7)

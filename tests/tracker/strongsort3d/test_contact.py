@@ -18,28 +18,17 @@ def tracker(contact: ContactConfig = ON) -> StrongSort3d:
     return build_strongsort3d(published_config(strongsort3d=published(contact=contact)))
 
 
-def test_detection_in_line_with_two_tracks_is_overlapping() -> None:
-    # Tracks stand at 3 and 4 m in one line of sight; one detection at 3 m, one elsewhere.
-    config = published(contact=ON)
-    both = np.array([[3, 0, 1], [4, 0, 1.0]])
-    detected = with_pose(0, person(3, 0), person(4, 1.2, index=1))
-    frame_ = FrameContext(detected, detected.measurements, both, config)
-    assert frame_.occluded == {0}
-    assert frame_.overlapping == {0}
-    assert FrameContext(detected, detected.measurements, both[:1], config).overlapping == set()
-
-
 def test_covered_detection_gets_covariance_along_the_ray() -> None:
     # The far one's box lies inside the near one's. The line of sight from the origin is (4, 0, 1).
     near, far = person(2, 0), person(4, 0, index=1)
     config = published(contact=ContactConfig(depth_sigma_m=2.0))
-    context = FrameContext(with_pose(0, near, far), [near, far], np.zeros((0, 3)), config)
+    context = FrameContext(with_pose(0, near, far), [near, far], config)
     contact = Contact(config.contact)
     added_m2 = contact.gate_covariances_m2(context)
     assert added_m2 is not None
     np.testing.assert_array_equal(added_m2[0], np.zeros((3, 3)))
     np.testing.assert_allclose(added_m2[1], 4 / 17 * np.outer([4, 0, 1], [4, 0, 1]))
-    alone = FrameContext(with_pose(0, near), [near], np.zeros((0, 3)), config)
+    alone = FrameContext(with_pose(0, near), [near], config)
     assert contact.gate_covariances_m2(alone) is None
 
 

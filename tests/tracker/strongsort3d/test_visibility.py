@@ -8,7 +8,6 @@ from services.tracker.strongsort3d.visibility import (
     cut_off,
     intervals,
     overlap_ratios,
-    overlapping,
 )
 
 OPTICAL_FROM_LINK = invert(LINK_FROM_OPTICAL)
@@ -31,12 +30,3 @@ def test_common_parts_of_boxes_and_cut_off_ones() -> None:
     # 1 % of 100 px: a box nearer to the side of the image than 1 px may be cut off.
     assert cut_off(boxes, None).tolist() == [False, False, False]
     assert cut_off(boxes, (100, 10)).tolist() == [True, False, False]
-
-
-def test_detection_that_covers_two_tracks_is_overlapping() -> None:
-    # The first detection covers half of track 0 and all of track 1, the second half of track 1.
-    found = np.array([[0, 0.2], [0.15, 0.35]])
-    tracks = np.array([[-0.1, 0.1], [0.1, 0.2]])
-    assert overlapping(found, tracks, 0.5).tolist() == [True, False]
-    assert overlapping(found, tracks, 0.51).tolist() == [False, False]
-    assert overlapping(found, tracks[:0], 0.5).tolist() == [False, False]
