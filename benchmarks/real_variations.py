@@ -6,7 +6,7 @@ folder that holds the recording; see real_people.py. `--set` changes settings, a
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from benchmarks.lib.varied_frames import (
     ORDERS,
     ImageVariation,
     OrderVariation,
+    VariedDetections,
     detect,
     in_order,
     track,
@@ -76,17 +77,27 @@ def score(
     caches: Sequence[DetectionCache],
 ) -> list[VariationScores]:
     """Return the scores of a method in all variations."""
-    results = []
+    results = list[VariationScores]()
     for variation, cache in zip(IMAGES, caches, strict=True):
-        varied = vary(recording, variation)
-        detections = detect(method, varied.view, images, variation, cache)
-        for order in ORDERS:
-            outputs = list(track(method, detections, order))
-            part, frames = in_order(varied, outputs)
-            tracks = part.hypotheses([output for _, output in outputs])
-            scores = MarkScores(part.truth, tracks, FPS)
-            results.append(VariationScores(variation, order, scores, frames))
+        view = vary(recording, variation).view
+        detections = detect(method, view, images, variation, cache)
+        results += score_detected(method, recording, variation, detections)
     return results
+
+
+def score_detected(
+    method: Method,
+    recording: MarkedRecording,
+    variation: ImageVariation,
+    detections: VariedDetections,
+) -> Iterator[VariationScores]:
+    """Yield the scores of a method on varied images in all orders."""
+    varied = vary(recording, variation)
+    for order in ORDERS:
+        outputs = list(track(method, detections, order))
+        part, frames = in_order(varied, outputs)
+        tracks = part.hypotheses([output for _, output in outputs])
+        yield VariationScores(variation, order, MarkScores(part.truth, tracks, FPS), frames)
 
 
 def total(shares: Sequence[Share]) -> Share:

@@ -67,7 +67,6 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     # Gallery
     views: PositiveInt = 8  # embeddings per person, as different from each other as possible
     view_gap: Annotated[float, Meta(ge=0, le=2)] = 0.03  # cosine distance of two views, at least
-    score_min: Ratio = 0.4  # least score of a detection whose embedding is used
     # Part of a box that the box of another person, not farther by `nearer_slack_m`, covers, above
     # which its crop counts as occluded; so does that of a box cut off at the left or right
     covered_max: Ratio = 0.3
@@ -79,8 +78,8 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     # [s] likewise, of a track last seen at the edge of the image or predicted out of it
     absent_cut_off_s: Seconds = 0.2
     # Time of the decision
-    embeddings_min: PositiveInt = 2  # of unoccluded crops that a new track waits for, ...
-    wait_s: Seconds = 0.5  # [s] ... for so long at most, while an absent person could be back
+    # [s] a new track waits for an unoccluded crop for so long, while an absent person could be back
+    wait_s: Seconds = 0.5
     # Rule of the decision
     # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
     match_max: CosineDistance | None = None

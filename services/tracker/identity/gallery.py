@@ -66,13 +66,6 @@ class Gallery:
             <= config.jump_m + config.speed_max_mps * (query.stamp_ns - entry.matched_ns) / 1e9
         ]
 
-    def similar(
-        self, query: IdentityQuery, candidates: Sequence[int], distance_max: float
-    ) -> list[int]:
-        """Return the candidates within a cosine distance of the mean of the query's embeddings."""
-        mean, known = mean_direction(query.embeddings), self._known()
-        return [i for i in candidates if view_distance(mean, known[i].views) <= distance_max]
-
     def decide(
         self, query: IdentityQuery, candidates: Sequence[int], limit: float
     ) -> IdentityDecision:

@@ -27,7 +27,7 @@ DISTANCE_PROBABILITY = 0.5  # of a match of round 2, which goes by the distance 
 class _MatchQuality:
     """Quality of one match for re-identification."""
 
-    unoccluded: bool  # the crop shows them alone, with a score that is high enough
+    unoccluded: bool  # the crop shows them alone
     probability: float  # of the match
 
 
@@ -43,7 +43,7 @@ class _PendingIdentity:
 class Reidentification(IdentityPolicy):
     """Decide the identity of each new track before it is confirmed.
 
-    A track that could be of an absent person stays tentative until enough of its crops are
+    A track that could be of an absent person stays tentative until one of its crops is
     unoccluded, or until a timeout.
     """
 
@@ -135,7 +135,7 @@ class Reidentification(IdentityPolicy):
         self._pending = {id_: p for id_, p in self._pending.items() if id_ in ids}
 
     def _qualities(self, result: AssociationResult) -> list[_MatchQuality]:
-        first, score_min = result.by_appearance, self._config.score_min
+        first = result.by_appearance
         probabilities = dict[tuple[int, int], float]()
         if first.cost.size:
             table = match_probabilities(first.cost, self._config.temperature)
@@ -149,7 +149,7 @@ class Reidentification(IdentityPolicy):
         occluded = result.frame.occluded
         return [
             _MatchQuality(
-                m.index not in occluded and m.score >= score_min,
+                m.index not in occluded,
                 probabilities.get((record.id, m.index), DISTANCE_PROBABILITY),
             )
             for record, m in result.matches
@@ -169,10 +169,8 @@ class Reidentification(IdentityPolicy):
         query = IdentityQuery(record.x[:3], stamp_ns, pending.unoccluded or pending.others)
         present = {t.id for t in tracks.records if t.detection is not None or _beside(t, record)}
         candidates = self._gallery.plausible(query, present)
-        if pending.unoccluded:
-            candidates = self._gallery.similar(query, candidates, frame.cosine_distance_max)
         waits = stamp_ns - pending.since_ns < self._config.wait_s * 1e9
-        if candidates and waits and len(pending.unoccluded) < self._config.embeddings_min:
+        if candidates and waits and not pending.unoccluded:
             record.confirmed = False
             return
         del self._pending[record.id]

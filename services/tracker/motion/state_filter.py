@@ -106,8 +106,8 @@ class Imm:
         Who is seen for the first time mostly walks. With equal modes the velocities of newcomers
         stayed near 0 for half a second.
         """
-        lasting_s = np.array([self._config.standing_s, self._config.walking_s])
-        return ImmState(np.array([x, x]), np.array([P, P]), lasting_s / lasting_s.sum())
+        mean_times_s = np.array([self._config.standing_s, self._config.walking_s])
+        return ImmState(np.array([x, x]), np.array([P, P]), mean_times_s / mean_times_s.sum())
 
     def predict(
         self, records: Sequence[TrackRecord], dt_s: float, noise_factor: float = 1.0
@@ -149,13 +149,13 @@ class Imm:
         """Update with one measurement (3) each, and weigh the modes by its likelihood."""
         z, R = z[:, None], R[:, None]
         y, S = kalman.innovation(x, P, z, R)
-        inverse: F64 = np.linalg.inv(S)
+        inverse = inverted(S)
         d_m2 = kalman.squared_lengths(y, inverse)
         logs = -0.5 * (d_m2 + np.linalg.slogdet(S)[1])
         surprise = d_m2[:, WALKING] / self._config.surprise_max
         if (surprise > 1).any():
             P = widened(P, surprise)
-            inverse = np.linalg.inv(kalman.innovation(x, P, z, R)[1])
+            inverse = inverted(kalman.innovation(x, P, z, R)[1])
         x, P = kalman.corrected(x, P, y, R, inverse)
         greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
         weight = normalised(probability * np.exp(logs - greatest))
@@ -221,6 +221,11 @@ def moments(weight: F64, x: F64, P: F64) -> tuple[F64, F64]:
     spread = (off[:, :, None] * off[:, None])[:, None]
     within = (weight @ P.reshape(len(P), 2, n * n)).reshape(*weight.shape[:2], n, n)
     return weight @ x, within + (weight[..., 0] * weight[..., 1])[..., None, None] * spread
+
+
+def inverted(S: F64) -> F64:
+    """Return the inverses of matrices."""
+    return np.asarray(np.linalg.inv(S), np.float64)
 
 
 def normalised(weights: F64) -> F64:

@@ -129,20 +129,17 @@ def test_new_track_waits_for_unoccluded_crops_until_a_timeout() -> None:
     ]
 
 
-def test_new_track_waits_only_while_it_could_be_an_absent_person() -> None:
-    # RED left. One unoccluded crop is less than the two that a decision takes, but BLUE is not RED:
-    # published with the second match. By a crop 0.05 from RED the decision waits for the next one.
+def test_one_unoccluded_crop_decides_at_the_second_match() -> None:
+    # RED left; who comes then is published with the second match, and is RED or not.
     def published_ids(embedding: tuple[float, ...]) -> list[tuple[int, str, str | None]]:
         strong = published(identity=IdentityConfig(enabled=True), a_max=5, n_init=2)
         sort = build_strongsort3d(published_config(strongsort3d=strong))
         stay(sort, 0, 10, person(3, 0, embedding=RED))
         stay(sort, 10, 40)
-        low = person(3, 0, score=0.3, embedding=embedding)  # its crop is not used
-        stay(sort, 50, 1, low)
-        return stay(sort, 51, 1, person(3, 0, embedding=embedding))
+        return stay(sort, 50, 2, person(3, 0, embedding=embedding))
 
     assert published_ids(BLUE) == [(2, "confirmed", "new")]
-    assert published_ids((1.0, 0.42, 0.0)) == []
+    assert published_ids(RED) == [(1, "confirmed", "reidentified")]
 
 
 def test_limit_of_reidentification_by_embedder() -> None:
