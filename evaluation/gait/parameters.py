@@ -15,7 +15,7 @@ from scipy.stats import t as student
 from evaluation.gait.literature import source_of
 from people4d.messages import F64
 from services.gait.config import StepConfig
-from services.gait.steps.rhythm import FeetDistance
+from services.gait.steps.rhythm import Oscillation
 from services.gait.steps.steps import FootStep, Stride, cadence, even_strides, step_times_s
 from services.gait.steps.swings import FEET, Side
 
@@ -64,7 +64,7 @@ def gait_parameters(
     steps: Sequence[FootStep],
     head: HeadPath | None,
     config: StepConfig,
-    feet: FeetDistance | None = None,
+    rhythm: Sequence[Oscillation] = (),
 ) -> list[GaitParameter]:
     """Return all parameters of a walk, also those that are not known."""
     even = even_strides(steps, config)
@@ -86,7 +86,7 @@ def gait_parameters(
         ),
         _mean("stride length", "m", [s.length_m for s in strides], "between landings of one foot"),
         _mean("step width", "m", width, "between both feet, across their path"),
-        _cadence(steps, feet),
+        _cadence(steps, rhythm),
         _mean("speed", "m/s", [s.length_m / s.time_s for s in strides], "stride length by time"),
         _mean("stance", "%", 100 - np.asarray(swing), "of the stride, the foot is on the ground"),
         _mean("swing", "%", swing, "of the stride, the foot is in the air"),
@@ -136,10 +136,10 @@ def _mean(
     return GaitParameter(name, unit, mean, low, high, count, definition)
 
 
-def _cadence(steps: Sequence[FootStep], feet: FeetDistance | None) -> GaitParameter:
+def _cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation]) -> GaitParameter:
     """Return the cadence, with the relative interval of the mean step time."""
     one = _mean("cadence", "1/min", np.asarray(step_times_s(steps)) / 60, "steps a minute")
-    value, time = cadence(steps, feet), one.value
+    value, time = cadence(steps, rhythm), one.value
     low, high = (
         None if value is None or not time or edge is None or edge <= 0 else value * time / edge
         for edge in (one.high, one.low)

@@ -110,8 +110,8 @@ class GaitReport:
             head = trajectories.get(HEAD)
             ground_m = np.empty((0, 2)) if head is None else head.positions_m[:, :2]
             path = None if head is None else HeadPath(head.times_s, ground_m)
-            feet = self.tables.feet_distance(person)
-            parameters = gait_parameters(steps, path, self._run.gait.steps, feet)
+            rhythm = self.tables.rhythm(person)
+            parameters = gait_parameters(steps, path, self._run.gait.steps, rhythm)
             rows += [(person, *astuple(one), one.source) for one in parameters]
             tracks = {person: ground_m} if head is not None else {}
             page = person_page(person, parameters, steps, Trajectories(tracks=tracks))

@@ -9,7 +9,8 @@ import numpy as np
 from lab.truth.motion_capture import Footfall
 from people4d.messages import F64
 from services.gait.config import StepConfig
-from services.gait.steps.steps import FootSample, FootStep, StepMeter, Stride, even_strides
+from services.gait.steps.step_meter import FootSample, StepMeter
+from services.gait.steps.steps import FootStep, Stride, even_strides
 from services.gait.steps.swings import FEET
 
 NEAR_S = 0.3  # between a detected step and the true one

@@ -13,8 +13,8 @@ from evaluation.report.csv_files import write_csv
 from people4d.messages import F64, BodyPoint, GaitMeasures
 from services.gait.config import StepConfig
 from services.gait.estimator import UP, GaitResult
-from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
-from services.gait.steps.rhythm import FeetDistance, feet_distance
+from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
+from services.gait.steps.rhythm import Oscillation, feet_distance, head_height
 from services.gait.steps.steps import FootStep, find_steps, gait_measures
 from services.gait.steps.swings import FootTrajectory
 
@@ -86,14 +86,18 @@ class GaitTables:
         feet = self._feet(person)
         return [] if feet is None else find_steps(*feet, UP, self._config)
 
-    def feet_distance(self, person: int) -> FeetDistance | None:
-        """Return the distance of a person's feet over time; None if one was never found."""
-        feet = self._feet(person)
-        return None if feet is None else feet_distance(*feet, UP)
+    def rhythm(self, person: int) -> list[Oscillation]:
+        """Return what goes up and down with each step of a person."""
+        feet, head = self._feet(person), self.trajectories(person).get(HEAD)
+        found = [] if feet is None else [feet_distance(*feet, UP)]
+        if head is not None:
+            own = head.measured
+            found.append(head_height(head.times_s[own], head.positions_m[own], UP))
+        return found
 
     def measures(self, person: int) -> GaitMeasures:
         """Return the gait measures of a person over all steps."""
-        return gait_measures(self.steps(person), self._config, self.feet_distance(person))
+        return gait_measures(self.steps(person), self._config, self.rhythm(person))
 
     def _feet(self, person: int) -> tuple[FootTrajectory, FootTrajectory] | None:
         trajectories = self.trajectories(person)

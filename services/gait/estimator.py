@@ -9,9 +9,9 @@ import numpy as np
 from people4d.messages import F64, U8, U16, BodyPoint, CameraInfo, PersonGait
 from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
 from services.gait.config import GaitConfig
-from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
+from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
 from services.gait.points.point_filter import PointEstimate
-from services.gait.steps.steps import FootSample, StepMeter
+from services.gait.steps.step_meter import FootSample, StepMeter
 
 BOX_MAX_PX = 1e6  # bound of published boxes
 UP = np.array([0.0, 0.0, 1.0])  # of every fixed frame
@@ -95,12 +95,14 @@ class GaitEstimator:
             else None
             for foot in (LEFT_FOOT, RIGHT_FOOT)
         )
+        head = points.get(HEAD)
+        head_m = head.position_m if head is not None and head.state == "measured" else None
         box = estimate.box_xyxy_px
         box = None if box is None else np.clip(box, -BOX_MAX_PX, BOX_MAX_PX)
         return PersonGait(
             id=estimate.id,
             points=tuple(point for point in points.values() if point),
-            measures=meter.update(frame.stamp_ns / 1e9, left, right),
+            measures=meter.update(frame.stamp_ns / 1e9, left, right, head_m=head_m),
             box_xyxy_px=None if box is None else box.astype(np.float32),
         )
 

@@ -8,18 +8,16 @@ Source: docs/method.md, section 20.
 """
 
 import math
-from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
 from services.gait.steps.alternation import Landing, alternating
-from services.gait.steps.rhythm import WINDOW_S, FeetDistance, feet_distance, with_rhythm
+from services.gait.steps.rhythm import WINDOW_S, Oscillation, with_rhythm
 from services.gait.steps.swings import FEET, FootTrajectory, Side, Swing, find_swings
 
 JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps, unless the foot is lifted
@@ -29,6 +27,7 @@ STEPS_MIN = 2  # for the cadence; of each foot, for the asymmetry
 STEPS_APART_MAX = 16  # of a pair of landings by which the cadence is estimated
 LANDING_S = 0.08  # [s] standard deviation of the time of a landing
 UNSURE = 0.02  # of the time of a step: from this standard deviation on the rhythm counts, too
+MISSED = 0.5  # of the time that a person is seen: with steps in less of it most are missed
 UNOBSERVED = 0.3  # confidence of a step that was not seen
 
 
@@ -111,14 +110,14 @@ def _from_other_m(swing: Swing) -> tuple[float, float | None]:
 
 
 def gait_measures(
-    steps: Sequence[FootStep], config: StepConfig, feet: FeetDistance | None = None
+    steps: Sequence[FootStep], config: StepConfig, rhythm: Sequence[Oscillation] = ()
 ) -> GaitMeasures:
     """Return the measures of a walk; the number of steps alone if too few strides are even.
 
-    The distance of both feet, if it is known, improves the cadence.
+    The rhythm of feet and head, if it is known, improves the cadence.
     """
     even = even_strides(steps, config)
-    cadence_per_min = cadence(steps, feet)
+    cadence_per_min = cadence(steps, rhythm)
     if len(even) < config.strides_min or cadence_per_min is None:
         return GaitMeasures(steps=len(steps))
     length_m = float(np.mean([stride.length_m for _, stride in even]))
@@ -144,12 +143,12 @@ def step_times_s(steps: Sequence[FootStep]) -> list[float]:
     return [after.landed_s - one.landed_s for one, after in pairwise(steps) if after.follows]
 
 
-def cadence(steps: Sequence[FootStep], feet: FeetDistance | None = None) -> float | None:
+def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> float | None:
     """Return the steps a minute of all that follow another; None with fewer than two of them.
 
     Median over all pairs of landings of the time of a step between them, in each part of the walk:
-    one landing that is early or late changes it little [Theil 1950] [Sen 1968]. The rhythm of the
-    distance of both feet counts the more, the fewer landings there are.
+    one landing that is early or late changes it little [Theil 1950] [Sen 1968]. The rhythm of feet
+    and head counts the more, the fewer landings there are.
     """
     parts: list[list[float]] = []
     for step in steps:
@@ -168,8 +167,10 @@ def cadence(steps: Sequence[FootStep], feet: FeetDistance | None = None) -> floa
         return None
     sigma_s = LANDING_S / math.sqrt(spread)
     walked_s = sum(part[-1] - part[0] for part in parts)
-    if feet is not None and walked_s >= WINDOW_S and sigma_s > UNSURE * time_s:
-        time_s = with_rhythm(time_s, sigma_s, feet)
+    in_view_s = max((float(np.ptp(one.times_s)) for one in rhythm if len(one.times_s)), default=0.0)
+    lasts = walked_s >= WINDOW_S or walked_s < MISSED * in_view_s
+    if lasts and sigma_s > UNSURE * time_s:
+        time_s = with_rhythm(time_s, sigma_s, rhythm)
     return 60 / time_s
 
 
@@ -236,54 +237,3 @@ def _stride(before: Sequence[FootStep], step: FootStep, config: StepConfig) -> S
     if length_m < max(config.length_min_m, config.speed_min_mps * time_s):
         return None
     return Stride(length_m, time_s, step.landed_s - other.landed_s if other.observed else None)
-
-
-class FootSample(NamedTuple):
-    """Position of a foot in one frame, measured or predicted."""
-
-    position_m: F64  # 3, fixed frame
-    covariance_m2: F64  # 3x3
-
-
-class StepMeter:
-    """Computes the gait measures of one person over the last seconds; `up` as in `find_steps`."""
-
-    def __init__(self, config: StepConfig, up: F64) -> None:
-        self._config, self._up = config, up
-        self._samples: dict[Side, deque[tuple[float, FootSample]]] = {f: deque() for f in FEET}
-        self._due_s = -math.inf
-        self._measures = GaitMeasures()
-
-    def update(
-        self, stamp_s: float, left: FootSample | None, right: FootSample | None
-    ) -> GaitMeasures:
-        """Add the feet of a frame and return the measures.
-
-        Older frames than the last one are ignored.
-        """
-        for samples, one in zip(self._samples.values(), (left, right), strict=True):
-            if one is not None and (not samples or samples[-1][0] < stamp_s):
-                samples.append((stamp_s, one))
-            while samples and samples[0][0] < stamp_s - self._config.window_s:
-                samples.popleft()
-        if stamp_s >= self._due_s:
-            self._due_s = stamp_s + self._config.every_s
-            steps, feet = self.steps(), feet_distance(*self._trajectories(), self._up)
-            self._measures = gait_measures(steps, self._config, feet)
-        return self._measures
-
-    def steps(self) -> list[FootStep]:
-        """Return the steps of the last seconds."""
-        return find_steps(*self._trajectories(), self._up, self._config)
-
-    def _trajectories(self) -> tuple[FootTrajectory, FootTrajectory]:
-        left, right = (_trajectory(samples) for samples in self._samples.values())
-        return left, right
-
-
-def _trajectory(samples: Collection[tuple[float, FootSample]]) -> FootTrajectory:
-    return FootTrajectory(
-        np.array([time_s for time_s, _ in samples]),
-        np.array([one.position_m for _, one in samples]).reshape(-1, 3),
-        np.array([one.covariance_m2 for _, one in samples]).reshape(-1, 3, 3),
-    )

@@ -5,7 +5,8 @@ import pytest
 
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
-from services.gait.steps.steps import FootSample, StepMeter, find_steps, gait_measures
+from services.gait.steps.step_meter import FootSample, StepMeter
+from services.gait.steps.steps import find_steps, gait_measures
 from tests.gait.steps.test_steps import NOISE_M2, UP, feet, trajectory
 
 CONFIG = StepConfig()

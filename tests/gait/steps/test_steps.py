@@ -16,10 +16,9 @@ from lab.world import World
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
 from services.gait.steps.alternation import alternating
+from services.gait.steps.step_meter import FootSample, StepMeter
 from services.gait.steps.steps import (
-    FootSample,
     FootStep,
-    StepMeter,
     cadence,
     even_strides,
     find_steps,

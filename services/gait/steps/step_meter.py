@@ -1,0 +1,80 @@
+"""Gait measures of one person over the last seconds."""
+
+import math
+from collections import deque
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+
+from people4d.messages import F64, GaitMeasures
+from services.gait.config import StepConfig
+from services.gait.steps.rhythm import Oscillation, feet_distance, head_height
+from services.gait.steps.steps import FootStep, find_steps, gait_measures
+from services.gait.steps.swings import FEET, FootTrajectory, Side
+
+
+class FootSample(NamedTuple):
+    """Position of a foot in one frame, measured or predicted."""
+
+    position_m: F64  # 3, fixed frame
+    covariance_m2: F64  # 3x3
+
+
+class StepMeter:
+    """Computes the gait measures of one person over the last seconds; `up` as in `find_steps`."""
+
+    def __init__(self, config: StepConfig, up: F64) -> None:
+        self._config, self._up = config, up
+        self._samples: dict[Side, deque[tuple[float, FootSample]]] = {f: deque() for f in FEET}
+        self._head: deque[tuple[float, F64]] = deque()
+        self._due_s = -math.inf
+        self._measures = GaitMeasures()
+
+    def update(
+        self,
+        stamp_s: float,
+        left: FootSample | None,
+        right: FootSample | None,
+        *,
+        head_m: F64 | None = None,
+    ) -> GaitMeasures:
+        """Add the feet and the head (3) of a frame and return the measures.
+
+        Older frames than the last one are ignored.
+        """
+        for samples, one in zip(self._samples.values(), (left, right), strict=True):
+            if one is not None and (not samples or samples[-1][0] < stamp_s):
+                samples.append((stamp_s, one))
+            while samples and samples[0][0] < stamp_s - self._config.window_s:
+                samples.popleft()
+        if head_m is not None and (not self._head or self._head[-1][0] < stamp_s):
+            self._head.append((stamp_s, head_m))
+        while self._head and self._head[0][0] < stamp_s - self._config.window_s:
+            self._head.popleft()
+        if stamp_s >= self._due_s:
+            self._due_s = stamp_s + self._config.every_s
+            self._measures = gait_measures(self.steps(), self._config, self._rhythm())
+        return self._measures
+
+    def steps(self) -> list[FootStep]:
+        """Return the steps of the last seconds."""
+        return find_steps(*self._trajectories(), self._up, self._config)
+
+    def _rhythm(self) -> list[Oscillation]:
+        times_s = np.array([time_s for time_s, _ in self._head])
+        points_m = np.array([point_m for _, point_m in self._head]).reshape(-1, 3)
+        feet = feet_distance(*self._trajectories(), self._up)
+        return [feet, head_height(times_s, points_m, self._up)]
+
+    def _trajectories(self) -> tuple[FootTrajectory, FootTrajectory]:
+        left, right = (_trajectory(samples) for samples in self._samples.values())
+        return left, right
+
+
+def _trajectory(samples: Collection[tuple[float, FootSample]]) -> FootTrajectory:
+    return FootTrajectory(
+        np.array([time_s for time_s, _ in samples]),
+        np.array([one.position_m for _, one in samples]).reshape(-1, 3),
+        np.array([one.covariance_m2 for _, one in samples]).reshape(-1, 3, 3),
+    )
