@@ -48,16 +48,16 @@ steps of more than 1.6 times the median (turns, starts, stops; turns are measure
 2014]); `turns`: the published one against the mean of all true strides, those of turns included.
 `live`: measures published in the second after their fourth step. A limp is a true asymmetry of step
 times of 8 % or more. The scenes `choose` and `judge` are made by `python -m
-benchmarks.gait_scenes`: constants and rules of today were chosen on `choose` and `two`, those
-before on other scenes of this simulator; the weights of visible hands were fitted to `choose_1`,
-`choose_2`, `choose_turns`, `choose_circles`, `two` and `robot`; people of `judge` have other bodies
-and styles. They walk in a room, 2.8 to 4.7 m from the sensor, which stands at 0.5 to 2.0 m and has
-12 to 30 frames a second. choose_1: a limp of 20 %, hands in pockets; choose_2: slow with bent
-trunk, carrying a box; turns: stops, turns on the spot and U-turns; choose_circles: three people, of
-whom one walks circles of 0.4 m with stops, one carries and one is behind the others; judge_1: slow
-with bent trunk, fast; judge_2: hands in pockets, a limp of 20 %; judge_3: a limp of 10 %, a skirt;
-judge_4: three people, of whom one stops and one carries; limp and even: a robot follows a person
-who walks straight, or drives ahead of them, for 40 to 45 s.
+benchmarks.gait_scenes`: constants and rules of today were chosen on `choose`, `two`, `robot` and
+the lab (gait.md), those before on other scenes of this simulator; the weights of visible hands were
+fitted to `choose_1`, `choose_2`, `choose_turns`, `choose_circles`, `two` and `robot`; people of
+`judge` have other bodies and styles. They walk in a room, 2.8 to 4.7 m from the sensor, which
+stands at 0.5 to 2.0 m and has 12 to 30 frames a second. choose_1: a limp of 20 %, hands in pockets;
+choose_2: slow with bent trunk, carrying a box; turns: stops, turns on the spot and U-turns;
+choose_circles: three people, of whom one walks circles of 0.4 m with stops, one carries and one is
+behind the others; judge_1: slow with bent trunk, fast; judge_2: hands in pockets, a limp of 20 %;
+judge_3: a limp of 10 %, a skirt; judge_4: three people, of whom one stops and one carries; limp and
+even: a robot follows a person who walks straight, or drives ahead of them, for 40 to 45 s.
 """
 
 

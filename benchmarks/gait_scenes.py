@@ -153,7 +153,7 @@ def render(simulator: Simulator, name: str, out: Path) -> None:
         joints.append(np.array(joints_m))
         local = (joints[-1] - moved_m) @ camera[:, :3].T + camera[:, 3]
         pixels.append(local[..., :2] / local[..., 2:] * bodies.FX + (bodies.CX, bodies.CY))
-        visible.append(_visible(pixels[-1], local[..., 2], depth_m))
+        visible.append(visible_joints(pixels[-1], local[..., 2], depth_m))
         colour = stage.camera_rgb(image, rng)[..., ::-1]
         cv2.imwrite(str(out / f"rgb/{index:05d}.jpg"), colour, [cv2.IMWRITE_JPEG_QUALITY, 90])
         depth_mm = stage.depth_sensor(depth_m, ids, right_m, rng)
@@ -179,7 +179,7 @@ def _moved(matrices: F64, offset_m: F64) -> F64:
     return moved
 
 
-def _visible(pixels: F64, joint_depth_m: F64, depth_m: F64) -> npt.NDArray[np.bool_]:
+def visible_joints(pixels: F64, joint_depth_m: F64, depth_m: F64) -> npt.NDArray[np.bool_]:
     """Return the joints in the image with no surface far before them."""
     at = np.round(pixels).astype(int)
     inside = ((at >= 0) & (at < SIZE_PX)).all(axis=-1) & (joint_depth_m > 0.1)

@@ -27,7 +27,7 @@ STEPS_MIN = 2  # for the cadence; of each foot, for the asymmetry
 STEPS_APART_MAX = 16  # of a pair of landings by which the cadence is estimated
 LANDING_S = 0.08  # [s] standard deviation of the time of a landing
 UNSURE = 0.02  # of the time of a step: from this standard deviation on the rhythm counts, too
-MISSED = 0.5  # of the time that a person is seen: with steps in less of it most are missed
+MISSED = 0.4  # of the time in view: with steps in less of it most are missed
 UNOBSERVED = 0.3  # confidence of a step that was not seen
 
 
