@@ -29,6 +29,7 @@ from lab.output.render import Outputs, render
 from lab.output.sequence import RenderJob
 from lab.scenario import PersonPlan, Scenario, WalkStyle, Waypoint
 from lab.truth.frames import person_views
+from lab.truth.motion_capture import footfalls
 from lab.world import World
 from people4d.messages import CameraInfo
 from services.gait.estimator import GaitFrame, GaitResult
@@ -57,7 +58,8 @@ COLUMNS = (
 )
 INTRO = """Two people of the lab walk {seconds:.0f} s, to and fro, across the view or round, 2.4 to
 4.8 m from a camera 0.4 to 2.4 m high with 10 to 30 frames a second; bodies are 0.88 to 1.12 times
-as tall as in the cast. Figures, true steps and what is hidden are defined as in gait_bodies.md.
+as tall as in the cast. Figures, true steps and what is hidden are defined as in gait_bodies.md; a
+step is invented if it is at no footfall of the simulation, small ones included.
 All walks have U-turns or turns at corners every few steps. No constant was chosen on these scenes;
 both halves have all styles, with other bodies, paths and cameras."""
 
@@ -132,6 +134,7 @@ def truth_of(world: World, frames: Sequence[GaitFrame]) -> JointTruth:
         camera_m=np.array([frame.fixed_from_optical[:3, 3] for frame in frames]),
         in_view=np.array(in_view, bool),
         in_range=np.array(in_range, bool),
+        footfalls=[footfalls(world, k) for k in range(len(world.scenario.people))],
     )
 
 

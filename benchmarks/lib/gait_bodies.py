@@ -47,7 +47,8 @@ class JointTruth:
     camera_m: F64  # Nx3, position of the camera
     in_view: Flags  # NxK, the feet are in the image
     in_range: Flags  # NxKx17, nearer than the farthest depth
-    footfalls: list[list[Footfall]] | None = None  # of each person; None: by the ankles
+    # Of each person, if they are known: also small ones, which are no steps, but not invented
+    footfalls: list[list[Footfall]] | None = None
 
 
 def tally(
@@ -79,12 +80,9 @@ def tally(
                 flags = truth.visible[index, k], truth.in_range[index, k]
                 _points(tallies[k], found[k], reference[index, k], *flags)
         own = [key for key, counts in votes.items() if int(np.argmax(counts)) == k]
-        falls = (
-            steps_by_ankles(truth.times_s, truth.joints_m[:, k, ANKLES])
-            if truth.footfalls is None
-            else truth.footfalls[k]
-        )
+        falls = steps_by_ankles(truth.times_s, truth.joints_m[:, k, ANKLES])
         begun = steps_by_ankles(truth.times_s, truth.joints_m[:, k, ANKLES], begun=True)
+        begun += [] if truth.footfalls is None else truth.footfalls[k]
         _steps(tallies[k], truth, k, (falls, begun), tables, own)
         _live(tallies[k], truth, falls, [found.get(k) for found in assigned])
     return tallies
