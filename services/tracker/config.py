@@ -79,7 +79,7 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     absent_cut_off_s: Seconds = 0.2
     # Time of the decision
     # [s] a new track waits for an unoccluded crop for so long, while an absent person could be back
-    wait_s: Seconds = 0.5
+    wait_s: Seconds = 0.3
     # Rule of the decision
     # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
     match_max: CosineDistance | None = None
