@@ -1,7 +1,8 @@
 """People tracked in images by others, as a program of its own in their environment.
 
     python -m venv .venv-video && .venv-video/bin/pip install torch==2.13.0 ultralytics==8.4.190 \
-        lap==0.5.12 onnxruntime trackers==2.6.1 norfair==2.3.0
+        lap==0.5.12 onnxruntime trackers==2.6.1
+    .venv-video/bin/pip install --no-deps norfair==2.3.0 filterpy  # it asks for an older rich
     .venv-video/bin/python -P benchmarks/lib/video_peers.py FRAMES.npy MODEL.onnx TIMES.json
 
 It needs nothing of this project; `benchmarks.peers` calls it. Input: frames (NxHxWx3, RGB, bytes)
