@@ -130,9 +130,8 @@ def main() -> None:
         "CPU has it.",
         markdown(TIMES, speed),
         f"What integers lose: on {people} views of people in {len(frames)} frames of the lab, and "
-        "on real frames marked by hand (filinha, TUE), there with the scale of scores that the "
-        "manifest has, chosen on the first half of filinha. [PIC4SeR] quantised with Intel's tools "
-        "to a loss of at most 1 % and ran 3.8, 8.1 and 9.1 times as fast.",
+        "on real frames marked by hand (filinha, TUE). [PIC4SeR] quantised with Intel's tools to a "
+        "loss of at most 1 % and ran 3.8, 8.1 and 9.1 times as fast.",
         markdown(LOSSES, lost),
     )
 
