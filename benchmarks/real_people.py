@@ -31,6 +31,7 @@ from evaluation.recordings.mark_scores import (
     figures,
 )
 from services.camera.config import CameraConfig
+from services.detector.config import shipped_model
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "real_people"
@@ -254,7 +255,8 @@ SUMMARY_NOTE = (
     "the figure applies. Trackers of other packages get the same boxes and "
     "scores, and publish boxes only; their chosen settings (all of PEERS in mot_peers.py were "
     "run) have the most right identities in the first half. The thresholds of some are "
-    "above most of MoveNet's scores. All others run as shipped."
+    "above most of MoveNet's scores. All others run as shipped. MoveNet is {movenet}, the default "
+    "on this processor."
 )
 HALF_NOTE = (
     "Frames before {split} ({first} marks) are for choosing, the others ({second} marks) for "
@@ -292,6 +294,7 @@ def report(
     halves = [f"{name}: {column}" for name in HALVES for column in HALF_COLUMNS]
     classes = [f"{name}, {hidden} hidden" for name in HIDDEN_COLUMNS for hidden in HIDDEN]
     numbers = SUMMARY_NOTE.format(
+        movenet=shipped_model(),
         frames=len(recording.truth),
         marks=len(marks),
         invented=INVENTED_FRAMES,

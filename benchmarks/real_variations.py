@@ -33,6 +33,7 @@ from evaluation.recordings.hand_annotations import FPS, crossing_camera
 from evaluation.recordings.hand_marks import read_frames
 from evaluation.recordings.mark_scores import MarkOutcome, MarkScores, Share, figures
 from services.camera.source import SourceFrame
+from services.detector.config import shipped_model
 
 EMBEDDERS = 6  # the first variants: three embedders on two detectors
 COLUMNS = ("right identity", "worst", "off", "facing")
@@ -47,7 +48,7 @@ NOTE = (
     "than half hidden, all variations together; `worst`: in the worst one. `Off`: positions more "
     "than 0.5 m off. `Facing`: within 45 degrees, not backwards. Frames before 54 are for "
     "choosing. Variations share their difficult moments: they show how much of a figure is luck, "
-    "not how other people would fare."
+    "not how other people would fare. MoveNet is {movenet}, the default on this processor."
 )
 
 
@@ -149,6 +150,7 @@ def main() -> None:
     if asked.set or asked.only:
         return
     note = NOTE.format(
+        movenet=shipped_model(),
         count=len(IMAGES) * len(ORDERS),
         images="; ".join(i.name for i in IMAGES),
         orders="; ".join(o.name for o in ORDERS),
