@@ -19,6 +19,7 @@ from common.geometry.transforms import apply
 from common.io.images import decompress
 from common.io.recording import open_recording
 from evaluation.cache import default_folder, key_of
+from evaluation.gait.report import POINTS_MODEL
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
 from lab.catalogue import FOLDER, load_scenario
 from lab.drawing.mesh import Material, Mesh
@@ -41,6 +42,7 @@ from people4d.messages import (
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 
+DETECTOR = DetectorConfig(model=POINTS_MODEL)
 POINTS = ("head", "left_hand", "right_hand", "left_foot", "right_foot")
 HANDS_AND_FEET = POINTS[1:]
 HAND_M, WIDE_M = 0.22, 0.09  # a hand's length beyond the wrist, and radius about the axis
@@ -159,7 +161,7 @@ class GaitRecording:
     def detections(self) -> list[list[Detection | None]]:
         """Detection of each person in each frame, None where missed."""
         camera = CameraConfig(source=str(self.path))
-        cached = detect(DetectionJob(self.path, camera, DetectorConfig(), (), self._folder))
+        cached = detect(DetectionJob(self.path, camera, DETECTOR, (), self._folder))
         by_stamp = {
             message.stamp_ns: message.detections
             for message in read_tracker_input(cached.detections, None)
