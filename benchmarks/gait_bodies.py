@@ -7,7 +7,6 @@ run from images to steps as `people4d gait` does.
 import argparse
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -15,13 +14,11 @@ import numpy as np
 
 from benchmarks.gait_scenes import SCENES, TO_AND_FRO
 from benchmarks.lib.gait_bodies import JointTruth, tally
-from benchmarks.lib.gait_tally import Tally, cells
+from benchmarks.lib.gait_tally import Tally, cells, results_of
 from benchmarks.lib.other_walkers import Style
 from benchmarks.lib.table import machine, markdown
 from evaluation.gait.report import read_run
-from evaluation.gait.run import estimate_gait
-from people4d.messages import CameraInfo
-from services.gait.estimator import GaitFrame, GaitResult
+from services.gait.estimator import GaitFrame
 
 REPORT = Path(__file__).with_name("gait_bodies.md")
 FAST_MPS = 1.2
@@ -87,19 +84,8 @@ def read_truth(folder: Path, frames: Sequence[GaitFrame]) -> JointTruth:
 
 def compare(folder: Path, settings: Sequence[str] = ()) -> list[Tally]:
     """Run a folder from images to steps, and return the comparisons of each person."""
-    frames: list[GaitFrame] = []
-    results: list[Sequence[GaitResult]] = []
-
-    def on_frame(_info: CameraInfo, frame: GaitFrame, found: Sequence[GaitResult]) -> None:
-        # Images are not needed any more.
-        empty = np.empty((0, 0), np.uint16)
-        frames.append(replace(frame, rgb=np.empty((0, 0, 3), np.uint8), depth_mm=empty))
-        results.append(found)
-
-    for _ in estimate_gait(
-        read_run(str(folder), None, "", run_settings(folder, settings)), on_frame
-    ):
-        pass
+    run = read_run(str(folder), None, "", run_settings(folder, settings))
+    frames, results = results_of(run)
     truth = read_truth(folder, frames)
     return tally(truth, results, [frame.stamp_ns for frame in frames])
 

@@ -6,7 +6,6 @@ this table alone. Recordings are kept in the cache of `people4d evaluate`.
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -14,11 +13,10 @@ import numpy as np
 
 from benchmarks.gait_scenes import visible_joints
 from benchmarks.lib.gait_bodies import JointTruth, tally
-from benchmarks.lib.gait_tally import Tally, cells
+from benchmarks.lib.gait_tally import Tally, cells, results_of
 from benchmarks.lib.table import machine, markdown
 from evaluation.cache import default_folder, key_of
 from evaluation.gait.report import read_run
-from evaluation.gait.run import estimate_gait
 from lab.bodies.cast import cast_names
 from lab.bodies.outfits import Outfit
 from lab.camera.plan import CameraPlan
@@ -31,8 +29,7 @@ from lab.scenario import PersonPlan, Scenario, WalkStyle, Waypoint
 from lab.truth.frames import person_views
 from lab.truth.motion_capture import footfalls
 from lab.world import World
-from people4d.messages import CameraInfo
-from services.gait.estimator import GaitFrame, GaitResult
+from services.gait.estimator import GaitFrame
 
 REPORT = Path(__file__).with_suffix(".md")
 HALVES: Mapping[str, Sequence[int]] = {"choose": range(1, 5), "judge": range(101, 105)}
@@ -147,16 +144,7 @@ def compare(seed: int) -> dict[str, Tally]:
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         render(job, Outputs(recording=path), 1, lambda _text, _ratio: None)
-    frames: list[GaitFrame] = []
-    results: list[Sequence[GaitResult]] = []
-
-    def on_frame(_info: CameraInfo, frame: GaitFrame, found: Sequence[GaitResult]) -> None:
-        empty = np.empty((0, 0), np.uint16)
-        frames.append(replace(frame, rgb=np.empty((0, 0, 3), np.uint8), depth_mm=empty))
-        results.append(found)
-
-    for _ in estimate_gait(read_run(str(path), None, "", ()), on_frame):
-        pass
+    frames, results = results_of(read_run(str(path), None, "", ()))
     truth = truth_of(World(scenario, seed), frames)
     return dict(zip(names, tally(truth, results, [f.stamp_ns for f in frames]), strict=True))
 

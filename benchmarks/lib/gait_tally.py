@@ -1,9 +1,13 @@
 """Comparisons of points and steps of people against joints, and their figures."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+
+from evaluation.gait.run import GaitRun, estimate_gait
+from people4d.messages import CameraInfo
+from services.gait.estimator import GaitFrame, GaitResult
 
 
 @dataclass
@@ -101,3 +105,18 @@ def cells(one: Tally) -> Mapping[str, str]:
         "exchanged hidden %": exchanged("hidden"),
         "in 90 % ellipse %": percent(sum(one.covered), len(one.covered)),
     }
+
+
+def results_of(run: GaitRun) -> tuple[list[GaitFrame], list[Sequence[GaitResult]]]:
+    """Return the frames of a run, without images, and the results in each."""
+    frames: list[GaitFrame] = []
+    results: list[Sequence[GaitResult]] = []
+
+    def on_frame(_info: CameraInfo, frame: GaitFrame, found: Sequence[GaitResult]) -> None:
+        empty = np.empty((0, 0), np.uint16)
+        frames.append(replace(frame, rgb=np.empty((0, 0, 3), np.uint8), depth_mm=empty))
+        results.append(found)
+
+    for _ in estimate_gait(run, on_frame):
+        pass
+    return frames, results
