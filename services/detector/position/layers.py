@@ -28,7 +28,8 @@ class DepthSamples:
     depth_m: F64  # [m] N, NaN without a reading
     weights: F64  # N, 1 on the torso
     size: BodySize | None = None  # None: unknown
-    margin_px: float = 0.0  # [px] outline of the person beyond the points
+    crown_px: tuple[float, float] | None = None  # [px] top of the person; None: unknown
+    margin_px: float = 0.0  # [px] outline of the person beyond the points and the crown
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +59,14 @@ def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[P
     layers: list[PersonLayer | None] = [None] * len(people)
     finite = [np.isfinite(person.depth_m) for person in people]
     alone = [_best(one, own, config) for one, own in zip(people, finite, strict=True)]
-    order = sorted(range(len(people)), key=lambda k: -alone[k][1])
+    order = sorted(range(len(people)), key=lambda k: (people[k].size is None, -alone[k][1]))
     before: list[int] = []
     for k in order:
         person, own = people[k], finite[k]
         for other in before:
             layer = layers[other]
             if layer is not None:
-                taken = own & (np.abs(person.depth_m - layer.depth_m) <= config.half_m)
-                taken[taken] = _inside(person.pixels[taken], people[other])
+                taken = own & _on(person, people[other], layer, config.half_m)
                 own = own & ~taken if taken.any() else own
         is_alone = own is finite[k]
         depth_m, score, variance_m2 = alone[k] if is_alone else _best(person, own, config)
@@ -147,10 +147,27 @@ def _fit(depth_m: F64, size: BodySize, config: LayerConfig) -> F64:
     return np.where(depth_m > config.larger_max * size.farthest_m, 0.0, fit)
 
 
+def _on(person: DepthSamples, other: DepthSamples, layer: PersonLayer, half_m: float) -> Flags:
+    """Return which samples of a person lie on another one.
+
+    They lie inside the outline of the other, whose sample nearest in the image is as far away: a
+    head bent to the camera is before the layer of its torso.
+    """
+    on = np.abs(person.depth_m - layer.depth_m) <= 2 * half_m
+    on[on] = _inside(person.pixels[on], other)
+    if on.any():
+        body = layer.own & (np.abs(other.depth_m - layer.depth_m) <= half_m)
+        apart_px = person.pixels[on, None] - other.pixels[body]
+        nearest = np.einsum("ijk,ijk->ij", apart_px, apart_px).argmin(axis=1)
+        on[on] = np.abs(person.depth_m[on] - other.depth_m[body][nearest]) <= half_m
+    return on
+
+
 def _inside(pixels: F64, other: DepthSamples) -> Flags:
     """Return which of Nx2 pixels lie inside the outline of another person."""
     if not len(pixels):
         return np.zeros(0, np.bool_)
-    hull = cv2.convexHull(other.pixels.astype(np.float32))
+    crown_px = [] if other.crown_px is None else [other.crown_px]
+    hull = cv2.convexHull(np.array([*other.pixels, *crown_px], np.float32))
     inside_px = [cv2.pointPolygonTest(hull, (float(u), float(v)), True) for u, v in pixels]
     return np.array(inside_px) >= -other.margin_px

@@ -143,7 +143,10 @@ class TorsoEstimator:
             windows_m = samples.depth_m[: len(torso.points.torso_px)]
             if np.isfinite(windows_m).mean() < READ_MIN:
                 samples = replace(samples, depth_m=np.full_like(samples.depth_m, np.nan))
-        return replace(samples, size=size, margin_px=config.margin_share * torso.diagonal_px)
+        left, top, right, _ = torso.box_xyxy_px.tolist()
+        crown_px = (left + right) / 2, top
+        margin_px = config.margin_share * torso.diagonal_px
+        return replace(samples, size=size, crown_px=crown_px, margin_px=margin_px)
 
     def estimate(
         self,

@@ -115,6 +115,33 @@ def test_an_outline_reaches_beyond_the_keypoints() -> None:
     assert behind_an_arm(5.0) == 3.0
 
 
+def test_head_of_a_person_who_bends_to_the_camera_is_theirs() -> None:
+    # In front: head at 1.8, chest at 2.0, hips at 2.2 m; behind, four samples are on that head.
+    front = samples([1.8, 1.8, 2.2, 2.2, 2.0])
+    head: F64 = np.array([[12.0, 11.0], [14.0, 11.0], [16.0, 11.0], [18.0, 11.0], [18.0, 4.0]])
+    behind = DepthSamples(head, np.array([1.7, 1.7, 1.7, 1.7, 3.0]), np.ones(5))
+    assert depths([front, behind]) == [2.0, 3.0]
+
+
+def test_an_outline_holds_the_top_of_the_box() -> None:
+    # Samples on the front person's hair, above all keypoints and below the top of the box.
+    def behind_hair(crown_px: tuple[float, float] | None) -> float | None:
+        front = replace(samples([2.0] * 5), crown_px=crown_px)
+        pixels: F64 = np.array([[15.0, 6.0], [16.0, 7.0], [15.0, 0.0]])
+        behind = DepthSamples(pixels, np.array([2.0, 2.0, 3.0]), np.ones(3))
+        return depths([front, behind])[1]
+
+    assert behind_hair(None) == 2.0
+    assert behind_hair((15.0, 2.0)) == 3.0
+
+
+def test_people_of_unknown_size_are_assigned_last() -> None:
+    # All samples of one without keypoints are on somebody whose own reach the wall as well.
+    known = samples([2.0, 2.0, 2.0, 2.0, 4.0], size_depth_m=2.0)
+    unknown = samples([2.0, 2.0, 2.0, 2.0, 2.0])
+    assert depths([unknown, known]) == [None, 2.0]
+
+
 def test_another_layer_of_nearly_equal_score_adds_variance() -> None:
     # Three samples at 2 m, two at 3 m: 0.4^2 and 0.6^2 are 4/13 and 9/13 of their sum, 1 m apart;
     # with weights of 1 and 0.5, 0.25^2 and 0.75^2: 0.1 and 0.9.
